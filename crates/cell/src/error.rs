@@ -1,0 +1,152 @@
+//! Why a cell could not be reached or started.
+
+use std::time::Duration;
+
+use crate::wire::WireError;
+
+/// What zenoh says about a failure, without the place in its sources.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct Cause(String);
+
+impl From<zenoh::Error> for Cause {
+    fn from(err: zenoh::Error) -> Self {
+        let text = err.to_string();
+        let message = text.split(" at /").next().unwrap_or_default();
+        Self(message.trim_end_matches(['!', '.']).to_owned())
+    }
+}
+
+/// Why a cell could not be reached or started; what becomes of a goal is a [`crate::Report`].
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CellError {
+    /// A cell's name cannot be part of a key.
+    #[error("`{name}` is no name for a cell")]
+    Name {
+        /// The name.
+        name: String,
+    },
+    /// An endpoint is not of the form `tcp/HOST:PORT`.
+    #[error("`{endpoint}` is no endpoint of the form `tcp/HOST:PORT`")]
+    Endpoint {
+        /// The endpoint.
+        endpoint: String,
+    },
+    /// A cell was to listen where other machines reach it.
+    #[error("`{endpoint}` is not on the loopback interface, where a cell may listen")]
+    NotLoopback {
+        /// The endpoint.
+        endpoint: String,
+    },
+    /// Nothing answers at the endpoint.
+    #[error(
+        "no connection to the robot cell within {waited:.1?}; nothing was sent to the robot: session `{endpoint}`"
+    )]
+    Connect {
+        /// Where the cell was looked for.
+        endpoint: String,
+        /// How long.
+        waited: Duration,
+        /// What zenoh says.
+        source: Cause,
+    },
+    /// The endpoint is there, but no cell of this name answers.
+    #[error(
+        "the robot cell did not answer within {waited:.1?}; nothing was sent to the robot: key `{key}`, session `{endpoint}`"
+    )]
+    NoAnswer {
+        /// The key asked.
+        key: String,
+        /// Where the session is connected.
+        endpoint: String,
+        /// How long was waited.
+        waited: Duration,
+    },
+    /// Several cells have one name: a goal would be executed by each.
+    #[error(
+        "{count} robot cells answer to one name; nothing was sent to a robot: key `{key}`, session `{endpoint}`"
+    )]
+    SeveralCells {
+        /// The key asked.
+        key: String,
+        /// Where the session is connected.
+        endpoint: String,
+        /// How many answered.
+        count: usize,
+    },
+    /// The cell speaks another version of the protocol.
+    #[error(
+        "the robot cell speaks version {found} of the protocol, expected {expected}: session `{endpoint}`"
+    )]
+    Protocol {
+        /// Where the session is connected.
+        endpoint: String,
+        /// Version of this program.
+        expected: u32,
+        /// Version of the cell.
+        found: u32,
+    },
+    /// An answer cannot be read.
+    #[error("the robot cell's answer cannot be read: key `{key}`")]
+    Answer {
+        /// The key asked.
+        key: String,
+        /// Why not.
+        source: WireError,
+    },
+    /// The endpoint cannot be listened on.
+    #[error("cannot listen on `{endpoint}`")]
+    Listen {
+        /// The endpoint.
+        endpoint: String,
+        /// What zenoh says.
+        source: Cause,
+    },
+    /// zenoh refuses a session, a key or a message.
+    #[error("cannot {action}")]
+    Zenoh {
+        /// What was tried.
+        action: &'static str,
+        /// What zenoh says.
+        source: Cause,
+    },
+    /// The robot's URDF cannot be used.
+    #[error("the simulated cell cannot use the robot's description")]
+    Robot(#[from] robot::RobotError),
+    /// The thread that simulates could not be started.
+    #[error("cannot start the simulated cell's thread")]
+    Thread(#[source] std::io::Error),
+}
+
+impl CellError {
+    /// Returns what to do about it, where that is known.
+    pub fn hint(&self) -> Option<String> {
+        match self {
+            Self::Name { .. } => {
+                Some("use lower-case letters, digits, `-` and `_`, e.g. `simulated`".to_owned())
+            }
+            Self::Endpoint { .. } => Some("write e.g. `tcp/127.0.0.1:7447`".to_owned()),
+            Self::NotLoopback { .. } => {
+                Some("listen on `tcp/127.0.0.1:7447`, or on port 0 for any free one".to_owned())
+            }
+            Self::Connect { .. } | Self::NoAnswer { .. } => Some(
+                "start the cell and check its name and endpoint, or use the simulated one with \
+                 `--set dispatch.cell=simulated`"
+                    .to_owned(),
+            ),
+            Self::SeveralCells { .. } => {
+                Some("stop all but one of them, or give them different names".to_owned())
+            }
+            Self::Listen { .. } => Some(
+                "another program uses the port; take any free one with \
+                 `--set dispatch.listen=tcp/127.0.0.1:0`"
+                    .to_owned(),
+            ),
+            Self::Protocol { .. } | Self::Answer { .. } => {
+                Some("run the same version of the program on both sides".to_owned())
+            }
+            Self::Zenoh { .. } | Self::Robot(_) | Self::Thread(_) => None,
+        }
+    }
+}

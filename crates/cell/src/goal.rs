@@ -1,0 +1,340 @@
+//! A goal: one motion to execute, and the reasons for which a cell refuses it.
+
+use serde::{Deserialize, Serialize};
+use simulation::Protocol;
+use spatial::{Object, Palm, Pose, Table};
+
+use crate::{
+    PROTOCOL,
+    wire::{self, WireError},
+};
+
+/// Hexadecimal digits of a goal's id, taken from the front of its digest.
+const ID_DIGITS: usize = 32;
+
+/// A motion for a cell to execute once.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Goal {
+    /// The motion's name in the lake.
+    pub candidate_id: String,
+    /// The object to be grasped, which lies before the robot.
+    pub object: String,
+    /// Digest of the robot's URDF ([`crate::robot_digest`]).
+    pub robot: String,
+    /// Number of this attempt: another one makes another goal of the same motion.
+    pub attempt: u32,
+    /// How the object lies on the table.
+    pub table_from_object: Pose<Table, Object>,
+    /// Names of the joints, in the order of [`GoalStep::q_rad`].
+    pub joints: Vec<String>,
+    /// How far a joint may be from the first step when the motion starts, in radians.
+    pub start_tolerance_rad: f64,
+    /// How the motion is carried out, and what counts as success.
+    pub grasp: Protocol,
+    /// The steps in time order; the last one is the grasp.
+    pub steps: Vec<GoalStep>,
+}
+
+/// One step of a goal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GoalStep {
+    /// Seconds since the first step.
+    pub time_s: f64,
+    /// Pose of the palm in the object frame, the object lying as it lies.
+    pub object_from_palm: Pose<Object, Palm>,
+    /// Joint positions in radians.
+    pub q_rad: Vec<f64>,
+}
+
+/// A goal as it travels.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SealedGoal {
+    /// The goal's name: the first 32 hexadecimal digits of the digest.
+    pub goal_id: String,
+    /// BLAKE3 of the content, in hexadecimal digits.
+    pub digest: String,
+    /// The whole message.
+    pub bytes: Vec<u8>,
+}
+
+/// First line of a goal.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Seal {
+    protocol: u32,
+    goal_id: String,
+    digest: String,
+}
+
+/// Second line of a goal; its rows follow.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Content {
+    candidate_id: String,
+    object: String,
+    robot: String,
+    attempt: u32,
+    table_from_object: [f64; 7],
+    joints: Vec<String>,
+    start_tolerance_rad: f64,
+    grasp: Protocol,
+}
+
+impl Goal {
+    /// Writes the goal as it travels and names it by its content.
+    pub fn seal(&self) -> SealedGoal {
+        let mut content = wire::line(&Content {
+            candidate_id: self.candidate_id.clone(),
+            object: self.object.clone(),
+            robot: self.robot.clone(),
+            attempt: self.attempt,
+            table_from_object: self.table_from_object.to_array(),
+            joints: self.joints.clone(),
+            start_tolerance_rad: self.start_tolerance_rad,
+            grasp: self.grasp.clone(),
+        });
+        for step in &self.steps {
+            wire::push_numbers(&mut content, [step.time_s]);
+            wire::push_numbers(&mut content, step.object_from_palm.to_array());
+            wire::push_numbers(&mut content, step.q_rad.iter().copied());
+        }
+        let digest = blake3::hash(&content).to_hex().to_string();
+        let goal_id = id_of(&digest);
+        let mut bytes = wire::line(&Seal {
+            protocol: PROTOCOL,
+            goal_id: goal_id.clone(),
+            digest: digest.clone(),
+        });
+        bytes.extend_from_slice(&content);
+        SealedGoal {
+            goal_id,
+            digest,
+            bytes,
+        }
+    }
+}
+
+impl SealedGoal {
+    /// Reads a goal and checks that it is whole: its version, digest, id and form.
+    ///
+    /// # Errors
+    ///
+    /// Fails with the answer that a cell gives to such a message.
+    pub fn open(bytes: &[u8]) -> Result<(Self, Goal), Rejection> {
+        let (seal, content): (Seal, &[u8]) = wire::split_line("seal", bytes)?;
+        if seal.protocol != PROTOCOL {
+            return Err(Rejection::new(
+                RejectionCode::Protocol,
+                format!(
+                    "the cell speaks version {PROTOCOL}, the goal {}",
+                    seal.protocol
+                ),
+            ));
+        }
+        let digest = blake3::hash(content).to_hex().to_string();
+        if seal.digest != digest || seal.goal_id != id_of(&digest) {
+            return Err(Rejection::new(
+                RejectionCode::Digest,
+                "digest and id are not those of the content".to_owned(),
+            ));
+        }
+        let goal = read(content)?;
+        let sealed = Self {
+            goal_id: seal.goal_id,
+            digest,
+            bytes: bytes.to_vec(),
+        };
+        Ok((sealed, goal))
+    }
+}
+
+fn id_of(digest: &str) -> String {
+    digest.chars().take(ID_DIGITS).collect()
+}
+
+fn read(bytes: &[u8]) -> Result<Goal, WireError> {
+    let (content, numbers): (Content, &[u8]) = wire::split_line("content", bytes)?;
+    let poses = content.table_from_object;
+    let (table_from_object, _) = wire::pose(0, &poses)?;
+    let width = 1 + poses.len() + content.joints.len();
+    let steps = wire::rows(numbers, width)?
+        .iter()
+        .enumerate()
+        .map(|(row, numbers)| {
+            let (&time_s, numbers) = numbers
+                .split_first()
+                .ok_or(WireError::Rows { bytes: 0, width })?;
+            let (object_from_palm, q_rad) = wire::pose(row, numbers)?;
+            Ok(GoalStep {
+                time_s,
+                object_from_palm,
+                q_rad: q_rad.to_vec(),
+            })
+        })
+        .collect::<Result<_, WireError>>()?;
+    Ok(Goal {
+        candidate_id: content.candidate_id,
+        object: content.object,
+        robot: content.robot,
+        attempt: content.attempt,
+        table_from_object,
+        joints: content.joints,
+        start_tolerance_rad: content.start_tolerance_rad,
+        grasp: content.grasp,
+        steps,
+    })
+}
+
+/// Why a cell did not take a goal.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Rejection {
+    /// The reason as programs read it.
+    pub code: RejectionCode,
+    /// The reason as people read it.
+    pub reason: String,
+}
+
+/// The reasons for which a cell does not take a goal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RejectionCode {
+    /// The message is longer than the cell accepts.
+    TooLarge,
+    /// The message is not a goal.
+    Malformed,
+    /// The goal is of another version of the protocol.
+    Protocol,
+    /// The goal's digest or id is not that of its content.
+    Digest,
+    /// The goal is for another robot.
+    Robot,
+    /// The goal does not name exactly the robot's joints.
+    Joints,
+    /// A joint position is outside its limits.
+    Limits,
+    /// The times do not increase, or there are too few or too many steps.
+    Times,
+    /// The object does not lie before the robot.
+    Object,
+    /// The cell executes another goal.
+    Busy,
+}
+
+impl Rejection {
+    /// Returns a refusal with its reason.
+    pub fn new(code: RejectionCode, reason: String) -> Self {
+        Self { code, reason }
+    }
+}
+
+impl From<WireError> for Rejection {
+    fn from(err: WireError) -> Self {
+        Self::new(RejectionCode::Malformed, err.to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Isometry3, Vector3};
+    use simulation::Approach;
+
+    use super::*;
+
+    /// How a hand of which nothing is known grasps.
+    fn grasp() -> Protocol {
+        Protocol {
+            approach: Approach::Follow,
+            reach_s: 1.0,
+            close_fraction: 0.2,
+            flexion_joints: Vec::new(),
+            open_rad: 0.0,
+            squeeze_rad: 0.3,
+            squeeze_s: 0.2,
+            pause_s: 0.1,
+            lift_m: 0.1,
+            lift_s: 0.5,
+            hold_s: 0.5,
+            lifted_m: 0.05,
+            min_links: 2,
+            max_slip_m_per_s: 0.02,
+            knocked_m: 0.03,
+            knocked_rad: 0.5,
+            limit_tolerance_rad: 0.01,
+            table_tolerance_m: 0.002,
+            early_tolerance_m: 0.005,
+        }
+    }
+
+    fn goal() -> Goal {
+        let step = |time_s: f64| GoalStep {
+            time_s,
+            object_from_palm: Pose::new(Isometry3::new(
+                Vector3::new(0.1, -0.2, 0.3),
+                Vector3::new(0.3 * time_s, 0.0, 0.1),
+            )),
+            q_rad: vec![0.1 * time_s, -0.7],
+        };
+        Goal {
+            candidate_id: "can-0001".to_owned(),
+            object: "can".to_owned(),
+            robot: crate::robot_digest("<robot/>"),
+            attempt: 1,
+            table_from_object: Pose::identity(),
+            joints: vec!["a".to_owned(), "b\n\"".to_owned()],
+            start_tolerance_rad: 0.1,
+            grasp: grasp(),
+            steps: vec![step(0.0), step(0.5), step(1.0)],
+        }
+    }
+
+    fn code(bytes: &[u8]) -> RejectionCode {
+        SealedGoal::open(bytes).unwrap_err().code
+    }
+
+    #[test]
+    fn what_is_sealed_opens_as_it_was() {
+        let sealed = goal().seal();
+        let (again, opened) = SealedGoal::open(&sealed.bytes).unwrap();
+        assert_eq!(again, sealed);
+        assert_eq!(opened.seal(), sealed);
+        assert_eq!(opened.steps.len(), 3);
+    }
+
+    #[test]
+    fn the_id_follows_from_the_content() {
+        let first = goal();
+        let mut second = goal();
+        assert_eq!(first.seal().goal_id, second.seal().goal_id);
+        second.attempt = 2;
+        assert_ne!(first.seal().goal_id, second.seal().goal_id);
+        let mut third = goal();
+        third.steps[1].q_rad[0] = 0.051;
+        assert_ne!(first.seal().goal_id, third.seal().goal_id);
+    }
+
+    #[test]
+    fn a_goal_changed_or_cut_anywhere_is_refused() {
+        let bytes = goal().seal().bytes;
+        for at in 0..bytes.len() {
+            let mut changed = bytes.clone();
+            changed[at] ^= 1;
+            assert!(SealedGoal::open(&changed).is_err(), "byte {at} changed");
+            assert!(SealedGoal::open(&bytes[..at]).is_err(), "cut at {at}");
+        }
+    }
+
+    #[test]
+    fn refusals_name_the_fault() {
+        assert_eq!(code(b""), RejectionCode::Malformed);
+        assert_eq!(code(b"{}\n{}\n"), RejectionCode::Malformed);
+        let mut strange = goal();
+        strange.steps[2].time_s = f64::NAN;
+        assert_eq!(code(&strange.seal().bytes), RejectionCode::Malformed);
+        let text = String::from_utf8_lossy(&goal().seal().bytes).replacen(
+            "\"protocol\":1",
+            "\"protocol\":9",
+            1,
+        );
+        assert_eq!(code(text.as_bytes()), RejectionCode::Protocol);
+    }
+}

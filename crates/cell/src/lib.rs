@@ -1,0 +1,34 @@
+//! The dispatch protocol over zenoh: goals and their outcomes, a client and a simulated cell.
+//!
+//! A robot cell takes one [`Goal`] at a time, executes it and reports what it measured.
+//! [`CellClient`] is the dispatcher's side, [`SimulatedCell`] a cell made of physics alone; the
+//! protocol between them is a page in this crate's `README.md`, so that any lab can serve it.
+//!
+//! - Goals and results are queries with replies, never bare publications: what was not answered is
+//!   known to be unknown.
+//! - A goal's id follows from its content. A cell asked twice answers twice and moves once.
+//! - What a cell publishes (states, motions, outcomes) is for watching; the report holds every
+//!   sample again, so that nothing depends on a stream that may lose some.
+//! - There are no clocks in messages: equal goals to a simulated cell give equal reports.
+//! - Sessions scout for nobody and listen on the loopback interface only.
+
+mod client;
+mod error;
+mod goal;
+mod keys;
+mod report;
+mod session;
+mod simulated;
+mod wire;
+
+pub use client::CellClient;
+pub use error::{Cause, CellError};
+pub use goal::{Goal, GoalStep, Rejection, RejectionCode, SealedGoal};
+pub use keys::Keys;
+pub use report::{Capabilities, Report, Sample};
+pub use session::subscribe;
+pub use simulated::{ObjectError, SimulatedCell, SimulatedCellConfig};
+pub use wire::{StateHeader, WireError, robot_digest};
+
+/// Version of the protocol; a cell refuses goals of any other.
+pub const PROTOCOL: u32 = 1;

@@ -1,0 +1,247 @@
+//! What a cell says: what it can do, whether it takes a goal, and what came of it.
+
+use schemas::executions::Outcome;
+use serde::{Deserialize, Serialize};
+use spatial::{Object, Palm, Pose, Table};
+
+use crate::{
+    goal::Rejection,
+    wire::{self, WireError},
+};
+
+/// Numbers of a pose.
+const POSE: usize = 7;
+
+/// What a cell can do.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Capabilities {
+    /// Version of the protocol.
+    pub protocol: u32,
+    /// The cell's name.
+    pub cell: String,
+    /// Whether nothing real moves.
+    pub simulated: bool,
+    /// Digest of the robot's URDF ([`crate::robot_digest`]).
+    pub robot: String,
+    /// Names of the robot's joints.
+    pub joints: Vec<String>,
+    /// Longest goal accepted, in bytes.
+    pub max_goal_bytes: usize,
+    /// What is known about how it differs from what was planned for, for people.
+    pub gap: String,
+}
+
+/// A cell's reply to a goal.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "answer")]
+pub(crate) enum Answer {
+    /// It executes the goal, or has done so.
+    Accepted,
+    /// It does not.
+    Rejected(Rejection),
+}
+
+/// What came of a goal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Report {
+    /// The goal's name.
+    pub goal_id: String,
+    /// Why the cell refused the goal, if it did.
+    pub rejection: Option<Rejection>,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// The cell's word on it.
+    pub message: String,
+    /// Rise of the object at the end, in meters.
+    pub lift_m: f64,
+    /// Names of the joints, in the order of the samples' positions.
+    pub joints: Vec<String>,
+    /// What was measured, in time order; empty if nothing moved.
+    pub samples: Vec<Sample>,
+}
+
+/// What a cell measured at one moment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// Seconds since the start of the motion.
+    pub time_s: f64,
+    /// Pose of the palm.
+    pub table_from_palm: Pose<Table, Palm>,
+    /// Pose of the object.
+    pub table_from_object: Pose<Table, Object>,
+    /// Joint positions in radians.
+    pub q_rad: Vec<f64>,
+    /// Commanded joint positions in radians.
+    pub q_command_rad: Vec<f64>,
+}
+
+/// First line of a report; its samples follow.
+#[derive(Debug, Serialize, Deserialize)]
+struct Header {
+    goal_id: String,
+    outcome: String,
+    message: String,
+    lift_m: f64,
+    joints: Vec<String>,
+}
+
+impl Sample {
+    /// Returns how many numbers a sample of `dof` joints has.
+    fn width(dof: usize) -> usize {
+        1 + 2 * POSE + 2 * dof
+    }
+
+    /// Returns the sample as one row: time, palm, object, positions, commands.
+    pub(crate) fn to_row(&self) -> Vec<f64> {
+        let mut row = vec![self.time_s];
+        row.extend(self.table_from_palm.to_array());
+        row.extend(self.table_from_object.to_array());
+        row.extend(&self.q_rad);
+        row.extend(&self.q_command_rad);
+        row
+    }
+
+    fn from_row(row: usize, numbers: &[f64], dof: usize) -> Result<Self, WireError> {
+        let short = || WireError::Row {
+            row,
+            message: format!("{} numbers for {dof} joints", numbers.len()),
+        };
+        let (&time_s, rest) = numbers.split_first().ok_or_else(short)?;
+        let (table_from_palm, rest) = wire::pose(row, rest)?;
+        let (table_from_object, rest) = wire::pose(row, rest)?;
+        let (q_rad, q_command_rad) = rest.split_at_checked(dof).ok_or_else(short)?;
+        Ok(Self {
+            time_s,
+            table_from_palm,
+            table_from_object,
+            q_rad: q_rad.to_vec(),
+            q_command_rad: q_command_rad.to_vec(),
+        })
+    }
+}
+
+impl Report {
+    /// Returns the report on a goal of which nobody knows what came of it.
+    pub(crate) fn unknown(goal_id: &str, message: String) -> Self {
+        Self::without_motion(goal_id, Outcome::Unknown, message, None)
+    }
+
+    /// Returns the report on a goal that the cell refused.
+    pub(crate) fn rejected(goal_id: &str, rejection: Rejection) -> Self {
+        let message = rejection.reason.clone();
+        Self::without_motion(goal_id, Outcome::Rejected, message, Some(rejection))
+    }
+
+    /// Returns the report on a goal that the cell took and then did not carry out.
+    pub(crate) fn aborted(goal_id: &str, message: String) -> Self {
+        Self::without_motion(goal_id, Outcome::Aborted, message, None)
+    }
+
+    fn without_motion(
+        goal_id: &str,
+        outcome: Outcome,
+        message: String,
+        rejection: Option<Rejection>,
+    ) -> Self {
+        Self {
+            goal_id: goal_id.to_owned(),
+            rejection,
+            outcome,
+            message,
+            lift_m: 0.0,
+            joints: Vec::new(),
+            samples: Vec::new(),
+        }
+    }
+
+    /// Returns how long the motion took, in seconds.
+    pub fn duration_s(&self) -> f64 {
+        self.samples.last().map_or(0.0, |sample| sample.time_s)
+    }
+
+    /// Returns the largest difference of a joint's position from its command, in radians.
+    pub fn tracking_error_rad(&self) -> f64 {
+        self.samples
+            .iter()
+            .flat_map(|sample| sample.q_rad.iter().zip(&sample.q_command_rad))
+            .map(|(q, command)| (q - command).abs())
+            .fold(0.0, f64::max)
+    }
+
+    /// Writes the line that says how the goal ended.
+    pub(crate) fn to_line(&self) -> Vec<u8> {
+        wire::line(&Header {
+            goal_id: self.goal_id.clone(),
+            outcome: self.outcome.as_str().to_owned(),
+            message: self.message.clone(),
+            lift_m: self.lift_m,
+            joints: self.joints.clone(),
+        })
+    }
+
+    /// Writes the report as it travels.
+    pub(crate) fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = self.to_line();
+        for sample in &self.samples {
+            wire::push_numbers(&mut bytes, sample.to_row());
+        }
+        bytes
+    }
+
+    /// Reads a report.
+    pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self, WireError> {
+        let (header, numbers): (Header, &[u8]) = wire::split_line("report", bytes)?;
+        let outcome = Outcome::parse(&header.outcome).ok_or_else(|| WireError::Json {
+            part: "report",
+            message: format!("`{}` is no outcome", header.outcome),
+        })?;
+        let dof = header.joints.len();
+        let samples = wire::rows(numbers, Sample::width(dof))?
+            .iter()
+            .enumerate()
+            .map(|(row, numbers)| Sample::from_row(row, numbers, dof))
+            .collect::<Result<_, WireError>>()?;
+        Ok(Self {
+            goal_id: header.goal_id,
+            rejection: None,
+            outcome,
+            message: header.message,
+            lift_m: header.lift_m,
+            joints: header.joints,
+            samples,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Isometry3, Vector3};
+
+    use super::*;
+
+    #[test]
+    fn a_report_arrives_to_the_last_bit() {
+        let sample = |time_s: f64| Sample {
+            time_s,
+            table_from_palm: Pose::new(Isometry3::new(Vector3::x() / 3.0, Vector3::y() / 7.0)),
+            table_from_object: Pose::new(Isometry3::new(Vector3::y() * time_s, Vector3::zeros())),
+            q_rad: vec![0.1, time_s / 3.0],
+            q_command_rad: vec![0.15, time_s],
+        };
+        let report = Report {
+            goal_id: "00ff".to_owned(),
+            rejection: None,
+            outcome: Outcome::Failed,
+            message: "dropped".to_owned(),
+            lift_m: 0.1 + 0.2,
+            joints: vec!["a".to_owned(), "b".to_owned()],
+            samples: vec![sample(0.0), sample(0.1), sample(0.3)],
+        };
+        let bytes = report.to_bytes();
+        let again = Report::from_bytes(&bytes).unwrap();
+        assert_eq!(again.to_bytes(), bytes);
+        assert_eq!(again.samples.len(), 3);
+        assert!((again.tracking_error_rad() - 0.2).abs() < 1e-12);
+        assert!(Report::from_bytes(&bytes[..bytes.len() - 1]).is_err());
+    }
+}

@@ -1,0 +1,58 @@
+//! The optimizer: Adam (Kingma and Ba 2015, algorithm 1).
+
+use std::collections::BTreeMap;
+
+use crate::{precision::narrow, weights::Weights};
+
+const BETA_1: f64 = 0.9;
+const BETA_2: f64 = 0.999;
+const EPSILON: f32 = 1e-8;
+
+/// Adam with running moments per array.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Adam {
+    step: i32,
+    moments: BTreeMap<String, Vec<[f32; 2]>>,
+}
+
+impl Adam {
+    /// Moves every learned array that has a gradient.
+    pub(crate) fn step(&mut self, weights: &mut Weights, gradients: &BTreeMap<String, Vec<f32>>, learning_rate: f64) {
+        self.step += 1;
+        let unbias_1 = 1.0 - BETA_1.powi(self.step);
+        let unbias_2 = 1.0 - BETA_2.powi(self.step);
+        let rate = narrow(learning_rate / unbias_1);
+        let root = narrow(1.0 / unbias_2.sqrt());
+        let [keep_1, keep_2] = [narrow(BETA_1), narrow(BETA_2)];
+        let [take_1, take_2] = [narrow(1.0 - BETA_1), narrow(1.0 - BETA_2)];
+        for (name, array) in weights.learned_mut() {
+            let Some(gradient) = gradients.get(name) else { continue };
+            let moments = self
+                .moments
+                .entry(name.to_owned())
+                .or_insert_with(|| vec![[0.0; 2]; gradient.len()]);
+            for ((x, &g), [m, v]) in array.values.iter_mut().zip(gradient).zip(moments) {
+                *m = keep_1 * *m + take_1 * g;
+                *v = keep_2 * *v + take_2 * g * g;
+                *x -= rate * *m / (v.sqrt() * root + EPSILON);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::{Adam, Weights};
+
+    #[test]
+    fn first_step_has_the_length_of_the_learning_rate() {
+        let mut weights = Weights::default();
+        weights.set("a", &[2], vec![1.0, 1.0]);
+        let gradients = BTreeMap::from([("a".to_owned(), vec![3.0, -0.01])]);
+        Adam::default().step(&mut weights, &gradients, 0.1);
+        let values = &weights.array("a").unwrap().values;
+        assert!((values[0] - 0.9).abs() < 1e-5 && (values[1] - 1.1).abs() < 1e-5, "{values:?}");
+    }
+}

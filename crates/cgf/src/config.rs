@@ -1,0 +1,188 @@
+//! What can be chosen about the network and its training.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::CgfError;
+
+/// Widths and shapes of the network (section III-B of the paper; `README.md` names the tensors).
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NetworkConfig {
+    /// Surface points of the object that the network sees; paper: 2000
+    pub points: usize,
+    /// Widths of the point network's layers, the last is the object feature's; paper: [64, 128, 1024]
+    pub point_widths: Vec<usize>,
+    /// Steps of a motion that the encoder sees; released code: 20
+    pub encoder_steps: usize,
+    /// Widths of the layers applied to each of these steps; released code: [256, 64]
+    pub hand_widths: Vec<usize>,
+    /// Widths of the encoder's layers before mean and variance; released code: [256]
+    pub encoder_widths: Vec<usize>,
+    /// Width of the latent code z; paper: 256
+    pub latent_dim: usize,
+    /// Widths of the decoder's hidden layers; paper: [512, 256], released code: [256, 512, 256]
+    pub decoder_widths: Vec<usize>,
+    /// Activation of encoder and decoder; paper: "relu", which has no second derivative in time
+    pub activation: Activation,
+}
+
+/// What stands between two layers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Activation {
+    /// `max(x, 0)`: motions are piecewise linear in time before the rotation map.
+    Relu,
+    /// `x / (1 + exp(−x))`: motions have velocities and accelerations.
+    Silu,
+}
+
+/// How a network is trained.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TrainingConfig {
+    /// Passes over all trajectories; paper: 1000
+    pub epochs: usize,
+    /// Trajectories per step of the optimizer; paper: 32
+    pub batch: usize,
+    /// Adam's learning rate at the start; paper: 5e-4
+    pub learning_rate: f64,
+    /// How the learning rate falls; paper: "halving"
+    pub schedule: Schedule,
+    /// Epochs after which `schedule = "halving"` halves the learning rate; paper: 500
+    pub halving_epochs: usize,
+    /// Last steps of every motion that are always seen; released code: 5
+    pub grasp_steps: usize,
+    /// Weight of each of these in the losses, where every other time has 1; paper: 1
+    pub grasp_weight: f64,
+    /// Further times of every motion, drawn anew each epoch; released code: 20
+    pub random_times: usize,
+    /// How object and hand are turned together during training; released code: "any"
+    pub augmentation: Augmentation,
+    /// Units in which the network speaks and the position loss is measured; paper: "physical"
+    pub outputs: Outputs,
+    /// Share of the epochs after which the point network's statistics stay fixed; paper: 1
+    pub fixed_statistics_after: f64,
+    /// Weight of the outputs' mean squared error, in the units of `outputs`; paper: 1
+    pub q_weight: f64,
+    /// Weight of the link origins' mean squared distance, 1/m²; paper: 10
+    pub origins_weight: f64,
+    /// Weight of the latent code's divergence from the standard normal, 1/nat; paper: 1e-3
+    pub kl_weight: f64,
+    /// Weight of the finger tips' mean squared distance from contact, 1/m²; paper: 50
+    pub contact_weight: f64,
+    /// What the contact loss asks of the finger tips at the grasp; paper: "touch_center"
+    pub contact: Contact,
+    /// Names of the hand's finger tip links
+    pub tips: Vec<String>,
+    /// Radius of the finger tips about their links' origins, m; unused by "touch_center"
+    pub tip_radius_m: f64,
+}
+
+/// How the learning rate falls over the epochs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Schedule {
+    /// Halved every `halving_epochs` epochs.
+    Halving,
+    /// Half a cosine from the start down to zero (Loshchilov and Hutter, *SGDR*, 2017, eq. 5).
+    Cosine,
+}
+
+/// How object and hand are turned together, a new rotation for every object and step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Augmentation {
+    /// Not at all: the object always lies as its resting orientation puts it.
+    None,
+    /// About the vertical: gravity stays where it is.
+    Vertical,
+    /// By any rotation about the object's origin: the network does not know where down is.
+    Any,
+}
+
+/// Units of the network's outputs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Outputs {
+    /// Meters, matrix entries and radians.
+    Physical,
+    /// The same less their mean, over the standard deviation of translation, rotation and joints.
+    Standardized,
+}
+
+/// What the contact loss asks of the finger tips at the grasp.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Contact {
+    /// That their centers lie on the object's points, as the paper prints it.
+    TouchCenter,
+    /// That their surfaces touch the object's points.
+    TouchSurface,
+}
+
+impl NetworkConfig {
+    pub(crate) fn check(&self) -> Result<(), CgfError> {
+        let positive = |key, value: usize| check(key, value, value > 0, "a positive number");
+        let widths = |key, widths: &[usize]| {
+            let usable = !widths.is_empty() && widths.iter().all(|&width| width > 0);
+            check(key, format!("{widths:?}"), usable, "at least one positive width")
+        };
+        check("points", self.points, self.points >= 32, "at least 32 points")?;
+        widths("point_widths", &self.point_widths)?;
+        positive("encoder_steps", self.encoder_steps)?;
+        widths("hand_widths", &self.hand_widths)?;
+        widths("encoder_widths", &self.encoder_widths)?;
+        positive("latent_dim", self.latent_dim)?;
+        widths("decoder_widths", &self.decoder_widths)
+    }
+}
+
+impl TrainingConfig {
+    pub(crate) fn check(&self) -> Result<(), CgfError> {
+        let positive = |key, value: usize| check(key, value, value > 0, "a positive number");
+        let not_negative = |key, value: f64| {
+            let usable = value.is_finite() && value >= 0.0;
+            check(key, value, usable, "a number that is not negative")
+        };
+        positive("epochs", self.epochs)?;
+        positive("batch", self.batch)?;
+        positive("halving_epochs", self.halving_epochs)?;
+        positive("grasp_steps", self.grasp_steps)?;
+        not_negative("learning_rate", self.learning_rate)?;
+        not_negative("grasp_weight", self.grasp_weight)?;
+        not_negative("fixed_statistics_after", self.fixed_statistics_after)?;
+        not_negative("tip_radius_m", self.tip_radius_m)?;
+        not_negative("q_weight", self.q_weight)?;
+        not_negative("origins_weight", self.origins_weight)?;
+        not_negative("kl_weight", self.kl_weight)?;
+        not_negative("contact_weight", self.contact_weight)
+    }
+
+    /// Returns the learning rate of an epoch, counted from 0.
+    pub(crate) fn learning_rate_of(&self, epoch: usize) -> f64 {
+        let share = epoch as f64 / self.epochs as f64;
+        let factor = match self.schedule {
+            Schedule::Halving => 0.5_f64.powf((epoch / self.halving_epochs) as f64),
+            Schedule::Cosine => 0.5 * (1.0 + (std::f64::consts::PI * share).cos()),
+        };
+        self.learning_rate * factor
+    }
+}
+
+fn check(
+    key: &'static str,
+    value: impl ToString,
+    usable: bool,
+    expected: &'static str,
+) -> Result<(), CgfError> {
+    if usable {
+        Ok(())
+    } else {
+        Err(CgfError::Config {
+            key,
+            value: value.to_string(),
+            expected,
+        })
+    }
+}

@@ -1,0 +1,191 @@
+//! What the network learns from: motions above a table, and the objects that lie on it.
+
+use nalgebra::{Isometry3, Point3, UnitQuaternion};
+use spatial::{Pose, Rest};
+
+use crate::{CgfError, grasp::Grasp, point_net::Clouds, precision::narrow};
+
+/// An object as it lies: its surface above the table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// The object's name.
+    pub object: String,
+    /// How it lies.
+    pub rest: Rest,
+    /// Points on its surface, in the object frame, in meters, in random order.
+    pub points_in_object: Vec<Point3<f64>>,
+}
+
+impl Scene {
+    /// Returns the surface points in the table frame, in meters.
+    pub fn points_in_table(&self) -> Vec<Point3<f64>> {
+        let table_from_object = self.rest.table_from_object();
+        let points = self.points_in_object.iter();
+        points.map(|point| table_from_object.point(point)).collect()
+    }
+
+    /// Returns the first `points` of the surface points after a rotation; fewer are repeated.
+    pub(crate) fn cloud(&self, points: usize, rotation: &UnitQuaternion<f64>) -> Result<Clouds, CgfError> {
+        const LEAST: usize = 32;
+        let surface = self.points_in_table();
+        if surface.len() < LEAST {
+            return Err(CgfError::TooFewPoints {
+                object: self.object.clone(),
+                expected: LEAST,
+                found: surface.len(),
+            });
+        }
+        let xyz: Vec<f32> = surface
+            .iter()
+            .cycle()
+            .take(points)
+            .flat_map(|point| <[f64; 3]>::from((rotation * point).coords))
+            .map(narrow)
+            .collect();
+        if xyz.iter().all(|x| x.is_finite()) {
+            Ok(Clouds { points, xyz })
+        } else {
+            Err(CgfError::NotFinite {
+                name: self.object.clone(),
+                what: "a surface point",
+            })
+        }
+    }
+}
+
+/// One motion to learn from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Track {
+    /// The recording's name.
+    pub name: String,
+    /// Which scene it was recorded in.
+    pub scene: usize,
+    /// The hand over time; the last one is the grasp.
+    pub steps: Vec<TimedGrasp>,
+}
+
+/// The hand at a time of a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TimedGrasp {
+    /// Seconds since the first step.
+    pub time_s: f64,
+    /// The hand.
+    pub grasp: Grasp,
+}
+
+impl Track {
+    pub(crate) fn check(&self, dof: usize) -> Result<(), CgfError> {
+        let name = || self.name.clone();
+        if self.steps.len() < 2 {
+            let found = self.steps.len();
+            return Err(CgfError::TooFewSteps { name: name(), found });
+        }
+        for (step, pair) in self.steps.windows(2).enumerate() {
+            if !matches!(pair, [before, after] if after.time_s > before.time_s) {
+                return Err(CgfError::UnorderedSteps { name: name(), step: step + 1 });
+            }
+        }
+        for step in &self.steps {
+            let found = step.grasp.q_rad.len();
+            if found != dof {
+                return Err(CgfError::WrongDof { name: name(), expected: dof, found });
+            }
+            if step.grasp.to_numbers().iter().any(|x| !x.is_finite()) {
+                return Err(CgfError::NotFinite { name: name(), what: "a pose or joint position" });
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the network's times of the last `n` steps, ending in 0 at the grasp; the first step
+    /// again where there are fewer.
+    pub(crate) fn last_times(&self, n: usize) -> Vec<f64> {
+        let first = self.steps.len().saturating_sub(n);
+        let mut times: Vec<f64> = self.steps[first..].iter().map(|step| self.t_of(step.time_s)).collect();
+        while times.len() < n {
+            times.insert(0, 1.0);
+        }
+        times
+    }
+
+    /// The network's time of a second of the recording: 1 at the first step, 0 at the grasp.
+    fn t_of(&self, time_s: f64) -> f64 {
+        let (first, last) = self.span();
+        (last - time_s) / (last - first)
+    }
+
+    fn span(&self) -> (f64, f64) {
+        let first = self.steps.first().map_or(0.0, |step| step.time_s);
+        let last = self.steps.last().map_or(1.0, |step| step.time_s);
+        (first, last)
+    }
+
+    /// Returns the hand at the network's time `t` in 0..=1: between two steps, positions on a line and
+    /// the rotation on the shortest arc.
+    pub fn at(&self, t: f64) -> Grasp {
+        let (first, last) = self.span();
+        let time_s = last - t * (last - first);
+        let after = self
+            .steps
+            .partition_point(|step| step.time_s < time_s)
+            .clamp(1, self.steps.len() - 1);
+        let (a, b) = (&self.steps[after - 1], &self.steps[after]);
+        let share = ((time_s - a.time_s) / (b.time_s - a.time_s)).clamp(0.0, 1.0);
+        let (from, to) = (a.grasp.table_from_palm.isometry(), b.grasp.table_from_palm.isometry());
+        let rotation = from
+            .rotation
+            .try_slerp(&to.rotation, share, 1e-9)
+            .unwrap_or(from.rotation);
+        let translation = from.translation.vector.lerp(&to.translation.vector, share);
+        Grasp {
+            table_from_palm: Pose::new(Isometry3::from_parts(translation.into(), rotation)),
+            q_rad: a
+                .grasp
+                .q_rad
+                .iter()
+                .zip(&b.grasp.q_rad)
+                .map(|(a, b)| a + share * (b - a))
+                .collect(),
+        }
+    }
+}
+
+/// Turns a hand about the table frame's origin.
+pub(crate) fn turned(grasp: &Grasp, rotation: &UnitQuaternion<f64>) -> Grasp {
+    Grasp {
+        table_from_palm: Pose::new(rotation * grasp.table_from_palm.isometry()),
+        q_rad: grasp.q_rad.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Isometry3, Vector3};
+    use spatial::Pose;
+
+    use super::{Grasp, TimedGrasp, Track};
+    use crate::GraspError;
+
+    fn step(time_s: f64, x: f64, angle: f64) -> TimedGrasp {
+        let isometry = Isometry3::new(Vector3::new(x, 0.0, 0.0), Vector3::new(0.0, 0.0, angle));
+        TimedGrasp {
+            time_s,
+            grasp: Grasp { table_from_palm: Pose::new(isometry), q_rad: vec![angle] },
+        }
+    }
+
+    #[test]
+    fn time_runs_backwards_and_between_steps() {
+        let steps = vec![step(0.0, 1.0, 0.0), step(1.0, 0.5, 0.4), step(4.0, 0.0, 1.0)];
+        let track = Track { name: "a".to_owned(), scene: 0, steps };
+        for (t, step) in [(0.0, 2), (0.75, 1), (1.0, 0)] {
+            let error = GraspError::between(&track.at(t), &track.steps[step].grasp);
+            assert!(error.position_m < 1e-12 && error.rotation_rad < 1e-7, "{error:?}");
+        }
+        let between = track.at(0.875);
+        assert!((between.table_from_palm.isometry().translation.x - 0.75).abs() < 1e-12);
+        assert!((between.table_from_palm.isometry().rotation.angle() - 0.2).abs() < 1e-12);
+        assert_eq!(track.last_times(2), [0.75, 0.0]);
+        assert_eq!(track.last_times(5), [1.0, 1.0, 1.0, 0.75, 0.0]);
+    }
+}

@@ -1,0 +1,128 @@
+//! Why a grasping function could not be trained, stored or used.
+
+use std::{io, path::PathBuf};
+
+/// Why a grasping function could not be trained, stored or used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CgfError {
+    /// There are too few trajectories to learn from.
+    #[error("{found} trajectories to train on, at least 2 are needed")]
+    TooFewTrajectories {
+        /// How many there are.
+        found: usize,
+    },
+    /// A trajectory has too few steps to be a motion.
+    #[error("trajectory `{name}` has {found} steps, at least 2 are needed")]
+    TooFewSteps {
+        /// The trajectory's name.
+        name: String,
+        /// How many steps it has.
+        found: usize,
+    },
+    /// The times of a trajectory do not grow.
+    #[error("trajectory `{name}`: the time of step {step} does not grow")]
+    UnorderedSteps {
+        /// The trajectory's name.
+        name: String,
+        /// The step whose time is not after the one before.
+        step: usize,
+    },
+    /// A number is NaN or infinite.
+    #[error("`{name}` holds a number that is not finite: {what}")]
+    NotFinite {
+        /// The trajectory or object.
+        name: String,
+        /// Which of its numbers.
+        what: &'static str,
+    },
+    /// A trajectory has another number of joint positions than the hand has joints.
+    #[error("trajectory `{name}` has {found} joint positions, the hand has {expected} joints")]
+    WrongDof {
+        /// The trajectory's name.
+        name: String,
+        /// Joints of the hand.
+        expected: usize,
+        /// Joint positions found.
+        found: usize,
+    },
+    /// An object's surface is described by too few points.
+    #[error("object `{object}` has {found} surface points, at least {expected} are needed")]
+    TooFewPoints {
+        /// The object's name.
+        object: String,
+        /// The least number of points.
+        expected: usize,
+        /// How many there are.
+        found: usize,
+    },
+    /// The hand has no link of a name that the configuration gives.
+    #[error("the hand has no link `{link}`")]
+    UnknownLink {
+        /// The link's name.
+        link: String,
+    },
+    /// A value of the configuration cannot be used.
+    #[error("`{key}` is {value}, expected {expected}")]
+    Config {
+        /// The key.
+        key: &'static str,
+        /// Its value.
+        value: String,
+        /// What would be valid.
+        expected: &'static str,
+    },
+    /// The loss is no longer a number.
+    #[error("training diverged in epoch {epoch}: the loss is {loss}")]
+    Diverged {
+        /// The epoch, from 1.
+        epoch: usize,
+        /// The loss.
+        loss: f32,
+    },
+    /// A file of the checkpoint cannot be read or written.
+    #[error("cannot {action} the checkpoint `{}`", path.display())]
+    Io {
+        /// What was tried, e.g. `read`.
+        action: &'static str,
+        /// Where.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// The checkpoint's weights are truncated or no safetensors file.
+    #[error("the checkpoint's weights are damaged")]
+    Weights(#[from] safetensors::SafeTensorError),
+    /// The checkpoint's description is damaged.
+    #[error("the checkpoint's description is damaged")]
+    Description(#[from] serde_json::Error),
+    /// The checkpoint is of another version.
+    #[error("the checkpoint is of version `{found}`, expected `{expected}`")]
+    Version {
+        /// The version that can be read.
+        expected: &'static str,
+        /// The version found.
+        found: String,
+    },
+    /// The checkpoint's weights do not have the shapes that its description says.
+    #[error("the checkpoint's tensor `{name}` is {found}, expected {expected}")]
+    Tensor {
+        /// The tensor's name.
+        name: String,
+        /// What it is.
+        found: String,
+        /// What it should be.
+        expected: String,
+    },
+    /// The checkpoint belongs to another hand.
+    #[error("the checkpoint is of a hand with joints {found:?}, expected {expected:?}")]
+    AnotherHand {
+        /// Joints of the hand at hand.
+        expected: Vec<String>,
+        /// Joints that the checkpoint was trained with.
+        found: Vec<String>,
+    },
+    /// The tensor library failed.
+    #[error("a tensor operation failed")]
+    Tensors(#[from] candle_core::Error),
+}

@@ -1,0 +1,96 @@
+//! A hand's state as the network speaks of it, and the units in which it does.
+
+use nalgebra::{Isometry3, Translation3};
+use serde::{Deserialize, Serialize};
+use spatial::{Palm, Pose, Table, rot6d, rotation_from_rot6d};
+
+use crate::{config::Outputs, precision::narrow};
+
+/// Numbers before the joint positions: translation and two matrix columns.
+pub(crate) const ROOT: usize = 9;
+
+/// A hand at one time of a motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grasp {
+    /// Pose of the palm above the table on which the object lies.
+    pub table_from_palm: Pose<Table, Palm>,
+    /// Joint positions in radians, in the order of the hand's joints.
+    pub q_rad: Vec<f64>,
+}
+
+impl Grasp {
+    /// Returns translation in meters, the rotation's first two columns, joint positions in radians.
+    pub(crate) fn to_numbers(&self) -> Vec<f64> {
+        let isometry = self.table_from_palm.isometry();
+        let t = &isometry.translation.vector;
+        let mut numbers = vec![t.x, t.y, t.z];
+        numbers.extend(rot6d(&isometry.rotation));
+        numbers.extend(&self.q_rad);
+        numbers
+    }
+
+    /// Reads what [`Grasp::to_numbers`] returns, with any two columns that are not parallel;
+    /// `None` otherwise.
+    pub(crate) fn from_numbers(numbers: &[f64]) -> Option<Self> {
+        let (&[x, y, z, a, b, c, d, e, f], q) = numbers.split_first_chunk::<ROOT>()?;
+        let rotation = rotation_from_rot6d([a, b, c, d, e, f])?;
+        let isometry = Isometry3::from_parts(Translation3::new(x, y, z), rotation);
+        Some(Self {
+            table_from_palm: Pose::new(isometry),
+            q_rad: q.to_vec(),
+        })
+    }
+}
+
+/// Takes numbers in meters, matrix entries and radians to the network's units and back.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Normalization {
+    /// What is subtracted, per output.
+    pub mean: Vec<f64>,
+    /// What is then divided by, per output: one number for the translation, one for the rotation, one
+    /// for the joints, so that errors of one kind keep their proportions.
+    pub scale: Vec<f64>,
+}
+
+impl Normalization {
+    /// Measures the mean and spread of `samples`, each of equal length.
+    pub(crate) fn measure(outputs: Outputs, samples: &[Vec<f64>]) -> Self {
+        let width = samples.first().map_or(ROOT, Vec::len);
+        let (mut mean, mut scale) = (vec![0.0; width], vec![1.0; width]);
+        if outputs == Outputs::Standardized {
+            let n = samples.len() as f64;
+            for sample in samples {
+                for (mean, x) in mean.iter_mut().zip(sample) {
+                    *mean += x / n;
+                }
+            }
+            for group in [0..3, 3..ROOT, ROOT..width] {
+                let count = n * group.len() as f64;
+                let squares: f64 = samples
+                    .iter()
+                    .flat_map(|sample| group.clone().map(|k| (sample[k] - mean[k]).powi(2)))
+                    .sum();
+                // A group that hardly moves is not blown up.
+                let deviation = (squares / count.max(1.0)).sqrt().max(1e-3);
+                scale[group].fill(deviation);
+            }
+        }
+        Self { mean, scale }
+    }
+
+    pub(crate) fn normalize(&self, numbers: &[f64]) -> Vec<f32> {
+        numbers
+            .iter()
+            .zip(self.mean.iter().zip(&self.scale))
+            .map(|(x, (mean, scale))| narrow((x - mean) / scale))
+            .collect()
+    }
+
+    pub(crate) fn restore(&self, outputs: &[f32]) -> Vec<f64> {
+        outputs
+            .iter()
+            .zip(self.mean.iter().zip(&self.scale))
+            .map(|(&y, (mean, scale))| f64::from(y) * scale + mean)
+            .collect()
+    }
+}

@@ -1,0 +1,168 @@
+//! Where a hand's links are, as one operation with an analytic gradient.
+
+use std::sync::Arc;
+
+use candle_core::{CpuStorage, CustomOp1, DType, Device, Layout, Shape, Tensor};
+use nalgebra::{Isometry3, Matrix3, Vector3};
+use rayon::prelude::*;
+use robot::{JointKind, RobotModel};
+
+use crate::{grasp::ROOT, precision::narrow};
+
+/// Takes `(rows, 9 + dof)` (translation, two columns of a rotation before they are made orthonormal,
+/// joint positions; meters and radians) to the origins of all links, `(rows, 3 links)`, in meters,
+/// in the frame in which translation and rotation are given.
+///
+/// These are the J of the paper's joint loss.
+#[derive(Debug, Clone)]
+pub(crate) struct LinkOrigins {
+    hand: Arc<RobotModel>,
+}
+
+impl LinkOrigins {
+    pub(crate) fn new(hand: Arc<RobotModel>) -> Self {
+        Self { hand }
+    }
+
+    fn width(&self) -> usize {
+        3 * self.hand.links().len()
+    }
+
+    /// The links in the palm frame; all at the origin if the joint positions are too few.
+    fn palm_from_links(&self, row: &[f32]) -> Vec<Isometry3<f64>> {
+        let q: Vec<f64> = row[ROOT..].iter().map(|&x| f64::from(x)).collect();
+        let dof = self.hand.forward_kinematics(&q);
+        dof.unwrap_or_else(|_| vec![Isometry3::identity(); self.hand.links().len()])
+    }
+
+    fn forward_row(&self, row: &[f32], origins: &mut [f32]) {
+        let frame = Frame::of(row);
+        for (origin, link) in origins.chunks_exact_mut(3).zip(self.palm_from_links(row)) {
+            let point = frame.translation + frame.rotation * link.translation.vector;
+            for (origin, x) in origin.iter_mut().zip(point.iter()) {
+                *origin = narrow(*x);
+            }
+        }
+    }
+
+    /// Takes the forces `by_origins` on the link origins to the generalized forces on the row: for a
+    /// revolute joint the torque about its axis of all forces on the links that it moves.
+    fn backward_row(&self, row: &[f32], by_origins: &[f32], by_row: &mut [f32]) {
+        let frame = Frame::of(row);
+        let palm_from_links = self.palm_from_links(row);
+        let turned_back = frame.rotation.transpose();
+        // Force and torque about the palm's origin, in the palm frame, of each link and all below it.
+        let mut wrenches = Vec::with_capacity(palm_from_links.len());
+        let mut by_translation = Vector3::zeros();
+        let mut by_rotation = Matrix3::zeros();
+        for (link, force) in palm_from_links.iter().zip(by_origins.chunks_exact(3)) {
+            let force = Vector3::from_iterator(force.iter().map(|&x| f64::from(x)));
+            let point = link.translation.vector;
+            by_translation += force;
+            by_rotation += force * point.transpose();
+            let force_in_palm = turned_back * force;
+            wrenches.push((force_in_palm, point.cross(&force_in_palm)));
+        }
+        let mut by_q = vec![0.0; row.len() - ROOT];
+        for (idx, link) in self.hand.links().iter().enumerate().rev() {
+            let (force, torque) = wrenches[idx];
+            if let Some(parent) = link.parent {
+                wrenches[parent].0 += force;
+                wrenches[parent].1 += torque;
+            }
+            let (Some(joint), Some(kind)) = (link.joint, link.kind) else { continue };
+            let axis = palm_from_links[idx].rotation * link.axis;
+            let origin = palm_from_links[idx].translation.vector;
+            let along = match kind {
+                JointKind::Revolute | JointKind::Continuous => {
+                    axis.dot(&(torque - origin.cross(&force)))
+                }
+                JointKind::Prismatic => axis.dot(&force),
+            };
+            by_q[joint] += link.multiplier * along;
+        }
+        let by_columns = frame.by_columns(&by_rotation);
+        let by_root = by_translation.iter().chain(by_columns.iter());
+        for (by, x) in by_row.iter_mut().zip(by_root.chain(&by_q)) {
+            *by = narrow(*x);
+        }
+    }
+}
+
+/// A rotation made from two columns by Gram-Schmidt (Zhou et al. 2019, §B), and its derivative.
+struct Frame {
+    translation: Vector3<f64>,
+    first: Vector3<f64>,
+    second: Vector3<f64>,
+    rotation: Matrix3<f64>,
+}
+
+impl Frame {
+    fn of(row: &[f32]) -> Self {
+        let vector = |at: usize| Vector3::from_fn(|k, _| f64::from(row[at + k]));
+        let (first, second) = (vector(3), vector(6));
+        let x = first / first.norm();
+        let rest = second - x * x.dot(&second);
+        let y = rest / rest.norm();
+        Self {
+            translation: vector(0),
+            first,
+            second,
+            rotation: Matrix3::from_columns(&[x, y, x.cross(&y)]),
+        }
+    }
+
+    /// Takes the gradient by the matrix to the gradient by the two columns.
+    fn by_columns(&self, by_rotation: &Matrix3<f64>) -> [f64; 6] {
+        let (x, y) = (self.rotation.column(0), self.rotation.column(1));
+        let by_z = by_rotation.column(2);
+        let mut by_x = by_rotation.column(0) + y.cross(&by_z);
+        let by_y = by_rotation.column(1) + by_z.cross(&x);
+        let rest = self.second - x * x.dot(&self.second);
+        let by_rest = (by_y - y * y.dot(&by_y)) / rest.norm();
+        let by_second = by_rest - x * x.dot(&by_rest);
+        by_x -= self.second * x.dot(&by_rest) + by_rest * x.dot(&self.second);
+        let by_first = (by_x - x * x.dot(&by_x)) / self.first.norm();
+        let (a, b) = (by_first, by_second);
+        [a.x, a.y, a.z, b.x, b.y, b.z]
+    }
+}
+
+impl CustomOp1 for LinkOrigins {
+    fn name(&self) -> &'static str {
+        "link_origins"
+    }
+
+    fn cpu_fwd(&self, storage: &CpuStorage, layout: &Layout) -> candle_core::Result<(CpuStorage, Shape)> {
+        let (n_rows, width) = layout.shape().dims2()?;
+        let (start, end) = layout
+            .contiguous_offsets()
+            .ok_or_else(|| candle_core::Error::RequiresContiguous { op: "link_origins" }.bt())?;
+        let rows = &storage.as_slice::<f32>()?[start..end];
+        let mut origins = vec![0.0; n_rows * self.width()];
+        origins
+            .par_chunks_mut(self.width())
+            .zip(rows.par_chunks(width))
+            .with_min_len(16)
+            .for_each(|(origins, row)| self.forward_row(row, origins));
+        let shape = Shape::from((n_rows, self.width()));
+        Ok((CpuStorage::F32(origins), shape))
+    }
+
+    fn bwd(&self, arg: &Tensor, _: &Tensor, by_result: &Tensor) -> candle_core::Result<Option<Tensor>> {
+        let (n_rows, width) = arg.dims2()?;
+        let rows = arg.to_dtype(DType::F32)?.flatten_all()?.to_vec1::<f32>()?;
+        let by_origins = by_result.flatten_all()?.to_vec1::<f32>()?;
+        let mut by_rows = vec![0.0; n_rows * width];
+        by_rows
+            .par_chunks_mut(width)
+            .zip(rows.par_chunks(width))
+            .zip(by_origins.par_chunks(self.width()))
+            .with_min_len(16)
+            .for_each(|((by_row, row), by)| self.backward_row(row, by, by_row));
+        Tensor::from_vec(by_rows, (n_rows, width), &Device::Cpu).map(Some)
+    }
+}
+
+#[cfg(test)]
+mod tests;

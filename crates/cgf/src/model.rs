@@ -1,0 +1,385 @@
+//! A trained grasping function: decoding, encoding, and its two files.
+
+use std::{fs, path::Path};
+
+use nalgebra::{UnitQuaternion, Vector3};
+use robot::Joint;
+use serde::{Deserialize, Serialize};
+use spatial::Rest;
+
+use crate::{
+    CgfError, Losses, Scene, Track, TrainingSet,
+    config::{NetworkConfig, TrainingConfig},
+    grasp::{Grasp, Normalization, ROOT},
+    network::{self, Network, constant},
+    point_net::{PointNet, Statistics},
+    precision::narrow,
+    training::{encoder_motion, equal_times},
+    weights::{Leaves, Weights},
+};
+
+/// Version of the two files' form.
+pub const VERSION: &str = "checkpoint/1";
+
+/// Motions decoded at once: their layers fit a processor's cache.
+const BLOCK: usize = 64;
+
+/// A continuous grasping function f(t, z, object) with the encoder it was trained with.
+#[derive(Debug, Clone)]
+pub struct Cgf {
+    description: Description,
+    weights: Weights,
+    leaves: Leaves,
+}
+
+/// Everything about a grasping function but its weights: the checkpoint's JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Description {
+    /// Version of the form, [`VERSION`].
+    pub version: String,
+    /// Names of the hand's joints, in the order of the outputs after the first nine.
+    pub joints: Vec<String>,
+    /// Where each of them can be.
+    pub joint_ranges: Vec<JointRange>,
+    /// Widths and shapes.
+    pub network: NetworkConfig,
+    /// How it was trained.
+    pub training: TrainingConfig,
+    /// Seed of weights and noise.
+    pub seed: u64,
+    /// Units of the outputs: translation (m), two columns of the rotation, joint positions (rad).
+    pub normalization: Normalization,
+    /// What the motions it was trained on became.
+    pub demonstrations: Vec<Demonstration>,
+    /// Mean losses per epoch.
+    pub training_curve: Curve,
+}
+
+/// Where a joint can be.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointRange {
+    /// Least position in radians (meters if prismatic); none if it turns on and on.
+    pub lower: Option<f64>,
+    /// Greatest position in radians (meters if prismatic); none if it turns on and on.
+    pub upper: Option<f64>,
+}
+
+/// What a motion of the training set became.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Demonstration {
+    /// The recording's name.
+    pub name: String,
+    /// The object's name.
+    pub object: String,
+    /// How the object lay: unit vector against gravity, object frame.
+    pub rest_up: [f64; 3],
+    /// How the object lay: height of its origin above the table, in meters.
+    pub rest_height_m: f64,
+    /// Mean of its latent code.
+    pub latent_mean: Vec<f64>,
+    /// Standard deviation of its latent code.
+    pub latent_deviation: Vec<f64>,
+    /// How far the motion of the mean code is from it at the grasp.
+    pub grasp_error: GraspError,
+}
+
+/// Distance between two grasps.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GraspError {
+    /// Distance of the palms' origins, in meters.
+    pub position_m: f64,
+    /// Angle between the palms, in radians.
+    pub rotation_rad: f64,
+    /// Root mean square difference of the joint positions, in radians.
+    pub joints_rad: f64,
+}
+
+/// Mean losses per epoch, before they are weighted.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Curve {
+    /// Weighted sum.
+    pub total: Vec<f32>,
+    /// L_q, in the units of the network's outputs.
+    pub q: Vec<f32>,
+    /// L_j in m².
+    pub origins: Vec<f32>,
+    /// L_KL in nats.
+    pub kl: Vec<f32>,
+    /// L_contact in m².
+    pub contact: Vec<f32>,
+}
+
+/// What the network knows of an object as it lies.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjectFeature(Vec<f32>);
+
+/// The distribution of a motion's latent code: independent normal distributions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Posterior {
+    /// Means.
+    pub mean: Vec<f64>,
+    /// Standard deviations.
+    pub deviation: Vec<f64>,
+}
+
+impl Cgf {
+    pub(crate) fn new(description: Description, weights: Weights) -> Result<Self, CgfError> {
+        let leaves = weights.constants()?;
+        Ok(Self { description, weights, leaves })
+    }
+
+    /// Returns everything but the weights.
+    pub fn description(&self) -> &Description {
+        &self.description
+    }
+
+    /// Returns the weights by name.
+    pub fn weights(&self) -> &Weights {
+        &self.weights
+    }
+
+    /// Computes what the network knows of an object as it lies.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the object has too few points or they are not finite.
+    pub fn feature(&self, scene: &Scene) -> Result<ObjectFeature, CgfError> {
+        let config = &self.description.network;
+        let cloud = scene.cloud(config.points, &UnitQuaternion::identity())?;
+        let net = PointNet::new(&self.weights, config.point_widths.len())?;
+        Ok(ObjectFeature(net.forward(&cloud, Statistics::Stored)?.features))
+    }
+
+    /// Decodes latent codes at `times` in 0..=1 (1 far, 0 the grasp): for each code, the hand at each
+    /// time, above the table.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a code does not have the width of the network's or the outputs are no rotation.
+    pub fn decode(&self, feature: &ObjectFeature, latents: &[Vec<f64>], times: &[f64]) -> Result<Vec<Vec<Grasp>>, CgfError> {
+        let mut motions = Vec::with_capacity(latents.len());
+        if times.is_empty() {
+            return Ok(vec![Vec::new(); latents.len()]);
+        }
+        for block in latents.chunks(BLOCK) {
+            let outputs = self.decode_block(feature, block, times)?;
+            for motion in outputs.chunks_exact(times.len()) {
+                let grasps = motion.iter().map(|outputs| {
+                    let numbers = self.description.normalization.restore(outputs);
+                    Grasp::from_numbers(&numbers).ok_or_else(|| CgfError::NotFinite {
+                        name: "decoder".to_owned(),
+                        what: "a decoded rotation",
+                    })
+                });
+                motions.push(grasps.collect::<Result<_, _>>()?);
+            }
+        }
+        Ok(motions)
+    }
+
+    fn decode_block(&self, feature: &ObjectFeature, latents: &[Vec<f64>], times: &[f64]) -> Result<Vec<Vec<f32>>, CgfError> {
+        let width = self.description.network.latent_dim;
+        if let Some(latent) = latents.iter().find(|latent| latent.len() != width) {
+            return Err(CgfError::Config {
+                key: "latent",
+                value: format!("{} numbers", latent.len()),
+                expected: "as many numbers as `latent_dim`",
+            });
+        }
+        let batch = latents.len();
+        let codes = latents.iter().flatten().map(|&z| narrow(z)).collect();
+        let times_of_all = (0..batch).flat_map(|_| times.iter().map(|&t| narrow(t))).collect();
+        let scenes = candle_core::Tensor::zeros(batch, candle_core::DType::U32, &candle_core::Device::Cpu)?;
+        let decoded = self.network().decode(
+            &constant(times_of_all, &[batch, times.len()])?,
+            &constant(codes, &[batch, width])?,
+            &constant(feature.0.clone(), &[1, feature.0.len()])?,
+            &scenes,
+        )?;
+        Ok(decoded.to_vec2()?)
+    }
+
+    /// Returns the distribution of a motion's latent code.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the motion is not one of this hand.
+    pub fn encode(&self, feature: &ObjectFeature, track: &Track) -> Result<Posterior, CgfError> {
+        track.check(self.description.joints.len())?;
+        let steps = self.description.network.encoder_steps;
+        let motion = encoder_motion(track, steps, &UnitQuaternion::identity(), &self.description.normalization);
+        let scenes = candle_core::Tensor::zeros(1, candle_core::DType::U32, &candle_core::Device::Cpu)?;
+        let (mean, log_variance) = self.network().encode(
+            &constant(motion, &[1, steps, ROOT + self.description.joints.len()])?,
+            &constant(feature.0.clone(), &[1, feature.0.len()])?,
+            &scenes,
+        )?;
+        let numbers = |tensor: &candle_core::Tensor| tensor.flatten_all()?.to_vec1::<f32>();
+        Ok(Posterior {
+            mean: numbers(&mean)?.into_iter().map(f64::from).collect(),
+            deviation: numbers(&log_variance)?.into_iter().map(|x| (0.5 * f64::from(x)).exp()).collect(),
+        })
+    }
+
+    fn network(&self) -> Network<'_> {
+        Network {
+            config: &self.description.network,
+            leaves: &self.leaves,
+        }
+    }
+
+    /// Stores what the motions of the training set became.
+    pub(crate) fn learn_posteriors(&mut self, set: &TrainingSet) -> Result<(), CgfError> {
+        let features = set.scenes.iter().map(|scene| self.feature(scene)).collect::<Result<Vec<_>, _>>()?;
+        let mut demonstrations = Vec::with_capacity(set.tracks.len());
+        for track in &set.tracks {
+            let (scene, feature) = (&set.scenes[track.scene], &features[track.scene]);
+            let posterior = self.encode(feature, track)?;
+            let decoded = self.decode(feature, std::slice::from_ref(&posterior.mean), &[0.0])?;
+            let shown = track.at(0.0);
+            let grasp_error = decoded
+                .first()
+                .and_then(|motion| motion.first())
+                .map_or(GraspError { position_m: 0.0, rotation_rad: 0.0, joints_rad: 0.0 }, |grasp| {
+                    GraspError::between(grasp, &shown)
+                });
+            demonstrations.push(Demonstration {
+                name: track.name.clone(),
+                object: scene.object.clone(),
+                rest_up: scene.rest.up_in_object.into_inner().into(),
+                rest_height_m: scene.rest.height_m,
+                latent_mean: posterior.mean,
+                latent_deviation: posterior.deviation,
+                grasp_error,
+            });
+        }
+        self.description.demonstrations = demonstrations;
+        Ok(())
+    }
+
+    /// Writes the two files.
+    ///
+    /// # Errors
+    ///
+    /// Fails if they cannot be written.
+    pub fn save(&self, weights: &Path, description: &Path) -> Result<(), CgfError> {
+        let write = |path: &Path, bytes: &[u8]| {
+            fs::write(path, bytes).map_err(|source| CgfError::Io {
+                action: "write",
+                path: path.to_owned(),
+                source,
+            })
+        };
+        write(weights, &self.weights.to_bytes()?)?;
+        let mut json = serde_json::to_vec_pretty(&self.description)?;
+        json.push(b'\n');
+        write(description, &json)
+    }
+
+    /// Reads the two files.
+    ///
+    /// # Errors
+    ///
+    /// Fails if they cannot be read, are damaged, or do not fit together.
+    pub fn load(weights: &Path, description: &Path) -> Result<Self, CgfError> {
+        let read = |path: &Path| {
+            fs::read(path).map_err(|source| CgfError::Io {
+                action: "read",
+                path: path.to_owned(),
+                source,
+            })
+        };
+        let description: Description = serde_json::from_slice(&read(description)?)?;
+        if description.version != VERSION {
+            return Err(CgfError::Version { expected: VERSION, found: description.version });
+        }
+        description.network.check()?;
+        let weights = Weights::from_bytes(&read(weights)?)?;
+        let outputs = ROOT + description.joints.len();
+        weights.check_like(&network::initialize(&description.network, outputs, 0))?;
+        let Normalization { mean, scale } = &description.normalization;
+        if mean.len() != outputs || scale.len() != outputs {
+            return Err(CgfError::Tensor {
+                name: "normalization".to_owned(),
+                found: format!("{} and {} numbers", mean.len(), scale.len()),
+                expected: format!("{outputs} numbers each"),
+            });
+        }
+        Self::new(description, weights)
+    }
+
+    /// Checks that the checkpoint was trained with this hand.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the hand's joints have other names or another order.
+    pub fn check_hand(&self, joints: &[String]) -> Result<(), CgfError> {
+        if self.description.joints == joints {
+            Ok(())
+        } else {
+            Err(CgfError::AnotherHand {
+                expected: joints.to_vec(),
+                found: self.description.joints.clone(),
+            })
+        }
+    }
+
+    /// Returns `steps` times from 1 (far) to 0 (the grasp), equally spaced.
+    pub fn times(steps: usize) -> Vec<f64> {
+        equal_times(steps).collect()
+    }
+}
+
+impl JointRange {
+    pub(crate) fn of(joint: &Joint) -> Self {
+        let finite = |limit: f64| limit.is_finite().then_some(limit);
+        Self {
+            lower: finite(joint.lower),
+            upper: finite(joint.upper),
+        }
+    }
+
+    /// Returns the nearest position in the range.
+    pub fn clamp(&self, position: f64) -> f64 {
+        let above = self.lower.map_or(position, |lower| position.max(lower));
+        self.upper.map_or(above, |upper| above.min(upper))
+    }
+}
+
+impl Demonstration {
+    /// Returns how the object lay.
+    pub fn rest(&self) -> Rest {
+        Rest {
+            up_in_object: nalgebra::Unit::new_normalize(Vector3::from(self.rest_up)),
+            height_m: self.rest_height_m,
+        }
+    }
+}
+
+impl GraspError {
+    /// Measures how far two grasps of one hand are apart.
+    pub fn between(a: &Grasp, b: &Grasp) -> Self {
+        let (pose_a, pose_b) = (a.table_from_palm.isometry(), b.table_from_palm.isometry());
+        let squares: f64 = a.q_rad.iter().zip(&b.q_rad).map(|(a, b)| (a - b).powi(2)).sum();
+        Self {
+            position_m: (pose_a.translation.vector - pose_b.translation.vector).norm(),
+            rotation_rad: pose_a.rotation.angle_to(&pose_b.rotation),
+            joints_rad: (squares / a.q_rad.len().max(1) as f64).sqrt(),
+        }
+    }
+}
+
+impl Curve {
+    pub(crate) fn push(&mut self, losses: &Losses) {
+        self.total.push(losses.total);
+        self.q.push(losses.q);
+        self.origins.push(losses.origins);
+        self.kl.push(losses.kl);
+        self.contact.push(losses.contact);
+    }
+}

@@ -1,0 +1,141 @@
+//! The encoder and the continuous decoder, on candle's tape (section III-B of the paper).
+
+use candle_core::{Device, Tensor};
+
+use crate::{
+    CgfError,
+    config::{Activation, NetworkConfig},
+    point_net,
+    random::Random,
+    weights::{Leaves, Weights, leaf},
+};
+
+/// Makes all numbers of a network at random; `outputs` is the decoder's width.
+pub(crate) fn initialize(config: &NetworkConfig, outputs: usize, seed: u64) -> Weights {
+    let mut weights = Weights::default();
+    let mut random = Random::new(seed, 0);
+    point_net::initialize(&mut weights, &config.point_widths, &mut random);
+    let feature = last(&config.point_widths);
+    let mut linear = |name: &str, width: usize, inputs: &[(&str, usize)]| {
+        for (input, n) in inputs {
+            weights.set_random(&format!("{name}.{input}"), width, *n, &mut random);
+        }
+        weights.set_constant(&format!("{name}.bias"), width, 0.0);
+    };
+    let mut below = outputs;
+    for (layer, &width) in config.hand_widths.iter().enumerate() {
+        linear(&format!("encoder.hand.{layer}"), width, &[("weight", below)]);
+        below = width;
+    }
+    for (layer, &width) in config.encoder_widths.iter().enumerate() {
+        let name = format!("encoder.trunk.{layer}");
+        if layer == 0 {
+            let motion = below * config.encoder_steps;
+            linear(&name, width, &[("motion", motion), ("feature", feature)]);
+        } else {
+            linear(&name, width, &[("weight", below)]);
+        }
+        below = width;
+    }
+    linear("encoder.mean", config.latent_dim, &[("weight", below)]);
+    linear("encoder.log_variance", config.latent_dim, &[("weight", below)]);
+    for (layer, &width) in config.decoder_widths.iter().enumerate() {
+        let name = format!("decoder.{layer}");
+        if layer == 0 {
+            let inputs = [("time", 1), ("latent", config.latent_dim), ("feature", feature)];
+            linear(&name, width, &inputs);
+        } else {
+            linear(&name, width, &[("weight", below)]);
+        }
+        below = width;
+    }
+    let name = format!("decoder.{}", config.decoder_widths.len());
+    linear(&name, outputs, &[("weight", below)]);
+    // Start near the mean of all motions.
+    weights.scale(&format!("{name}.weight"), 0.1);
+    weights
+}
+
+/// The parts of the network that live on the tape.
+pub(crate) struct Network<'a> {
+    pub(crate) config: &'a NetworkConfig,
+    pub(crate) leaves: &'a Leaves,
+}
+
+impl Network<'_> {
+    /// Encodes motions to mean and log-variance of their latent codes, `(batch, latent)` each.
+    ///
+    /// `motions` is `(batch, steps, outputs)`, `features` `(scenes, feature)`, and `scenes` says which
+    /// of them belongs to each motion.
+    pub(crate) fn encode(&self, motions: &Tensor, features: &Tensor, scenes: &Tensor) -> Result<(Tensor, Tensor), CgfError> {
+        let (batch, steps, outputs) = motions.dims3()?;
+        let mut x = motions.reshape((batch * steps, outputs))?;
+        for layer in 0..self.config.hand_widths.len() {
+            x = self.activate(&self.linear(&format!("encoder.hand.{layer}"), &x)?)?;
+        }
+        x = x.reshape((batch, ()))?;
+        for layer in 0..self.config.encoder_widths.len() {
+            let name = format!("encoder.trunk.{layer}");
+            x = if layer == 0 {
+                let motion = self.times(&name, "motion", &x)?;
+                let feature = self.times(&name, "feature", features)?;
+                let sum = (motion + feature.index_select(scenes, 0)?)?;
+                sum.broadcast_add(self.leaf(&name, "bias")?)?
+            } else {
+                self.linear(&name, &x)?
+            };
+            x = self.activate(&x)?;
+        }
+        let mean = self.linear("encoder.mean", &x)?;
+        let log_variance = self.linear("encoder.log_variance", &x)?;
+        Ok((mean, log_variance))
+    }
+
+    /// Decodes latent codes `(batch, latent)` at `times` `(batch, n)`, giving `(batch × n, outputs)`.
+    ///
+    /// The first layer's parts of the code and the object are computed once per motion, not per time.
+    pub(crate) fn decode(&self, times: &Tensor, latents: &Tensor, features: &Tensor, scenes: &Tensor) -> Result<Tensor, CgfError> {
+        let (batch, n) = times.dims2()?;
+        let feature = self.times("decoder.0", "feature", features)?;
+        let motion = (self.times("decoder.0", "latent", latents)? + feature.index_select(scenes, 0)?)?
+            .broadcast_add(self.leaf("decoder.0", "bias")?)?;
+        let width = motion.dim(1)?;
+        let time = times.reshape((batch * n, 1))?.matmul(&self.leaf("decoder.0", "time")?.t()?)?;
+        let mut x = time
+            .reshape((batch, n, width))?
+            .broadcast_add(&motion.unsqueeze(1)?)?
+            .reshape((batch * n, width))?;
+        for layer in 1..=self.config.decoder_widths.len() {
+            x = self.linear(&format!("decoder.{layer}"), &self.activate(&x)?)?;
+        }
+        Ok(x)
+    }
+
+    fn activate(&self, x: &Tensor) -> Result<Tensor, CgfError> {
+        Ok(match self.config.activation {
+            Activation::Relu => x.relu()?,
+            Activation::Silu => x.silu()?,
+        })
+    }
+
+    fn linear(&self, name: &str, x: &Tensor) -> Result<Tensor, CgfError> {
+        Ok(self.times(name, "weight", x)?.broadcast_add(self.leaf(name, "bias")?)?)
+    }
+
+    fn times(&self, name: &str, input: &str, x: &Tensor) -> Result<Tensor, CgfError> {
+        Ok(x.matmul(&self.leaf(name, input)?.t()?)?)
+    }
+
+    fn leaf(&self, name: &str, input: &str) -> Result<&Tensor, CgfError> {
+        leaf(self.leaves, &format!("{name}.{input}"))
+    }
+}
+
+/// Returns a constant `(rows, columns)` from numbers row by row.
+pub(crate) fn constant(values: Vec<f32>, shape: &[usize]) -> Result<Tensor, CgfError> {
+    Ok(Tensor::from_vec(values, shape, &Device::Cpu)?)
+}
+
+fn last(widths: &[usize]) -> usize {
+    widths.last().copied().unwrap_or(0)
+}

@@ -1,0 +1,187 @@
+//! The network's numbers by name: made at random, written, read, and put on candle's tape.
+
+use std::collections::BTreeMap;
+
+use candle_core::{Device, Tensor, Var};
+use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+
+use crate::{CgfError, precision::narrow, random::Random};
+
+/// A named array of numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Array {
+    /// Its extent in each dimension.
+    pub shape: Vec<usize>,
+    /// Its numbers, the last dimension fastest.
+    pub values: Vec<f32>,
+}
+
+/// All numbers of a network by name, in the order of their names.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Weights {
+    arrays: BTreeMap<String, Array>,
+}
+
+/// The weights as tensors: variables of one gradient tape, or constants.
+pub(crate) type Leaves = BTreeMap<String, Tensor>;
+
+/// Names that end so are measured, not learned.
+const MEASURED: [&str; 2] = [".mean", ".variance"];
+
+impl Weights {
+    /// Returns an array.
+    ///
+    /// # Errors
+    ///
+    /// Fails if there is none of this name.
+    pub fn array(&self, name: &str) -> Result<&Array, CgfError> {
+        self.arrays.get(name).ok_or_else(|| missing(name))
+    }
+
+    /// Iterates over the arrays in the order of their names.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &Array)> {
+        self.arrays.iter().map(|(name, array)| (name.as_str(), array))
+    }
+
+    pub(crate) fn learned_mut(&mut self) -> impl Iterator<Item = (&str, &mut Array)> {
+        self.arrays
+            .iter_mut()
+            .filter(|(name, _)| !MEASURED.iter().any(|end| name.ends_with(end)))
+            .map(|(name, array)| (name.as_str(), array))
+    }
+
+    pub(crate) fn set(&mut self, name: &str, shape: &[usize], values: Vec<f32>) {
+        assert_eq!(shape.iter().product::<usize>(), values.len(), "shape of `{name}`");
+        let shape = shape.to_vec();
+        self.arrays.insert(name.to_owned(), Array { shape, values });
+    }
+
+    /// Adds a matrix `(outputs, inputs)` with uniform entries of variance `1 / inputs`
+    /// (LeCun et al., *Efficient BackProp*, 1998, §4.6).
+    pub(crate) fn set_random(&mut self, name: &str, outputs: usize, inputs: usize, random: &mut Random) {
+        let bound = (3.0 / inputs as f64).sqrt();
+        let values = (0..outputs * inputs)
+            .map(|_| narrow(bound * (2.0 * random.uniform() - 1.0)))
+            .collect();
+        self.set(name, &[outputs, inputs], values);
+    }
+
+    pub(crate) fn set_constant(&mut self, name: &str, length: usize, value: f32) {
+        self.set(name, &[length], vec![value; length]);
+    }
+
+    pub(crate) fn scale(&mut self, name: &str, factor: f32) {
+        for value in self.arrays.get_mut(name).into_iter().flat_map(|array| &mut array.values) {
+            *value *= factor;
+        }
+    }
+
+    /// Returns the encoder's and decoder's arrays as variables of a new tape.
+    pub(crate) fn variables(&self) -> Result<Leaves, CgfError> {
+        self.leaves(|tensor| Ok(Var::from_tensor(&tensor)?.into_inner()))
+    }
+
+    /// Returns the encoder's and decoder's arrays as constants.
+    pub(crate) fn constants(&self) -> Result<Leaves, CgfError> {
+        self.leaves(Ok)
+    }
+
+    fn leaves(&self, put: impl Fn(Tensor) -> Result<Tensor, CgfError>) -> Result<Leaves, CgfError> {
+        self.arrays
+            .iter()
+            .filter(|(name, _)| !name.starts_with("point_net."))
+            .map(|(name, array)| {
+                let shape = array.shape.as_slice();
+                let tensor = Tensor::from_slice(&array.values, shape, &Device::Cpu)?;
+                Ok((name.clone(), put(tensor)?))
+            })
+            .collect()
+    }
+
+    /// Returns the bytes of a safetensors file.
+    ///
+    /// # Errors
+    ///
+    /// Fails if an array is too large for the format.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, CgfError> {
+        let bytes: Vec<(&String, &Array, Vec<u8>)> = self
+            .arrays
+            .iter()
+            .map(|(name, array)| {
+                let bytes = array.values.iter().flat_map(|x| x.to_le_bytes()).collect();
+                (name, array, bytes)
+            })
+            .collect();
+        let views = bytes
+            .iter()
+            .map(|(name, array, bytes)| {
+                let view = TensorView::new(Dtype::F32, array.shape.clone(), bytes)?;
+                Ok((name.as_str(), view))
+            })
+            .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()?;
+        Ok(safetensors::serialize(views, None)?)
+    }
+
+    /// Reads the bytes of a safetensors file.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the bytes are no safetensors file or hold anything but `f32`.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, CgfError> {
+        let mut weights = Self::default();
+        for (name, view) in SafeTensors::deserialize(bytes)?.iter() {
+            if view.dtype() != Dtype::F32 {
+                return Err(CgfError::Tensor {
+                    name: name.to_owned(),
+                    found: format!("{:?}", view.dtype()),
+                    expected: "F32".to_owned(),
+                });
+            }
+            let values = view
+                .data()
+                .chunks_exact(4)
+                .map(|chunk| {
+                    let mut number = [0; 4];
+                    number.copy_from_slice(chunk);
+                    f32::from_le_bytes(number)
+                })
+                .collect();
+            weights.set(name, view.shape(), values);
+        }
+        Ok(weights)
+    }
+
+    /// Checks that these are the arrays of `other`, by name and shape.
+    pub(crate) fn check_like(&self, other: &Self) -> Result<(), CgfError> {
+        for (name, expected) in &other.arrays {
+            let found = self.arrays.get(name).ok_or_else(|| missing(name))?;
+            if found.shape != expected.shape {
+                return Err(CgfError::Tensor {
+                    name: name.clone(),
+                    found: format!("{:?}", found.shape),
+                    expected: format!("{:?}", expected.shape),
+                });
+            }
+            if found.values.iter().any(|x| !x.is_finite()) {
+                return Err(CgfError::NotFinite {
+                    name: name.clone(),
+                    what: "a weight",
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Returns one leaf.
+pub(crate) fn leaf<'a>(leaves: &'a Leaves, name: &str) -> Result<&'a Tensor, CgfError> {
+    leaves.get(name).ok_or_else(|| missing(name))
+}
+
+fn missing(name: &str) -> CgfError {
+    CgfError::Tensor {
+        name: name.to_owned(),
+        found: "missing".to_owned(),
+        expected: "present".to_owned(),
+    }
+}

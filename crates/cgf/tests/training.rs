@@ -1,0 +1,231 @@
+//! A grasping function learned from made-up motions of a two-joint hand.
+
+use std::sync::Arc;
+
+use cgf::{
+    Activation, Augmentation, Cgf, CgfError, Contact, Grasp, GraspError, NetworkConfig,
+    Outputs, Schedule, Scene, TimedGrasp, Track, TrainingConfig, TrainingSet, train,
+};
+use nalgebra::{Isometry3, Point3, Vector3};
+use robot::RobotModel;
+use spatial::{Pose, Rest};
+
+const HAND: &str = r#"<robot name="h">
+  <link name="palm"/><link name="a"/><link name="tip"/>
+  <joint name="ja" type="revolute"><parent link="palm"/><child link="a"/><axis xyz="0 1 0"/>
+    <origin xyz="0 0 0.1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+  <joint name="jb" type="revolute"><parent link="a"/><child link="tip"/><axis xyz="1 0 0"/>
+    <origin xyz="0 0 0.05"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+</robot>"#;
+
+fn hand() -> Arc<RobotModel> {
+    Arc::new(RobotModel::from_urdf(HAND).unwrap())
+}
+
+/// A box of half extents `half` lying at height `half.z`, as points on a grid of its surface.
+fn scene(object: &str, half: [f64; 3]) -> Scene {
+    let mut points_in_object = Vec::new();
+    for k in 0..128 {
+        let (u, v) = (f64::from(k % 16) / 7.5 - 1.0, f64::from(k / 16) / 3.5 - 1.0);
+        let side = if k % 2 == 0 { 1.0 } else { -1.0 };
+        let unit = [[side, u, v], [u, side, v], [u, v, side]][k as usize % 3];
+        points_in_object.push(Point3::new(half[0] * unit[0], half[1] * unit[1], half[2] * unit[2]));
+    }
+    Scene {
+        object: object.to_owned(),
+        rest: Rest { up_in_object: Vector3::z_axis(), height_m: half[2] },
+        points_in_object,
+    }
+}
+
+fn track(name: &str, scene: usize, toward: Vector3<f64>, angle: f64) -> Track {
+    let steps = (0..30).map(|k| {
+        let t = 1.0 - f64::from(k) / 29.0;
+        let position = toward + Vector3::new(-0.2, 0.1, 0.25) * t * (2.0 - t);
+        let isometry = Isometry3::new(position, Vector3::new(angle, 1.0 - 0.5 * t, 0.3 * t));
+        TimedGrasp {
+            time_s: f64::from(k) / 30.0,
+            grasp: Grasp {
+                table_from_palm: Pose::new(isometry),
+                q_rad: vec![0.8 * (1.0 - t) + angle, 0.3 - 0.6 * t * t],
+            },
+        }
+    });
+    Track { name: name.to_owned(), scene, steps: steps.collect() }
+}
+
+fn set() -> TrainingSet {
+    TrainingSet {
+        scenes: vec![scene("box", [0.05, 0.03, 0.1]), scene("brick", [0.1, 0.05, 0.03])],
+        tracks: vec![
+            track("a", 0, Vector3::new(0.02, 0.0, 0.15), 0.3),
+            track("b", 1, Vector3::new(0.0, 0.05, 0.08), -0.4),
+        ],
+    }
+}
+
+fn network() -> NetworkConfig {
+    NetworkConfig {
+        points: 96,
+        point_widths: vec![16, 32, 48],
+        encoder_steps: 8,
+        hand_widths: vec![32, 8],
+        encoder_widths: vec![32],
+        latent_dim: 4,
+        decoder_widths: vec![64, 64],
+        activation: Activation::Silu,
+    }
+}
+
+fn training(epochs: usize) -> TrainingConfig {
+    TrainingConfig {
+        epochs,
+        batch: 32,
+        learning_rate: 3e-3,
+        schedule: Schedule::Cosine,
+        halving_epochs: 500,
+        grasp_steps: 5,
+        grasp_weight: 3.0,
+        random_times: 10,
+        augmentation: Augmentation::None,
+        outputs: Outputs::Standardized,
+        fixed_statistics_after: 0.5,
+        q_weight: 1.0,
+        origins_weight: 100.0,
+        kl_weight: 1e-3,
+        contact_weight: 0.0,
+        contact: Contact::TouchSurface,
+        tips: vec!["tip".to_owned()],
+        tip_radius_m: 0.01,
+    }
+}
+
+fn trained(epochs: usize) -> Cgf {
+    train(&set(), &hand(), &network(), &training(epochs), 7, |_, _| {}).unwrap()
+}
+
+#[test]
+fn two_motions_are_learned_by_heart() {
+    let cgf = trained(800);
+    for demonstration in &cgf.description().demonstrations {
+        let error = &demonstration.grasp_error;
+        assert!(error.position_m < 0.004, "{error:?}");
+        assert!(error.rotation_rad < 0.04, "{error:?}");
+        assert!(error.joints_rad < 0.04, "{error:?}");
+    }
+    let set = set();
+    let feature = cgf.feature(&set.scenes[1]).unwrap();
+    let mean = cgf.description().demonstrations[1].latent_mean.clone();
+    let times = Cgf::times(9);
+    for (grasp, t) in cgf.decode(&feature, &[mean], &times).unwrap()[0].iter().zip(times) {
+        let error = GraspError::between(grasp, &set.tracks[1].at(t));
+        assert!(error.position_m < 0.02, "t = {t}: {error:?}");
+    }
+    assert_eq!(cgf.description().training_curve.total.len(), 800);
+}
+
+#[test]
+fn motions_of_different_codes_differ() {
+    let cgf = trained(30);
+    let feature = cgf.feature(&set().scenes[0]).unwrap();
+    let motions = cgf.decode(&feature, &[vec![0.0; 4], vec![1.5; 4]], &[0.0, 0.5]).unwrap();
+    assert_eq!(motions.len(), 2);
+    assert_ne!(motions[0], motions[1]);
+    // A code's motion does not depend on what is decoded beside it.
+    let alone = cgf.decode(&feature, &[vec![1.5; 4]], &[0.5]).unwrap();
+    let error = GraspError::between(&alone[0][0], &motions[1][1]);
+    assert!(error.position_m < 1e-5 && error.joints_rad < 1e-5, "{error:?}");
+}
+
+#[test]
+fn checkpoint_is_read_as_it_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let (weights, description) = (folder.path().join("w"), folder.path().join("d"));
+    let cgf = trained(3);
+    cgf.save(&weights, &description).unwrap();
+    let read = Cgf::load(&weights, &description).unwrap();
+    assert_eq!(read.weights(), cgf.weights());
+    assert_eq!(read.description().network, cgf.description().network);
+    assert_eq!(read.description().joints, cgf.description().joints);
+    assert_eq!(read.description().training_curve, cgf.description().training_curve);
+    let feature = read.feature(&set().scenes[0]).unwrap();
+    let motion = |cgf: &Cgf| cgf.decode(&feature, &[vec![0.5; 4]], &[0.0]).unwrap()[0][0].clone();
+    let error = GraspError::between(&motion(&read), &motion(&cgf));
+    assert!(error.position_m < 1e-12 && error.joints_rad < 1e-12, "{error:?}");
+    let bytes = std::fs::read(&weights).unwrap();
+    std::fs::write(&weights, &bytes[..bytes.len() - 100]).unwrap();
+    assert!(matches!(Cgf::load(&weights, &description), Err(CgfError::Weights(_))));
+}
+
+#[test]
+fn checkpoint_of_another_hand_or_network_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (weights, description) = (folder.path().join("w"), folder.path().join("d"));
+    let cgf = trained(1);
+    cgf.save(&weights, &description).unwrap();
+    let other = ["ja".to_owned(), "jc".to_owned()];
+    assert!(matches!(cgf.check_hand(&other), Err(CgfError::AnotherHand { .. })));
+    let text = std::fs::read_to_string(&description).unwrap();
+    std::fs::write(&description, text.replace("\"latent_dim\": 4", "\"latent_dim\": 5")).unwrap();
+    assert!(matches!(Cgf::load(&weights, &description), Err(CgfError::Tensor { .. })));
+}
+
+#[test]
+fn unusable_sets_are_refused() {
+    let check = |change: fn(&mut TrainingSet), expected: &str| {
+        let mut set = set();
+        change(&mut set);
+        let err = train(&set, &hand(), &network(), &training(1), 7, |_, _| {}).unwrap_err();
+        assert!(err.to_string().contains(expected), "{err}");
+    };
+    check(|set| set.tracks.clear(), "0 trajectories");
+    check(|set| set.tracks.truncate(1), "1 trajectories");
+    check(|set| set.tracks[1].steps.truncate(1), "`b` has 1 steps");
+    check(|set| set.tracks[0].steps[3].grasp.q_rad[0] = f64::NAN, "not finite");
+    check(|set| set.tracks[0].steps[3].grasp.q_rad = vec![0.0; 16], "16 joint positions");
+    check(|set| set.scenes[0].points_in_object.truncate(10), "`box` has 10 surface points");
+}
+
+#[test]
+fn divergence_is_said() {
+    let mut config = training(200);
+    config.learning_rate = 1e18;
+    let err = train(&set(), &hand(), &network(), &config, 7, |_, _| {}).unwrap_err();
+    assert!(matches!(err, CgfError::Diverged { .. }), "{err}");
+}
+
+/// Runs itself with 1 and 2 threads and compares the bytes of the checkpoints: candle and rayon read
+/// the number of threads once per process.
+#[test]
+fn bytes_do_not_depend_on_the_number_of_threads() {
+    const OUT: &str = "CGF_TEST_OUT";
+    if let Ok(out) = std::env::var(OUT) {
+        // Wide enough that matrix products are shared between threads.
+        let mut network = network();
+        network.points = 128;
+        network.point_widths = vec![64, 128, 256];
+        network.decoder_widths = vec![256, 256];
+        let mut config = training(4);
+        config.random_times = 120;
+        config.augmentation = Augmentation::Vertical;
+        let cgf = train(&set(), &hand(), &network, &config, 7, |_, _| {}).unwrap();
+        let out = std::path::Path::new(&out);
+        cgf.save(&out.join("w"), &out.join("d")).unwrap();
+        return;
+    }
+    let folders = ["1", "2"].map(|threads| {
+        let folder = tempfile::tempdir().unwrap();
+        let status = std::process::Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "bytes_do_not_depend_on_the_number_of_threads"])
+            .env(OUT, folder.path())
+            .env("RAYON_NUM_THREADS", threads)
+            .output()
+            .unwrap();
+        assert!(status.status.success());
+        folder
+    });
+    for file in ["w", "d"] {
+        let [one, two] = [0, 1].map(|k| std::fs::read(folders[k].path().join(file)).unwrap());
+        assert!(one == two, "{file} differs");
+    }
+}

@@ -1,0 +1,54 @@
+//! Digests of the sources that decide what a crate computes, for its build script.
+//!
+//! ```no_run
+//! // build.rs
+//! fn main() {
+//!     code_digest::emit();
+//! }
+//! ```
+//!
+//! The digest covers, crate by crate, `Cargo.toml` and every file below `src/` of the crate itself
+//! and of the workspace crates that it depends on, and the locked versions of everything else that
+//! those depend on. Nobody bumps a number by hand: editing a source changes the digest of that crate
+//! alone, and a stage that does not depend on it keeps its results.
+//! What it deliberately leaves out: documentation, tests and benches outside `src/`, development
+//! dependencies, and the compiler.
+
+mod locked;
+mod workspace;
+
+pub use workspace::{CodeError, Part, parts};
+
+/// Name of the environment variable in which the crate being built finds its digests.
+const VARIABLE: &str = "PIPELINE_CODE";
+
+/// Writes the digests of the crate whose build script calls this to `PIPELINE_CODE`, and asks cargo
+/// to run the script again when one of the sources changes.
+///
+/// # Panics
+///
+/// Panics if a source cannot be read, which fails the build with that message.
+pub fn emit() {
+    let folder = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_else(|_| ".".to_owned());
+    let parts = parts(folder.as_ref()).unwrap_or_else(|err| fail(&err));
+    let line: Vec<String> = parts
+        .iter()
+        .map(|part| format!("{}={}", part.name, part.digest))
+        .collect();
+    let instructions = parts
+        .iter()
+        .flat_map(|part| &part.watched)
+        .map(|path| format!("cargo::rerun-if-changed={}\n", path.display()))
+        .collect::<String>();
+    say(&format!("{instructions}cargo::rustc-env={VARIABLE}={}", line.join(";")));
+}
+
+#[expect(clippy::print_stdout, reason = "a build script talks to cargo on stdout")]
+fn say(instructions: &str) {
+    println!("{instructions}");
+}
+
+#[expect(clippy::panic, reason = "a build script fails by panicking")]
+fn fail(err: &CodeError) -> ! {
+    panic!("{err}")
+}

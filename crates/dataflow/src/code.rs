@@ -1,0 +1,25 @@
+//! The code part of a fingerprint: digests of the sources that decide an output.
+
+/// Digests of a stage's sources, by workspace crate, and of the locked versions it computes with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Code {
+    /// `crate=digest` pairs separated by `;`, ordered by name, as the build script wrote them.
+    pub parts: &'static str,
+}
+
+impl Code {
+    /// Iterates over the crates and their digests.
+    pub fn iter(self) -> impl Iterator<Item = (&'static str, &'static str)> {
+        self.parts.split(';').filter_map(|part| part.split_once('='))
+    }
+}
+
+/// The [`Code`] of the crate in which it is written; its build script calls `code_digest::emit()`.
+#[macro_export]
+macro_rules! code {
+    () => {
+        $crate::Code {
+            parts: env!("PIPELINE_CODE"),
+        }
+    };
+}

@@ -1,0 +1,195 @@
+//! What can go wrong with a pipeline file, a plan or a run.
+
+use std::{error::Error, fmt, io, path::PathBuf};
+
+use crate::{
+    graph::NodeName,
+    source::Location,
+    stage::{Advise, Advised},
+};
+
+/// Everything that is wrong with a pipeline file.
+#[derive(Debug)]
+pub struct FileError {
+    /// The faults, in the order in which they stand in the file; at least one.
+    pub problems: Vec<Problem>,
+}
+
+/// One fault of a pipeline file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Problem {
+    /// What is wrong.
+    pub message: String,
+    /// Where, if it is at one place.
+    pub location: Option<Location>,
+    /// What to do.
+    pub hint: Option<String>,
+}
+
+impl Problem {
+    pub(crate) fn new(message: impl Into<String>) -> Self {
+        Self {
+            message: message.into(),
+            location: None,
+            hint: None,
+        }
+    }
+
+    pub(crate) fn at(mut self, location: Option<Location>) -> Self {
+        self.location = location;
+        self
+    }
+
+    pub(crate) fn hint(mut self, hint: impl Into<Option<String>>) -> Self {
+        self.hint = hint.into();
+        self
+    }
+}
+
+impl From<Problem> for FileError {
+    fn from(problem: Problem) -> Self {
+        Self {
+            problems: vec![problem],
+        }
+    }
+}
+
+impl fmt::Display for FileError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (number, problem) in self.problems.iter().enumerate() {
+            if number > 0 {
+                f.write_str("; ")?;
+            }
+            f.write_str(&problem.message)?;
+        }
+        Ok(())
+    }
+}
+
+impl Error for FileError {}
+
+/// Why a plan could not be made or a run could not go on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Failure {
+    /// A stage refused to go on.
+    #[error("stage `{stage}` failed{}", Partition(partition.as_deref()))]
+    Stage {
+        /// The stage's name.
+        stage: String,
+        /// The partition being made, if it was one.
+        partition: Option<String>,
+        /// The stage's own error.
+        source: Advised,
+    },
+    /// A stage broke one of its own rules.
+    #[error("stage `{stage}` broke off while it made `{partition}`: {message}")]
+    Panic {
+        /// The stage's name.
+        stage: String,
+        /// The partition being made.
+        partition: String,
+        /// What it said.
+        message: String,
+    },
+    /// A stage promised to read a partition that is not there.
+    #[error("stage `{stage}` wants to read `{input}` partition `{partition}`, which was not made")]
+    MissingInput {
+        /// The stage's name.
+        stage: String,
+        /// The input's name.
+        input: String,
+        /// The partition's key.
+        partition: String,
+    },
+    /// Too many items had to be skipped.
+    #[error("stage `{}` skipped {n_skipped} of {n_items} items, more than `max_skipped_fraction` = {allowed}; the first: {first}", node.stage)]
+    TooManySkipped {
+        /// The stage and output.
+        node: NodeName,
+        /// Items skipped.
+        n_skipped: usize,
+        /// Items in all.
+        n_items: usize,
+        /// The stage's limit.
+        allowed: f64,
+        /// The first item and its reason.
+        first: String,
+    },
+    /// A damaged artifact could not be made again.
+    #[error("`{node}` partition `{partition}` is damaged and did not come out the same again")]
+    Damaged {
+        /// The stage and output.
+        node: String,
+        /// The partition's key.
+        partition: String,
+    },
+    /// There is nothing to work on.
+    #[error("stage `{}` has nothing to do: no `{}` to make", .0.stage, .0.artifact)]
+    Nothing(NodeName),
+    /// No stage of this name is in the file.
+    #[error("no stage `{name}` in the pipeline")]
+    NoStage {
+        /// The name asked for.
+        name: String,
+        /// The stages there are.
+        known: Vec<String>,
+    },
+    /// A file that a unit reads cannot be read.
+    #[error("cannot read `{}`", path.display())]
+    SourceFile {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The lake failed.
+    #[error(transparent)]
+    Store(#[from] Advised),
+    /// The worker threads could not be started.
+    #[error("cannot start the worker threads")]
+    Threads(#[source] rayon::ThreadPoolBuildError),
+}
+
+struct Partition<'a>(Option<&'a str>);
+
+impl fmt::Display for Partition<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(partition) => write!(f, " at `{partition}`"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Advise for Failure {
+    fn hint(&self) -> Option<String> {
+        match self {
+            Self::Stage { source, .. } => source.0.hint(),
+            Self::TooManySkipped { node, .. } => Some(format!(
+                "see every reason with `pipeline inspect {node} --skipped`, or raise \
+                 `max_skipped_fraction` of stage `{}`",
+                node.stage
+            )),
+            Self::NoStage { name, known } => Some(
+                crate::near::nearest(name, known.iter().map(String::as_str)).map_or_else(
+                    || format!("its stages are: {}", known.join(", ")),
+                    |near| format!("did you mean `{near}`?"),
+                ),
+            ),
+            Self::Store(err) => err.0.hint(),
+            Self::Panic { .. } => Some(
+                "this is a fault of the program: please report it with the command and the file"
+                    .to_owned(),
+            ),
+            Self::Damaged { node, .. } => Some(format!(
+                "make it and what follows again with `pipeline run FILE --fresh {}`",
+                node.split('.').next().unwrap_or(node)
+            )),
+            Self::Nothing(_)
+            | Self::MissingInput { .. }
+            | Self::SourceFile { .. }
+            | Self::Threads(_) => None,
+        }
+    }
+}

@@ -1,0 +1,51 @@
+//! Pipeline files, stages, units, fingerprints, plans and their execution.
+//!
+//! A pipeline file wires stages; a stage makes its outputs one partition at a time; each partition is
+//! a *unit* with a [`Fingerprint`] that holds everything its bytes depend on. A unit whose
+//! fingerprint the [`Store`] already knows is not made again; `plan` compares fingerprints field by
+//! field and so names the cause of every rerun.
+//!
+//! Invariants: equal fingerprints give equal bytes on any number of threads; an artifact appears
+//! whole or not at all; what a unit reads is checked against its digest before the unit starts.
+//!
+//! What this crate deliberately does not know: hands, robots, Arrow, MCAP, terminals. It defines the
+//! [`Store`] that `lake` implements and the [`Observer`] through which the command line shows progress.
+
+mod code;
+mod context;
+mod digest;
+mod error;
+mod fingerprint;
+mod graph;
+mod kind;
+mod near;
+mod observer;
+mod overrides;
+mod pipeline;
+mod plan;
+mod run;
+mod source;
+mod stage;
+mod state;
+mod store;
+mod unit;
+
+pub use code::Code;
+pub use context::{Artifact, Context, Inputs, Progress};
+pub use digest::Digest;
+pub use error::{Failure, FileError, Problem};
+pub use fingerprint::{Cause, Change, Fingerprint};
+pub use graph::{Node, NodeName};
+pub use kind::{Kind, OptionInfo};
+pub use near::nearest;
+pub use observer::Observer;
+pub use overrides::{Override, OverrideError};
+pub use pipeline::{Pipeline, StageEntry};
+pub use plan::{Plan, PlannedNode, PlannedUnit, UnitState, plan};
+pub use run::{FreshAll, NodeReport, RunOptions, RunReport, UnitReport, run};
+pub use source::Location;
+pub use stage::{
+    Advise, Advised, Input, Made, Outcome, Output, Partition, Scope, SourceFile, Stage,
+};
+pub use store::{FileRef, Making, Record, RecordOutcome, RunRecord, Store, UnitRef, Unkept};
+pub use unit::{Summary, Unit};

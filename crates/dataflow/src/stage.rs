@@ -1,0 +1,198 @@
+//! The contract of a stage: what it reads, what it makes, one partition at a time.
+
+use std::{
+    collections::BTreeMap,
+    error::Error,
+    fmt,
+    path::{Path, PathBuf},
+};
+
+use schemars::JsonSchema;
+use serde::{Serialize, de::DeserializeOwned};
+
+use crate::{
+    code::Code,
+    context::{Context, Inputs},
+    unit::{Summary, Unit},
+};
+
+/// An error that can say what to do next.
+pub trait Advise: Error + Send + Sync + 'static {
+    /// The next action: an edit or a command that can be pasted.
+    fn hint(&self) -> Option<String>;
+}
+
+/// An error of any kind that can say what to do next.
+#[derive(Debug)]
+pub struct Advised(pub Box<dyn Advise>);
+
+impl<E: Advise> From<E> for Advised {
+    fn from(err: E) -> Self {
+        Self(Box::new(err))
+    }
+}
+
+impl fmt::Display for Advised {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl Error for Advised {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        self.0.source()
+    }
+}
+
+/// One kind of step of a pipeline: artifacts in, artifacts out, and nothing else.
+///
+/// A stage is a pure function of its configuration, its inputs and [`Context::seed`]. Equal
+/// arguments must give equal bytes, on any number of threads.
+pub trait Stage: 'static {
+    /// The stage's table in the pipeline file.
+    ///
+    /// Its serialized form is part of the fingerprint. A path to a file or folder whose content is
+    /// among the unit's [`Unit::files`] is left out of it with `#[serde(skip_serializing)]`.
+    type Config: DeserializeOwned + Serialize + JsonSchema + Send + Sync;
+    /// Why a unit could not be made.
+    type Error: Advise;
+
+    /// The value of `kind` in the pipeline file.
+    const KIND: &'static str;
+    /// What it does, in one sentence for the list of stages.
+    const ABOUT: &'static str;
+    /// The sources that decide the output, made at build time by `dataflow::code!()`.
+    const CODE: Code;
+    /// The artifacts it reads: the key under `inputs` and the artifact that must be wired there.
+    const INPUTS: &'static [Input];
+    /// The artifacts it makes, in the order in which they are made.
+    const OUTPUTS: &'static [Output];
+
+    /// Makes ready what lies outside the lake, before anything is planned.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the outside cannot be used at all.
+    fn prepare(_config: &Self::Config) -> Result<(), Self::Error> {
+        Ok(())
+    }
+
+    /// Lists the partitions of one output and what each of them reads.
+    ///
+    /// # Errors
+    ///
+    /// Fails if there is nothing to work on.
+    fn units(config: &Self::Config, output: &str, scope: &Scope) -> Result<Vec<Unit>, Self::Error>;
+
+    /// Makes one partition: writes its files into [`Context::folder`].
+    ///
+    /// # Errors
+    ///
+    /// Fails if the whole stage cannot go on. One bad item is [`Outcome::Skipped`] instead.
+    fn run(
+        config: &Self::Config,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome, Self::Error>;
+
+    /// Says in the user's terms what became of one output, e.g. `24 recordings → 23 demonstrations`.
+    fn describe(output: &str, summary: &Summary) -> String;
+}
+
+/// An artifact that a stage reads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Input {
+    /// The key under `inputs` in the pipeline file.
+    pub name: &'static str,
+    /// The artifact, e.g. `demonstrations`.
+    pub artifact: &'static str,
+}
+
+/// An artifact that a stage makes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Output {
+    /// The artifact's name, e.g. `demonstrations`: also the name of its table.
+    pub artifact: &'static str,
+    /// Name and version of its schema, e.g. `demonstrations/1`.
+    pub schema: &'static str,
+    /// What one partition stands for, e.g. `sequence`: the name of the Hive partition column.
+    pub partition: &'static str,
+    /// Whether a unit may run beside another of the same output. Units that move a robot may not.
+    pub parallel: bool,
+}
+
+/// What became of one partition.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Outcome {
+    /// The files in [`Context::folder`] are the artifact.
+    Made(Made),
+    /// The item cannot be used; counted, listed, and the run ends with exit code 3.
+    Skipped {
+        /// Why, as one sentence without a final period.
+        reason: String,
+    },
+    /// The configuration asks to leave this item out; listed, and no fault.
+    Filtered {
+        /// Why, as one sentence without a final period.
+        reason: String,
+    },
+}
+
+/// What is said about a partition beside its files.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Made {
+    /// Facts by which later stages choose partitions, e.g. `object = 003_cracker_box`.
+    pub labels: BTreeMap<String, String>,
+    /// Counts and figures for the stage's line and for comparing runs.
+    pub metrics: BTreeMap<String, f64>,
+}
+
+/// What a stage may look at to list its units: the partitions that its inputs have.
+#[derive(Debug, Clone, Default)]
+pub struct Scope {
+    partitions: BTreeMap<String, Vec<Partition>>,
+}
+
+impl Scope {
+    /// Returns the scope that holds these partitions by input name or own output's artifact.
+    pub fn new(partitions: BTreeMap<String, Vec<Partition>>) -> Self {
+        Self { partitions }
+    }
+
+    /// Returns the partitions of an input, or of an output of this stage that is made earlier,
+    /// ordered by key.
+    pub fn partitions(&self, name: &str) -> &[Partition] {
+        self.partitions.get(name).map_or(&[], Vec::as_slice)
+    }
+}
+
+/// One partition of an artifact, as far as planning needs it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Partition {
+    /// The partition's key, e.g. the sequence's name.
+    pub key: String,
+    /// What its maker said about it.
+    pub labels: BTreeMap<String, String>,
+}
+
+/// A file outside the lake that a unit reads.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct SourceFile {
+    /// Its name in the fingerprint: relative to the dataset, never a path of this machine.
+    pub name: String,
+    /// Where it lies.
+    pub path: PathBuf,
+}
+
+impl SourceFile {
+    /// Names `path` by its last component.
+    pub fn named_by_file(path: &Path) -> Self {
+        Self {
+            name: path.file_name().map_or_else(
+                || path.display().to_string(),
+                |name| name.to_string_lossy().into_owned(),
+            ),
+            path: path.to_owned(),
+        }
+    }
+}

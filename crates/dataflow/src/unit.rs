@@ -1,0 +1,67 @@
+//! Units of work: one partition of one output of one stage.
+
+use std::collections::BTreeMap;
+
+use crate::stage::SourceFile;
+
+/// One partition to make and what it reads.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Unit {
+    /// The partition's key, e.g. the sequence's or the object's name.
+    pub partition: String,
+    /// Keys of the partitions read, by input name (or by an earlier output of the same stage).
+    pub reads: BTreeMap<String, Vec<String>>,
+    /// Files outside the lake that it reads.
+    pub files: Vec<SourceFile>,
+}
+
+impl Unit {
+    /// Returns a unit that reads nothing yet.
+    pub fn new(partition: impl Into<String>) -> Self {
+        Self {
+            partition: partition.into(),
+            ..Self::default()
+        }
+    }
+
+    /// Adds partitions of an input.
+    #[must_use]
+    pub fn reading<K: Into<String>>(
+        mut self,
+        input: &str,
+        keys: impl IntoIterator<Item = K>,
+    ) -> Self {
+        self.reads
+            .entry(input.to_owned())
+            .or_default()
+            .extend(keys.into_iter().map(Into::into));
+        self
+    }
+
+    /// Adds a file outside the lake.
+    #[must_use]
+    pub fn with_file(mut self, file: SourceFile) -> Self {
+        self.files.push(file);
+        self
+    }
+}
+
+/// What became of all units of one output, for its line in the report.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Summary {
+    /// Partitions made or taken from the lake.
+    pub n_made: usize,
+    /// Items skipped as unusable.
+    pub n_skipped: usize,
+    /// Items left out by configuration.
+    pub n_filtered: usize,
+    /// Sum of each metric over the partitions.
+    pub totals: BTreeMap<String, f64>,
+}
+
+impl Summary {
+    /// Returns the sum of a metric over all partitions, 0 if nobody reported it.
+    pub fn total(&self, metric: &str) -> f64 {
+        self.totals.get(metric).copied().unwrap_or(0.0)
+    }
+}

@@ -1,0 +1,216 @@
+//! Fitting a hand to a way of taking an object: damped least squares over the wrist's pose and the
+//! joints.
+
+use geometry::SurfacePoint;
+use nalgebra::{DMatrix, DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use spatial::Rest;
+
+use crate::{
+    approach::Approach,
+    body::{Body, height_m},
+    hand::{DOF, FINGERS, Hand, Joints, clamped, point},
+};
+
+/// A hand at an object, in the object's frame.
+#[derive(Debug, Clone)]
+pub(crate) struct Placed {
+    pub(crate) object_from_hand: Isometry3<f64>,
+    pub(crate) q: Joints,
+}
+
+/// Unknowns: three of translation, three of rotation, then the joints.
+const UNKNOWNS: usize = 6 + DOF;
+/// Rounds of the fit.
+const ROUNDS: usize = 30;
+/// Flesh may give by this much, in meters.
+const SOFT_M: f64 = 0.0005;
+/// Room between flesh and table, in meters.
+const ABOVE_TABLE_M: f64 = 0.004;
+/// How high the wrist and a point on the forearm should be, in meters.
+const WRIST_HEIGHT_M: f64 = 0.045;
+/// How much the knuckles are opened before the fit, in radians.
+const OPEN_RAD: f64 = 0.3;
+/// Where the point on the forearm is in the hand's frame, in meters.
+const FOREARM_M: f64 = -0.12;
+
+/// The sum of squares and its derivatives.
+struct System {
+    normal: DMatrix<f64>,
+    gradient: DVector<f64>,
+    cost: f64,
+}
+
+impl System {
+    fn new() -> Self {
+        Self { normal: DMatrix::zeros(UNKNOWNS, UNKNOWNS), gradient: DVector::zeros(UNKNOWNS), cost: 0.0 }
+    }
+
+    /// Adds a squared residual with its derivative.
+    fn add(&mut self, residual: f64, row: &DVector<f64>) {
+        self.cost += residual * residual;
+        self.gradient.axpy(residual, row, 1.0);
+        self.normal.ger(1.0, row, row, 1.0);
+    }
+}
+
+/// Fits a hand: pads on their targets and against the surface, flesh out of object and table,
+/// joints in their ranges and near the approach's posture.
+pub(crate) fn fit(body: &Body, rest: &Rest, hand: &Hand, approach: &Approach) -> Placed {
+    // Start open, so that the fingers close from outside.
+    let mut open = approach.posture;
+    for knuckle in [0, 5, 8, 11, 14] {
+        open[knuckle] -= OPEN_RAD;
+    }
+    let mut best = Placed { object_from_hand: approach.object_from_hand, q: clamped(&open) };
+    let mut system = assemble(body, rest, hand, approach, &best);
+    let mut damping = 1e-2;
+    for _ in 0..ROUNDS {
+        let mut damped = system.normal.clone();
+        for idx in 0..UNKNOWNS {
+            damped[(idx, idx)] += damping * (damped[(idx, idx)] + 1e-3);
+        }
+        let Some(step) = damped.cholesky().map(|factor| factor.solve(&-&system.gradient)) else { break };
+        let next = moved(&best, &step);
+        let next_system = assemble(body, rest, hand, approach, &next);
+        if next_system.cost < system.cost {
+            let gain = (system.cost - next_system.cost) / system.cost;
+            (best, system) = (next, next_system);
+            damping = (damping * 0.4).max(1e-6);
+            if gain < 1e-4 {
+                break;
+            }
+        } else {
+            damping *= 6.0;
+            if damping > 1e4 {
+                break;
+            }
+        }
+    }
+    best
+}
+
+/// Takes a step: translation and rotation about the wrist in the object's axes, then joints.
+fn moved(placed: &Placed, step: &DVector<f64>) -> Placed {
+    let shift = Vector3::new(step[0], step[1], step[2]);
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(step[3], step[4], step[5]));
+    let old = &placed.object_from_hand;
+    Placed {
+        object_from_hand: Isometry3::from_parts(
+            Translation3::from(old.translation.vector + shift),
+            UnitQuaternion::new_normalize((turn * old.rotation).into_inner()),
+        ),
+        q: clamped(&std::array::from_fn(|idx| placed.q[idx] + step[6 + idx])),
+    }
+}
+
+fn assemble(body: &Body, rest: &Rest, hand: &Hand, approach: &Approach, at: &Placed) -> System {
+    let mut local = hand.points(&at.q);
+    local.push(Point3::new(FOREARM_M, 0.0, 0.0));
+    let nudge = 1e-6;
+    let moves: Vec<Vec<Point3<f64>>> = (0..DOF)
+        .map(|idx| {
+            let mut q = at.q;
+            q[idx] += nudge;
+            hand.points(&q)
+        })
+        .collect();
+    let rotation = at.object_from_hand.rotation;
+    let wrist = at.object_from_hand.translation.vector;
+    let points: Vec<Point3<f64>> = local.iter().map(|p| at.object_from_hand * p).collect();
+    // The derivative of direction · point.
+    let row = |idx: usize, direction: &Vector3<f64>| {
+        let mut row = DVector::zeros(UNKNOWNS);
+        let turning = (points[idx].coords - wrist).cross(direction);
+        for axis in 0..3 {
+            row[axis] = direction[axis];
+            row[3 + axis] = turning[axis];
+        }
+        let in_hand = rotation.inverse() * direction;
+        for (joint, moved) in moves.iter().enumerate() {
+            row[6 + joint] = moved.get(idx).map_or(0.0, |moved| (moved - local[idx]).dot(&in_hand) / nudge);
+        }
+        row
+    };
+    let mut system = System::new();
+    let forearm = points.len() - 1;
+    let up = rest.up_in_object.into_inner();
+
+    for (finger, target) in approach.targets.iter().enumerate() {
+        let Some(target) = target else { continue };
+        let share = if finger == FINGERS - 1 { 0.5 } else { 1.0 };
+        let (pad, skin) = (point::PADS + finger, point::SKIN + finger);
+        let radius = hand.pad_radius_m(finger);
+        let nearest = same_side(body.surface.signed_distance(&points[pad]), target, &points[pad]);
+        // The pad touches the surface, to a millimeter.
+        let weight = share / 0.0008;
+        system.add((nearest.distance_m - radius) * weight, &(row(pad, &nearest.normal) * weight));
+        // It is about where it should be.
+        let place = target.point + target.normal * radius;
+        let weight = share / if finger == 0 { 0.010 } else { 0.014 };
+        for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+            let off = (points[pad] - place).dot(&axis);
+            system.add(off * weight, &(row(pad, &axis) * weight));
+        }
+        // The skin faces the surface.
+        let weight = share * 1.2;
+        for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+            let off = ((points[skin] - points[pad]) / radius + nearest.normal).dot(&axis);
+            system.add(off * weight, &((row(skin, &axis) - row(pad, &axis)) * (weight / radius)));
+        }
+    }
+    for (idx, &radius) in hand.radii_m().iter().enumerate() {
+        let idx = point::FLESH + idx;
+        let nearest = body.surface.signed_distance(&points[idx]);
+        let inside = radius - SOFT_M - nearest.distance_m;
+        if inside > 0.0 {
+            let weight = 1.0 / 0.0008;
+            system.add(inside * weight, &(row(idx, &nearest.normal) * -weight));
+        }
+        let sunk = radius + ABOVE_TABLE_M - height_m(rest, &points[idx]);
+        if sunk > 0.0 {
+            let weight = 1.0 / 0.001;
+            system.add(sunk * weight, &(row(idx, &up) * -weight));
+        }
+    }
+    for idx in [0, forearm] {
+        let sunk = WRIST_HEIGHT_M - height_m(rest, &points[idx]);
+        if sunk > 0.0 {
+            let weight = 1.0 / 0.008;
+            system.add(sunk * weight, &(row(idx, &up) * -weight));
+        }
+    }
+    near_posture(&mut system, approach, &at.q);
+    let off = (rotation * approach.object_from_hand.rotation.inverse()).scaled_axis();
+    for axis in 0..3 {
+        system.add(off[axis] / 0.7, &unit(3 + axis, 1.0 / 0.7));
+    }
+    system
+}
+
+/// Returns the nearest surface point, or the target's plane where the pad is on the other side of a
+/// thin wall than its target.
+fn same_side(nearest: SurfacePoint, target: &SurfacePoint, pad: &Point3<f64>) -> SurfacePoint {
+    if nearest.normal.dot(&target.normal) > 0.0 {
+        return nearest;
+    }
+    let distance_m = (pad - target.point).dot(&target.normal);
+    SurfacePoint { distance_m, ..*target }
+}
+
+/// Adds what keeps the joints natural: near the posture, and neighboring fingers alike.
+fn near_posture(system: &mut System, approach: &Approach, q: &Joints) {
+    for (joint, &angle) in q.iter().enumerate() {
+        system.add((angle - approach.posture[joint]) / 0.7, &unit(6 + joint, 1.0 / 0.7));
+    }
+    for (a, b) in [(5, 8), (8, 11), (11, 14), (6, 9), (9, 12), (12, 15)] {
+        let weight = 1.0 / 0.35;
+        let row = unit(6 + a, weight) - unit(6 + b, weight);
+        system.add((q[a] - q[b]) * weight, &row);
+    }
+}
+
+fn unit(idx: usize, value: f64) -> DVector<f64> {
+    let mut row = DVector::zeros(UNKNOWNS);
+    row[idx] = value;
+    row
+}

@@ -1,0 +1,75 @@
+//! Why a mesh could not be used.
+
+/// Why a mesh could not be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum GeometryError {
+    /// A number in the text cannot be read or is not finite.
+    #[error("line {line}: `{found}` is not a finite number")]
+    NotANumber {
+        /// The line, counted from one.
+        line: usize,
+        /// The text found.
+        found: String,
+    },
+    /// A vertex line has fewer than three numbers.
+    #[error("line {line}: a vertex needs three numbers, found {found}")]
+    ShortVertex {
+        /// The line, counted from one.
+        line: usize,
+        /// How many numbers were found.
+        found: usize,
+    },
+    /// A face line has fewer than three corners.
+    #[error("line {line}: a face needs three corners, found {found}")]
+    ShortFace {
+        /// The line, counted from one.
+        line: usize,
+        /// How many corners were found.
+        found: usize,
+    },
+    /// A face's corner is not an index.
+    #[error("line {line}: `{found}` is not a vertex index")]
+    NotAnIndex {
+        /// The line, counted from one.
+        line: usize,
+        /// The text found.
+        found: String,
+    },
+    /// A face names a vertex that does not exist before it in the file.
+    #[error("line {line}: vertex {index} does not exist, the file has {vertices} up to here")]
+    IndexOutOfRange {
+        /// The line, counted from one.
+        line: usize,
+        /// The index as written.
+        index: i64,
+        /// How many vertices precede the line.
+        vertices: usize,
+    },
+    /// There is no triangle with an area.
+    #[error("the mesh has no triangles")]
+    NoTriangles,
+    /// The points have no hull with a volume: fewer than four, or all in a plane.
+    #[error("{points} points have no convex hull with a volume")]
+    NoHull {
+        /// How many points there were.
+        points: usize,
+    },
+}
+
+impl GeometryError {
+    /// Returns what to do about it, where that is known.
+    pub fn hint(&self) -> Option<String> {
+        match self {
+            Self::NotANumber { .. }
+            | Self::ShortVertex { .. }
+            | Self::ShortFace { .. }
+            | Self::NotAnIndex { .. }
+            | Self::IndexOutOfRange { .. } => {
+                Some("the file may be cut off: copy it from its source again".to_owned())
+            }
+            Self::NoTriangles => Some("export the mesh with its faces".to_owned()),
+            Self::NoHull { .. } => None,
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Why something in the lake could not be read or written.
+
+use std::{io, path::PathBuf};
+
+use dataflow::Advise;
+use schemas::SchemaError;
+
+/// Why something in the lake could not be read or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LakeError {
+    /// A file or folder could not be read or written.
+    #[error("cannot {action} `{}`", path.display())]
+    Io {
+        /// What was tried, e.g. `read`.
+        action: &'static str,
+        /// Where.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// A table is not valid Parquet.
+    #[error("cannot {action} the table `{}`", path.display())]
+    Parquet {
+        /// What was tried, e.g. `read`.
+        action: &'static str,
+        /// Where.
+        path: PathBuf,
+        /// Why it failed.
+        source: parquet::errors::ParquetError,
+    },
+    /// A recording is not valid MCAP.
+    #[error("cannot {action} the recording `{}`", path.display())]
+    Mcap {
+        /// What was tried, e.g. `read`.
+        action: &'static str,
+        /// Where.
+        path: PathBuf,
+        /// Why it failed.
+        source: mcap::McapError,
+    },
+    /// A record of the lake is not valid JSON of the expected form.
+    #[error("cannot read the record `{}`", path.display())]
+    Json {
+        /// Where.
+        path: PathBuf,
+        /// Why it failed.
+        source: serde_json::Error,
+    },
+    /// A table has other columns than its schema.
+    #[error("table `{}` does not follow its schema", path.display())]
+    Schema {
+        /// Where.
+        path: PathBuf,
+        /// How it differs.
+        source: SchemaError,
+    },
+    /// An artifact lacks a file that its kind promises.
+    #[error("artifact `{key}` has no file `{file}`")]
+    MissingFile {
+        /// The partition's key.
+        key: String,
+        /// The file's name.
+        file: String,
+    },
+}
+
+impl Advise for LakeError {
+    fn hint(&self) -> Option<String> {
+        match self {
+            Self::Io { source, .. } => match source.kind() {
+                io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+                    Some("choose a lake that can be written with `--lake DIR`".to_owned())
+                }
+                io::ErrorKind::StorageFull => {
+                    Some("free some space, then run the same command again".to_owned())
+                }
+                _ => None,
+            },
+            Self::Schema { .. } | Self::MissingFile { .. } => {
+                Some("make it again with `pipeline run FILE --fresh`".to_owned())
+            }
+            Self::Parquet { .. } | Self::Mcap { .. } | Self::Json { .. } => None,
+        }
+    }
+}

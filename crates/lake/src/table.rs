@@ -1,0 +1,133 @@
+//! Tables: one Parquet file per partition of an artifact.
+
+use std::{fs::File, path::Path};
+
+use arrow::{compute::concat_batches, record_batch::RecordBatch};
+use dataflow::Artifact;
+use parquet::{
+    arrow::{ArrowWriter, arrow_reader::ParquetRecordBatchReaderBuilder},
+    basic::{Compression, ZstdLevel},
+    errors::ParquetError,
+    file::properties::WriterProperties,
+};
+
+use crate::LakeError;
+
+/// Name of the table's file in an artifact.
+pub const FILE: &str = "part.parquet";
+
+/// Rows per row group: memory of a reader grows with this, not with the file.
+const ROW_GROUP_ROWS: usize = 131_072;
+
+/// Writes `batch` as the table of the artifact in `folder`.
+///
+/// # Errors
+///
+/// Fails if the file cannot be written.
+pub fn write(folder: &Path, batch: &RecordBatch) -> Result<(), LakeError> {
+    let path = folder.join(FILE);
+    let file = File::create(&path).map_err(|source| LakeError::Io {
+        action: "write",
+        path: path.clone(),
+        source,
+    })?;
+    let parquet = |source: ParquetError| LakeError::Parquet {
+        action: "write",
+        path: path.clone(),
+        source,
+    };
+    let properties = WriterProperties::builder()
+        .set_compression(Compression::ZSTD(ZstdLevel::default()))
+        .set_max_row_group_row_count(Some(ROW_GROUP_ROWS))
+        .set_created_by(concat!("pipeline ", env!("CARGO_PKG_VERSION")).to_owned())
+        .build();
+    let mut writer =
+        ArrowWriter::try_new(file, batch.schema(), Some(properties)).map_err(parquet)?;
+    writer.write(batch).map_err(parquet)?;
+    writer.close().map_err(parquet)?;
+    Ok(())
+}
+
+/// Reads the table of an artifact.
+///
+/// # Errors
+///
+/// Fails if the artifact has no table or it is not valid Parquet.
+pub fn read(artifact: &Artifact) -> Result<RecordBatch, LakeError> {
+    let path = artifact.file(FILE).ok_or_else(|| LakeError::MissingFile {
+        key: artifact.key.clone(),
+        file: FILE.to_owned(),
+    })?;
+    let parquet = |source: ParquetError| LakeError::Parquet {
+        action: "read",
+        path: path.to_owned(),
+        source,
+    };
+    let file = File::open(path).map_err(|source| LakeError::Io {
+        action: "read",
+        path: path.to_owned(),
+        source,
+    })?;
+    let reader = ParquetRecordBatchReaderBuilder::try_new(file).map_err(parquet)?;
+    let schema = reader.schema().clone();
+    let batches = reader
+        .build()
+        .map_err(parquet)?
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(|err| parquet(err.into()))?;
+    concat_batches(&schema, &batches).map_err(|err| parquet(err.into()))
+}
+
+/// What a table's file says about itself.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Description {
+    /// Number of rows.
+    pub rows: i64,
+    /// The columns in their order.
+    pub columns: Vec<ColumnDescription>,
+}
+
+/// What a table's file says about a column.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ColumnDescription {
+    /// Its name.
+    pub name: String,
+    /// Its Arrow type.
+    pub data_type: String,
+    /// The unit of its numbers, empty if it holds none.
+    pub unit: String,
+    /// What it means.
+    pub description: String,
+}
+
+/// Reads what a table says about itself, without its rows.
+///
+/// # Errors
+///
+/// Fails if the file is not valid Parquet.
+pub fn describe(path: &Path) -> Result<Description, LakeError> {
+    let file = File::open(path).map_err(|source| LakeError::Io {
+        action: "read",
+        path: path.to_owned(),
+        source,
+    })?;
+    let reader =
+        ParquetRecordBatchReaderBuilder::try_new(file).map_err(|source| LakeError::Parquet {
+            action: "read",
+            path: path.to_owned(),
+            source,
+        })?;
+    let columns = reader.schema().fields().iter().map(|field| {
+        let note = |key: &str| field.metadata().get(key).cloned().unwrap_or_default();
+        ColumnDescription {
+            name: field.name().clone(),
+            data_type: field.data_type().to_string(),
+            unit: note("unit"),
+            description: note("description"),
+        }
+    });
+    Ok(Description {
+        rows: reader.metadata().file_metadata().num_rows(),
+        columns: columns.collect(),
+    })
+}

@@ -1,0 +1,35 @@
+//! Robot hands from their URDF: joints, kinematics, Jacobians, collision primitives.
+//!
+//! ```
+//! let urdf = r#"<robot name="finger">
+//!   <link name="palm"/>
+//!   <link name="finger"/>
+//!   <joint name="knuckle" type="revolute">
+//!     <origin xyz="0 0 0.05"/>
+//!     <parent link="palm"/> <child link="finger"/>
+//!     <axis xyz="0 1 0"/>
+//!     <limit lower="0" upper="1.6" effort="0.7" velocity="7"/>
+//!   </joint>
+//! </robot>"#;
+//! let model = robot::RobotModel::from_urdf(urdf)?;
+//! let palm_from_links = model.forward_kinematics(&[1.2])?;
+//! let finger = model.require_link("finger")?;
+//! assert_eq!(palm_from_links[finger].translation.z, 0.05);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Links are ordered parents first, and link 0, the root, is the palm. Joints are the independent
+//! movable ones, in the order in which a depth-first walk meets them: address them by name.
+//! Lengths are in meters, angles in radians, masses in kilograms.
+//! This crate opens no file: meshes that a URDF names are never read, and a link whose collision
+//! geometry is a mesh has no collision shape.
+
+mod error;
+mod forward;
+mod jacobian;
+mod model;
+mod near;
+mod urdf;
+
+pub use error::{RobotError, WrongDof};
+pub use model::{Collision, Inertial, Joint, JointKind, Link, RobotModel, Shape};

@@ -1,0 +1,50 @@
+//! Names that are spelled nearly alike.
+
+/// How many near names an error lists.
+const MAX_NAMES: usize = 3;
+
+/// Returns the names that lie nearest to `name`, nearest first; none that share next to nothing.
+pub(crate) fn near_names<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let mut near: Vec<(usize, &str)> = candidates
+        .map(|candidate| (edit_distance(name, candidate), candidate))
+        .filter(|(distance, candidate)| 2 * distance <= name.len().max(candidate.len()))
+        .collect();
+    near.sort_unstable();
+    near.into_iter()
+        .take(MAX_NAMES)
+        .map(|(_, candidate)| candidate.to_owned())
+        .collect()
+}
+
+/// Returns the least number of insertions, deletions and replacements between two names
+/// (Levenshtein 1966), ignoring case.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.to_lowercase().chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, from) in a.to_lowercase().chars().enumerate() {
+        let mut previous = Vec::with_capacity(row.len());
+        previous.push(i + 1);
+        for ((&to, diagonal), above) in b.iter().zip(&row).zip(row.iter().skip(1)) {
+            let left = previous.last().copied().unwrap_or_default();
+            let replaced = diagonal + usize::from(from != to);
+            previous.push(replaced.min(above + 1).min(left + 1));
+        }
+        row = previous;
+    }
+    row.last().copied().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nearest_name_comes_first() {
+        let names = ["link_15.0_tip", "link_15.0", "base_link"];
+        assert_eq!(
+            near_names("link_15_tip", names.into_iter()),
+            ["link_15.0_tip", "link_15.0"]
+        );
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+    }
+}

@@ -1,0 +1,121 @@
+//! What a scene is made of and what is done in it.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The physical scene: object, table, hand and how time is cut.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct SceneConfig {
+    /// Friction coefficient of every contact (hand, object, table).
+    pub friction: f64,
+    /// Factor on the object's true mass and inertia.
+    pub mass_scale: f64,
+    /// Where the object really lies, relative to where the motion believes it to lie.
+    pub object_offset: Offset,
+    /// Physics time step in seconds.
+    pub time_step_s: f64,
+    /// Physics steps in one control step.
+    pub steps_per_control: u32,
+    /// Distance in meters below which contacts are computed.
+    pub prediction_m: f64,
+    /// Longest time in seconds that the object gets to come to rest on the table.
+    pub settle_s: f64,
+    /// Drives of the finger joints.
+    pub drive: DriveConfig,
+}
+
+impl SceneConfig {
+    /// Returns the duration of one control step in seconds.
+    pub fn control_step_s(&self) -> f64 {
+        self.time_step_s * f64::from(self.steps_per_control)
+    }
+}
+
+/// A planar displacement on the table.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct Offset {
+    /// Displacement along the table's x axis in meters.
+    pub x_m: f64,
+    /// Displacement along the table's y axis in meters.
+    pub y_m: f64,
+    /// Rotation about the vertical through the object's origin in radians.
+    pub yaw_rad: f64,
+}
+
+/// The drive of each finger joint: `torque = stiffness (command − q) − damping q̇`, clamped.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct DriveConfig {
+    /// Stiffness in newton meters per radian.
+    pub stiffness: f64,
+    /// Damping in newton meter seconds per radian.
+    pub damping: f64,
+    /// Largest torque in newton meters.
+    pub torque_limit: f64,
+    /// Inertia of the rotor as felt at the joint, in kilogram square meters.
+    pub armature: f64,
+    /// Stiffness of the mechanical end stops in newton meters per radian.
+    pub stop_stiffness: f64,
+}
+
+/// How the fingers behave while the palm follows its path.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Approach {
+    /// Palm and fingers follow the motion over the whole reach.
+    Follow,
+    /// The palm follows its path before the closing with the fingers at their final positions,
+    /// opened by `open_rad`; then it waits, and they close.
+    Open,
+}
+
+/// What is done with a motion, and what counts as success.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct Protocol {
+    /// What the fingers do during the reach: `follow` the motion, or stay `open` until the closing.
+    pub approach: Approach,
+    /// Duration of the reach, to which a motion is stretched, in seconds.
+    pub reach_s: f64,
+    /// Last part of the reach, as a fraction of it, in which the fingers close.
+    pub close_fraction: f64,
+    /// Names of the joints that open and squeeze; positive positions flex.
+    pub flexion_joints: Vec<String>,
+    /// How far these joints are opened during the reach, in radians.
+    pub open_rad: f64,
+    /// How far beyond their final positions these joints are commanded to squeeze, in radians.
+    pub squeeze_rad: f64,
+    /// Duration of the ramp to the squeeze in seconds.
+    pub squeeze_s: f64,
+    /// Pause between squeeze and lift in seconds.
+    pub pause_s: f64,
+    /// Height of the lift in meters.
+    pub lift_m: f64,
+    /// Duration of the lift in seconds.
+    pub lift_s: f64,
+    /// How long the lifted object must be held, in seconds.
+    pub hold_s: f64,
+    /// Rise of the object in meters above which it counts as lifted, after the lift and ever since.
+    pub lifted_m: f64,
+    /// Hand links that must touch the object at the end.
+    pub min_links: u32,
+    /// Largest speed of the object in the hand over the last half second, in meters per second.
+    pub max_slip_m_per_s: f64,
+    /// Displacement of the object before the squeeze that counts as knocked over, in meters.
+    pub knocked_m: f64,
+    /// Rotation of the object before the squeeze that counts as knocked over, in radians.
+    pub knocked_rad: f64,
+    /// How far outside its limits a joint position may be asked for, in radians.
+    pub limit_tolerance_rad: f64,
+    /// How far below the table the hand may be asked to reach, in meters.
+    pub table_tolerance_m: f64,
+    /// How far inside the object the hand may be asked to reach before the closing, in meters.
+    pub early_tolerance_m: f64,
+}

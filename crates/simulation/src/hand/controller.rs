@@ -1,0 +1,96 @@
+//! One finger joint's PD drive as a spring and a damper of the engine.
+
+use crate::{config::SceneConfig, precision::real};
+
+/// Stiffness in newton meters per radian of a spring that stands for a constant torque.
+const CONSTANT_STIFFNESS: f32 = 1e-3;
+
+/// A PD drive with a torque limit and end stops.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Controller {
+    stiffness: f32,
+    damping: f32,
+    limit: f32,
+    stop_stiffness: f32,
+    lower: f32,
+    upper: f32,
+    time_step_s: f32,
+    /// Acceleration per torque with all other joints free, at the joints' zero, in 1/(kg m²).
+    pub(crate) inverse_inertia: f32,
+}
+
+/// What the engine integrates implicitly: `stiffness (rest − q) − damping q̇`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Spring {
+    /// In newton meters per radian.
+    pub(crate) stiffness: f32,
+    /// In newton meter seconds per radian.
+    pub(crate) damping: f32,
+    /// In radians.
+    pub(crate) rest: f32,
+}
+
+impl Controller {
+    /// Returns the drive of a joint with these ends, in either order.
+    pub(crate) fn new(scene: &SceneConfig, ends: [f64; 2]) -> Self {
+        let drive = &scene.drive;
+        Self {
+            stiffness: real(drive.stiffness),
+            damping: real(drive.damping),
+            limit: real(drive.torque_limit),
+            stop_stiffness: real(drive.stop_stiffness),
+            lower: real(ends[0].min(ends[1])),
+            upper: real(ends[0].max(ends[1])),
+            time_step_s: real(scene.time_step_s),
+            inverse_inertia: 0.0,
+        }
+    }
+
+    /// Returns the spring for the next physics step of a joint at `q` that moves at `speed`.
+    ///
+    /// A drive that asks for more than its limit, and still will at the end of the step even if
+    /// nothing is in its way, gives its limit and neither spring nor damper. Close to the limit,
+    /// the spring's rest position is moved so that both together stay within it. An end stop is a
+    /// second spring in parallel, without a limit.
+    pub(crate) fn spring(&self, command: f32, q: f32, speed: f32) -> Spring {
+        let command = command.max(self.lower).min(self.upper);
+        let mut spring = self.constant(command, q, speed).unwrap_or_else(|| {
+            let friction = self.damping * speed;
+            let torque = (self.stiffness * (command - q))
+                .max(friction - self.limit)
+                .min(friction + self.limit);
+            Spring {
+                stiffness: self.stiffness,
+                damping: self.damping,
+                rest: q + torque / self.stiffness,
+            }
+        });
+        if q < self.lower || q > self.upper {
+            let end = q.max(self.lower).min(self.upper);
+            let torque = spring.stiffness * (spring.rest - q) + self.stop_stiffness * (end - q);
+            spring.stiffness += self.stop_stiffness;
+            spring.rest = q + torque / spring.stiffness;
+        }
+        spring
+    }
+
+    /// Returns the limit as a spring, if the drive asks for more than that in the whole step.
+    fn constant(&self, command: f32, q: f32, speed: f32) -> Option<Spring> {
+        let asked_at = |speed: f32| {
+            self.stiffness * (command - q - self.time_step_s * speed) - self.damping * speed
+        };
+        let gained = self.time_step_s * self.limit * self.inverse_inertia;
+        let torque = if asked_at(speed + gained) >= self.limit {
+            self.limit
+        } else if asked_at(speed - gained) <= -self.limit {
+            -self.limit
+        } else {
+            return None;
+        };
+        Some(Spring {
+            stiffness: CONSTANT_STIFFNESS,
+            damping: 0.0,
+            rest: q + torque / CONSTANT_STIFFNESS,
+        })
+    }
+}

@@ -1,0 +1,36 @@
+//! Rapier worlds of a hand, an object and a table, and rollouts in them.
+//!
+//! A [`Template`] is one object lying on a table with one hand beside it, built and settled once.
+//! [`Template::rollout`] runs one [`Motion`] in a fresh copy of it: reach, close, squeeze, lift,
+//! hold; the [`Verdict`] says how it ended and, if it failed, the one reason.
+//!
+//! - The hand is a reduced-coordinate multibody made from the same [`robot::RobotModel`] that
+//!   kinematics uses. Its palm is a kinematic joint with six degrees of freedom: it follows its
+//!   path exactly and is infinitely strong. Only the fingers yield.
+//! - Finger joints are PD drives, integrated implicitly, with their torque clamped.
+//! - Equal arguments give equal bytes: no clock, no threads, a fresh copy of the world each time.
+//! - Everything outside is `f64` and in the frames of [`spatial`]; inside, physics is `f32`.
+//!
+//! It does not know of candidates, files or robots' wires.
+
+mod config;
+mod contact;
+mod error;
+mod hand;
+mod object;
+mod precision;
+mod rejection;
+mod rollout;
+mod script;
+mod template;
+#[cfg(test)]
+mod testing;
+mod world;
+
+pub use config::{Approach, DriveConfig, Offset, Protocol, SceneConfig};
+pub use error::SimulationError;
+pub use object::ObjectShape;
+pub use rollout::{Record, Rollout, Trace, TraceStep};
+pub use schemas::rollouts::Verdict;
+pub use script::Motion;
+pub use template::Template;

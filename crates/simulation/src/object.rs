@@ -1,0 +1,226 @@
+//! The grasped object as convex parts with a mass.
+
+use nalgebra::{Isometry3, Matrix3, Point3};
+use rapier3d::prelude::{
+    ColliderBuilder, MassProperties, RigidBodyBuilder, RigidBodyHandle, SharedShape, Vector,
+};
+
+use crate::{
+    config::SceneConfig,
+    error::SimulationError,
+    precision::{matrix, point, pose, real},
+    world::{World, groups},
+};
+
+/// What the object is: shape and mass, in its own frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjectShape {
+    /// Vertices of each convex part in meters.
+    pub parts_m: Vec<Vec<Point3<f64>>>,
+    /// True mass in kilograms.
+    pub mass_kg: f64,
+    /// Center of mass in meters.
+    pub center_of_mass_m: Point3<f64>,
+    /// Inertia about the center of mass along the object's axes, in kilogram square meters.
+    pub inertia_kg_m2: Matrix3<f64>,
+}
+
+impl ObjectShape {
+    /// Returns the object's shape and mass from its artifact.
+    pub fn from_artifact(object: &schemas::objects::Object) -> Self {
+        let [xx, yy, zz, xy, xz, yz] = object.inertia_kg_m2;
+        Self {
+            parts_m: object
+                .parts_m
+                .iter()
+                .map(|part| part.iter().map(|&p| Point3::from(p)).collect())
+                .collect(),
+            mass_kg: object.mass_kg,
+            center_of_mass_m: Point3::from(object.center_of_mass_m),
+            inertia_kg_m2: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
+        }
+    }
+
+    /// Returns the convex hulls of the parts.
+    pub(crate) fn hulls(&self) -> Result<Vec<SharedShape>, SimulationError> {
+        if self.parts_m.is_empty() {
+            return Err(SimulationError::NoParts);
+        }
+        self.parts_m
+            .iter()
+            .enumerate()
+            .map(|(part, points)| {
+                let rounded: Vec<Vector> = points.iter().map(point).collect();
+                let finite = rounded.iter().all(|p| p.is_finite()) && rounded.len() >= 4;
+                finite
+                    .then(|| SharedShape::convex_hull(&rounded))
+                    .flatten()
+                    .ok_or(SimulationError::FlatPart {
+                        part,
+                        points: points.len(),
+                    })
+            })
+            .collect()
+    }
+
+    /// Returns the height of the lowest point of the object at `table_from_object`, in meters.
+    pub(crate) fn lowest_m(&self, table_from_object: &Isometry3<f64>) -> f64 {
+        self.parts_m
+            .iter()
+            .flatten()
+            .map(|p| (table_from_object * p).z)
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    fn mass_properties(&self, mass_scale: f64) -> Result<MassProperties, SimulationError> {
+        let mass_kg = self.mass_kg * mass_scale;
+        if !(mass_kg.is_finite() && mass_kg > 0.0) {
+            return Err(SimulationError::Massless { mass_kg });
+        }
+        let inertia = self.inertia_kg_m2 * mass_scale;
+        let moments = principal_moments(&inertia);
+        if !moments
+            .iter()
+            .all(|moment| moment.is_finite() && *moment > 0.0)
+        {
+            return Err(SimulationError::ObjectInertia { moments });
+        }
+        Ok(MassProperties::with_inertia_matrix(
+            point(&self.center_of_mass_m),
+            real(mass_kg),
+            matrix(&inertia),
+        ))
+    }
+
+    /// Puts the object into the world.
+    pub(crate) fn insert(
+        &self,
+        world: &mut World,
+        scene: &SceneConfig,
+        table_from_object: &Isometry3<f64>,
+    ) -> Result<RigidBodyHandle, SimulationError> {
+        let body = world.bodies.insert(
+            RigidBodyBuilder::dynamic()
+                .pose(pose(table_from_object))
+                .additional_mass_properties(self.mass_properties(scene.mass_scale)?)
+                .can_sleep(false),
+        );
+        for hull in self.hulls()? {
+            world.colliders.insert_with_parent(
+                ColliderBuilder::new(hull)
+                    .density(0.0)
+                    .friction(real(scene.friction))
+                    .collision_groups(groups::object()),
+                body,
+                &mut world.bodies,
+            );
+        }
+        Ok(body)
+    }
+}
+
+/// Returns the principal moments of an inertia, NaN where it is not finite.
+pub(crate) fn principal_moments(inertia: &Matrix3<f64>) -> [f64; 3] {
+    if inertia.iter().all(|number| number.is_finite()) {
+        inertia.symmetric_eigenvalues().into()
+    } else {
+        [f64::NAN; 3]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{UnitQuaternion, Vector3};
+    use rapier3d::math::Pose;
+
+    use super::*;
+    use crate::{
+        precision::{isometry, rotation},
+        testing,
+    };
+
+    /// A cube of 5 cm and 0.2 kg.
+    fn cube() -> ObjectShape {
+        let half = 0.025;
+        let (mass_kg, side) = (0.2, 2.0 * half);
+        let corners = [-half, half];
+        ObjectShape {
+            parts_m: vec![
+                corners
+                    .iter()
+                    .flat_map(|&x| corners.iter().map(move |&y| (x, y)))
+                    .flat_map(|(x, y)| corners.iter().map(move |&z| Point3::new(x, y, z)))
+                    .collect(),
+            ],
+            mass_kg,
+            center_of_mass_m: Point3::origin(),
+            inertia_kg_m2: Matrix3::identity() * (mass_kg * side * side / 6.0),
+        }
+    }
+
+    #[test]
+    fn falls_by_half_g_t_squared() {
+        let scene = testing::scene();
+        let mut world = World::empty(&scene);
+        let start = Isometry3::translation(0.0, 0.0, 10.0);
+        let body = cube().insert(&mut world, &scene, &start).unwrap();
+        let steps = 250;
+        for _ in 0..steps {
+            world.step();
+        }
+        let time = f64::from(steps) * scene.time_step_s;
+        let fallen = 10.0 - isometry(world.bodies[body].position()).translation.z;
+        // Symplectic Euler moves with the velocity at the end of each step.
+        let expected = 0.5 * 9.81 * time * (time + scene.time_step_s);
+        assert!(
+            (fallen - expected).abs() < 1e-3,
+            "{fallen} against {expected}"
+        );
+    }
+
+    /// Returns how far a cube slides down a slope in half a second after half a second of rest.
+    fn slide_m(friction: f64, slope_rad: f64) -> f64 {
+        let mut scene = testing::scene();
+        scene.friction = friction;
+        let mut world = World::empty(&scene);
+        let tilt = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), slope_rad);
+        let slope = world
+            .bodies
+            .insert(RigidBodyBuilder::fixed().pose(Pose::from_rotation(rotation(&tilt))));
+        world.colliders.insert_with_parent(
+            ColliderBuilder::cuboid(5.0, 5.0, 0.5)
+                .friction(real(friction))
+                .collision_groups(groups::table()),
+            slope,
+            &mut world.bodies,
+        );
+        let on_top = Isometry3::from_parts((tilt * Vector3::new(0.0, 0.0, 0.5252)).into(), tilt);
+        let body = cube().insert(&mut world, &scene, &on_top).unwrap();
+        let place = |world: &mut World| {
+            for _ in 0..125 {
+                world.step();
+            }
+            world.bodies[body].translation()
+        };
+        let before = place(&mut world);
+        let after: Vector = place(&mut world);
+        f64::from((after - before).length())
+    }
+
+    #[test]
+    fn slides_above_the_friction_angle_and_holds_below_it() {
+        // A cube on a slope beyond 45 degrees would tumble.
+        for friction in [0.3_f64, 0.6] {
+            let angle = friction.atan();
+            assert!(slide_m(friction, angle - 0.03) < 1e-3);
+            let slope = angle + 0.1;
+            // From rest at 0 s: the way between 0.5 s and 1 s.
+            let expected = 0.5 * 9.81 * (slope.sin() - friction * slope.cos()) * 0.75;
+            let slid = slide_m(friction, slope);
+            assert!(
+                (slid / expected - 1.0).abs() < 0.05,
+                "{slid} against {expected}"
+            );
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! Motions that need no physics to fail.
+
+use nalgebra::Isometry3;
+use rapier3d::{parry::query, prelude::SharedShape};
+use robot::{RobotModel, Shape};
+use schemas::rollouts::Verdict;
+
+use crate::{
+    config::Protocol,
+    hand::engine_shape,
+    precision::pose,
+    script::{HandPose, Phase, Script},
+};
+
+/// Returns why a script cannot be carried out, if geometry alone tells.
+///
+/// Checked are, in this order, over the whole reach: joint limits and the hand below the table, of
+/// the motion as it was asked for; then the hand deep inside the object before it closes, as it is
+/// commanded. Fingers that are opened further than asked for may press on the table: they yield.
+pub(crate) fn reject(
+    script: &Script,
+    protocol: &Protocol,
+    model: &RobotModel,
+    hulls: &[SharedShape],
+    table_from_object: &Isometry3<f64>,
+) -> Option<Verdict> {
+    let tolerance = protocol.limit_tolerance_rad;
+    let outside = |pose: &HandPose| {
+        pose.q.iter().zip(model.joints()).any(|(&position, joint)| {
+            position < joint.lower - tolerance || position > joint.upper + tolerance
+        })
+    };
+    if script.asked.iter().any(outside) {
+        return Some(Verdict::Limit);
+    }
+    let below = |shape: &Shape, object_from_shape: &Isometry3<f64>| {
+        let table_from_shape = table_from_object * object_from_shape;
+        lowest_m(shape, &table_from_shape) < -protocol.table_tolerance_m
+    };
+    if script
+        .asked
+        .iter()
+        .any(|pose| any_shape(model, pose, below))
+    {
+        return Some(Verdict::Table);
+    }
+    let inside = |shape: &Shape, object_from_shape: &Isometry3<f64>| {
+        depth_m(shape, object_from_shape, hulls) > protocol.early_tolerance_m
+    };
+    let open = std::iter::once(&script.start)
+        .chain(&script.commands)
+        .take_while(|command| command.phase == Phase::Reach);
+    open.map(|command| &command.hand)
+        .any(|pose| any_shape(model, pose, inside))
+        .then_some(Verdict::EarlyContact)
+}
+
+/// Whether a condition holds for any shape of the hand; it gets the shape's pose in the object's
+/// frame.
+fn any_shape(
+    model: &RobotModel,
+    pose: &HandPose,
+    condition: impl Fn(&Shape, &Isometry3<f64>) -> bool,
+) -> bool {
+    // The script was made for this model, so that the positions fit.
+    let palm_from_links = model.forward_kinematics(&pose.q).unwrap_or_default();
+    model
+        .links()
+        .iter()
+        .zip(&palm_from_links)
+        .flat_map(|(link, palm_from_link)| link.collisions.iter().map(move |c| (c, palm_from_link)))
+        .any(|(collision, palm_from_link)| {
+            let object_from_shape =
+                pose.object_from_palm * palm_from_link * collision.link_from_shape;
+            condition(&collision.shape, &object_from_shape)
+        })
+}
+
+/// Returns the height of a shape's lowest point in meters.
+fn lowest_m(shape: &Shape, table_from_shape: &Isometry3<f64>) -> f64 {
+    let center = table_from_shape.translation.vector.z;
+    // The table's z axis in the shape's frame.
+    let up = table_from_shape
+        .rotation
+        .inverse_transform_vector(&nalgebra::Vector3::z());
+    center
+        - match shape {
+            Shape::Box { half_extents_m } => half_extents_m.dot(&up.abs()),
+            Shape::Sphere { radius_m } => *radius_m,
+            Shape::Cylinder {
+                radius_m,
+                half_length_m,
+            } => half_length_m * up.z.abs() + radius_m * up.xy().norm(),
+            Shape::Capsule {
+                radius_m,
+                half_length_m,
+            } => half_length_m * up.z.abs() + radius_m,
+        }
+}
+
+/// Returns how deep a shape is inside the deepest of the convex parts, in meters.
+fn depth_m(shape: &Shape, object_from_shape: &Isometry3<f64>, hulls: &[SharedShape]) -> f64 {
+    let (shape, shape_from_engine) = engine_shape(shape);
+    let object_from_engine = pose(object_from_shape) * shape_from_engine;
+    let sphere = shape.compute_bounding_sphere(&object_from_engine);
+    hulls
+        .iter()
+        .filter(|hull| {
+            let around = hull.compute_local_bounding_sphere();
+            around.center.distance(sphere.center) < around.radius + sphere.radius
+        })
+        .filter_map(|hull| {
+            let at = rapier3d::math::Pose::IDENTITY;
+            query::contact(
+                &at,
+                hull.0.as_ref(),
+                &object_from_engine,
+                shape.0.as_ref(),
+                0.0,
+            )
+            .ok()?
+        })
+        .map(|contact| -f64::from(contact.dist))
+        .fold(0.0, f64::max)
+}

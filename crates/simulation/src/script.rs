@@ -1,0 +1,298 @@
+//! What palm and fingers are told at each control step.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use robot::RobotModel;
+
+use crate::{
+    config::{Approach, Protocol, SceneConfig},
+    error::SimulationError,
+};
+
+/// A motion of the hand relative to an object that still lies where it lay.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motion {
+    /// Seconds since the first step, increasing; the last step is the grasp.
+    pub time_s: Vec<f64>,
+    /// Pose of the palm in the object frame at each step.
+    pub object_from_palm: Vec<Isometry3<f64>>,
+    /// Joint positions in radians at each step, in the order of the hand's joints.
+    pub q: Vec<Vec<f64>>,
+}
+
+impl Motion {
+    /// Checks that the motion can be followed by a hand with `dof` joints.
+    pub(crate) fn check(&self, dof: usize) -> Result<(), SimulationError> {
+        let fail = |message: String| Err(SimulationError::Motion(message));
+        let steps = self.time_s.len();
+        if steps == 0 {
+            return fail("it has no steps".to_owned());
+        }
+        if self.object_from_palm.len() != steps || self.q.len() != steps {
+            return fail(format!(
+                "{steps} times, {} palm poses and {} joint positions do not fit together",
+                self.object_from_palm.len(),
+                self.q.len()
+            ));
+        }
+        if let Some(q) = self.q.iter().find(|q| q.len() != dof) {
+            return fail(format!("{} joint positions for {dof} joints", q.len()));
+        }
+        let finite = self
+            .time_s
+            .iter()
+            .chain(self.q.iter().flatten())
+            .chain(self.object_from_palm.iter().flat_map(|pose| {
+                pose.translation
+                    .vector
+                    .iter()
+                    .chain(pose.rotation.coords.iter())
+            }))
+            .all(|number| number.is_finite());
+        if !finite {
+            return fail("a number is not finite".to_owned());
+        }
+        if self.time_s.windows(2).any(|pair| pair[1] <= pair[0]) {
+            return fail("its times do not increase".to_owned());
+        }
+        Ok(())
+    }
+
+    /// Returns palm pose and joint positions after a fraction in 0..=1 of the duration.
+    fn at(&self, fraction: f64) -> Option<HandPose> {
+        let (first, last) = (self.time_s.first()?, self.time_s.last()?);
+        let time = first + (last - first) * fraction.clamp(0.0, 1.0);
+        let after = self
+            .time_s
+            .iter()
+            .position(|&t| t >= time)
+            .unwrap_or(self.time_s.len() - 1);
+        let before = after.saturating_sub(1);
+        let (t0, t1) = (self.time_s.get(before)?, self.time_s.get(after)?);
+        let part = if t1 > t0 {
+            (time - t0) / (t1 - t0)
+        } else {
+            1.0
+        };
+        let object_from_palm = blend(
+            self.object_from_palm.get(before)?,
+            self.object_from_palm.get(after)?,
+            part,
+        );
+        let q = self
+            .q
+            .get(before)?
+            .iter()
+            .zip(self.q.get(after)?)
+            .map(|(a, b)| a + (b - a) * part)
+            .collect();
+        Some(HandPose {
+            object_from_palm,
+            q,
+        })
+    }
+}
+
+/// Moves along the straight line and about the shortest axis from one pose to another.
+fn blend(from: &Isometry3<f64>, to: &Isometry3<f64>, part: f64) -> Isometry3<f64> {
+    let translation = from.translation.vector.lerp(&to.translation.vector, part);
+    let rotation: UnitQuaternion<f64> = from
+        .rotation
+        .try_slerp(&to.rotation, part, 1e-9)
+        .unwrap_or(to.rotation);
+    Isometry3::from_parts(Translation3::from(translation), rotation)
+}
+
+/// A part of a rollout.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Phase {
+    /// The palm moves and the hand must not touch hard.
+    Reach,
+    /// The fingers close; still part of the reach.
+    Close,
+    /// The fingers press.
+    Squeeze,
+    /// The palm rises.
+    Lift,
+    /// Nothing moves any more.
+    Hold,
+}
+
+/// Where the hand is and how its joints stand.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct HandPose {
+    /// Pose of the palm in the frame of the object as it lay.
+    pub(crate) object_from_palm: Isometry3<f64>,
+    /// Joint positions in radians.
+    pub(crate) q: Vec<f64>,
+}
+
+/// What is commanded at the end of one control step.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Command {
+    /// The part of the rollout.
+    pub(crate) phase: Phase,
+    /// Where the hand shall be before it is lifted.
+    pub(crate) hand: HandPose,
+    /// How far above that, along the table's z, in meters.
+    pub(crate) lift_m: f64,
+}
+
+/// All commands of a rollout, the starting pose first.
+pub(crate) struct Script {
+    /// Where the hand starts.
+    pub(crate) start: Command,
+    /// One command per control step.
+    pub(crate) commands: Vec<Command>,
+    /// The motion itself over the control steps of the reach, its first step included.
+    pub(crate) asked: Vec<HandPose>,
+}
+
+impl Script {
+    /// Writes the script of a motion.
+    pub(crate) fn new(
+        motion: &Motion,
+        protocol: &Protocol,
+        scene: &SceneConfig,
+        model: &RobotModel,
+    ) -> Result<Self, SimulationError> {
+        motion.check(model.dof())?;
+        let writer = Writer {
+            motion,
+            protocol,
+            flexion: flexion(protocol, model)?,
+            model,
+        };
+        let reach = steps(protocol.reach_s, scene).max(1);
+        let squeeze = steps(protocol.squeeze_s, scene);
+        let pause = steps(protocol.pause_s, scene);
+        let lift = steps(protocol.lift_s, scene).max(1);
+        let hold = steps(protocol.hold_s, scene).max(1);
+        let start = writer.reach(0.0)?;
+        let mut asked = vec![writer.at(0.0)?];
+        let mut commands = Vec::with_capacity(reach + squeeze + pause + lift + hold);
+        let fractions = |n: usize| (1..=n).map(move |step| step as f64 / n as f64);
+        for fraction in fractions(reach) {
+            commands.push(writer.reach(fraction)?);
+            asked.push(writer.at(fraction)?);
+        }
+        for fraction in fractions(squeeze) {
+            commands.push(writer.grasp(Phase::Squeeze, fraction, 0.0)?);
+        }
+        for _ in 0..pause {
+            commands.push(writer.grasp(Phase::Squeeze, 1.0, 0.0)?);
+        }
+        for fraction in fractions(lift) {
+            let smooth = fraction * fraction * (3.0 - 2.0 * fraction);
+            commands.push(writer.grasp(Phase::Lift, 1.0, smooth * protocol.lift_m)?);
+        }
+        for _ in 0..hold {
+            commands.push(writer.grasp(Phase::Hold, 1.0, protocol.lift_m)?);
+        }
+        Ok(Self {
+            start,
+            commands,
+            asked,
+        })
+    }
+}
+
+/// Returns how many control steps a duration takes.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to a small positive range first"
+)]
+pub(crate) fn steps(seconds: f64, scene: &SceneConfig) -> usize {
+    (seconds / scene.control_step_s()).round().clamp(0.0, 1e6) as usize
+}
+
+/// Returns 1 for each joint that flexes, 0 for the others.
+fn flexion(protocol: &Protocol, model: &RobotModel) -> Result<Vec<f64>, SimulationError> {
+    let known = model.joint_names();
+    let mut flexion = vec![0.0; model.dof()];
+    for name in &protocol.flexion_joints {
+        let joint = known.iter().position(|joint| joint == name);
+        match joint.and_then(|joint| flexion.get_mut(joint)) {
+            Some(weight) => *weight = 1.0,
+            None => {
+                return Err(SimulationError::UnknownJoint {
+                    name: name.clone(),
+                    known,
+                });
+            }
+        }
+    }
+    Ok(flexion)
+}
+
+struct Writer<'a> {
+    motion: &'a Motion,
+    protocol: &'a Protocol,
+    flexion: Vec<f64>,
+    model: &'a RobotModel,
+}
+
+impl Writer<'_> {
+    /// Returns the command after a fraction of the reach.
+    fn reach(&self, fraction: f64) -> Result<Command, SimulationError> {
+        let closing = self.protocol.close_fraction.clamp(0.0, 1.0);
+        let before = 1.0 - closing;
+        let phase = if fraction <= before {
+            Phase::Reach
+        } else {
+            Phase::Close
+        };
+        let hand = match self.protocol.approach {
+            Approach::Follow => self.at(fraction)?,
+            Approach::Open => {
+                let path = self.at(if before > 0.0 { fraction / before } else { 1.0 })?;
+                let closed = if phase == Phase::Close {
+                    (fraction - before) / closing
+                } else {
+                    0.0
+                };
+                HandPose {
+                    q: self.flexed(&self.at(1.0)?.q, -self.protocol.open_rad * (1.0 - closed)),
+                    ..path
+                }
+            }
+        };
+        Ok(Command {
+            phase,
+            hand,
+            lift_m: 0.0,
+        })
+    }
+
+    /// Returns the command at the grasp, squeezed by a fraction and lifted.
+    fn grasp(&self, phase: Phase, squeeze: f64, lift_m: f64) -> Result<Command, SimulationError> {
+        let grasp = self.at(1.0)?;
+        Ok(Command {
+            phase,
+            hand: HandPose {
+                q: self.flexed(&grasp.q, self.protocol.squeeze_rad * squeeze),
+                ..grasp
+            },
+            lift_m,
+        })
+    }
+
+    fn at(&self, fraction: f64) -> Result<HandPose, SimulationError> {
+        self.motion
+            .at(fraction)
+            .ok_or_else(|| SimulationError::Motion("it has no steps".to_owned()))
+    }
+
+    /// Adds `angle` to the joints that flex; never beyond a limit that `q` itself keeps.
+    fn flexed(&self, q: &[f64], angle: f64) -> Vec<f64> {
+        q.iter()
+            .zip(&self.flexion)
+            .zip(self.model.joints())
+            .map(|((&position, weight), joint)| {
+                (position + weight * angle)
+                    .max(joint.lower.min(position))
+                    .min(joint.upper.max(position))
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,232 @@
+//! A scene that is built and settled once, and copied for each rollout.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use rapier3d::prelude::{RigidBodyHandle, SharedShape};
+use robot::RobotModel;
+use schemas::rollouts::Verdict;
+use spatial::{Object, Pose, Rest, Table};
+
+use crate::{
+    config::{Offset, Protocol, SceneConfig},
+    error::SimulationError,
+    hand::Hand,
+    object::ObjectShape,
+    precision::isometry,
+    rejection::reject,
+    rollout::{Record, Rollout, run},
+    script::{Motion, Script},
+    world::{Finite, World},
+};
+
+/// Gap in meters with which the object is put above the table, so that it never starts in it.
+const GAP_M: f64 = 0.0005;
+/// Speeds (m/s, rad/s) below which the object rests.
+const RESTING_SPEED: f32 = 0.002;
+/// Consecutive physics steps below that speed after which it counts as settled.
+const RESTING_STEPS: u32 = 10;
+
+/// One object lying on a table beside one hand, settled: the start of any number of rollouts.
+pub struct Template {
+    pub(crate) world: World,
+    pub(crate) scene: SceneConfig,
+    pub(crate) model: RobotModel,
+    pub(crate) hand: Hand,
+    pub(crate) object: RigidBodyHandle,
+    hulls: Vec<SharedShape>,
+    /// Where the object lies.
+    table_from_object: Isometry3<f64>,
+    /// Where a motion believes that it lies.
+    table_from_believed: Isometry3<f64>,
+}
+
+impl Template {
+    /// Builds the scene and lets the object come to rest alone on the table.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the object has no mass, volume or physical inertia; if a moving part of the hand
+    /// has no inertia; if a setting is out of range; or if the object does not stay on the table.
+    pub fn new(
+        scene: &SceneConfig,
+        model: &RobotModel,
+        object: &ObjectShape,
+        rest: &Rest,
+    ) -> Result<Self, SimulationError> {
+        check(scene)?;
+        let mut world = World::with_table(scene);
+        let mut table_from_object = *rest.table_from_object().isometry();
+        table_from_object.translation.z += GAP_M - object.lowest_m(&table_from_object);
+        let displaced = displace(&scene.object_offset, &table_from_object);
+        let body = object.insert(&mut world, scene, &displaced)?;
+        let hand = Hand::insert(&mut world, scene, model)?;
+        let hulls = object.hulls()?;
+        let table_from_object = settle(&mut world, scene, &hand, body)?;
+        let table_from_believed = undo(&scene.object_offset, &table_from_object);
+        Ok(Self {
+            world,
+            scene: scene.clone(),
+            model: model.clone(),
+            hand,
+            object: body,
+            hulls,
+            table_from_object,
+            table_from_believed,
+        })
+    }
+
+    /// Returns where the object came to rest, in the table's frame.
+    pub fn table_from_object(&self) -> Pose<Table, Object> {
+        Pose::new(self.table_from_object)
+    }
+
+    /// Returns where the motions' object frame is, in the table's frame: where the object came to
+    /// rest, but for [`SceneConfig::object_offset`].
+    pub fn table_from_believed(&self) -> Pose<Table, Object> {
+        Pose::new(self.table_from_believed)
+    }
+
+    /// Carries out a motion in a fresh copy of the scene and judges it.
+    ///
+    /// Motions that geometry alone refuses cost no control step and have no trace.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the motion does not fit the hand or the protocol names a joint that it lacks.
+    pub fn rollout(
+        &self,
+        motion: &Motion,
+        protocol: &Protocol,
+        record: Record,
+    ) -> Result<Rollout, SimulationError> {
+        let script = Script::new(motion, protocol, &self.scene, &self.model)?;
+        let refused = reject(
+            &script,
+            protocol,
+            &self.model,
+            &self.hulls,
+            &self.table_from_believed,
+        );
+        Ok(match refused {
+            Some(verdict) => Rollout::refused(verdict),
+            None => run(self, &script, protocol, record),
+        })
+    }
+
+    /// Returns why geometry alone refuses a motion, if it does.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the motion does not fit the hand or the protocol names a joint that it lacks.
+    pub fn refusal(
+        &self,
+        motion: &Motion,
+        protocol: &Protocol,
+    ) -> Result<Option<Verdict>, SimulationError> {
+        let script = Script::new(motion, protocol, &self.scene, &self.model)?;
+        Ok(reject(
+            &script,
+            protocol,
+            &self.model,
+            &self.hulls,
+            &self.table_from_believed,
+        ))
+    }
+}
+
+/// Refuses settings with which nothing can be simulated.
+fn check(scene: &SceneConfig) -> Result<(), SimulationError> {
+    let positive = [
+        ("mass_scale", scene.mass_scale),
+        ("time_step_s", scene.time_step_s),
+        ("steps_per_control", f64::from(scene.steps_per_control)),
+        ("drive.stiffness", scene.drive.stiffness),
+    ];
+    for (key, value) in positive {
+        if value.is_nan() || value <= 0.0 {
+            return Err(SimulationError::Setting {
+                key,
+                value,
+                expected: "more than 0",
+            });
+        }
+    }
+    let not_negative = [
+        ("friction", scene.friction),
+        ("prediction_m", scene.prediction_m),
+        ("settle_s", scene.settle_s),
+        ("drive.damping", scene.drive.damping),
+        ("drive.torque_limit", scene.drive.torque_limit),
+        ("drive.armature", scene.drive.armature),
+        ("drive.stop_stiffness", scene.drive.stop_stiffness),
+    ];
+    for (key, value) in not_negative {
+        if value.is_nan() || value < 0.0 {
+            return Err(SimulationError::Setting {
+                key,
+                value,
+                expected: "0 or more",
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Displaces an object on the table, turning it about the vertical through its own origin.
+fn displace(offset: &Offset, table_from_object: &Isometry3<f64>) -> Isometry3<f64> {
+    let shift = Vector3::new(offset.x_m, offset.y_m, 0.0);
+    turn(table_from_object, offset.yaw_rad, shift)
+}
+
+/// Takes back [`displace`].
+fn undo(offset: &Offset, table_from_object: &Isometry3<f64>) -> Isometry3<f64> {
+    let shift = Vector3::new(-offset.x_m, -offset.y_m, 0.0);
+    turn(table_from_object, -offset.yaw_rad, shift)
+}
+
+fn turn(table_from_object: &Isometry3<f64>, yaw: f64, shift: Vector3<f64>) -> Isometry3<f64> {
+    let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
+    Isometry3::from_parts(
+        Translation3::from(table_from_object.translation.vector + shift),
+        yaw * table_from_object.rotation,
+    )
+}
+
+/// Runs the world until the object rests, then stills it and returns where it lies.
+fn settle(
+    world: &mut World,
+    scene: &SceneConfig,
+    hand: &Hand,
+    object: RigidBodyHandle,
+) -> Result<Isometry3<f64>, SimulationError> {
+    let parked = hand.positions(world);
+    let mut resting = 0;
+    let mut time_s = 0.0;
+    while time_s < scene.settle_s && resting < RESTING_STEPS {
+        hand.drive(world, &parked);
+        if world.step() == Finite::No {
+            return Err(SimulationError::Unsettled);
+        }
+        time_s += scene.time_step_s;
+        let Some(body) = world.bodies.get(object) else {
+            return Err(SimulationError::Unsettled);
+        };
+        let speed = body.linvel().length().max(body.angvel().length());
+        resting = if speed < RESTING_SPEED {
+            resting + 1
+        } else {
+            0
+        };
+    }
+    let Some(body) = world.bodies.get_mut(object) else {
+        return Err(SimulationError::Unsettled);
+    };
+    body.set_linvel(rapier3d::math::Vector::ZERO, true);
+    body.set_angvel(rapier3d::math::Vector::ZERO, true);
+    let table_from_object = isometry(body.position());
+    let place = table_from_object.translation.vector;
+    if place.iter().all(|number| number.is_finite()) && place.z > -0.5 {
+        Ok(table_from_object)
+    } else {
+        Err(SimulationError::Unsettled)
+    }
+}

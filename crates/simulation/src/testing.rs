@@ -1,0 +1,23 @@
+//! Settings that the unit tests share.
+
+use crate::config::{DriveConfig, Offset, SceneConfig};
+
+/// A scene whose settings hold.
+pub(crate) fn scene() -> SceneConfig {
+    SceneConfig {
+        friction: 1.0,
+        mass_scale: 1.0,
+        object_offset: Offset::default(),
+        time_step_s: 0.004,
+        steps_per_control: 5,
+        prediction_m: 0.002,
+        settle_s: 1.0,
+        drive: DriveConfig {
+            stiffness: 20.0,
+            damping: 1.0,
+            torque_limit: 0.7,
+            armature: 0.001,
+            stop_stiffness: 200.0,
+        },
+    }
+}

@@ -1,0 +1,227 @@
+use simulation::{Approach, Motion, Offset, Record, Rollout, Template, Verdict};
+
+use crate::scene::{hand, protocol, q, scene, side_grasp, template};
+
+const BESIDE: [f64; 3] = [-0.015, -0.055, 0.02];
+
+fn good() -> Motion {
+    side_grasp(BESIDE, q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]))
+}
+
+fn too_open() -> Motion {
+    side_grasp(BESIDE, q([0.5, 0.6, 0.4], [1.3, 0.3, 0.2, 0.3]))
+}
+
+fn roll(motion: &Motion) -> Rollout {
+    template(&scene())
+        .rollout(motion, &protocol(), Record::Nothing)
+        .unwrap()
+}
+
+#[test]
+fn a_closed_hand_lifts_and_holds_the_can() {
+    let rollout = roll(&good());
+    assert_eq!(rollout.verdict, Verdict::Held);
+    assert!((rollout.lift_m - 0.15).abs() < 0.02, "{rollout:?}");
+    assert!(rollout.slip_m < 0.003, "{rollout:?}");
+    assert!(rollout.contacts_n >= 2, "{rollout:?}");
+    // 0.8 s reach, 0.3 s squeeze, 0.3 s pause, 0.4 s lift, 2 s hold, at 50 Hz.
+    assert_eq!(rollout.cost_n, 190);
+}
+
+#[test]
+fn an_open_hand_leaves_the_can_and_ends_early() {
+    let rollout = roll(&too_open());
+    assert_eq!(rollout.verdict, Verdict::NotGrasped);
+    assert!(rollout.cost_n < 100, "{rollout:?}");
+    assert!(rollout.lift_m.abs() < 0.01, "{rollout:?}");
+}
+
+#[test]
+fn without_friction_nothing_is_held() {
+    let mut scene = scene();
+    scene.friction = 0.0;
+    let rollout = template(&scene)
+        .rollout(&good(), &protocol(), Record::Nothing)
+        .unwrap();
+    assert_ne!(rollout.verdict, Verdict::Held);
+}
+
+#[test]
+fn a_can_of_twenty_kilograms_stays_on_the_table() {
+    let mut scene = scene();
+    scene.mass_scale = 60.0;
+    let rollout = template(&scene)
+        .rollout(&good(), &protocol(), Record::Nothing)
+        .unwrap();
+    assert_eq!(rollout.verdict, Verdict::NotGrasped);
+}
+
+#[test]
+fn geometry_alone_refuses_limits_table_and_early_contact() {
+    let template = template(&scene());
+    let check = |motion: &Motion, expected: Verdict| {
+        let rollout = template
+            .rollout(motion, &protocol(), Record::Trace)
+            .unwrap();
+        assert_eq!(rollout.verdict, expected);
+        assert_eq!((rollout.cost_n, &rollout.trace), (0, &None));
+    };
+    let fingers = [0.8, 0.9, 0.7];
+    let beyond = q([2.5, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]);
+    check(&side_grasp(BESIDE, beyond), Verdict::Limit);
+    let fine = q(fingers, [1.3, 0.5, 0.5, 0.7]);
+    let low = [BESIDE[0], BESIDE[1], -0.03];
+    check(&side_grasp(low, fine.clone()), Verdict::Table);
+    let inside = [BESIDE[0], -0.01, BESIDE[2]];
+    check(&side_grasp(inside, fine), Verdict::EarlyContact);
+}
+
+#[test]
+fn a_hand_that_pushes_the_can_knocks_it_over() {
+    // Fingers stretched: the palm runs 8 cm too far, and only the last quarter is not refused.
+    let mut motion = side_grasp(BESIDE, q([0.0; 3], [1.3, 0.0, 0.0, 0.0]));
+    let mut protocol = protocol();
+    protocol.approach = Approach::Follow;
+    let last = motion.object_from_palm.last_mut().unwrap();
+    last.translation.y += 0.08;
+    let rollout = template(&scene())
+        .rollout(&motion, &protocol, Record::Nothing)
+        .unwrap();
+    assert_eq!(rollout.verdict, Verdict::KnockedOver);
+    assert!(rollout.displacement_m > 0.02, "{rollout:?}");
+}
+
+#[test]
+fn a_displaced_object_is_not_where_the_motion_believes_it() {
+    let mut scene = scene();
+    scene.object_offset = Offset {
+        x_m: 0.3,
+        y_m: 0.1,
+        yaw_rad: 0.5,
+    };
+    let template = template(&scene);
+    let lies = *template.table_from_object().isometry();
+    let believed = *template.table_from_believed().isometry();
+    let apart = lies.translation.vector - believed.translation.vector;
+    assert!((apart.x - 0.3).abs() < 1e-6 && (apart.y - 0.1).abs() < 1e-6);
+    assert!((lies.rotation.angle_to(&believed.rotation) - 0.5).abs() < 1e-6);
+    let rollout = template
+        .rollout(&good(), &protocol(), Record::Nothing)
+        .unwrap();
+    assert_eq!(rollout.verdict, Verdict::NotGrasped);
+}
+
+#[test]
+fn the_palm_follows_its_path_and_the_trace_has_every_control_step() {
+    let template = template(&scene());
+    let motion = good();
+    let rollout = template
+        .rollout(&motion, &protocol(), Record::Trace)
+        .unwrap();
+    let steps = rollout.trace.unwrap().steps;
+    assert_eq!(steps.len(), 191);
+    let grasp = template.table_from_believed().isometry() * motion.object_from_palm.last().unwrap();
+    for (step, rise) in [(40, 0.0), (190, 0.15)] {
+        let palm = steps[step].table_from_palm;
+        let error = palm.translation.vector - grasp.translation.vector;
+        assert!(
+            (error.z - rise).abs() < 1e-4 && error.xy().norm() < 1e-4,
+            "{error}"
+        );
+        assert!(palm.rotation.angle_to(&grasp.rotation) < 1e-3);
+    }
+}
+
+#[test]
+fn fingers_stay_open_until_the_closing_and_squeeze_after_it() {
+    let template = template(&scene());
+    let motion = good();
+    let rollout = template
+        .rollout(&motion, &protocol(), Record::Trace)
+        .unwrap();
+    let steps = rollout.trace.unwrap().steps;
+    let grasp = motion.q.last().unwrap();
+    let names = hand().joint_names();
+    for (joint, name) in names.iter().enumerate() {
+        let flexes = protocol().flexion_joints.contains(name);
+        // Control steps 0 to 30 are before the last quarter of 0.8 s, 40 is its end.
+        for (step, angle) in [
+            (0, -0.3),
+            (30, -0.3),
+            (35, -0.15),
+            (40, 0.0),
+            (55, 0.15),
+            (190, 0.15),
+        ] {
+            let expected = grasp[joint] + if flexes { angle } else { 0.0 };
+            let found = steps[step].q_command[joint];
+            assert!(
+                (found - expected).abs() < 1e-9,
+                "{name} at step {step}: {found}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_same_rollout_has_the_same_bytes() {
+    let first = template(&scene());
+    let second = template(&scene());
+    let run = |template: &Template| {
+        template
+            .rollout(&good(), &protocol(), Record::Trace)
+            .unwrap()
+    };
+    let reference = run(&first);
+    // A rollout leaves nothing behind in its template, and neither does another one.
+    first
+        .rollout(&too_open(), &protocol(), Record::Nothing)
+        .unwrap();
+    for other in [run(&first), run(&second)] {
+        let bits = |rollout: &Rollout| -> Vec<u64> {
+            let steps = &rollout.trace.as_ref().unwrap().steps;
+            steps
+                .iter()
+                .flat_map(|step| {
+                    step.q
+                        .iter()
+                        .chain(&step.table_from_object.translation.vector)
+                })
+                .map(|number| number.to_bits())
+                .collect()
+        };
+        assert_eq!(bits(&other), bits(&reference));
+        assert_eq!(other, reference);
+    }
+}
+
+#[test]
+fn what_explodes_is_a_divergence_and_no_success() {
+    let check = |time_step_s: f64, motion: &Motion| {
+        let mut scene = scene();
+        scene.time_step_s = time_step_s;
+        let rollout = template(&scene)
+            .rollout(motion, &protocol(), Record::Trace)
+            .unwrap();
+        assert_eq!(
+            (rollout.verdict, &rollout.trace),
+            (Verdict::Diverged, &None)
+        );
+        let figures = [
+            rollout.lift_m,
+            rollout.slip_m,
+            rollout.displacement_m,
+            rollout.penetration_m,
+        ];
+        assert!(figures.iter().all(|figure| figure.is_finite()));
+    };
+    // Contacts cannot be resolved in steps of a second.
+    check(1.0, &good());
+    // A palm that jumps a kilometer, and one that jumps beyond single precision.
+    for jump_m in [1e3, 1e39] {
+        let mut motion = good();
+        motion.object_from_palm[3].translation.y = -jump_m;
+        check(0.004, &motion);
+    }
+}

@@ -1,0 +1,22 @@
+//! The coordinate frames of the project, as types without values.
+
+/// A coordinate frame: only ever a type parameter.
+pub trait Frame: 'static {}
+
+/// The dataset's world: the master camera's frame (x right, y down, z forward).
+pub enum World {}
+/// A camera: x right, y down, z forward.
+pub enum Camera {}
+/// The table on which an object lies: z up against gravity, z = 0 the table's surface, the origin
+/// below the object's origin, yaw fixed by [`crate::Rest::table_from_object`].
+pub enum Table {}
+/// The object's mesh frame, as published with its model.
+pub enum Object {}
+/// The robot hand's palm frame: the root link of its URDF.
+pub enum Palm {}
+
+impl Frame for World {}
+impl Frame for Camera {}
+impl Frame for Table {}
+impl Frame for Object {}
+impl Frame for Palm {}

@@ -1,0 +1,25 @@
+//! Frames as types, rigid transforms between them, and the one order of quaternion numbers.
+//!
+//! ```
+//! use nalgebra::{Isometry3, Point3, Vector3};
+//! use spatial::{Object, Palm, Pose};
+//!
+//! let object_from_palm =
+//!     Pose::<Object, Palm>::new(Isometry3::new(Vector3::new(0.0, 0.0, 0.1), Vector3::zeros()));
+//! let point_in_palm = Point3::origin();
+//! assert_eq!(object_from_palm.point(&point_in_palm), Point3::new(0.0, 0.0, 0.1));
+//! ```
+//!
+//! Poses are right-handed and in meters. Four numbers that mean a rotation are always
+//! `[x, y, z, w]` with `w ≥ 0`, so that equal rotations are equal bytes.
+//! This crate does no input or output and knows nothing of robots.
+
+mod frame;
+mod pose;
+mod rest;
+mod rotation;
+
+pub use frame::{Camera, Frame, Object, Palm, Table, World};
+pub use pose::{NotAPose, Pose};
+pub use rest::Rest;
+pub use rotation::{NotARotation, quaternion_xyzw, rot6d, rotation_from_rot6d, xyzw};

@@ -1,0 +1,121 @@
+//! Rigid transforms that know which two frames they join.
+
+use std::{fmt, marker::PhantomData, ops::Mul};
+
+use nalgebra::{Isometry3, Point3, Translation3, Vector3};
+
+use crate::rotation::{NotARotation, quaternion_xyzw, xyzw};
+
+/// The rigid transform that takes coordinates in `From` to coordinates in `To`, in meters.
+///
+/// Name values `to_from_from`: `object_from_palm` is the pose of the palm in the object frame.
+pub struct Pose<To, From> {
+    isometry: Isometry3<f64>,
+    frames: PhantomData<fn(From) -> To>,
+}
+
+impl<To, From> Pose<To, From> {
+    /// Asserts that `isometry` takes coordinates in `From` to coordinates in `To`.
+    pub fn new(isometry: Isometry3<f64>) -> Self {
+        Self {
+            isometry,
+            frames: PhantomData,
+        }
+    }
+
+    /// Returns the transform between two frames that coincide.
+    pub fn identity() -> Self {
+        Self::new(Isometry3::identity())
+    }
+
+    /// Returns the pose of `To` in `From`.
+    pub fn inverse(&self) -> Pose<From, To> {
+        Pose::new(self.isometry.inverse())
+    }
+
+    /// Returns the transform without its frames.
+    pub fn isometry(&self) -> &Isometry3<f64> {
+        &self.isometry
+    }
+
+    /// Takes a point's coordinates in `From` to its coordinates in `To`, in meters.
+    pub fn point(&self, point_in_from: &Point3<f64>) -> Point3<f64> {
+        self.isometry * point_in_from
+    }
+
+    /// Takes a direction's coordinates in `From` to its coordinates in `To`.
+    pub fn direction(&self, direction_in_from: &Vector3<f64>) -> Vector3<f64> {
+        self.isometry.rotation * direction_in_from
+    }
+
+    /// Returns the pose as stored: position `xyz` in meters, then quaternion `xyzw` with `w ≥ 0`.
+    pub fn to_array(&self) -> [f64; 7] {
+        let t = &self.isometry.translation.vector;
+        let [x, y, z, w] = xyzw(&self.isometry.rotation);
+        [t.x, t.y, t.z, x, y, z, w]
+    }
+
+    /// Reads a pose as stored by [`Pose::to_array`].
+    ///
+    /// # Errors
+    ///
+    /// Fails if a number is not finite or the quaternion is not of unit length within 1e-3.
+    pub fn from_array(numbers: [f64; 7]) -> Result<Self, NotAPose> {
+        let [px, py, pz, x, y, z, w] = numbers;
+        if !(px.is_finite() && py.is_finite() && pz.is_finite()) {
+            return Err(NotAPose::Position([px, py, pz]));
+        }
+        let rotation = quaternion_xyzw([x, y, z, w])?;
+        Ok(Self::new(Isometry3::from_parts(
+            Translation3::new(px, py, pz),
+            rotation,
+        )))
+    }
+}
+
+/// Why seven numbers are not a pose.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NotAPose {
+    /// A coordinate is NaN or infinite.
+    #[error("position {0:?} is not finite")]
+    Position([f64; 3]),
+    /// The last four numbers are not a rotation.
+    #[error(transparent)]
+    Rotation(#[from] NotARotation),
+}
+
+impl<A, B, C> Mul<&Pose<B, C>> for &Pose<A, B> {
+    type Output = Pose<A, C>;
+
+    fn mul(self, b_from_c: &Pose<B, C>) -> Pose<A, C> {
+        Pose::new(self.isometry * b_from_c.isometry)
+    }
+}
+
+impl<A, B, C> Mul<Pose<B, C>> for Pose<A, B> {
+    type Output = Pose<A, C>;
+
+    fn mul(self, b_from_c: Pose<B, C>) -> Pose<A, C> {
+        &self * &b_from_c
+    }
+}
+
+impl<To, From> Clone for Pose<To, From> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<To, From> Copy for Pose<To, From> {}
+
+impl<To, From> PartialEq for Pose<To, From> {
+    fn eq(&self, other: &Self) -> bool {
+        self.isometry == other.isometry
+    }
+}
+
+impl<To, From> fmt::Debug for Pose<To, From> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Pose").field(&self.to_array()).finish()
+    }
+}

@@ -1,0 +1,29 @@
+//! How an object lies on a table.
+
+use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
+
+use crate::{Object, Pose, Table};
+
+/// An object at rest on a table, up to its yaw and its place: what gravity can tell apart.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rest {
+    /// Unit vector against gravity, in the object frame.
+    pub up_in_object: Unit<Vector3<f64>>,
+    /// Height of the object's origin above the table, in meters.
+    pub height_m: f64,
+}
+
+impl Rest {
+    /// Returns the pose of the object in the table's frame: the shortest rotation that takes
+    /// `up_in_object` to +z (half a turn about x where the object lies upside down).
+    pub fn table_from_object(&self) -> Pose<Table, Object> {
+        let rotation = UnitQuaternion::rotation_between(&self.up_in_object, &Vector3::z())
+            .unwrap_or_else(|| {
+                UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)
+            });
+        Pose::new(Isometry3::from_parts(
+            Translation3::new(0.0, 0.0, self.height_m),
+            rotation,
+        ))
+    }
+}

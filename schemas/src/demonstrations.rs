@@ -1,0 +1,122 @@
+//! `demonstrations`: a person's hand reaching for an object, one partition per sequence, one row per
+//! step, everything in the object's own frame, up to the last step before the object moves.
+//!
+//! | column                | type     | unit | meaning                                                   |
+//! |-----------------------|----------|------|-----------------------------------------------------------|
+//! | `object`              | utf8     |      | name of the grasped object                                |
+//! | `subject`             | utf8     |      | who grasped                                               |
+//! | `step`                | i64      |      | number of the row, from 0                                 |
+//! | `image`               | i64      |      | number of the recording's image                           |
+//! | `time_s`              | f64      | s    | since the first step                                      |
+//! | `keypoints_m`         | f64 × 63 | m    | 21 landmarks of the right hand, xyz each, object frame    |
+//! | `rest_up`             | f64 × 3  | 1    | unit vector against gravity, object frame                 |
+//! | `rest_height_m`       | f64      | m    | height of the object's origin above the table             |
+//!
+//! Landmarks: wrist; thumb, index, middle, ring, little finger, four each from base to tip.
+
+use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use nalgebra::{Unit, Vector3};
+use spatial::Rest;
+
+use crate::columns::{Columns, Reader, SchemaError};
+
+/// Bump on any change to the columns; readers reject every other version.
+pub const VERSION: &str = "demonstrations/1";
+
+/// Number of landmarks of a hand.
+pub const KEYPOINTS: usize = 21;
+
+/// One recorded reach of a right hand.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Demonstration {
+    /// The sequence's name, unique in the dataset: `20200709-subject-01-20200709_141754`.
+    pub sequence: String,
+    /// The grasped object's name.
+    pub object: String,
+    /// The subject's name.
+    pub subject: String,
+    /// How the object lay.
+    pub rest: Rest,
+    /// The steps in time order; the last one is the grasp.
+    pub steps: Vec<Step>,
+}
+
+/// One step of a demonstration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// Number of the recording's image.
+    pub image: u32,
+    /// Seconds since the first step.
+    pub time_s: f64,
+    /// The landmarks in the object frame, in meters.
+    pub keypoints_m: [[f64; 3]; KEYPOINTS],
+}
+
+/// Returns the Arrow schema.
+pub fn schema() -> Schema {
+    columns(&[]).schema()
+}
+
+fn columns(demonstrations: &[&Demonstration]) -> Columns {
+    let rows = || {
+        demonstrations
+            .iter()
+            .flat_map(|d| d.steps.iter().enumerate().map(move |(step, s)| (*d, step, s)))
+    };
+    let mut c = Columns::new(VERSION);
+    c.utf8("object", "name of the grasped object", rows().map(|(d, _, _)| d.object.clone()));
+    c.utf8("subject", "who grasped", rows().map(|(d, _, _)| d.subject.clone()));
+    c.i64("step", "number of the row, from 0", rows().map(|(_, step, _)| step as i64));
+    c.i64("image", "number of the recording's image", rows().map(|(_, _, s)| i64::from(s.image)));
+    c.f64("time_s", "s", "since the first step", rows().map(|(_, _, s)| s.time_s));
+    c.f64_array("keypoints_m", "m", "21 landmarks of the right hand, xyz each, object frame", rows().map(|(_, _, s)| {
+        let mut flat = [0.0; 3 * KEYPOINTS];
+        for (to, from) in flat.iter_mut().zip(s.keypoints_m.as_flattened()) {
+            *to = *from;
+        }
+        flat
+    }));
+    c.f64_array("rest_up", "1", "unit vector against gravity, object frame", rows().map(|(d, _, _)| <[f64; 3]>::from(d.rest.up_in_object.into_inner())));
+    c.f64("rest_height_m", "m", "height of the object's origin above the table", rows().map(|(d, _, _)| d.rest.height_m));
+    c
+}
+
+/// Returns one row per step; the sequence is the partition, not a column.
+///
+/// # Errors
+///
+/// Fails if a number is not finite.
+pub fn to_batch(demonstration: &Demonstration) -> Result<RecordBatch, SchemaError> {
+    columns(&[demonstration]).into_batch()
+}
+
+/// Reads what [`to_batch`] wrote for `sequence`.
+///
+/// # Errors
+///
+/// Fails if the columns are of another version, or there is no row.
+pub fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Demonstration, SchemaError> {
+    let r = Reader::new(batch, VERSION)?;
+    r.expect_some_rows()?;
+    let mut steps = Vec::with_capacity(r.rows());
+    for row in 0..r.rows() {
+        let flat: [f64; 3 * KEYPOINTS] = r.f64_array("keypoints_m", row)?;
+        let mut keypoints_m = [[0.0; 3]; KEYPOINTS];
+        keypoints_m.as_flattened_mut().copy_from_slice(&flat);
+        steps.push(Step {
+            image: u32::try_from(r.i64("image", row)?).map_err(|err| r.invalid("image", err.to_string()))?,
+            time_s: r.f64("time_s", row)?,
+            keypoints_m,
+        });
+    }
+    Ok(Demonstration {
+        sequence: sequence.to_owned(),
+        object: r.utf8("object", 0)?.to_owned(),
+        subject: r.utf8("subject", 0)?.to_owned(),
+        rest: Rest {
+            up_in_object: Unit::new_normalize(Vector3::from(r.f64_array::<3>("rest_up", 0)?)),
+            height_m: r.f64("rest_height_m", 0)?,
+        },
+        steps,
+    })
+}

@@ -1,0 +1,17 @@
+//! The artifacts that stages exchange: one file per artifact, with columns, units, frames, version.
+//!
+//! Each artifact is a plain struct and a pair of functions between it and an Arrow record batch.
+//! Numbers are SI and radians; poses are `[x, y, z, qx, qy, qz, qw]`; see each file's table.
+//! This crate does no input or output: `lake` reads and writes.
+
+mod columns;
+pub mod candidates;
+pub mod checkpoint;
+pub mod demonstrations;
+pub mod executions;
+pub mod objects;
+pub mod rollouts;
+pub mod ros2;
+pub mod trajectories;
+
+pub use columns::SchemaError;

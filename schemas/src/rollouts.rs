@@ -1,0 +1,158 @@
+//! `rollouts`: what physics did with each candidate, one partition per object, one row per candidate.
+//!
+//! | column                 | type    | unit | meaning                                                     |
+//! |------------------------|---------|------|-------------------------------------------------------------|
+//! | `candidate_id`         | utf8    |      | the motion                                                  |
+//! | `generator`            | utf8    |      | what drew it                                                |
+//! | `success`              | bool    |      | lifted, held to the end and still in contact                |
+//! | `reason`               | utf8    |      | `held`, or why it failed (see [`Verdict`])                  |
+//! | `cost_n`               | i64     |      | control steps simulated                                     |
+//! | `lift_m`               | f64     | m    | rise of the object's origin at the end of the rollout       |
+//! | `slip_m`               | f64     | m    | motion of the object in the palm frame, lift to end         |
+//! | `displacement_m`       | f64     | m    | motion of the object on the table before the squeeze        |
+//! | `penetration_m`        | f64     | m    | deepest contact between hand and object while held          |
+//! | `contacts_n`           | i64     |      | hand links in contact with the object at the end            |
+
+use arrow::{datatypes::Schema, record_batch::RecordBatch};
+
+use crate::columns::{Columns, Reader, SchemaError};
+
+/// Bump on any change to the columns; readers reject every other version.
+pub const VERSION: &str = "rollouts/1";
+
+/// How a rollout ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verdict {
+    /// Lifted and held to the end.
+    Held,
+    /// A joint position outside its limits was asked for.
+    Limit,
+    /// The hand would have to go through the table.
+    Table,
+    /// The hand would have to go through the object before the grasp.
+    EarlyContact,
+    /// The object was pushed away or over before the squeeze.
+    KnockedOver,
+    /// Nothing was lifted.
+    NotGrasped,
+    /// The object moved in the hand while it was held.
+    Slipped,
+    /// Lifted, and fell before the end.
+    Dropped,
+    /// The simulation left the realm of finite, plausible numbers.
+    Diverged,
+}
+
+impl Verdict {
+    /// Every verdict, success first.
+    pub const ALL: [Self; 9] = [
+        Self::Held,
+        Self::Limit,
+        Self::Table,
+        Self::EarlyContact,
+        Self::KnockedOver,
+        Self::NotGrasped,
+        Self::Slipped,
+        Self::Dropped,
+        Self::Diverged,
+    ];
+
+    /// Returns the word stored in column `reason`.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Held => "held",
+            Self::Limit => "limit",
+            Self::Table => "table",
+            Self::EarlyContact => "early_contact",
+            Self::KnockedOver => "knocked_over",
+            Self::NotGrasped => "not_grasped",
+            Self::Slipped => "slipped",
+            Self::Dropped => "dropped",
+            Self::Diverged => "diverged",
+        }
+    }
+
+    /// Reads the word stored in column `reason`.
+    pub fn parse(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|verdict| verdict.as_str() == word)
+    }
+}
+
+/// What physics did with one candidate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rollout {
+    /// The motion.
+    pub candidate_id: String,
+    /// What drew it.
+    pub generator: String,
+    /// How it ended; success is [`Verdict::Held`].
+    pub verdict: Verdict,
+    /// Control steps simulated.
+    pub cost_n: u32,
+    /// Rise of the object's origin at the end, in meters.
+    pub lift_m: f64,
+    /// Motion of the object in the palm frame between lift and end, in meters.
+    pub slip_m: f64,
+    /// Motion of the object on the table before the squeeze, in meters.
+    pub displacement_m: f64,
+    /// Deepest contact between hand and object while held, in meters.
+    pub penetration_m: f64,
+    /// Hand links in contact with the object at the end.
+    pub contacts_n: u32,
+}
+
+/// Returns the Arrow schema.
+pub fn schema() -> Schema {
+    columns(&[]).schema()
+}
+
+fn columns(rollouts: &[Rollout]) -> Columns {
+    let rows = || rollouts.iter();
+    let mut c = Columns::new(VERSION);
+    c.utf8("candidate_id", "the motion", rows().map(|r| r.candidate_id.clone()));
+    c.utf8("generator", "what drew it", rows().map(|r| r.generator.clone()));
+    c.bool("success", "lifted, held to the end and still in contact", rows().map(|r| r.verdict == Verdict::Held));
+    c.utf8("reason", "`held`, or why it failed", rows().map(|r| r.verdict.as_str().to_owned()));
+    c.i64("cost_n", "control steps simulated", rows().map(|r| i64::from(r.cost_n)));
+    c.f64("lift_m", "m", "rise of the object's origin at the end", rows().map(|r| r.lift_m));
+    c.f64("slip_m", "m", "motion of the object in the palm frame between lift and end", rows().map(|r| r.slip_m));
+    c.f64("displacement_m", "m", "motion of the object on the table before the squeeze", rows().map(|r| r.displacement_m));
+    c.f64("penetration_m", "m", "deepest contact between hand and object while held", rows().map(|r| r.penetration_m));
+    c.i64("contacts_n", "hand links in contact with the object at the end", rows().map(|r| i64::from(r.contacts_n)));
+    c
+}
+
+/// Returns one row per rollout; the object is the partition, not a column.
+///
+/// # Errors
+///
+/// Fails if a number is not finite.
+pub fn to_batch(rollouts: &[Rollout]) -> Result<RecordBatch, SchemaError> {
+    columns(rollouts).into_batch()
+}
+
+/// Reads what [`to_batch`] wrote.
+///
+/// # Errors
+///
+/// Fails if the columns are of another version or hold an unknown reason.
+pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Rollout>, SchemaError> {
+    let r = Reader::new(batch, VERSION)?;
+    (0..r.rows())
+        .map(|row| {
+            let word = r.utf8("reason", row)?;
+            Ok(Rollout {
+                candidate_id: r.utf8("candidate_id", row)?.to_owned(),
+                generator: r.utf8("generator", row)?.to_owned(),
+                verdict: Verdict::parse(word)
+                    .ok_or_else(|| r.invalid("reason", format!("`{word}` is no verdict")))?,
+                cost_n: r.u32("cost_n", row)?,
+                lift_m: r.f64("lift_m", row)?,
+                slip_m: r.f64("slip_m", row)?,
+                displacement_m: r.f64("displacement_m", row)?,
+                penetration_m: r.f64("penetration_m", row)?,
+                contacts_n: r.u32("contacts_n", row)?,
+            })
+        })
+        .collect()
+}

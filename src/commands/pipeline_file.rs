@@ -1,0 +1,35 @@
+//! Reading the pipeline file that a command names.
+
+use std::fs;
+
+use dataflow::{FreshAll, Pipeline, RunOptions};
+
+use crate::{arguments::PipelineArgs, outcome::Trouble, registry};
+
+/// Reads and checks the file.
+pub(crate) fn read(args: &PipelineArgs) -> Result<Pipeline, Trouble> {
+    let path = &args.file;
+    let source = fs::read_to_string(path).map_err(|err| {
+        Trouble::usage(
+            format!("cannot read the pipeline file `{}`: {err}", path.display()),
+            "name a pipeline file, e.g. `pipelines/cgf.toml`",
+        )
+    })?;
+    let profile = args.profile.as_deref();
+    Ok(Pipeline::parse(path, &source, &registry::kinds(), profile, &args.overrides)?)
+}
+
+/// Returns what to run and how.
+pub(crate) fn options(args: &PipelineArgs, jobs: Option<u16>) -> RunOptions {
+    let fresh_all = if args.fresh.iter().any(String::is_empty) {
+        FreshAll::MakeAgain
+    } else {
+        FreshAll::UseStore
+    };
+    RunOptions {
+        until: args.until.clone(),
+        fresh: args.fresh.iter().filter(|stage| !stage.is_empty()).cloned().collect(),
+        fresh_all,
+        jobs: jobs.map_or(0, usize::from),
+    }
+}

@@ -1,0 +1,60 @@
+//! `pipeline run`
+
+use std::path::Path;
+
+use lake::Lake;
+
+use crate::{
+    arguments::RunArgs,
+    commands::{pipeline_file, plan},
+    outcome::{Outcome, Trouble},
+    progress::{Quiet, Screen},
+    report,
+};
+
+/// Runs a pipeline, reusing every result that is still valid.
+pub(crate) fn run(lake: &Path, quiet: bool, args: &RunArgs) -> Result<Outcome, Trouble> {
+    let pipeline = pipeline_file::read(&args.pipeline)?;
+    let options = pipeline_file::options(&args.pipeline, args.jobs);
+    let store = Lake::open(lake);
+    if args.dry_run {
+        let plan = dataflow::plan(&pipeline, &store, &options)?;
+        report::line(&plan::text(&plan));
+        return Ok(Outcome::Done);
+    }
+    let screen = Screen::new(if quiet { Quiet::Yes } else { Quiet::No });
+    let ran = dataflow::run(&pipeline, &store, &options, &screen)?;
+    if !quiet {
+        let last = ran.nodes.last();
+        let result = last.map_or("", |node| node.description.as_str());
+        let line = if ran.n_made_now() == 0 {
+            let n_stages = pipeline
+                .stages
+                .iter()
+                .filter(|stage| ran.nodes.iter().any(|node| node.node.stage == stage.name))
+                .count();
+            format!("done   {n_stages} stages cached, nothing to run; {result}")
+        } else {
+            format!("done   {result} in {}", report::duration(ran.seconds))
+        };
+        report::line(&line);
+    }
+    let n_skipped = ran.n_skipped();
+    if n_skipped > 0 {
+        let skipping = ran.nodes.iter().find(|node| node.summary.n_skipped > 0);
+        let node = skipping.map_or_else(String::new, |node| node.node.to_string());
+        report::line(&format!("note   {n_skipped} items were skipped"));
+        report::line(&format!(
+            "hint: see each reason with `pipeline inspect {node} --skipped`"
+        ));
+        return Ok(Outcome::SkippedItems);
+    }
+    if !quiet && ran.n_made_now() > 0 {
+        let last = ran.nodes.last().map_or_else(String::new, |node| node.node.to_string());
+        report::line(&format!(
+            "next   `pipeline inspect {last}`, or edit `{}` and run again",
+            args.pipeline.file.display()
+        ));
+    }
+    Ok(Outcome::Done)
+}

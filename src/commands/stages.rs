@@ -1,0 +1,72 @@
+//! `pipeline stages`
+
+use dataflow::{Kind, nearest};
+
+use crate::{
+    arguments::StagesArgs,
+    outcome::{Outcome, Trouble},
+    registry, report,
+};
+
+/// Lists the kinds of stages, or the options of one.
+pub(crate) fn stages(args: &StagesArgs) -> Result<Outcome, Trouble> {
+    let kinds = registry::kinds();
+    let text = match &args.kind {
+        None => overview(&kinds),
+        Some(name) => {
+            let kind = kinds.iter().find(|kind| kind.name == name).ok_or_else(|| {
+                let near = nearest(name, kinds.iter().map(|kind| kind.name));
+                let hint = near.map_or_else(
+                    || "`pipeline stages` lists every kind".to_owned(),
+                    |near| format!("did you mean `{near}`?"),
+                );
+                Trouble::usage(format!("no kind of stage `{name}`"), hint)
+            })?;
+            options(kind)
+        }
+    };
+    report::data(text.as_bytes());
+    Ok(Outcome::Done)
+}
+
+fn overview(kinds: &[Kind]) -> String {
+    let mut rows = vec![["kind", "reads", "makes", "about"].map(str::to_owned).to_vec()];
+    for kind in kinds {
+        let reads: Vec<&str> = kind.inputs.iter().map(|input| input.name).collect();
+        let makes: Vec<&str> = kind.outputs.iter().map(|output| output.artifact).collect();
+        let reads = if reads.is_empty() { "-".to_owned() } else { reads.join(", ") };
+        rows.push(vec![kind.name.to_owned(), reads, makes.join(", "), kind.about.to_owned()]);
+    }
+    format!("{}\n`pipeline stages KIND` lists a kind's options.\n", report::columns(&rows, &[]))
+}
+
+fn options(kind: &Kind) -> String {
+    let mut text = format!("{}: {}\n\n", kind.name, kind.about);
+    for input in kind.inputs {
+        text.push_str(&format!("inputs.{} = \"STAGE.{}\"\n", input.name, input.artifact));
+    }
+    for output in kind.outputs {
+        text.push_str(&format!(
+            "makes `{}`, one partition per {}, schema {}\n",
+            output.artifact, output.partition, output.schema
+        ));
+    }
+    let mut rows = vec![["option", "type", "default", "about"].map(str::to_owned).to_vec()];
+    for option in kind.options() {
+        let default = match option.default {
+            Some(default) => default,
+            None if option.required => "required".to_owned(),
+            None => "-".to_owned(),
+        };
+        rows.push(vec![option.key, option.value, default, option.about]);
+    }
+    rows.push(vec![
+        "max_skipped_fraction".to_owned(),
+        "number".to_owned(),
+        "0.2".to_owned(),
+        "Share of items that may be skipped before the stage fails.".to_owned(),
+    ]);
+    text.push('\n');
+    text.push_str(&report::columns(&rows, &[]));
+    text
+}

@@ -1,0 +1,71 @@
+//! How a command ends.
+
+use dataflow::{Advise, Failure, FileError};
+use lake::LakeError;
+
+/// A command that did what it was asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Outcome {
+    /// Everything is done: exit code 0.
+    Done,
+    /// Done, but items were skipped: exit code 3.
+    SkippedItems,
+}
+
+/// A command that did not.
+#[derive(Debug)]
+pub(crate) enum Trouble {
+    /// The pipeline file is wrong: exit code 2.
+    File(FileError),
+    /// The command line asks for something that is not there: exit code 2.
+    Usage { message: String, hint: Option<String> },
+    /// Something failed: exit code 1.
+    Failed { error: anyhow::Error, hint: Option<String> },
+}
+
+impl From<FileError> for Trouble {
+    fn from(err: FileError) -> Self {
+        Self::File(err)
+    }
+}
+
+impl From<Failure> for Trouble {
+    fn from(err: Failure) -> Self {
+        let hint = err.hint();
+        match err {
+            Failure::NoStage { .. } => Self::Usage {
+                message: err.to_string(),
+                hint,
+            },
+            err => Self::Failed {
+                hint,
+                error: err.into(),
+            },
+        }
+    }
+}
+
+impl From<LakeError> for Trouble {
+    fn from(err: LakeError) -> Self {
+        Self::Failed {
+            hint: err.hint(),
+            error: err.into(),
+        }
+    }
+}
+
+impl Trouble {
+    pub(crate) fn usage(message: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::Usage {
+            message: message.into(),
+            hint: Some(hint.into()),
+        }
+    }
+
+    pub(crate) fn failed(error: impl Into<anyhow::Error>, hint: Option<String>) -> Self {
+        Self::Failed {
+            error: error.into(),
+            hint,
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! The cell that the options ask for.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use cell::{
+    Capabilities, CellClient, CellError, ObjectError, SimulatedCell, SimulatedCellConfig,
+    robot_digest,
+};
+use schemas::objects::Object;
+use simulation::ObjectShape;
+
+use crate::{
+    DispatchConfig, DispatchError,
+    config::{SIMULATED, SimulatedConfig},
+};
+
+/// The simulated cell of this process: it outlives the units, so that whoever watches can stay
+/// connected, and it remembers its goals as a real one does.
+static RUNNING: Mutex<Option<Running>> = Mutex::new(None);
+
+struct Running {
+    asked: Asked,
+    cell: Arc<SimulatedCell>,
+}
+
+/// What a simulated cell was started with.
+#[derive(PartialEq)]
+struct Asked {
+    config: SimulatedCellConfig,
+    robot: String,
+}
+
+/// A cell that answered.
+pub(crate) struct Connected {
+    pub(crate) client: CellClient,
+    pub(crate) capabilities: Capabilities,
+    /// Keeps the simulated cell alive.
+    _simulated: Option<Arc<SimulatedCell>>,
+}
+
+/// Connects to the cell that the options ask for, with `object` lying before it; starts the
+/// simulated one if it does not run yet.
+pub(crate) fn connect(
+    config: &DispatchConfig,
+    urdf: &str,
+    object: &Object,
+) -> Result<Connected, DispatchError> {
+    let simulated = if config.cell == SIMULATED {
+        let cell = simulated(config, urdf)?;
+        cell.put_object(&object.name, ObjectShape::from_artifact(object));
+        Some(cell)
+    } else {
+        None
+    };
+    let endpoint = simulated
+        .as_ref()
+        .map_or(config.cell.as_str(), |cell| cell.endpoint());
+    let client = CellClient::connect(endpoint, &config.cell_name, config.answer_timeout())?;
+    let capabilities = client.capabilities(config.answer_timeout())?;
+    if capabilities.robot != robot_digest(urdf) {
+        return Err(DispatchError::OtherRobot {
+            cell: capabilities.cell,
+            hand: config.hand.clone(),
+        });
+    }
+    Ok(Connected {
+        client,
+        capabilities,
+        _simulated: simulated,
+    })
+}
+
+fn simulated(config: &DispatchConfig, urdf: &str) -> Result<Arc<SimulatedCell>, CellError> {
+    let SimulatedConfig {
+        object_error_m,
+        object_error_rad,
+        scene,
+    } = &config.simulated;
+    let asked = Asked {
+        config: SimulatedCellConfig {
+            name: config.cell_name.clone(),
+            listen: config.listen.clone(),
+            scene: scene.clone(),
+            object_error: ObjectError {
+                position_m: *object_error_m,
+                yaw_rad: *object_error_rad,
+            },
+        },
+        robot: robot_digest(urdf),
+    };
+    let mut running = RUNNING.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(running) = running.as_ref().filter(|running| running.asked == asked) {
+        return Ok(Arc::clone(&running.cell));
+    }
+    // One with other options stops first: it may hold the port.
+    *running = None;
+    let cell = Arc::new(SimulatedCell::start(asked.config.clone(), urdf)?);
+    *running = Some(Running {
+        asked,
+        cell: Arc::clone(&cell),
+    });
+    Ok(cell)
+}

@@ -1,0 +1,126 @@
+//! Options of `kind = "dispatch"`.
+
+use std::{path::PathBuf, time::Duration};
+
+use cell::{Capabilities, Keys};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use simulation::{Protocol, SceneConfig};
+
+use crate::DispatchError;
+
+/// The value of `cell` that asks for the simulated one.
+pub(crate) const SIMULATED: &str = "simulated";
+
+/// Longest timeout accepted, in seconds.
+const DAY_S: f64 = 86_400.0;
+
+/// Options of `kind = "dispatch"`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DispatchConfig {
+    /// `simulated`, which this stage starts itself, or where a cell listens, e.g. `tcp/10.0.0.7:7447`.
+    pub cell: String,
+    /// The cell's name in its keys, `cgf/cell/NAME/…`.
+    pub cell_name: String,
+    /// Where the simulated cell listens, on the loopback interface; port 0 takes any free one.
+    // Where a cell listens does not change what it does.
+    #[serde(skip_serializing)]
+    pub listen: String,
+    /// Whether a cell that is not simulated may move; without it the run is a dry one.
+    pub execute: bool,
+    /// Largest number of motions sent for one object.
+    pub per_object: usize,
+    /// Number of this attempt: raise it to have motions executed again by a cell that knows them.
+    pub attempt: u32,
+    /// How long the cell gets to say whether it takes a goal (s).
+    pub answer_timeout_s: f64,
+    /// How long the cell gets to execute a motion (s).
+    pub result_timeout_s: f64,
+    /// How far a joint may be from the first step when the motion starts (rad).
+    pub start_tolerance_rad: f64,
+    /// URDF of the robot hand; its root link is the palm.
+    #[serde(skip_serializing)]
+    pub hand: PathBuf,
+    /// How a motion is carried out, and what counts as success.
+    pub grasp: Protocol,
+    /// The simulated cell's physics.
+    pub simulated: SimulatedConfig,
+}
+
+/// The simulated cell: where it differs from the screen is the gap that a motion must bridge.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SimulatedConfig {
+    /// Largest error of the object's place along each axis of the table (m).
+    pub object_error_m: f64,
+    /// Largest error of the object's direction on the table (rad).
+    pub object_error_rad: f64,
+    /// The scene; give it another mass or friction than the screen's.
+    pub scene: SceneConfig,
+}
+
+impl DispatchConfig {
+    /// Checks what types cannot say.
+    pub(crate) fn check(&self) -> Result<(), DispatchError> {
+        let wrong =
+            |key: &'static str, problem: String| Err(DispatchError::BadOption { key, problem });
+        if self.cell != SIMULATED && !self.cell.starts_with("tcp/") {
+            return wrong(
+                "cell",
+                format!("`{}` is neither `simulated` nor `tcp/HOST:PORT`", self.cell),
+            );
+        }
+        for (key, seconds) in [
+            ("answer_timeout_s", self.answer_timeout_s),
+            ("result_timeout_s", self.result_timeout_s),
+        ] {
+            if !(seconds > 0.0 && seconds <= DAY_S) {
+                return wrong(key, format!("{seconds} is not between 0 and {DAY_S} s"));
+            }
+        }
+        Keys::new(&self.cell_name)?;
+        Ok(())
+    }
+
+    /// Whether goals may be sent: always to a cell that says it is simulated, to any other only if
+    /// a person said so.
+    pub(crate) fn permits(&self, cell: &Capabilities) -> bool {
+        cell.simulated || self.execute
+    }
+
+    /// Returns how long the cell gets to answer.
+    pub(crate) fn answer_timeout(&self) -> Duration {
+        Duration::from_secs_f64(self.answer_timeout_s)
+    }
+
+    /// Returns how long the cell gets to execute.
+    pub(crate) fn result_timeout(&self) -> Duration {
+        Duration::from_secs_f64(self.result_timeout_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_real_cell_moves_only_if_a_person_said_so() {
+        let mut config: DispatchConfig =
+            serde_json::from_str(include_str!("../tests/dispatch.json")).unwrap();
+        let mut cell = Capabilities {
+            protocol: cell::PROTOCOL,
+            cell: "lab".to_owned(),
+            simulated: true,
+            robot: String::new(),
+            joints: Vec::new(),
+            max_goal_bytes: 0,
+            gap: String::new(),
+        };
+        assert!(config.permits(&cell));
+        cell.simulated = false;
+        assert!(!config.permits(&cell));
+        config.execute = true;
+        assert!(config.permits(&cell));
+    }
+}

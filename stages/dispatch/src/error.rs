@@ -1,0 +1,110 @@
+//! Why motions could not be dispatched.
+
+use std::{io, path::PathBuf};
+
+use cell::CellError;
+use dataflow::Advise;
+use lake::LakeError;
+use robot::RobotError;
+use schemas::SchemaError;
+
+/// Why motions could not be dispatched; a motion that fails is a row of `executions`.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DispatchError {
+    /// An option has a value that makes no sense.
+    #[error("option `{key}` of dispatch cannot be used: {problem}")]
+    BadOption {
+        /// The option's key.
+        key: &'static str,
+        /// What is wrong.
+        problem: String,
+    },
+    /// The hand's URDF cannot be read.
+    #[error("cannot read the hand's URDF `{}`", path.display())]
+    ReadHand {
+        /// The file.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// The hand's URDF cannot be used.
+    #[error("cannot use the hand's URDF `{}`: {source}", path.display())]
+    Hand {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: RobotError,
+    },
+    /// The cell cannot be reached or started.
+    #[error(transparent)]
+    Cell(#[from] CellError),
+    /// The cell drives another robot than the motions were made for.
+    #[error("cell `{cell}` drives another robot than `{}`; nothing was sent to it", hand.display())]
+    OtherRobot {
+        /// The cell's name.
+        cell: String,
+        /// The URDF for which the motions are.
+        hand: PathBuf,
+    },
+    /// A report does not hold the robot's joints.
+    #[error("the report on goal {goal_id} does not name the joints of `{}`", hand.display())]
+    Report {
+        /// The goal.
+        goal_id: String,
+        /// The URDF for which the motions are.
+        hand: PathBuf,
+    },
+    /// A rollout's motion is missing.
+    #[error("motion `{candidate_id}` was accepted for `{object}`, but is not among its candidates")]
+    NoCandidate {
+        /// The object.
+        object: String,
+        /// The motion.
+        candidate_id: String,
+    },
+    /// The unit was given less than it needs: the plan is not this stage's.
+    #[error("the unit `{partition}` reads no {what}")]
+    MissingInput {
+        /// The unit's partition.
+        partition: String,
+        /// What is missing.
+        what: &'static str,
+    },
+    /// A table or recording could not be read or written.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    /// A table does not follow its schema.
+    #[error("the table of `{partition}` does not follow its schema")]
+    Schema {
+        /// The partition.
+        partition: String,
+        /// How it differs.
+        source: SchemaError,
+    },
+}
+
+impl Advise for DispatchError {
+    fn hint(&self) -> Option<String> {
+        match self {
+            Self::BadOption { .. } => {
+                Some("`pipeline stages dispatch` lists every option with its unit".to_owned())
+            }
+            Self::ReadHand { path, .. } => Some(format!(
+                "set `hand` to the URDF of a robot hand; `{}` is read relative to the current \
+                 directory",
+                path.display()
+            )),
+            Self::Hand { source, .. } => source.hint(),
+            Self::Cell(err) => err.hint(),
+            Self::OtherRobot { .. } => Some(
+                "set `hand` of every stage to the URDF that the cell was started with".to_owned(),
+            ),
+            Self::NoCandidate { .. } => {
+                Some("wire `candidates` to the stage whose motions were screened".to_owned())
+            }
+            Self::Lake(err) => err.hint(),
+            Self::Report { .. } | Self::MissingInput { .. } | Self::Schema { .. } => None,
+        }
+    }
+}

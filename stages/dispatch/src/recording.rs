@@ -1,0 +1,133 @@
+//! One recording per motion executed: what was commanded and what was measured.
+
+use std::{collections::BTreeMap, path::Path};
+
+use cell::{Goal, Report, Sample};
+use lake::recording::Recording;
+use robot::RobotModel;
+use schemas::{
+    executions,
+    objects::Object,
+    ros2::motion::{
+        self, GRASP_POSE, Hand, HandLink, JOINT_TRAJECTORY, OBJECT, START_NS, Scene, SceneStep,
+    },
+};
+
+use crate::DispatchError;
+
+/// The robot and the object of a recording.
+pub(crate) struct Setting<'a> {
+    pub(crate) urdf: &'a str,
+    pub(crate) hand_path: &'a Path,
+    pub(crate) model: &'a RobotModel,
+    pub(crate) object: &'a Object,
+    /// The cell's name.
+    pub(crate) cell: &'a str,
+    /// How the cell differs from what was planned for.
+    pub(crate) gap: &'a str,
+}
+
+/// Writes `<candidate_id>.mcap` into `folder`; a motion without samples has no recording.
+pub(crate) fn record(
+    setting: &Setting<'_>,
+    goal: &Goal,
+    report: &Report,
+    folder: &Path,
+) -> Result<(), DispatchError> {
+    if report.samples.is_empty() {
+        return Ok(());
+    }
+    let wrong = || DispatchError::Report {
+        goal_id: report.goal_id.clone(),
+        hand: setting.hand_path.to_owned(),
+    };
+    let joints = setting.model.joint_names();
+    let columns: Vec<usize> = joints
+        .iter()
+        .map(|name| {
+            report
+                .joints
+                .iter()
+                .position(|joint| joint == name)
+                .ok_or_else(wrong)
+        })
+        .collect::<Result<_, _>>()?;
+    let samples: Vec<Sample> = report
+        .samples
+        .iter()
+        .map(|sample| in_order(sample, &columns))
+        .collect();
+    let link_poses = |q: &[f64]| setting.model.forward_kinematics(q).ok().ok_or_else(wrong);
+    let first = samples.first().ok_or_else(wrong)?;
+    let scene = Scene {
+        urdf: setting.urdf,
+        joints: &joints,
+        hand: &Hand::new(setting.model.links().iter().map(|link| HandLink {
+            name: link.name.clone(),
+            parent: link.parent,
+            moves: link.joint.is_some(),
+        })),
+        palm_from_links: &link_poses(&first.q_rad)?,
+        vertices_m: &setting.object.vertices_m,
+        triangles: &setting.object.triangles,
+    };
+    let path = folder.join(format!("{}.mcap", goal.candidate_id));
+    let mut recording = Recording::create(&path, &about(setting, goal, report))?;
+    recording.write_scene(&scene)?;
+    let commands = samples
+        .iter()
+        .map(|sample| (sample.time_s, sample.q_command_rad.as_slice()));
+    recording.write_latched(
+        JOINT_TRAJECTORY,
+        START_NS,
+        &motion::joint_trajectory(START_NS, &joints, commands),
+    )?;
+    if let Some(step) = goal.steps.last() {
+        let grasp = motion::pose_stamped(START_NS, OBJECT, step.object_from_palm.isometry());
+        recording.write_latched(GRASP_POSE, START_NS, &grasp)?;
+    }
+    for sample in &samples {
+        recording.write_step(
+            &scene,
+            &SceneStep {
+                time_s: sample.time_s,
+                table_from_palm: *sample.table_from_palm.isometry(),
+                table_from_object: *sample.table_from_object.isometry(),
+                palm_from_links: &link_poses(&sample.q_rad)?,
+                q_rad: &sample.q_rad,
+            },
+        )?;
+    }
+    recording.finish()?;
+    Ok(())
+}
+
+/// Returns a sample with its positions in the order of the robot's own joints.
+fn in_order(sample: &Sample, columns: &[usize]) -> Sample {
+    let pick = |q: &[f64]| {
+        columns
+            .iter()
+            .filter_map(|&idx| q.get(idx).copied())
+            .collect()
+    };
+    Sample {
+        q_rad: pick(&sample.q_rad),
+        q_command_rad: pick(&sample.q_command_rad),
+        ..sample.clone()
+    }
+}
+
+fn about(setting: &Setting<'_>, goal: &Goal, report: &Report) -> BTreeMap<String, String> {
+    [
+        ("schema", executions::VERSION),
+        ("object", &goal.object),
+        ("candidate_id", &goal.candidate_id),
+        ("goal_id", &report.goal_id),
+        ("cell", setting.cell),
+        ("gap", setting.gap),
+        ("outcome", report.outcome.as_str()),
+        ("message", &report.message),
+    ]
+    .map(|(key, value)| (key.to_owned(), value.to_owned()))
+    .into()
+}

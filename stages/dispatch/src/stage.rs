@@ -1,0 +1,302 @@
+//! The stage: one table of executions per object.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Component, Path},
+};
+
+use cell::Report;
+use dataflow::{
+    Artifact, Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage,
+    Summary, Unit,
+};
+use robot::RobotModel;
+use schemas::{
+    SchemaError,
+    candidates::{self, Candidate, Candidates},
+    executions::{self, Execution},
+    objects::{self, Object},
+    rollouts,
+};
+
+use crate::{
+    DispatchConfig, DispatchError, cells,
+    goals::{accepted, goal},
+    recording::{Setting, record},
+};
+
+/// Sends accepted motions to a robot cell.
+pub enum Dispatch {}
+
+impl Stage for Dispatch {
+    type Config = DispatchConfig;
+    type Error = DispatchError;
+
+    const KIND: &'static str = "dispatch";
+    const ABOUT: &'static str = "Sends accepted motions to a robot cell and keeps what it did";
+    const CODE: Code = dataflow::code!();
+    const INPUTS: &'static [Input] = &[
+        Input {
+            name: "rollouts",
+            artifact: "rollouts",
+        },
+        Input {
+            name: "candidates",
+            artifact: "candidates",
+        },
+        Input {
+            name: "objects",
+            artifact: "objects",
+        },
+    ];
+    const OUTPUTS: &'static [Output] = &[Output {
+        artifact: "executions",
+        schema: executions::VERSION,
+        partition: "object",
+        parallel: false,
+    }];
+
+    /// Checks the options and the hand's URDF.
+    fn prepare(config: &DispatchConfig) -> Result<(), DispatchError> {
+        config.check()?;
+        load_hand(&config.hand).map(drop)
+    }
+
+    fn units(
+        config: &DispatchConfig,
+        _output: &str,
+        scope: &Scope,
+    ) -> Result<Vec<Unit>, DispatchError> {
+        Ok(scope
+            .partitions("rollouts")
+            .iter()
+            .map(|rollouts| {
+                Unit::new(&rollouts.key)
+                    .reading("rollouts", [&rollouts.key])
+                    .reading("candidates", [&rollouts.key])
+                    .reading("objects", [&rollouts.key])
+                    .with_file(SourceFile::named_by_file(&config.hand))
+            })
+            .collect())
+    }
+
+    fn run(
+        config: &DispatchConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome, DispatchError> {
+        config.check()?;
+        let schema = |source: SchemaError| DispatchError::Schema {
+            partition: cx.partition().to_owned(),
+            source,
+        };
+        let artifact = |input| only(inputs, input, cx);
+        let rollouts =
+            rollouts::from_batch(&lake::table::read(artifact("rollouts")?)?).map_err(schema)?;
+        let artifact_of_candidates = artifact("candidates")?;
+        let candidates = candidates::from_batch(
+            &artifact_of_candidates.key,
+            &lake::table::read(artifact_of_candidates)?,
+        )
+        .map_err(schema)?;
+        let artifact_of_object = artifact("objects")?;
+        let object = objects::from_batch(
+            &artifact_of_object.key,
+            &lake::table::read(artifact_of_object)?,
+        )
+        .map_err(schema)?;
+        let motions = accepted(&rollouts, &candidates, config.per_object)?;
+        let sent = if motions.is_empty() {
+            Sent::default()
+        } else {
+            let urdf = inputs
+                .files()
+                .first()
+                .ok_or_else(|| missing(cx, "URDF of a hand"))?;
+            send(config, &urdf.path, &object, &candidates, &motions, cx)?
+        };
+        let batch = executions::to_batch(&sent.executions).map_err(schema)?;
+        lake::table::write(cx.folder(), &batch)?;
+        Ok(Outcome::Made(Made {
+            labels: BTreeMap::from([("object".to_owned(), object.name)]),
+            metrics: sent.metrics(motions.len()),
+        }))
+    }
+
+    fn describe(_output: &str, summary: &Summary) -> String {
+        let motions = summary.total("motions_n");
+        if motions == 0.0 {
+            return "no accepted motion to execute".to_owned();
+        }
+        if summary.total("dry_n") > 0.0 {
+            return format!(
+                "{motions} motions would be sent; nothing moved, because `execute` is not set"
+            );
+        }
+        let cell = if summary.total("simulated_n") > 0.0 {
+            "the simulated cell"
+        } else {
+            "the robot cell"
+        };
+        let succeeded = summary.total("succeeded_n");
+        let mut line = format!("{motions} motions → {succeeded} executed with success by {cell}");
+        let unknown = summary.total("unknown_n");
+        if unknown > 0.0 {
+            line.push_str(&format!(
+                "; {unknown} unknown, look at the robot before going on"
+            ));
+        }
+        line
+    }
+}
+
+/// What became of the motions of one object.
+#[derive(Default)]
+struct Sent {
+    executions: Vec<Execution>,
+    /// Motions that would have been sent.
+    dry_n: usize,
+    simulated: bool,
+}
+
+impl Sent {
+    fn metrics(&self, motions_n: usize) -> BTreeMap<String, f64> {
+        let count = |outcome: executions::Outcome| {
+            self.executions
+                .iter()
+                .filter(|e| e.outcome == outcome)
+                .count()
+        };
+        [
+            ("motions_n", motions_n),
+            ("sent_n", self.executions.len()),
+            (
+                "accepted_n",
+                self.executions.iter().filter(|e| e.accepted).count(),
+            ),
+            ("succeeded_n", count(executions::Outcome::Succeeded)),
+            ("unknown_n", count(executions::Outcome::Unknown)),
+            ("dry_n", self.dry_n),
+            (
+                "simulated_n",
+                if self.simulated {
+                    self.executions.len()
+                } else {
+                    0
+                },
+            ),
+        ]
+        .map(|(name, count)| (name.to_owned(), count as f64))
+        .into()
+    }
+}
+
+/// Sends motions one after another, each when the one before is over.
+fn send(
+    config: &DispatchConfig,
+    hand_path: &Path,
+    object: &Object,
+    candidates: &Candidates,
+    motions: &[&Candidate],
+    cx: &Context,
+) -> Result<Sent, DispatchError> {
+    let (urdf, model) = load_hand(hand_path)?;
+    let connected = cells::connect(config, &urdf, object)?;
+    let capabilities = &connected.capabilities;
+    let mut sent = Sent {
+        simulated: capabilities.simulated,
+        ..Sent::default()
+    };
+    if !config.permits(capabilities) {
+        sent.dry_n = motions.len();
+        return Ok(sent);
+    }
+    let setting = Setting {
+        urdf: &urdf,
+        hand_path,
+        model: &model,
+        object,
+        cell: &capabilities.cell,
+        gap: &capabilities.gap,
+    };
+    for (idx, &candidate) in motions.iter().enumerate() {
+        cx.progress(idx as f64 / motions.len() as f64, &candidate.candidate_id);
+        check_name(candidate)?;
+        let goal = goal(config, &urdf, candidates, candidate);
+        let report =
+            connected
+                .client
+                .execute(&goal, config.answer_timeout(), config.result_timeout())?;
+        record(&setting, &goal, &report, cx.folder())?;
+        sent.executions
+            .push(execution(&capabilities.cell, candidate, &report));
+        if report.outcome == executions::Outcome::Unknown {
+            // Until somebody has looked, nothing more is sent to this robot.
+            break;
+        }
+    }
+    Ok(sent)
+}
+
+fn execution(cell: &str, candidate: &Candidate, report: &Report) -> Execution {
+    Execution {
+        goal_id: report.goal_id.clone(),
+        candidate_id: candidate.candidate_id.clone(),
+        cell: cell.to_owned(),
+        accepted: !matches!(
+            report.outcome,
+            executions::Outcome::Rejected | executions::Outcome::Unknown
+        ),
+        outcome: report.outcome,
+        message: report.message.clone(),
+        duration_s: report.duration_s(),
+        tracking_error_rad: report.tracking_error_rad(),
+        lift_m: report.lift_m,
+    }
+}
+
+/// Makes sure that a motion's name can be a file's.
+fn check_name(candidate: &Candidate) -> Result<(), DispatchError> {
+    let mut components = Path::new(&candidate.candidate_id).components();
+    match (components.next(), components.next()) {
+        (Some(Component::Normal(_)), None) => Ok(()),
+        _ => Err(DispatchError::BadOption {
+            key: "candidates",
+            problem: format!(
+                "`{}` cannot name a recording's file",
+                candidate.candidate_id
+            ),
+        }),
+    }
+}
+
+fn load_hand(path: &Path) -> Result<(String, RobotModel), DispatchError> {
+    let urdf = fs::read_to_string(path).map_err(|source| DispatchError::ReadHand {
+        path: path.to_owned(),
+        source,
+    })?;
+    let model = RobotModel::from_urdf(&urdf).map_err(|source| DispatchError::Hand {
+        path: path.to_owned(),
+        source,
+    })?;
+    Ok((urdf, model))
+}
+
+fn only<'a>(
+    inputs: &'a Inputs,
+    input: &'static str,
+    cx: &Context,
+) -> Result<&'a Artifact, DispatchError> {
+    inputs
+        .artifacts(input)
+        .first()
+        .ok_or_else(|| missing(cx, input))
+}
+
+fn missing(cx: &Context, what: &'static str) -> DispatchError {
+    DispatchError::MissingInput {
+        partition: cx.partition().to_owned(),
+        what,
+    }
+}

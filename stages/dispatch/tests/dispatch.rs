@@ -1,0 +1,300 @@
+//! The stage with the simulated cell, and with cells that are not there.
+
+use std::{collections::BTreeMap, fs, path::Path};
+
+use dataflow::{Advise, Artifact, Context, Inputs, Made, Outcome, SourceFile, Stage, Summary};
+use nalgebra::{Isometry3, Vector3};
+use schemas::{
+    candidates::{self, Candidate, Candidates, Step},
+    executions::{self, Execution},
+    objects::{self, Object, RestingOrientation},
+    rollouts::{self, Rollout, Verdict},
+    ros2::{
+        JointState, JointTrajectory, TfMessage,
+        motion::{GRASP_POSE, JOINT_STATES, JOINT_TRAJECTORY, MARKERS, TF},
+    },
+};
+use spatial::{Pose, Rest};
+use stage_dispatch::{Dispatch, DispatchConfig, DispatchError};
+
+const OBJECT: &str = "cube";
+const HALF_EDGE_M: f64 = 0.02;
+
+/// Two plates that slide towards each other below a palm that points down.
+const GRIPPER: &str = include_str!("../../../crates/cell/tests/gripper.urdf");
+
+fn config() -> DispatchConfig {
+    serde_json::from_str(include_str!("dispatch.json")).unwrap()
+}
+
+fn joints() -> Vec<String> {
+    vec!["slide_left".to_owned(), "slide_right".to_owned()]
+}
+
+fn cube() -> Object {
+    let side = |corner: u32, bit: u32| {
+        if corner >> bit & 1 == 0 {
+            -HALF_EDGE_M
+        } else {
+            HALF_EDGE_M
+        }
+    };
+    let corners: Vec<[f64; 3]> = (0..8)
+        .map(|c| [side(c, 0), side(c, 1), side(c, 2)])
+        .collect();
+    let inertia = 0.1 * (2.0 * HALF_EDGE_M).powi(2) / 6.0;
+    Object {
+        name: OBJECT.to_owned(),
+        mass_kg: 0.1,
+        center_of_mass_m: [0.0; 3],
+        inertia_kg_m2: [inertia, inertia, inertia, 0.0, 0.0, 0.0],
+        points_m: corners.clone(),
+        normals: corners.clone(),
+        vertices_m: corners.clone(),
+        triangles: vec![[0, 1, 2], [1, 3, 2]],
+        parts_m: vec![corners],
+        rests: vec![RestingOrientation {
+            rest: rest(),
+            seen_n: 1,
+            probability: 1.0,
+        }],
+    }
+}
+
+fn rest() -> Rest {
+    Rest {
+        up_in_object: Vector3::z_axis(),
+        height_m: HALF_EDGE_M,
+    }
+}
+
+/// Comes from above and closes the plates to `closed_m`; they touch the cube at 0.04.
+fn candidate(id: &str, closed_m: f64) -> Candidate {
+    let step = |time_s: f64, above_m: f64, q: f64| Step {
+        time_s,
+        object_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, above_m)),
+        q_rad: vec![q, q],
+    };
+    Candidate {
+        candidate_id: id.to_owned(),
+        generator: "test".to_owned(),
+        latent: Vec::new(),
+        table_from_object: rest().table_from_object(),
+        steps: vec![
+            step(0.0, 0.15, 0.0),
+            step(0.7, 0.02, 0.0),
+            step(1.0, 0.02, closed_m),
+        ],
+    }
+}
+
+fn rollout(id: &str, verdict: Verdict) -> Rollout {
+    Rollout {
+        candidate_id: id.to_owned(),
+        generator: "test".to_owned(),
+        verdict,
+        cost_n: 1,
+        lift_m: 0.0,
+        slip_m: 0.0,
+        displacement_m: 0.0,
+        penetration_m: 0.0,
+        contacts_n: 0,
+    }
+}
+
+fn artifact(folder: &Path) -> Artifact {
+    Artifact {
+        key: OBJECT.to_owned(),
+        labels: BTreeMap::new(),
+        files: BTreeMap::from([(lake::table::FILE.to_owned(), folder.join(lake::table::FILE))]),
+    }
+}
+
+/// Four candidates, of which the screen accepted three.
+fn inputs(folder: &Path, config: &DispatchConfig, verdict: Verdict) -> Inputs {
+    let ids = ["cube-0", "cube-1", "cube-2", "cube-3"];
+    let candidates = Candidates {
+        object: OBJECT.to_owned(),
+        joints: joints(),
+        candidates: ids
+            .iter()
+            .map(|id| candidate(id, if *id == "cube-2" { 0.0 } else { 0.04 }))
+            .collect(),
+    };
+    let rollouts: Vec<Rollout> = ids
+        .iter()
+        .map(|id| {
+            rollout(
+                id,
+                if *id == "cube-0" {
+                    Verdict::Dropped
+                } else {
+                    verdict
+                },
+            )
+        })
+        .collect();
+    let artifacts = [
+        ("rollouts", rollouts::to_batch(&rollouts).unwrap()),
+        ("candidates", candidates::to_batch(&candidates).unwrap()),
+        ("objects", objects::to_batch(&[cube()]).unwrap()),
+    ]
+    .map(|(name, batch)| {
+        let folder = folder.join(name);
+        fs::create_dir(&folder).unwrap();
+        lake::table::write(&folder, &batch).unwrap();
+        (name.to_owned(), vec![artifact(&folder)])
+    });
+    Inputs::new(
+        artifacts.into(),
+        vec![SourceFile::named_by_file(&config.hand)],
+    )
+}
+
+struct Ran {
+    made: Made,
+    executions: Vec<Execution>,
+    folder: tempfile::TempDir,
+}
+
+fn run(change: impl Fn(&mut DispatchConfig), verdict: Verdict) -> Result<Ran, DispatchError> {
+    let work = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = config();
+    change(&mut config);
+    let inputs = inputs(work.path(), &config, verdict);
+    let cx = Context::detached("executions", OBJECT, 1, folder.path());
+    let Outcome::Made(made) = Dispatch::run(&config, &inputs, &cx)? else {
+        panic!("expected an artifact");
+    };
+    let table = lake::table::read(&artifact(folder.path())).unwrap();
+    let executions = executions::from_batch(&table).unwrap();
+    Ok(Ran {
+        made,
+        executions,
+        folder,
+    })
+}
+
+fn describe(made: &Made) -> String {
+    let summary = Summary {
+        n_made: 1,
+        totals: made.metrics.clone(),
+        ..Summary::default()
+    };
+    Dispatch::describe("executions", &summary)
+}
+
+#[test]
+fn accepted_motions_are_executed_by_the_simulated_cell_and_recorded() {
+    let ran = run(|_| {}, Verdict::Held).unwrap();
+    let rows: Vec<(&str, executions::Outcome)> = ran
+        .executions
+        .iter()
+        .map(|e| (e.candidate_id.as_str(), e.outcome))
+        .collect();
+    // `cube-0` was not accepted, `cube-3` is beyond `per_object`.
+    assert_eq!(
+        rows,
+        [
+            ("cube-1", executions::Outcome::Succeeded),
+            ("cube-2", executions::Outcome::Failed)
+        ]
+    );
+    assert!(ran.executions[0].lift_m > 0.08);
+    assert_eq!(
+        describe(&ran.made),
+        "2 motions → 1 executed with success by the simulated cell"
+    );
+
+    let recording = lake::recording::read(&ran.folder.path().join("cube-1.mcap")).unwrap();
+    assert_eq!(recording.about["outcome"], "succeeded");
+    assert_eq!(recording.attachments["robot.urdf"], GRIPPER.as_bytes());
+    let states: Vec<JointState> = recording
+        .topic(JOINT_STATES)
+        .map(|m| m.decode().unwrap().unwrap())
+        .collect();
+    assert_eq!(states[0].name, joints());
+    let commands: JointTrajectory = recording
+        .topic(JOINT_TRAJECTORY)
+        .next()
+        .unwrap()
+        .decode()
+        .unwrap()
+        .unwrap();
+    assert_eq!(commands.points.len(), states.len());
+    let poses: TfMessage = recording
+        .topic(TF)
+        .last()
+        .unwrap()
+        .decode()
+        .unwrap()
+        .unwrap();
+    let object = poses
+        .transforms
+        .iter()
+        .find(|t| t.child_frame_id == "object")
+        .unwrap();
+    assert!(
+        object.transform.translation.z > 0.1,
+        "the object ends up in the air"
+    );
+    assert_eq!(recording.topic(MARKERS).count(), 1);
+    assert_eq!(recording.topic(GRASP_POSE).count(), 1);
+}
+
+#[test]
+fn equal_inputs_give_equal_files() {
+    let files = || {
+        let ran = run(|_| {}, Verdict::Held).unwrap();
+        let read = |name| fs::read(ran.folder.path().join(name)).unwrap();
+        [
+            read("part.parquet"),
+            read("cube-1.mcap"),
+            read("cube-2.mcap"),
+        ]
+    };
+    assert!(files() == files());
+}
+
+#[test]
+fn without_an_accepted_motion_the_table_is_empty_and_no_cell_is_asked() {
+    let ran = run(|c| c.cell = "tcp/127.0.0.1:9".to_owned(), Verdict::Slipped).unwrap();
+    assert!(ran.executions.is_empty());
+    assert_eq!(describe(&ran.made), "no accepted motion to execute");
+}
+
+#[test]
+fn a_cell_that_does_not_answer_is_an_error_that_says_where_and_what_to_do() {
+    let err = run(
+        |c| {
+            c.cell = "tcp/127.0.0.1:9".to_owned();
+            c.answer_timeout_s = 0.3;
+        },
+        Verdict::Held,
+    )
+    .map(|_| ())
+    .unwrap_err();
+    let text = err.to_string();
+    assert!(
+        text.contains("tcp/127.0.0.1:9") && text.contains("nothing was sent"),
+        "{text}"
+    );
+    assert!(
+        err.hint()
+            .unwrap()
+            .contains("--set dispatch.cell=simulated")
+    );
+}
+
+#[test]
+fn options_that_make_no_sense_are_named() {
+    let err = |change: fn(&mut DispatchConfig)| {
+        let err = run(change, Verdict::Held).map(|_| ()).unwrap_err();
+        assert!(err.hint().is_some(), "{err}");
+        err.to_string()
+    };
+    assert!(err(|c| c.cell = "10.0.0.7".to_owned()).contains("`cell`"));
+    assert!(err(|c| c.answer_timeout_s = 0.0).contains("`answer_timeout_s`"));
+    assert!(err(|c| c.cell_name = "a/b".to_owned()).contains("`a/b`"));
+}

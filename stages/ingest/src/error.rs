@@ -1,0 +1,189 @@
+//! Why a dataset, or one recording of it, could not be used.
+
+use std::{io, path::PathBuf};
+
+use dataflow::Advise;
+use demonstrator::DemonstratorError;
+use lake::LakeError;
+use schemas::SchemaError;
+
+use crate::{npz::NpzError, yaml::YamlError};
+
+/// Why a dataset could not be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum IngestError {
+    /// The directory does not have the dataset's layout.
+    #[error("no DexYCB sequences under `{}`", root.display())]
+    NoSequences {
+        /// The directory searched.
+        root: PathBuf,
+    },
+    /// A directory of the dataset could not be listed.
+    #[error("cannot list the folder `{}`", path.display())]
+    List {
+        /// Where.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// The bundled sample could not be made.
+    #[error("cannot make the sample in `{}`", root.display())]
+    Sample {
+        /// Where.
+        root: PathBuf,
+        /// Why it failed.
+        source: DemonstratorError,
+    },
+    /// An option has a value with which nothing can be made.
+    #[error("`{key}` must be {expected}, found {found}")]
+    Option {
+        /// The option.
+        key: &'static str,
+        /// What is accepted.
+        expected: &'static str,
+        /// What was found.
+        found: f64,
+    },
+    /// Nobody knows how heavy an object is.
+    #[error("the mass of `{object}` is not known")]
+    UnknownMass {
+        /// The object's name.
+        object: String,
+    },
+    /// Something in the lake could not be read or written.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    /// A demonstration in the lake could not be understood, or a table not be built.
+    #[error("cannot {action} the table of `{partition}`")]
+    Schema {
+        /// What was tried: `read` or `build`.
+        action: &'static str,
+        /// The partition.
+        partition: String,
+        /// Why it failed.
+        source: SchemaError,
+    },
+    /// A file of an artifact could not be written.
+    #[error("cannot write `{}`", path.display())]
+    Write {
+        /// Where.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
+}
+
+impl Advise for IngestError {
+    fn hint(&self) -> Option<String> {
+        match self {
+            Self::NoSequences { root } => Some(format!(
+                "unpack the dataset so that `{}` exists, or try the bundled sample: `pipeline run \
+                 pipelines/cgf.toml`",
+                root.join("20200709-subject-01").display()
+            )),
+            Self::UnknownMass { object } => Some(format!(
+                "add its mass in kilograms to the pipeline file, e.g. `{object} = 0.35` below \
+                 `[stages.ingest.masses_kg]`"
+            )),
+            Self::Sample { source, .. } => source.hint(),
+            Self::Lake(source) => source.hint(),
+            Self::List { .. }
+            | Self::Option { .. }
+            | Self::Schema { .. }
+            | Self::Write { .. } => None,
+        }
+    }
+}
+
+/// Why one recording or one object could not be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Unusable {
+    /// A file is not there.
+    #[error("no `{file}`")]
+    Missing {
+        /// Its name in the dataset.
+        file: String,
+    },
+    /// A file could not be read from disk.
+    #[error("cannot read `{file}`: {source}")]
+    Unreadable {
+        /// Its name in the dataset.
+        file: String,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// A file is larger than any of its kind.
+    #[error("`{file}` has {found} bytes, more than the {limit} that such a file can have")]
+    TooLarge {
+        /// Its name in the dataset.
+        file: String,
+        /// Its size in bytes.
+        found: u64,
+        /// The largest accepted size in bytes.
+        limit: u64,
+    },
+    /// An array file is damaged or holds something else.
+    #[error("{source} in `{file}`")]
+    Npz {
+        /// Its name in the dataset.
+        file: String,
+        /// What is wrong.
+        source: NpzError,
+    },
+    /// A YAML file is damaged or lacks a key.
+    #[error("`{file}`: {source}")]
+    Yaml {
+        /// Its name in the dataset.
+        file: String,
+        /// What is wrong.
+        source: YamlError,
+    },
+    /// A number is outside of what the format allows.
+    #[error("{what} in `{file}`")]
+    Value {
+        /// What is wrong.
+        what: String,
+        /// Its name in the dataset.
+        file: String,
+    },
+    /// No camera has annotations.
+    #[error("no camera has `labels_*.npz` files; hand landmarks come from them")]
+    NoLabels,
+    /// The hand is never seen.
+    #[error("no image shows a hand")]
+    NoHand,
+    /// The object is never seen.
+    #[error("no image shows the grasped object")]
+    NoObject,
+    /// The object stays where it is.
+    #[error("the object never moves")]
+    NeverMoves,
+    /// The hand appears too late, or the object moves too early.
+    #[error("the reach has {found} steps, fewer than {min}")]
+    TooShort {
+        /// Steps found.
+        found: usize,
+        /// Fewest accepted.
+        min: usize,
+    },
+    /// The hand is out of sight for too long.
+    #[error("no hand in {found} images from image {image} on, more than the {max} that are bridged")]
+    Gap {
+        /// First image without a hand.
+        image: usize,
+        /// Images without a hand.
+        found: usize,
+        /// Most that are bridged.
+        max: usize,
+    },
+    /// The object's mesh cannot be used.
+    #[error("`{file}`: {reason}")]
+    Mesh {
+        /// Its name in the dataset.
+        file: String,
+        /// What is wrong.
+        reason: String,
+    },
+}

@@ -1,0 +1,71 @@
+//! From an object's mesh and the demonstrations with it to what grasping and physics need to know.
+
+use geometry::TriMesh;
+use nalgebra::{Point3, Unit, Vector3};
+use schemas::objects::Object;
+
+use crate::{error::Unusable, rests};
+
+/// What an object is made from.
+pub(crate) struct Source<'a> {
+    /// The dataset's name of it.
+    pub(crate) name: &'a str,
+    /// Its mass in kilograms.
+    pub(crate) mass_kg: f64,
+    /// Name of its mesh file in the dataset.
+    pub(crate) mesh_file: &'a str,
+    /// Its mesh as Wavefront OBJ.
+    pub(crate) mesh: &'a [u8],
+    /// The up direction of each demonstration with it, in the object frame.
+    pub(crate) seen_up: &'a [Unit<Vector3<f64>>],
+    /// Points on its surface.
+    pub(crate) points_n: usize,
+    /// Most convex parts.
+    pub(crate) max_convex_parts_n: usize,
+    /// Seed of the points.
+    pub(crate) seed: u64,
+}
+
+/// Makes an object and its mesh.
+///
+/// # Errors
+///
+/// Fails if the mesh cannot be read or spans no volume.
+pub(crate) fn object(source: &Source<'_>) -> Result<(Object, TriMesh), Unusable> {
+    let unusable = |reason: String| Unusable::Mesh {
+        file: source.mesh_file.to_owned(),
+        reason,
+    };
+    let mesh = mesh(source.mesh).map_err(unusable)?;
+    let parts = geometry::convex_parts(&mesh, source.max_convex_parts_n)
+        .map_err(|err| unusable(err.to_string()))?;
+    let mass = geometry::mass_properties(&mesh, source.mass_kg);
+    let stable = geometry::stable_rests(&mesh, &mass.center_of_mass_m);
+    let (points, normals) = mesh.sample_surface(source.points_n, source.seed);
+    let inertia = mass.inertia_kg_m2;
+    let object = Object {
+        name: source.name.to_owned(),
+        mass_kg: mass.mass_kg,
+        center_of_mass_m: mass.center_of_mass_m.into(),
+        inertia_kg_m2: [
+            inertia.m11, inertia.m22, inertia.m33, inertia.m12, inertia.m13, inertia.m23,
+        ],
+        points_m: arrays(&points),
+        normals: normals.into_iter().map(Into::into).collect(),
+        vertices_m: arrays(&mesh.vertices_m),
+        triangles: mesh.triangles.clone(),
+        parts_m: parts.iter().map(|part| arrays(part)).collect(),
+        rests: rests::rests(&mesh, source.seen_up, &stable),
+    };
+    Ok((object, mesh))
+}
+
+/// Reads a mesh from the text of a Wavefront OBJ file, or says what is wrong with it.
+pub(crate) fn mesh(obj: &[u8]) -> Result<TriMesh, String> {
+    let text = std::str::from_utf8(obj).map_err(|err| err.to_string())?;
+    TriMesh::from_obj(text).map_err(|err| err.to_string())
+}
+
+fn arrays(points: &[Point3<f64>]) -> Vec<[f64; 3]> {
+    points.iter().map(|&point| point.into()).collect()
+}

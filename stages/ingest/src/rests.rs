@@ -1,0 +1,167 @@
+//! In which orientations an object comes to lie: those seen in the demonstrations first, then those
+//! in which its shape makes it stable.
+
+use geometry::{StableRest, TriMesh};
+use nalgebra::{Unit, Vector3};
+use schemas::objects::RestingOrientation;
+use spatial::Rest;
+
+/// Orientations nearer to each other than this are one: 20 degrees, in radians.
+const SAME_RAD: f64 = 20.0 * std::f64::consts::PI / 180.0;
+/// An orientation seen is taken for a stable one nearer than this: 10 degrees, in radians. Tables
+/// and tags are measured to a few degrees.
+const SNAP_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
+/// Stable orientations less probable than this are left out unless they were seen.
+const LEAST_PROBABILITY: f64 = 0.02;
+
+/// Returns the resting orientations, most often seen first, then most probable first.
+///
+/// `seen` holds the up direction of each demonstration, in the object frame; `stable` what
+/// [`geometry::stable_rests`] found for `mesh`. Heights always follow from the mesh.
+pub(crate) fn rests(
+    mesh: &TriMesh,
+    seen: &[Unit<Vector3<f64>>],
+    stable: &[StableRest],
+) -> Vec<RestingOrientation> {
+    let mut found: Vec<RestingOrientation> = Vec::new();
+    for (up, seen_n) in clusters(seen) {
+        let nearest = stable
+            .iter()
+            .map(|stable| (stable.rest.up_in_object.angle(&up), stable))
+            .min_by(|(a, _), (b, _)| a.total_cmp(b))
+            .filter(|&(angle, _)| angle <= SNAP_RAD);
+        let (up, probability) = nearest.map_or((up, 0.0), |(_, stable)| {
+            (stable.rest.up_in_object, stable.probability)
+        });
+        // Two groups of demonstrations may mean the same stable orientation.
+        if let Some(same) = found.iter_mut().find(|other| other.rest.up_in_object == up) {
+            same.seen_n += seen_n;
+            continue;
+        }
+        found.push(RestingOrientation {
+            rest: lying(mesh, up),
+            seen_n,
+            probability,
+        });
+    }
+    let mut unseen: Vec<RestingOrientation> = stable
+        .iter()
+        .filter(|stable| stable.probability > LEAST_PROBABILITY)
+        .filter(|stable| {
+            let up = stable.rest.up_in_object;
+            found.iter().all(|seen| seen.rest.up_in_object.angle(&up) > SNAP_RAD)
+        })
+        .map(|stable| RestingOrientation {
+            rest: lying(mesh, stable.rest.up_in_object),
+            seen_n: 0,
+            probability: stable.probability,
+        })
+        .collect();
+    found.sort_by_key(|rest| std::cmp::Reverse(rest.seen_n));
+    unseen.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    found.append(&mut unseen);
+    found
+}
+
+/// Groups directions: the one with the most others around it takes them, then the next.
+fn clusters(directions: &[Unit<Vector3<f64>>]) -> Vec<(Unit<Vector3<f64>>, u32)> {
+    let mut left = directions.to_vec();
+    let mut found = Vec::new();
+    while !left.is_empty() {
+        let around = |center: &Unit<Vector3<f64>>| {
+            left.iter().filter(|other| center.angle(other) <= SAME_RAD).count()
+        };
+        let mut best = (0, Vector3::z_axis());
+        for center in &left {
+            let count = around(center);
+            if count > best.0 {
+                best = (count, *center);
+            }
+        }
+        let (_, center) = best;
+        let (near, far): (Vec<_>, Vec<_>) = left
+            .iter()
+            .copied()
+            .partition(|other| center.angle(other) <= SAME_RAD);
+        if near.is_empty() {
+            // Only directions that are not numbers are near to nothing, not even themselves.
+            break;
+        }
+        let sum: Vector3<f64> = near.iter().map(|up| up.into_inner()).sum();
+        let seen_n = u32::try_from(near.len()).unwrap_or(u32::MAX);
+        found.push((Unit::new_normalize(sum), seen_n));
+        left = far;
+    }
+    found
+}
+
+/// Returns the rest in which the mesh's lowest point touches the table.
+fn lying(mesh: &TriMesh, up_in_object: Unit<Vector3<f64>>) -> Rest {
+    let lowest_m = mesh
+        .vertices_m
+        .iter()
+        .map(|vertex| vertex.coords.dot(&up_in_object))
+        .fold(f64::INFINITY, f64::min);
+    Rest {
+        up_in_object,
+        height_m: if lowest_m.is_finite() { -lowest_m } else { 0.0 },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point3, Rotation3};
+
+    use super::*;
+
+    /// A box of 4 × 6 × 20 cm about the origin, shifted up by 1 cm.
+    fn brick() -> TriMesh {
+        let vertices_m: Vec<Point3<f64>> = (0..8)
+            .map(|corner| {
+                let side = |bit: i32| if corner & bit == 0 { -1.0 } else { 1.0 };
+                Point3::new(0.02 * side(1), 0.03 * side(2), 0.10 * side(4) + 0.01)
+            })
+            .collect();
+        TriMesh {
+            vertices_m,
+            triangles: vec![
+                [0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
+                [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5],
+            ],
+        }
+    }
+
+    fn tilted(up: Vector3<f64>, degrees: f64) -> Unit<Vector3<f64>> {
+        let tilt = Rotation3::from_axis_angle(&Vector3::y_axis(), degrees.to_radians());
+        Unit::new_normalize(tilt * up)
+    }
+
+    #[test]
+    fn seen_orientations_come_first_and_snap_to_the_stable_ones() {
+        let mesh = brick();
+        let stable = geometry::stable_rests(&mesh, &Point3::new(0.0, 0.0, 0.01));
+        let seen = [
+            tilted(Vector3::y(), 3.0),
+            tilted(Vector3::z(), 4.0),
+            tilted(Vector3::z(), -3.0),
+        ];
+        let rests = rests(&mesh, &seen, &stable);
+        let seen_n: Vec<u32> = rests.iter().map(|rest| rest.seen_n).collect();
+        assert_eq!(&seen_n[..2], &[2, 1]);
+        assert!(seen_n[2..].iter().all(|&n| n == 0));
+        let upright = &rests[0].rest;
+        assert!(upright.up_in_object.angle(&Vector3::z_axis()) < 1e-6);
+        assert!((upright.height_m - 0.09).abs() < 1e-9, "{}", upright.height_m);
+        assert!(rests[2..].windows(2).all(|two| two[0].probability >= two[1].probability));
+    }
+
+    #[test]
+    fn an_orientation_that_is_not_stable_stays_as_it_was_seen() {
+        let mesh = brick();
+        let stable = geometry::stable_rests(&mesh, &Point3::new(0.0, 0.0, 0.01));
+        let seen = [tilted(Vector3::z(), 30.0)];
+        let rests = rests(&mesh, &seen, &stable);
+        assert!(rests[0].rest.up_in_object.angle(&seen[0]) < 1e-9);
+        assert!(rests[0].probability.abs() < 1e-12);
+    }
+}

@@ -1,0 +1,263 @@
+//! Where an object rests, and the last image before it leaves.
+//!
+//! Trackers jitter by millimeters while an object rests, and more while a hand hides it. So the
+//! rest is a median over the still images; the object has left once it stays away from there,
+//! by more than its own jitter explains, for several images; and the moment it left is found by
+//! going back from there for as long as it still comes nearer.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use spatial::{Object, Pose, World};
+
+/// Images at the start that are taken for still at first.
+const OPENING: usize = 10;
+/// How often the still images and their jitter are estimated from each other.
+const ROUNDS: usize = 5;
+/// Rotations that a median is chosen among at most: it takes the square of that in time.
+const MAX_CHOICES: usize = 64;
+/// The jitter's multiple, relative to the rule's, below which an image counts as at rest when
+/// going back to the moment of leaving.
+const AT_REST_JITTER: f64 = 0.6;
+/// The part of the rule's thresholds below which an image counts as at rest when going back.
+const AT_REST_THRESHOLD: f64 = 0.125;
+/// Most images to go back: what lies further from the sure departure is drift, not the departure.
+const MAX_BACK: usize = 8;
+
+/// When an object counts as moved.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Rule {
+    /// Distance from the rest, in meters.
+    pub(crate) threshold_m: f64,
+    /// Angle from the rest, in radians.
+    pub(crate) threshold_rad: f64,
+    /// Multiple of the median deviation at rest, where that is more.
+    pub(crate) jitter_factor: f64,
+    /// Images in a row that must show it away.
+    pub(crate) settle_n: usize,
+}
+
+/// An object at rest that leaves.
+#[derive(Debug, Clone)]
+pub(crate) struct Still {
+    /// Where it rests.
+    pub(crate) world_from_object: Pose<World, Object>,
+    /// The last image before it leaves; `None` if it is away from the first image on.
+    pub(crate) last: Option<usize>,
+}
+
+/// Finds the rest; `None` if the object is never seen or never leaves.
+pub(crate) fn find(poses: &[Option<Pose<World, Object>>], rule: &Rule) -> Option<Still> {
+    let seen: Vec<(usize, Isometry3<f64>)> = poses
+        .iter()
+        .enumerate()
+        .filter_map(|(image, pose)| pose.map(|pose| (image, *pose.isometry())))
+        .collect();
+    let mut n_still = OPENING.min(seen.len().div_ceil(3));
+    let mut found = None;
+    for _ in 0..ROUNDS {
+        let still = seen.get(..n_still).unwrap_or(&seen);
+        let rest = median_pose(still)?;
+        let departure = departure(&seen, still.len(), &rest, rule)?;
+        found = Some((rest, departure));
+        if departure == n_still || departure == 0 {
+            break;
+        }
+        n_still = departure;
+    }
+    let (rest, departure) = found?;
+    let last = departure
+        .checked_sub(1)
+        .and_then(|idx| seen.get(idx))
+        .map(|&(image, _)| image);
+    Some(Still {
+        world_from_object: Pose::new(rest),
+        last,
+    })
+}
+
+/// Returns the first index at which the object has left its rest.
+fn departure(
+    seen: &[(usize, Isometry3<f64>)],
+    n_still: usize,
+    rest: &Isometry3<f64>,
+    rule: &Rule,
+) -> Option<usize> {
+    let deviations: Vec<Deviation> = seen
+        .iter()
+        .map(|(_, pose)| Deviation::between(rest, pose))
+        .collect();
+    let still = deviations.get(..n_still)?;
+    let jitter = Deviation {
+        m: median(still.iter().map(|d| d.m))?,
+        rad: median(still.iter().map(|d| d.rad))?,
+    };
+    let bound = |threshold: f64, factor: f64| Deviation {
+        m: (threshold * rule.threshold_m).max(factor * jitter.m),
+        rad: (threshold * rule.threshold_rad).max(factor * jitter.rad),
+    };
+    let away = bound(1.0, rule.jitter_factor);
+    let at_rest = bound(AT_REST_THRESHOLD, AT_REST_JITTER * rule.jitter_factor);
+    let is_away: Vec<bool> = deviations.iter().map(|d| d.in_units_of(&away) > 1.0).collect();
+    // A single image at the very end proves nothing.
+    let mut idx = (0..is_away.len().checked_sub(1)?).find(|&idx| {
+        is_away
+            .iter()
+            .skip(idx)
+            .take(rule.settle_n.max(1))
+            .all(|&away| away)
+    })?;
+    for _ in 0..MAX_BACK {
+        let Some([before, here]) = idx
+            .checked_sub(1)
+            .and_then(|before| deviations.get(before..=idx))
+        else {
+            break;
+        };
+        let comes_nearer = before.in_units_of(&away) < here.in_units_of(&away);
+        if before.in_units_of(&at_rest) <= 1.0 || !comes_nearer {
+            break;
+        }
+        idx -= 1;
+    }
+    Some(idx)
+}
+
+/// How far a pose is from another.
+#[derive(Debug, Clone, Copy)]
+struct Deviation {
+    m: f64,
+    rad: f64,
+}
+
+impl Deviation {
+    fn between(a: &Isometry3<f64>, b: &Isometry3<f64>) -> Self {
+        Self {
+            m: (a.translation.vector - b.translation.vector).norm(),
+            rad: a.rotation.angle_to(&b.rotation),
+        }
+    }
+
+    /// Returns the larger of the two deviations relative to their bounds.
+    fn in_units_of(&self, bound: &Self) -> f64 {
+        (self.m / bound.m).max(self.rad / bound.rad)
+    }
+}
+
+/// Returns the median of each coordinate with the rotation that is nearest to all others.
+fn median_pose(poses: &[(usize, Isometry3<f64>)]) -> Option<Isometry3<f64>> {
+    let coordinate = |axis: usize| median(poses.iter().map(|(_, p)| p.translation.vector[axis]));
+    let translation = Vector3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?);
+    let stride = poses.len().div_ceil(MAX_CHOICES).max(1);
+    let rotations: Vec<UnitQuaternion<f64>> = poses
+        .iter()
+        .step_by(stride)
+        .map(|(_, pose)| pose.rotation)
+        .collect();
+    let total_angle =
+        |a: &UnitQuaternion<f64>| -> f64 { rotations.iter().map(|b| a.angle_to(b)).sum() };
+    let (_, rotation) = rotations
+        .iter()
+        .map(|rotation| (total_angle(rotation), rotation))
+        .min_by(|(a, _), (b, _)| a.total_cmp(b))?;
+    Some(Isometry3::from_parts(
+        Translation3::from(translation),
+        *rotation,
+    ))
+}
+
+/// Returns the median, of an even count the lower one, so that it is one of the values.
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len().checked_sub(1)? / 2).copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::{
+        ChaCha8Rng,
+        rand_core::{RngCore, SeedableRng},
+    };
+
+    use super::*;
+
+    const RULE: Rule = Rule {
+        threshold_m: 0.004,
+        threshold_rad: 0.07,
+        jitter_factor: 4.0,
+        settle_n: 5,
+    };
+
+    /// A rest of `n_still` images, then a lift by `lift_m` per image, with jitter in each coordinate.
+    fn lifted(n_still: usize, lift_m: f64, jitter_m: f64, seed: u64) -> Vec<Isometry3<f64>> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut noise = || {
+            // The sum of twelve uniform numbers has variance one.
+            let sum: f64 = (0..12).map(|_| f64::from(rng.next_u32()) / f64::from(u32::MAX)).sum();
+            jitter_m * (sum - 6.0)
+        };
+        (0..n_still + 20)
+            .map(|image| {
+                let lift = lift_m * (image + 1).saturating_sub(n_still) as f64;
+                Isometry3::new(
+                    Vector3::new(0.3 + noise(), noise(), 0.8 + lift + noise()),
+                    Vector3::new(0.1, 0.2, 0.3),
+                )
+            })
+            .collect()
+    }
+
+    fn seen(poses: Vec<Isometry3<f64>>) -> Vec<Option<Pose<World, Object>>> {
+        poses.into_iter().map(|pose| Some(Pose::new(pose))).collect()
+    }
+
+    #[test]
+    fn finds_the_last_still_image_of_exact_poses() {
+        for lift_m in [0.0006, 0.002, 0.012, 0.05] {
+            let still = find(&seen(lifted(30, lift_m, 0.0, 0)), &RULE).unwrap();
+            assert_eq!(still.last, Some(29), "lift of {lift_m} m per image");
+            assert_eq!(still.world_from_object.isometry(), &lifted(1, 0.0, 0.0, 0)[0]);
+        }
+    }
+
+    #[test]
+    fn finds_it_within_one_image_in_two_millimeters_of_jitter() {
+        for seed in 0..200 {
+            let last = find(&seen(lifted(30, 0.012, 0.002, seed)), &RULE).unwrap().last;
+            assert!(matches!(last, Some(28..=30)), "{last:?} with seed {seed}");
+        }
+    }
+
+    #[test]
+    fn one_outlier_is_no_departure() {
+        let mut poses = lifted(30, 0.012, 0.001, 3);
+        poses[5].translation.z -= 0.027;
+        poses[17].translation.x += 0.05;
+        let last = find(&seen(poses), &RULE).unwrap().last;
+        assert!(matches!(last, Some(28..=30)), "{last:?}");
+    }
+
+    #[test]
+    fn a_turn_in_place_is_a_departure() {
+        let mut poses = lifted(30, 0.0, 0.0, 0);
+        for (n, pose) in poses.iter_mut().skip(25).enumerate() {
+            let turn = UnitQuaternion::from_euler_angles(0.0, 0.0, 0.05 * (n + 1) as f64);
+            pose.rotation = turn * pose.rotation;
+        }
+        assert_eq!(find(&seen(poses), &RULE).unwrap().last, Some(24));
+    }
+
+    #[test]
+    fn what_stays_never_leaves() {
+        assert!(find(&seen(lifted(30, 0.0, 0.002, 1)), &RULE).is_none());
+        assert!(find(&[None, None], &RULE).is_none());
+        assert!(find(&[], &RULE).is_none());
+    }
+
+    #[test]
+    fn images_without_the_object_are_passed_over() {
+        let mut poses = seen(lifted(30, 0.012, 0.0, 0));
+        poses[12] = None;
+        poses[29] = None;
+        assert_eq!(find(&poses, &RULE).unwrap().last, Some(28));
+    }
+}

@@ -1,0 +1,129 @@
+//! The dataset's YAML files as typed structs.
+//!
+//! Serial numbers and ids stay strings, whether quoted or not; the parser's own budget stops
+//! documents that grow when they are expanded.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
+use serde::{Deserialize, de::DeserializeOwned};
+
+/// Largest accepted difference of a stored rotation matrix from an orthonormal one: poses estimated
+/// from video have been published with 0.0074.
+const ORTHONORMAL_TOLERANCE: f64 = 0.02;
+/// Steps of Newton's method for the nearest rotation; each squares the difference.
+const ROTATION_STEPS: usize = 4;
+
+/// Why a YAML file could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum YamlError {
+    /// The bytes are not UTF-8.
+    #[error("not UTF-8")]
+    NotUtf8,
+    /// The text is no YAML, lacks a key or has another type.
+    #[error("{0}")]
+    Parse(String),
+}
+
+/// `meta.yml`: what one recording holds.
+#[derive(Debug, Deserialize)]
+pub(crate) struct Meta {
+    /// Cameras in order.
+    pub(crate) serials: Vec<String>,
+    /// Images per camera.
+    pub(crate) num_frames: u64,
+    /// Id of the calibration of the cameras.
+    pub(crate) extrinsics: String,
+    /// Numbers of the objects in the scene.
+    pub(crate) ycb_ids: Vec<u32>,
+    /// Which of them is grasped, as index into `ycb_ids`.
+    pub(crate) ycb_grasp_ind: usize,
+    /// Sides of the hands.
+    pub(crate) mano_sides: Vec<String>,
+}
+
+/// `extrinsics.yml`: where the cameras and the table's tag are.
+#[derive(Debug, Deserialize)]
+pub(crate) struct Extrinsics {
+    /// The world's pose of each camera, and of `apriltag`: `[R|t]`, row by row, in meters.
+    pub(crate) extrinsics: BTreeMap<String, [f64; 12]>,
+}
+
+/// Reads a YAML document.
+pub(crate) fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, YamlError> {
+    let text = std::str::from_utf8(bytes).map_err(|_not_utf8| YamlError::NotUtf8)?;
+    serde_saphyr::from_str(text).map_err(|err| {
+        // The parser draws the place below its message: keep the message.
+        let message = err.to_string();
+        YamlError::Parse(message.lines().next().unwrap_or_default().to_owned())
+    })
+}
+
+/// Reads `[R|t]`, row by row, with the rotation nearest to `R`; `None` if `R` is not orthonormal
+/// within 0.02, is a mirror image, or a number is not finite.
+pub(crate) fn isometry(rows: &[f64; 12]) -> Option<Isometry3<f64>> {
+    let [a, b, c, x, d, e, f, y, g, h, i, z] = *rows;
+    let mut matrix = Matrix3::new(a, b, c, d, e, f, g, h, i);
+    let deviation = (matrix * matrix.transpose() - Matrix3::identity()).amax();
+    // A NaN deviation fails the comparison too.
+    let is_rotation = deviation <= ORTHONORMAL_TOLERANCE && matrix.determinant() > 0.0;
+    if !(is_rotation && x.is_finite() && y.is_finite() && z.is_finite()) {
+        return None;
+    }
+    // Higham, *Computing the Polar Decomposition*, 1986, section 3.
+    for _ in 0..ROTATION_STEPS {
+        matrix = (matrix + matrix.try_inverse()?.transpose()) * 0.5;
+    }
+    let rotation = Rotation3::from_matrix_unchecked(matrix);
+    Some(Isometry3::from_parts(
+        Translation3::new(x, y, z),
+        UnitQuaternion::from_rotation_matrix(&rotation),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_of_digits_stay_text() {
+        let text = "serials: [836212060125, '840412060917']\nnum_frames: 3\n\
+                    extrinsics: 20200702_151821\nycb_ids: [1, 11]\nycb_grasp_ind: 0\n\
+                    mano_sides: [right]\nmano_calib: [x]\n";
+        let meta: Meta = parse(text.as_bytes()).unwrap();
+        assert_eq!(meta.serials, ["836212060125", "840412060917"]);
+        assert_eq!(meta.extrinsics, "20200702_151821");
+    }
+
+    #[test]
+    fn refuses_a_document_that_grows() {
+        let mut text = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n".to_owned();
+        for level in 1..12 {
+            let copies = vec![format!("*a{}", level - 1); 10].join(", ");
+            text += &format!("a{level}: &a{level} [{copies}]\n");
+        }
+        assert!(parse::<Meta>(text.as_bytes()).is_err());
+    }
+
+    #[test]
+    fn refuses_what_is_no_rotation() {
+        let mirrored = [-1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        assert!(isometry(&mirrored).is_none());
+        assert!(isometry(&[f64::NAN; 12]).is_none());
+        assert!(isometry(&[0.0; 12]).is_none());
+        assert!(isometry(&[1.0; 12]).is_none());
+    }
+
+    #[test]
+    fn takes_the_rotation_nearest_to_a_rounded_one() {
+        let turn = Rotation3::from_euler_angles(0.3, -1.1, 2.0);
+        // A symmetric stretch leaves the nearest rotation as it is.
+        let stretch = Matrix3::new(1.003, 0.001, 0.0, 0.001, 0.998, -0.002, 0.0, -0.002, 1.0);
+        let m = turn.matrix() * stretch;
+        let rows = [
+            m.m11, m.m12, m.m13, 0.1, m.m21, m.m22, m.m23, 0.2, m.m31, m.m32, m.m33, 0.3,
+        ];
+        let found = isometry(&rows).unwrap();
+        assert!(found.rotation.angle_to(&UnitQuaternion::from_rotation_matrix(&turn)) < 1e-9);
+    }
+}

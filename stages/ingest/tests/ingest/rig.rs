@@ -1,0 +1,206 @@
+//! A made-up dataset of one sequence, written as `numpy` and YAML files, with a known answer.
+
+use std::{
+    f64::consts::PI,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use npyz::{WriterBuilder, npz::NpzWriter, zip::write::FileOptions};
+
+/// Images of the recording.
+pub(crate) const IMAGES: usize = 40;
+/// First image with a hand.
+pub(crate) const FIRST: usize = 3;
+/// Last image before the object is lifted.
+pub(crate) const LAST: usize = 27;
+/// The object, and its number among `YCB`'s.
+pub(crate) const OBJECT: (&str, u32) = ("008_pudding_box", 7);
+
+const CAMERAS: [&str; 2] = ["836212060125", "839512060362"];
+
+/// Everything about the recording that a test may want different.
+pub(crate) struct Rig {
+    pub(crate) side: &'static str,
+    /// Images in which no camera sees the hand.
+    pub(crate) hidden: Vec<usize>,
+    /// Whether the labels of an image show the object.
+    pub(crate) labels_show_object: bool,
+    /// Largest error of the object's measured place per coordinate, in meters.
+    pub(crate) jitter_m: f64,
+    /// The calibration's lines, by default those of [`Rig::world_from_camera`] and the tag.
+    pub(crate) calibration: Option<String>,
+}
+
+impl Default for Rig {
+    fn default() -> Self {
+        Self {
+            side: "right",
+            hidden: Vec::new(),
+            labels_show_object: true,
+            jitter_m: 0.0,
+            calibration: None,
+        }
+    }
+}
+
+impl Rig {
+    /// Where the sequence lies.
+    pub(crate) fn sequence(root: &Path) -> PathBuf {
+        root.join("20200709-subject-01/20200709_141754")
+    }
+
+    /// One label file of the first camera.
+    pub(crate) fn label(root: &Path, image: usize) -> PathBuf {
+        Self::sequence(root)
+            .join(CAMERAS[0])
+            .join(format!("labels_{image:06}.npz"))
+    }
+
+    /// The first camera sees the hand in images 3 to 9 only, the second one from 10 on.
+    fn sees(camera: usize, image: usize) -> bool {
+        image >= FIRST && (image < 10) == (camera == 0)
+    }
+
+    pub(crate) fn world_from_camera(camera: usize) -> Isometry3<f64> {
+        match camera {
+            0 => Isometry3::new(Vector3::new(0.2, -0.1, 0.05), Vector3::new(0.3, -0.2, 0.9)),
+            _ => Isometry3::new(Vector3::new(-0.7, 0.3, 0.4), Vector3::new(-0.1, 1.2, 0.2)),
+        }
+    }
+
+    /// The tag's z points up; the table is tilted against the world.
+    pub(crate) fn world_from_tag() -> Isometry3<f64> {
+        Isometry3::new(Vector3::new(-0.05, 0.12, 0.95), Vector3::new(-2.1, 0.1, 0.2))
+    }
+
+    /// The box lies on its side (its y up), 4 cm above the table, turned by a third of a turn.
+    pub(crate) fn tag_from_object(image: usize) -> Isometry3<f64> {
+        let lift = 0.01 * image.saturating_sub(LAST) as f64;
+        let yaw = Isometry3::new(Vector3::new(0.5, 0.3, 0.04 + lift), Vector3::z() * (2.0 * PI / 3.0));
+        yaw * Isometry3::rotation(Vector3::x() * (PI / 2.0))
+    }
+
+    /// The hand's landmarks in the object frame.
+    pub(crate) fn keypoint(image: usize, k: usize) -> Point3<f64> {
+        let away = 0.01 * LAST.saturating_sub(image) as f64;
+        Point3::new(0.002 * k as f64, 0.05 + away, -0.001 * (k * k) as f64)
+    }
+
+    /// Writes the dataset.
+    pub(crate) fn write(&self, root: &Path) {
+        let sequence = Self::sequence(root);
+        let calibration = root.join("calibration/extrinsics_20200702_151821");
+        let model = root.join("models").join(OBJECT.0);
+        for folder in [&sequence, &calibration, &model] {
+            fs::create_dir_all(folder).unwrap();
+        }
+        fs::write(model.join("textured_simple.obj"), brick([0.1, 0.08, 0.03])).unwrap();
+        let lines = self.calibration.clone().unwrap_or_else(|| {
+            format!(
+                "  '{}': {}\n  {}: {}\n  apriltag: {}\nmaster: '{}'\n",
+                CAMERAS[0],
+                rows(&Self::world_from_camera(0)),
+                CAMERAS[1],
+                rows(&Self::world_from_camera(1)),
+                rows(&Self::world_from_tag()),
+                CAMERAS[0],
+            )
+        });
+        fs::write(calibration.join("extrinsics.yml"), format!("extrinsics:\n{lines}")).unwrap();
+        let meta = format!(
+            "serials:\n- '{}'\n- {}\nnum_frames: {IMAGES}\nextrinsics: '20200702_151821'\n\
+             ycb_ids: [2, {}]\nycb_grasp_ind: 1\nmano_sides: [{}]\nmano_calib: [x]\n",
+            CAMERAS[0], CAMERAS[1], OBJECT.1, self.side
+        );
+        fs::write(sequence.join("meta.yml"), meta).unwrap();
+        let mut poses: Vec<f32> = Vec::new();
+        for image in 0..IMAGES {
+            let mut world_from_object = Self::world_from_tag() * Self::tag_from_object(image);
+            for (axis, value) in world_from_object.translation.vector.iter_mut().enumerate() {
+                // Far from random, but as often up as down in each window of images.
+                *value += self.jitter_m * ((7 * image + 3 * axis) as f64).sin();
+            }
+            let q = world_from_object.rotation;
+            let t = world_from_object.translation;
+            poses.extend([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+            poses.extend([q.i, q.j, q.k, q.w, t.x, t.y, t.z].map(|v| v as f32));
+            for (camera, serial) in CAMERAS.iter().enumerate() {
+                let camera_from_world = Self::world_from_camera(camera).inverse();
+                let folder = sequence.join(serial);
+                fs::create_dir_all(&folder).unwrap();
+                let has_hand = Self::sees(camera, image) && !self.hidden.contains(&image);
+                let joints: Vec<f32> = (0..21)
+                    .flat_map(|k| {
+                        let resting = Self::world_from_tag() * Self::tag_from_object(LAST.min(image));
+                        let point = camera_from_world * resting * Self::keypoint(image, k);
+                        <[f64; 3]>::from(point)
+                    })
+                    .map(|v| if has_hand { v as f32 } else { -1.0 })
+                    .collect();
+                let mut pose_y = vec![0.0; 12];
+                if self.labels_show_object {
+                    let m = (camera_from_world * world_from_object).to_homogeneous();
+                    pose_y.extend((0..12).map(|n| m[(n / 4, n % 4)] as f32));
+                } else {
+                    pose_y.extend([0.0; 12]);
+                }
+                npz(
+                    &folder.join(format!("labels_{image:06}.npz")),
+                    &[
+                        ("joint_3d", &[1, 21, 3], &joints),
+                        ("pose_y", &[2, 3, 4], &pose_y),
+                    ],
+                );
+            }
+        }
+        npz(
+            &sequence.join("pose.npz"),
+            &[("pose_y", &[IMAGES as u64, 2, 7], &poses)],
+        );
+    }
+}
+
+/// Writes arrays of `f4`.
+pub(crate) fn npz(path: &Path, arrays: &[(&str, &[u64], &[f32])]) {
+    let mut npz = NpzWriter::create(path).unwrap();
+    for (name, shape, numbers) in arrays {
+        let mut array = npz
+            .array(name, FileOptions::default())
+            .unwrap()
+            .default_dtype()
+            .shape(shape)
+            .begin_nd()
+            .unwrap();
+        array.extend(numbers.iter().copied()).unwrap();
+        array.finish().unwrap();
+    }
+}
+
+/// `[R|t]`, row by row, as a YAML list.
+fn rows(pose: &Isometry3<f64>) -> String {
+    let m = pose.to_homogeneous();
+    let numbers: Vec<String> = (0..12).map(|n| format!("{:?}", m[(n / 4, n % 4)])).collect();
+    format!("[{}]", numbers.join(", "))
+}
+
+/// A box about the origin with these edges in meters, as OBJ.
+fn brick(edges_m: [f64; 3]) -> String {
+    let mut text = String::new();
+    for corner in 0..8 {
+        text.push('v');
+        for (axis, edge) in edges_m.iter().enumerate() {
+            let side = if corner & (1 << axis) == 0 { -0.5 } else { 0.5 };
+            text += &format!(" {}", side * edge);
+        }
+        text.push('\n');
+    }
+    for face in [
+        "1 3 2", "2 3 4", "5 6 7", "6 8 7", "1 2 5", "2 6 5", "3 7 4", "4 7 8", "1 5 3", "3 5 7",
+        "2 4 6", "4 8 6",
+    ] {
+        text += &format!("f {face}\n");
+    }
+    text
+}

@@ -1,0 +1,117 @@
+//! Collision shapes as balls: what a distance field can answer for.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use robot::{Collision, Shape};
+
+/// Radius of the balls that line a box, in meters: what they cut off its edges, at most
+/// (√3 − 1) of it or 4 mm at a corner, lies within the softness of a finger pad.
+const LINING_RADIUS_M: f64 = 0.005;
+
+/// Largest distance between neighboring balls, in meters.
+const SPACING_M: f64 = 0.011;
+
+/// A ball fixed to a link.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Ball {
+    /// The link.
+    pub(crate) link: usize,
+    /// Center in the link's frame, in meters.
+    pub(crate) center_in_link: Point3<f64>,
+    /// Radius in meters.
+    pub(crate) radius_m: f64,
+}
+
+/// Returns balls inside the collision shape that reach its surface about everywhere.
+pub(crate) fn fill(link: usize, collision: &Collision) -> Vec<Ball> {
+    let place = |center: Vector3<f64>, radius_m: f64| Ball {
+        link,
+        center_in_link: collision.link_from_shape * Point3::from(center),
+        radius_m,
+    };
+    match collision.shape {
+        Shape::Sphere { radius_m } => vec![place(Vector3::zeros(), radius_m)],
+        Shape::Capsule {
+            radius_m,
+            half_length_m,
+        } => line(half_length_m)
+            .into_iter()
+            .map(|z| place(Vector3::z() * z, radius_m))
+            .collect(),
+        Shape::Cylinder {
+            radius_m,
+            half_length_m,
+        } => {
+            let radius = radius_m.min(half_length_m);
+            line(half_length_m - radius)
+                .into_iter()
+                .map(|z| place(Vector3::z() * z, radius))
+                .collect()
+        }
+        Shape::Box { half_extents_m } => {
+            let radius = LINING_RADIUS_M.min(half_extents_m.min());
+            let inner = half_extents_m.map(|half| half - radius);
+            let [xs, ys, zs] = [line(inner.x), line(inner.y), line(inner.z)];
+            let is_end = |at: f64, half: f64| (at.abs() - half).abs() < 1e-12;
+            let mut balls = Vec::new();
+            for &x in &xs {
+                for &y in &ys {
+                    for &z in &zs {
+                        // Those inside the lining can touch nothing before it does.
+                        if is_end(x, inner.x) || is_end(y, inner.y) || is_end(z, inner.z) {
+                            balls.push(place(Vector3::new(x, y, z), radius));
+                        }
+                    }
+                }
+            }
+            balls
+        }
+    }
+}
+
+/// Returns evenly spaced places from `-half` to `half`, ends included, [`SPACING_M`] apart at most.
+fn line(half: f64) -> Vec<f64> {
+    if half <= 0.0 {
+        return vec![0.0];
+    }
+    let mut n: u32 = 1;
+    while 2.0 * half / f64::from(n) > SPACING_M {
+        n += 1;
+    }
+    (0..=n)
+        .map(|i| half * (2.0 * f64::from(i) / f64::from(n) - 1.0))
+        .collect()
+}
+
+/// Returns a ball's center where its link now is.
+pub(crate) fn center(ball: &Ball, frame_from_links: &[Isometry3<f64>]) -> Option<Point3<f64>> {
+    frame_from_links
+        .get(ball.link)
+        .map(|frame_from_link| frame_from_link * ball.center_in_link)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn balls_line_a_box_from_inside() {
+        let half = Vector3::new(0.0098, 0.01375, 0.027);
+        let collision = Collision {
+            link_from_shape: Isometry3::translation(0.0, 0.0, 0.027),
+            shape: Shape::Box {
+                half_extents_m: half,
+            },
+        };
+        let balls = fill(3, &collision);
+        let mut top = f64::MIN;
+        for ball in &balls {
+            let center = ball.center_in_link - Vector3::new(0.0, 0.0, 0.027);
+            for (at, half) in center.iter().zip(half.iter()) {
+                assert!(at.abs() + ball.radius_m < half + 1e-12);
+            }
+            top = top.max(ball.center_in_link.z + ball.radius_m);
+        }
+        assert!((top - 0.054).abs() < 1e-12, "{top}");
+        assert!((20..100).contains(&balls.len()), "{}", balls.len());
+    }
+}

@@ -1,0 +1,124 @@
+//! What the tests share: the Allegro hand, its correspondences and a box on a table.
+
+use nalgebra::Vector3;
+use robot::RobotModel;
+use schemas::objects::Object;
+use spatial::Rest;
+
+use crate::{Correspondence, RetargetConfig, hand::Hand, scene::Scene};
+
+/// Half of the box's sides, in meters.
+pub(crate) const BOX_HALF_M: [f64; 3] = [0.03, 0.04, 0.05];
+
+/// Path of the Allegro hand's URDF, from this crate.
+pub(crate) const URDF: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../../data/robots/allegro_right.urdf"
+);
+
+/// Returns options with every term on.
+pub(crate) fn config() -> RetargetConfig {
+    let pair = |keypoint, link: &str, weight, tip_radius_m| Correspondence {
+        keypoint,
+        link: link.to_owned(),
+        offset_m: [0.0; 3],
+        weight,
+        tip_radius_m,
+    };
+    let mut correspondences = vec![
+        pair(4, "link_15.0_tip", 1.0, Some(0.012)),
+        pair(8, "link_3.0_tip", 1.0, Some(0.012)),
+        pair(12, "link_7.0_tip", 1.0, Some(0.012)),
+        pair(16, "link_11.0_tip", 1.0, Some(0.012)),
+        pair(2, "link_14.0", 0.3, None),
+        pair(6, "link_2.0", 0.3, None),
+        pair(10, "link_6.0", 0.3, None),
+        pair(14, "link_10.0", 0.3, None),
+        pair(0, "base_link", 0.3, None),
+    ];
+    if let Some(wrist) = correspondences.last_mut() {
+        wrist.offset_m = [0.0, 0.0, -0.095];
+    }
+    RetargetConfig {
+        hand: URDF.into(),
+        correspondences,
+        hand_scale: 1.0,
+        smoothness_weight: 0.2,
+        joint_smoothness_weight: 0.01,
+        object_weight: 3.0,
+        clearance_m: 0.008,
+        closing_time_s: 0.3,
+        table_weight: 3.0,
+        table_margin_m: 0.002,
+        contact_weight: 3.0,
+        contact_distance_m: 0.015,
+        contact_position_factor: 0.3,
+        max_iterations: 40,
+        max_keypoint_error_m: 0.05,
+    }
+}
+
+/// Returns options with nothing but the paper's first term.
+pub(crate) fn following_only() -> RetargetConfig {
+    RetargetConfig {
+        smoothness_weight: 0.0,
+        joint_smoothness_weight: 0.0,
+        object_weight: 0.0,
+        table_weight: 0.0,
+        contact_weight: 0.0,
+        ..config()
+    }
+}
+
+/// Returns the Allegro hand.
+pub(crate) fn hand(config: &RetargetConfig) -> Hand {
+    let model = RobotModel::from_urdf(&std::fs::read_to_string(URDF).unwrap()).unwrap();
+    Hand::new(model, config).unwrap()
+}
+
+/// Returns a box about the origin.
+pub(crate) fn object() -> Object {
+    let [x, y, z] = BOX_HALF_M;
+    let corner = |i: u32| {
+        let side = |bit: u32, half: f64| if i & bit == 0 { -half } else { half };
+        [side(1, x), side(2, y), side(4, z)]
+    };
+    Object {
+        name: "box".to_owned(),
+        mass_kg: 0.5,
+        center_of_mass_m: [0.0; 3],
+        inertia_kg_m2: [1e-3, 1e-3, 1e-3, 0.0, 0.0, 0.0],
+        points_m: vec![[x, 0.0, 0.0]],
+        normals: vec![[1.0, 0.0, 0.0]],
+        vertices_m: (0..8).map(corner).collect(),
+        triangles: vec![
+            [0, 2, 1],
+            [1, 2, 3],
+            [4, 5, 6],
+            [5, 7, 6],
+            [0, 1, 4],
+            [1, 5, 4],
+            [2, 6, 3],
+            [3, 6, 7],
+            [0, 4, 2],
+            [2, 4, 6],
+            [1, 3, 5],
+            [3, 7, 5],
+        ],
+        parts_m: vec![(0..8).map(corner).collect()],
+        rests: Vec::new(),
+    }
+}
+
+/// Returns how the box stands.
+pub(crate) fn rest() -> Rest {
+    Rest {
+        up_in_object: Vector3::z_axis(),
+        height_m: BOX_HALF_M[2],
+    }
+}
+
+/// Returns the box on its table.
+pub(crate) fn scene() -> Scene {
+    Scene::new(&object(), rest()).unwrap()
+}

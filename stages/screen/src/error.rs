@@ -1,0 +1,110 @@
+//! Why candidates could not be screened.
+
+use std::{io, path::PathBuf};
+
+use dataflow::Advise;
+use lake::LakeError;
+use robot::RobotError;
+use schemas::SchemaError;
+use simulation::SimulationError;
+
+/// Why candidates could not be screened.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ScreenError {
+    /// The hand's URDF cannot be read.
+    #[error("cannot read the hand's URDF `{}`", path.display())]
+    ReadHand {
+        /// The file.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// The hand's URDF cannot be used.
+    #[error("cannot use the hand's URDF `{}`", path.display())]
+    Hand {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: RobotError,
+    },
+    /// Nothing can be simulated with this hand and these options.
+    #[error("cannot simulate `{partition}` with the hand `{}`", path.display())]
+    Simulation {
+        /// The object.
+        partition: String,
+        /// The hand's URDF.
+        path: PathBuf,
+        /// What is wrong.
+        source: SimulationError,
+    },
+    /// The candidates are for another hand.
+    #[error(
+        "candidates of `{partition}` name joint `{joint}`, which the hand `{}` does not have",
+        path.display()
+    )]
+    UnknownJoint {
+        /// The object.
+        partition: String,
+        /// The first such joint.
+        joint: String,
+        /// The hand's URDF.
+        path: PathBuf,
+    },
+    /// The candidates leave joints of the hand without a position.
+    #[error(
+        "candidates of `{partition}` have no position for joint `{joint}` of the hand `{}`",
+        path.display()
+    )]
+    MissingJoint {
+        /// The object.
+        partition: String,
+        /// The first such joint.
+        joint: String,
+        /// The hand's URDF.
+        path: PathBuf,
+    },
+    /// There is nothing to screen.
+    #[error("there are no candidates to screen")]
+    NoCandidates,
+    /// The unit was given no candidates or no URDF: the plan is not this stage's.
+    #[error("the unit `{partition}` reads no {what}")]
+    MissingInput {
+        /// The unit's partition.
+        partition: String,
+        /// What is missing.
+        what: &'static str,
+    },
+    /// A table or recording could not be read or written.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    /// A table does not follow its schema.
+    #[error("the table of `{partition}` does not follow its schema")]
+    Schema {
+        /// The partition.
+        partition: String,
+        /// How it differs.
+        source: SchemaError,
+    },
+}
+
+impl Advise for ScreenError {
+    fn hint(&self) -> Option<String> {
+        match self {
+            Self::ReadHand { path, .. } => Some(format!(
+                "set `hand` to the URDF of a robot hand; `{}` is read relative to the current \
+                 directory",
+                path.display()
+            )),
+            Self::Hand { source, .. } => source.hint(),
+            Self::Simulation { source, .. } => source.hint().or_else(|| {
+                Some("`pipeline stages screen` lists every option with its unit".to_owned())
+            }),
+            Self::UnknownJoint { .. } | Self::MissingJoint { .. } => {
+                Some("use the same `hand` in `retarget` and in `screen`, then run again".to_owned())
+            }
+            Self::Lake(err) => err.hint(),
+            Self::NoCandidates | Self::MissingInput { .. } | Self::Schema { .. } => None,
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! Accepted rollouts as recordings for a viewer.
+
+use std::{collections::BTreeMap, path::Path};
+
+use lake::{LakeError, recording::Recording};
+use robot::RobotModel;
+use schemas::{
+    objects::Object,
+    rollouts,
+    ros2::motion::{self, Hand, HandLink, JOINT_TRAJECTORY, START_NS, Scene, SceneStep},
+};
+use simulation::{Rollout, Trace};
+
+/// What is the same in all recordings of an object.
+pub(crate) struct Stage<'a> {
+    /// The hand's URDF.
+    pub(crate) urdf: &'a str,
+    /// The hand.
+    pub(crate) model: &'a RobotModel,
+    /// The object.
+    pub(crate) object: &'a Object,
+}
+
+/// Writes `<candidate_id>.mcap` into `folder`; a rollout without a trace has no recording.
+pub(crate) fn record(
+    stage: &Stage<'_>,
+    candidate_id: &str,
+    rollout: &Rollout,
+    folder: &Path,
+) -> Result<(), LakeError> {
+    let Some(Trace { steps }) = &rollout.trace else {
+        return Ok(());
+    };
+    let joints = stage.model.joint_names();
+    // A trace holds one position per joint of this very model.
+    let link_poses = |q: &[f64]| stage.model.forward_kinematics(q).unwrap_or_default();
+    let hand = Hand::new(stage.model.links().iter().map(|link| HandLink {
+        name: link.name.clone(),
+        parent: link.parent,
+        moves: link.joint.is_some(),
+    }));
+    let scene = Scene {
+        urdf: stage.urdf,
+        joints: &joints,
+        hand: &hand,
+        palm_from_links: &link_poses(&vec![0.0; stage.model.dof()]),
+        vertices_m: &stage.object.vertices_m,
+        triangles: &stage.object.triangles,
+    };
+    let about = [
+        ("schema", rollouts::VERSION),
+        ("object", &stage.object.name),
+        ("candidate_id", candidate_id),
+        ("reason", rollout.verdict.as_str()),
+    ]
+    .map(|(key, value)| (key.to_owned(), value.to_owned()));
+    let path = folder.join(format!("{candidate_id}.mcap"));
+    let mut recording = Recording::create(&path, &BTreeMap::from(about))?;
+    recording.write_scene(&scene)?;
+    let commands = steps
+        .iter()
+        .map(|step| (step.time_s, step.q_command.as_slice()));
+    recording.write_latched(
+        JOINT_TRAJECTORY,
+        START_NS,
+        &motion::joint_trajectory(START_NS, &joints, commands),
+    )?;
+    for step in steps {
+        recording.write_step(
+            &scene,
+            &SceneStep {
+                time_s: step.time_s,
+                table_from_palm: step.table_from_palm,
+                table_from_object: step.table_from_object,
+                palm_from_links: &link_poses(&step.q),
+                q_rad: &step.q,
+            },
+        )?;
+    }
+    recording.finish()
+}

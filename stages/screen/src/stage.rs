@@ -1,0 +1,231 @@
+//! The stage: the rollouts of one object's candidates.
+
+use std::{collections::BTreeMap, fs, path::Path};
+
+use dataflow::{
+    Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage, Summary, Unit,
+};
+use robot::RobotModel;
+use schemas::{candidates, objects, rollouts, rollouts::Verdict};
+use simulation::{Record, SimulationError};
+
+use crate::{
+    ScreenConfig, ScreenError,
+    recording::{self, record},
+    verdicts::Screening,
+};
+
+/// Judges candidate motions in physics.
+pub enum Screen {}
+
+impl Stage for Screen {
+    type Config = ScreenConfig;
+    type Error = ScreenError;
+
+    const KIND: &'static str = "screen";
+    const ABOUT: &'static str = "Judges candidate motions in physics";
+    const CODE: Code = dataflow::code!();
+    const INPUTS: &'static [Input] = &[
+        Input {
+            name: "candidates",
+            artifact: "candidates",
+        },
+        Input {
+            name: "objects",
+            artifact: "objects",
+        },
+    ];
+    const OUTPUTS: &'static [Output] = &[Output {
+        artifact: "rollouts",
+        schema: rollouts::VERSION,
+        partition: "object",
+        parallel: true,
+    }];
+
+    /// Checks that the hand can be read.
+    fn prepare(config: &ScreenConfig) -> Result<(), ScreenError> {
+        load_hand(&config.hand).map(|_| ())
+    }
+
+    fn units(
+        config: &ScreenConfig,
+        _output: &str,
+        scope: &Scope,
+    ) -> Result<Vec<Unit>, ScreenError> {
+        let candidates = scope.partitions("candidates");
+        if candidates.is_empty() {
+            return Err(ScreenError::NoCandidates);
+        }
+        let objects = scope.partitions("objects");
+        Ok(candidates
+            .iter()
+            .map(|partition| {
+                // An object that is missing is planned without, and skipped.
+                let object = objects.iter().find(|object| object.key == partition.key);
+                Unit::new(&partition.key)
+                    .reading("candidates", [&partition.key])
+                    .reading("objects", object.map(|object| &object.key))
+                    .with_file(SourceFile::named_by_file(&config.hand))
+            })
+            .collect())
+    }
+
+    fn run(config: &ScreenConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, ScreenError> {
+        let missing = |what| ScreenError::MissingInput {
+            partition: cx.partition().to_owned(),
+            what,
+        };
+        let schema = |source| ScreenError::Schema {
+            partition: cx.partition().to_owned(),
+            source,
+        };
+        let urdf = inputs
+            .files()
+            .first()
+            .ok_or_else(|| missing("URDF of a hand"))?;
+        let (xml, model) = load_hand(&urdf.path)?;
+        let artifact = inputs
+            .artifacts("candidates")
+            .first()
+            .ok_or_else(|| missing("candidates"))?;
+        let candidates =
+            candidates::from_batch(&artifact.key, &lake::table::read(artifact)?).map_err(schema)?;
+        let Some(artifact) = inputs.artifacts("objects").first() else {
+            return Ok(skipped("it is not among the objects"));
+        };
+        let object =
+            objects::from_batch(&artifact.key, &lake::table::read(artifact)?).map_err(schema)?;
+        let columns = columns(&candidates.joints, &model, &urdf.path, cx.partition())?;
+
+        let failed = |candidate: Option<String>, source: SimulationError| {
+            unusable(&source, candidate.as_deref()).ok_or_else(|| ScreenError::Simulation {
+                partition: cx.partition().to_owned(),
+                path: urdf.path.clone(),
+                source,
+            })
+        };
+        let screening = match Screening::new(config, &model, &object, &candidates, columns) {
+            Ok(screening) => screening,
+            Err(err) => return failed(None, err),
+        };
+        let rollouts = match screening.judge(|share| cx.progress(share, "in physics")) {
+            Ok(rollouts) => rollouts,
+            Err((candidate, err)) => return failed(Some(candidate), err),
+        };
+
+        let batch = rollouts::to_batch(&rollouts).map_err(schema)?;
+        lake::table::write(cx.folder(), &batch)?;
+        let stage = recording::Stage {
+            urdf: &xml,
+            model: &model,
+            object: &object,
+        };
+        let held = |idx: &usize| rollouts[*idx].verdict == Verdict::Held;
+        for idx in (0..rollouts.len())
+            .filter(held)
+            .take(config.recorded_per_object)
+        {
+            // Equal arguments give an equal rollout: it is run again, now with its trace.
+            match screening.rollout(idx, Record::Trace) {
+                Ok((candidate, rollout)) => {
+                    record(&stage, &candidate.candidate_id, &rollout, cx.folder())?;
+                }
+                Err((candidate, err)) => return failed(Some(candidate), err),
+            }
+        }
+        Ok(Outcome::Made(Made {
+            labels: BTreeMap::from([("object".to_owned(), object.name)]),
+            metrics: metrics(&rollouts),
+        }))
+    }
+
+    fn describe(_output: &str, summary: &Summary) -> String {
+        format!(
+            "{:.0} candidates → {:.0} accepted",
+            summary.total("candidates_n"),
+            summary.total("accepted_n")
+        )
+    }
+}
+
+fn metrics(rollouts: &[rollouts::Rollout]) -> BTreeMap<String, f64> {
+    let count = |verdict: Verdict| rollouts.iter().filter(|r| r.verdict == verdict).count() as f64;
+    let steps: f64 = rollouts.iter().map(|r| f64::from(r.cost_n)).sum();
+    let mut metrics: BTreeMap<String, f64> = [
+        ("candidates_n", rollouts.len() as f64),
+        ("accepted_n", count(Verdict::Held)),
+        ("control_steps_n", steps),
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+    .into();
+    for verdict in Verdict::ALL {
+        metrics.insert(format!("{}_n", verdict.as_str()), count(verdict));
+    }
+    metrics
+}
+
+fn skipped(reason: impl Into<String>) -> Outcome {
+    Outcome::Skipped {
+        reason: reason.into(),
+    }
+}
+
+/// Returns the outcome where the object or one of its candidates is at fault; nothing where the
+/// hand or the options are, and so every unit will fail.
+fn unusable(err: &SimulationError, candidate: Option<&str>) -> Option<Outcome> {
+    match err {
+        SimulationError::Massless { .. }
+        | SimulationError::ObjectInertia { .. }
+        | SimulationError::FlatPart { .. }
+        | SimulationError::NoParts
+        | SimulationError::Unsettled => Some(skipped(err.to_string())),
+        SimulationError::Motion(_) => Some(skipped(match candidate {
+            Some(candidate) => format!("candidate `{candidate}`: {err}"),
+            None => err.to_string(),
+        })),
+        _ => None,
+    }
+}
+
+/// Returns where each joint of the hand stands among the candidates' joints.
+fn columns(
+    joints: &[String],
+    model: &RobotModel,
+    path: &Path,
+    partition: &str,
+) -> Result<Vec<usize>, ScreenError> {
+    let names = model.joint_names();
+    if let Some(joint) = joints.iter().find(|joint| !names.contains(joint)) {
+        return Err(ScreenError::UnknownJoint {
+            partition: partition.to_owned(),
+            joint: joint.clone(),
+            path: path.to_owned(),
+        });
+    }
+    names
+        .iter()
+        .map(|name| {
+            joints
+                .iter()
+                .position(|joint| joint == name)
+                .ok_or_else(|| ScreenError::MissingJoint {
+                    partition: partition.to_owned(),
+                    joint: name.clone(),
+                    path: path.to_owned(),
+                })
+        })
+        .collect()
+}
+
+/// Reads the hand's URDF: its text and what it says.
+fn load_hand(path: &Path) -> Result<(String, RobotModel), ScreenError> {
+    let xml = fs::read_to_string(path).map_err(|source| ScreenError::ReadHand {
+        path: path.to_owned(),
+        source,
+    })?;
+    let model = RobotModel::from_urdf(&xml).map_err(|source| ScreenError::Hand {
+        path: path.to_owned(),
+        source,
+    })?;
+    Ok((xml, model))
+}

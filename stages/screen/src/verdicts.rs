@@ -1,0 +1,139 @@
+//! All candidates of one object through physics.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+use robot::RobotModel;
+use schemas::{
+    candidates::{Candidate, Candidates},
+    objects::Object,
+    rollouts,
+};
+use simulation::{Motion, ObjectShape, Record, Rollout, SimulationError, Template};
+use spatial::{Pose, Rest, Table};
+
+use crate::ScreenConfig;
+
+/// One settled scene per way in which the object lies, and where each joint's position stands in
+/// a candidate.
+pub(crate) struct Screening<'a> {
+    config: &'a ScreenConfig,
+    candidates: &'a Candidates,
+    columns: Vec<usize>,
+    templates: Vec<Template>,
+    /// The template of each candidate.
+    template_of: Vec<usize>,
+}
+
+impl<'a> Screening<'a> {
+    /// Builds the scenes; `columns` says which of a candidate's positions each joint takes.
+    pub(crate) fn new(
+        config: &'a ScreenConfig,
+        model: &RobotModel,
+        object: &Object,
+        candidates: &'a Candidates,
+        columns: Vec<usize>,
+    ) -> Result<Self, SimulationError> {
+        let mut poses: Vec<Pose<Table, spatial::Object>> = Vec::new();
+        let mut template_of = Vec::with_capacity(candidates.candidates.len());
+        for candidate in &candidates.candidates {
+            let pose = candidate.table_from_object;
+            let known = poses.iter().position(|other| *other == pose);
+            template_of.push(known.unwrap_or_else(|| {
+                poses.push(pose);
+                poses.len() - 1
+            }));
+        }
+        let shape = ObjectShape::from_artifact(object);
+        let templates = poses
+            .par_iter()
+            .map(|pose| Template::new(&config.scene, model, &shape, &rest(pose)))
+            .collect::<Result<_, _>>()?;
+        Ok(Self {
+            config,
+            candidates,
+            columns,
+            templates,
+            template_of,
+        })
+    }
+
+    /// Judges all candidates, in their order; `progress` is told the share that is done.
+    pub(crate) fn judge(
+        &self,
+        progress: impl Fn(f64) + Sync,
+    ) -> Result<Vec<rollouts::Rollout>, (String, SimulationError)> {
+        let total = self.candidates.candidates.len();
+        let done = AtomicUsize::new(0);
+        (0..total)
+            .into_par_iter()
+            .map(|idx| {
+                let (candidate, rollout) = self.rollout(idx, Record::Nothing)?;
+                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                progress(done as f64 / total as f64);
+                Ok(row(candidate, &rollout))
+            })
+            .collect()
+    }
+
+    /// Carries out one candidate.
+    pub(crate) fn rollout(
+        &self,
+        idx: usize,
+        record: Record,
+    ) -> Result<(&'a Candidate, Rollout), (String, SimulationError)> {
+        let candidate = &self.candidates.candidates[idx];
+        let template = &self.templates[self.template_of[idx]];
+        template
+            .rollout(&self.motion(candidate), &self.config.protocol, record)
+            .map(|rollout| (candidate, rollout))
+            .map_err(|err| (candidate.candidate_id.clone(), err))
+    }
+
+    /// Returns a candidate's motion with the joints in the hand's order.
+    fn motion(&self, candidate: &Candidate) -> Motion {
+        let steps = &candidate.steps;
+        Motion {
+            time_s: steps.iter().map(|step| step.time_s).collect(),
+            object_from_palm: steps
+                .iter()
+                .map(|step| *step.object_from_palm.isometry())
+                .collect(),
+            q: steps
+                .iter()
+                .map(|step| {
+                    self.columns
+                        .iter()
+                        .filter_map(|&column| step.q_rad.get(column).copied())
+                        .collect()
+                })
+                .collect(),
+        }
+    }
+}
+
+/// Returns how an object lies, without its yaw and its place.
+fn rest(table_from_object: &Pose<Table, spatial::Object>) -> Rest {
+    let isometry = table_from_object.isometry();
+    let up = isometry
+        .rotation
+        .inverse_transform_unit_vector(&nalgebra::Vector3::z_axis());
+    Rest {
+        up_in_object: up,
+        height_m: isometry.translation.z,
+    }
+}
+
+fn row(candidate: &Candidate, rollout: &Rollout) -> rollouts::Rollout {
+    rollouts::Rollout {
+        candidate_id: candidate.candidate_id.clone(),
+        generator: candidate.generator.clone(),
+        verdict: rollout.verdict,
+        cost_n: rollout.cost_n,
+        lift_m: rollout.lift_m,
+        slip_m: rollout.slip_m,
+        displacement_m: rollout.displacement_m,
+        penetration_m: rollout.penetration_m,
+        contacts_n: rollout.contacts_n,
+    }
+}

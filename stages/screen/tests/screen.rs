@@ -1,0 +1,332 @@
+//! The stage on a can and three motions.
+
+use std::{collections::BTreeMap, f64::consts::TAU, fs, path::Path};
+
+use dataflow::{
+    Advise, Artifact, Context, Inputs, Made, Outcome, Partition, Scope, SourceFile, Stage,
+};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use robot::RobotModel;
+use schemas::{
+    candidates::{self, Candidate, Candidates, Step},
+    objects::{self, RestingOrientation},
+    rollouts::{self, Rollout, Verdict},
+};
+use simulation::{Approach, DriveConfig, Offset, Protocol, SceneConfig};
+use spatial::{Pose, Rest};
+use stage_screen::{Screen, ScreenConfig, ScreenError};
+
+const HAND: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../../data/robots/allegro_right.urdf"
+);
+const RADIUS_M: f64 = 0.034;
+const HEIGHT_M: f64 = 0.102;
+
+fn config() -> ScreenConfig {
+    let flexion = [1, 2, 3, 5, 6, 7, 9, 10, 11, 14, 15];
+    ScreenConfig {
+        hand: HAND.into(),
+        recorded_per_object: 1,
+        scene: SceneConfig {
+            friction: 1.0,
+            mass_scale: 1.0,
+            object_offset: Offset::default(),
+            time_step_s: 0.004,
+            steps_per_control: 5,
+            prediction_m: 0.002,
+            settle_s: 1.0,
+            drive: DriveConfig {
+                stiffness: 20.0,
+                damping: 1.0,
+                torque_limit: 0.7,
+                armature: 0.001,
+                stop_stiffness: 200.0,
+            },
+        },
+        protocol: Protocol {
+            approach: Approach::Open,
+            reach_s: 0.8,
+            close_fraction: 0.25,
+            flexion_joints: flexion.map(|joint| format!("joint_{joint}.0")).to_vec(),
+            open_rad: 0.3,
+            squeeze_rad: 0.15,
+            squeeze_s: 0.3,
+            pause_s: 0.3,
+            lift_m: 0.15,
+            lift_s: 0.4,
+            hold_s: 0.5,
+            lifted_m: 0.08,
+            min_links: 2,
+            max_slip_m_per_s: 0.01,
+            knocked_m: 0.03,
+            knocked_rad: 0.6,
+            limit_tolerance_rad: 0.1,
+            table_tolerance_m: 0.01,
+            early_tolerance_m: 0.02,
+        },
+    }
+}
+
+fn upright() -> Rest {
+    Rest {
+        up_in_object: Vector3::z_axis(),
+        height_m: HEIGHT_M / 2.0,
+    }
+}
+
+fn can(mass_kg: f64) -> objects::Object {
+    let rim = (0..16).map(|idx| TAU * f64::from(idx) / 16.0);
+    let points: Vec<[f64; 3]> = rim
+        .flat_map(|angle| {
+            let (sin, cos) = angle.sin_cos();
+            [-0.5, 0.5].map(|end| [RADIUS_M * cos, RADIUS_M * sin, end * HEIGHT_M])
+        })
+        .collect();
+    let across = mass_kg * (3.0 * RADIUS_M.powi(2) + HEIGHT_M.powi(2)) / 12.0;
+    let along = mass_kg * RADIUS_M.powi(2) / 2.0;
+    objects::Object {
+        name: "can".to_owned(),
+        mass_kg,
+        center_of_mass_m: [0.0; 3],
+        inertia_kg_m2: [across, across, along, 0.0, 0.0, 0.0],
+        points_m: vec![points[0]],
+        normals: vec![[1.0, 0.0, 0.0]],
+        vertices_m: points.clone(),
+        triangles: vec![[0, 1, 2]],
+        parts_m: vec![points],
+        rests: vec![RestingOrientation {
+            rest: upright(),
+            seen_n: 1,
+            probability: 1.0,
+        }],
+    }
+}
+
+/// Joints in an order that is not the hand's.
+fn joints() -> Vec<String> {
+    (0..16)
+        .rev()
+        .map(|joint| format!("joint_{joint}.0"))
+        .collect()
+}
+
+fn candidate(id: &str, flexion: [f64; 3], thumb: [f64; 4]) -> Candidate {
+    let position = |name: &str| {
+        let number: usize = name[6..name.len() - 2].parse().unwrap();
+        match (number / 4, number % 4) {
+            (3, joint) => thumb[joint],
+            (_, 0) => 0.0,
+            (_, joint) => flexion[joint - 1],
+        }
+    };
+    let q_rad: Vec<f64> = joints().iter().map(|name| position(name)).collect();
+    let turn = UnitQuaternion::from_quaternion(Quaternion::new(0.5, 0.5, 0.5, 0.5));
+    let steps = (0..=8).map(|step| {
+        let left = 1.0 - f64::from(step) / 8.0;
+        let place = Translation3::new(-0.015, -0.055 - 0.15 * left, 0.02);
+        Step {
+            time_s: 0.1 * f64::from(step),
+            object_from_palm: Pose::new(Isometry3::from_parts(place, turn)),
+            q_rad: q_rad.clone(),
+        }
+    });
+    Candidate {
+        candidate_id: id.to_owned(),
+        generator: "test".to_owned(),
+        latent: Vec::new(),
+        table_from_object: upright().table_from_object(),
+        steps: steps.collect(),
+    }
+}
+
+fn three() -> Candidates {
+    Candidates {
+        object: "can".to_owned(),
+        joints: joints(),
+        candidates: vec![
+            candidate("can-0000", [2.5, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]),
+            candidate("can-0001", [0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]),
+            candidate("can-0002", [0.5, 0.6, 0.4], [1.3, 0.3, 0.2, 0.3]),
+        ],
+    }
+}
+
+fn artifact(folder: &Path) -> Artifact {
+    let files = fs::read_dir(folder).unwrap().map(|entry| {
+        let entry = entry.unwrap();
+        (entry.file_name().into_string().unwrap(), entry.path())
+    });
+    Artifact {
+        key: "can".to_owned(),
+        labels: BTreeMap::new(),
+        files: files.collect(),
+    }
+}
+
+/// Writes the inputs into `folder` and runs the stage; its files lie in `folder/out`.
+fn run(
+    config: &ScreenConfig,
+    object: &objects::Object,
+    candidates: &Candidates,
+    folder: &Path,
+) -> Result<Outcome, ScreenError> {
+    let [made, motions, out] = ["objects", "candidates", "out"].map(|name| folder.join(name));
+    for folder in [&made, &motions, &out] {
+        fs::create_dir(folder).unwrap();
+    }
+    let batch = objects::to_batch(std::slice::from_ref(object)).unwrap();
+    lake::table::write(&made, &batch).unwrap();
+    lake::table::write(&motions, &candidates::to_batch(candidates).unwrap()).unwrap();
+    let inputs = Inputs::new(
+        BTreeMap::from([
+            ("objects".to_owned(), vec![artifact(&made)]),
+            ("candidates".to_owned(), vec![artifact(&motions)]),
+        ]),
+        vec![SourceFile::named_by_file(Path::new(HAND))],
+    );
+    Screen::run(
+        config,
+        &inputs,
+        &Context::detached("rollouts", "can", 7, &out),
+    )
+}
+
+fn made(outcome: Outcome) -> Made {
+    match outcome {
+        Outcome::Made(made) => made,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn rows(folder: &Path) -> Vec<Rollout> {
+    let batch = lake::table::read(&artifact(&folder.join("out"))).unwrap();
+    rollouts::from_batch(&batch).unwrap()
+}
+
+#[test]
+fn judges_candidates_in_their_order_and_records_the_accepted() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = made(run(&config(), &can(0.35), &three(), folder.path()).unwrap());
+    let rows = rows(folder.path());
+    let verdicts: Vec<_> = rows
+        .iter()
+        .map(|row| (row.candidate_id.as_str(), row.verdict))
+        .collect();
+    assert_eq!(
+        verdicts,
+        [
+            ("can-0000", Verdict::Limit),
+            ("can-0001", Verdict::Held),
+            ("can-0002", Verdict::NotGrasped),
+        ]
+    );
+    assert_eq!(made.metrics["candidates_n"], 3.0);
+    assert_eq!(made.metrics["accepted_n"], 1.0);
+    let steps: f64 = rows.iter().map(|row| f64::from(row.cost_n)).sum();
+    assert_eq!(made.metrics["control_steps_n"], steps);
+    let recording = lake::recording::read(&folder.path().join("out/can-0001.mcap")).unwrap();
+    let moments = recording.topic("/joint_states").count();
+    assert_eq!(moments, rows[1].cost_n as usize + 1);
+    assert_eq!(fs::read_dir(folder.path().join("out")).unwrap().count(), 2);
+}
+
+#[test]
+fn writes_the_same_bytes_on_any_number_of_threads() {
+    let bytes = |threads: usize| {
+        let folder = tempfile::tempdir().unwrap();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| run(&config(), &can(0.35), &three(), folder.path()).unwrap());
+        ["part.parquet", "can-0001.mcap"]
+            .map(|file| fs::read(folder.path().join("out").join(file)).unwrap())
+    };
+    assert!(bytes(1) == bytes(3));
+}
+
+#[test]
+fn candidates_for_another_hand_are_an_error_with_a_hint() {
+    let check = |spoil: &dyn Fn(&mut Candidates), expected: &str| {
+        let mut candidates = three();
+        candidates.candidates.truncate(1);
+        spoil(&mut candidates);
+        let folder = tempfile::tempdir().unwrap();
+        let error = run(&config(), &can(0.35), &candidates, folder.path()).unwrap_err();
+        assert!(error.to_string().contains(expected), "{error}");
+        assert!(error.hint().is_some());
+    };
+    check(
+        &|candidates| candidates.joints[3] = "wrist".to_owned(),
+        "`wrist`",
+    );
+    check(
+        &|candidates| {
+            candidates.joints.pop();
+            for step in &mut candidates.candidates[0].steps {
+                step.q_rad.pop();
+            }
+        },
+        "`joint_0.0`",
+    );
+}
+
+#[test]
+fn an_object_without_mass_is_skipped_with_its_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let outcome = run(&config(), &can(0.0), &three(), folder.path()).unwrap();
+    assert!(matches!(outcome, Outcome::Skipped { reason } if reason.contains("mass of 0 kg")));
+}
+
+#[test]
+fn a_protocol_that_does_not_fit_the_hand_fails_the_stage() {
+    let mut config = config();
+    config.protocol.flexion_joints[0] = "joint_99.0".to_owned();
+    let folder = tempfile::tempdir().unwrap();
+    let error = run(&config, &can(0.35), &three(), folder.path()).unwrap_err();
+    assert!(matches!(error, ScreenError::Simulation { .. }));
+    assert!(error.hint().unwrap().contains("joint_1.0"));
+}
+
+#[test]
+fn each_unit_reads_its_object_and_the_hand() {
+    let partition = |key: &str| Partition {
+        key: key.to_owned(),
+        labels: BTreeMap::new(),
+    };
+    let scope = Scope::new(BTreeMap::from([
+        (
+            "candidates".to_owned(),
+            vec![partition("can"), partition("cup")],
+        ),
+        (
+            "objects".to_owned(),
+            vec![partition("box"), partition("can")],
+        ),
+    ]));
+    let units = Screen::units(&config(), "rollouts", &scope).unwrap();
+    assert_eq!(units.len(), 2);
+    assert_eq!(units[0].reads["candidates"], ["can"]);
+    assert_eq!(units[0].reads["objects"], ["can"]);
+    assert!(units[1].reads["objects"].is_empty());
+    assert_eq!(units[0].files[0].name, "allegro_right.urdf");
+    assert!(matches!(
+        Screen::units(&config(), "rollouts", &Scope::default()),
+        Err(ScreenError::NoCandidates)
+    ));
+}
+
+#[test]
+fn the_hand_is_found_to_be_missing_before_anything_runs() {
+    let mut config = config();
+    config.hand = "no/such/hand.urdf".into();
+    assert!(matches!(
+        Screen::prepare(&config),
+        Err(ScreenError::ReadHand { .. })
+    ));
+    config.hand = HAND.into();
+    assert!(Screen::prepare(&config).is_ok());
+    let xml = fs::read_to_string(HAND).unwrap();
+    assert_eq!(RobotModel::from_urdf(&xml).unwrap().dof(), 16);
+}

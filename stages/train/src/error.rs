@@ -1,0 +1,102 @@
+//! Why no grasping function could be trained.
+
+use std::{io, path::PathBuf};
+
+use cgf::CgfError;
+use dataflow::Advise;
+use lake::LakeError;
+use robot::RobotError;
+use schemas::SchemaError;
+
+/// Why no grasping function could be trained.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TrainError {
+    /// No trajectory is of a chosen object.
+    #[error("none of {found} trajectories is of an object to train on")]
+    NoTrajectories {
+        /// How many trajectories there are.
+        found: usize,
+    },
+    /// A name in the configuration is no object of the lake.
+    #[error("there is no object `{object}`")]
+    UnknownObject {
+        /// The name.
+        object: String,
+        /// The objects that there are.
+        known: Vec<String>,
+    },
+    /// The hand's description cannot be read.
+    #[error("cannot read the hand's description `{}`", path.display())]
+    Hand {
+        /// Where.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// The hand's description is not usable.
+    #[error("cannot use the hand's description `{}`", path.display())]
+    Urdf {
+        /// Where.
+        path: PathBuf,
+        /// Why it failed.
+        source: RobotError,
+    },
+    /// A trajectory belongs to another hand.
+    #[error("trajectory `{sequence}` has joints {found:?}, the hand has {expected:?}")]
+    AnotherHand {
+        /// The trajectory's sequence.
+        sequence: String,
+        /// Joints of the hand.
+        expected: Vec<String>,
+        /// Joints of the trajectory.
+        found: Vec<String>,
+    },
+    /// An artifact cannot be read.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    /// An artifact does not follow its schema.
+    #[error("cannot use `{key}`")]
+    Schema {
+        /// The artifact's key.
+        key: String,
+        /// How it differs.
+        source: SchemaError,
+    },
+    /// Training failed.
+    #[error(transparent)]
+    Cgf(#[from] CgfError),
+}
+
+impl Advise for TrainError {
+    fn hint(&self) -> Option<String> {
+        match self {
+            Self::NoTrajectories { .. } => Some(
+                "check `objects` and `held_out_objects`, and see what was skipped before: `pipeline \
+                 inspect retarget.trajectories`"
+                    .to_owned(),
+            ),
+            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::Hand { .. } | Self::Urdf { .. } => {
+                Some("set `hand` to the URDF that `retarget` used".to_owned())
+            }
+            Self::AnotherHand { .. } => {
+                Some("set `hand` in `train` and `retarget` to the same URDF".to_owned())
+            }
+            Self::Lake(err) => err.hint(),
+            Self::Schema { .. } => Some("make it again with `pipeline run FILE --fresh`".to_owned()),
+            Self::Cgf(CgfError::Diverged { .. }) => {
+                Some("lower `training.learning_rate`, e.g. to a third".to_owned())
+            }
+            Self::Cgf(CgfError::TooFewTrajectories { .. }) => Some(
+                "train on more objects, or see what was skipped before: `pipeline inspect \
+                 retarget.trajectories`"
+                    .to_owned(),
+            ),
+            Self::Cgf(CgfError::UnknownLink { .. }) => {
+                Some("give `training.tips` the names of the hand's finger tip links".to_owned())
+            }
+            Self::Cgf(_) => None,
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! The stage on made-up artifacts of the Allegro hand.
+
+use std::{collections::BTreeMap, path::Path};
+
+use cgf::{
+    Activation, Augmentation, Cgf, Contact, NetworkConfig, Outputs, Schedule, TrainingConfig,
+};
+use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Partition, Scope, SourceFile, Stage};
+use nalgebra::{Isometry3, Vector3};
+use schemas::{
+    checkpoint, objects,
+    objects::{Object, RestingOrientation},
+    trajectories,
+    trajectories::{Step, Trajectory},
+};
+use spatial::{Pose, Rest};
+use stage_train::{Train, TrainConfig, TrainError};
+
+const JOINTS: usize = 16;
+
+fn config() -> TrainConfig {
+    TrainConfig {
+        hand: Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/robots/allegro_right.urdf"),
+        objects: Vec::new(),
+        held_out_objects: Vec::new(),
+        network: NetworkConfig {
+            points: 64,
+            point_widths: vec![8, 16],
+            encoder_steps: 4,
+            hand_widths: vec![8],
+            encoder_widths: vec![16],
+            latent_dim: 3,
+            decoder_widths: vec![16, 16],
+            activation: Activation::Silu,
+        },
+        training: TrainingConfig {
+            epochs: 3,
+            batch: 8,
+            learning_rate: 1e-3,
+            schedule: Schedule::Cosine,
+            halving_epochs: 500,
+            grasp_steps: 5,
+            grasp_weight: 3.0,
+            random_times: 5,
+            augmentation: Augmentation::Vertical,
+            outputs: Outputs::Standardized,
+            q_weight: 1.0,
+            origins_weight: 100.0,
+            kl_weight: 1e-3,
+            contact_weight: 1.0,
+            fixed_statistics_after: 0.5,
+            contact: Contact::TouchSurface,
+            tips: vec!["link_3.0_tip".to_owned(), "link_15.0_tip".to_owned()],
+            tip_radius_m: 0.012,
+        },
+    }
+}
+
+fn rest(up: Vector3<f64>) -> Rest {
+    Rest { up_in_object: nalgebra::Unit::new_normalize(up), height_m: 0.05 }
+}
+
+/// A can that stands or lies.
+fn object(name: &str) -> Object {
+    let points_m: Vec<[f64; 3]> = (0..100)
+        .map(|k| {
+            let angle = f64::from(k) * 0.7;
+            [0.03 * angle.cos(), 0.03 * angle.sin(), f64::from(k) / 1000.0 - 0.05]
+        })
+        .collect();
+    Object {
+        name: name.to_owned(),
+        mass_kg: 0.3,
+        center_of_mass_m: [0.0; 3],
+        inertia_kg_m2: [1e-4, 1e-4, 1e-4, 0.0, 0.0, 0.0],
+        normals: vec![[0.0, 0.0, 1.0]; points_m.len()],
+        vertices_m: points_m[..3].to_vec(),
+        triangles: vec![[0, 1, 2]],
+        parts_m: vec![points_m[..4].to_vec()],
+        points_m,
+        rests: [Vector3::z(), Vector3::x()]
+            .map(|up| RestingOrientation { rest: rest(up), seen_n: 1, probability: 0.5 })
+            .to_vec(),
+    }
+}
+
+fn trajectory(sequence: &str, object: &str, up: Vector3<f64>) -> Trajectory {
+    let steps = (0..20).map(|k| Step {
+        time_s: f64::from(k) / 30.0,
+        object_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, 0.3 - f64::from(k) * 0.01)),
+        q_rad: vec![0.3; JOINTS],
+        keypoint_error_m: 0.01,
+        fingertip_error_m: 0.01,
+    });
+    Trajectory {
+        sequence: sequence.to_owned(),
+        object: object.to_owned(),
+        // The order of the URDF turned around: positions are found by name.
+        joints: (0..JOINTS).rev().map(|k| format!("joint_{k}.0")).collect(),
+        rest: rest(up),
+        steps: steps.collect(),
+    }
+}
+
+fn artifact(folder: &Path, key: &str, object: &str, batch: &arrow::record_batch::RecordBatch) -> Artifact {
+    let folder = folder.join(key);
+    std::fs::create_dir(&folder).unwrap();
+    lake::table::write(&folder, batch).unwrap();
+    Artifact {
+        key: key.to_owned(),
+        labels: BTreeMap::from([("object".to_owned(), object.to_owned())]),
+        files: BTreeMap::from([(lake::table::FILE.to_owned(), folder.join(lake::table::FILE))]),
+    }
+}
+
+fn inputs(folder: &Path) -> Inputs {
+    let objects = ["can", "tin"].map(|name| {
+        artifact(folder, name, name, &objects::to_batch(&[object(name)]).unwrap())
+    });
+    // The second lies a little askew in its recording.
+    let up = [Vector3::z(), Vector3::new(1.0, 0.1, 0.0), Vector3::x()];
+    let trajectories = [("a", "can"), ("b", "can"), ("c", "tin")];
+    let trajectories = trajectories.iter().zip(up).map(|((sequence, object), up)| {
+        let batch = trajectories::to_batch(&trajectory(sequence, object, up)).unwrap();
+        artifact(folder, sequence, object, &batch)
+    });
+    Inputs::new(
+        BTreeMap::from([
+            ("objects".to_owned(), objects.to_vec()),
+            ("trajectories".to_owned(), trajectories.collect()),
+        ]),
+        vec![SourceFile::named_by_file(&config().hand)],
+    )
+}
+
+fn scope() -> Scope {
+    let partition = |key: &str, object: &str| Partition {
+        key: key.to_owned(),
+        labels: BTreeMap::from([("object".to_owned(), object.to_owned())]),
+    };
+    Scope::new(BTreeMap::from([
+        ("objects".to_owned(), vec![partition("can", "can"), partition("tin", "tin")]),
+        (
+            "trajectories".to_owned(),
+            vec![partition("a", "can"), partition("b", "can"), partition("c", "tin")],
+        ),
+    ]))
+}
+
+#[test]
+fn a_checkpoint_is_made_of_all_trajectories() {
+    let (lake, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let cx = Context::detached("checkpoint", "cgf", 7, out.path());
+    let Outcome::Made(made) = Train::run(&config(), &inputs(lake.path()), &cx).unwrap() else {
+        panic!("nothing was made");
+    };
+    assert_eq!(made.metrics["trajectories"], 3.0);
+    let file = |name: &str| out.path().join(name);
+    let cgf = Cgf::load(&file(checkpoint::WEIGHTS), &file(checkpoint::DESCRIPTION)).unwrap();
+    assert_eq!(cgf.description().joints[0], "joint_0.0");
+    let demonstrations = &cgf.description().demonstrations;
+    assert_eq!(demonstrations[0].rest_up, [0.0, 0.0, 1.0]);
+    assert_eq!(demonstrations[1].rest_up, [1.0, 0.0, 0.0]);
+}
+
+#[test]
+fn one_unit_reads_the_chosen_objects() {
+    let mut config = config();
+    let units = Train::units(&config, "checkpoint", &scope()).unwrap();
+    assert_eq!(units.len(), 1);
+    assert_eq!(units[0].reads["trajectories"], ["a", "b", "c"]);
+    config.held_out_objects = vec!["can".to_owned()];
+    let units = Train::units(&config, "checkpoint", &scope()).unwrap();
+    assert_eq!(units[0].reads["trajectories"], ["c"]);
+    assert_eq!(units[0].reads["objects"], ["tin"]);
+}
+
+#[test]
+fn choices_that_leave_nothing_are_refused_with_a_hint() {
+    let mut config = config();
+    config.held_out_objects = vec!["can".to_owned(), "tin".to_owned()];
+    let err = Train::units(&config, "checkpoint", &scope()).unwrap_err();
+    assert!(matches!(err, TrainError::NoTrajectories { found: 3 }) && err.hint().is_some());
+    config.held_out_objects = vec!["cup".to_owned()];
+    let err = Train::units(&config, "checkpoint", &scope()).unwrap_err();
+    assert!(err.hint().unwrap().contains("can, tin"), "{err}");
+}

@@ -1,0 +1,62 @@
+//! Dependency directions: `.deny.toml` says who may know about what, and this test enforces it from
+//! the manifests alone, so that it needs no tool.
+
+use std::{collections::BTreeMap, fs, path::Path};
+
+use toml_edit::{DocumentMut, Item};
+
+/// Direct dependencies of every workspace crate, by crate; development dependencies left out.
+fn dependencies() -> BTreeMap<String, Vec<String>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut manifests = vec![root.join("Cargo.toml"), root.join("schemas/Cargo.toml")];
+    for folder in ["crates", "stages"] {
+        for entry in fs::read_dir(root.join(folder)).unwrap() {
+            let manifest = entry.unwrap().path().join("Cargo.toml");
+            manifests.extend(manifest.is_file().then_some(manifest));
+        }
+    }
+    let read = |path: &Path| fs::read_to_string(path).unwrap().parse::<DocumentMut>().unwrap();
+    manifests
+        .iter()
+        .map(|path| {
+            let manifest = read(path);
+            let name = manifest["package"]["name"].as_str().unwrap().to_owned();
+            let table = manifest.get("dependencies").and_then(Item::as_table);
+            let names = table.into_iter().flat_map(|table| table.iter());
+            (name, names.map(|(name, _)| name.to_owned()).collect())
+        })
+        .collect()
+}
+
+#[test]
+fn only_the_wrappers_know_what_is_denied() {
+    let deny = include_str!("../.deny.toml").parse::<DocumentMut>().unwrap();
+    let rules = deny["bans"]["deny"].as_array().unwrap();
+    assert!(rules.len() > 10);
+    for rule in rules {
+        let rule = rule.as_inline_table().unwrap();
+        let denied = rule["name"].as_str().unwrap();
+        let wrappers: Vec<&str> =
+            rule["wrappers"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
+        for (name, dependencies) in dependencies() {
+            if dependencies.iter().any(|dependency| dependency == denied) {
+                assert!(wrappers.contains(&name.as_str()), "`{name}` must not depend on `{denied}`");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_engine_has_never_heard_of_hands() {
+    let dependencies = dependencies();
+    for stranger in ["spatial", "robot", "schemas", "lake", "arrow", "mcap", "nalgebra"] {
+        assert!(!dependencies["dataflow"].iter().any(|name| name == stranger), "{stranger}");
+    }
+    for (name, dependencies) in &dependencies {
+        let is_stage = name.starts_with("stage-");
+        assert!(
+            !is_stage || !dependencies.iter().any(|other| other.starts_with("stage-")),
+            "stages meet in schemas, and `{name}` imports another"
+        );
+    }
+}
