@@ -18,9 +18,15 @@ pub(crate) enum Trouble {
     /// The pipeline file is wrong: exit code 2.
     File(FileError),
     /// The command line asks for something that is not there: exit code 2.
-    Usage { message: String, hint: Option<String> },
+    Usage {
+        message: String,
+        hint: Option<String>,
+    },
     /// Something failed: exit code 1.
-    Failed { error: anyhow::Error, hint: Option<String> },
+    Failed {
+        error: anyhow::Error,
+        hint: Option<String>,
+    },
 }
 
 impl From<FileError> for Trouble {

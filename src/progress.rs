@@ -78,7 +78,9 @@ impl Observer for Screen {
     fn node_started(&self, node: &Node, n_units: usize) {
         self.with(|state| {
             let bar = ProgressBar::new((n_units as f64 * TICKS) as u64);
-            let style = ProgressStyle::with_template("       {prefix:<10} [{bar:30}] {percent:>3} %  {elapsed} {wide_msg}");
+            let style = ProgressStyle::with_template(
+                "       {prefix:<10} [{bar:30}] {percent:>3} %  {elapsed} {wide_msg}",
+            );
             if let Ok(style) = style {
                 bar.set_style(style.progress_chars("=> "));
             }
@@ -92,7 +94,9 @@ impl Observer for Screen {
 
     fn unit_progress(&self, _node: &Node, partition: &str, fraction: f64, message: &str) {
         self.with(|state| {
-            state.fractions.insert(partition.to_owned(), fraction.clamp(0.0, 1.0));
+            state
+                .fractions
+                .insert(partition.to_owned(), fraction.clamp(0.0, 1.0));
             state.move_bar();
             if let Some(bar) = &state.bar {
                 bar.set_message(message.to_owned());

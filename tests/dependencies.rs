@@ -15,7 +15,12 @@ fn dependencies() -> BTreeMap<String, Vec<String>> {
             manifests.extend(manifest.is_file().then_some(manifest));
         }
     }
-    let read = |path: &Path| fs::read_to_string(path).unwrap().parse::<DocumentMut>().unwrap();
+    let read = |path: &Path| {
+        fs::read_to_string(path)
+            .unwrap()
+            .parse::<DocumentMut>()
+            .unwrap()
+    };
     manifests
         .iter()
         .map(|path| {
@@ -30,17 +35,26 @@ fn dependencies() -> BTreeMap<String, Vec<String>> {
 
 #[test]
 fn only_the_wrappers_know_what_is_denied() {
-    let deny = include_str!("../.deny.toml").parse::<DocumentMut>().unwrap();
+    let deny = include_str!("../.deny.toml")
+        .parse::<DocumentMut>()
+        .unwrap();
     let rules = deny["bans"]["deny"].as_array().unwrap();
     assert!(rules.len() > 10);
     for rule in rules {
         let rule = rule.as_inline_table().unwrap();
         let denied = rule["name"].as_str().unwrap();
-        let wrappers: Vec<&str> =
-            rule["wrappers"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
+        let wrappers: Vec<&str> = rule["wrappers"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|name| name.as_str().unwrap())
+            .collect();
         for (name, dependencies) in dependencies() {
             if dependencies.iter().any(|dependency| dependency == denied) {
-                assert!(wrappers.contains(&name.as_str()), "`{name}` must not depend on `{denied}`");
+                assert!(
+                    wrappers.contains(&name.as_str()),
+                    "`{name}` must not depend on `{denied}`"
+                );
             }
         }
     }
@@ -49,8 +63,13 @@ fn only_the_wrappers_know_what_is_denied() {
 #[test]
 fn the_engine_has_never_heard_of_hands() {
     let dependencies = dependencies();
-    for stranger in ["spatial", "robot", "schemas", "lake", "arrow", "mcap", "nalgebra"] {
-        assert!(!dependencies["dataflow"].iter().any(|name| name == stranger), "{stranger}");
+    for stranger in [
+        "spatial", "robot", "schemas", "lake", "arrow", "mcap", "nalgebra",
+    ] {
+        assert!(
+            !dependencies["dataflow"].iter().any(|name| name == stranger),
+            "{stranger}"
+        );
     }
     for (name, dependencies) in &dependencies {
         let is_stage = name.starts_with("stage-");

@@ -63,13 +63,56 @@ pub fn schema(joints: &[String]) -> Schema {
 fn columns(joints: &[String], candidates: &[Candidate]) -> Columns {
     let rows = || candidates.iter();
     let mut c = Columns::new(VERSION).with_joints(joints);
-    c.utf8("candidate_id", "unique name of the motion", rows().map(|m| m.candidate_id.clone()));
-    c.utf8("generator", "what drew it", rows().map(|m| m.generator.clone()));
-    c.f64_list("latent", "1", "latent code it came from", rows().map(|m| m.latent.clone()));
-    c.f64_array("table_from_object", "m, 1", "how the object lies: xyz, xyzw", rows().map(|m| m.table_from_object.to_array()));
-    c.f64_list("time_s", "s", "since the first step", rows().map(|m| m.steps.iter().map(|s| s.time_s).collect()));
-    c.f64_arrays("object_from_palm", "m, 1", "palm pose in the object frame at each step: xyz, xyzw", rows().map(|m| m.steps.iter().map(|s| s.object_from_palm.to_array()).collect()));
-    c.f64_list("q_rad", "rad", "joint positions, step after step, order of metadata `joints`", rows().map(|m| m.steps.iter().flat_map(|s| s.q_rad.iter().copied()).collect()));
+    c.utf8(
+        "candidate_id",
+        "unique name of the motion",
+        rows().map(|m| m.candidate_id.clone()),
+    );
+    c.utf8(
+        "generator",
+        "what drew it",
+        rows().map(|m| m.generator.clone()),
+    );
+    c.f64_list(
+        "latent",
+        "1",
+        "latent code it came from",
+        rows().map(|m| m.latent.clone()),
+    );
+    c.f64_array(
+        "table_from_object",
+        "m, 1",
+        "how the object lies: xyz, xyzw",
+        rows().map(|m| m.table_from_object.to_array()),
+    );
+    c.f64_list(
+        "time_s",
+        "s",
+        "since the first step",
+        rows().map(|m| m.steps.iter().map(|s| s.time_s).collect()),
+    );
+    c.f64_arrays(
+        "object_from_palm",
+        "m, 1",
+        "palm pose in the object frame at each step: xyz, xyzw",
+        rows().map(|m| {
+            m.steps
+                .iter()
+                .map(|s| s.object_from_palm.to_array())
+                .collect()
+        }),
+    );
+    c.f64_list(
+        "q_rad",
+        "rad",
+        "joint positions, step after step, order of metadata `joints`",
+        rows().map(|m| {
+            m.steps
+                .iter()
+                .flat_map(|s| s.q_rad.iter().copied())
+                .collect()
+        }),
+    );
     c
 }
 
@@ -96,10 +139,17 @@ pub fn from_batch(object: &str, batch: &RecordBatch) -> Result<Candidates, Schem
         let poses: Vec<[f64; 7]> = r.f64_arrays("object_from_palm", row)?;
         let positions = r.joint_positions("q_rad", row, joints.len() * times.len())?;
         if poses.len() != times.len() {
-            return Err(r.invalid("object_from_palm", format!("{} poses for {} times", poses.len(), times.len())));
+            return Err(r.invalid(
+                "object_from_palm",
+                format!("{} poses for {} times", poses.len(), times.len()),
+            ));
         }
         let mut steps = Vec::with_capacity(times.len());
-        for ((time_s, pose), q_rad) in times.into_iter().zip(poses).zip(positions.chunks(joints.len().max(1))) {
+        for ((time_s, pose), q_rad) in times
+            .into_iter()
+            .zip(poses)
+            .zip(positions.chunks(joints.len().max(1)))
+        {
             steps.push(Step {
                 time_s,
                 object_from_palm: r.pose("object_from_palm", pose)?,
@@ -110,7 +160,8 @@ pub fn from_batch(object: &str, batch: &RecordBatch) -> Result<Candidates, Schem
             candidate_id: r.utf8("candidate_id", row)?.to_owned(),
             generator: r.utf8("generator", row)?.to_owned(),
             latent: r.f64_list("latent", row)?,
-            table_from_object: r.pose("table_from_object", r.f64_array("table_from_object", row)?)?,
+            table_from_object: r
+                .pose("table_from_object", r.f64_array("table_from_object", row)?)?,
             steps,
         });
     }

@@ -97,7 +97,8 @@ impl Columns {
 
     /// Notes the joints' names.
     pub(crate) fn with_joints(mut self, joints: &[String]) -> Self {
-        self.metadata.insert(JOINTS_KEY.to_owned(), joints.join(","));
+        self.metadata
+            .insert(JOINTS_KEY.to_owned(), joints.join(","));
         self
     }
 
@@ -124,8 +125,16 @@ impl Columns {
         values: impl Iterator<Item = f64>,
     ) {
         let values: Vec<f64> = values.collect();
-        self.check(name, values.iter().enumerate().map(|(row, &value)| (row, value)));
-        self.push(name, Some(unit), about, Arc::new(Float64Array::from(values)));
+        self.check(
+            name,
+            values.iter().enumerate().map(|(row, &value)| (row, value)),
+        );
+        self.push(
+            name,
+            Some(unit),
+            about,
+            Arc::new(Float64Array::from(values)),
+        );
     }
 
     /// One array of `N` numbers per row.
@@ -202,13 +211,12 @@ impl Columns {
 
     fn check(&mut self, name: &str, mut numbers: impl Iterator<Item = (usize, f64)>) {
         if self.not_finite.is_none() {
-            self.not_finite =
-                numbers
-                    .find(|(_, number)| !number.is_finite())
-                    .map(|(row, _)| SchemaError::NotFinite {
-                        column: name.to_owned(),
-                        row,
-                    });
+            self.not_finite = numbers
+                .find(|(_, number)| !number.is_finite())
+                .map(|(row, _)| SchemaError::NotFinite {
+                    column: name.to_owned(),
+                    row,
+                });
         }
     }
 
@@ -297,7 +305,10 @@ impl<'a> Reader<'a> {
     }
 
     /// Returns the error for a value that breaks the artifact's own rules.
-    #[expect(clippy::unused_self, reason = "reads as part of the reader at its callers")]
+    #[expect(
+        clippy::unused_self,
+        reason = "reads as part of the reader at its callers"
+    )]
     pub(crate) fn invalid(&self, column: &str, message: String) -> SchemaError {
         SchemaError::Invalid {
             column: column.to_owned(),
@@ -348,7 +359,9 @@ impl<'a> Reader<'a> {
         name: &str,
         row: usize,
     ) -> Result<[f64; N], SchemaError> {
-        let array = self.column(name, "a fixed list of f64")?.as_fixed_size_list_opt();
+        let array = self
+            .column(name, "a fixed list of f64")?
+            .as_fixed_size_list_opt();
         let values = self.present(array, name, "a fixed list of f64")?.value(row);
         let values = values.as_primitive_opt::<Float64Type>();
         let values = self.present(values, name, "a fixed list of f64")?.values();
@@ -359,13 +372,19 @@ impl<'a> Reader<'a> {
     pub(crate) fn f64_list(&self, name: &str, row: usize) -> Result<Vec<f64>, SchemaError> {
         let values = self.list(name, row)?;
         let values = values.as_primitive_opt::<Float64Type>();
-        Ok(self.present(values, name, "a list of f64")?.values().to_vec())
+        Ok(self
+            .present(values, name, "a list of f64")?
+            .values()
+            .to_vec())
     }
 
     pub(crate) fn i64_list(&self, name: &str, row: usize) -> Result<Vec<i64>, SchemaError> {
         let values = self.list(name, row)?;
         let values = values.as_primitive_opt::<Int64Type>();
-        Ok(self.present(values, name, "a list of i64")?.values().to_vec())
+        Ok(self
+            .present(values, name, "a list of i64")?
+            .values()
+            .to_vec())
     }
 
     pub(crate) fn f64_arrays<const N: usize>(
@@ -377,13 +396,17 @@ impl<'a> Reader<'a> {
         let rows = self.list(name, row)?;
         let rows = self.present(rows.as_fixed_size_list_opt(), name, expected)?;
         if usize::try_from(rows.value_length()) != Ok(N) {
-            return Err(self.invalid(name, format!("lists of {} numbers, expected {N}", rows.value_length())));
+            return Err(self.invalid(
+                name,
+                format!("lists of {} numbers, expected {N}", rows.value_length()),
+            ));
         }
         // A slice of a fixed list keeps its values' offset, so each row is read on its own.
         (0..rows.len())
             .map(|row| {
                 let values = rows.value(row);
-                let values = self.present(values.as_primitive_opt::<Float64Type>(), name, expected)?;
+                let values =
+                    self.present(values.as_primitive_opt::<Float64Type>(), name, expected)?;
                 <[f64; N]>::try_from(&values.values()[..])
                     .map_err(|err| self.invalid(name, err.to_string()))
             })
@@ -401,12 +424,18 @@ impl<'a> Reader<'a> {
         if positions.len() == expected {
             Ok(positions)
         } else {
-            Err(self.invalid(name, format!("{} joint positions, expected {expected}", positions.len())))
+            Err(self.invalid(
+                name,
+                format!("{} joint positions, expected {expected}", positions.len()),
+            ))
         }
     }
 
     /// Reads seven numbers as a pose.
-    #[expect(clippy::unused_self, reason = "reads as part of the reader at its callers")]
+    #[expect(
+        clippy::unused_self,
+        reason = "reads as part of the reader at its callers"
+    )]
     pub(crate) fn pose<To, From>(
         &self,
         name: &str,
@@ -424,13 +453,18 @@ impl<'a> Reader<'a> {
     }
 
     fn column(&self, name: &str, expected: &'static str) -> Result<&'a ArrayRef, SchemaError> {
-        self.batch.column_by_name(name).ok_or_else(|| SchemaError::Column {
-            column: name.to_owned(),
-            expected,
-        })
+        self.batch
+            .column_by_name(name)
+            .ok_or_else(|| SchemaError::Column {
+                column: name.to_owned(),
+                expected,
+            })
     }
 
-    #[expect(clippy::unused_self, reason = "reads as part of the reader at its callers")]
+    #[expect(
+        clippy::unused_self,
+        reason = "reads as part of the reader at its callers"
+    )]
     fn present<T>(
         &self,
         array: Option<T>,

@@ -59,25 +59,64 @@ pub fn schema() -> Schema {
 
 fn columns(demonstrations: &[&Demonstration]) -> Columns {
     let rows = || {
-        demonstrations
-            .iter()
-            .flat_map(|d| d.steps.iter().enumerate().map(move |(step, s)| (*d, step, s)))
+        demonstrations.iter().flat_map(|d| {
+            d.steps
+                .iter()
+                .enumerate()
+                .map(move |(step, s)| (*d, step, s))
+        })
     };
     let mut c = Columns::new(VERSION);
-    c.utf8("object", "name of the grasped object", rows().map(|(d, _, _)| d.object.clone()));
-    c.utf8("subject", "who grasped", rows().map(|(d, _, _)| d.subject.clone()));
-    c.i64("step", "number of the row, from 0", rows().map(|(_, step, _)| step as i64));
-    c.i64("image", "number of the recording's image", rows().map(|(_, _, s)| i64::from(s.image)));
-    c.f64("time_s", "s", "since the first step", rows().map(|(_, _, s)| s.time_s));
-    c.f64_array("keypoints_m", "m", "21 landmarks of the right hand, xyz each, object frame", rows().map(|(_, _, s)| {
-        let mut flat = [0.0; 3 * KEYPOINTS];
-        for (to, from) in flat.iter_mut().zip(s.keypoints_m.as_flattened()) {
-            *to = *from;
-        }
-        flat
-    }));
-    c.f64_array("rest_up", "1", "unit vector against gravity, object frame", rows().map(|(d, _, _)| <[f64; 3]>::from(d.rest.up_in_object.into_inner())));
-    c.f64("rest_height_m", "m", "height of the object's origin above the table", rows().map(|(d, _, _)| d.rest.height_m));
+    c.utf8(
+        "object",
+        "name of the grasped object",
+        rows().map(|(d, _, _)| d.object.clone()),
+    );
+    c.utf8(
+        "subject",
+        "who grasped",
+        rows().map(|(d, _, _)| d.subject.clone()),
+    );
+    c.i64(
+        "step",
+        "number of the row, from 0",
+        rows().map(|(_, step, _)| step as i64),
+    );
+    c.i64(
+        "image",
+        "number of the recording's image",
+        rows().map(|(_, _, s)| i64::from(s.image)),
+    );
+    c.f64(
+        "time_s",
+        "s",
+        "since the first step",
+        rows().map(|(_, _, s)| s.time_s),
+    );
+    c.f64_array(
+        "keypoints_m",
+        "m",
+        "21 landmarks of the right hand, xyz each, object frame",
+        rows().map(|(_, _, s)| {
+            let mut flat = [0.0; 3 * KEYPOINTS];
+            for (to, from) in flat.iter_mut().zip(s.keypoints_m.as_flattened()) {
+                *to = *from;
+            }
+            flat
+        }),
+    );
+    c.f64_array(
+        "rest_up",
+        "1",
+        "unit vector against gravity, object frame",
+        rows().map(|(d, _, _)| <[f64; 3]>::from(d.rest.up_in_object.into_inner())),
+    );
+    c.f64(
+        "rest_height_m",
+        "m",
+        "height of the object's origin above the table",
+        rows().map(|(d, _, _)| d.rest.height_m),
+    );
     c
 }
 
@@ -104,7 +143,8 @@ pub fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Demonstration, 
         let mut keypoints_m = [[0.0; 3]; KEYPOINTS];
         keypoints_m.as_flattened_mut().copy_from_slice(&flat);
         steps.push(Step {
-            image: u32::try_from(r.i64("image", row)?).map_err(|err| r.invalid("image", err.to_string()))?,
+            image: u32::try_from(r.i64("image", row)?)
+                .map_err(|err| r.invalid("image", err.to_string()))?,
             time_s: r.f64("time_s", row)?,
             keypoints_m,
         });

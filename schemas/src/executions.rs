@@ -81,7 +81,9 @@ impl Outcome {
 
     /// Reads the word stored in column `outcome`.
     pub fn parse(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|outcome| outcome.as_str() == word)
+        Self::ALL
+            .into_iter()
+            .find(|outcome| outcome.as_str() == word)
     }
 }
 
@@ -93,15 +95,50 @@ pub fn schema() -> Schema {
 fn columns(executions: &[Execution]) -> Columns {
     let rows = || executions.iter();
     let mut c = Columns::new(VERSION);
-    c.utf8("goal_id", "the goal's name on the wire", rows().map(|e| e.goal_id.clone()));
-    c.utf8("candidate_id", "the motion", rows().map(|e| e.candidate_id.clone()));
+    c.utf8(
+        "goal_id",
+        "the goal's name on the wire",
+        rows().map(|e| e.goal_id.clone()),
+    );
+    c.utf8(
+        "candidate_id",
+        "the motion",
+        rows().map(|e| e.candidate_id.clone()),
+    );
     c.utf8("cell", "which cell", rows().map(|e| e.cell.clone()));
-    c.bool("accepted", "whether the cell took the goal", rows().map(|e| e.accepted));
-    c.utf8("outcome", "how it ended", rows().map(|e| e.outcome.as_str().to_owned()));
-    c.utf8("message", "the cell's word on it", rows().map(|e| e.message.clone()));
-    c.f64("duration_s", "s", "length of the motion as executed", rows().map(|e| e.duration_s));
-    c.f64("tracking_error_rad", "rad", "largest difference of a measured joint position from its command", rows().map(|e| e.tracking_error_rad));
-    c.f64("lift_m", "m", "rise of the object as the cell measured it", rows().map(|e| e.lift_m));
+    c.bool(
+        "accepted",
+        "whether the cell took the goal",
+        rows().map(|e| e.accepted),
+    );
+    c.utf8(
+        "outcome",
+        "how it ended",
+        rows().map(|e| e.outcome.as_str().to_owned()),
+    );
+    c.utf8(
+        "message",
+        "the cell's word on it",
+        rows().map(|e| e.message.clone()),
+    );
+    c.f64(
+        "duration_s",
+        "s",
+        "length of the motion as executed",
+        rows().map(|e| e.duration_s),
+    );
+    c.f64(
+        "tracking_error_rad",
+        "rad",
+        "largest difference of a measured joint position from its command",
+        rows().map(|e| e.tracking_error_rad),
+    );
+    c.f64(
+        "lift_m",
+        "m",
+        "rise of the object as the cell measured it",
+        rows().map(|e| e.lift_m),
+    );
     c
 }
 

@@ -4,9 +4,9 @@
 //! Numbers are SI and radians; poses are `[x, y, z, qx, qy, qz, qw]`; see each file's table.
 //! This crate does no input or output: `lake` reads and writes.
 
-mod columns;
 pub mod candidates;
 pub mod checkpoint;
+mod columns;
 pub mod demonstrations;
 pub mod executions;
 pub mod objects;

@@ -74,27 +74,96 @@ fn columns(objects: &[Object]) -> Columns {
             .collect::<Vec<Vec<f64>>>()
     };
     let mut c = Columns::new(VERSION);
-    c.f64("mass_kg", "kg", "true mass", objects.iter().map(|o| o.mass_kg));
-    c.f64_array("center_of_mass_m", "m", "center of mass, object frame", objects.iter().map(|o| o.center_of_mass_m));
-    c.f64_array("inertia_kg_m2", "kg m2", "inertia about the center of mass: xx, yy, zz, xy, xz, yz", objects.iter().map(|o| o.inertia_kg_m2));
-    c.f64_arrays("points_m", "m", "points on the surface, object frame", objects.iter().map(|o| o.points_m.clone()));
-    c.f64_arrays("normals", "1", "outward unit normal at each point", objects.iter().map(|o| o.normals.clone()));
-    c.f64_arrays("vertices_m", "m", "mesh vertices, object frame", objects.iter().map(|o| o.vertices_m.clone()));
-    c.i64_list("triangles", "three vertex indices per triangle, outward winding", objects.iter().map(|o| {
-        o.triangles.iter().flatten().map(|&idx| i64::from(idx)).collect()
-    }));
-    c.f64_arrays("part_points_m", "m", "vertices of the convex parts, one part after another", objects.iter().map(|o| o.parts_m.concat()));
-    c.i64_list("part_sizes", "number of vertices of each convex part", objects.iter().map(|o| {
-        o.parts_m.iter().map(|part| part.len() as i64).collect()
-    }));
-    c.f64_arrays("rest_up", "1", "resting orientations: unit vector against gravity, object frame", objects.iter().map(|o| {
-        o.rests.iter().map(|r| r.rest.up_in_object.into_inner().into()).collect()
-    }));
-    c.f64_list("rest_height_m", "m", "height of the object's origin above the table", rests(|r| r.rest.height_m).into_iter());
-    c.i64_list("rest_seen_n", "demonstrations in which it lay so", objects.iter().map(|o| {
-        o.rests.iter().map(|r| i64::from(r.seen_n)).collect()
-    }));
-    c.f64_list("rest_probability", "1", "share of random drops that end so", rests(|r| r.probability).into_iter());
+    c.f64(
+        "mass_kg",
+        "kg",
+        "true mass",
+        objects.iter().map(|o| o.mass_kg),
+    );
+    c.f64_array(
+        "center_of_mass_m",
+        "m",
+        "center of mass, object frame",
+        objects.iter().map(|o| o.center_of_mass_m),
+    );
+    c.f64_array(
+        "inertia_kg_m2",
+        "kg m2",
+        "inertia about the center of mass: xx, yy, zz, xy, xz, yz",
+        objects.iter().map(|o| o.inertia_kg_m2),
+    );
+    c.f64_arrays(
+        "points_m",
+        "m",
+        "points on the surface, object frame",
+        objects.iter().map(|o| o.points_m.clone()),
+    );
+    c.f64_arrays(
+        "normals",
+        "1",
+        "outward unit normal at each point",
+        objects.iter().map(|o| o.normals.clone()),
+    );
+    c.f64_arrays(
+        "vertices_m",
+        "m",
+        "mesh vertices, object frame",
+        objects.iter().map(|o| o.vertices_m.clone()),
+    );
+    c.i64_list(
+        "triangles",
+        "three vertex indices per triangle, outward winding",
+        objects.iter().map(|o| {
+            o.triangles
+                .iter()
+                .flatten()
+                .map(|&idx| i64::from(idx))
+                .collect()
+        }),
+    );
+    c.f64_arrays(
+        "part_points_m",
+        "m",
+        "vertices of the convex parts, one part after another",
+        objects.iter().map(|o| o.parts_m.concat()),
+    );
+    c.i64_list(
+        "part_sizes",
+        "number of vertices of each convex part",
+        objects
+            .iter()
+            .map(|o| o.parts_m.iter().map(|part| part.len() as i64).collect()),
+    );
+    c.f64_arrays(
+        "rest_up",
+        "1",
+        "resting orientations: unit vector against gravity, object frame",
+        objects.iter().map(|o| {
+            o.rests
+                .iter()
+                .map(|r| r.rest.up_in_object.into_inner().into())
+                .collect()
+        }),
+    );
+    c.f64_list(
+        "rest_height_m",
+        "m",
+        "height of the object's origin above the table",
+        rests(|r| r.rest.height_m).into_iter(),
+    );
+    c.i64_list(
+        "rest_seen_n",
+        "demonstrations in which it lay so",
+        objects
+            .iter()
+            .map(|o| o.rests.iter().map(|r| i64::from(r.seen_n)).collect()),
+    );
+    c.f64_list(
+        "rest_probability",
+        "1",
+        "share of random drops that end so",
+        rests(|r| r.probability).into_iter(),
+    );
     c
 }
 
@@ -116,7 +185,8 @@ pub fn from_batch(name: &str, batch: &RecordBatch) -> Result<Object, SchemaError
     let r = Reader::new(batch, VERSION)?;
     r.expect_rows(1)?;
     let vertices: Vec<[f64; 3]> = r.f64_arrays("vertices_m", 0)?;
-    let mut part_points: std::vec::IntoIter<[f64; 3]> = r.f64_arrays("part_points_m", 0)?.into_iter();
+    let mut part_points: std::vec::IntoIter<[f64; 3]> =
+        r.f64_arrays("part_points_m", 0)?.into_iter();
     let indices = r.i64_list("triangles", 0)?;
     let mut triangles = Vec::with_capacity(indices.len() / 3);
     for corner in indices.chunks_exact(3) {
@@ -125,14 +195,21 @@ pub fn from_batch(name: &str, batch: &RecordBatch) -> Result<Object, SchemaError
             *slot = u32::try_from(idx)
                 .ok()
                 .filter(|&idx| (idx as usize) < vertices.len())
-                .ok_or_else(|| r.invalid("triangles", format!("vertex index {idx} is out of range")))?;
+                .ok_or_else(|| {
+                    r.invalid("triangles", format!("vertex index {idx} is out of range"))
+                })?;
         }
         triangles.push(triangle);
     }
     let parts_m = r
         .i64_list("part_sizes", 0)?
         .iter()
-        .map(|&size| part_points.by_ref().take(usize::try_from(size).unwrap_or(0)).collect())
+        .map(|&size| {
+            part_points
+                .by_ref()
+                .take(usize::try_from(size).unwrap_or(0))
+                .collect()
+        })
         .collect();
     let ups: Vec<[f64; 3]> = r.f64_arrays("rest_up", 0)?;
     let heights = r.f64_list("rest_height_m", 0)?;
@@ -142,14 +219,16 @@ pub fn from_batch(name: &str, batch: &RecordBatch) -> Result<Object, SchemaError
         .iter()
         .zip(heights)
         .zip(seen.iter().zip(probabilities))
-        .map(|((&up, height_m), (&seen_n, probability))| RestingOrientation {
-            rest: Rest {
-                up_in_object: Unit::new_normalize(Vector3::from(up)),
-                height_m,
+        .map(
+            |((&up, height_m), (&seen_n, probability))| RestingOrientation {
+                rest: Rest {
+                    up_in_object: Unit::new_normalize(Vector3::from(up)),
+                    height_m,
+                },
+                seen_n: u32::try_from(seen_n).unwrap_or(0),
+                probability,
             },
-            seen_n: u32::try_from(seen_n).unwrap_or(0),
-            probability,
-        })
+        )
         .collect();
     Ok(Object {
         name: name.to_owned(),

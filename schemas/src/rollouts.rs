@@ -74,7 +74,9 @@ impl Verdict {
 
     /// Reads the word stored in column `reason`.
     pub fn parse(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|verdict| verdict.as_str() == word)
+        Self::ALL
+            .into_iter()
+            .find(|verdict| verdict.as_str() == word)
     }
 }
 
@@ -109,16 +111,60 @@ pub fn schema() -> Schema {
 fn columns(rollouts: &[Rollout]) -> Columns {
     let rows = || rollouts.iter();
     let mut c = Columns::new(VERSION);
-    c.utf8("candidate_id", "the motion", rows().map(|r| r.candidate_id.clone()));
-    c.utf8("generator", "what drew it", rows().map(|r| r.generator.clone()));
-    c.bool("success", "lifted, held to the end and still in contact", rows().map(|r| r.verdict == Verdict::Held));
-    c.utf8("reason", "`held`, or why it failed", rows().map(|r| r.verdict.as_str().to_owned()));
-    c.i64("cost_n", "control steps simulated", rows().map(|r| i64::from(r.cost_n)));
-    c.f64("lift_m", "m", "rise of the object's origin at the end", rows().map(|r| r.lift_m));
-    c.f64("slip_m", "m", "motion of the object in the palm frame between lift and end", rows().map(|r| r.slip_m));
-    c.f64("displacement_m", "m", "motion of the object on the table before the squeeze", rows().map(|r| r.displacement_m));
-    c.f64("penetration_m", "m", "deepest contact between hand and object while held", rows().map(|r| r.penetration_m));
-    c.i64("contacts_n", "hand links in contact with the object at the end", rows().map(|r| i64::from(r.contacts_n)));
+    c.utf8(
+        "candidate_id",
+        "the motion",
+        rows().map(|r| r.candidate_id.clone()),
+    );
+    c.utf8(
+        "generator",
+        "what drew it",
+        rows().map(|r| r.generator.clone()),
+    );
+    c.bool(
+        "success",
+        "lifted, held to the end and still in contact",
+        rows().map(|r| r.verdict == Verdict::Held),
+    );
+    c.utf8(
+        "reason",
+        "`held`, or why it failed",
+        rows().map(|r| r.verdict.as_str().to_owned()),
+    );
+    c.i64(
+        "cost_n",
+        "control steps simulated",
+        rows().map(|r| i64::from(r.cost_n)),
+    );
+    c.f64(
+        "lift_m",
+        "m",
+        "rise of the object's origin at the end",
+        rows().map(|r| r.lift_m),
+    );
+    c.f64(
+        "slip_m",
+        "m",
+        "motion of the object in the palm frame between lift and end",
+        rows().map(|r| r.slip_m),
+    );
+    c.f64(
+        "displacement_m",
+        "m",
+        "motion of the object on the table before the squeeze",
+        rows().map(|r| r.displacement_m),
+    );
+    c.f64(
+        "penetration_m",
+        "m",
+        "deepest contact between hand and object while held",
+        rows().map(|r| r.penetration_m),
+    );
+    c.i64(
+        "contacts_n",
+        "hand links in contact with the object at the end",
+        rows().map(|r| i64::from(r.contacts_n)),
+    );
     c
 }
 

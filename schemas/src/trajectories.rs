@@ -59,20 +59,66 @@ pub fn schema(joints: &[String]) -> Schema {
 
 fn columns(joints: &[String], trajectories: &[&Trajectory]) -> Columns {
     let rows = || {
-        trajectories
-            .iter()
-            .flat_map(|d| d.steps.iter().enumerate().map(move |(step, s)| (*d, step, s)))
+        trajectories.iter().flat_map(|d| {
+            d.steps
+                .iter()
+                .enumerate()
+                .map(move |(step, s)| (*d, step, s))
+        })
     };
     let mut c = Columns::new(VERSION).with_joints(joints);
-    c.utf8("object", "name of the grasped object", rows().map(|(d, _, _)| d.object.clone()));
-    c.i64("step", "number of the row, from 0", rows().map(|(_, step, _)| step as i64));
-    c.f64("time_s", "s", "since the first step", rows().map(|(_, _, s)| s.time_s));
-    c.f64_array("object_from_palm", "m, 1", "palm pose in the object frame: xyz, xyzw", rows().map(|(_, _, s)| s.object_from_palm.to_array()));
-    c.f64_list("q_rad", "rad", "joint positions, in the order of metadata `joints`", rows().map(|(_, _, s)| s.q_rad.clone()));
-    c.f64("keypoint_error_m", "m", "root mean square distance to the landmarks followed", rows().map(|(_, _, s)| s.keypoint_error_m));
-    c.f64("fingertip_error_m", "m", "largest distance of a finger tip to its landmark", rows().map(|(_, _, s)| s.fingertip_error_m));
-    c.f64_array("rest_up", "1", "unit vector against gravity, object frame", rows().map(|(d, _, _)| <[f64; 3]>::from(d.rest.up_in_object.into_inner())));
-    c.f64("rest_height_m", "m", "height of the object's origin above the table", rows().map(|(d, _, _)| d.rest.height_m));
+    c.utf8(
+        "object",
+        "name of the grasped object",
+        rows().map(|(d, _, _)| d.object.clone()),
+    );
+    c.i64(
+        "step",
+        "number of the row, from 0",
+        rows().map(|(_, step, _)| step as i64),
+    );
+    c.f64(
+        "time_s",
+        "s",
+        "since the first step",
+        rows().map(|(_, _, s)| s.time_s),
+    );
+    c.f64_array(
+        "object_from_palm",
+        "m, 1",
+        "palm pose in the object frame: xyz, xyzw",
+        rows().map(|(_, _, s)| s.object_from_palm.to_array()),
+    );
+    c.f64_list(
+        "q_rad",
+        "rad",
+        "joint positions, in the order of metadata `joints`",
+        rows().map(|(_, _, s)| s.q_rad.clone()),
+    );
+    c.f64(
+        "keypoint_error_m",
+        "m",
+        "root mean square distance to the landmarks followed",
+        rows().map(|(_, _, s)| s.keypoint_error_m),
+    );
+    c.f64(
+        "fingertip_error_m",
+        "m",
+        "largest distance of a finger tip to its landmark",
+        rows().map(|(_, _, s)| s.fingertip_error_m),
+    );
+    c.f64_array(
+        "rest_up",
+        "1",
+        "unit vector against gravity, object frame",
+        rows().map(|(d, _, _)| <[f64; 3]>::from(d.rest.up_in_object.into_inner())),
+    );
+    c.f64(
+        "rest_height_m",
+        "m",
+        "height of the object's origin above the table",
+        rows().map(|(d, _, _)| d.rest.height_m),
+    );
     c
 }
 

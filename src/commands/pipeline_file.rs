@@ -16,7 +16,13 @@ pub(crate) fn read(args: &PipelineArgs) -> Result<Pipeline, Trouble> {
         )
     })?;
     let profile = args.profile.as_deref();
-    Ok(Pipeline::parse(path, &source, &registry::kinds(), profile, &args.overrides)?)
+    Ok(Pipeline::parse(
+        path,
+        &source,
+        &registry::kinds(),
+        profile,
+        &args.overrides,
+    )?)
 }
 
 /// Returns what to run and how.
@@ -28,7 +34,12 @@ pub(crate) fn options(args: &PipelineArgs, jobs: Option<u16>) -> RunOptions {
     };
     RunOptions {
         until: args.until.clone(),
-        fresh: args.fresh.iter().filter(|stage| !stage.is_empty()).cloned().collect(),
+        fresh: args
+            .fresh
+            .iter()
+            .filter(|stage| !stage.is_empty())
+            .cloned()
+            .collect(),
         fresh_all,
         jobs: jobs.map_or(0, usize::from),
     }

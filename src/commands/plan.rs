@@ -23,8 +23,8 @@ pub(crate) fn plan(lake: &Path, args: &PlanArgs) -> Result<Outcome, Trouble> {
     match args.format {
         PlanFormat::Text => report::data(text(&plan).as_bytes()),
         PlanFormat::Json => {
-            let json = serde_json::to_string_pretty(&plan)
-                .map_err(|err| Trouble::failed(err, None))?;
+            let json =
+                serde_json::to_string_pretty(&plan).map_err(|err| Trouble::failed(err, None))?;
             report::data(format!("{json}\n").as_bytes());
         }
     }
@@ -43,16 +43,31 @@ pub(crate) fn text(plan: &Plan) -> String {
     for node in &plan.nodes {
         let name = node.node.to_string();
         let Some(units) = &node.units else {
-            row("perhaps", name, "known when what it reads has been made".to_owned());
+            row(
+                "perhaps",
+                name,
+                "known when what it reads has been made".to_owned(),
+            );
             continue;
         };
-        let n_cached = units.iter().filter(|unit| unit.state == UnitState::Cached).count();
+        let n_cached = units
+            .iter()
+            .filter(|unit| unit.state == UnitState::Cached)
+            .count();
         if n_cached > 0 {
-            row("cached", name.clone(), format!("{n_cached} of {}", units.len()));
+            row(
+                "cached",
+                name.clone(),
+                format!("{n_cached} of {}", units.len()),
+            );
         }
         for (cause, partitions) in by_cause(units) {
             let (state, cause) = cause;
-            row(state, name.clone(), format!("{}: {cause}", named(&partitions)));
+            row(
+                state,
+                name.clone(),
+                format!("{}: {cause}", named(&partitions)),
+            );
         }
     }
     report::columns(&rows, &[])

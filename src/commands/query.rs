@@ -3,10 +3,7 @@
 use std::path::Path;
 
 use lake::Lake;
-use polars::{
-    prelude::*,
-    sql::SQLContext,
-};
+use polars::{prelude::*, sql::SQLContext};
 
 use crate::{
     arguments::{QueryArgs, QueryFormat},
@@ -40,7 +37,9 @@ pub(crate) fn query(lake: &Path, args: &QueryArgs) -> Result<Outcome, Trouble> {
         QueryFormat::Table => table(&answer).into_bytes(),
         QueryFormat::Csv => {
             let mut bytes = Vec::new();
-            CsvWriter::new(&mut bytes).finish(&mut answer).map_err(failed)?;
+            CsvWriter::new(&mut bytes)
+                .finish(&mut answer)
+                .map_err(failed)?;
             bytes
         }
         QueryFormat::Json => {
@@ -51,7 +50,9 @@ pub(crate) fn query(lake: &Path, args: &QueryArgs) -> Result<Outcome, Trouble> {
         }
         QueryFormat::Parquet => {
             let mut bytes = Vec::new();
-            ParquetWriter::new(&mut bytes).finish(&mut answer).map_err(failed)?;
+            ParquetWriter::new(&mut bytes)
+                .finish(&mut answer)
+                .map_err(failed)?;
             bytes
         }
     };
@@ -71,7 +72,12 @@ fn scan(folder: &Path) -> PolarsResult<LazyFrame> {
 /// The answer in aligned columns, numbers to the right.
 fn table(answer: &DataFrame) -> String {
     let columns = answer.columns();
-    let mut rows = vec![columns.iter().map(|column| column.name().to_string()).collect::<Vec<_>>()];
+    let mut rows = vec![
+        columns
+            .iter()
+            .map(|column| column.name().to_string())
+            .collect::<Vec<_>>(),
+    ];
     for row in 0..answer.height() {
         rows.push(columns.iter().map(|column| cell(column, row)).collect());
     }

@@ -50,7 +50,10 @@ pub(crate) fn run(lake: &Path, quiet: bool, args: &RunArgs) -> Result<Outcome, T
         return Ok(Outcome::SkippedItems);
     }
     if !quiet && ran.n_made_now() > 0 {
-        let last = ran.nodes.last().map_or_else(String::new, |node| node.node.to_string());
+        let last = ran
+            .nodes
+            .last()
+            .map_or_else(String::new, |node| node.node.to_string());
         report::line(&format!(
             "next   `pipeline inspect {last}`, or edit `{}` and run again",
             args.pipeline.file.display()

@@ -30,20 +30,39 @@ pub(crate) fn stages(args: &StagesArgs) -> Result<Outcome, Trouble> {
 }
 
 fn overview(kinds: &[Kind]) -> String {
-    let mut rows = vec![["kind", "reads", "makes", "about"].map(str::to_owned).to_vec()];
+    let mut rows = vec![
+        ["kind", "reads", "makes", "about"]
+            .map(str::to_owned)
+            .to_vec(),
+    ];
     for kind in kinds {
         let reads: Vec<&str> = kind.inputs.iter().map(|input| input.name).collect();
         let makes: Vec<&str> = kind.outputs.iter().map(|output| output.artifact).collect();
-        let reads = if reads.is_empty() { "-".to_owned() } else { reads.join(", ") };
-        rows.push(vec![kind.name.to_owned(), reads, makes.join(", "), kind.about.to_owned()]);
+        let reads = if reads.is_empty() {
+            "-".to_owned()
+        } else {
+            reads.join(", ")
+        };
+        rows.push(vec![
+            kind.name.to_owned(),
+            reads,
+            makes.join(", "),
+            kind.about.to_owned(),
+        ]);
     }
-    format!("{}\n`pipeline stages KIND` lists a kind's options.\n", report::columns(&rows, &[]))
+    format!(
+        "{}\n`pipeline stages KIND` lists a kind's options.\n",
+        report::columns(&rows, &[])
+    )
 }
 
 fn options(kind: &Kind) -> String {
     let mut text = format!("{}: {}\n\n", kind.name, kind.about);
     for input in kind.inputs {
-        text.push_str(&format!("inputs.{} = \"STAGE.{}\"\n", input.name, input.artifact));
+        text.push_str(&format!(
+            "inputs.{} = \"STAGE.{}\"\n",
+            input.name, input.artifact
+        ));
     }
     for output in kind.outputs {
         text.push_str(&format!(
@@ -51,7 +70,11 @@ fn options(kind: &Kind) -> String {
             output.artifact, output.partition, output.schema
         ));
     }
-    let mut rows = vec![["option", "type", "default", "about"].map(str::to_owned).to_vec()];
+    let mut rows = vec![
+        ["option", "type", "default", "about"]
+            .map(str::to_owned)
+            .to_vec(),
+    ];
     for option in kind.options() {
         let default = match option.default {
             Some(default) => default,

@@ -40,10 +40,16 @@ pub fn emit() {
         .flat_map(|part| &part.watched)
         .map(|path| format!("cargo::rerun-if-changed={}\n", path.display()))
         .collect::<String>();
-    say(&format!("{instructions}cargo::rustc-env={VARIABLE}={}", line.join(";")));
+    say(&format!(
+        "{instructions}cargo::rustc-env={VARIABLE}={}",
+        line.join(";")
+    ));
 }
 
-#[expect(clippy::print_stdout, reason = "a build script talks to cargo on stdout")]
+#[expect(
+    clippy::print_stdout,
+    reason = "a build script talks to cargo on stdout"
+)]
 fn say(instructions: &str) {
     println!("{instructions}");
 }

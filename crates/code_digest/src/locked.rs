@@ -60,7 +60,10 @@ impl Lock {
         }
         let mut hasher = Hasher::new();
         for key in closure {
-            let checksum = self.packages.get(key).map_or("", |package| &package.checksum);
+            let checksum = self
+                .packages
+                .get(key)
+                .map_or("", |package| &package.checksum);
             hasher.update(format!("{} {} {checksum}\n", key.0, key.1).as_bytes());
         }
         short(&hasher)

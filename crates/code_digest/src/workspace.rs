@@ -127,8 +127,7 @@ fn workspace_root(folder: &Path) -> Result<PathBuf, CodeError> {
 }
 
 fn read_toml(path: &Path) -> Result<DocumentMut, CodeError> {
-    let text =
-        fs::read_to_string(path).map_err(|err| CodeError::Read(path.to_owned(), err))?;
+    let text = fs::read_to_string(path).map_err(|err| CodeError::Read(path.to_owned(), err))?;
     text.parse()
         .map_err(|err| CodeError::Parse(path.to_owned(), err))
 }

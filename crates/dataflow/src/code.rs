@@ -10,7 +10,9 @@ pub struct Code {
 impl Code {
     /// Iterates over the crates and their digests.
     pub fn iter(self) -> impl Iterator<Item = (&'static str, &'static str)> {
-        self.parts.split(';').filter_map(|part| part.split_once('='))
+        self.parts
+            .split(';')
+            .filter_map(|part| part.split_once('='))
     }
 }
 

@@ -272,11 +272,17 @@ mod tests {
             let mut new = old.clone();
             edit(&mut new);
             assert_ne!(new.digest(), old.digest(), "{expected}");
-            let causes: Vec<String> =
-                new.differences(&old).iter().map(ToString::to_string).collect();
+            let causes: Vec<String> = new
+                .differences(&old)
+                .iter()
+                .map(ToString::to_string)
+                .collect();
             assert_eq!(causes, [expected]);
         };
-        check(|f| f.kind = "tune".to_owned(), "`kind` changed from `train` to `tune`");
+        check(
+            |f| f.kind = "tune".to_owned(),
+            "`kind` changed from `train` to `tune`",
+        );
         check(
             |f| f.config = json!({"epochs": 40, "loss": {"kl_weight": 0.01}}),
             "`loss.kl_weight` changed from 0.001 to 0.01",
@@ -295,7 +301,12 @@ mod tests {
             "input `trajectories` `b` added",
         );
         check(
-            |f| drop(f.files.insert("hand.urdf".to_owned(), Digest::of_bytes(b"other"))),
+            |f| {
+                drop(
+                    f.files
+                        .insert("hand.urdf".to_owned(), Digest::of_bytes(b"other")),
+                )
+            },
             "file `hand.urdf` changed",
         );
         check(|f| f.seed = 8, "`seed` changed");

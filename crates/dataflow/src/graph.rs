@@ -4,11 +4,7 @@ use std::{collections::BTreeMap, fmt};
 
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    error::Problem,
-    pipeline::StageEntry,
-    stage::Output,
-};
+use crate::{error::Problem, pipeline::StageEntry, stage::Output};
 
 /// One output of one stage, written `stage.artifact`.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]

@@ -170,7 +170,11 @@ fn type_name(schema: &Value) -> String {
     if let Some(variants) = schema.get("oneOf").and_then(Value::as_array) {
         let words: Vec<String> = variants
             .iter()
-            .map(|variant| variant.get("const").map_or_else(|| type_name(variant), ToString::to_string))
+            .map(|variant| {
+                variant
+                    .get("const")
+                    .map_or_else(|| type_name(variant), ToString::to_string)
+            })
             .collect();
         return words.join(" or ");
     }

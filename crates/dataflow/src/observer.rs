@@ -1,10 +1,6 @@
 //! Watching a run.
 
-use crate::{
-    graph::Node,
-    run::NodeReport,
-    store::Record,
-};
+use crate::{graph::Node, run::NodeReport, store::Record};
 
 /// Someone who is told what a run does, from any of its threads.
 #[expect(unused_variables, reason = "an observer may ignore any of the events")]

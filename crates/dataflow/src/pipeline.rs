@@ -1,10 +1,6 @@
 //! Pipeline files: TOML that wires stages.
 
-use std::{
-    collections::BTreeMap,
-    ops::Range,
-    path::Path,
-};
+use std::{collections::BTreeMap, ops::Range, path::Path};
 
 use toml_edit::{Document, InlineTable, Item, Key, Table, Value};
 
@@ -135,9 +131,15 @@ impl FileReader<'_> {
             if let Some(stage) = given.stage.as_deref()
                 && !names.contains(&stage)
             {
-                let hint = nearest(stage, names.iter().copied())
-                    .map_or_else(|| format!("its stages are: {}", names.join(", ")), |near| format!("did you mean `{near}`?"));
-                self.problem(format!("`--set` names an unknown stage `{stage}`"), None, Some(hint));
+                let hint = nearest(stage, names.iter().copied()).map_or_else(
+                    || format!("its stages are: {}", names.join(", ")),
+                    |near| format!("did you mean `{near}`?"),
+                );
+                self.problem(
+                    format!("`--set` names an unknown stage `{stage}`"),
+                    None,
+                    Some(hint),
+                );
             }
         }
         let mut stages = Vec::new();
@@ -152,10 +154,16 @@ impl FileReader<'_> {
                 self.problem(format!("stage `{name}` is not a table"), span, None);
                 continue;
             };
-            if let Some(changes) = profile.and_then(|profile| profile.get(name)).and_then(Item::as_table_like) {
+            if let Some(changes) = profile
+                .and_then(|profile| profile.get(name))
+                .and_then(Item::as_table_like)
+            {
                 merge_table(&mut table, changes);
             }
-            for given in overrides.iter().filter(|given| given.stage.as_deref() == Some(name)) {
+            for given in overrides
+                .iter()
+                .filter(|given| given.stage.as_deref() == Some(name))
+            {
                 set_value(&mut table, &given.keys, &given.value);
             }
             stages.extend(self.stage(name, span, table));
@@ -166,7 +174,10 @@ impl FileReader<'_> {
         }
         match graph::order(&stages) {
             Ok(nodes) => Some(Pipeline {
-                name: self.path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),
+                name: self
+                    .path
+                    .file_stem()
+                    .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),
                 seed: seed?,
                 stages,
                 nodes,
@@ -181,27 +192,46 @@ impl FileReader<'_> {
     fn profile<'t>(&mut self, root: &'t Table, name: Option<&str>) -> Option<&'t Table> {
         let name = name?;
         let profiles = root.get("profiles").and_then(Item::as_table);
-        let found = profiles.and_then(|profiles| profiles.get(name)).and_then(Item::as_table);
+        let found = profiles
+            .and_then(|profiles| profiles.get(name))
+            .and_then(Item::as_table);
         if found.is_none() {
-            let known: Vec<&str> = profiles.into_iter().flat_map(Table::iter).map(|(name, _)| name).collect();
+            let known: Vec<&str> = profiles
+                .into_iter()
+                .flat_map(Table::iter)
+                .map(|(name, _)| name)
+                .collect();
             let hint = if known.is_empty() {
                 "the file has no `[profiles.…]` tables".to_owned()
             } else {
                 format!("its profiles are: {}", known.join(", "))
             };
-            self.problem(format!("no profile `{name}` in the pipeline file"), None, Some(hint));
+            self.problem(
+                format!("no profile `{name}` in the pipeline file"),
+                None,
+                Some(hint),
+            );
         }
         let stages = root.get("stages").and_then(Item::as_table);
         for (key, _) in found.into_iter().flat_map(Table::iter) {
             if key != "seed" && !stages.is_some_and(|stages| stages.contains_key(key)) {
                 let span = found.and_then(|table| table.key(key)).and_then(Key::span);
-                self.problem(format!("profile `{name}` changes an unknown stage `{key}`"), span, None);
+                self.problem(
+                    format!("profile `{name}` changes an unknown stage `{key}`"),
+                    span,
+                    None,
+                );
             }
         }
         found
     }
 
-    fn seed(&mut self, root: &Table, profile: Option<&Table>, overrides: &[Override]) -> Option<u64> {
+    fn seed(
+        &mut self,
+        root: &Table,
+        profile: Option<&Table>,
+        overrides: &[Override],
+    ) -> Option<u64> {
         let given = overrides.iter().rev().find(|given| given.stage.is_none());
         if let Some(given) = given
             && given.keys != ["seed"]
@@ -213,10 +243,16 @@ impl FileReader<'_> {
             );
             return None;
         }
-        let item = profile.and_then(|profile| profile.get("seed")).or_else(|| root.get("seed"));
-        let value = given.map(|given| &given.value).or_else(|| item.and_then(Item::as_value));
+        let item = profile
+            .and_then(|profile| profile.get("seed"))
+            .or_else(|| root.get("seed"));
+        let value = given
+            .map(|given| &given.value)
+            .or_else(|| item.and_then(Item::as_value));
         let span = value.and_then(Value::span);
-        let seed = value.and_then(Value::as_integer).and_then(|seed| u64::try_from(seed).ok());
+        let seed = value
+            .and_then(Value::as_integer)
+            .and_then(|seed| u64::try_from(seed).ok());
         if seed.is_none() {
             self.problem(
                 "`seed` must be a whole number, 0 or more".to_owned(),
@@ -227,12 +263,24 @@ impl FileReader<'_> {
         seed
     }
 
-    fn stage(&mut self, name: &str, span: Option<Range<usize>>, mut table: InlineTable) -> Option<StageEntry> {
+    fn stage(
+        &mut self,
+        name: &str,
+        span: Option<Range<usize>>,
+        mut table: InlineTable,
+    ) -> Option<StageEntry> {
         let is_name = |text: &str| {
-            !text.is_empty() && text.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-')
+            !text.is_empty()
+                && text
+                    .bytes()
+                    .all(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-')
         };
         if !is_name(name) {
-            self.problem(format!("`{name}` is no name for a stage: use letters, digits, `_` and `-`"), span, None);
+            self.problem(
+                format!("`{name}` is no name for a stage: use letters, digits, `_` and `-`"),
+                span,
+                None,
+            );
             return None;
         }
         let kind = self.kind(name, span.as_ref(), &mut table);
@@ -255,7 +303,12 @@ impl FileReader<'_> {
         }
     }
 
-    fn kind(&mut self, name: &str, span: Option<&Range<usize>>, table: &mut InlineTable) -> Option<Kind> {
+    fn kind(
+        &mut self,
+        name: &str,
+        span: Option<&Range<usize>>,
+        table: &mut InlineTable,
+    ) -> Option<Kind> {
         let Some(value) = table.remove("kind") else {
             let known: Vec<&str> = self.kinds.iter().map(|kind| kind.name).collect();
             self.problem(
@@ -273,18 +326,31 @@ impl FileReader<'_> {
                 || "`pipeline stages` lists every kind".to_owned(),
                 |near| format!("did you mean `{near}`? `pipeline stages` lists every kind"),
             );
-            self.problem(format!("stage `{name}` has an unknown kind `{word}`"), value.span(), Some(hint));
+            self.problem(
+                format!("stage `{name}` has an unknown kind `{word}`"),
+                value.span(),
+                Some(hint),
+            );
         }
         found
     }
 
-    fn inputs(&mut self, name: &str, table: &mut InlineTable, kind: Option<Kind>) -> BTreeMap<String, NodeName> {
+    fn inputs(
+        &mut self,
+        name: &str,
+        table: &mut InlineTable,
+        kind: Option<Kind>,
+    ) -> BTreeMap<String, NodeName> {
         let mut inputs = BTreeMap::new();
         let Some(value) = table.remove("inputs") else {
             return inputs;
         };
         let Some(wires) = value.as_inline_table() else {
-            self.problem(format!("`inputs` of stage `{name}` is not a table"), value.span(), None);
+            self.problem(
+                format!("`inputs` of stage `{name}` is not a table"),
+                value.span(),
+                None,
+            );
             return inputs;
         };
         for (input, value) in wires {
@@ -292,9 +358,15 @@ impl FileReader<'_> {
                 && !kind.inputs.iter().any(|known| known.name == input)
             {
                 let known: Vec<&str> = kind.inputs.iter().map(|input| input.name).collect();
-                let hint = nearest(input, known.iter().copied())
-                    .map_or_else(|| format!("`{}` reads: {}", kind.name, known.join(", ")), |near| format!("did you mean `{near}`?"));
-                self.problem(format!("stage `{name}` has no input `{input}`"), value.span(), Some(hint));
+                let hint = nearest(input, known.iter().copied()).map_or_else(
+                    || format!("`{}` reads: {}", kind.name, known.join(", ")),
+                    |near| format!("did you mean `{near}`?"),
+                );
+                self.problem(
+                    format!("stage `{name}` has no input `{input}`"),
+                    value.span(),
+                    Some(hint),
+                );
                 continue;
             }
             match value.as_str().and_then(NodeName::parse) {
@@ -315,10 +387,16 @@ impl FileReader<'_> {
         let Some(value) = table.remove("max_skipped_fraction") else {
             return Some(DEFAULT_MAX_SKIPPED_FRACTION);
         };
-        let number = value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64));
+        let number = value
+            .as_float()
+            .or_else(|| value.as_integer().map(|whole| whole as f64));
         let fraction = number.filter(|number| (0.0..=1.0).contains(number));
         if fraction.is_none() {
-            self.problem("`max_skipped_fraction` must be a number from 0 to 1".to_owned(), value.span(), None);
+            self.problem(
+                "`max_skipped_fraction` must be a number from 0 to 1".to_owned(),
+                value.span(),
+                None,
+            );
         }
         fraction
     }
@@ -330,13 +408,23 @@ impl FileReader<'_> {
             for input in stage.kind.inputs {
                 let Some(node) = stage.inputs.get(input.name) else {
                     let offer = stages.iter().find(|other| {
-                        other.kind.outputs.iter().any(|output| output.artifact == input.artifact)
+                        other
+                            .kind
+                            .outputs
+                            .iter()
+                            .any(|output| output.artifact == input.artifact)
                     });
                     let hint = offer.map(|other| {
-                        format!("write `inputs.{} = \"{}.{}\"`", input.name, other.name, input.artifact)
+                        format!(
+                            "write `inputs.{} = \"{}.{}\"`",
+                            input.name, other.name, input.artifact
+                        )
                     });
                     self.problem(
-                        format!("stage `{}` has nothing wired to its input `{}`", stage.name, input.name),
+                        format!(
+                            "stage `{}` has nothing wired to its input `{}`",
+                            stage.name, input.name
+                        ),
                         span.clone(),
                         hint,
                     );
@@ -352,7 +440,10 @@ impl FileReader<'_> {
                     let hint = nearest(&node.stage, tables.iter().map(|(name, _)| name))
                         .map(|near| format!("did you mean `{near}.{}`?", node.artifact));
                     self.problem(
-                        format!("stage `{}` reads from an unknown stage `{}`", stage.name, node.stage),
+                        format!(
+                            "stage `{}` reads from an unknown stage `{}`",
+                            stage.name, node.stage
+                        ),
                         written,
                         hint,
                     );
@@ -362,8 +453,12 @@ impl FileReader<'_> {
                 let Some(maker) = stages.iter().find(|other| other.name == node.stage) else {
                     continue;
                 };
-                let outputs: Vec<&str> =
-                    maker.kind.outputs.iter().map(|output| output.artifact).collect();
+                let outputs: Vec<&str> = maker
+                    .kind
+                    .outputs
+                    .iter()
+                    .map(|output| output.artifact)
+                    .collect();
                 if !outputs.contains(&node.artifact.as_str()) {
                     self.problem(
                         format!("stage `{}` makes no `{}`", node.stage, node.artifact),
@@ -398,9 +493,14 @@ fn explain(stage: &str, kind: &Kind, message: &str) -> (String, Option<String>) 
             .iter()
             .map(|option| option.key.rsplit('.').next().unwrap_or(&option.key));
         let common = ["inputs", "kind", "max_skipped_fraction"];
-        let hint = nearest(key, names.chain(common))
-            .map_or_else(|| list.clone(), |near| format!("did you mean `{near}`? {list}"));
-        return (format!("unknown key `{key}` in stage `{stage}`"), Some(hint));
+        let hint = nearest(key, names.chain(common)).map_or_else(
+            || list.clone(),
+            |near| format!("did you mean `{near}`? {list}"),
+        );
+        return (
+            format!("unknown key `{key}` in stage `{stage}`"),
+            Some(hint),
+        );
     }
     if let Some(key) = quoted("missing field `") {
         return (format!("stage `{stage}` lacks the key `{key}`"), Some(list));

@@ -74,19 +74,18 @@ impl Plan {
 /// # Errors
 ///
 /// Fails if a stage cannot list its units or the store cannot be read.
-pub fn plan(
-    pipeline: &Pipeline,
-    store: &dyn Store,
-    options: &RunOptions,
-) -> Result<Plan, Failure> {
+pub fn plan(pipeline: &Pipeline, store: &dyn Store, options: &RunOptions) -> Result<Plan, Failure> {
     let nodes = options.nodes(pipeline)?;
     for stage in &pipeline.stages {
         if nodes.iter().any(|node| node.name.stage == stage.name) {
-            stage.configured.prepare().map_err(|source| Failure::Stage {
-                stage: stage.name.clone(),
-                partition: None,
-                source,
-            })?;
+            stage
+                .configured
+                .prepare()
+                .map_err(|source| Failure::Stage {
+                    stage: stage.name.clone(),
+                    partition: None,
+                    source,
+                })?;
         }
     }
     let last: HashMap<(NodeName, String), _> = store
@@ -129,7 +128,11 @@ pub fn plan(
                         Some(record) => fingerprint.differences(&record.fingerprint),
                         None => vec![Cause::New],
                     };
-                    let causes = if causes.is_empty() { vec![Cause::Lost] } else { causes };
+                    let causes = if causes.is_empty() {
+                        vec![Cause::Lost]
+                    } else {
+                        causes
+                    };
                     UnitState::Run { causes }
                 }
                 (None, _) => UnitState::Perhaps {
@@ -139,7 +142,9 @@ pub fn plan(
                         .filter(|(input, source)| {
                             unit.reads.get(*input).is_some_and(|keys| {
                                 keys.iter().any(|key| {
-                                    state.known(source, key).is_some_and(|known| known.digest.is_none())
+                                    state
+                                        .known(source, key)
+                                        .is_some_and(|known| known.digest.is_none())
                                 })
                             })
                         })
@@ -147,7 +152,9 @@ pub fn plan(
                         .collect(),
                 },
             };
-            let known = match cached.or_else(|| remembered.filter(|_| state_of_unit != UnitState::Cached)) {
+            let known = match cached
+                .or_else(|| remembered.filter(|_| state_of_unit != UnitState::Cached))
+            {
                 Some(record) => known_from(&record.outcome, state_of_unit == UnitState::Cached),
                 None => {
                     // A unit that was never made has labels nobody knows yet.

@@ -50,12 +50,19 @@ impl RunOptions {
             if pipeline.find(name).is_none() {
                 return Err(Failure::NoStage {
                     name: name.clone(),
-                    known: pipeline.stages.iter().map(|stage| stage.name.clone()).collect(),
+                    known: pipeline
+                        .stages
+                        .iter()
+                        .map(|stage| stage.name.clone())
+                        .collect(),
                 });
             }
         }
         let last = match &self.until {
-            Some(stage) => pipeline.nodes.iter().rposition(|node| &node.name.stage == stage),
+            Some(stage) => pipeline
+                .nodes
+                .iter()
+                .rposition(|node| &node.name.stage == stage),
             None => None,
         };
         let count = last.map_or(pipeline.nodes.len(), |last| last + 1);
@@ -194,11 +201,14 @@ impl Runner<'_> {
         for node in nodes {
             let stage = self.pipeline.stage(node);
             if prepared != Some(&stage.name) {
-                stage.configured.prepare().map_err(|source| Failure::Stage {
-                    stage: stage.name.clone(),
-                    partition: None,
-                    source,
-                })?;
+                stage
+                    .configured
+                    .prepare()
+                    .map_err(|source| Failure::Stage {
+                        stage: stage.name.clone(),
+                        partition: None,
+                        source,
+                    })?;
                 prepared = Some(&stage.name);
             }
             self.make_node(node, stage)?;
@@ -464,7 +474,9 @@ fn too_many_skipped(node: &Node, stage: &StageEntry, report: &NodeReport) -> Opt
 }
 
 fn panic_message(payload: &(dyn std::any::Any + Send)) -> String {
-    let text = payload.downcast_ref::<&str>().map(|text| (*text).to_owned());
+    let text = payload
+        .downcast_ref::<&str>()
+        .map(|text| (*text).to_owned());
     text.or_else(|| payload.downcast_ref::<String>().cloned())
         .unwrap_or_else(|| "no message".to_owned())
 }

@@ -47,7 +47,13 @@ impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let gutter = self.line.to_string();
         let blank = " ".repeat(gutter.len());
-        writeln!(f, "{blank} --> {}:{}:{}", self.path.display(), self.line, self.column)?;
+        writeln!(
+            f,
+            "{blank} --> {}:{}:{}",
+            self.path.display(),
+            self.line,
+            self.column
+        )?;
         writeln!(f, "{blank} |")?;
         writeln!(f, "{gutter} | {}", self.text)?;
         let indent: String = self
@@ -70,6 +76,9 @@ mod tests {
         let location = Location::of("a.toml".as_ref(), source, 9..18);
         assert_eq!((location.line, location.column, location.width), (2, 1, 9));
         let shown = location.to_string();
-        assert!(shown.ends_with("2 | kl_wieght = 1e-3\n  | ^^^^^^^^^"), "{shown}");
+        assert!(
+            shown.ends_with("2 | kl_wieght = 1e-3\n  | ^^^^^^^^^"),
+            "{shown}"
+        );
     }
 }

@@ -89,11 +89,7 @@ pub trait Stage: 'static {
     /// # Errors
     ///
     /// Fails if the whole stage cannot go on. One bad item is [`Outcome::Skipped`] instead.
-    fn run(
-        config: &Self::Config,
-        inputs: &Inputs,
-        cx: &Context,
-    ) -> Result<Outcome, Self::Error>;
+    fn run(config: &Self::Config, inputs: &Inputs, cx: &Context) -> Result<Outcome, Self::Error>;
 
     /// Says in the user's terms what became of one output, e.g. `24 recordings → 23 demonstrations`.
     fn describe(output: &str, summary: &Summary) -> String;

@@ -133,14 +133,21 @@ impl<'a> State<'a> {
     fn source_digest(&self, path: &std::path::Path) -> Result<Digest, Failure> {
         let known = |sources: &HashMap<PathBuf, Digest>| sources.get(path).cloned();
         // A poisoned lock only means that another unit failed; the digests in it are whole.
-        let lock = || self.sources.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let lock = || {
+            self.sources
+                .lock()
+                .unwrap_or_else(std::sync::PoisonError::into_inner)
+        };
         if let Some(digest) = known(&lock()) {
             return Ok(digest);
         }
-        let digest = self.store.source_digest(path).map_err(|source| Failure::SourceFile {
-            path: path.to_owned(),
-            source,
-        })?;
+        let digest = self
+            .store
+            .source_digest(path)
+            .map_err(|source| Failure::SourceFile {
+                path: path.to_owned(),
+                source,
+            })?;
         lock().insert(path.to_owned(), digest.clone());
         Ok(digest)
     }

@@ -62,8 +62,10 @@ impl RecordOutcome {
     pub fn artifact_digest(&self) -> Option<Digest> {
         match self {
             Self::Made { files, labels, .. } => {
-                let content: BTreeMap<_, _> =
-                    files.iter().map(|(name, file)| (name, &file.digest)).collect();
+                let content: BTreeMap<_, _> = files
+                    .iter()
+                    .map(|(name, file)| (name, &file.digest))
+                    .collect();
                 Some(Digest::of_json(&serde_json::json!([content, labels])))
             }
             Self::Skipped { .. } | Self::Filtered { .. } => None,
@@ -160,7 +162,8 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if the store cannot be written.
-    fn begin(&self, node: &NodeName, fingerprint: &Digest) -> Result<Box<dyn Making + '_>, Advised>;
+    fn begin(&self, node: &NodeName, fingerprint: &Digest)
+    -> Result<Box<dyn Making + '_>, Advised>;
 
     /// Returns where the files of an artifact lie after checking their bytes, or `None` if a file is
     /// missing or damaged; a damaged file is dropped, so that its unit is made again.
@@ -168,14 +171,22 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if the store cannot be read.
-    fn open(&self, files: &BTreeMap<String, FileRef>) -> Result<Option<BTreeMap<String, PathBuf>>, Advised>;
+    fn open(
+        &self,
+        files: &BTreeMap<String, FileRef>,
+    ) -> Result<Option<BTreeMap<String, PathBuf>>, Advised>;
 
     /// Lets people see the artifacts of a node: exactly these partitions.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be written.
-    fn publish(&self, pipeline: &str, node: &Node, made: &[(String, Record)]) -> Result<(), Advised>;
+    fn publish(
+        &self,
+        pipeline: &str,
+        node: &Node,
+        made: &[(String, Record)],
+    ) -> Result<(), Advised>;
 
     /// Keeps what a run did and returns the run's name.
     ///

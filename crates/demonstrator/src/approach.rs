@@ -40,18 +40,31 @@ const WIDE_M: f64 = 0.075;
 const GRIP_IN_HAND_M: [f64; 3] = [0.082, 0.004, -0.060];
 
 /// Draws one way to take an object; `None` if thumb and fingers would not oppose each other.
-pub(crate) fn draw(body: &Body, rest: &Rest, hand: &Hand, rng: &mut ChaCha8Rng) -> Option<Approach> {
+pub(crate) fn draw(
+    body: &Body,
+    rest: &Rest,
+    hand: &Hand,
+    rng: &mut ChaCha8Rng,
+) -> Option<Approach> {
     let up = rest.up_in_object.into_inner();
     let side = hand.side();
     let rim = body.thing.handling == Handling::Rim;
-    let elevation = if rim { between(rng, [0.95, 1.45]) } else { between(rng, [0.0, 1.5]) };
+    let elevation = if rim {
+        between(rng, [0.95, 1.45])
+    } else {
+        between(rng, [0.0, 1.5])
+    };
     let azimuth = between(rng, [0.0, TAU]);
     let back = horizontal(rest, azimuth).into_inner() * elevation.cos() + up * elevation.sin();
     let (center, across, reach_m) = if rim {
         rim_place(body, rest, &back, rng)?
     } else {
         let center = body.center + normal3(rng) * 0.014;
-        (center, turned(&up, &back, elevation, side, rng)?, body.radius_m + 0.05)
+        (
+            center,
+            turned(&up, &back, elevation, side, rng)?,
+            body.radius_m + 0.05,
+        )
     };
     // Make the way in perpendicular to the opposition.
     let back = (back - across * across.dot(&back)).try_normalize(1e-6)?;
@@ -68,21 +81,25 @@ pub(crate) fn draw(body: &Body, rest: &Rest, hand: &Hand, rng: &mut ChaCha8Rng) 
         return None;
     }
     let facing = |at: &SurfacePoint, way: &Vector3<f64>| at.normal.dot(way);
-    if facing(&thumb, &-across) < 0.75 || facing(&middle, &across) < 0.75 || facing(&index, &across) < 0.6 {
+    if facing(&thumb, &-across) < 0.75
+        || facing(&middle, &across) < 0.75
+        || facing(&index, &across) < 0.6
+    {
         return None;
     }
-    let usable = |at: &SurfacePoint| facing(at, &across) > 0.5 && (at.point - middle.point).norm() < 0.06;
-    let ring = finger(3).filter(usable);
+    let usable =
+        |at: &SurfacePoint| facing(at, &across) > 0.5 && (at.point - middle.point).norm() < 0.06;
+    let fourth = finger(3).filter(usable);
     let little = finger(4).filter(usable);
-    let targets = [Some(thumb), Some(index), Some(middle), ring, little];
+    let targets = [Some(thumb), Some(index), Some(middle), fourth, little];
     let grip = nalgebra::center(&thumb.point, &middle.point);
 
     let mut cost = 0.3 * normal(rng).abs();
-    let fingers = [Some(index), Some(middle), ring];
+    let fingers = [Some(index), Some(middle), fourth];
     for at in fingers.iter().flatten() {
         cost += 2.0 * (1.0 - facing(at, &across));
     }
-    cost += 4.0 * (1.0 - facing(&thumb, &-across)) + if ring.is_none() { 1.0 } else { 0.0 };
+    cost += 4.0 * (1.0 - facing(&thumb, &-across)) + if fourth.is_none() { 1.0 } else { 0.0 };
     let offset = body.center - grip;
     let lever = offset - across * across.dot(&offset);
     cost += if rim { 0.0 } else { lever.norm() / 0.010 };
@@ -99,7 +116,11 @@ pub(crate) fn draw(body: &Body, rest: &Rest, hand: &Hand, rng: &mut ChaCha8Rng) 
     let lowest = [0.03, -0.045].map(|beside| height_m(rest, &(palm + thumb_side * beside)));
     cost += (0.025 - lowest[0].min(lowest[1])).max(0.0) / 0.005;
 
-    let tilt = if rim { between(rng, [0.1, 0.8]) } else { between(rng, [-0.1, 0.7]) };
+    let tilt = if rim {
+        between(rng, [0.1, 0.8])
+    } else {
+        between(rng, [-0.1, 0.7])
+    };
     let rotation = rotation_from_axes(&across, &back)?
         * UnitQuaternion::from_axis_angle(&Vector3::y_axis(), tilt);
     let [x, y, z] = GRIP_IN_HAND_M;
@@ -112,7 +133,10 @@ pub(crate) fn draw(body: &Body, rest: &Rest, hand: &Hand, rng: &mut ChaCha8Rng) 
             Translation3::from(grip.coords - rotation * in_hand),
             rotation,
         ),
-        posture: posture_deg([0.0, 0.0, 12.0, 18.0], [0.0, 32.0 + 30.0 * curl, 30.0 + 20.0 * curl]),
+        posture: posture_deg(
+            [0.0, 0.0, 12.0, 18.0],
+            [0.0, 32.0 + 30.0 * curl, 30.0 + 20.0 * curl],
+        ),
         cost,
     })
 }
@@ -142,7 +166,12 @@ fn rim_place(
     rng: &mut ChaCha8Rng,
 ) -> Option<(Point3<f64>, Vector3<f64>, f64)> {
     let up = rest.up_in_object.into_inner();
-    let top = body.mesh.vertices_m.iter().map(|v| up.dot(&v.coords)).fold(f64::MIN, f64::max);
+    let top = body
+        .mesh
+        .vertices_m
+        .iter()
+        .map(|v| up.dot(&v.coords))
+        .fold(f64::MIN, f64::max);
     // The wrist stays on the side from which the hand comes.
     let flat = (back - up * up.dot(back)).try_normalize(1e-3)?;
     let outward = Rotation3::new(up * between(rng, [-0.5, 0.5])) * flat;

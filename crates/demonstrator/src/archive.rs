@@ -1,4 +1,4 @@
-//! NumPy archives with equal bytes for equal numbers.
+//! Archives of arrays, `.npz`, with equal bytes for equal numbers.
 
 use std::io::{self, Cursor};
 
@@ -13,7 +13,9 @@ pub(crate) struct Archive {
 impl Archive {
     /// Starts an empty archive.
     pub(crate) fn new() -> Self {
-        Self { writer: NpzWriter::new(Cursor::new(Vec::new())) }
+        Self {
+            writer: NpzWriter::new(Cursor::new(Vec::new())),
+        }
     }
 
     /// Adds an array of single precision, row by row.
@@ -23,7 +25,12 @@ impl Archive {
         shape: &[u64],
         numbers: impl IntoIterator<Item = f32>,
     ) -> io::Result<()> {
-        let mut array = self.writer.array::<f32>(name, options())?.default_dtype().shape(shape).begin_nd()?;
+        let mut array = self
+            .writer
+            .array::<f32>(name, options())?
+            .default_dtype()
+            .shape(shape)
+            .begin_nd()?;
         array.extend(numbers)?;
         array.finish()
     }
@@ -32,7 +39,9 @@ impl Archive {
     pub(crate) fn copy(&mut self, archive: &[u8]) -> io::Result<()> {
         let mut source = ZipArchive::new(Cursor::new(archive))?;
         for idx in 0..source.len() {
-            self.writer.zip_writer().raw_copy_file(source.by_index_raw(idx)?)?;
+            self.writer
+                .zip_writer()
+                .raw_copy_file(source.by_index_raw(idx)?)?;
         }
         Ok(())
     }
@@ -46,8 +55,16 @@ impl Archive {
 /// Returns an archive with one array of zeros of one byte each.
 pub(crate) fn zeros(name: &str, shape: &[u64]) -> io::Result<Vec<u8>> {
     let mut archive = Archive::new();
-    let mut array = archive.writer.array::<u8>(name, options())?.default_dtype().shape(shape).begin_nd()?;
-    array.extend(std::iter::repeat_n(0_u8, usize::try_from(shape.iter().product::<u64>()).unwrap_or(0)))?;
+    let mut array = archive
+        .writer
+        .array::<u8>(name, options())?
+        .default_dtype()
+        .shape(shape)
+        .begin_nd()?;
+    array.extend(std::iter::repeat_n(
+        0_u8,
+        usize::try_from(shape.iter().product::<u64>()).unwrap_or(0),
+    ))?;
     array.finish()?;
     archive.finish()
 }

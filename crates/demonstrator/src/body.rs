@@ -1,5 +1,7 @@
 //! One object prepared for grasping.
 
+use std::f64::consts::TAU;
+
 use geometry::{SurfaceDistance, SurfacePoint, TriMesh, mass_properties, stable_rests};
 use nalgebra::{Point3, Unit, Vector3};
 use rand::Rng;
@@ -24,23 +26,64 @@ pub(crate) struct Body {
 
 /// Rests within this cosine of the frame's z axis are not another way to lie.
 const UPRIGHT_COSINE: f64 = 0.9;
+/// How far an object that lies firmly may be tilted, in radians, and how much that must lift its
+/// center of mass, in meters: boxes lie firmly, cans roll.
+const TILT_RAD: f64 = 0.14;
+const TILT_LIFT_M: f64 = 0.0008;
+
+/// Says whether an object on the table comes back from being tilted to any side.
+fn lies_firmly(mesh: &TriMesh, center: &Point3<f64>, rest: &Rest) -> bool {
+    let lift = |up: &Vector3<f64>| {
+        let lowest = mesh
+            .vertices_m
+            .iter()
+            .map(|v| up.dot(&v.coords))
+            .fold(f64::MAX, f64::min);
+        up.dot(&center.coords) - lowest
+    };
+    let flat = lift(&rest.up_in_object);
+    (0..16).all(|k| {
+        let aside = horizontal(rest, TAU * f64::from(k) / 16.0);
+        let tilted =
+            rest.up_in_object.into_inner() * TILT_RAD.cos() + aside.into_inner() * TILT_RAD.sin();
+        lift(&tilted) - flat > TILT_LIFT_M
+    })
+}
 
 impl Body {
     /// Makes the mesh and what follows from it.
     pub(crate) fn new(thing: &'static Thing) -> Self {
         let mesh = (thing.mesh)();
         let center = mass_properties(&mesh, 1.0).center_of_mass_m;
-        let lying = stable_rests(&mesh, &center)
+        let stable = stable_rests(&mesh, &center);
+        let upright = stable
+            .iter()
+            .map(|stable| stable.rest)
+            .find(|rest| rest.up_in_object.z > UPRIGHT_COSINE)
+            .unwrap_or(Rest {
+                up_in_object: Vector3::z_axis(),
+                height_m: -mesh.bounds().0.z,
+            });
+        let lying = stable
             .into_iter()
             .filter(|stable| stable.rest.up_in_object.z.abs() < UPRIGHT_COSINE)
+            .filter(|stable| lies_firmly(&mesh, &center, &stable.rest))
             .map(|stable| (stable.rest, stable.probability))
             .collect();
-        let upright = Rest {
-            up_in_object: Vector3::z_axis(),
-            height_m: -mesh.bounds().0.z,
-        };
-        let radius_m = mesh.vertices_m.iter().map(|v| v.coords.norm()).fold(0.0, f64::max);
-        Self { thing, surface: SurfaceDistance::new(&mesh), mesh, center, radius_m, upright, lying }
+        let radius_m = mesh
+            .vertices_m
+            .iter()
+            .map(|v| v.coords.norm())
+            .fold(0.0, f64::max);
+        Self {
+            thing,
+            surface: SurfaceDistance::new(&mesh),
+            mesh,
+            center,
+            radius_m,
+            upright,
+            lying,
+        }
     }
 
     /// Draws how it lies: mostly upright.
@@ -57,7 +100,7 @@ impl Body {
         self.upright
     }
 
-    /// Returns how it stands in its own frame.
+    /// Returns how it stands as in its own frame.
     pub(crate) fn upright(&self) -> Rest {
         self.upright
     }
@@ -92,7 +135,11 @@ pub(crate) fn height_m(rest: &Rest, point: &Point3<f64>) -> f64 {
 /// Returns a horizontal direction in the object's frame, by an angle about the up direction.
 pub(crate) fn horizontal(rest: &Rest, angle: f64) -> Unit<Vector3<f64>> {
     let up = rest.up_in_object;
-    let aside = if up.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
+    let aside = if up.x.abs() < 0.7 {
+        Vector3::x()
+    } else {
+        Vector3::y()
+    };
     let first = Unit::new_normalize(up.cross(&aside));
     let second = up.cross(&first);
     Unit::new_normalize(first.into_inner() * angle.cos() + second * angle.sin())

@@ -32,7 +32,10 @@ impl Rig {
     /// Returns the one rig of all recordings.
     pub(crate) fn new() -> Self {
         let world_from_table = looking(MASTER_AT).inverse();
-        Self { world_from_table, world_from_camera: world_from_table * looking(LABELED_AT) }
+        Self {
+            world_from_table,
+            world_from_camera: world_from_table * looking(LABELED_AT),
+        }
     }
 
     /// Returns `extrinsics.yml`: rows of rotation and translation, camera to world.
@@ -63,7 +66,9 @@ impl Rig {
 
 /// Returns the file in `intrinsics/`.
 pub(crate) fn intrinsics_yaml() -> String {
-    let block = |name: &str| format!("{name}:\n  fx: {FX:?}\n  fy: {FY:?}\n  ppx: {PPX:?}\n  ppy: {PPY:?}\n");
+    let block = |name: &str| {
+        format!("{name}:\n  fx: {FX:?}\n  fy: {FY:?}\n  ppx: {PPX:?}\n  ppy: {PPY:?}\n")
+    };
     block("color") + &block("depth")
 }
 

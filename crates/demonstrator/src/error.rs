@@ -47,7 +47,9 @@ impl DemonstratorError {
                     .to_owned(),
             ),
             Self::File { .. } => Some("check the folder's permissions and free space".to_owned()),
-            Self::NoGrasp { .. } => Some("raise `grasp_tries` or change `seed` in `recipe.toml`".to_owned()),
+            Self::NoGrasp { .. } => {
+                Some("raise `grasp_tries` or change `seed` in `recipe.toml`".to_owned())
+            }
         }
     }
 }

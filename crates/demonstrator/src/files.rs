@@ -36,7 +36,12 @@ pub(crate) fn subject_folder(subject: usize) -> String {
 
 /// Returns the folder of a recording within its person's.
 pub(crate) fn sequence_folder(subject: usize, recording: usize) -> String {
-    format!("{}_{:02}{:02}00", date(subject), 10 + recording / 60, recording % 60)
+    format!(
+        "{}_{:02}{:02}00",
+        date(subject),
+        10 + recording / 60,
+        recording % 60
+    )
 }
 
 fn date(subject: usize) -> String {
@@ -55,11 +60,19 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), DemonstratorError> 
         }
         File::create(path)?.write_all(bytes)
     };
-    attempt().map_err(|source| DemonstratorError::File { action: "write", path: path.to_owned(), source })
+    attempt().map_err(|source| DemonstratorError::File {
+        action: "write",
+        path: path.to_owned(),
+        source,
+    })
 }
 
 /// Writes what all recordings share: calibration of cameras and people, and models.
-pub(crate) fn write_shared(root: &Path, bodies: &[Body], subjects: usize) -> Result<(), DemonstratorError> {
+pub(crate) fn write_shared(
+    root: &Path,
+    bodies: &[Body],
+    subjects: usize,
+) -> Result<(), DemonstratorError> {
     let calibration = root.join("calibration");
     let extrinsics = calibration.join(format!("extrinsics_{CALIBRATION}/extrinsics.yml"));
     write(&extrinsics, Rig::new().extrinsics_yaml().as_bytes())?;
@@ -68,13 +81,20 @@ pub(crate) fn write_shared(root: &Path, bodies: &[Body], subjects: usize) -> Res
     for subject in 0..subjects {
         for side in [Side::Left, Side::Right] {
             let folder = calibration.join(format!("mano_{}", mano_calibration(subject, side)));
-            write(&folder.join("mano.yml"), format!("betas:\n{}", "- 0.0\n".repeat(10)).as_bytes())?;
+            write(
+                &folder.join("mano.yml"),
+                format!("betas:\n{}", "- 0.0\n".repeat(10)).as_bytes(),
+            )?;
             write(&folder.join("NOT_MANO.txt"), NOT_MANO.as_bytes())?;
         }
     }
     for body in bodies {
         let folder = root.join("models").join(body.thing.name);
-        let mesh = format!("# {}, made by a program\n{}", body.thing.name, body.mesh.to_obj());
+        let mesh = format!(
+            "# {}, made by a program\n{}",
+            body.thing.name,
+            body.mesh.to_obj()
+        );
         write(&folder.join("textured_simple.obj"), mesh.as_bytes())?;
         let mut points = String::new();
         for p in body.mesh.sample_surface(MODEL_POINTS, 0).0 {
@@ -96,11 +116,18 @@ pub(crate) fn write_recording(
     let folder = root
         .join(subject_folder(scene.subject))
         .join(sequence_folder(scene.subject, recording));
-    write(&folder.join("meta.yml"), meta_yaml(bodies, scene).as_bytes())?;
+    write(
+        &folder.join("meta.yml"),
+        meta_yaml(bodies, scene).as_bytes(),
+    )?;
     write(&folder.join("NOT_MANO.txt"), NOT_MANO.as_bytes())?;
     let packed = |action: io::Result<Vec<u8>>, name: &str| {
         let path = folder.join(name);
-        let bytes = action.map_err(|source| DemonstratorError::File { action: "pack", path: path.clone(), source })?;
+        let bytes = action.map_err(|source| DemonstratorError::File {
+            action: "pack",
+            path: path.clone(),
+            source,
+        })?;
         write(&path, &bytes)
     };
     let rig = Rig::new();
@@ -117,7 +144,11 @@ pub(crate) fn write_recording(
 }
 
 fn meta_yaml(bodies: &[Body], scene: &Scene) -> String {
-    let ids: String = scene.objects.iter().map(|&idx| format!("- {}\n", bodies[idx].thing.id)).collect();
+    let mut ids = String::new();
+    for &idx in &scene.objects {
+        // Writing to a string cannot fail.
+        let _ = writeln!(ids, "- {}", bodies[idx].thing.id);
+    }
     let side = scene.hand.side();
     format!(
         "serials:\n- '{LABELED}'\nnum_frames: {}\nextrinsics: '{CALIBRATION}'\nycb_ids:\n{ids}ycb_grasp_ind: {}\nmano_sides:\n- {}\nmano_calib:\n- {}\n",
@@ -135,7 +166,10 @@ fn objects_at(scene: &Scene, frame: usize) -> Vec<Isometry3<f64>> {
     poses
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "the dataset stores single precision")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "the dataset stores single precision"
+)]
 fn single(number: f64) -> f32 {
     number as f32
 }
@@ -148,22 +182,30 @@ fn hand_numbers(hand: Option<Isometry3<f64>>) -> Vec<f32> {
     };
     let turn = pose.rotation.scaled_axis();
     let position = pose.translation.vector;
-    turn.iter().copied().chain([0.0; 45]).chain(position.iter().copied()).map(single).collect()
+    turn.iter()
+        .copied()
+        .chain([0.0; 45])
+        .chain(position.iter().copied())
+        .map(single)
+        .collect()
 }
 
 /// Returns `pose.npz`: everything in the world's frame.
 fn pose_archive(rig: &Rig, scene: &Scene) -> io::Result<Vec<u8>> {
     let (n, objects) = (scene.frames.len(), scene.objects.len());
     let world = rig.world_from_table;
-    let objects_in_world = (0..n).flat_map(|frame| objects_at(scene, frame)).flat_map(|pose| {
-        let pose = world * pose;
-        let [x, y, z, w] = spatial::xyzw(&pose.rotation);
-        let t = pose.translation.vector;
-        [x, y, z, w, t.x, t.y, t.z].map(single)
-    });
-    let hands = scene.frames.iter().flat_map(|frame| {
-        hand_numbers(frame.hand.as_ref().map(|(pose, _)| world * pose))
-    });
+    let objects_in_world = (0..n)
+        .flat_map(|frame| objects_at(scene, frame))
+        .flat_map(|pose| {
+            let pose = world * pose;
+            let [x, y, z, w] = spatial::xyzw(&pose.rotation);
+            let t = pose.translation.vector;
+            [x, y, z, w, t.x, t.y, t.z].map(single)
+        });
+    let hands = scene
+        .frames
+        .iter()
+        .flat_map(|frame| hand_numbers(frame.hand.as_ref().map(|(pose, _)| world * pose)));
     let mut archive = Archive::new();
     archive.f32("pose_y", &[n as u64, objects as u64, 7], objects_in_world)?;
     archive.f32("pose_m", &[n as u64, 1, HAND_NUMBERS], hands)?;
@@ -178,20 +220,37 @@ fn label_archive(rig: &Rig, scene: &Scene, idx: usize, blank: &[u8]) -> io::Resu
         let points = scene.hand.points_in(&(camera_from_table * pose), q);
         points.into_iter().take(point::LANDMARKS).collect()
     });
-    let objects = objects_at(scene, idx).into_iter().flat_map(|pose| rows(&(camera_from_table * pose)).map(single));
+    let objects = objects_at(scene, idx)
+        .into_iter()
+        .flat_map(|pose| rows(&(camera_from_table * pose)).map(single));
     let missing = |count: usize| vec![-1.0_f32; point::LANDMARKS * count];
     let in_space = landmarks.as_ref().map_or_else(
         || missing(3),
-        |points| points.iter().flat_map(|p| [p.x, p.y, p.z].map(single)).collect(),
+        |points| {
+            points
+                .iter()
+                .flat_map(|p| [p.x, p.y, p.z].map(single))
+                .collect()
+        },
     );
     let in_image = landmarks.as_ref().map_or_else(
         || missing(2),
-        |points| points.iter().flat_map(|p| Rig::pixel(p).map(single)).collect(),
+        |points| {
+            points
+                .iter()
+                .flat_map(|p| Rig::pixel(p).map(single))
+                .collect()
+        },
     );
     let mut archive = Archive::new();
     archive.copy(blank)?;
     archive.f32("pose_y", &[scene.objects.len() as u64, 3, 4], objects)?;
-    let hand = hand_numbers(frame.hand.as_ref().map(|(pose, _)| camera_from_table * pose));
+    let hand = hand_numbers(
+        frame
+            .hand
+            .as_ref()
+            .map(|(pose, _)| camera_from_table * pose),
+    );
     archive.f32("pose_m", &[1, HAND_NUMBERS], hand)?;
     archive.f32("joint_3d", &[1, point::LANDMARKS as u64, 3], in_space)?;
     archive.f32("joint_2d", &[1, point::LANDMARKS as u64, 2], in_image)?;

@@ -42,7 +42,11 @@ struct System {
 
 impl System {
     fn new() -> Self {
-        Self { normal: DMatrix::zeros(UNKNOWNS, UNKNOWNS), gradient: DVector::zeros(UNKNOWNS), cost: 0.0 }
+        Self {
+            normal: DMatrix::zeros(UNKNOWNS, UNKNOWNS),
+            gradient: DVector::zeros(UNKNOWNS),
+            cost: 0.0,
+        }
     }
 
     /// Adds a squared residual with its derivative.
@@ -61,7 +65,10 @@ pub(crate) fn fit(body: &Body, rest: &Rest, hand: &Hand, approach: &Approach) ->
     for knuckle in [0, 5, 8, 11, 14] {
         open[knuckle] -= OPEN_RAD;
     }
-    let mut best = Placed { object_from_hand: approach.object_from_hand, q: clamped(&open) };
+    let mut best = Placed {
+        object_from_hand: approach.object_from_hand,
+        q: clamped(&open),
+    };
     let mut system = assemble(body, rest, hand, approach, &best);
     let mut damping = 1e-2;
     for _ in 0..ROUNDS {
@@ -69,7 +76,12 @@ pub(crate) fn fit(body: &Body, rest: &Rest, hand: &Hand, approach: &Approach) ->
         for idx in 0..UNKNOWNS {
             damped[(idx, idx)] += damping * (damped[(idx, idx)] + 1e-3);
         }
-        let Some(step) = damped.cholesky().map(|factor| factor.solve(&-&system.gradient)) else { break };
+        let Some(step) = damped
+            .cholesky()
+            .map(|factor| factor.solve(&-&system.gradient))
+        else {
+            break;
+        };
         let next = moved(&best, &step);
         let next_system = assemble(body, rest, hand, approach, &next);
         if next_system.cost < system.cost {
@@ -127,7 +139,9 @@ fn assemble(body: &Body, rest: &Rest, hand: &Hand, approach: &Approach, at: &Pla
         }
         let in_hand = rotation.inverse() * direction;
         for (joint, moved) in moves.iter().enumerate() {
-            row[6 + joint] = moved.get(idx).map_or(0.0, |moved| (moved - local[idx]).dot(&in_hand) / nudge);
+            row[6 + joint] = moved
+                .get(idx)
+                .map_or(0.0, |moved| (moved - local[idx]).dot(&in_hand) / nudge);
         }
         row
     };
@@ -140,10 +154,17 @@ fn assemble(body: &Body, rest: &Rest, hand: &Hand, approach: &Approach, at: &Pla
         let share = if finger == FINGERS - 1 { 0.5 } else { 1.0 };
         let (pad, skin) = (point::PADS + finger, point::SKIN + finger);
         let radius = hand.pad_radius_m(finger);
-        let nearest = same_side(body.surface.signed_distance(&points[pad]), target, &points[pad]);
+        let nearest = same_side(
+            body.surface.signed_distance(&points[pad]),
+            target,
+            &points[pad],
+        );
         // The pad touches the surface, to a millimeter.
         let weight = share / 0.0008;
-        system.add((nearest.distance_m - radius) * weight, &(row(pad, &nearest.normal) * weight));
+        system.add(
+            (nearest.distance_m - radius) * weight,
+            &(row(pad, &nearest.normal) * weight),
+        );
         // It is about where it should be.
         let place = target.point + target.normal * radius;
         let weight = share / if finger == 0 { 0.010 } else { 0.014 };
@@ -155,7 +176,10 @@ fn assemble(body: &Body, rest: &Rest, hand: &Hand, approach: &Approach, at: &Pla
         let weight = share * 1.2;
         for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
             let off = ((points[skin] - points[pad]) / radius + nearest.normal).dot(&axis);
-            system.add(off * weight, &((row(skin, &axis) - row(pad, &axis)) * (weight / radius)));
+            system.add(
+                off * weight,
+                &((row(skin, &axis) - row(pad, &axis)) * (weight / radius)),
+            );
         }
     }
     for (idx, &radius) in hand.radii_m().iter().enumerate() {
@@ -194,13 +218,19 @@ fn same_side(nearest: SurfacePoint, target: &SurfacePoint, pad: &Point3<f64>) ->
         return nearest;
     }
     let distance_m = (pad - target.point).dot(&target.normal);
-    SurfacePoint { distance_m, ..*target }
+    SurfacePoint {
+        distance_m,
+        ..*target
+    }
 }
 
 /// Adds what keeps the joints natural: near the posture, and neighboring fingers alike.
 fn near_posture(system: &mut System, approach: &Approach, q: &Joints) {
     for (joint, &angle) in q.iter().enumerate() {
-        system.add((angle - approach.posture[joint]) / 0.7, &unit(6 + joint, 1.0 / 0.7));
+        system.add(
+            (angle - approach.posture[joint]) / 0.7,
+            &unit(6 + joint, 1.0 / 0.7),
+        );
     }
     for (a, b) in [(5, 8), (8, 11), (11, 14), (6, 9), (9, 12), (12, 15)] {
         let weight = 1.0 / 0.35;

@@ -77,7 +77,11 @@ pub(crate) fn grasps(
         .map(|approach| {
             let placed = fit(body, rest, hand, approach);
             let quality = judge(body, rest, hand, &placed, approach.cost);
-            Grasp { placed, toward: approach.toward, quality }
+            Grasp {
+                placed,
+                toward: approach.toward,
+                quality,
+            }
         })
         .filter(|grasp| grasp.quality.is_good())
         .collect();
@@ -109,9 +113,21 @@ fn judge(body: &Body, rest: &Rest, hand: &Hand, placed: &Placed, approach_cost: 
         penetration_m = penetration_m.max(radius - body.surface.signed_distance(flesh).distance_m);
         clearance_m = clearance_m.min(height_m(rest, flesh) - radius);
     }
-    let lift = if body.thing.handling == Handling::Rim { 0.0 } else { 0.3 };
-    let imbalance = imbalance(&contacts, &body.center, &(rest.up_in_object.into_inner() * lift));
-    let missing: f64 = gaps_m.iter().take(FINGERS - 1).map(|gap| (gap.abs() / 0.003).min(3.0)).sum();
+    let lift = if body.thing.handling == Handling::Rim {
+        0.0
+    } else {
+        0.3
+    };
+    let imbalance = imbalance(
+        &contacts,
+        &body.center,
+        &(rest.up_in_object.into_inner() * lift),
+    );
+    let missing: f64 = gaps_m
+        .iter()
+        .take(FINGERS - 1)
+        .map(|gap| (gap.abs() / 0.003).min(3.0))
+        .sum();
     let low = (LARGER_CLEARANCE_M - larger_clearance_m(rest, hand, placed)).max(0.0);
     let cost = missing
         + (low / 0.008).min(2.0)
@@ -119,13 +135,30 @@ fn judge(body: &Body, rest: &Rest, hand: &Hand, placed: &Placed, approach_cost: 
         + (0.006 - clearance_m).max(0.0) / 0.002
         + 15.0 * imbalance
         + 0.35 * approach_cost;
-    Quality { gaps_m, penetration_m, clearance_m, imbalance, cost }
+    Quality {
+        gaps_m,
+        penetration_m,
+        clearance_m,
+        imbalance,
+        cost,
+    }
 }
 
 /// What is left over when the thumb does not touch: worse than any grasp.
 const NO_THUMB: f64 = 9.0;
 /// How much larger than the person's the hand may be that learns from the grasp.
 const LARGER: f64 = 1.2;
+/// The corners of such a hand's palm in the hand's frame, in meters.
+const LARGER_PALM_M: [[f64; 3]; 8] = [
+    [0.0, -0.057, -0.02],
+    [0.0, -0.057, 0.02],
+    [0.0, 0.057, -0.02],
+    [0.0, 0.057, 0.02],
+    [0.095, -0.057, -0.02],
+    [0.095, -0.057, 0.02],
+    [0.095, 0.057, -0.02],
+    [0.095, 0.057, 0.02],
+];
 /// How far such a hand opens each joint before it closes, in radians.
 const OPENING_RAD: f64 = 0.3;
 /// Half the thickness of its finger tips, in meters.
@@ -133,14 +166,18 @@ const TIP_RADIUS_M: f64 = 0.012;
 /// Room that its finger tips should have above the table, in meters.
 const LARGER_CLEARANCE_M: f64 = 0.006;
 
-/// Returns how high the finger tips of a larger hand with the same wrist stay above the table, open
-/// and closed, in meters: recordings are made to be learned from by robot hands.
+/// Returns how high palm and finger tips of a larger hand with the same wrist stay above the table,
+/// open and closed, in meters: recordings are made to be learned from by robot hands.
 fn larger_clearance_m(rest: &Rest, hand: &Hand, placed: &Placed) -> f64 {
     let mut open = placed.q;
     for joint in [2, 3, 5, 6, 8, 9, 11, 12] {
         open[joint] -= OPENING_RAD;
     }
     let mut lowest = f64::MAX;
+    for corner in LARGER_PALM_M {
+        let corner = placed.object_from_hand * Point3::from(corner);
+        lowest = lowest.min(height_m(rest, &corner));
+    }
     for q in [placed.q, open] {
         let points = hand.points(&q);
         for tip in TIPS {
@@ -181,14 +218,22 @@ fn imbalance(
             thumb_pushes = true;
             target -= wrench(&at, &inward);
         }
-        let aside = if inward.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
+        let aside = if inward.x.abs() < 0.7 {
+            Vector3::x()
+        } else {
+            Vector3::y()
+        };
         let u = inward.cross(&aside).normalize();
         let v = inward.cross(&u);
         for edge in 0..EDGES {
             let (sin, cos) = (std::f64::consts::TAU * edge as f64 / EDGES as f64).sin_cos();
             let slip = (u * cos + v * sin) * FRICTION;
             // The thumb's normal force is fixed to one; only its friction is free.
-            edges.push(if finger == 0 { wrench(&at, &slip) } else { wrench(&at, &(inward + slip)) });
+            edges.push(if finger == 0 {
+                wrench(&at, &slip)
+            } else {
+                wrench(&at, &(inward + slip))
+            });
         }
     }
     if !thumb_pushes {
@@ -199,7 +244,8 @@ fn imbalance(
     let mut residual = -target;
     for _ in 0..60 {
         for (push, edge) in pushes.iter_mut().zip(&edges) {
-            let next = (*push - edge.dot(&residual) / edge.norm_squared().max(1e-9)).clamp(0.0, 1.0);
+            let next =
+                (*push - edge.dot(&residual) / edge.norm_squared().max(1e-9)).clamp(0.0, 1.0);
             residual += edge * (next - *push);
             *push = next;
         }

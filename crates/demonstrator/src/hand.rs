@@ -48,11 +48,22 @@ const COUPLING: f64 = 2.0 / 3.0;
 /// Lower and upper end of each joint in degrees (AAOS norms; Ingram et al., "The statistics of
 /// natural hand movements", 2008).
 const RANGES_DEG: [[f64; 2]; DOF] = [
-    [-25.0, 40.0], [-25.0, 25.0], [-10.0, 55.0], [-10.0, 75.0],
-    [-18.0, 18.0], [-15.0, 90.0], [0.0, 100.0],
-    [-12.0, 12.0], [-15.0, 90.0], [0.0, 100.0],
-    [-15.0, 15.0], [-15.0, 90.0], [0.0, 100.0],
-    [-20.0, 20.0], [-15.0, 90.0], [0.0, 100.0],
+    [-25.0, 40.0],
+    [-25.0, 25.0],
+    [-10.0, 55.0],
+    [-10.0, 75.0],
+    [-18.0, 18.0],
+    [-15.0, 90.0],
+    [0.0, 100.0],
+    [-12.0, 12.0],
+    [-15.0, 90.0],
+    [0.0, 100.0],
+    [-15.0, 15.0],
+    [-15.0, 90.0],
+    [0.0, 100.0],
+    [-20.0, 20.0],
+    [-15.0, 90.0],
+    [0.0, 100.0],
 ];
 
 /// Returns the lower and upper end of each joint, in radians.
@@ -144,15 +155,19 @@ impl Size {
 
 impl Hand {
     /// Makes the hand of a person.
-    pub(crate) fn new(side: Side, size: &Size) -> Self {
-        let meters = |mm: f64| mm * 1e-3 * size.scale;
+    pub(crate) fn new(side: Side, person: &Size) -> Self {
+        let meters = |mm: f64| mm * 1e-3 * person.scale;
         let fingers: Vec<Finger> = (0..FINGERS)
             .map(|idx| Finger {
                 base: Point3::from(Vector3::from(BASES_MM[idx]).map(meters)),
-                rotation: if idx == 0 { thumb_rotation() } else {
+                rotation: if idx == 0 {
+                    thumb_rotation()
+                } else {
                     Rotation3::from_axis_angle(&Vector3::z_axis(), SPREAD_DEG[idx].to_radians())
                 },
-                bones_m: std::array::from_fn(|bone| meters(BONES_MM[idx][bone]) * size.bones[idx][bone]),
+                bones_m: std::array::from_fn(|bone| {
+                    meters(BONES_MM[idx][bone]) * person.bones[idx][bone]
+                }),
                 radii_m: RADII_MM[idx].map(meters),
             })
             .collect();
@@ -162,7 +177,12 @@ impl Hand {
                 palm.push(Point3::from(finger.base.coords * share));
             }
         }
-        let mut hand = Self { side, fingers, palm, radii_m: Vec::new() };
+        let mut hand = Self {
+            side,
+            fingers,
+            palm,
+            radii_m: Vec::new(),
+        };
         hand.radii_m = hand.flesh_radii(meters(PALM_RADIUS_MM));
         hand
     }
@@ -188,7 +208,14 @@ impl Hand {
         let mut radii = vec![palm_m; self.palm.len()];
         for finger in &self.fingers {
             let [base, first, second, tip] = finger.radii_m;
-            radii.extend([base, (base + first) / 2.0, first, (first + second) / 2.0, second, tip]);
+            radii.extend([
+                base,
+                base.midpoint(first),
+                first,
+                first.midpoint(second),
+                second,
+                tip,
+            ]);
         }
         radii
     }
@@ -205,7 +232,8 @@ impl Hand {
                 let at = 3 * idx + 1;
                 (q[at], [q[at + 1], q[at + 2], COUPLING * q[at + 2]])
             };
-            let mut rotation = finger.rotation * Rotation3::from_axis_angle(&Vector3::z_axis(), abduction);
+            let mut rotation =
+                finger.rotation * Rotation3::from_axis_angle(&Vector3::z_axis(), abduction);
             let mut from = finger.base;
             landmarks.push(from);
             flesh.push(from);
@@ -235,8 +263,15 @@ impl Hand {
     }
 
     /// Returns the hand's points in the frame of `frame_from_hand`, in meters.
-    pub(crate) fn points_in(&self, frame_from_hand: &Isometry3<f64>, q: &Joints) -> Vec<Point3<f64>> {
-        self.points(q).iter().map(|point| frame_from_hand * point).collect()
+    pub(crate) fn points_in(
+        &self,
+        frame_from_hand: &Isometry3<f64>,
+        q: &Joints,
+    ) -> Vec<Point3<f64>> {
+        self.points(q)
+            .iter()
+            .map(|point| frame_from_hand * point)
+            .collect()
     }
 
     /// Returns the distance between the tips of thumb and index finger, in meters.
@@ -270,18 +305,26 @@ pub(crate) fn clamped(q: &Joints) -> Joints {
 /// Builds joints from degrees: thumb, then abduction, knuckle and middle joint of all fingers.
 pub(crate) fn posture_deg(thumb: [f64; 4], finger: [f64; 3]) -> Joints {
     let mut q = [0.0; DOF];
-    for (slot, value) in q.iter_mut().zip(thumb.into_iter().chain(finger.into_iter().cycle())) {
+    for (slot, value) in q
+        .iter_mut()
+        .zip(thumb.into_iter().chain(finger.into_iter().cycle()))
+    {
         *slot = value.to_radians();
     }
     q
 }
 
 /// Returns the rotation with the given columns, orthonormalized from the first two.
-pub(crate) fn rotation_from_axes(x: &Vector3<f64>, z: &Vector3<f64>) -> Option<UnitQuaternion<f64>> {
+pub(crate) fn rotation_from_axes(
+    x: &Vector3<f64>,
+    z: &Vector3<f64>,
+) -> Option<UnitQuaternion<f64>> {
     let x = x.try_normalize(1e-9)?;
     let z = (z - x * x.dot(z)).try_normalize(1e-9)?;
     let matrix = Matrix3::from_columns(&[x, z.cross(&x), z]);
-    Some(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix)))
+    Some(UnitQuaternion::from_rotation_matrix(
+        &Rotation3::from_matrix_unchecked(matrix),
+    ))
 }
 
 #[cfg(test)]
@@ -290,7 +333,13 @@ mod tests {
     use crate::noise::{between, stream};
 
     fn average(side: Side) -> Hand {
-        Hand::new(side, &Size { scale: 1.0, bones: [[1.0; 3]; FINGERS] })
+        Hand::new(
+            side,
+            &Size {
+                scale: 1.0,
+                bones: [[1.0; 3]; FINGERS],
+            },
+        )
     }
 
     #[test]
@@ -304,7 +353,10 @@ mod tests {
             for finger in 0..FINGERS {
                 for bone in 1..4 {
                     let (a, b) = (4 * finger + bone, 4 * finger + bone + 1);
-                    let (now, then) = ((points[a] - points[b]).norm(), (straight[a] - straight[b]).norm());
+                    let (now, then) = (
+                        (points[a] - points[b]).norm(),
+                        (straight[a] - straight[b]).norm(),
+                    );
                     assert!((now - then).abs() < 1e-9);
                 }
             }
@@ -323,7 +375,10 @@ mod tests {
     #[test]
     fn a_left_hand_is_the_mirror_image() {
         let q = posture_deg([5.0, 0.0, 15.0, 20.0], [3.0, 55.0, 50.0]);
-        let (left, right) = (average(Side::Left).points(&q), average(Side::Right).points(&q));
+        let (left, right) = (
+            average(Side::Left).points(&q),
+            average(Side::Right).points(&q),
+        );
         for (l, r) in left.iter().zip(&right) {
             assert_eq!([l.x, -l.y, l.z], [r.x, r.y, r.z]);
         }

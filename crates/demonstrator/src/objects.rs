@@ -34,20 +34,90 @@ pub(crate) struct Thing {
 
 /// Every object, by number.
 pub(crate) const THINGS: [Thing; 14] = [
-    Thing { id: 1, name: "002_master_chef_can", handling: Handling::Any, mesh: || can(51.0, -73.7, 66.4) },
-    Thing { id: 2, name: "003_cracker_box", handling: Handling::Any, mesh: || carton(30.0, 79.0, -108.0, 102.0) },
-    Thing { id: 3, name: "004_sugar_box", handling: Handling::Any, mesh: || carton(19.5, 44.5, -92.0, 83.0) },
-    Thing { id: 4, name: "005_tomato_soup_can", handling: Handling::Any, mesh: || can(33.0, -59.3, 41.7) },
-    Thing { id: 5, name: "006_mustard_bottle", handling: Handling::Any, mesh: mustard_bottle },
-    Thing { id: 7, name: "008_pudding_box", handling: Handling::Any, mesh: || carton(44.5, 55.0, -20.0, 15.0) },
-    Thing { id: 9, name: "010_potted_meat_can", handling: Handling::Any, mesh: potted_meat_can },
-    Thing { id: 10, name: "011_banana", handling: Handling::Upright, mesh: banana },
-    Thing { id: 12, name: "021_bleach_cleanser", handling: Handling::Any, mesh: bleach_cleanser },
-    Thing { id: 13, name: "024_bowl", handling: Handling::Rim, mesh: bowl },
-    Thing { id: 14, name: "025_mug", handling: Handling::Upright, mesh: mug },
-    Thing { id: 15, name: "035_power_drill", handling: Handling::Upright, mesh: power_drill },
-    Thing { id: 16, name: "036_wood_block", handling: Handling::Any, mesh: || carton(42.5, 42.5, -116.0, 84.0) },
-    Thing { id: 21, name: "061_foam_brick", handling: Handling::Any, mesh: || carton(25.0, 37.5, -17.0, 33.0) },
+    Thing {
+        id: 1,
+        name: "002_master_chef_can",
+        handling: Handling::Any,
+        mesh: || can(51.0, -73.7, 66.4),
+    },
+    Thing {
+        id: 2,
+        name: "003_cracker_box",
+        handling: Handling::Any,
+        mesh: || carton(30.0, 79.0, -108.0, 102.0),
+    },
+    Thing {
+        id: 3,
+        name: "004_sugar_box",
+        handling: Handling::Any,
+        mesh: || carton(19.5, 44.5, -92.0, 83.0),
+    },
+    Thing {
+        id: 4,
+        name: "005_tomato_soup_can",
+        handling: Handling::Any,
+        mesh: || can(33.0, -59.3, 41.7),
+    },
+    Thing {
+        id: 5,
+        name: "006_mustard_bottle",
+        handling: Handling::Any,
+        mesh: mustard_bottle,
+    },
+    Thing {
+        id: 7,
+        name: "008_pudding_box",
+        handling: Handling::Any,
+        mesh: || carton(44.5, 55.0, -20.0, 15.0),
+    },
+    Thing {
+        id: 9,
+        name: "010_potted_meat_can",
+        handling: Handling::Any,
+        mesh: potted_meat_can,
+    },
+    Thing {
+        id: 10,
+        name: "011_banana",
+        handling: Handling::Upright,
+        mesh: banana,
+    },
+    Thing {
+        id: 12,
+        name: "021_bleach_cleanser",
+        handling: Handling::Any,
+        mesh: bleach_cleanser,
+    },
+    Thing {
+        id: 13,
+        name: "024_bowl",
+        handling: Handling::Rim,
+        mesh: bowl,
+    },
+    Thing {
+        id: 14,
+        name: "025_mug",
+        handling: Handling::Upright,
+        mesh: mug,
+    },
+    Thing {
+        id: 15,
+        name: "035_power_drill",
+        handling: Handling::Upright,
+        mesh: power_drill,
+    },
+    Thing {
+        id: 16,
+        name: "036_wood_block",
+        handling: Handling::Any,
+        mesh: || carton(42.5, 42.5, -116.0, 84.0),
+    },
+    Thing {
+        id: 21,
+        name: "061_foam_brick",
+        handling: Handling::Any,
+        mesh: || carton(25.0, 37.5, -17.0, 33.0),
+    },
 ];
 
 /// Millimeters in a meter: shapes below are written in millimeters.
@@ -101,8 +171,14 @@ fn mustard_bottle() -> TriMesh {
     let mut sections = vec![(43.0, 26.0, 3.0, -83.9), (47.5, 29.5, 3.0, -80.0)];
     sections.extend(between(-80.0, 45.0, 8).map(|z| (47.5, 29.5, 3.0, z)));
     sections.extend([
-        (47.0, 29.5, 3.0, 45.0), (43.0, 28.0, 2.7, 58.0), (34.0, 24.0, 2.4, 70.0), (22.0, 19.0, 2.0, 79.0),
-        (16.0, 16.0, 2.0, 84.0), (14.5, 14.5, 2.0, 94.0), (8.0, 8.0, 2.0, 98.0), (5.0, 5.0, 2.0, 107.5),
+        (47.0, 29.5, 3.0, 45.0),
+        (43.0, 28.0, 2.7, 58.0),
+        (34.0, 24.0, 2.4, 70.0),
+        (22.0, 19.0, 2.0, 79.0),
+        (16.0, 16.0, 2.0, 84.0),
+        (14.5, 14.5, 2.0, 94.0),
+        (8.0, 8.0, 2.0, 98.0),
+        (5.0, 5.0, 2.0, 107.5),
     ]);
     stack(&sections)
 }
@@ -118,11 +194,19 @@ fn bleach_cleanser() -> TriMesh {
     let mut sections = vec![(46.0, 29.0, 3.0, -112.0), (50.0, 33.0, 3.0, -108.0)];
     sections.extend(between(-108.0, 50.0, 10).map(|z| (50.0, 33.0, 3.0, z)));
     sections.extend([
-        (49.0, 32.5, 2.8, 50.0), (43.0, 30.0, 2.5, 68.0), (33.0, 25.0, 2.2, 85.0), (22.0, 19.0, 2.0, 98.0),
-        (18.0, 17.0, 2.0, 106.0), (17.0, 16.0, 2.0, 128.0), (12.0, 11.0, 2.0, 138.6),
+        (49.0, 32.5, 2.8, 50.0),
+        (43.0, 30.0, 2.5, 68.0),
+        (33.0, 25.0, 2.2, 85.0),
+        (22.0, 19.0, 2.0, 98.0),
+        (18.0, 17.0, 2.0, 106.0),
+        (17.0, 16.0, 2.0, 128.0),
+        (12.0, 11.0, 2.0, 138.6),
     ]);
     stack(&sections)
 }
+
+/// Half the banana's height, in millimeters.
+const FLAT_MM: f64 = 18.0;
 
 /// An arc in the horizontal plane, thick in the middle.
 fn banana() -> TriMesh {
@@ -133,11 +217,25 @@ fn banana() -> TriMesh {
         .map(|k| {
             let along = f64::from(k) / f64::from(steps);
             let angle = span * (along - 0.5);
-            let thick = 18.3 * (1.0 - (2.0 * along - 1.0).abs().powf(2.6)).max(0.0).sqrt().max(0.3);
+            let thick = 20.5
+                * (1.0 - (2.0 * along - 1.0).abs().powf(4.0))
+                    .max(0.0)
+                    .sqrt()
+                    .max(0.3);
             let outward = Vector3::new(angle.cos(), angle.sin(), 0.0);
             let center = Point3::from(outward * (arc_radius * MM));
             // Outward × down is the direction in which the angle grows.
-            oriented_ellipse(center, outward * (thick * 0.95 * MM), Vector3::z() * (-thick * MM), 24)
+            let mut ring = oriented_ellipse(
+                center,
+                outward * (thick * 0.88 * MM),
+                Vector3::z() * (-thick * MM),
+                24,
+            );
+            for point in &mut ring {
+                // Flat sides: it lies firmly.
+                point.z = point.z.clamp(-FLAT_MM * MM, FLAT_MM * MM);
+            }
+            ring
         })
         .collect();
     moved(loft(&rings), Vector3::new(-95.0, -6.0, 1.4))
@@ -145,8 +243,21 @@ fn banana() -> TriMesh {
 
 fn bowl() -> TriMesh {
     let profile: [(f64, f64); 15] = [
-        (20.0, -24.5), (34.0, -24.2), (40.0, -21.0), (55.0, -13.0), (67.0, -1.0), (75.5, 14.0), (79.0, 24.0),
-        (80.5, 30.5), (77.5, 30.5), (76.0, 24.0), (72.5, 14.5), (64.5, 1.0), (53.0, -10.5), (38.0, -18.5), (20.0, -20.5),
+        (20.0, -24.5),
+        (34.0, -24.2),
+        (40.0, -21.0),
+        (55.0, -13.0),
+        (67.0, -1.0),
+        (75.5, 14.0),
+        (79.0, 24.0),
+        (80.5, 30.5),
+        (77.5, 30.5),
+        (76.0, 24.0),
+        (72.5, 14.5),
+        (64.5, 1.0),
+        (53.0, -10.5),
+        (38.0, -18.5),
+        (20.0, -20.5),
     ];
     let sections: Vec<_> = profile.iter().map(|&(r, z)| (r, r, 2.0, z)).collect();
     stack(&sections)
@@ -155,10 +266,21 @@ fn bowl() -> TriMesh {
 /// A cup whose wall has two openings that its handle joins.
 fn mug() -> TriMesh {
     let radius = 40.0;
-    let outer_levels: Vec<f64> = std::iter::once(-37.0).chain(between(-37.0, 41.0, 12)).chain([41.0]).collect();
+    let outer_levels: Vec<f64> = std::iter::once(-37.0)
+        .chain(between(-37.0, 41.0, 12))
+        .chain([41.0])
+        .collect();
     let mut profile: Vec<(f64, f64)> = vec![(38.0, -39.0)];
     profile.extend(outer_levels.iter().map(|&z| (radius, z)));
-    profile.extend([(39.2, 42.4), (36.8, 42.4), (36.0, 41.0), (36.0, 20.0), (36.0, -5.0), (36.0, -31.0), (33.0, -34.0)]);
+    profile.extend([
+        (39.2, 42.4),
+        (36.8, 42.4),
+        (36.0, 41.0),
+        (36.0, 20.0),
+        (36.0, -5.0),
+        (36.0, -31.0),
+        (33.0, -34.0),
+    ]);
     let mut builder = Builder::default();
     let rings: Vec<Vec<u32>> = profile
         .iter()
@@ -168,7 +290,9 @@ fn mug() -> TriMesh {
     let (bottom, top) = (3, 9);
     let last = AROUND as usize - 1;
     for (row, pair) in rings.windows(2).enumerate() {
-        let open = [bottom, top].iter().any(|&first| row == first || row == first + 1);
+        let open = [bottom, top]
+            .iter()
+            .any(|&first| row == first || row == first + 1);
         let leave_out: &[usize] = if open { &[0, last] } else { &[] };
         if let [low, high] = pair {
             builder.strip(low, high, leave_out);
@@ -182,22 +306,40 @@ fn mug() -> TriMesh {
     }
     // Eight vertices around an opening, by angle from +y towards +z.
     let around = |row: usize, up: [usize; 3]| {
-        let column = |side: i32| match side { 1 => 1, 0 => 0, _ => last };
-        [(1, 1), (1, 2), (0, 2), (-1, 2), (-1, 1), (-1, 0), (0, 0), (1, 0)]
-            .map(|(side, height): (i32, usize)| rings[row + up[height]][column(side)])
-            .to_vec()
+        let column = |side: i32| match side {
+            1 => 1,
+            0 => 0,
+            _ => last,
+        };
+        [
+            (1, 1),
+            (1, 2),
+            (0, 2),
+            (-1, 2),
+            (-1, 1),
+            (-1, 0),
+            (0, 0),
+            (1, 0),
+        ]
+        .map(|(side, height): (i32, usize)| rings[row + up[height]][column(side)])
+        .to_vec()
     };
     let mut tube = vec![around(top, [0, 1, 2])];
     let height_of = |row: usize| profile[row + 1].1;
     let (high, low) = (height_of(top), height_of(bottom));
-    let (middle, reach) = ((high + low) / 2.0, (high - low) / 2.0);
+    let (middle, reach) = (high.midpoint(low), (high - low) / 2.0);
     let steps = 10_u32;
     for k in 0..=steps {
         let angle = std::f64::consts::PI * (0.5 - f64::from(k) / f64::from(steps));
         let (sin, cos) = angle.sin_cos();
         let center = Point3::new(44.0 + 21.0 * cos, 0.0, middle + reach * sin) * MM;
         let inward = Vector3::new(cos, 0.0, sin);
-        tube.push(builder.ring(&oriented_ellipse(center, Vector3::y() * (5.5 * MM), inward * (4.5 * MM), 8)));
+        tube.push(builder.ring(&oriented_ellipse(
+            center,
+            Vector3::y() * (5.5 * MM),
+            inward * (4.5 * MM),
+            8,
+        )));
     }
     tube.push(around(bottom, [2, 1, 0]));
     for (from, to) in tube.iter().zip(tube.iter().skip(1)) {
@@ -210,14 +352,41 @@ fn mug() -> TriMesh {
 fn power_drill() -> TriMesh {
     let shape = |p: &Point3<f64>| {
         let p = p / MM;
-        let motor = tapered(&p, Point3::new(-18.0, 42.0, 0.0), Point3::new(52.0, 42.0, 0.0), 27.5, 27.5);
-        let chuck = tapered(&p, Point3::new(-88.0, 42.0, 0.0), Point3::new(-18.0, 42.0, 0.0), 12.0, 22.0);
-        let handle = tapered(&p, Point3::new(30.0, 30.0, 0.0), Point3::new(38.0, -80.0, 0.0), 20.0, 19.0);
-        let foot = rounded_box(&(p - Vector3::new(30.0, -96.0, 0.0)), Vector3::new(40.0, 17.0, 27.0), 8.0);
+        let motor = tapered(
+            &p,
+            Point3::new(-18.0, 42.0, 0.0),
+            Point3::new(52.0, 42.0, 0.0),
+            27.5,
+            27.5,
+        );
+        let chuck = tapered(
+            &p,
+            Point3::new(-88.0, 42.0, 0.0),
+            Point3::new(-18.0, 42.0, 0.0),
+            12.0,
+            22.0,
+        );
+        let handle = tapered(
+            &p,
+            Point3::new(30.0, 30.0, 0.0),
+            Point3::new(38.0, -80.0, 0.0),
+            20.0,
+            19.0,
+        );
+        let foot = rounded_box(
+            &(p - Vector3::new(30.0, -96.0, 0.0)),
+            Vector3::new(40.0, 17.0, 27.0),
+            8.0,
+        );
         let upper = smooth_min(motor, chuck, 8.0);
         smooth_min(smooth_min(upper, handle, 12.0), foot, 10.0) * MM
     };
-    let mesh = level_set(shape, Point3::new(-0.115, -0.13, -0.045), Point3::new(0.1, 0.09, 0.045), 8.0 * MM);
+    let mesh = level_set(
+        shape,
+        Point3::new(-0.115, -0.13, -0.045),
+        Point3::new(0.1, 0.09, 0.045),
+        8.0 * MM,
+    );
     moved(mesh, Vector3::new(1.0, 0.5, 1.9))
 }
 
@@ -248,10 +417,22 @@ mod tests {
         for thing in &THINGS {
             let mesh = (thing.mesh)();
             let (low, high) = mesh.bounds();
-            println!("{}: {} faces, {:.1} cm3, {:.1?} to {:.1?}", thing.name, mesh.triangles.len(), mesh.volume_m3() * 1e6, (low.coords * 1e3).as_slice(), (high.coords * 1e3).as_slice());
+            println!(
+                "{}: {} faces, {:.1} cm3, {:.1?} to {:.1?}",
+                thing.name,
+                mesh.triangles.len(),
+                mesh.volume_m3() * 1e6,
+                (low.coords * 1e3).as_slice(),
+                (high.coords * 1e3).as_slice()
+            );
             assert!(mesh.is_watertight(), "{}", thing.name);
             assert!(mesh.volume_m3() > 1e-5, "{}", thing.name);
-            assert!((500..=2600).contains(&mesh.triangles.len()), "{}: {}", thing.name, mesh.triangles.len());
+            assert!(
+                (500..=2600).contains(&mesh.triangles.len()),
+                "{}: {}",
+                thing.name,
+                mesh.triangles.len()
+            );
             let hull = mesh.convex_hull().unwrap().volume_m3();
             assert!(mesh.volume_m3() < hull * 1.001, "{}", thing.name);
         }

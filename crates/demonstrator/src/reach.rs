@@ -59,9 +59,16 @@ impl Way {
         let q = if time < self.open_at {
             blend(start, open, minimum_jerk(time / self.open_at))
         } else {
-            blend(open, closed, minimum_jerk((time - self.open_at) / (1.0 - self.open_at)))
+            blend(
+                open,
+                closed,
+                minimum_jerk((time - self.open_at) / (1.0 - self.open_at)),
+            )
         };
-        (Isometry3::from_parts(Translation3::from(position), rotation), q)
+        (
+            Isometry3::from_parts(Translation3::from(position), rotation),
+            q,
+        )
     }
 }
 
@@ -74,7 +81,12 @@ pub(crate) fn record(
     table_from_object: &Isometry3<f64>,
     rng: &mut ChaCha8Rng,
 ) -> Option<Vec<Frame>> {
-    let frames_in = |time_s: f64| (1..10_000).take_while(|&n| f64::from(n) / recipe.rate_hz < time_s).count().max(1);
+    let frames_in = |time_s: f64| {
+        (1..10_000)
+            .take_while(|&n| f64::from(n) / recipe.rate_hz < time_s)
+            .count()
+            .max(1)
+    };
     let n_reach = frames_in(between(rng, recipe.reach_time_s));
     let way = (0..TRIES)
         .map(|_| draw_way(recipe, hand, grasp, table_from_object, rng))
@@ -85,12 +97,17 @@ pub(crate) fn record(
     let n_over = frames_in(recipe.handover_time_s);
     let lift = Vector3::z() * between(rng, recipe.lift_height_m);
     let heading = direction(rng).into_inner();
-    let aside = Vector3::new(heading.x, heading.y, 0.0).try_normalize(1e-6).unwrap_or_else(Vector3::x);
+    let aside = Vector3::new(heading.x, heading.y, 0.0)
+        .try_normalize(1e-6)
+        .unwrap_or_else(Vector3::x);
     let over = aside * between(rng, recipe.handover_distance_m);
     let turn = normal3(rng) * 0.08;
 
     let mut frames = Vec::new();
-    let at_rest = |hand| Frame { hand, table_from_object: *table_from_object };
+    let at_rest = |hand| Frame {
+        hand,
+        table_from_object: *table_from_object,
+    };
     frames.extend((0..n_empty).map(|_| at_rest(None)));
     frames.extend((0..=n_reach).map(|k| at_rest(Some(way.at(k as f64 / n_reach as f64)))));
     let (end, q) = way.at(1.0);
@@ -101,7 +118,10 @@ pub(crate) fn record(
         let rotation = UnitQuaternion::from_scaled_axis(turn);
         let about = Isometry3::rotation_wrt_point(rotation, pivot);
         let after = Translation3::from(shift) * about;
-        Frame { hand: Some((after * end, q)), table_from_object: after * table_from_object }
+        Frame {
+            hand: Some((after * end, q)),
+            table_from_object: after * table_from_object,
+        }
     };
     frames.extend((1..=n_lift).map(|k| {
         let share = minimum_jerk(k as f64 / n_lift as f64);
@@ -138,7 +158,8 @@ fn draw_way(
     let swing = normal3(rng) + Vector3::z();
     let sideways = swing - way * (way.dot(&swing) / way.norm_squared());
     let bow = sideways.normalize() * way.norm() * between(rng, [0.02, 0.05]);
-    let turn = UnitQuaternion::from_scaled_axis(direction(rng).into_inner() * between(rng, [0.1, 0.45]));
+    let turn =
+        UnitQuaternion::from_scaled_axis(direction(rng).into_inner() * between(rng, [0.1, 0.45]));
     let start = Isometry3::from_parts(Translation3::from(start_position), turn * end.rotation);
 
     let closed = grasp.placed.q;
@@ -155,7 +176,13 @@ fn draw_way(
     let relaxed = posture_deg([0.0, 0.0, 10.0, 15.0], [0.0, 20.0, 30.0]);
     let at_start = hand.aperture_m(&open) * between(rng, [0.5, 0.75]);
     let first = opened(hand, &curled, &relaxed, at_start);
-    Way { start, end, bow, postures: [clamped(&first), open, closed], open_at: between(rng, [0.66, 0.76]) }
+    Way {
+        start,
+        end,
+        bow,
+        postures: [clamped(&first), open, closed],
+        open_at: between(rng, [0.66, 0.76]),
+    }
 }
 
 /// Returns the posture between two, nearest to the first, at which the hand is open so far.
@@ -169,7 +196,13 @@ fn opened(hand: &Hand, narrow: &Joints, wide: &Joints, aperture_m: f64) -> Joint
 
 /// Says whether the hand stays out of object and table, opens widest when it should, and does not
 /// close before.
-fn is_free(way: &Way, n: usize, body: &Body, hand: &Hand, table_from_object: &Isometry3<f64>) -> bool {
+fn is_free(
+    way: &Way,
+    n: usize,
+    body: &Body,
+    hand: &Hand,
+    table_from_object: &Isometry3<f64>,
+) -> bool {
     let object_from_table = table_from_object.inverse();
     let mut widest = (0.0, 0.0);
     for k in 0..=n {
@@ -196,7 +229,8 @@ fn is_free(way: &Way, n: usize, body: &Body, hand: &Hand, table_from_object: &Is
 /// Adds the tracker's noise to wrist and joints: bones keep their lengths.
 fn add_noise(recipe: &Recipe, frames: &mut [Frame], rng: &mut ChaCha8Rng) {
     let mut wrist = LowPass::<6>::new(recipe.noise_cutoff_hz, recipe.rate_hz, rng);
-    let mut joints = LowPass::<{ crate::hand::DOF }>::new(recipe.noise_cutoff_hz, recipe.rate_hz, rng);
+    let mut joints =
+        LowPass::<{ crate::hand::DOF }>::new(recipe.noise_cutoff_hz, recipe.rate_hz, rng);
     for (pose, q) in frames.iter_mut().filter_map(|frame| frame.hand.as_mut()) {
         let [x, y, z, a, b, c] = wrist.next(rng);
         pose.translation.vector += Vector3::new(x, y, z) * recipe.wrist_noise_m;

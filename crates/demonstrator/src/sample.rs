@@ -18,7 +18,7 @@ use crate::{
 };
 
 /// Bump on any change of what a recipe gives: samples made before are then made again.
-pub const GENERATOR_VERSION: u32 = 1;
+pub const GENERATOR_VERSION: u32 = 2;
 
 /// The recipe's file in a folder of made-up recordings.
 pub const RECIPE_FILE: &str = "recipe.toml";
@@ -93,19 +93,42 @@ fn make_all(recipe: &Recipe, making: &Path) -> Result<Made, DemonstratorError> {
             Ok(scene.frames.len())
         })
         .collect::<Result<Vec<usize>, DemonstratorError>>()?;
-    Ok(Made::Written { sequences, frames: frames.iter().sum() })
+    Ok(Made::Written {
+        sequences,
+        frames: frames.iter().sum(),
+    })
 }
 
 /// Moves what was made into place, over what older recipes made.
-fn replace(root: &Path, making: &Path, old_stamp: &str, made_by: &str) -> Result<(), DemonstratorError> {
+fn replace(
+    root: &Path,
+    making: &Path,
+    old_stamp: &str,
+    made_by: &str,
+) -> Result<(), DemonstratorError> {
     let mut names = BTreeSet::new();
     for entry in fs::read_dir(making).map_err(failed("read", making))? {
-        names.insert(entry.map_err(failed("read", making))?.file_name().to_string_lossy().into_owned());
+        names.insert(
+            entry
+                .map_err(failed("read", making))?
+                .file_name()
+                .to_string_lossy()
+                .into_owned(),
+        );
     }
     // From here on the folder is ours to clear, also for whoever comes after an interruption.
-    let old = old_stamp.lines().filter_map(|line| line.strip_prefix("entry "));
-    let ours: BTreeSet<String> = old.filter(|name| is_ours(name)).map(str::to_owned).chain(names.clone()).collect();
-    let listed = |names: &BTreeSet<String>| names.iter().map(|name| format!("entry {name}\n")).collect::<String>();
+    let old = old_stamp
+        .lines()
+        .filter_map(|line| line.strip_prefix("entry "));
+    let ours: BTreeSet<String> = old
+        .filter(|name| is_ours(name))
+        .map(str::to_owned)
+        .chain(names.clone())
+        .collect();
+    let listed = |names: &BTreeSet<String>| {
+        let entries: Vec<String> = names.iter().map(|name| format!("entry {name}")).collect();
+        entries.join("\n") + "\n"
+    };
     write_stamp(root, &format!("unfinished\n{}", listed(&ours)))?;
     for name in &ours {
         remove(&root.join(name))?;
@@ -140,5 +163,9 @@ fn remove(folder: &Path) -> Result<(), DemonstratorError> {
 
 fn failed(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> DemonstratorError {
     let path: PathBuf = path.to_owned();
-    move |source| DemonstratorError::File { action, path, source }
+    move |source| DemonstratorError::File {
+        action,
+        path,
+        source,
+    }
 }

@@ -10,7 +10,7 @@ use spatial::Rest;
 use crate::{
     DemonstratorError, Recipe,
     body::Body,
-    grasp::{Grasp, grasps},
+    grasp::grasps,
     hand::{Hand, Side, Size, point},
     noise::{between, stream},
     reach::{Frame, record},
@@ -28,10 +28,6 @@ pub(crate) struct Scene {
     /// Poses of all objects in the first frame; the grasped one's is also in the frames.
     pub(crate) table_from_objects: Vec<Isometry3<f64>>,
     pub(crate) frames: Vec<Frame>,
-    /// The grasp shown.
-    pub(crate) grasp: Grasp,
-    /// How the grasped object lay.
-    pub(crate) rest: Rest,
 }
 
 /// Where grasped objects lie on the table, in meters.
@@ -54,17 +50,34 @@ pub(crate) fn make(
     let mut rng = stream(recipe.seed, "recording", recording);
     let target = (recording / recipe.sequences_per_object) % bodies.len();
     let subject = recording % recipe.subjects;
-    let left = recipe.left_every > 0 && recording % recipe.left_every == recipe.left_every.min(4) - 1;
+    let left =
+        recipe.left_every > 0 && recording % recipe.left_every == recipe.left_every.min(4) - 1;
     let side = if left { Side::Left } else { Side::Right };
-    let size = Size::draw(&mut stream(recipe.seed, "subject", subject), recipe.hand_size_sd, recipe.bone_length_sd);
-    let hand = Hand::new(side, &size);
+    let person = Size::draw(
+        &mut stream(recipe.seed, "subject", subject),
+        recipe.hand_size_sd,
+        recipe.bone_length_sd,
+    );
+    let hand = Hand::new(side, &person);
     let body = &bodies[target];
     for _ in 0..ROUNDS {
         let rest = body.draw_rest(&mut rng, recipe.lying_share);
-        let place = Vector3::new(between(&mut rng, GRASPED_X_M), between(&mut rng, GRASPED_Y_M), 0.0);
+        let place = Vector3::new(
+            between(&mut rng, GRASPED_X_M),
+            between(&mut rng, GRASPED_Y_M),
+            0.0,
+        );
         let table_from_object = placed(&rest, place, &mut rng);
-        for grasp in grasps(body, &rest, &hand, recipe.grasp_draws, recipe.grasp_tries, &mut rng) {
-            let Some(frames) = record(recipe, body, &hand, &grasp, &table_from_object, &mut rng) else {
+        for grasp in grasps(
+            body,
+            &rest,
+            &hand,
+            recipe.grasp_draws,
+            recipe.grasp_tries,
+            &mut rng,
+        ) {
+            let Some(frames) = record(recipe, body, &hand, &grasp, &table_from_object, &mut rng)
+            else {
                 continue;
             };
             let others = place_others(recipe, bodies, target, &hand, &frames, &mut rng);
@@ -75,10 +88,20 @@ pub(crate) fn make(
             let mut all = others;
             all.insert(grasped, (target, table_from_object));
             let (objects, table_from_objects) = all.into_iter().unzip();
-            return Ok(Scene { subject, hand, objects, grasped, table_from_objects, frames, grasp, rest });
+            return Ok(Scene {
+                subject,
+                hand,
+                objects,
+                grasped,
+                table_from_objects,
+                frames,
+            });
         }
     }
-    Err(DemonstratorError::NoGrasp { object: body.thing.name, recording })
+    Err(DemonstratorError::NoGrasp {
+        object: body.thing.name,
+        recording,
+    })
 }
 
 /// Puts an object down at a place with a random yaw.
@@ -101,10 +124,18 @@ fn place_others(
     // What moves, as points with a radius.
     let mut taken: Vec<(Vector3<f64>, f64)> = Vec::new();
     for frame in frames {
-        taken.push((frame.table_from_object.translation.vector, bodies[target].radius_m));
+        taken.push((
+            frame.table_from_object.translation.vector,
+            bodies[target].radius_m,
+        ));
         if let Some((pose, q)) = &frame.hand {
             let points = hand.points_in(pose, q);
-            taken.extend(points.iter().take(point::LANDMARKS).map(|p| (p.coords, 0.02)));
+            taken.extend(
+                points
+                    .iter()
+                    .take(point::LANDMARKS)
+                    .map(|p| (p.coords, 0.02)),
+            );
         }
     }
     let mut others: Vec<(usize, Isometry3<f64>)> = Vec::new();
@@ -135,7 +166,6 @@ fn place_others(
 mod tests {
     use super::*;
     use crate::{
-        body::height_m,
         grasp::TOUCHING_M,
         hand::{FINGERS, ranges},
         objects::THINGS,
@@ -147,7 +177,11 @@ mod tests {
         let mut recipe = Recipe::from_toml(text).unwrap();
         recipe.sequences_per_object = 2;
         (recipe.grasp_draws, recipe.grasp_tries) = (300, 10);
-        (recipe.wrist_noise_m, recipe.wrist_noise_rad, recipe.joint_noise_rad) = (0.0, 0.0, 0.0);
+        (
+            recipe.wrist_noise_m,
+            recipe.wrist_noise_rad,
+            recipe.joint_noise_rad,
+        ) = (0.0, 0.0, 0.0);
         recipe
     }
 
@@ -161,7 +195,8 @@ mod tests {
     /// Where the largest value is, as a share of the length.
     fn peak(values: &[f64]) -> f64 {
         let largest = values.iter().copied().fold(f64::MIN, f64::max);
-        values.iter().position(|&value| value == largest).unwrap() as f64 / (values.len() - 1) as f64
+        values.iter().position(|&value| value == largest).unwrap() as f64
+            / (values.len() - 1) as f64
     }
 
     #[test]
@@ -170,7 +205,10 @@ mod tests {
         let bodies: Vec<Body> = THINGS.iter().map(Body::new).collect();
         for recording in 0..bodies.len() * recipe.sequences_per_object {
             let scene = make(&recipe, &bodies, recording).unwrap();
-            let name = format!("{recording} {}", bodies[scene.objects[scene.grasped]].thing.name);
+            let name = format!(
+                "{recording} {}",
+                bodies[scene.objects[scene.grasped]].thing.name
+            );
             assert!((40..=110).contains(&scene.frames.len()), "{name}");
             holds_well(&scene, &bodies, &name);
             moves_well(&scene, &recipe, &name);
@@ -180,7 +218,8 @@ mod tests {
     fn holds_well(scene: &Scene, bodies: &[Body], name: &str) {
         let body = &bodies[scene.objects[scene.grasped]];
         let (pose, q) = *reach(scene).last().unwrap();
-        let object_from_table = scene.table_from_objects[scene.grasped].inverse();
+        let table_from_object = scene.table_from_objects[scene.grasped];
+        let object_from_table = table_from_object.inverse();
         let points = scene.hand.points_in(&(object_from_table * pose), &q);
         let touching = (0..FINGERS)
             .filter(|finger| {
@@ -189,29 +228,66 @@ mod tests {
             })
             .count();
         assert!(touching >= 3, "{name}: {touching} fingers touch");
-        for (radius, flesh) in scene.hand.radii_m().iter().zip(points.iter().skip(point::FLESH)) {
-            assert!(body.surface.signed_distance(flesh).distance_m > radius - 0.003, "{name}: flesh in the object");
-            assert!(height_m(&scene.rest, flesh) > *radius, "{name}: flesh in the table");
+        for (radius, flesh) in scene
+            .hand
+            .radii_m()
+            .iter()
+            .zip(points.iter().skip(point::FLESH))
+        {
+            assert!(
+                body.surface.signed_distance(flesh).distance_m > radius - 0.003,
+                "{name}: flesh in the object"
+            );
+            assert!(
+                (table_from_object * flesh).z > *radius,
+                "{name}: flesh in the table"
+            );
         }
     }
 
     fn moves_well(scene: &Scene, recipe: &Recipe, name: &str) {
         for (pose, q) in scene.frames.iter().filter_map(|frame| frame.hand) {
-            let inside = q.iter().zip(ranges()).all(|(angle, [low, high])| (low..=high).contains(angle));
+            let inside = q
+                .iter()
+                .zip(ranges())
+                .all(|(angle, [low, high])| (low..=high).contains(angle));
             assert!(inside, "{name}: a joint is out of range");
             let points = scene.hand.points_in(&pose, &q);
-            assert!(points.iter().take(point::LANDMARKS).all(|p| p.z > 0.0), "{name}: the hand crosses the table");
+            assert!(
+                points.iter().take(point::LANDMARKS).all(|p| p.z > 0.0),
+                "{name}: the hand crosses the table"
+            );
         }
         let reach = reach(scene);
-        let apertures: Vec<f64> = reach.iter().map(|(_, q)| scene.hand.aperture_m(q)).collect();
-        assert!((0.58..=0.82).contains(&peak(&apertures)), "{name}: open widest at {}", peak(&apertures));
+        let apertures: Vec<f64> = reach
+            .iter()
+            .map(|(_, q)| scene.hand.aperture_m(q))
+            .collect();
+        assert!(
+            (0.58..=0.82).contains(&peak(&apertures)),
+            "{name}: open widest at {}",
+            peak(&apertures)
+        );
         let speeds: Vec<f64> = reach
             .windows(2)
-            .map(|pair| (pair[1].0.translation.vector - pair[0].0.translation.vector).norm() * recipe.rate_hz)
+            .map(|pair| {
+                (pair[1].0.translation.vector - pair[0].0.translation.vector).norm()
+                    * recipe.rate_hz
+            })
             .collect();
-        assert!((0.35..=0.55).contains(&peak(&speeds)), "{name}: fastest at {}", peak(&speeds));
-        let rises = speeds.windows(2).take_while(|pair| pair[1] > pair[0] - 1e-3).count();
-        let falls = speeds.windows(2).skip(rises).all(|pair| pair[1] < pair[0] + 1e-3);
+        assert!(
+            (0.35..=0.55).contains(&peak(&speeds)),
+            "{name}: fastest at {}",
+            peak(&speeds)
+        );
+        let rises = speeds
+            .windows(2)
+            .take_while(|pair| pair[1] > pair[0] - 1e-3)
+            .count();
+        let falls = speeds
+            .windows(2)
+            .skip(rises)
+            .all(|pair| pair[1] < pair[0] + 1e-3);
         assert!(falls, "{name}: more than one peak in {speeds:.2?}");
     }
 }

@@ -115,8 +115,8 @@ pub(crate) fn ellipse(a: f64, b: f64, squareness: f64, z: f64, n: u32) -> Ring {
     (0..n)
         .map(|idx| {
             let (sin, cos) = (TAU * f64::from(idx) / f64::from(n)).sin_cos();
-            let scale = (cos.abs().powf(squareness) + sin.abs().powf(squareness))
-                .powf(-1.0 / squareness);
+            let scale =
+                (cos.abs().powf(squareness) + sin.abs().powf(squareness)).powf(-1.0 / squareness);
             Point3::new(a * scale * cos, b * scale * sin, z)
         })
         .collect()
@@ -146,12 +146,11 @@ pub(crate) fn level_set(
     high: Point3<f64>,
     cell_m: f64,
 ) -> TriMesh {
-    let n = ((high - low) / cell_m).map(|x| x.ceil());
+    let n = ((high - low) / cell_m).map(f64::ceil);
     let count = |x: f64| (0..=400_i32).take_while(|&i| f64::from(i) <= x).count();
     let (nx, ny, nz) = (count(n.x), count(n.y), count(n.z));
-    let node = |i: usize, j: usize, k: usize| {
-        low + Vector3::new(i as f64, j as f64, k as f64) * cell_m
-    };
+    let node =
+        |i: usize, j: usize, k: usize| low + Vector3::new(i as f64, j as f64, k as f64) * cell_m;
     let mut values = vec![0.0; nx * ny * nz];
     let at = |i: usize, j: usize, k: usize| (i * ny + j) * nz + k;
     for i in 0..nx {
@@ -243,7 +242,11 @@ mod tests {
         );
         for (mesh, volume) in [(brick, 0.04 * 0.06 * 0.1), (ball, 4.189 * 0.04_f64.powi(3))] {
             assert!(mesh.is_watertight());
-            assert!((mesh.volume_m3() / volume - 1.0).abs() < 0.03, "{}", mesh.volume_m3());
+            assert!(
+                (mesh.volume_m3() / volume - 1.0).abs() < 0.03,
+                "{}",
+                mesh.volume_m3()
+            );
         }
     }
 }

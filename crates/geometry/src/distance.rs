@@ -85,10 +85,12 @@ impl SurfaceDistance {
         let mut crease_of: BTreeMap<(u32, u32), usize> = BTreeMap::new();
         let mut creases: Vec<Crease> = Vec::new();
         let mut add = |from: u32, to: u32, normal: Vector3<f64>, weight: f64| {
-            let idx = *crease_of.entry((from.min(to), from.max(to))).or_insert_with(|| {
-                creases.push(Crease::default());
-                creases.len() - 1
-            });
+            let idx = *crease_of
+                .entry((from.min(to), from.max(to)))
+                .or_insert_with(|| {
+                    creases.push(Crease::default());
+                    creases.len() - 1
+                });
             creases[idx].normal += normal * weight;
             creases[idx].around.push(normal);
             idx

@@ -18,7 +18,7 @@ pub(crate) fn convex_hull(points: &[Point3<f64>]) -> Result<TriMesh, GeometryErr
     let flat = || GeometryError::NoHull {
         points: points.len(),
     };
-    let (vertices, triangles) = try_convex_hull(&singles(points)).map_err(|_| flat())?;
+    let (vertices, triangles) = try_convex_hull(&singles(points)).map_err(|_degenerate| flat())?;
     let hull = without_spare_vertices(&TriMesh {
         vertices_m: vertices.iter().map(double).collect(),
         triangles,
@@ -45,7 +45,9 @@ pub(crate) fn few_hull_points(
     }
     let mut chosen = extremes(&full.vertices_m);
     while chosen.len() < limit {
-        let Ok(hull) = convex_hull(&chosen) else { break };
+        let Ok(hull) = convex_hull(&chosen) else {
+            break;
+        };
         let planes: Vec<(Vector3<f64>, f64)> = hull
             .triangles
             .iter()
@@ -80,7 +82,7 @@ fn extremes(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
     for (x, y, z) in triples(signs) {
         let direction = Vector3::new(x, y, z);
         // Axes and space diagonals: fourteen directions.
-        if x.abs() + y.abs() + z.abs() == 2.0 || direction == Vector3::zeros() {
+        if matches!(direction.iter().filter(|part| **part != 0.0).count(), 0 | 2) {
             continue;
         }
         let mut best: Option<(f64, Point3<f64>)> = None;

@@ -52,7 +52,9 @@ fn of_solid(mesh: &TriMesh, mass_kg: f64) -> Option<MassProperties> {
         volume += part;
         first += sum * (part / 4.0);
         // ∫ x xᵀ over a tetrahedron with one corner at 0.
-        second += (a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose()) * (part / 20.0);
+        second +=
+            (a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose())
+                * (part / 20.0);
     }
     let center = first / volume;
     let spread = second / volume - center * center.transpose();

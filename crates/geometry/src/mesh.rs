@@ -30,9 +30,11 @@ impl TriMesh {
         let Some(first) = self.vertices_m.first() else {
             return (Point3::origin(), Point3::origin());
         };
-        self.vertices_m.iter().fold((*first, *first), |(low, high), vertex| {
-            (low.inf(vertex), high.sup(vertex))
-        })
+        self.vertices_m
+            .iter()
+            .fold((*first, *first), |(low, high), vertex| {
+                (low.inf(vertex), high.sup(vertex))
+            })
     }
 
     /// Returns the enclosed volume in cubic meters, negative where the mesh winds inward.

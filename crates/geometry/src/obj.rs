@@ -104,13 +104,19 @@ fn vertex<'a>(
 /// Reads one corner of an `f` line, `v`, `v/vt`, `v//vn` or `v/vt/vn`, as an index from zero.
 fn corner(word: &str, line: usize, vertices: usize) -> Result<u32, GeometryError> {
     let written = word.split('/').next().unwrap_or_default();
-    let index: i64 = written.parse().map_err(|_| GeometryError::NotAnIndex {
-        line,
-        found: word.to_owned(),
-    })?;
+    let index: i64 = written
+        .parse()
+        .map_err(|_unreadable| GeometryError::NotAnIndex {
+            line,
+            found: word.to_owned(),
+        })?;
     let count = i64::try_from(vertices).unwrap_or(i64::MAX);
     // Negative indices count back from the last vertex read.
-    let from_zero = if index < 0 { count.saturating_add(index) } else { index - 1 };
+    let from_zero = if index < 0 {
+        count.saturating_add(index)
+    } else {
+        index - 1
+    };
     u32::try_from(from_zero)
         .ok()
         .filter(|_| from_zero < count)
@@ -133,8 +139,16 @@ mod tests {
 
     #[test]
     fn reads_every_way_of_writing_a_face() {
-        for faces in ["f 1 2 3 4", "f 1/1 2/7 3/3 4/4", "f 1//1 2//9 3//1 4//1", "f 1/1/1 2/2/2 3/3/3 4/4/4", "f -4 -3 -2 -1 # a quad"] {
-            let text = format!("# comment\nmtllib a.mtl\no thing\n{CORNERS}vt 0 0\nvn 0 0 1\ns off\n{faces}\r\n\n");
+        for faces in [
+            "f 1 2 3 4",
+            "f 1/1 2/7 3/3 4/4",
+            "f 1//1 2//9 3//1 4//1",
+            "f 1/1/1 2/2/2 3/3/3 4/4/4",
+            "f -4 -3 -2 -1 # a quad",
+        ] {
+            let text = format!(
+                "# comment\nmtllib a.mtl\no thing\n{CORNERS}vt 0 0\nvn 0 0 1\ns off\n{faces}\r\n\n"
+            );
             let mesh = TriMesh::from_obj(&text).unwrap();
             assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]], "{faces}");
         }
@@ -142,18 +156,37 @@ mod tests {
 
     #[test]
     fn refuses_what_it_cannot_use_and_says_where() {
-        let number = |line, found: &str| GeometryError::NotANumber { line, found: found.to_owned() };
+        let number = |line, found: &str| GeometryError::NotANumber {
+            line,
+            found: found.to_owned(),
+        };
         refuses("v 0 0 nan\n", &number(1, "nan"));
         refuses("\nv 0 inf 0\n", &number(2, "inf"));
         refuses("v 0 x 0\n", &number(1, "x"));
         refuses("v 0 0\n", &GeometryError::ShortVertex { line: 1, found: 2 });
-        let index = |index| GeometryError::IndexOutOfRange { line: 5, index, vertices: 4 };
+        let index = |index| GeometryError::IndexOutOfRange {
+            line: 5,
+            index,
+            vertices: 4,
+        };
         refuses(&format!("{CORNERS}f 1 2 5\n"), &index(5));
         refuses(&format!("{CORNERS}f 0 1 2\n"), &index(0));
         refuses(&format!("{CORNERS}f -5 1 2\n"), &index(-5));
-        refuses(&format!("{CORNERS}f 1 9999999999 2\n"), &index(9_999_999_999));
-        refuses(&format!("{CORNERS}f 1 2\n"), &GeometryError::ShortFace { line: 5, found: 2 });
-        refuses(&format!("{CORNERS}f 1 2 a\n"), &GeometryError::NotAnIndex { line: 5, found: "a".to_owned() });
+        refuses(
+            &format!("{CORNERS}f 1 9999999999 2\n"),
+            &index(9_999_999_999),
+        );
+        refuses(
+            &format!("{CORNERS}f 1 2\n"),
+            &GeometryError::ShortFace { line: 5, found: 2 },
+        );
+        refuses(
+            &format!("{CORNERS}f 1 2 a\n"),
+            &GeometryError::NotAnIndex {
+                line: 5,
+                found: "a".to_owned(),
+            },
+        );
         refuses(CORNERS, &GeometryError::NoTriangles);
         refuses("", &GeometryError::NoTriangles);
         refuses(&format!("{CORNERS}f 1 1 2\n"), &GeometryError::NoTriangles);

@@ -63,7 +63,9 @@ pub fn convex_parts(
             detect_cavities: false,
         },
         // Split finer than asked, then join: a bad early cut is then undone.
-        max_convex_hulls: u32::try_from(max_parts).unwrap_or(u32::MAX).saturating_mul(4),
+        max_convex_hulls: u32::try_from(max_parts)
+            .unwrap_or(u32::MAX)
+            .saturating_mul(4),
         ..VHACDParameters::default()
     };
     let points = singles(&mesh.vertices_m);
@@ -79,14 +81,21 @@ pub fn convex_parts(
                 .map(|vertex| {
                     let vertex = double(vertex);
                     let nearest = surface.signed_distance(&vertex);
-                    if nearest.distance_m > 0.0 { nearest.point } else { vertex }
+                    if nearest.distance_m > 0.0 {
+                        nearest.point
+                    } else {
+                        vertex
+                    }
                 })
                 .collect();
             convex_hull(&on_or_in).ok()
         })
         .collect();
     let smallest = SMALLEST_SHARE * hulls.iter().map(TriMesh::volume_m3).sum::<f64>();
-    let hulls = hulls.into_iter().filter(|part| part.volume_m3() > smallest).collect();
+    let hulls = hulls
+        .into_iter()
+        .filter(|part| part.volume_m3() > smallest)
+        .collect();
     let parts: Vec<_> = merged(hulls, max_parts)
         .iter()
         .filter_map(|part| few_hull_points(&part.vertices_m, MAX_PART_VERTICES).ok())

@@ -21,7 +21,7 @@ impl TriMesh {
                 area
             })
             .collect();
-        if !(area > 0.0) {
+        if area <= 0.0 || area.is_nan() {
             return (Vec::new(), Vec::new());
         }
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -35,7 +35,8 @@ impl TriMesh {
                 let [a, b, c] = self.corners(triangle);
                 // Uniform in a triangle: Osada et al., "Shape distributions", 2002, §4.2.
                 let (root, v) = (rng.random::<f64>().sqrt(), rng.random::<f64>());
-                let point = a.coords * (1.0 - root) + b.coords * (root * (1.0 - v)) + c.coords * (root * v);
+                let point =
+                    a.coords * (1.0 - root) + b.coords * (root * (1.0 - v)) + c.coords * (root * v);
                 let normal = self
                     .area_normal(triangle)
                     .try_normalize(0.0)

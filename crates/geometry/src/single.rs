@@ -4,7 +4,10 @@ use nalgebra::Point3;
 use parry3d::math::Vector;
 
 /// Returns a point in single precision.
-#[expect(clippy::cast_possible_truncation, reason = "parry3d computes in f32; 1e-8 m is lost")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "parry3d computes in f32; 1e-8 m is lost"
+)]
 pub(crate) fn single(point: &Point3<f64>) -> Vector {
     Vector::new(point.x as f32, point.y as f32, point.z as f32)
 }

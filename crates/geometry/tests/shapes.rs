@@ -12,13 +12,29 @@ use rand_chacha::ChaCha8Rng;
 /// A box from `low` to `high`.
 fn cuboid(low: [f64; 3], high: [f64; 3]) -> TriMesh {
     let corner = |idx: usize| {
-        let pick = |axis: usize| if idx >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        let pick = |axis: usize| {
+            if idx >> axis & 1 == 0 {
+                low[axis]
+            } else {
+                high[axis]
+            }
+        };
         Point3::new(pick(0), pick(1), pick(2))
     };
-    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let quads = [
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+    ];
     TriMesh {
         vertices_m: (0..8).map(corner).collect(),
-        triangles: quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
+        triangles: quads
+            .iter()
+            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
+            .collect(),
     }
 }
 
@@ -42,12 +58,18 @@ fn revolved(profile: &[(f64, f64)], n: u32) -> TriMesh {
             })
         })
         .collect();
-    TriMesh { vertices_m, triangles }
+    TriMesh {
+        vertices_m,
+        triangles,
+    }
 }
 
 fn cylinder(radius: f64, height: f64) -> TriMesh {
     let half = height / 2.0;
-    revolved(&[(0.0, -half), (radius, -half), (radius, half), (0.0, half)], 96)
+    revolved(
+        &[(0.0, -half), (radius, -half), (radius, half), (0.0, half)],
+        96,
+    )
 }
 
 fn sphere(radius: f64) -> TriMesh {
@@ -55,7 +77,10 @@ fn sphere(radius: f64) -> TriMesh {
         .map(|i| {
             let angle = PI * (f64::from(i) / 48.0 - 0.5);
             let pole = i % 48 == 0;
-            (if pole { 0.0 } else { radius * angle.cos() }, radius * angle.sin())
+            (
+                if pole { 0.0 } else { radius * angle.cos() },
+                radius * angle.sin(),
+            )
         })
         .collect();
     revolved(&profile, 96)
@@ -64,13 +89,23 @@ fn sphere(radius: f64) -> TriMesh {
 /// A cup with a wall of 4 mm, open above.
 fn cup() -> TriMesh {
     revolved(
-        &[(0.0, 0.0), (0.04, 0.0), (0.04, 0.08), (0.036, 0.08), (0.036, 0.004), (0.0, 0.004)],
+        &[
+            (0.0, 0.0),
+            (0.04, 0.0),
+            (0.04, 0.08),
+            (0.036, 0.08),
+            (0.036, 0.004),
+            (0.0, 0.004),
+        ],
         48,
     )
 }
 
 fn close(found: f64, expected: f64, relative: f64) {
-    assert!((found - expected).abs() <= relative * expected.abs(), "{found} for {expected}");
+    assert!(
+        (found - expected).abs() <= relative * expected.abs(),
+        "{found} for {expected}"
+    );
 }
 
 #[test]
@@ -86,7 +121,11 @@ fn box_sphere_and_cylinder_have_their_volume_and_inertia() {
 
     let ball = sphere(0.05);
     close(ball.volume_m3(), 4.0 / 3.0 * PI * 0.05_f64.powi(3), 0.01);
-    close(mass_properties(&ball, 0.2).inertia_kg_m2[(1, 1)], 0.4 * 0.2 * 0.0025, 0.01);
+    close(
+        mass_properties(&ball, 0.2).inertia_kg_m2[(1, 1)],
+        0.4 * 0.2 * 0.0025,
+        0.01,
+    );
 
     let can = cylinder(0.03, 0.1);
     close(can.volume_m3(), PI * 0.0009 * 0.1, 0.01);
@@ -102,7 +141,11 @@ fn open_and_flat_meshes_still_get_mass_properties() {
     let mass = mass_properties(&open, 1.0);
     close(mass.inertia_kg_m2[(0, 0)], 0.01 / 6.0, 1e-6);
     let flat = TriMesh {
-        vertices_m: vec![Point3::origin(), Point3::new(0.1, 0.0, 0.0), Point3::new(0.0, 0.1, 0.0)],
+        vertices_m: vec![
+            Point3::origin(),
+            Point3::new(0.1, 0.0, 0.0),
+            Point3::new(0.0, 0.1, 0.0),
+        ],
         triangles: vec![[0, 1, 2]],
     };
     assert!(flat.convex_hull().is_err());
@@ -120,7 +163,12 @@ fn sampled_points_lie_on_the_surface_evenly_and_alike_for_a_seed() {
     let distance = SurfaceDistance::new(&can);
     for (point, normal) in points.iter().zip(&normals) {
         assert!(distance.signed_distance(point).distance_m.abs() < 1e-6);
-        assert!(distance.signed_distance(&(point + normal * 1e-3)).distance_m > 0.0);
+        assert!(
+            distance
+                .signed_distance(&(point + normal * 1e-3))
+                .distance_m
+                > 0.0
+        );
     }
     let side = normals.iter().filter(|normal| normal.z.abs() < 0.5).count();
     close(side as f64 / 4000.0, 0.1 / (0.1 + 0.03), 0.03);
@@ -135,7 +183,10 @@ fn brute_distance(mesh: &TriMesh, p: &Point3<f64>) -> f64 {
     let mut best = f64::INFINITY;
     for &triangle in &mesh.triangles {
         let [a, b, c] = triangle.map(|idx| mesh.vertices_m[idx as usize]);
-        best = best.min(segment(a, b)).min(segment(b, c)).min(segment(c, a));
+        best = best
+            .min(segment(a, b))
+            .min(segment(b, c))
+            .min(segment(c, a));
         let n = (b - a).cross(&(c - a));
         if n.norm() < 1e-15 {
             continue;
@@ -173,25 +224,44 @@ fn distance_is_that_of_brute_force(mesh: &TriMesh, n: usize) {
         let p = low - margin + (high - low + margin * 2.0).component_mul(&part);
         let found = distance.signed_distance(&p);
         let expected = brute_distance(mesh, &p);
-        assert!((found.distance_m.abs() - expected).abs() < 1e-6, "{found:?} for {expected}");
+        assert!(
+            (found.distance_m.abs() - expected).abs() < 1e-6,
+            "{found:?} for {expected}"
+        );
         assert!(((found.point - p).norm() - expected).abs() < 1e-6);
         if expected > 1e-5 {
             let inside = winding(mesh, &p) > 0.5;
-            assert_eq!(found.distance_m < 0.0, inside, "{p} at {expected}, {:.3} {:.3}", (p - found.point).normalize().dot(&found.normal), winding(mesh, &p));
+            assert_eq!(
+                found.distance_m < 0.0,
+                inside,
+                "{p} at {expected}, {:.3} {:.3}",
+                (p - found.point).normalize().dot(&found.normal),
+                winding(mesh, &p)
+            );
         }
     }
 }
 
 #[test]
 fn signed_distance_is_that_of_brute_force() {
-    for mesh in [cuboid([0.0; 3], [0.1, 0.02, 0.05]), cylinder(0.03, 0.1), sphere(0.04), cup()] {
+    for mesh in [
+        cuboid([0.0; 3], [0.1, 0.02, 0.05]),
+        cylinder(0.03, 0.1),
+        sphere(0.04),
+        cup(),
+    ] {
         distance_is_that_of_brute_force(&mesh, 500);
     }
 }
 
 #[test]
 fn the_hull_contains_the_mesh_and_is_closed() {
-    for mesh in [cuboid([0.0; 3], [0.1, 0.02, 0.05]), cylinder(0.03, 0.1), sphere(0.04), cup()] {
+    for mesh in [
+        cuboid([0.0; 3], [0.1, 0.02, 0.05]),
+        cylinder(0.03, 0.1),
+        sphere(0.04),
+        cup(),
+    ] {
         let hull = mesh.convex_hull().unwrap();
         assert!(hull.is_watertight());
         let distance = SurfaceDistance::new(&hull);
@@ -199,16 +269,29 @@ fn the_hull_contains_the_mesh_and_is_closed() {
             assert!(distance.signed_distance(vertex).distance_m < 1e-6);
         }
     }
-    close(cup().convex_hull().unwrap().volume_m3(), PI * 0.0016 * 0.08, 0.01);
+    close(
+        cup().convex_hull().unwrap().volume_m3(),
+        PI * 0.0016 * 0.08,
+        0.01,
+    );
 }
 
 #[test]
 fn nearly_convex_meshes_stay_one_part() {
-    for mesh in [cuboid([0.0; 3], [0.1, 0.02, 0.05]), cylinder(0.03, 0.1), sphere(0.04)] {
+    for mesh in [
+        cuboid([0.0; 3], [0.1, 0.02, 0.05]),
+        cylinder(0.03, 0.1),
+        sphere(0.04),
+    ] {
         let parts = convex_parts(&mesh, 16).unwrap();
         assert_eq!(parts.len(), 1);
         assert!(parts[0].len() <= MAX_PART_VERTICES);
-        let hull = TriMesh { vertices_m: parts[0].clone(), triangles: Vec::new() }.convex_hull().unwrap();
+        let hull = TriMesh {
+            vertices_m: parts[0].clone(),
+            triangles: Vec::new(),
+        }
+        .convex_hull()
+        .unwrap();
         assert!(hull.volume_m3() > 0.8 * mesh.volume_m3());
     }
 }
@@ -222,26 +305,46 @@ fn a_cup_is_split_into_parts_that_leave_it_open() {
     let mut volume = 0.0;
     for part in &parts {
         assert!(part.len() <= MAX_PART_VERTICES);
-        let hull = TriMesh { vertices_m: part.clone(), triangles: Vec::new() }.convex_hull().unwrap();
+        let hull = TriMesh {
+            vertices_m: part.clone(),
+            triangles: Vec::new(),
+        }
+        .convex_hull()
+        .unwrap();
         volume += hull.volume_m3();
         let inside = SurfaceDistance::new(&hull).signed_distance(&Point3::new(0.0, 0.0, 0.05));
         assert!(inside.distance_m > 0.01, "a part fills the cup");
     }
-    println!("{} parts of {:.1} cm3 for {:.1} cm3", parts.len(), volume * 1e6, cup.volume_m3() * 1e6);
+    println!(
+        "{} parts of {:.1} cm3 for {:.1} cm3",
+        parts.len(),
+        volume * 1e6,
+        cup.volume_m3() * 1e6
+    );
     let own = cup.volume_m3();
-    assert!(volume > 0.8 * own && volume < 1.8 * own, "parts {volume} of {own}");
+    assert!(
+        volume > 0.8 * own && volume < 1.8 * own,
+        "parts {volume} of {own}"
+    );
 }
 
 #[test]
 fn a_box_rests_on_six_faces_and_most_often_on_the_largest() {
-    let rests = stable_rests(&cuboid([0.0; 3], [0.1, 0.02, 0.05]), &Point3::new(0.05, 0.01, 0.025));
+    let rests = stable_rests(
+        &cuboid([0.0; 3], [0.1, 0.02, 0.05]),
+        &Point3::new(0.05, 0.01, 0.025),
+    );
     assert_eq!(rests.len(), 6);
     close(rests.iter().map(|rest| rest.probability).sum(), 1.0, 1e-9);
     assert!(rests[0].rest.up_in_object.y.abs() > 0.999);
     assert!(rests[0].probability > rests[2].probability);
     for rest in &rests {
         let up = rest.rest.up_in_object;
-        let on_face = if up.sum() > 0.0 { 0.0 } else { up.abs().dot(&Vector3::new(0.1, 0.02, 0.05)) };
+        let on_face = if up.sum() > 0.0 {
+            0.0
+        } else {
+            up.abs().dot(&Vector3::new(0.1, 0.02, 0.05))
+        };
         assert!((rest.rest.height_m - on_face).abs() < 1e-6, "{rest:?}");
     }
 }
@@ -251,9 +354,16 @@ fn a_body_does_not_rest_where_it_would_tip() {
     // The center of mass is beyond the edge of the small end.
     let mesh = cuboid([0.0; 3], [0.1, 0.02, 0.02]);
     let rests = stable_rests(&mesh, &Point3::new(0.01, 0.01, 0.01));
-    assert!(rests.iter().all(|rest| rest.rest.up_in_object.x > -0.9 || rest.probability < 0.05));
+    assert!(
+        rests
+            .iter()
+            .all(|rest| rest.rest.up_in_object.x > -0.9 || rest.probability < 0.05)
+    );
     let can = stable_rests(&cylinder(0.03, 0.1), &Point3::origin());
-    assert!(can.iter().any(|rest| rest.rest.up_in_object.z > 0.999 && rest.rest.height_m > 0.0499));
+    assert!(
+        can.iter()
+            .any(|rest| rest.rest.up_in_object.z > 0.999 && rest.rest.height_m > 0.0499)
+    );
     assert!(can.iter().any(|rest| rest.rest.up_in_object.z.abs() < 1e-3));
     assert!(can.len() < 50, "{}", can.len());
 }
@@ -265,10 +375,11 @@ fn real_meshes_are_handled() {
         println!("skipped: PIPELINE_REAL_DATA is not set");
         return;
     };
-    let mut models: Vec<_> = std::fs::read_dir(std::path::Path::new(&root).join("dexycb-right/models"))
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .collect();
+    let mut models: Vec<_> =
+        std::fs::read_dir(std::path::Path::new(&root).join("dexycb-right/models"))
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .collect();
     models.sort();
     for folder in models {
         let text = std::fs::read_to_string(folder.join("textured_simple.obj")).unwrap();
@@ -280,7 +391,15 @@ fn real_meshes_are_handled() {
         let parts = convex_parts(&mesh, 16).unwrap();
         let volumes: f64 = parts
             .iter()
-            .map(|part| TriMesh { vertices_m: part.clone(), triangles: Vec::new() }.convex_hull().unwrap().volume_m3())
+            .map(|part| {
+                TriMesh {
+                    vertices_m: part.clone(),
+                    triangles: Vec::new(),
+                }
+                .convex_hull()
+                .unwrap()
+                .volume_m3()
+            })
             .sum();
         println!(
             "{}: {} faces, closed {}, {:.1} cm3, hull {:.1}, com {:.4?}, {} rests in {rested:?}, {} parts {:.1} cm3 in {:?}",
@@ -296,7 +415,12 @@ fn real_meshes_are_handled() {
             started.elapsed() - rested,
         );
         for rest in rests.iter().take(4) {
-            println!("    up {:.3?} height {:.4} p {:.3}", rest.rest.up_in_object.as_slice(), rest.rest.height_m, rest.probability);
+            println!(
+                "    up {:.3?} height {:.4} p {:.3}",
+                rest.rest.up_in_object.as_slice(),
+                rest.rest.height_m,
+                rest.probability
+            );
         }
         assert!(!rests.is_empty() && !parts.is_empty());
         if mesh.is_watertight() {

@@ -142,7 +142,10 @@ impl Lake {
 
     fn record_path(&self, fingerprint: &Digest) -> PathBuf {
         let name = fingerprint.as_str();
-        let folder = self.root.join("units").join(name.get(..2).unwrap_or_default());
+        let folder = self
+            .root
+            .join("units")
+            .join(name.get(..2).unwrap_or_default());
         folder.join(format!("{name}.json"))
     }
 
@@ -218,7 +221,11 @@ impl Store for Lake {
     fn record_run(&self, run: &RunRecord) -> Result<String, Advised> {
         self.prepare()?;
         self.sources.save(&self.staging())?;
-        let name = format!("{:019}-{}", nanoseconds(SystemTime::now()), std::process::id());
+        let name = format!(
+            "{:019}-{}",
+            nanoseconds(SystemTime::now()),
+            std::process::id()
+        );
         let path = self.root.join("runs").join(format!("{name}.json"));
         atomic::write(&self.staging(), &path, &to_json(&path, run)?)?;
         Ok(name)
@@ -226,7 +233,9 @@ impl Store for Lake {
 }
 
 fn nanoseconds(time: SystemTime) -> u128 {
-    time.duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO).as_nanos()
+    time.duration_since(UNIX_EPOCH)
+        .unwrap_or(Duration::ZERO)
+        .as_nanos()
 }
 
 fn to_json<T: Serialize>(path: &Path, value: &T) -> Result<Vec<u8>, LakeError> {

@@ -6,9 +6,7 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use dataflow::{
-    Advised, Digest, Making, NodeName, Outcome, Record, RecordOutcome, Unkept,
-};
+use dataflow::{Advised, Digest, Making, NodeName, Outcome, Record, RecordOutcome, Unkept};
 
 use crate::{
     LakeError,
@@ -59,9 +57,9 @@ impl<'a> UnitInTheMaking<'a> {
             Outcome::Made(made) => {
                 let mut files = std::collections::BTreeMap::new();
                 for path in files_of(&self.folder)? {
-                    let name = path.file_name().map_or_else(String::new, |name| {
-                        name.to_string_lossy().into_owned()
-                    });
+                    let name = path
+                        .file_name()
+                        .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
                     files.insert(name, self.lake.blobs().take(&path)?);
                 }
                 RecordOutcome::Made {

@@ -105,7 +105,8 @@ fn remove_others(folder: &Path, keep: &BTreeSet<PathBuf>) -> Result<(), LakeErro
 
 /// Writes the tables as views for DuckDB: `duckdb -init data/lake/views.sql` from the same folder.
 fn write_views(lake: &Lake) -> Result<(), LakeError> {
-    let mut views = String::from("-- The lake's tables as views; paths are relative to this file's folder.\n");
+    let mut views =
+        String::from("-- The lake's tables as views; paths are relative to this file's folder.\n");
     for table in lake.tables()? {
         views.push_str(&format!(
             "create or replace view {table} as select * from \

@@ -4,8 +4,8 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use robot::{Collision, Shape};
 
 /// Radius of the balls that line a box, in meters: what they cut off its edges, at most
-/// (√3 − 1) of it or 4 mm at a corner, lies within the softness of a finger pad.
-const LINING_RADIUS_M: f64 = 0.005;
+/// (√3 − 1) of it or 2 mm at a corner, lies within the softness of a finger pad.
+const LINING_RADIUS_M: f64 = 0.003;
 
 /// Largest distance between neighboring balls, in meters.
 const SPACING_M: f64 = 0.011;

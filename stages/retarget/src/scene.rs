@@ -28,6 +28,8 @@ pub(crate) struct Gap {
 
 impl Scene {
     /// Prepares an object that lies as it lay; `None` if its mesh has no surface.
+    ///
+    /// The table is where the mesh's lowest point is: the recorded height is a measurement.
     pub(crate) fn new(object: &Object, rest: Rest) -> Option<Self> {
         let mesh = TriMesh {
             vertices_m: object
@@ -43,6 +45,15 @@ impl Scene {
             .signed_distance(&Point3::origin())
             .distance_m
             .is_finite();
+        let lowest_m = mesh
+            .vertices_m
+            .iter()
+            .map(|vertex| rest.up_in_object.dot(&vertex.coords))
+            .fold(f64::INFINITY, f64::min);
+        let rest = Rest {
+            height_m: -lowest_m,
+            ..rest
+        };
         is_solid.then_some(Self {
             mesh,
             distance,

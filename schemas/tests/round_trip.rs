@@ -1,0 +1,216 @@
+//! What is written reads back equal; what breaks a schema is refused.
+
+use nalgebra::{Isometry3, Unit, Vector3};
+use schemas::{
+    SchemaError, candidates, demonstrations, executions, objects, rollouts, trajectories,
+};
+use spatial::{Pose, Rest};
+
+fn rest() -> Rest {
+    Rest {
+        up_in_object: Unit::new_normalize(Vector3::new(0.0, 0.6, 0.8)),
+        height_m: 0.07,
+    }
+}
+
+fn pose<To, From>(x: f64) -> Pose<To, From> {
+    // Read back once, so that the quaternion is as it is stored.
+    let pose = Pose::<To, From>::new(Isometry3::new(Vector3::new(x, 0.2, 0.3), Vector3::x()));
+    Pose::from_array(pose.to_array()).unwrap()
+}
+
+fn joints() -> Vec<String> {
+    ["joint_0", "joint_1"].map(str::to_owned).to_vec()
+}
+
+fn object() -> objects::Object {
+    objects::Object {
+        name: "005_tomato_soup_can".to_owned(),
+        mass_kg: 0.349,
+        center_of_mass_m: [0.0, 0.1, 0.2],
+        inertia_kg_m2: [1.0, 2.0, 3.0, 0.1, 0.2, 0.3],
+        points_m: vec![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]],
+        normals: vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        vertices_m: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        triangles: vec![[0, 1, 2]],
+        parts_m: vec![vec![[0.0; 3], [1.0; 3]], vec![[2.0; 3]]],
+        rests: vec![objects::RestingOrientation {
+            rest: rest(),
+            seen_n: 3,
+            probability: 0.5,
+        }],
+    }
+}
+
+fn trajectory() -> trajectories::Trajectory {
+    trajectories::Trajectory {
+        sequence: "a".to_owned(),
+        object: "can".to_owned(),
+        joints: joints(),
+        rest: rest(),
+        steps: vec![trajectories::Step {
+            time_s: 0.1,
+            object_from_palm: pose(0.1),
+            q_rad: vec![0.3, 0.4],
+            keypoint_error_m: 0.01,
+            fingertip_error_m: 0.02,
+        }],
+    }
+}
+
+#[test]
+fn objects_read_back() {
+    let batch = objects::to_batch(&[object()]).unwrap();
+    assert_eq!(
+        objects::from_batch("005_tomato_soup_can", &batch).unwrap(),
+        object()
+    );
+    assert_eq!(batch.schema().as_ref(), &objects::schema());
+}
+
+#[test]
+fn demonstrations_read_back() {
+    let mut keypoints_m = [[0.5; 3]; demonstrations::KEYPOINTS];
+    keypoints_m[20] = [1.0, 2.0, 3.0];
+    let demonstration = demonstrations::Demonstration {
+        sequence: "a".to_owned(),
+        object: "can".to_owned(),
+        subject: "s".to_owned(),
+        rest: rest(),
+        steps: vec![demonstrations::Step {
+            image: 7,
+            time_s: 0.25,
+            keypoints_m,
+        }],
+    };
+    let batch = demonstrations::to_batch(&demonstration).unwrap();
+    assert_eq!(
+        demonstrations::from_batch("a", &batch).unwrap(),
+        demonstration
+    );
+}
+
+#[test]
+fn trajectories_read_back() {
+    let batch = trajectories::to_batch(&trajectory()).unwrap();
+    assert_eq!(trajectories::from_batch("a", &batch).unwrap(), trajectory());
+}
+
+#[test]
+fn candidates_read_back() {
+    let step = |time_s: f64| candidates::Step {
+        time_s,
+        object_from_palm: pose(time_s),
+        q_rad: vec![time_s, 2.0 * time_s],
+    };
+    let motion = |name: &str, times: &[f64]| candidates::Candidate {
+        candidate_id: name.to_owned(),
+        generator: "cgf".to_owned(),
+        latent: vec![0.5; times.len()],
+        table_from_object: pose(0.9),
+        steps: times.iter().map(|&time_s| step(time_s)).collect(),
+    };
+    let candidates = candidates::Candidates {
+        object: "can".to_owned(),
+        joints: joints(),
+        candidates: vec![
+            motion("can-0", &[0.0, 0.5, 1.0]),
+            motion("can-1", &[0.0, 0.25]),
+        ],
+    };
+    let batch = candidates::to_batch(&candidates).unwrap();
+    assert_eq!(candidates::from_batch("can", &batch).unwrap(), candidates);
+}
+
+#[test]
+fn rollouts_and_executions_read_back() {
+    let rollouts: Vec<_> = rollouts::Verdict::ALL
+        .into_iter()
+        .map(|verdict| rollouts::Rollout {
+            candidate_id: verdict.as_str().to_owned(),
+            generator: "cgf".to_owned(),
+            verdict,
+            cost_n: 65,
+            lift_m: 0.15,
+            slip_m: 0.001,
+            displacement_m: 0.002,
+            penetration_m: 0.0005,
+            contacts_n: 4,
+        })
+        .collect();
+    let batch = rollouts::to_batch(&rollouts).unwrap();
+    assert_eq!(rollouts::from_batch(&batch).unwrap(), rollouts);
+
+    let executions: Vec<_> = executions::Outcome::ALL
+        .into_iter()
+        .map(|outcome| executions::Execution {
+            goal_id: "00ff".to_owned(),
+            candidate_id: "can-0".to_owned(),
+            cell: "simulated".to_owned(),
+            accepted: outcome != executions::Outcome::Rejected,
+            outcome,
+            message: "held".to_owned(),
+            duration_s: 3.8,
+            tracking_error_rad: 0.1,
+            lift_m: 0.15,
+        })
+        .collect();
+    let batch = executions::to_batch(&executions).unwrap();
+    assert_eq!(executions::from_batch(&batch).unwrap(), executions);
+}
+
+#[test]
+fn refuses_numbers_that_are_not_finite() {
+    let mut broken = trajectory();
+    broken.steps[0].q_rad[1] = f64::NAN;
+    let refused = trajectories::to_batch(&broken).unwrap_err();
+    assert_eq!(
+        refused.to_string(),
+        "column `q_rad` holds a number that is not finite in row 0"
+    );
+}
+
+#[test]
+fn refuses_another_schema_and_the_wrong_number_of_joints() {
+    let batch = trajectories::to_batch(&trajectory()).unwrap();
+    let refused = rollouts::from_batch(&batch).unwrap_err();
+    assert!(matches!(refused, SchemaError::Version { .. }), "{refused}");
+
+    let mut broken = trajectory();
+    broken.steps[0].q_rad.push(0.0);
+    let batch = trajectories::to_batch(&broken).unwrap();
+    let refused = trajectories::from_batch("a", &batch).unwrap_err();
+    assert_eq!(
+        refused.to_string(),
+        "column `q_rad`: 3 joint positions, expected 2"
+    );
+}
+
+#[test]
+fn every_number_has_a_unit_and_every_column_a_meaning() {
+    let schemas = [
+        objects::schema(),
+        demonstrations::schema(),
+        trajectories::schema(&joints()),
+        candidates::schema(&joints()),
+        rollouts::schema(),
+        executions::schema(),
+    ];
+    for schema in schemas {
+        assert!(schema.metadata()["schema"].contains('/'));
+        for field in schema.fields() {
+            assert!(
+                !field.metadata()["description"].is_empty(),
+                "{}",
+                field.name()
+            );
+            let holds_numbers = format!("{}", field.data_type()).contains("64");
+            assert_eq!(
+                holds_numbers,
+                field.metadata().contains_key("unit"),
+                "{}",
+                field.name()
+            );
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! A place of its own for each test: a sample, a lake, and the program on both.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+    sync::OnceLock,
+};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// The recipe of the bundled sample with one recording per object.
+fn small_recipe() -> String {
+    let recipe = include_str!("../../data/sample/recipe.toml");
+    let lines = recipe.lines().map(|line| match line.split_once(" = ") {
+        Some(("sequences_per_object", _)) => "sequences_per_object = 1",
+        Some(("subjects", _)) => "subjects = 2",
+        _ => line,
+    });
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// A small sample, made once for all tests of this program.
+fn sample() -> &'static Path {
+    static SAMPLE: OnceLock<TempDir> = OnceLock::new();
+    SAMPLE
+        .get_or_init(|| {
+            let folder = TempDir::new().unwrap();
+            put(&folder.path().join("recipe.toml"), &small_recipe());
+            let made = Bench::on(folder.path().to_owned()).run(&["--until", "ingest"]);
+            assert!(made.status.success(), "{}", stderr(&made));
+            folder
+        })
+        .path()
+}
+
+/// A lake of its own, and a dataset that may be shared.
+pub(crate) struct Bench {
+    folder: TempDir,
+    root: PathBuf,
+}
+
+impl Bench {
+    /// Takes the small sample as it is.
+    pub(crate) fn new() -> Self {
+        Self::on(sample().to_owned())
+    }
+
+    /// Takes a copy of the small sample that the test may change.
+    pub(crate) fn with_own_sample() -> Self {
+        let mut bench = Self::new();
+        let copy = bench.folder.path().join("sample");
+        copy_folder(&bench.root, &copy);
+        bench.root = copy;
+        bench
+    }
+
+    /// Takes any folder as dataset.
+    pub(crate) fn on(root: PathBuf) -> Self {
+        Self {
+            folder: TempDir::new().unwrap(),
+            root,
+        }
+    }
+
+    pub(crate) fn root(&self) -> &Path {
+        &self.root
+    }
+
+    pub(crate) fn lake(&self) -> PathBuf {
+        self.folder.path().join("lake")
+    }
+
+    /// The command line of `pipeline COMMAND pipelines/cgf.toml` for a small job.
+    pub(crate) fn command(&self, command: &str, arguments: &[&str]) -> Command {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_pipeline"));
+        program
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .args([command, "pipelines/cgf.toml", "--lake"])
+            .arg(self.lake())
+            .arg("--set")
+            .arg(format!("ingest.root={}", self.root.display()));
+        for value in [
+            "train.network.points=64",
+            "train.training.epochs=20",
+            "sample.per_object=4",
+            "dispatch.listen=tcp/127.0.0.1:0",
+        ] {
+            program.args(["--set", value]);
+        }
+        program.args(arguments);
+        program
+    }
+
+    pub(crate) fn run(&self, arguments: &[&str]) -> Output {
+        self.command("run", arguments).output().unwrap()
+    }
+
+    /// Runs, and expects that everything comes out well.
+    pub(crate) fn run_well(&self, arguments: &[&str]) -> Output {
+        let ran = self.run(arguments);
+        assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
+        ran
+    }
+
+    /// How many units of each output the newest run made, outputs without any left out.
+    pub(crate) fn made_by_newest_run(&self) -> BTreeMap<String, usize> {
+        let mut runs: Vec<PathBuf> = fs::read_dir(self.lake().join("runs"))
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .collect();
+        runs.sort();
+        let newest: Value =
+            serde_json::from_slice(&fs::read(runs.last().unwrap()).unwrap()).unwrap();
+        let mut counts = BTreeMap::new();
+        for unit in newest["units"].as_array().unwrap() {
+            if unit["made_now"] == true {
+                let node = &unit["node"];
+                let name = [&node["stage"], &node["artifact"]].map(|word| word.as_str().unwrap());
+                *counts.entry(name.join(".")).or_default() += 1;
+            }
+        }
+        counts
+    }
+
+    /// Digests of everything that the lake shows to people, by path.
+    pub(crate) fn published(&self) -> BTreeMap<String, String> {
+        let mut digests = BTreeMap::new();
+        for folder in ["tables", "files"] {
+            digest_folder(&self.lake().join(folder), folder, &mut digests);
+        }
+        digests
+    }
+
+    /// The folder of the first recording of a right hand.
+    pub(crate) fn a_recording(&self) -> PathBuf {
+        let subject = first(&self.root, |name| name.contains("subject"));
+        first(&subject, |name| {
+            let meta = fs::read_to_string(subject.join(name).join("meta.yml")).unwrap();
+            meta.contains("right")
+        })
+    }
+}
+
+/// The first entry of a folder by name.
+pub(crate) fn first(folder: &Path, wanted: impl Fn(&str) -> bool) -> PathBuf {
+    let mut names: Vec<String> = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    folder.join(names.into_iter().find(|name| wanted(name)).unwrap())
+}
+
+/// The label files of a recording in order.
+pub(crate) fn labels(recording: &Path) -> Vec<PathBuf> {
+    let camera = first(recording, |name| name.bytes().all(|b| b.is_ascii_digit()));
+    let mut paths: Vec<PathBuf> = fs::read_dir(camera)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|ending| ending == "npz"))
+        .collect();
+    paths.sort();
+    paths
+}
+
+pub(crate) fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+pub(crate) fn stdout(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// Writes a test's own file.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "a test's file may well be half a file"
+)]
+pub(crate) fn put(path: &Path, text: &str) {
+    fs::write(path, text).unwrap();
+}
+
+fn copy_folder(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        let copy = to.join(path.file_name().unwrap());
+        if path.is_dir() {
+            copy_folder(&path, &copy);
+        } else {
+            fs::copy(&path, &copy).unwrap();
+        }
+    }
+}
+
+fn digest_folder(folder: &Path, name: &str, digests: &mut BTreeMap<String, String>) {
+    let Ok(entries) = fs::read_dir(folder) else {
+        return;
+    };
+    for entry in entries {
+        let path = entry.unwrap().path();
+        let name = format!("{name}/{}", path.file_name().unwrap().to_string_lossy());
+        if path.is_dir() {
+            digest_folder(&path, &name, digests);
+        } else {
+            let digest = dataflow::Digest::of_bytes(&fs::read(&path).unwrap());
+            digests.insert(name, digest.to_string());
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! Bad input ends in an error that says what, where and what to do.
+
+use std::{fs, process::Command};
+
+use crate::bench::{Bench, labels, put, stderr, stdout};
+
+/// Runs on a pipeline file with one text replaced, and returns exit code and messages.
+fn with_edited_file(from: &str, to: &str) -> (i32, String) {
+    let file = include_str!("../../pipelines/cgf.toml");
+    assert!(file.contains(from), "{from}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("edited.toml");
+    put(&path, &file.replacen(from, to, 1));
+    let output = Command::new(env!("CARGO_BIN_EXE_pipeline"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["plan", path.to_str().unwrap(), "--lake"])
+        .arg(folder.path().join("lake"))
+        .output()
+        .unwrap();
+    (output.status.code().unwrap(), stderr(&output))
+}
+
+fn assert_says(text: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(text.contains(part), "no `{part}` in:\n{text}");
+    }
+}
+
+#[test]
+fn an_unknown_key_is_shown_with_line_caret_and_near_name() {
+    let (code, text) = with_edited_file("kl_weight =", "kl_wieght =");
+    assert_eq!(code, 2);
+    let says = [
+        "error: unknown key `kl_wieght` in stage `train`",
+        "edited.toml:",
+        "kl_wieght = 1e-3\n",
+        "^^^^^^^^^",
+        "hint: did you mean `kl_weight`?",
+        "pipeline stages train",
+    ];
+    assert_says(&text, &says);
+}
+
+#[test]
+fn a_misspelt_kind_and_a_misspelt_stage_get_the_near_name() {
+    let (code, text) = with_edited_file("kind = \"retarget\"", "kind = \"retraget\"");
+    assert_eq!(code, 2);
+    assert_says(
+        &text,
+        &["unknown kind `retraget`", "did you mean `retarget`?"],
+    );
+
+    let (code, text) = with_edited_file("\"ingest.demonstrations\"", "\"ingset.demonstrations\"");
+    assert_eq!(code, 2);
+    assert_says(
+        &text,
+        &[
+            "unknown stage `ingset`",
+            "did you mean `ingest.demonstrations`?",
+            "edited.toml:",
+        ],
+    );
+
+    let (code, text) = with_edited_file("\"ingest.demonstrations\"", "\"ingest.objects\"");
+    assert_eq!(code, 2);
+    assert_says(&text, &["wants `demonstrations`", "wired to `objects`"]);
+}
+
+#[test]
+fn every_fault_of_a_file_is_reported_at_once() {
+    let (code, text) = with_edited_file("seed = 7", "seed = -1\nsede = 3");
+    assert_eq!(code, 2);
+    assert_says(
+        &text,
+        &[
+            "`seed` must be a whole number",
+            "unknown key `sede`",
+            "did you mean `seed`?",
+        ],
+    );
+}
+
+#[test]
+fn a_missing_dataset_says_where_it_was_looked_for() {
+    let bench = Bench::on("no/such/folder".into());
+    let ran = bench.run(&[]);
+    assert_eq!(ran.status.code(), Some(1));
+    assert_says(
+        &stderr(&ran),
+        &["stage `ingest` failed", "no/such/folder", "hint: "],
+    );
+}
+
+#[test]
+fn an_unknown_override_is_a_wrong_command_line() {
+    let bench = Bench::new();
+    for (set, says) in [
+        ("trian.epochs=3", "did you mean `train`?"),
+        ("train.training.epoch=3", "did you mean `epochs`?"),
+        ("train", "is not of the form `stage.key=value`"),
+    ] {
+        let ran = bench.run(&["--set", set]);
+        assert_eq!(ran.status.code(), Some(2), "{set}");
+        assert_says(&stderr(&ran), &[says]);
+    }
+    let ran = bench.run(&["--until", "scren"]);
+    assert_eq!(ran.status.code(), Some(2));
+    assert_says(
+        &stderr(&ran),
+        &["no stage `scren`", "did you mean `screen`?"],
+    );
+}
+
+#[test]
+fn a_hand_without_the_named_link_is_refused_with_its_name() {
+    let bench = Bench::new();
+    let urdf = include_str!("../../data/robots/allegro_right.urdf")
+        .replace("link_3.0_tip", "link_3.0_end");
+    let path = bench.root().parent().unwrap().join("renamed.urdf");
+    put(&path, &urdf);
+    let hand = format!("retarget.hand={}", path.display());
+    let ran = bench.run(&["--until", "retarget", "--set", &hand]);
+    assert_eq!(ran.status.code(), Some(1));
+    assert_says(
+        &stderr(&ran),
+        &[
+            "stage `retarget` failed",
+            "link_3.0_tip",
+            "renamed.urdf",
+            "hint: ",
+        ],
+    );
+}
+
+#[test]
+fn a_truncated_recording_among_good_ones_is_skipped_and_counted() {
+    let bench = Bench::with_own_sample();
+    let image = labels(&bench.a_recording()).remove(20);
+    let bytes = fs::read(&image).unwrap();
+    fs::File::options()
+        .write(true)
+        .open(&image)
+        .unwrap()
+        .set_len(bytes.len() as u64 / 2)
+        .unwrap();
+    let ran = bench.run(&["--until", "retarget"]);
+    assert_eq!(ran.status.code(), Some(3), "{}", stderr(&ran));
+    let name = image.file_name().unwrap().to_str().unwrap();
+    assert_says(
+        &stderr(&ran),
+        &[
+            name,
+            "1 skipped",
+            "pipeline inspect ingest.demonstrations --skipped",
+        ],
+    );
+    let listed = Command::new(env!("CARGO_BIN_EXE_pipeline"))
+        .args(["inspect", "ingest.demonstrations", "--skipped", "--lake"])
+        .arg(bench.lake())
+        .output()
+        .unwrap();
+    assert_says(
+        &stdout(&listed),
+        &["skipped", name, "filtered", "left hand"],
+    );
+    // The reason is kept: the same command again says the same, and reads nothing.
+    let again = bench.run(&["--until", "retarget"]);
+    assert_eq!(again.status.code(), Some(3));
+}
+
+#[test]
+fn an_empty_lake_says_how_to_fill_it() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in [["query", "select 1"], ["inspect", "screen.rollouts"]] {
+        let asked = Command::new(env!("CARGO_BIN_EXE_pipeline"))
+            .args(arguments)
+            .arg("--lake")
+            .arg(folder.path())
+            .output()
+            .unwrap();
+        assert_eq!(asked.status.code(), Some(2));
+        assert_says(
+            &stderr(&asked),
+            &["hint: ", "pipeline run pipelines/cgf.toml"],
+        );
+    }
+}

@@ -1,0 +1,6 @@
+//! The whole program, run as a user runs it, on a small sample and with little training.
+
+mod bench;
+mod errors;
+mod incremental;
+mod repeatable;
