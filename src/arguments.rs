@@ -62,6 +62,9 @@ pub(crate) struct RunArgs {
     /// Show what would run, as `plan` does, and run nothing
     #[arg(long)]
     pub(crate) dry_run: bool,
+    /// Let `dispatch` move a robot that is not simulated; without this it sends nothing to one
+    #[arg(long)]
+    pub(crate) execute: bool,
 }
 
 #[derive(Args)]

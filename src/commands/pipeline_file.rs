@@ -2,12 +2,26 @@
 
 use std::fs;
 
-use dataflow::{FreshAll, Pipeline, RunOptions};
+use dataflow::{FreshAll, Override, Pipeline, RunOptions, Stage, StageEntry};
 
 use crate::{arguments::PipelineArgs, outcome::Trouble, registry};
 
 /// Reads and checks the file.
 pub(crate) fn read(args: &PipelineArgs) -> Result<Pipeline, Trouble> {
+    parse(args, &args.overrides)
+}
+
+/// Reads and checks the file, and lets every `dispatch` in it move a real robot.
+pub(crate) fn read_to_execute(args: &PipelineArgs) -> Result<Pipeline, Trouble> {
+    let pipeline = read(args)?;
+    let moves = |stage: &&StageEntry| stage.kind.name == stage_dispatch::Dispatch::KIND;
+    let permits = pipeline.stages.iter().filter(moves);
+    let permits = permits.flat_map(|stage| format!("{}.execute=true", stage.name).parse());
+    let overrides: Vec<Override> = args.overrides.iter().cloned().chain(permits).collect();
+    parse(args, &overrides)
+}
+
+fn parse(args: &PipelineArgs, overrides: &[Override]) -> Result<Pipeline, Trouble> {
     let path = &args.file;
     let source = fs::read_to_string(path).map_err(|err| {
         Trouble::usage(
@@ -16,13 +30,8 @@ pub(crate) fn read(args: &PipelineArgs) -> Result<Pipeline, Trouble> {
         )
     })?;
     let profile = args.profile.as_deref();
-    Ok(Pipeline::parse(
-        path,
-        &source,
-        &registry::kinds(),
-        profile,
-        &args.overrides,
-    )?)
+    let kinds = registry::kinds();
+    Ok(Pipeline::parse(path, &source, &kinds, profile, overrides)?)
 }
 
 /// Returns what to run and how.

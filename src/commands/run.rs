@@ -14,7 +14,11 @@ use crate::{
 
 /// Runs a pipeline, reusing every result that is still valid.
 pub(crate) fn run(lake: &Path, quiet: bool, args: &RunArgs) -> Result<Outcome, Trouble> {
-    let pipeline = pipeline_file::read(&args.pipeline)?;
+    let pipeline = if args.execute {
+        pipeline_file::read_to_execute(&args.pipeline)?
+    } else {
+        pipeline_file::read(&args.pipeline)?
+    };
     let options = pipeline_file::options(&args.pipeline, args.jobs);
     let store = Lake::open(lake);
     if args.dry_run {

@@ -17,7 +17,12 @@ pub(crate) struct Adam {
 
 impl Adam {
     /// Moves every learned array that has a gradient.
-    pub(crate) fn step(&mut self, weights: &mut Weights, gradients: &BTreeMap<String, Vec<f32>>, learning_rate: f64) {
+    pub(crate) fn step(
+        &mut self,
+        weights: &mut Weights,
+        gradients: &BTreeMap<String, Vec<f32>>,
+        learning_rate: f64,
+    ) {
         self.step += 1;
         let unbias_1 = 1.0 - BETA_1.powi(self.step);
         let unbias_2 = 1.0 - BETA_2.powi(self.step);
@@ -26,7 +31,9 @@ impl Adam {
         let [keep_1, keep_2] = [narrow(BETA_1), narrow(BETA_2)];
         let [take_1, take_2] = [narrow(1.0 - BETA_1), narrow(1.0 - BETA_2)];
         for (name, array) in weights.learned_mut() {
-            let Some(gradient) = gradients.get(name) else { continue };
+            let Some(gradient) = gradients.get(name) else {
+                continue;
+            };
             let moments = self
                 .moments
                 .entry(name.to_owned())
@@ -40,11 +47,27 @@ impl Adam {
     }
 }
 
+/// Shortens all gradients together to the Euclidean length `max_norm` if they are longer
+/// (Pascanu et al., *On the difficulty of training recurrent neural networks*, 2013, algorithm 1).
+pub(crate) fn shorten(gradients: &mut BTreeMap<String, Vec<f32>>, max_norm: f64) {
+    let squares: f64 = gradients
+        .values()
+        .flatten()
+        .map(|&g| f64::from(g).powi(2))
+        .sum();
+    let factor = max_norm / squares.sqrt();
+    if factor < 1.0 {
+        for g in gradients.values_mut().flatten() {
+            *g *= narrow(factor);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
 
-    use super::{Adam, Weights};
+    use super::{Adam, Weights, shorten};
 
     #[test]
     fn first_step_has_the_length_of_the_learning_rate() {
@@ -53,6 +76,18 @@ mod tests {
         let gradients = BTreeMap::from([("a".to_owned(), vec![3.0, -0.01])]);
         Adam::default().step(&mut weights, &gradients, 0.1);
         let values = &weights.array("a").unwrap().values;
-        assert!((values[0] - 0.9).abs() < 1e-5 && (values[1] - 1.1).abs() < 1e-5, "{values:?}");
+        assert!(
+            (values[0] - 0.9).abs() < 1e-5 && (values[1] - 1.1).abs() < 1e-5,
+            "{values:?}"
+        );
+    }
+
+    #[test]
+    fn only_long_gradients_are_shortened() {
+        let mut gradients = BTreeMap::from([("a".to_owned(), vec![3.0]), ("b".to_owned(), vec![4.0])]);
+        shorten(&mut gradients, 10.0);
+        assert_eq!(gradients["b"], [4.0]);
+        shorten(&mut gradients, 1.0);
+        assert!((gradients["a"][0] - 0.6).abs() < 1e-6 && (gradients["b"][0] - 0.8).abs() < 1e-6);
     }
 }

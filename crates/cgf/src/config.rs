@@ -47,6 +47,9 @@ pub struct TrainingConfig {
     pub batch: usize,
     /// Adam's learning rate at the start; paper: 5e-4
     pub learning_rate: f64,
+    /// Gradients longer than this are shortened to it; absent: never, as in the paper
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_gradient_norm: Option<f64>,
     /// How the learning rate falls; paper: "halving"
     pub schedule: Schedule,
     /// Epochs after which `schedule = "halving"` halves the learning rate; paper: 500
@@ -126,9 +129,19 @@ impl NetworkConfig {
         let positive = |key, value: usize| check(key, value, value > 0, "a positive number");
         let widths = |key, widths: &[usize]| {
             let usable = !widths.is_empty() && widths.iter().all(|&width| width > 0);
-            check(key, format!("{widths:?}"), usable, "at least one positive width")
+            check(
+                key,
+                format!("{widths:?}"),
+                usable,
+                "at least one positive width",
+            )
         };
-        check("points", self.points, self.points >= 32, "at least 32 points")?;
+        check(
+            "points",
+            self.points,
+            self.points >= 32,
+            "at least 32 points",
+        )?;
         widths("point_widths", &self.point_widths)?;
         positive("encoder_steps", self.encoder_steps)?;
         widths("hand_widths", &self.hand_widths)?;
@@ -151,6 +164,9 @@ impl TrainingConfig {
         positive("grasp_steps", self.grasp_steps)?;
         not_negative("learning_rate", self.learning_rate)?;
         not_negative("grasp_weight", self.grasp_weight)?;
+        if let Some(norm) = self.max_gradient_norm {
+            check("max_gradient_norm", norm, norm > 0.0, "more than 0")?;
+        }
         not_negative("fixed_statistics_after", self.fixed_statistics_after)?;
         not_negative("tip_radius_m", self.tip_radius_m)?;
         not_negative("q_weight", self.q_weight)?;

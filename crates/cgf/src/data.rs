@@ -25,7 +25,11 @@ impl Scene {
     }
 
     /// Returns the first `points` of the surface points after a rotation; fewer are repeated.
-    pub(crate) fn cloud(&self, points: usize, rotation: &UnitQuaternion<f64>) -> Result<Clouds, CgfError> {
+    pub(crate) fn cloud(
+        &self,
+        points: usize,
+        rotation: &UnitQuaternion<f64>,
+    ) -> Result<Clouds, CgfError> {
         const LEAST: usize = 32;
         let surface = self.points_in_table();
         if surface.len() < LEAST {
@@ -78,20 +82,33 @@ impl Track {
         let name = || self.name.clone();
         if self.steps.len() < 2 {
             let found = self.steps.len();
-            return Err(CgfError::TooFewSteps { name: name(), found });
+            return Err(CgfError::TooFewSteps {
+                name: name(),
+                found,
+            });
         }
         for (step, pair) in self.steps.windows(2).enumerate() {
             if !matches!(pair, [before, after] if after.time_s > before.time_s) {
-                return Err(CgfError::UnorderedSteps { name: name(), step: step + 1 });
+                return Err(CgfError::UnorderedSteps {
+                    name: name(),
+                    step: step + 1,
+                });
             }
         }
         for step in &self.steps {
             let found = step.grasp.q_rad.len();
             if found != dof {
-                return Err(CgfError::WrongDof { name: name(), expected: dof, found });
+                return Err(CgfError::WrongDof {
+                    name: name(),
+                    expected: dof,
+                    found,
+                });
             }
             if step.grasp.to_numbers().iter().any(|x| !x.is_finite()) {
-                return Err(CgfError::NotFinite { name: name(), what: "a pose or joint position" });
+                return Err(CgfError::NotFinite {
+                    name: name(),
+                    what: "a pose or joint position",
+                });
             }
         }
         Ok(())
@@ -101,7 +118,10 @@ impl Track {
     /// again where there are fewer.
     pub(crate) fn last_times(&self, n: usize) -> Vec<f64> {
         let first = self.steps.len().saturating_sub(n);
-        let mut times: Vec<f64> = self.steps[first..].iter().map(|step| self.t_of(step.time_s)).collect();
+        let mut times: Vec<f64> = self.steps[first..]
+            .iter()
+            .map(|step| self.t_of(step.time_s))
+            .collect();
         while times.len() < n {
             times.insert(0, 1.0);
         }
@@ -131,7 +151,10 @@ impl Track {
             .clamp(1, self.steps.len() - 1);
         let (a, b) = (&self.steps[after - 1], &self.steps[after]);
         let share = ((time_s - a.time_s) / (b.time_s - a.time_s)).clamp(0.0, 1.0);
-        let (from, to) = (a.grasp.table_from_palm.isometry(), b.grasp.table_from_palm.isometry());
+        let (from, to) = (
+            a.grasp.table_from_palm.isometry(),
+            b.grasp.table_from_palm.isometry(),
+        );
         let rotation = from
             .rotation
             .try_slerp(&to.rotation, share, 1e-9)
@@ -170,17 +193,31 @@ mod tests {
         let isometry = Isometry3::new(Vector3::new(x, 0.0, 0.0), Vector3::new(0.0, 0.0, angle));
         TimedGrasp {
             time_s,
-            grasp: Grasp { table_from_palm: Pose::new(isometry), q_rad: vec![angle] },
+            grasp: Grasp {
+                table_from_palm: Pose::new(isometry),
+                q_rad: vec![angle],
+            },
         }
     }
 
     #[test]
     fn time_runs_backwards_and_between_steps() {
-        let steps = vec![step(0.0, 1.0, 0.0), step(1.0, 0.5, 0.4), step(4.0, 0.0, 1.0)];
-        let track = Track { name: "a".to_owned(), scene: 0, steps };
+        let steps = vec![
+            step(0.0, 1.0, 0.0),
+            step(1.0, 0.5, 0.4),
+            step(4.0, 0.0, 1.0),
+        ];
+        let track = Track {
+            name: "a".to_owned(),
+            scene: 0,
+            steps,
+        };
         for (t, step) in [(0.0, 2), (0.75, 1), (1.0, 0)] {
             let error = GraspError::between(&track.at(t), &track.steps[step].grasp);
-            assert!(error.position_m < 1e-12 && error.rotation_rad < 1e-7, "{error:?}");
+            assert!(
+                error.position_m < 1e-12 && error.rotation_rad < 1e-7,
+                "{error:?}"
+            );
         }
         let between = track.at(0.875);
         assert!((between.table_from_palm.isometry().translation.x - 0.75).abs() < 1e-12);

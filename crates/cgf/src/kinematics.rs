@@ -70,7 +70,9 @@ impl LinkOrigins {
                 wrenches[parent].0 += force;
                 wrenches[parent].1 += torque;
             }
-            let (Some(joint), Some(kind)) = (link.joint, link.kind) else { continue };
+            let (Some(joint), Some(kind)) = (link.joint, link.kind) else {
+                continue;
+            };
             let axis = palm_from_links[idx].rotation * link.axis;
             let origin = palm_from_links[idx].translation.vector;
             let along = match kind {
@@ -133,7 +135,11 @@ impl CustomOp1 for LinkOrigins {
         "link_origins"
     }
 
-    fn cpu_fwd(&self, storage: &CpuStorage, layout: &Layout) -> candle_core::Result<(CpuStorage, Shape)> {
+    fn cpu_fwd(
+        &self,
+        storage: &CpuStorage,
+        layout: &Layout,
+    ) -> candle_core::Result<(CpuStorage, Shape)> {
         let (n_rows, width) = layout.shape().dims2()?;
         let (start, end) = layout
             .contiguous_offsets()
@@ -149,7 +155,12 @@ impl CustomOp1 for LinkOrigins {
         Ok((CpuStorage::F32(origins), shape))
     }
 
-    fn bwd(&self, arg: &Tensor, _: &Tensor, by_result: &Tensor) -> candle_core::Result<Option<Tensor>> {
+    fn bwd(
+        &self,
+        arg: &Tensor,
+        _: &Tensor,
+        by_result: &Tensor,
+    ) -> candle_core::Result<Option<Tensor>> {
         let (n_rows, width) = arg.dims2()?;
         let rows = arg.to_dtype(DType::F32)?.flatten_all()?.to_vec1::<f32>()?;
         let by_origins = by_result.flatten_all()?.to_vec1::<f32>()?;

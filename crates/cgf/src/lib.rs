@@ -31,7 +31,8 @@ pub use data::{Scene, TimedGrasp, Track};
 pub use error::CgfError;
 pub use grasp::{Grasp, Normalization};
 pub use model::{
-    Cgf, Curve, Demonstration, Description, GraspError, JointRange, ObjectFeature, Posterior, VERSION,
+    Cgf, Curve, Demonstration, Description, GraspError, JointRange, ObjectFeature, Posterior,
+    VERSION,
 };
 pub use random::Random;
 pub use training::{Losses, TrainingSet, train};

@@ -130,7 +130,11 @@ pub struct Posterior {
 impl Cgf {
     pub(crate) fn new(description: Description, weights: Weights) -> Result<Self, CgfError> {
         let leaves = weights.constants()?;
-        Ok(Self { description, weights, leaves })
+        Ok(Self {
+            description,
+            weights,
+            leaves,
+        })
     }
 
     /// Returns everything but the weights.
@@ -152,7 +156,9 @@ impl Cgf {
         let config = &self.description.network;
         let cloud = scene.cloud(config.points, &UnitQuaternion::identity())?;
         let net = PointNet::new(&self.weights, config.point_widths.len())?;
-        Ok(ObjectFeature(net.forward(&cloud, Statistics::Stored)?.features))
+        Ok(ObjectFeature(
+            net.forward(&cloud, Statistics::Stored)?.features,
+        ))
     }
 
     /// Decodes latent codes at `times` in 0..=1 (1 far, 0 the grasp): for each code, the hand at each
@@ -161,7 +167,12 @@ impl Cgf {
     /// # Errors
     ///
     /// Fails if a code does not have the width of the network's or the outputs are no rotation.
-    pub fn decode(&self, feature: &ObjectFeature, latents: &[Vec<f64>], times: &[f64]) -> Result<Vec<Vec<Grasp>>, CgfError> {
+    pub fn decode(
+        &self,
+        feature: &ObjectFeature,
+        latents: &[Vec<f64>],
+        times: &[f64],
+    ) -> Result<Vec<Vec<Grasp>>, CgfError> {
         let mut motions = Vec::with_capacity(latents.len());
         if times.is_empty() {
             return Ok(vec![Vec::new(); latents.len()]);
@@ -182,7 +193,12 @@ impl Cgf {
         Ok(motions)
     }
 
-    fn decode_block(&self, feature: &ObjectFeature, latents: &[Vec<f64>], times: &[f64]) -> Result<Vec<Vec<f32>>, CgfError> {
+    fn decode_block(
+        &self,
+        feature: &ObjectFeature,
+        latents: &[Vec<f64>],
+        times: &[f64],
+    ) -> Result<Vec<Vec<f32>>, CgfError> {
         let width = self.description.network.latent_dim;
         if let Some(latent) = latents.iter().find(|latent| latent.len() != width) {
             return Err(CgfError::Config {
@@ -193,8 +209,11 @@ impl Cgf {
         }
         let batch = latents.len();
         let codes = latents.iter().flatten().map(|&z| narrow(z)).collect();
-        let times_of_all = (0..batch).flat_map(|_| times.iter().map(|&t| narrow(t))).collect();
-        let scenes = candle_core::Tensor::zeros(batch, candle_core::DType::U32, &candle_core::Device::Cpu)?;
+        let times_of_all = (0..batch)
+            .flat_map(|_| times.iter().map(|&t| narrow(t)))
+            .collect();
+        let scenes =
+            candle_core::Tensor::zeros(batch, candle_core::DType::U32, &candle_core::Device::Cpu)?;
         let decoded = self.network().decode(
             &constant(times_of_all, &[batch, times.len()])?,
             &constant(codes, &[batch, width])?,
@@ -212,8 +231,14 @@ impl Cgf {
     pub fn encode(&self, feature: &ObjectFeature, track: &Track) -> Result<Posterior, CgfError> {
         track.check(self.description.joints.len())?;
         let steps = self.description.network.encoder_steps;
-        let motion = encoder_motion(track, steps, &UnitQuaternion::identity(), &self.description.normalization);
-        let scenes = candle_core::Tensor::zeros(1, candle_core::DType::U32, &candle_core::Device::Cpu)?;
+        let motion = encoder_motion(
+            track,
+            steps,
+            &UnitQuaternion::identity(),
+            &self.description.normalization,
+        );
+        let scenes =
+            candle_core::Tensor::zeros(1, candle_core::DType::U32, &candle_core::Device::Cpu)?;
         let (mean, log_variance) = self.network().encode(
             &constant(motion, &[1, steps, ROOT + self.description.joints.len()])?,
             &constant(feature.0.clone(), &[1, feature.0.len()])?,
@@ -222,7 +247,10 @@ impl Cgf {
         let numbers = |tensor: &candle_core::Tensor| tensor.flatten_all()?.to_vec1::<f32>();
         Ok(Posterior {
             mean: numbers(&mean)?.into_iter().map(f64::from).collect(),
-            deviation: numbers(&log_variance)?.into_iter().map(|x| (0.5 * f64::from(x)).exp()).collect(),
+            deviation: numbers(&log_variance)?
+                .into_iter()
+                .map(|x| (0.5 * f64::from(x)).exp())
+                .collect(),
         })
     }
 
@@ -235,19 +263,25 @@ impl Cgf {
 
     /// Stores what the motions of the training set became.
     pub(crate) fn learn_posteriors(&mut self, set: &TrainingSet) -> Result<(), CgfError> {
-        let features = set.scenes.iter().map(|scene| self.feature(scene)).collect::<Result<Vec<_>, _>>()?;
+        let features = set
+            .scenes
+            .iter()
+            .map(|scene| self.feature(scene))
+            .collect::<Result<Vec<_>, _>>()?;
         let mut demonstrations = Vec::with_capacity(set.tracks.len());
         for track in &set.tracks {
             let (scene, feature) = (&set.scenes[track.scene], &features[track.scene]);
             let posterior = self.encode(feature, track)?;
             let decoded = self.decode(feature, std::slice::from_ref(&posterior.mean), &[0.0])?;
             let shown = track.at(0.0);
-            let grasp_error = decoded
-                .first()
-                .and_then(|motion| motion.first())
-                .map_or(GraspError { position_m: 0.0, rotation_rad: 0.0, joints_rad: 0.0 }, |grasp| {
-                    GraspError::between(grasp, &shown)
-                });
+            let grasp_error = decoded.first().and_then(|motion| motion.first()).map_or(
+                GraspError {
+                    position_m: 0.0,
+                    rotation_rad: 0.0,
+                    joints_rad: 0.0,
+                },
+                |grasp| GraspError::between(grasp, &shown),
+            );
             demonstrations.push(Demonstration {
                 name: track.name.clone(),
                 object: scene.object.clone(),
@@ -296,7 +330,10 @@ impl Cgf {
         };
         let description: Description = serde_json::from_slice(&read(description)?)?;
         if description.version != VERSION {
-            return Err(CgfError::Version { expected: VERSION, found: description.version });
+            return Err(CgfError::Version {
+                expected: VERSION,
+                found: description.version,
+            });
         }
         description.network.check()?;
         let weights = Weights::from_bytes(&read(weights)?)?;
@@ -365,7 +402,12 @@ impl GraspError {
     /// Measures how far two grasps of one hand are apart.
     pub fn between(a: &Grasp, b: &Grasp) -> Self {
         let (pose_a, pose_b) = (a.table_from_palm.isometry(), b.table_from_palm.isometry());
-        let squares: f64 = a.q_rad.iter().zip(&b.q_rad).map(|(a, b)| (a - b).powi(2)).sum();
+        let squares: f64 = a
+            .q_rad
+            .iter()
+            .zip(&b.q_rad)
+            .map(|(a, b)| (a - b).powi(2))
+            .sum();
         Self {
             position_m: (pose_a.translation.vector - pose_b.translation.vector).norm(),
             rotation_rad: pose_a.rotation.angle_to(&pose_b.rotation),

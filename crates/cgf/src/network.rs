@@ -24,7 +24,11 @@ pub(crate) fn initialize(config: &NetworkConfig, outputs: usize, seed: u64) -> W
     };
     let mut below = outputs;
     for (layer, &width) in config.hand_widths.iter().enumerate() {
-        linear(&format!("encoder.hand.{layer}"), width, &[("weight", below)]);
+        linear(
+            &format!("encoder.hand.{layer}"),
+            width,
+            &[("weight", below)],
+        );
         below = width;
     }
     for (layer, &width) in config.encoder_widths.iter().enumerate() {
@@ -38,11 +42,19 @@ pub(crate) fn initialize(config: &NetworkConfig, outputs: usize, seed: u64) -> W
         below = width;
     }
     linear("encoder.mean", config.latent_dim, &[("weight", below)]);
-    linear("encoder.log_variance", config.latent_dim, &[("weight", below)]);
+    linear(
+        "encoder.log_variance",
+        config.latent_dim,
+        &[("weight", below)],
+    );
     for (layer, &width) in config.decoder_widths.iter().enumerate() {
         let name = format!("decoder.{layer}");
         if layer == 0 {
-            let inputs = [("time", 1), ("latent", config.latent_dim), ("feature", feature)];
+            let inputs = [
+                ("time", 1),
+                ("latent", config.latent_dim),
+                ("feature", feature),
+            ];
             linear(&name, width, &inputs);
         } else {
             linear(&name, width, &[("weight", below)]);
@@ -67,7 +79,12 @@ impl Network<'_> {
     ///
     /// `motions` is `(batch, steps, outputs)`, `features` `(scenes, feature)`, and `scenes` says which
     /// of them belongs to each motion.
-    pub(crate) fn encode(&self, motions: &Tensor, features: &Tensor, scenes: &Tensor) -> Result<(Tensor, Tensor), CgfError> {
+    pub(crate) fn encode(
+        &self,
+        motions: &Tensor,
+        features: &Tensor,
+        scenes: &Tensor,
+    ) -> Result<(Tensor, Tensor), CgfError> {
         let (batch, steps, outputs) = motions.dims3()?;
         let mut x = motions.reshape((batch * steps, outputs))?;
         for layer in 0..self.config.hand_widths.len() {
@@ -94,13 +111,22 @@ impl Network<'_> {
     /// Decodes latent codes `(batch, latent)` at `times` `(batch, n)`, giving `(batch × n, outputs)`.
     ///
     /// The first layer's parts of the code and the object are computed once per motion, not per time.
-    pub(crate) fn decode(&self, times: &Tensor, latents: &Tensor, features: &Tensor, scenes: &Tensor) -> Result<Tensor, CgfError> {
+    pub(crate) fn decode(
+        &self,
+        times: &Tensor,
+        latents: &Tensor,
+        features: &Tensor,
+        scenes: &Tensor,
+    ) -> Result<Tensor, CgfError> {
         let (batch, n) = times.dims2()?;
         let feature = self.times("decoder.0", "feature", features)?;
-        let motion = (self.times("decoder.0", "latent", latents)? + feature.index_select(scenes, 0)?)?
-            .broadcast_add(self.leaf("decoder.0", "bias")?)?;
+        let motion = (self.times("decoder.0", "latent", latents)?
+            + feature.index_select(scenes, 0)?)?
+        .broadcast_add(self.leaf("decoder.0", "bias")?)?;
         let width = motion.dim(1)?;
-        let time = times.reshape((batch * n, 1))?.matmul(&self.leaf("decoder.0", "time")?.t()?)?;
+        let time = times
+            .reshape((batch * n, 1))?
+            .matmul(&self.leaf("decoder.0", "time")?.t()?)?;
         let mut x = time
             .reshape((batch, n, width))?
             .broadcast_add(&motion.unsqueeze(1)?)?
@@ -119,7 +145,9 @@ impl Network<'_> {
     }
 
     fn linear(&self, name: &str, x: &Tensor) -> Result<Tensor, CgfError> {
-        Ok(self.times(name, "weight", x)?.broadcast_add(self.leaf(name, "bias")?)?)
+        Ok(self
+            .times(name, "weight", x)?
+            .broadcast_add(self.leaf(name, "bias")?)?)
     }
 
     fn times(&self, name: &str, input: &str, x: &Tensor) -> Result<Tensor, CgfError> {

@@ -8,7 +8,7 @@ use robot::RobotModel;
 
 use crate::{
     Cgf, CgfError,
-    adam::Adam,
+    adam::{self, Adam},
     config::{Augmentation, NetworkConfig, TrainingConfig},
     data::{Scene, Track, turned},
     grasp::{Grasp, Normalization, ROOT},
@@ -17,7 +17,7 @@ use crate::{
     model::{Curve, Description, JointRange, VERSION},
     network::{self, Network, constant},
     point_net::{self, Clouds, Pass, PointNet, Statistics},
-    precision::narrow,
+    precision::{narrow, narrow_all, row_index},
     random::Random,
     weights::Weights,
 };
@@ -69,7 +69,10 @@ pub fn train(
     for epoch in 0..training.epochs {
         let losses = trainer.epoch(epoch)?;
         if !losses.total.is_finite() {
-            return Err(CgfError::Diverged { epoch: epoch + 1, loss: losses.total });
+            return Err(CgfError::Diverged {
+                epoch: epoch + 1,
+                loss: losses.total,
+            });
         }
         curve.push(&losses);
         progress(epoch + 1, &losses);
@@ -112,11 +115,19 @@ struct Batch {
 }
 
 impl<'a> Trainer<'a> {
-    fn new(set: &'a TrainingSet, hand: &'a Arc<RobotModel>, network: &'a NetworkConfig, training: &'a TrainingConfig, seed: u64) -> Result<Self, CgfError> {
+    fn new(
+        set: &'a TrainingSet,
+        hand: &'a Arc<RobotModel>,
+        network: &'a NetworkConfig,
+        training: &'a TrainingConfig,
+        seed: u64,
+    ) -> Result<Self, CgfError> {
         network.check()?;
         training.check()?;
         if set.tracks.len() < 2 {
-            return Err(CgfError::TooFewTrajectories { found: set.tracks.len() });
+            return Err(CgfError::TooFewTrajectories {
+                found: set.tracks.len(),
+            });
         }
         for track in &set.tracks {
             track.check(hand.dof())?;
@@ -125,12 +136,19 @@ impl<'a> Trainer<'a> {
         let tips = training
             .tips
             .iter()
-            .map(|tip| hand.link(tip).ok_or_else(|| CgfError::UnknownLink { link: tip.clone() }))
+            .map(|tip| {
+                hand.link(tip)
+                    .ok_or_else(|| CgfError::UnknownLink { link: tip.clone() })
+            })
             .collect::<Result<_, _>>()?;
         let mut random = Random::new(seed, 1);
         let mut samples = Vec::new();
         for track in &set.tracks {
-            for _ in 0..if training.augmentation == Augmentation::None { 1 } else { 4 } {
+            for _ in 0..if training.augmentation == Augmentation::None {
+                1
+            } else {
+                4
+            } {
                 let rotation = draw_rotation(training.augmentation, &mut random);
                 let times = (0..=20).map(|k| f64::from(k) / 20.0);
                 samples.extend(times.map(|t| turned(&track.at(t), &rotation).to_numbers()));
@@ -158,7 +176,9 @@ impl<'a> Trainer<'a> {
     /// maxima of normal numbers are all positive, and what they share would drown what they tell apart.
     fn center_features(&mut self) -> Result<(), CgfError> {
         let net = PointNet::new(&self.weights, self.network.point_widths.len())?;
-        let features = net.forward(&self.all_clouds()?, Statistics::Measured)?.features;
+        let features = net
+            .forward(&self.all_clouds()?, Statistics::Measured)?
+            .features;
         let width = features.len() / self.set.scenes.len();
         let mut shift = vec![0.0; width];
         for feature in features.chunks_exact(width) {
@@ -173,7 +193,10 @@ impl<'a> Trainer<'a> {
 
     fn all_clouds(&mut self) -> Result<Clouds, CgfError> {
         let points = self.network.points;
-        let mut clouds = Clouds { points, xyz: Vec::new() };
+        let mut clouds = Clouds {
+            points,
+            xyz: Vec::new(),
+        };
         for scene in &self.set.scenes {
             let rotation = draw_rotation(self.training.augmentation, &mut self.random);
             clouds.xyz.extend(scene.cloud(points, &rotation)?.xyz);
@@ -183,12 +206,13 @@ impl<'a> Trainer<'a> {
 
     fn epoch(&mut self, epoch: usize) -> Result<Losses, CgfError> {
         let share = epoch as f64 / self.training.epochs as f64;
-        if self.statistics == Statistics::Measured && share >= self.training.fixed_statistics_after {
+        if self.statistics == Statistics::Measured && share >= self.training.fixed_statistics_after
+        {
             self.fix_statistics()?;
         }
         let order = self.random.permutation(self.set.tracks.len());
         let mut sum = Losses::default();
-        for tracks in order.chunks(self.training.batch) {
+        for tracks in equal_chunks(&order, self.training.batch) {
             let batch = self.batch(tracks)?;
             let losses = self.step(&batch, self.training.learning_rate_of(epoch))?;
             sum.add(&losses, tracks.len() as f32 / order.len() as f32);
@@ -210,13 +234,19 @@ impl<'a> Trainer<'a> {
 
     fn batch(&mut self, tracks: &[usize]) -> Result<Batch, CgfError> {
         let (set, training) = (self.set, self.training);
-        let mut used: Vec<usize> = tracks.iter().map(|&track| set.tracks[track].scene).collect();
+        let mut used: Vec<usize> = tracks
+            .iter()
+            .map(|&track| set.tracks[track].scene)
+            .collect();
         used.sort_unstable();
         used.dedup();
         let points = self.network.points;
         let mut batch = Batch {
             size: tracks.len(),
-            clouds: Clouds { points, xyz: Vec::new() },
+            clouds: Clouds {
+                points,
+                xyz: Vec::new(),
+            },
             surfaces: Vec::new(),
             scenes: Vec::new(),
             motions: Vec::new(),
@@ -228,17 +258,27 @@ impl<'a> Trainer<'a> {
         let mut rotations = Vec::with_capacity(used.len());
         for &scene in &used {
             let rotation = draw_rotation(training.augmentation, &mut self.random);
-            batch.clouds.xyz.extend(set.scenes[scene].cloud(points, &rotation)?.xyz);
+            batch
+                .clouds
+                .xyz
+                .extend(set.scenes[scene].cloud(points, &rotation)?.xyz);
             let surface = self.surfaces[scene].iter();
-            batch.surfaces.push(surface.map(|point| rotation * point).collect());
+            batch
+                .surfaces
+                .push(surface.map(|point| rotation * point).collect());
             rotations.push(rotation);
         }
         for &track in tracks {
             let track = &set.tracks[track];
             let scene = used.partition_point(|&scene| scene < track.scene);
             let rotation = &rotations[scene];
-            batch.scenes.push(scene as u32);
-            let motion = encoder_motion(track, self.network.encoder_steps, rotation, &self.normalization);
+            batch.scenes.push(row_index(scene));
+            let motion = encoder_motion(
+                track,
+                self.network.encoder_steps,
+                rotation,
+                &self.normalization,
+            );
             batch.motions.extend(motion);
             let mut times = track.last_times(training.grasp_steps);
             times.extend((0..training.random_times).map(|_| self.random.uniform()));
@@ -249,7 +289,9 @@ impl<'a> Trainer<'a> {
                 batch.physical.extend(numbers.into_iter().map(narrow));
             }
             // One draw for the whole motion.
-            batch.noise.extend((0..self.network.latent_dim).map(|_| narrow(self.random.normal())));
+            batch
+                .noise
+                .extend((0..self.network.latent_dim).map(|_| narrow(self.random.normal())));
         }
         Ok(batch)
     }
@@ -261,7 +303,10 @@ impl<'a> Trainer<'a> {
         let width = pass.features.len() / n_scenes;
         let features = Var::from_tensor(&constant(pass.features.clone(), &[n_scenes, width])?)?;
         let leaves = self.weights.variables()?;
-        let tape = Network { config: self.network, leaves: &leaves };
+        let tape = Network {
+            config: self.network,
+            leaves: &leaves,
+        };
         let (total, losses) = self.losses(batch, &tape, features.as_tensor())?;
         if !losses.total.is_finite() {
             return Ok(losses);
@@ -277,6 +322,9 @@ impl<'a> Trainer<'a> {
             let by_features = by_features.flatten_all()?.to_vec1()?;
             self.point_gradients(&net, &pass, &by_features, &mut gradients)?;
         }
+        if let Some(max_norm) = self.training.max_gradient_norm {
+            adam::shorten(&mut gradients, max_norm);
+        }
         self.adam.step(&mut self.weights, &gradients, learning_rate);
         if self.statistics == Statistics::Measured {
             PointNet::store(&pass, MOMENTUM, &mut self.weights)?;
@@ -284,30 +332,49 @@ impl<'a> Trainer<'a> {
         Ok(losses)
     }
 
-    fn point_gradients(&self, net: &PointNet, pass: &Pass, by_features: &[f32], gradients: &mut BTreeMap<String, Vec<f32>>) -> Result<(), CgfError> {
+    fn point_gradients(
+        &self,
+        net: &PointNet,
+        pass: &Pass,
+        by_features: &[f32],
+        gradients: &mut BTreeMap<String, Vec<f32>>,
+    ) -> Result<(), CgfError> {
         for (layer, by_layer) in net.backward(pass, by_features)?.into_iter().enumerate() {
             gradients.extend(point_net::names(layer).into_iter().zip(by_layer));
         }
         Ok(())
     }
 
-    fn losses(&self, batch: &Batch, tape: &Network, features: &Tensor) -> Result<(Tensor, Losses), CgfError> {
+    fn losses(
+        &self,
+        batch: &Batch,
+        tape: &Network,
+        features: &Tensor,
+    ) -> Result<(Tensor, Losses), CgfError> {
         let training = self.training;
         let outputs = ROOT + self.hand.dof();
         let n_times = training.grasp_steps + training.random_times;
         let rows = batch.size * n_times;
         let scenes = Tensor::from_slice(&batch.scenes, batch.size, &candle_core::Device::Cpu)?;
-        let motions = constant(batch.motions.clone(), &[batch.size, self.network.encoder_steps, outputs])?;
+        let motions = constant(
+            batch.motions.clone(),
+            &[batch.size, self.network.encoder_steps, outputs],
+        )?;
         let (mean, log_variance) = tape.encode(&motions, features, &scenes)?;
         let noise = constant(batch.noise.clone(), &[batch.size, self.network.latent_dim])?;
         let latents = (&mean + ((&log_variance * 0.5)?.exp()? * noise)?)?;
         let times = constant(batch.times.clone(), &[batch.size, n_times])?;
         let decoded = tape.decode(&times, &latents, features, &scenes)?;
         let targets = constant(batch.targets.clone(), &[rows, outputs])?;
-        let row_weights = loss::row_weights(batch.size, training.grasp_steps, training.random_times, training.grasp_weight)?;
+        let row_weights = loss::row_weights(
+            batch.size,
+            training.grasp_steps,
+            training.random_times,
+            training.grasp_weight,
+        )?;
         let q = loss::squared_error(&decoded, &targets, &row_weights)?;
-        let scale = constant(crate::precision::narrow_all(&self.normalization.scale), &[outputs])?;
-        let shift = constant(crate::precision::narrow_all(&self.normalization.mean), &[outputs])?;
+        let scale = constant(narrow_all(&self.normalization.scale), &[outputs])?;
+        let shift = constant(narrow_all(&self.normalization.mean), &[outputs])?;
         let physical = decoded.broadcast_mul(&scale)?.broadcast_add(&shift)?;
         let fk = LinkOrigins::new(self.hand.clone());
         let wanted = constant(batch.physical.clone(), &[rows, outputs])?.apply_op1_no_bwd(&fk)?;
@@ -332,7 +399,11 @@ impl<'a> Trainer<'a> {
 
     /// Picks the finger tips at t = 0, the last of the grasp's steps, and the surface that each of them
     /// is to touch.
-    fn tips_at_grasp<'b>(&self, batch: &'b Batch, origins: &Tensor) -> Result<(Tensor, Vec<&'b [Point3<f64>]>), CgfError> {
+    fn tips_at_grasp<'b>(
+        &self,
+        batch: &'b Batch,
+        origins: &Tensor,
+    ) -> Result<(Tensor, Vec<&'b [Point3<f64>]>), CgfError> {
         let n_links = self.hand.links().len();
         let n_times = self.training.grasp_steps + self.training.random_times;
         let mut rows = Vec::with_capacity(batch.size * self.tips.len());
@@ -340,7 +411,7 @@ impl<'a> Trainer<'a> {
         for (motion, &scene) in batch.scenes.iter().enumerate() {
             let row = motion * n_times + self.training.grasp_steps - 1;
             for tip in &self.tips {
-                rows.push((row * n_links + tip) as u32);
+                rows.push(row_index(row * n_links + tip));
                 surfaces.push(batch.surfaces[scene as usize].as_slice());
             }
         }
@@ -378,7 +449,12 @@ impl Losses {
 }
 
 /// Returns what the encoder sees of a motion: steps at equal times from 1 to 0, in the network's units.
-pub(crate) fn encoder_motion(track: &Track, steps: usize, rotation: &UnitQuaternion<f64>, normalization: &Normalization) -> Vec<f32> {
+pub(crate) fn encoder_motion(
+    track: &Track,
+    steps: usize,
+    rotation: &UnitQuaternion<f64>,
+    normalization: &Normalization,
+) -> Vec<f32> {
     equal_times(steps)
         .flat_map(|t| {
             let grasp: Grasp = turned(&track.at(t), rotation);
@@ -390,6 +466,13 @@ pub(crate) fn encoder_motion(track: &Track, steps: usize, rotation: &UnitQuatern
 /// Returns `n` times from 1 (far) to 0 (the grasp).
 pub(crate) fn equal_times(n: usize) -> impl Iterator<Item = f64> {
     (0..n).map(move |k| (n - 1 - k) as f64 / (n.max(2) - 1) as f64)
+}
+
+/// Cuts into as few chunks of at most `longest` as possible, of equal length but for one.
+fn equal_chunks(order: &[usize], longest: usize) -> Vec<&[usize]> {
+    let n = order.len().div_ceil(longest);
+    let cut = |k: usize| k * order.len() / n;
+    (0..n).map(|k| &order[cut(k)..cut(k + 1)]).collect()
 }
 
 fn draw_rotation(augmentation: Augmentation, random: &mut Random) -> UnitQuaternion<f64> {
@@ -405,5 +488,25 @@ fn draw_rotation(augmentation: Augmentation, random: &mut Random) -> UnitQuatern
             let (i, j, k, w) = (draw(), draw(), draw(), draw());
             UnitQuaternion::from_quaternion(Quaternion::from_parts(w, Vector3::new(i, j, k)))
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::equal_chunks;
+
+    #[test]
+    fn no_batch_is_much_smaller_than_another() {
+        let check = |n: usize, longest: usize, expected: &[usize]| {
+            let order: Vec<usize> = (0..n).collect();
+            let chunks = equal_chunks(&order, longest);
+            let lengths: Vec<usize> = chunks.iter().map(|chunk| chunk.len()).collect();
+            assert_eq!(lengths, expected);
+            assert_eq!(chunks.concat(), order);
+        };
+        check(9, 8, &[4, 5]);
+        check(8, 8, &[8]);
+        check(3, 32, &[3]);
+        check(10, 4, &[3, 3, 4]);
     }
 }

@@ -40,7 +40,9 @@ impl Weights {
 
     /// Iterates over the arrays in the order of their names.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Array)> {
-        self.arrays.iter().map(|(name, array)| (name.as_str(), array))
+        self.arrays
+            .iter()
+            .map(|(name, array)| (name.as_str(), array))
     }
 
     pub(crate) fn learned_mut(&mut self) -> impl Iterator<Item = (&str, &mut Array)> {
@@ -51,14 +53,24 @@ impl Weights {
     }
 
     pub(crate) fn set(&mut self, name: &str, shape: &[usize], values: Vec<f32>) {
-        assert_eq!(shape.iter().product::<usize>(), values.len(), "shape of `{name}`");
+        assert_eq!(
+            shape.iter().product::<usize>(),
+            values.len(),
+            "shape of `{name}`"
+        );
         let shape = shape.to_vec();
         self.arrays.insert(name.to_owned(), Array { shape, values });
     }
 
     /// Adds a matrix `(outputs, inputs)` with uniform entries of variance `1 / inputs`
     /// (LeCun et al., *Efficient BackProp*, 1998, §4.6).
-    pub(crate) fn set_random(&mut self, name: &str, outputs: usize, inputs: usize, random: &mut Random) {
+    pub(crate) fn set_random(
+        &mut self,
+        name: &str,
+        outputs: usize,
+        inputs: usize,
+        random: &mut Random,
+    ) {
         let bound = (3.0 / inputs as f64).sqrt();
         let values = (0..outputs * inputs)
             .map(|_| narrow(bound * (2.0 * random.uniform() - 1.0)))
@@ -71,7 +83,12 @@ impl Weights {
     }
 
     pub(crate) fn scale(&mut self, name: &str, factor: f32) {
-        for value in self.arrays.get_mut(name).into_iter().flat_map(|array| &mut array.values) {
+        for value in self
+            .arrays
+            .get_mut(name)
+            .into_iter()
+            .flat_map(|array| &mut array.values)
+        {
             *value *= factor;
         }
     }

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use cgf::{
-    Activation, Augmentation, Cgf, CgfError, Contact, Grasp, GraspError, NetworkConfig,
-    Outputs, Schedule, Scene, TimedGrasp, Track, TrainingConfig, TrainingSet, train,
+    Activation, Augmentation, Cgf, CgfError, Contact, Grasp, GraspError, NetworkConfig, Outputs,
+    Scene, Schedule, TimedGrasp, Track, TrainingConfig, TrainingSet, train,
 };
 use nalgebra::{Isometry3, Point3, Vector3};
 use robot::RobotModel;
@@ -29,11 +29,18 @@ fn scene(object: &str, half: [f64; 3]) -> Scene {
         let (u, v) = (f64::from(k % 16) / 7.5 - 1.0, f64::from(k / 16) / 3.5 - 1.0);
         let side = if k % 2 == 0 { 1.0 } else { -1.0 };
         let unit = [[side, u, v], [u, side, v], [u, v, side]][k as usize % 3];
-        points_in_object.push(Point3::new(half[0] * unit[0], half[1] * unit[1], half[2] * unit[2]));
+        points_in_object.push(Point3::new(
+            half[0] * unit[0],
+            half[1] * unit[1],
+            half[2] * unit[2],
+        ));
     }
     Scene {
         object: object.to_owned(),
-        rest: Rest { up_in_object: Vector3::z_axis(), height_m: half[2] },
+        rest: Rest {
+            up_in_object: Vector3::z_axis(),
+            height_m: half[2],
+        },
         points_in_object,
     }
 }
@@ -51,12 +58,19 @@ fn track(name: &str, scene: usize, toward: Vector3<f64>, angle: f64) -> Track {
             },
         }
     });
-    Track { name: name.to_owned(), scene, steps: steps.collect() }
+    Track {
+        name: name.to_owned(),
+        scene,
+        steps: steps.collect(),
+    }
 }
 
 fn set() -> TrainingSet {
     TrainingSet {
-        scenes: vec![scene("box", [0.05, 0.03, 0.1]), scene("brick", [0.1, 0.05, 0.03])],
+        scenes: vec![
+            scene("box", [0.05, 0.03, 0.1]),
+            scene("brick", [0.1, 0.05, 0.03]),
+        ],
         tracks: vec![
             track("a", 0, Vector3::new(0.02, 0.0, 0.15), 0.3),
             track("b", 1, Vector3::new(0.0, 0.05, 0.08), -0.4),
@@ -82,6 +96,7 @@ fn training(epochs: usize) -> TrainingConfig {
         epochs,
         batch: 32,
         learning_rate: 3e-3,
+        max_gradient_norm: None,
         schedule: Schedule::Cosine,
         halving_epochs: 500,
         grasp_steps: 5,
@@ -117,7 +132,10 @@ fn two_motions_are_learned_by_heart() {
     let feature = cgf.feature(&set.scenes[1]).unwrap();
     let mean = cgf.description().demonstrations[1].latent_mean.clone();
     let times = Cgf::times(9);
-    for (grasp, t) in cgf.decode(&feature, &[mean], &times).unwrap()[0].iter().zip(times) {
+    for (grasp, t) in cgf.decode(&feature, &[mean], &times).unwrap()[0]
+        .iter()
+        .zip(times)
+    {
         let error = GraspError::between(grasp, &set.tracks[1].at(t));
         assert!(error.position_m < 0.02, "t = {t}: {error:?}");
     }
@@ -128,13 +146,18 @@ fn two_motions_are_learned_by_heart() {
 fn motions_of_different_codes_differ() {
     let cgf = trained(30);
     let feature = cgf.feature(&set().scenes[0]).unwrap();
-    let motions = cgf.decode(&feature, &[vec![0.0; 4], vec![1.5; 4]], &[0.0, 0.5]).unwrap();
+    let motions = cgf
+        .decode(&feature, &[vec![0.0; 4], vec![1.5; 4]], &[0.0, 0.5])
+        .unwrap();
     assert_eq!(motions.len(), 2);
     assert_ne!(motions[0], motions[1]);
     // A code's motion does not depend on what is decoded beside it.
     let alone = cgf.decode(&feature, &[vec![1.5; 4]], &[0.5]).unwrap();
     let error = GraspError::between(&alone[0][0], &motions[1][1]);
-    assert!(error.position_m < 1e-5 && error.joints_rad < 1e-5, "{error:?}");
+    assert!(
+        error.position_m < 1e-5 && error.joints_rad < 1e-5,
+        "{error:?}"
+    );
 }
 
 #[test]
@@ -147,14 +170,23 @@ fn checkpoint_is_read_as_it_was_written() {
     assert_eq!(read.weights(), cgf.weights());
     assert_eq!(read.description().network, cgf.description().network);
     assert_eq!(read.description().joints, cgf.description().joints);
-    assert_eq!(read.description().training_curve, cgf.description().training_curve);
+    assert_eq!(
+        read.description().training_curve,
+        cgf.description().training_curve
+    );
     let feature = read.feature(&set().scenes[0]).unwrap();
     let motion = |cgf: &Cgf| cgf.decode(&feature, &[vec![0.5; 4]], &[0.0]).unwrap()[0][0].clone();
     let error = GraspError::between(&motion(&read), &motion(&cgf));
-    assert!(error.position_m < 1e-12 && error.joints_rad < 1e-12, "{error:?}");
+    assert!(
+        error.position_m < 1e-12 && error.joints_rad < 1e-12,
+        "{error:?}"
+    );
     let bytes = std::fs::read(&weights).unwrap();
     std::fs::write(&weights, &bytes[..bytes.len() - 100]).unwrap();
-    assert!(matches!(Cgf::load(&weights, &description), Err(CgfError::Weights(_))));
+    assert!(matches!(
+        Cgf::load(&weights, &description),
+        Err(CgfError::Weights(_))
+    ));
 }
 
 #[test]
@@ -164,10 +196,20 @@ fn checkpoint_of_another_hand_or_network_is_refused() {
     let cgf = trained(1);
     cgf.save(&weights, &description).unwrap();
     let other = ["ja".to_owned(), "jc".to_owned()];
-    assert!(matches!(cgf.check_hand(&other), Err(CgfError::AnotherHand { .. })));
+    assert!(matches!(
+        cgf.check_hand(&other),
+        Err(CgfError::AnotherHand { .. })
+    ));
     let text = std::fs::read_to_string(&description).unwrap();
-    std::fs::write(&description, text.replace("\"latent_dim\": 4", "\"latent_dim\": 5")).unwrap();
-    assert!(matches!(Cgf::load(&weights, &description), Err(CgfError::Tensor { .. })));
+    std::fs::write(
+        &description,
+        text.replace("\"latent_dim\": 4", "\"latent_dim\": 5"),
+    )
+    .unwrap();
+    assert!(matches!(
+        Cgf::load(&weights, &description),
+        Err(CgfError::Tensor { .. })
+    ));
 }
 
 #[test]
@@ -181,9 +223,18 @@ fn unusable_sets_are_refused() {
     check(|set| set.tracks.clear(), "0 trajectories");
     check(|set| set.tracks.truncate(1), "1 trajectories");
     check(|set| set.tracks[1].steps.truncate(1), "`b` has 1 steps");
-    check(|set| set.tracks[0].steps[3].grasp.q_rad[0] = f64::NAN, "not finite");
-    check(|set| set.tracks[0].steps[3].grasp.q_rad = vec![0.0; 16], "16 joint positions");
-    check(|set| set.scenes[0].points_in_object.truncate(10), "`box` has 10 surface points");
+    check(
+        |set| set.tracks[0].steps[3].grasp.q_rad[0] = f64::NAN,
+        "not finite",
+    );
+    check(
+        |set| set.tracks[0].steps[3].grasp.q_rad = vec![0.0; 16],
+        "16 joint positions",
+    );
+    check(
+        |set| set.scenes[0].points_in_object.truncate(10),
+        "`box` has 10 surface points",
+    );
 }
 
 #[test]

@@ -144,7 +144,7 @@ pub fn plan(pipeline: &Pipeline, store: &dyn Store, options: &RunOptions) -> Res
                                 keys.iter().any(|key| {
                                     state
                                         .known(source, key)
-                                        .is_some_and(|known| known.digest.is_none())
+                                        .is_some_and(|known| known.outcome.is_none())
                                 })
                             })
                         })
@@ -187,8 +187,7 @@ fn known_from(outcome: &RecordOutcome, is_cached: bool) -> Option<Known> {
     match outcome {
         RecordOutcome::Made { labels, .. } => Some(Known {
             labels: labels.clone(),
-            digest: outcome.artifact_digest().filter(|_| is_cached),
-            outcome: None,
+            outcome: is_cached.then(|| outcome.clone()),
         }),
         RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => None,
     }

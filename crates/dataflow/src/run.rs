@@ -378,19 +378,16 @@ impl Runner<'_> {
             for key in keys {
                 let source = node.reads.get(input);
                 let known = source.and_then(|source| self.state.known(source, key));
-                let files = match known.and_then(|known| known.outcome.as_ref()) {
-                    Some(RecordOutcome::Made { files, .. }) => files,
-                    _ => {
-                        return Err(Failure::MissingInput {
-                            stage: node.name.stage.clone(),
-                            input: input.clone(),
-                            partition: key.clone(),
-                        });
-                    }
-                };
-                let paths = match self.store.open(files)? {
+                let files = known
+                    .and_then(|known| known.outcome.as_ref()?.files(unit.parts.get(input)))
+                    .ok_or_else(|| Failure::MissingInput {
+                        stage: node.name.stage.clone(),
+                        input: input.clone(),
+                        partition: key.clone(),
+                    })?;
+                let paths = match self.store.open(&files)? {
                     Some(paths) => paths,
-                    None => self.make_again(source, key, files)?,
+                    None => self.make_again(source, key, &files)?,
                 };
                 opened.push(Artifact {
                     key: key.clone(),
@@ -441,13 +438,11 @@ struct MadeUnit {
 
 impl MadeUnit {
     fn into_known(self) -> Option<(String, Known)> {
-        let digest = self.record.outcome.artifact_digest();
         match &self.record.outcome {
             RecordOutcome::Made { labels, .. } => Some((
                 self.partition,
                 Known {
                     labels: labels.clone(),
-                    digest,
                     outcome: Some(self.record.outcome),
                 },
             )),

@@ -22,10 +22,26 @@ use crate::{
 #[derive(Debug, Clone)]
 pub(crate) struct Known {
     pub(crate) labels: BTreeMap<String, String>,
-    /// Its digest; `None` if it is to be made and its bytes are not known yet.
-    pub(crate) digest: Option<Digest>,
-    /// Its files, if it is made.
+    /// Its files; `None` if it is to be made and its bytes are not known yet.
     pub(crate) outcome: Option<RecordOutcome>,
+}
+
+impl Known {
+    /// Returns the digest of the partition, or of the named files of it.
+    fn digest_of(&self, parts: Option<&Vec<String>>) -> Option<Digest> {
+        let outcome = self.outcome.as_ref()?;
+        match parts {
+            None => outcome.artifact_digest(),
+            Some(_) => {
+                let files = outcome.files(parts)?;
+                let digests: BTreeMap<_, _> = files
+                    .into_iter()
+                    .map(|(name, file)| (name, file.digest))
+                    .collect();
+                Some(Digest::of_json(&serde_json::json!(digests)))
+            }
+        }
+    }
 }
 
 /// The partitions made so far, by node.
@@ -106,10 +122,10 @@ impl<'a> State<'a> {
                         input: input.clone(),
                         partition: key.clone(),
                     })?;
-                match &known.digest {
-                    Some(digest) => digests.insert(key.clone(), digest.clone()),
-                    None => return Ok(None),
+                let Some(digest) = known.digest_of(unit.parts.get(input)) else {
+                    return Ok(None);
                 };
+                digests.insert(key.clone(), digest);
             }
             inputs.insert(input.clone(), digests);
         }

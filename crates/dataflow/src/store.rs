@@ -71,6 +71,20 @@ impl RecordOutcome {
             Self::Skipped { .. } | Self::Filtered { .. } => None,
         }
     }
+
+    /// Returns the files of a made artifact, only the named ones if `parts` names any.
+    pub(crate) fn files(&self, parts: Option<&Vec<String>>) -> Option<BTreeMap<String, FileRef>> {
+        match self {
+            Self::Made { files, .. } => Some(
+                files
+                    .iter()
+                    .filter(|(name, _)| parts.is_none_or(|parts| parts.contains(name)))
+                    .map(|(name, file)| (name.clone(), file.clone()))
+                    .collect(),
+            ),
+            Self::Skipped { .. } | Self::Filtered { .. } => None,
+        }
+    }
 }
 
 /// A unit that is being made: nobody else makes it, and its folder is empty.

@@ -11,6 +11,9 @@ pub struct Unit {
     pub partition: String,
     /// Keys of the partitions read, by input name (or by an earlier output of the same stage).
     pub reads: BTreeMap<String, Vec<String>>,
+    /// Names of the only files that it reads of an input's partitions; every file where none are
+    /// named. A change of the others does not make it run again.
+    pub parts: BTreeMap<String, Vec<String>>,
     /// Files outside the lake that it reads.
     pub files: Vec<SourceFile>,
 }
@@ -35,6 +38,18 @@ impl Unit {
             .entry(input.to_owned())
             .or_default()
             .extend(keys.into_iter().map(Into::into));
+        self
+    }
+
+    /// Says that of an input's partitions only these files are read.
+    #[must_use]
+    pub fn only_files<K: Into<String>>(
+        mut self,
+        input: &str,
+        names: impl IntoIterator<Item = K>,
+    ) -> Self {
+        let names = names.into_iter().map(Into::into).collect();
+        self.parts.insert(input.to_owned(), names);
         self
     }
 

@@ -44,7 +44,7 @@ pub(crate) fn config() -> RetargetConfig {
         correspondences,
         hand_scale: 1.0,
         smoothness_weight: 0.2,
-        joint_smoothness_weight: 0.01,
+        joint_smoothness_weight: 0.02,
         object_weight: 3.0,
         clearance_m: 0.008,
         closing_time_s: 0.3,
@@ -120,5 +120,5 @@ pub(crate) fn rest() -> Rest {
 
 /// Returns the box on its table.
 pub(crate) fn scene() -> Scene {
-    Scene::new(&object(), rest()).unwrap()
+    Scene::new(&object(), &rest()).unwrap()
 }

@@ -19,9 +19,11 @@ mod config;
 mod error;
 #[cfg(test)]
 mod fixture;
+mod goal;
 mod hand;
 mod objective;
 mod scene;
+mod settle;
 mod solver;
 mod stage;
 mod start;

@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector3};
 
 use crate::{
     RetargetConfig,
+    goal::Goal,
     hand::{Hand, Posture},
     scene::{Gap, Scene},
 };
@@ -11,46 +12,6 @@ use crate::{
 /// Weight that draws joints without any other say to the middle of their range, in m/rad: far below
 /// what a landmark says, enough to make the answer unique.
 const TIE_BREAK_WEIGHT: f64 = 1e-3;
-
-/// What one step asks of the hand.
-#[derive(Debug, Clone)]
-pub(crate) struct Goal {
-    /// Where each point of the hand should be.
-    pub(crate) points: Vec<PointGoal>,
-    /// Distance that links keep from the object, in meters.
-    pub(crate) clearance_m: f64,
-    /// What the step solved before found.
-    pub(crate) previous: Option<Previous>,
-}
-
-/// Where one point of the hand should be.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct PointGoal {
-    /// The scaled landmark in the object frame.
-    pub(crate) landmark: Point3<f64>,
-    /// Weight of the distance to it.
-    pub(crate) weight: f64,
-    /// How far from the surface it should be, and with which weight.
-    pub(crate) contact: Option<ContactGoal>,
-}
-
-/// How far from the surface a finger tip should be.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct ContactGoal {
-    /// Signed distance of its center, in meters.
-    pub(crate) distance_m: f64,
-    /// Weight of the difference.
-    pub(crate) weight: f64,
-}
-
-/// The outcome of the step solved before.
-#[derive(Debug, Clone)]
-pub(crate) struct Previous {
-    /// Where the hand's points were, in the object frame.
-    pub(crate) points: Vec<Point3<f64>>,
-    /// The joint positions.
-    pub(crate) q: Vec<f64>,
-}
 
 /// The function to minimize for one step: a sum of squares.
 ///
@@ -354,7 +315,10 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::fixture;
+    use crate::{
+        fixture,
+        goal::{ContactGoal, PointGoal, Previous},
+    };
 
     /// Any posture about the box, near enough to touch it.
     fn posture() -> impl Strategy<Value = Posture> {

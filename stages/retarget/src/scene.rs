@@ -7,6 +7,8 @@ use nalgebra::{Point3, Vector3};
 use schemas::objects::Object;
 use spatial::Rest;
 
+use crate::settle::settled;
+
 /// Below this distance the direction to the surface is taken from the surface itself, in meters.
 const ON_SURFACE_M: f64 = 1e-7;
 
@@ -27,10 +29,9 @@ pub(crate) struct Gap {
 }
 
 impl Scene {
-    /// Prepares an object that lies as it lay; `None` if its mesh has no surface.
-    ///
-    /// The table is where the mesh's lowest point is: the recorded height is a measurement.
-    pub(crate) fn new(object: &Object, rest: Rest) -> Option<Self> {
+    /// Prepares an object that lies as it lay, but for errors of the recording; `None` if its mesh
+    /// has no surface.
+    pub(crate) fn new(object: &Object, recorded: &Rest) -> Option<Self> {
         let mesh = TriMesh {
             vertices_m: object
                 .vertices_m
@@ -45,20 +46,18 @@ impl Scene {
             .signed_distance(&Point3::origin())
             .distance_m
             .is_finite();
-        let lowest_m = mesh
-            .vertices_m
-            .iter()
-            .map(|vertex| rest.up_in_object.dot(&vertex.coords))
-            .fold(f64::INFINITY, f64::min);
-        let rest = Rest {
-            height_m: -lowest_m,
-            ..rest
-        };
+        let center_of_mass = Point3::from(object.center_of_mass_m);
+        let rest = settled(&mesh.vertices_m, &center_of_mass, recorded);
         is_solid.then_some(Self {
             mesh,
             distance,
             rest,
         })
+    }
+
+    /// Returns how the object lies.
+    pub(crate) fn rest(&self) -> Rest {
+        self.rest
     }
 
     /// Returns how far a point is from the object's surface.
@@ -146,7 +145,7 @@ mod tests {
         for (from, to) in [(0, 1), (1, 2), (2, 0)] {
             object.triangles.push([front[from], front[to], dent]);
         }
-        let scene = Scene::new(&object, fixture::rest()).unwrap();
+        let scene = Scene::new(&object, &fixture::rest()).unwrap();
         let behind = Point3::new(-0.03, 0.0, 0.0);
         assert!(scene.distance.signed_distance(&behind).distance_m < 0.0);
         assert!(scene.gap(&behind).distance_m > 0.0);

@@ -108,7 +108,7 @@ impl Stage for Retarget {
         };
         let object =
             objects::from_batch(&artifact.key, &lake::table::read(artifact)?).map_err(schema)?;
-        let Some(scene) = Scene::new(&object, demonstration.rest) else {
+        let Some(scene) = Scene::new(&object, &demonstration.rest) else {
             return Ok(Outcome::Skipped {
                 reason: format!("the mesh of its object `{}` has no surface", object.name),
             });
@@ -140,7 +140,7 @@ impl Stage for Retarget {
             sequence: demonstration.sequence,
             object: object.name.clone(),
             joints: hand.model.joint_names(),
-            rest: demonstration.rest,
+            rest: scene.rest(),
             steps: tracked.steps,
         };
         let batch = trajectories::to_batch(&trajectory).map_err(schema)?;

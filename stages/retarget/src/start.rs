@@ -3,8 +3,8 @@
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::{
+    goal::Goal,
     hand::{Hand, Posture},
-    objective::Goal,
 };
 
 /// How far between its limits each joint stands in the starts tried: the paper's mid-range, an open

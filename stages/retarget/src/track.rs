@@ -1,16 +1,13 @@
 //! A whole demonstration, step by step, backward from the grasp.
 
-use nalgebra::Point3;
-use schemas::{
-    demonstrations::{Demonstration, KEYPOINTS},
-    trajectories,
-};
+use schemas::{demonstrations::Demonstration, trajectories};
 use spatial::Pose;
 
 use crate::{
     RetargetConfig,
+    goal::{Goal, Previous, goal},
     hand::{Hand, Posture},
-    objective::{ContactGoal, Evaluation, Goal, Memory, Objective, PointGoal, Previous},
+    objective::{Evaluation, Memory, Objective},
     scene::Scene,
     solver::minimize,
     start::{laid_on, starts},
@@ -18,10 +15,6 @@ use crate::{
 
 /// Iterations at the grasp relative to other steps: it starts from nothing.
 const GRASP_ITERATIONS: usize = 3;
-
-/// A person's tip counts as touching in full up to the configured distance and not at all at this
-/// multiple of it, so that contacts come and go smoothly.
-const CONTACT_FADE: f64 = 1.5;
 
 /// A step whose mean error exceeds that of the grasp by this much, in meters, is searched afresh:
 /// the search may have stayed behind in a poor minimum.
@@ -196,70 +189,6 @@ fn previous(solved: &Evaluation) -> Previous {
     }
 }
 
-/// Returns what a step asks of the hand, `to_grasp_s` seconds before the grasp.
-fn goal(
-    hand: &Hand,
-    scene: &Scene,
-    config: &RetargetConfig,
-    keypoints_m: &[[f64; 3]; KEYPOINTS],
-    to_grasp_s: f64,
-) -> Goal {
-    let clearance_m = config.clearance_m * openness(to_grasp_s, config.closing_time_s);
-    let wrist = Point3::from(keypoints_m[0]);
-    let points = hand
-        .points
-        .iter()
-        .map(|point| {
-            let keypoint = keypoints_m
-                .get(point.keypoint)
-                .map_or(wrist, |&xyz| Point3::from(xyz));
-            let landmark = wrist + (keypoint - wrist) * config.hand_scale;
-            let mut goal = PointGoal {
-                landmark,
-                weight: point.weight,
-                contact: None,
-            };
-            if let Some(radius_m) = point.tip_radius_m
-                && config.contact_weight > 0.0
-            {
-                // The person's tip tells, at the person's own scale.
-                let share = touch(scene.gap(&keypoint).distance_m, config.contact_distance_m);
-                if share > 0.0 {
-                    goal.weight *= 1.0 - share * (1.0 - config.contact_position_factor);
-                    goal.contact = Some(ContactGoal {
-                        distance_m: radius_m + clearance_m,
-                        weight: share * config.contact_weight,
-                    });
-                }
-            }
-            goal
-        })
-        .collect();
-    Goal {
-        points,
-        clearance_m,
-        previous: None,
-    }
-}
-
-/// Returns how open the hand is, from 0 at the grasp to 1 where it begins to close, without a kink.
-fn openness(to_grasp_s: f64, closing_time_s: f64) -> f64 {
-    if closing_time_s <= 0.0 {
-        return if to_grasp_s > 0.0 { 1.0 } else { 0.0 };
-    }
-    let x = (to_grasp_s / closing_time_s).clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
-}
-
-/// Returns how much a tip at this distance counts as touching, from 1 to 0.
-fn touch(distance_m: f64, contact_distance_m: f64) -> f64 {
-    if contact_distance_m <= 0.0 {
-        return 0.0;
-    }
-    let beyond = distance_m / contact_distance_m - 1.0;
-    (1.0 - beyond / (CONTACT_FADE - 1.0)).clamp(0.0, 1.0)
-}
-
 /// Returns the root mean square distance of the points to their landmarks, and the largest distance
 /// of a finger tip to its own, in meters.
 fn errors(hand: &Hand, solved: &Evaluation, goal: &Goal) -> (f64, f64) {
@@ -323,7 +252,7 @@ fn summarize(
 mod tests {
     use nalgebra::{Isometry3, Vector3};
     use proptest::prelude::*;
-    use schemas::demonstrations::Step;
+    use schemas::demonstrations::{KEYPOINTS, Step};
 
     use super::*;
     use crate::fixture;
@@ -505,23 +434,5 @@ mod tests {
         keypoints[4] = [-0.01, y + 0.005, 0.0];
         let (_, tracked) = run(&config, vec![keypoints]);
         assert!(tracked.tip_gap_m < 0.004, "{} m", tracked.tip_gap_m);
-    }
-
-    #[test]
-    fn closing_is_smooth_and_touch_fades() {
-        assert_eq!(
-            (openness(0.0, 0.3), openness(0.3, 0.3), openness(9.0, 0.3)),
-            (0.0, 1.0, 1.0)
-        );
-        assert_eq!((openness(0.0, 0.0), openness(0.1, 0.0)), (0.0, 1.0));
-        assert_eq!(
-            (
-                touch(-0.01, 0.015),
-                touch(0.015, 0.015),
-                touch(0.0225, 0.015)
-            ),
-            (1.0, 1.0, 0.0)
-        );
-        assert_eq!(touch(0.0, 0.0), 0.0);
     }
 }

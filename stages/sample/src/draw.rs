@@ -27,7 +27,12 @@ pub(crate) struct Source<'a> {
 
 impl<'a> Source<'a> {
     /// `rests` are the object's resting orientations as [`rests`] returns them.
-    pub(crate) fn new(config: &'a SampleConfig, cgf: &'a Cgf, object: &Object, rests: &[Rest]) -> Self {
+    pub(crate) fn new(
+        config: &'a SampleConfig,
+        cgf: &'a Cgf,
+        object: &Object,
+        rests: &[Rest],
+    ) -> Self {
         let description = cgf.description();
         let demonstrations = description
             .demonstrations
@@ -47,7 +52,8 @@ impl<'a> Source<'a> {
     pub(crate) fn draw(&self, random: &mut Random) -> Draw {
         let about_demonstration = random.uniform() < self.config.demonstrated_share;
         if about_demonstration && !self.demonstrations.is_empty() {
-            let (rest, demonstration) = self.demonstrations[random.index(self.demonstrations.len())];
+            let (rest, demonstration) =
+                self.demonstrations[random.index(self.demonstrations.len())];
             let latent = demonstration
                 .latent_mean
                 .iter()
@@ -57,7 +63,9 @@ impl<'a> Source<'a> {
             return Draw { rest, latent };
         }
         let rest = choose(&self.weights, random.uniform());
-        let latent = (0..self.latent_dim).map(|_| self.config.spread * random.normal()).collect();
+        let latent = (0..self.latent_dim)
+            .map(|_| self.config.spread * random.normal())
+            .collect();
         Draw { rest, latent }
     }
 }
@@ -65,17 +73,29 @@ impl<'a> Source<'a> {
 /// Returns the object's resting orientations; upright at its lowest point if it has none.
 pub(crate) fn rests(object: &Object) -> Vec<Rest> {
     if object.rests.is_empty() {
-        let lowest = object.vertices_m.iter().map(|[_, _, z]| *z).fold(0.0, f64::min);
+        let lowest = object
+            .vertices_m
+            .iter()
+            .map(|[_, _, z]| *z)
+            .fold(0.0, f64::min);
         return vec![Rest {
             up_in_object: nalgebra::Vector3::z_axis(),
             height_m: -lowest,
         }];
     }
-    object.rests.iter().map(|orientation| orientation.rest).collect()
+    object
+        .rests
+        .iter()
+        .map(|orientation| orientation.rest)
+        .collect()
 }
 
 fn weights(rests: Rests, object: &Object, n: usize) -> Vec<f64> {
-    let seen: Vec<f64> = object.rests.iter().map(|rest| f64::from(rest.seen_n)).collect();
+    let seen: Vec<f64> = object
+        .rests
+        .iter()
+        .map(|rest| f64::from(rest.seen_n))
+        .collect();
     let stable: Vec<f64> = object.rests.iter().map(|rest| rest.probability).collect();
     let usable = |weights: &[f64]| weights.iter().sum::<f64>() > 0.0;
     if rests == Rests::Seen && usable(&seen) {

@@ -58,7 +58,10 @@ impl Advise for SampleError {
             }
             Self::Lake(err) => err.hint(),
             Self::Cgf(
-                CgfError::Weights(_) | CgfError::Description(_) | CgfError::Tensor { .. } | CgfError::Version { .. },
+                CgfError::Weights(_)
+                | CgfError::Description(_)
+                | CgfError::Tensor { .. }
+                | CgfError::Version { .. },
             ) => Some("train again with `pipeline run FILE --fresh`".to_owned()),
             Self::Config { .. } | Self::Cgf(_) => None,
         }

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::Path, sync::Arc};
 
 use cgf::{
-    Activation, Augmentation, Contact, Grasp, NetworkConfig, Outputs, Schedule, Scene, TimedGrasp,
+    Activation, Augmentation, Contact, Grasp, NetworkConfig, Outputs, Scene, Schedule, TimedGrasp,
     Track, TrainingConfig, TrainingSet,
 };
 use dataflow::{Artifact, Context, Inputs, Outcome, Stage};
@@ -25,17 +25,28 @@ const HAND: &str = r#"<robot name="h">
 </robot>"#;
 
 fn rest(up: Vector3<f64>, height_m: f64) -> Rest {
-    Rest { up_in_object: nalgebra::Unit::new_normalize(up), height_m }
+    Rest {
+        up_in_object: nalgebra::Unit::new_normalize(up),
+        height_m,
+    }
 }
 
 fn object() -> Object {
     let points_m: Vec<[f64; 3]> = (0..100)
         .map(|k| {
             let angle = f64::from(k) * 0.7;
-            [0.03 * angle.cos(), 0.03 * angle.sin(), f64::from(k) / 1000.0 - 0.05]
+            [
+                0.03 * angle.cos(),
+                0.03 * angle.sin(),
+                f64::from(k) / 1000.0 - 0.05,
+            ]
         })
         .collect();
-    let rests = [(rest(Vector3::z(), 0.05), 3), (rest(Vector3::x(), 0.03), 1), (rest(-Vector3::z(), 0.05), 0)];
+    let rests = [
+        (rest(Vector3::z(), 0.05), 3),
+        (rest(Vector3::x(), 0.03), 1),
+        (rest(-Vector3::z(), 0.05), 0),
+    ];
     Object {
         name: "can".to_owned(),
         mass_kg: 0.3,
@@ -47,7 +58,11 @@ fn object() -> Object {
         parts_m: vec![points_m[..4].to_vec()],
         points_m,
         rests: rests
-            .map(|(rest, seen_n)| RestingOrientation { rest, seen_n, probability: 0.3 })
+            .map(|(rest, seen_n)| RestingOrientation {
+                rest,
+                seen_n,
+                probability: 0.3,
+            })
             .to_vec(),
     }
 }
@@ -58,7 +73,11 @@ fn write_checkpoint(folder: &Path) {
     let scene = Scene {
         object: "can".to_owned(),
         rest: object.rests[0].rest,
-        points_in_object: object.points_m.iter().map(|&point| Point3::from(point)).collect(),
+        points_in_object: object
+            .points_m
+            .iter()
+            .map(|&point| Point3::from(point))
+            .collect(),
     };
     let track = |name: &str, x: f64| Track {
         name: name.to_owned(),
@@ -67,13 +86,20 @@ fn write_checkpoint(folder: &Path) {
             .map(|k| TimedGrasp {
                 time_s: f64::from(k),
                 grasp: Grasp {
-                    table_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.3 - 0.02 * f64::from(k))),
+                    table_from_palm: Pose::new(Isometry3::translation(
+                        x,
+                        0.0,
+                        0.3 - 0.02 * f64::from(k),
+                    )),
                     q_rad: vec![0.1 * f64::from(k)],
                 },
             })
             .collect(),
     };
-    let set = TrainingSet { scenes: vec![scene], tracks: vec![track("a", 0.1), track("b", -0.1)] };
+    let set = TrainingSet {
+        scenes: vec![scene],
+        tracks: vec![track("a", 0.1), track("b", -0.1)],
+    };
     let network = NetworkConfig {
         points: 64,
         point_widths: vec![8, 16],
@@ -88,6 +114,7 @@ fn write_checkpoint(folder: &Path) {
         epochs: 20,
         batch: 2,
         learning_rate: 3e-3,
+        max_gradient_norm: None,
         schedule: Schedule::Halving,
         halving_epochs: 500,
         grasp_steps: 2,
@@ -106,7 +133,11 @@ fn write_checkpoint(folder: &Path) {
     };
     let hand = Arc::new(RobotModel::from_urdf(HAND).unwrap());
     let cgf = cgf::train(&set, &hand, &network, &training, 7, |_, _| {}).unwrap();
-    cgf.save(&folder.join(checkpoint::WEIGHTS), &folder.join(checkpoint::DESCRIPTION)).unwrap();
+    cgf.save(
+        &folder.join(checkpoint::WEIGHTS),
+        &folder.join(checkpoint::DESCRIPTION),
+    )
+    .unwrap();
 }
 
 fn inputs(folder: &Path) -> Inputs {
@@ -115,12 +146,24 @@ fn inputs(folder: &Path) -> Inputs {
     let artifact = |key: &str, files: &[&str]| Artifact {
         key: key.to_owned(),
         labels: BTreeMap::new(),
-        files: files.iter().map(|&file| (file.to_owned(), folder.join(file))).collect(),
+        files: files
+            .iter()
+            .map(|&file| (file.to_owned(), folder.join(file)))
+            .collect(),
     };
     Inputs::new(
         BTreeMap::from([
-            ("checkpoint".to_owned(), vec![artifact("cgf", &[checkpoint::WEIGHTS, checkpoint::DESCRIPTION])]),
-            ("objects".to_owned(), vec![artifact("can", &[lake::table::FILE])]),
+            (
+                "checkpoint".to_owned(),
+                vec![artifact(
+                    "cgf",
+                    &[checkpoint::WEIGHTS, checkpoint::DESCRIPTION],
+                )],
+            ),
+            (
+                "objects".to_owned(),
+                vec![artifact("can", &[lake::table::FILE])],
+            ),
         ]),
         Vec::new(),
     )
@@ -141,11 +184,17 @@ fn config() -> SampleConfig {
 fn sample(config: &SampleConfig, inputs: &Inputs, seed: u64) -> Candidates {
     let out = tempfile::tempdir().unwrap();
     let cx = Context::detached("candidates", "can", seed, out.path());
-    assert!(matches!(Sample::run(config, inputs, &cx).unwrap(), Outcome::Made(_)));
+    assert!(matches!(
+        Sample::run(config, inputs, &cx).unwrap(),
+        Outcome::Made(_)
+    ));
     let artifact = Artifact {
         key: "can".to_owned(),
         labels: BTreeMap::new(),
-        files: BTreeMap::from([(lake::table::FILE.to_owned(), out.path().join(lake::table::FILE))]),
+        files: BTreeMap::from([(
+            lake::table::FILE.to_owned(),
+            out.path().join(lake::table::FILE),
+        )]),
     };
     candidates::from_batch("can", &lake::table::read(&artifact).unwrap()).unwrap()
 }
@@ -162,14 +211,20 @@ fn candidates_end_at_the_grasp_within_limits_in_seen_orientations() {
         assert_eq!(candidate.steps.len(), 11);
         assert_eq!(candidate.steps[0].time_s, 0.0);
         assert_eq!(candidate.steps[10].time_s, 2.0);
-        assert!(candidate.steps.iter().all(|step| (0.2..=0.25).contains(&step.q_rad[0])));
+        assert!(
+            candidate
+                .steps
+                .iter()
+                .all(|step| (0.2..=0.25).contains(&step.q_rad[0]))
+        );
         let up = candidate.table_from_object.direction(&Vector3::z());
         standing += usize::from(up.z > 0.9);
         assert!(up.z > -0.1, "never seen upside down");
     }
     // Three of four were seen standing.
     assert!((22..=38).contains(&standing), "{standing}");
-    let names: std::collections::BTreeSet<_> = drawn.candidates.iter().map(|c| &c.candidate_id).collect();
+    let names: std::collections::BTreeSet<_> =
+        drawn.candidates.iter().map(|c| &c.candidate_id).collect();
     assert_eq!(names.len(), 40);
 }
 
@@ -185,10 +240,17 @@ fn candidates_follow_from_the_seed() {
 fn codes_about_demonstrations_without_spread_are_the_demonstrations() {
     let folder = tempfile::tempdir().unwrap();
     let inputs = inputs(folder.path());
-    let config = SampleConfig { demonstrated_share: 1.0, spread: 0.0, ..config() };
+    let config = SampleConfig {
+        demonstrated_share: 1.0,
+        spread: 0.0,
+        ..config()
+    };
     let drawn = sample(&config, &inputs, 7);
-    let codes: std::collections::BTreeSet<String> =
-        drawn.candidates.iter().map(|candidate| format!("{:?}", candidate.latent)).collect();
+    let codes: std::collections::BTreeSet<String> = drawn
+        .candidates
+        .iter()
+        .map(|candidate| format!("{:?}", candidate.latent))
+        .collect();
     assert_eq!(codes.len(), 2);
     for candidate in &drawn.candidates {
         assert!(candidate.table_from_object.direction(&Vector3::z()).z > 0.9);

@@ -8,7 +8,9 @@ use std::{
 };
 
 use cgf::Cgf;
-use dataflow::{Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage, Summary, Unit};
+use dataflow::{
+    Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage, Summary, Unit,
+};
 use robot::RobotModel;
 use schemas::checkpoint;
 
@@ -28,8 +30,14 @@ impl Stage for Train {
     const ABOUT: &'static str = "Learns a continuous grasping function from robot trajectories";
     const CODE: Code = dataflow::code!();
     const INPUTS: &'static [Input] = &[
-        Input { name: "trajectories", artifact: "trajectories" },
-        Input { name: "objects", artifact: "objects" },
+        Input {
+            name: "trajectories",
+            artifact: "trajectories",
+        },
+        Input {
+            name: "objects",
+            artifact: "objects",
+        },
     ];
     const OUTPUTS: &'static [Output] = &[Output {
         artifact: "checkpoint",
@@ -39,10 +47,17 @@ impl Stage for Train {
     }];
 
     fn units(config: &TrainConfig, _output: &str, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
-        let known: Vec<String> = scope.partitions("objects").iter().map(|object| object.key.clone()).collect();
+        let known: Vec<String> = scope
+            .partitions("objects")
+            .iter()
+            .map(|object| object.key.clone())
+            .collect();
         for object in config.objects.iter().chain(&config.held_out_objects) {
             if !known.contains(object) {
-                return Err(TrainError::UnknownObject { object: object.clone(), known });
+                return Err(TrainError::UnknownObject {
+                    object: object.clone(),
+                    known,
+                });
             }
         }
         let trajectories = scope.partitions("trajectories");
@@ -56,7 +71,9 @@ impl Stage for Train {
             }
         }
         if keys.is_empty() {
-            return Err(TrainError::NoTrajectories { found: trajectories.len() });
+            return Err(TrainError::NoTrajectories {
+                found: trajectories.len(),
+            });
         }
         let unit = Unit::new(MODEL)
             .reading("trajectories", keys)
@@ -66,15 +83,35 @@ impl Stage for Train {
     }
 
     fn run(config: &TrainConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainError> {
-        let path = inputs.files().first().map_or(config.hand.as_path(), |file| file.path.as_path());
+        let path = inputs
+            .files()
+            .first()
+            .map_or(config.hand.as_path(), |file| file.path.as_path());
         let hand = Arc::new(read_hand(path)?);
-        let set = set::read(inputs.artifacts("objects"), inputs.artifacts("trajectories"), &hand.joint_names())?;
+        let set = set::read(
+            inputs.artifacts("objects"),
+            inputs.artifacts("trajectories"),
+            &hand.joint_names(),
+        )?;
         let epochs = config.training.epochs;
-        let cgf = cgf::train(&set, &hand, &config.network, &config.training, cx.seed(), |epoch, losses| {
-            let message = format!("epoch {epoch} of {epochs}, loss {:.4}, kl {:.2}", losses.total, losses.kl);
-            cx.progress(epoch as f64 / epochs as f64, &message);
-        })?;
-        cgf.save(&cx.folder().join(checkpoint::WEIGHTS), &cx.folder().join(checkpoint::DESCRIPTION))?;
+        let cgf = cgf::train(
+            &set,
+            &hand,
+            &config.network,
+            &config.training,
+            cx.seed(),
+            |epoch, losses| {
+                let message = format!(
+                    "epoch {epoch} of {epochs}, loss {:.4}, kl {:.2}",
+                    losses.total, losses.kl
+                );
+                cx.progress(epoch as f64 / epochs as f64, &message);
+            },
+        )?;
+        cgf.save(
+            &cx.folder().join(checkpoint::WEIGHTS),
+            &cx.folder().join(checkpoint::DESCRIPTION),
+        )?;
         Ok(Outcome::Made(Made {
             labels: BTreeMap::new(),
             metrics: metrics(&cgf),
@@ -95,8 +132,14 @@ impl Stage for Train {
 }
 
 fn read_hand(path: &Path) -> Result<RobotModel, TrainError> {
-    let text = fs::read_to_string(path).map_err(|source| TrainError::Hand { path: path.to_owned(), source })?;
-    RobotModel::from_urdf(&text).map_err(|source| TrainError::Urdf { path: path.to_owned(), source })
+    let text = fs::read_to_string(path).map_err(|source| TrainError::Hand {
+        path: path.to_owned(),
+        source,
+    })?;
+    RobotModel::from_urdf(&text).map_err(|source| TrainError::Urdf {
+        path: path.to_owned(),
+        source,
+    })
 }
 
 /// Losses of the last epoch and mean errors of the motions that the mean codes give, at the grasp.
@@ -117,5 +160,8 @@ fn metrics(cgf: &Cgf) -> BTreeMap<String, f64> {
         ("rotation_error_rad", mean(|error| error.rotation_rad)),
         ("joints_error_rad", mean(|error| error.joints_rad)),
     ];
-    metrics.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+    metrics
+        .into_iter()
+        .map(|(name, value)| (name.to_owned(), value))
+        .collect()
 }

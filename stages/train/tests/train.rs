@@ -37,6 +37,7 @@ fn config() -> TrainConfig {
             epochs: 3,
             batch: 8,
             learning_rate: 1e-3,
+        max_gradient_norm: None,
             schedule: Schedule::Cosine,
             halving_epochs: 500,
             grasp_steps: 5,
@@ -57,7 +58,10 @@ fn config() -> TrainConfig {
 }
 
 fn rest(up: Vector3<f64>) -> Rest {
-    Rest { up_in_object: nalgebra::Unit::new_normalize(up), height_m: 0.05 }
+    Rest {
+        up_in_object: nalgebra::Unit::new_normalize(up),
+        height_m: 0.05,
+    }
 }
 
 /// A can that stands or lies.
@@ -65,7 +69,11 @@ fn object(name: &str) -> Object {
     let points_m: Vec<[f64; 3]> = (0..100)
         .map(|k| {
             let angle = f64::from(k) * 0.7;
-            [0.03 * angle.cos(), 0.03 * angle.sin(), f64::from(k) / 1000.0 - 0.05]
+            [
+                0.03 * angle.cos(),
+                0.03 * angle.sin(),
+                f64::from(k) / 1000.0 - 0.05,
+            ]
         })
         .collect();
     Object {
@@ -79,7 +87,11 @@ fn object(name: &str) -> Object {
         parts_m: vec![points_m[..4].to_vec()],
         points_m,
         rests: [Vector3::z(), Vector3::x()]
-            .map(|up| RestingOrientation { rest: rest(up), seen_n: 1, probability: 0.5 })
+            .map(|up| RestingOrientation {
+                rest: rest(up),
+                seen_n: 1,
+                probability: 0.5,
+            })
             .to_vec(),
     }
 }
@@ -102,7 +114,12 @@ fn trajectory(sequence: &str, object: &str, up: Vector3<f64>) -> Trajectory {
     }
 }
 
-fn artifact(folder: &Path, key: &str, object: &str, batch: &arrow::record_batch::RecordBatch) -> Artifact {
+fn artifact(
+    folder: &Path,
+    key: &str,
+    object: &str,
+    batch: &arrow::record_batch::RecordBatch,
+) -> Artifact {
     let folder = folder.join(key);
     std::fs::create_dir(&folder).unwrap();
     lake::table::write(&folder, batch).unwrap();
@@ -115,7 +132,12 @@ fn artifact(folder: &Path, key: &str, object: &str, batch: &arrow::record_batch:
 
 fn inputs(folder: &Path) -> Inputs {
     let objects = ["can", "tin"].map(|name| {
-        artifact(folder, name, name, &objects::to_batch(&[object(name)]).unwrap())
+        artifact(
+            folder,
+            name,
+            name,
+            &objects::to_batch(&[object(name)]).unwrap(),
+        )
     });
     // The second lies a little askew in its recording.
     let up = [Vector3::z(), Vector3::new(1.0, 0.1, 0.0), Vector3::x()];
@@ -139,10 +161,17 @@ fn scope() -> Scope {
         labels: BTreeMap::from([("object".to_owned(), object.to_owned())]),
     };
     Scope::new(BTreeMap::from([
-        ("objects".to_owned(), vec![partition("can", "can"), partition("tin", "tin")]),
+        (
+            "objects".to_owned(),
+            vec![partition("can", "can"), partition("tin", "tin")],
+        ),
         (
             "trajectories".to_owned(),
-            vec![partition("a", "can"), partition("b", "can"), partition("c", "tin")],
+            vec![
+                partition("a", "can"),
+                partition("b", "can"),
+                partition("c", "tin"),
+            ],
         ),
     ]))
 }

@@ -33,7 +33,9 @@ fn origins_are_those_of_forward_kinematics() {
     let width = ROOT + hand.dof();
     let row = rows(1, width);
     let tensor = Tensor::from_slice(&row, (1, width), &Device::Cpu).unwrap();
-    let origins = tensor.apply_op1_no_bwd(&LinkOrigins::new(hand.clone())).unwrap();
+    let origins = tensor
+        .apply_op1_no_bwd(&LinkOrigins::new(hand.clone()))
+        .unwrap();
     let origins = origins.flatten_all().unwrap().to_vec1::<f32>().unwrap();
     let number = |k: usize| f64::from(row[k]);
     let rotation = rotation_from_rot6d([3, 4, 5, 6, 7, 8].map(number)).unwrap();
@@ -53,7 +55,12 @@ fn gradient_equals_central_differences() {
     let hand = Arc::new(RobotModel::from_urdf(HAND).unwrap());
     let (n, width) = (4, ROOT + hand.dof());
     let at = rows(n, width);
-    let weights = Tensor::from_vec(rows(n, 3 * hand.links().len()), (n, 3 * hand.links().len()), &Device::Cpu).unwrap();
+    let weights = Tensor::from_vec(
+        rows(n, 3 * hand.links().len()),
+        (n, 3 * hand.links().len()),
+        &Device::Cpu,
+    )
+    .unwrap();
     let loss = |values: &[f32]| {
         let var = Var::from_slice(values, (n, width), &Device::Cpu).unwrap();
         let origins = var.apply_op1(LinkOrigins::new(hand.clone())).unwrap();
@@ -61,7 +68,13 @@ fn gradient_equals_central_differences() {
     };
     let (value, var) = loss(&at);
     let grads = value.backward().unwrap();
-    let found: Vec<f32> = grads.get(&var).unwrap().flatten_all().unwrap().to_vec1().unwrap();
+    let found: Vec<f32> = grads
+        .get(&var)
+        .unwrap()
+        .flatten_all()
+        .unwrap()
+        .to_vec1()
+        .unwrap();
     for k in 0..at.len() {
         let mut moved = at.clone();
         let h = 3e-3;
@@ -71,6 +84,10 @@ fn gradient_equals_central_differences() {
         };
         let expected = (value(at[k] + h) - value(at[k] - h)) / (2.0 * h);
         // Central differences of f32 sums are good to about 1e-3.
-        assert!((expected - found[k]).abs() < 3e-3 * (1.0 + expected.abs()), "{k}: {expected}, found {}", found[k]);
+        assert!(
+            (expected - found[k]).abs() < 3e-3 * (1.0 + expected.abs()),
+            "{k}: {expected}, found {}",
+            found[k]
+        );
     }
 }

@@ -24,14 +24,30 @@ fn setting() -> (Weights, Clouds, Vec<f32>) {
             weights.set(&format!("point_net.{layer}.{name}"), &[width], values);
         }
     }
-    let mut numbers = |n: usize| (0..n).map(|_| narrow(random.normal())).collect::<Vec<f32>>();
+    let mut numbers = |n: usize| {
+        (0..n)
+            .map(|_| narrow(random.normal()))
+            .collect::<Vec<f32>>()
+    };
     let xyz = numbers(CLOUDS * POINTS * 3);
     let by = numbers(CLOUDS * WIDTHS[2]);
-    (weights, Clouds { points: POINTS, xyz }, by)
+    (
+        weights,
+        Clouds {
+            points: POINTS,
+            xyz,
+        },
+        by,
+    )
 }
 
 /// Features and the gradients of `Σ by · feature`, layer by layer, in `f64`.
-fn plain(weights: &Weights, clouds: &Clouds, by: &[f32], statistics: Statistics) -> (Vec<f64>, Vec<Vec<f64>>) {
+fn plain(
+    weights: &Weights,
+    clouds: &Clouds,
+    by: &[f32],
+    statistics: Statistics,
+) -> (Vec<f64>, Vec<Vec<f64>>) {
     let tensor = |values: &[f32], shape: &[usize]| {
         let values: Vec<f64> = values.iter().map(|&x| f64::from(x)).collect();
         Tensor::from_vec(values, shape, &Device::Cpu).unwrap()
@@ -51,23 +67,59 @@ fn plain(weights: &Weights, clouds: &Clouds, by: &[f32], statistics: Statistics)
         let (mean, variance) = match statistics {
             Statistics::Measured => {
                 let mean = y.mean_keepdim(0).unwrap();
-                let variance = y.broadcast_sub(&mean).unwrap().sqr().unwrap().mean_keepdim(0).unwrap();
+                let variance = y
+                    .broadcast_sub(&mean)
+                    .unwrap()
+                    .sqr()
+                    .unwrap()
+                    .mean_keepdim(0)
+                    .unwrap();
                 (mean, variance)
             }
             Statistics::Stored => (stored("mean"), stored("variance")),
         };
         let sigma = (variance + EPSILON).unwrap().sqrt().unwrap();
-        let y = y.broadcast_sub(&mean).unwrap().broadcast_div(&sigma).unwrap();
-        let y = y.broadcast_mul(&gain).unwrap().broadcast_add(&shift).unwrap();
-        x = if layer + 1 < WIDTHS.len() { y.relu().unwrap() } else { y };
+        let y = y
+            .broadcast_sub(&mean)
+            .unwrap()
+            .broadcast_div(&sigma)
+            .unwrap();
+        let y = y
+            .broadcast_mul(&gain)
+            .unwrap()
+            .broadcast_add(&shift)
+            .unwrap();
+        x = if layer + 1 < WIDTHS.len() {
+            y.relu().unwrap()
+        } else {
+            y
+        };
         vars.extend([w, gain, shift]);
     }
-    let features = x.reshape((CLOUDS, POINTS, WIDTHS[2])).unwrap().transpose(1, 2).unwrap();
+    let features = x
+        .reshape((CLOUDS, POINTS, WIDTHS[2]))
+        .unwrap()
+        .transpose(1, 2)
+        .unwrap();
     let features = features.contiguous().unwrap().max(D::Minus1).unwrap();
-    let loss = (&features * tensor(by, &[CLOUDS, WIDTHS[2]])).unwrap().sum_all().unwrap();
+    let loss = (&features * tensor(by, &[CLOUDS, WIDTHS[2]]))
+        .unwrap()
+        .sum_all()
+        .unwrap();
     let grads = loss.backward().unwrap();
-    let gradients = vars.iter().map(|var| grads.get(var).unwrap().flatten_all().unwrap().to_vec1().unwrap());
-    (features.flatten_all().unwrap().to_vec1().unwrap(), gradients.collect())
+    let gradients = vars.iter().map(|var| {
+        grads
+            .get(var)
+            .unwrap()
+            .flatten_all()
+            .unwrap()
+            .to_vec1()
+            .unwrap()
+    });
+    (
+        features.flatten_all().unwrap().to_vec1().unwrap(),
+        gradients.collect(),
+    )
 }
 
 fn assert_near(found: &[f32], expected: &[f64], what: &str) {
@@ -75,7 +127,10 @@ fn assert_near(found: &[f32], expected: &[f64], what: &str) {
     assert_eq!(found.len(), expected.len());
     for (found, expected) in found.iter().zip(expected) {
         let error = (f64::from(*found) - expected).abs();
-        assert!(error <= 1e-4 * largest, "{what}: {found}, expected {expected}");
+        assert!(
+            error <= 1e-4 * largest,
+            "{what}: {found}, expected {expected}"
+        );
     }
 }
 

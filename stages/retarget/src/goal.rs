@@ -1,0 +1,137 @@
+//! What one step asks of the hand: where its points should be, and how far it keeps from things.
+
+use nalgebra::Point3;
+use schemas::demonstrations::KEYPOINTS;
+
+use crate::{RetargetConfig, hand::Hand, scene::Scene};
+
+/// A person's tip counts as touching in full up to the configured distance and not at all at this
+/// multiple of it, so that contacts come and go smoothly.
+const CONTACT_FADE: f64 = 1.5;
+
+/// What one step asks of the hand.
+#[derive(Debug, Clone)]
+pub(crate) struct Goal {
+    /// Where each point of the hand should be.
+    pub(crate) points: Vec<PointGoal>,
+    /// Distance that links keep from the object, in meters.
+    pub(crate) clearance_m: f64,
+    /// What the step solved before found.
+    pub(crate) previous: Option<Previous>,
+}
+
+/// Where one point of the hand should be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PointGoal {
+    /// The scaled landmark in the object frame.
+    pub(crate) landmark: Point3<f64>,
+    /// Weight of the distance to it.
+    pub(crate) weight: f64,
+    /// How far from the surface it should be, and with which weight.
+    pub(crate) contact: Option<ContactGoal>,
+}
+
+/// How far from the surface a finger tip should be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ContactGoal {
+    /// Signed distance of its center, in meters.
+    pub(crate) distance_m: f64,
+    /// Weight of the difference.
+    pub(crate) weight: f64,
+}
+
+/// The outcome of the step solved before.
+#[derive(Debug, Clone)]
+pub(crate) struct Previous {
+    /// Where the hand's points were, in the object frame.
+    pub(crate) points: Vec<Point3<f64>>,
+    /// The joint positions.
+    pub(crate) q: Vec<f64>,
+}
+
+/// Returns what a step asks of the hand, `to_grasp_s` seconds before the grasp.
+pub(crate) fn goal(
+    hand: &Hand,
+    scene: &Scene,
+    config: &RetargetConfig,
+    keypoints_m: &[[f64; 3]; KEYPOINTS],
+    to_grasp_s: f64,
+) -> Goal {
+    let clearance_m = config.clearance_m * openness(to_grasp_s, config.closing_time_s);
+    let wrist = Point3::from(keypoints_m[0]);
+    let points = hand
+        .points
+        .iter()
+        .map(|point| {
+            let keypoint = keypoints_m
+                .get(point.keypoint)
+                .map_or(wrist, |&xyz| Point3::from(xyz));
+            let landmark = wrist + (keypoint - wrist) * config.hand_scale;
+            let mut goal = PointGoal {
+                landmark,
+                weight: point.weight,
+                contact: None,
+            };
+            if let Some(radius_m) = point.tip_radius_m
+                && config.contact_weight > 0.0
+            {
+                // The person's tip tells, at the person's own scale.
+                let share = touch(scene.gap(&keypoint).distance_m, config.contact_distance_m);
+                if share > 0.0 {
+                    goal.weight *= 1.0 - share * (1.0 - config.contact_position_factor);
+                    goal.contact = Some(ContactGoal {
+                        distance_m: radius_m + clearance_m,
+                        weight: share * config.contact_weight,
+                    });
+                }
+            }
+            goal
+        })
+        .collect();
+    Goal {
+        points,
+        clearance_m,
+        previous: None,
+    }
+}
+
+/// Returns how open the hand is, from 0 at the grasp to 1 where it begins to close, without a kink.
+fn openness(to_grasp_s: f64, closing_time_s: f64) -> f64 {
+    if closing_time_s <= 0.0 {
+        return if to_grasp_s > 0.0 { 1.0 } else { 0.0 };
+    }
+    let x = (to_grasp_s / closing_time_s).clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}
+
+/// Returns how much a tip at this distance counts as touching, from 1 to 0.
+fn touch(distance_m: f64, contact_distance_m: f64) -> f64 {
+    if contact_distance_m <= 0.0 {
+        return 0.0;
+    }
+    let beyond = distance_m / contact_distance_m - 1.0;
+    (1.0 - beyond / (CONTACT_FADE - 1.0)).clamp(0.0, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn closing_is_smooth_and_touch_fades() {
+        assert_eq!(
+            (openness(0.0, 0.3), openness(0.3, 0.3), openness(9.0, 0.3)),
+            (0.0, 1.0, 1.0)
+        );
+        assert_eq!((openness(0.0, 0.0), openness(0.1, 0.0)), (0.0, 1.0));
+        assert_eq!(
+            (
+                touch(-0.01, 0.015),
+                touch(0.015, 0.015),
+                touch(0.0225, 0.015)
+            ),
+            (1.0, 1.0, 0.0)
+        );
+        assert_eq!(touch(0.0, 0.0), 0.0);
+    }
+}
