@@ -243,6 +243,11 @@ impl Columns {
     }
 }
 
+/// A count as it is stored; no count in memory is larger than the largest `i64`.
+pub(crate) fn count(n: usize) -> i64 {
+    i64::try_from(n).unwrap_or(i64::MAX)
+}
+
 fn item(data_type: DataType) -> FieldRef {
     Arc::new(Field::new("item", data_type, false))
 }
@@ -365,8 +370,12 @@ impl<'a> Reader<'a> {
         let values = self.present(array, name, "a fixed list of f64")?.value(row);
         let values = values.as_primitive_opt::<Float64Type>();
         let values = self.present(values, name, "a fixed list of f64")?.values();
-        <[f64; N]>::try_from(&values[..])
-            .map_err(|_| self.invalid(name, format!("{} numbers, expected {N}", values.len())))
+        <[f64; N]>::try_from(&values[..]).map_err(|err| {
+            self.invalid(
+                name,
+                format!("{} numbers, expected {N}: {err}", values.len()),
+            )
+        })
     }
 
     pub(crate) fn f64_list(&self, name: &str, row: usize) -> Result<Vec<f64>, SchemaError> {

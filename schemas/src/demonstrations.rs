@@ -18,7 +18,7 @@ use arrow::{datatypes::Schema, record_batch::RecordBatch};
 use nalgebra::{Unit, Vector3};
 use spatial::Rest;
 
-use crate::columns::{Columns, Reader, SchemaError};
+use crate::columns::{Columns, Reader, SchemaError, count};
 
 /// Bump on any change to the columns; readers reject every other version.
 pub const VERSION: &str = "demonstrations/1";
@@ -80,7 +80,7 @@ fn columns(demonstrations: &[&Demonstration]) -> Columns {
     c.i64(
         "step",
         "number of the row, from 0",
-        rows().map(|(_, step, _)| step as i64),
+        rows().map(|(_, step, _)| count(step)),
     );
     c.i64(
         "image",

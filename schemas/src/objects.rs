@@ -20,10 +20,14 @@ use arrow::{datatypes::Schema, record_batch::RecordBatch};
 use nalgebra::{Unit, Vector3};
 use spatial::Rest;
 
-use crate::columns::{Columns, Reader, SchemaError};
+use crate::columns::{Columns, Reader, SchemaError, count};
 
 /// Bump on any change to the columns; readers reject every other version.
 pub const VERSION: &str = "objects/1";
+
+/// Name of the artifact's file that holds the mesh alone, as Wavefront OBJ in the object frame: for
+/// readers that do not depend on how the object was seen to lie.
+pub const MESH: &str = "mesh.obj";
 
 /// One object.
 #[derive(Debug, Clone, PartialEq)]
@@ -132,7 +136,7 @@ fn columns(objects: &[Object]) -> Columns {
         "number of vertices of each convex part",
         objects
             .iter()
-            .map(|o| o.parts_m.iter().map(|part| part.len() as i64).collect()),
+            .map(|o| o.parts_m.iter().map(|part| count(part.len())).collect()),
     );
     c.f64_arrays(
         "rest_up",

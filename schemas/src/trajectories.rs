@@ -17,7 +17,7 @@ use arrow::{datatypes::Schema, record_batch::RecordBatch};
 use nalgebra::{Unit, Vector3};
 use spatial::{Object, Palm, Pose, Rest};
 
-use crate::columns::{Columns, Reader, SchemaError};
+use crate::columns::{Columns, Reader, SchemaError, count};
 
 /// Bump on any change to the columns; readers reject every other version.
 pub const VERSION: &str = "trajectories/1";
@@ -75,7 +75,7 @@ fn columns(joints: &[String], trajectories: &[&Trajectory]) -> Columns {
     c.i64(
         "step",
         "number of the row, from 0",
-        rows().map(|(_, step, _)| step as i64),
+        rows().map(|(_, step, _)| count(step)),
     );
     c.f64(
         "time_s",

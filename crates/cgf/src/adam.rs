@@ -84,7 +84,8 @@ mod tests {
 
     #[test]
     fn only_long_gradients_are_shortened() {
-        let mut gradients = BTreeMap::from([("a".to_owned(), vec![3.0]), ("b".to_owned(), vec![4.0])]);
+        let mut gradients =
+            BTreeMap::from([("a".to_owned(), vec![3.0]), ("b".to_owned(), vec![4.0])]);
         shorten(&mut gradients, 10.0);
         assert_eq!(gradients["b"], [4.0]);
         shorten(&mut gradients, 1.0);

@@ -1,11 +1,6 @@
 //! Digests of the sources that decide what a crate computes, for its build script.
 //!
-//! ```no_run
-//! // build.rs
-//! fn main() {
-//!     code_digest::emit();
-//! }
-//! ```
+//! A crate's `build.rs` is one call: [`emit`].
 //!
 //! The digest covers, crate by crate, `Cargo.toml` and every file below `src/` of the crate itself
 //! and of the workspace crates that it depends on, and the locked versions of everything else that
@@ -35,15 +30,10 @@ pub fn emit() {
         .iter()
         .map(|part| format!("{}={}", part.name, part.digest))
         .collect();
-    let instructions = parts
-        .iter()
-        .flat_map(|part| &part.watched)
-        .map(|path| format!("cargo::rerun-if-changed={}\n", path.display()))
-        .collect::<String>();
-    say(&format!(
-        "{instructions}cargo::rustc-env={VARIABLE}={}",
-        line.join(";")
-    ));
+    for path in parts.iter().flat_map(|part| &part.watched) {
+        say(&format!("cargo::rerun-if-changed={}", path.display()));
+    }
+    say(&format!("cargo::rustc-env={VARIABLE}={}", line.join(";")));
 }
 
 #[expect(

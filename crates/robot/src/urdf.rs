@@ -130,15 +130,15 @@ fn walk(robot: &urdf_rs::Robot) -> Result<Vec<LinkAndJoint<'_>>, RobotError> {
         }
         children.entry(&joint.parent.link).or_default().push(joint);
     }
-    let mut roots = robot
+    let mut orphans = robot
         .links
         .iter()
         .filter(|link| !parent_joints.contains_key(link.name.as_str()));
     let first_link = robot.links.first().ok_or(RobotError::NoLink)?;
-    let root = roots.next().ok_or_else(|| RobotError::Loop {
+    let root = orphans.next().ok_or_else(|| RobotError::Loop {
         link: first_link.name.clone(),
     })?;
-    if let Some(second) = roots.next() {
+    if let Some(second) = orphans.next() {
         return Err(RobotError::TwoRoots {
             first: root.name.clone(),
             second: second.name.clone(),

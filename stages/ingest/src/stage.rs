@@ -281,7 +281,7 @@ fn make_object(
         source,
     })?;
     lake::table::write(cx.folder(), &batch)?;
-    write(&cx.folder().join("mesh.obj"), mesh.to_obj().as_bytes())?;
+    write(&cx.folder().join(schemas::objects::MESH), mesh.to_obj().as_bytes())?;
     Ok(Outcome::Made(Made {
         labels: BTreeMap::from([("object".to_owned(), name.to_owned())]),
         metrics,

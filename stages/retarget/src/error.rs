@@ -27,6 +27,14 @@ pub enum RetargetError {
         /// Why it failed.
         source: io::Error,
     },
+    /// An object's mesh cannot be read from the lake.
+    #[error("cannot read the mesh of object `{object}`")]
+    ReadMesh {
+        /// The object's name.
+        object: String,
+        /// Why it failed.
+        source: io::Error,
+    },
     /// The hand's URDF cannot be used, or lacks a link that the configuration names.
     #[error("cannot use the hand's URDF `{}`: {source}", path.display())]
     Hand {
@@ -81,7 +89,7 @@ impl Advise for RetargetError {
                     .to_owned(),
             ),
             Self::Lake(err) => err.hint(),
-            Self::MissingInput { .. } | Self::Schema { .. } => None,
+            Self::ReadMesh { .. } | Self::MissingInput { .. } | Self::Schema { .. } => None,
         }
     }
 }

@@ -1,8 +1,8 @@
 //! What the tests share: the Allegro hand, its correspondences and a box on a table.
 
-use nalgebra::Vector3;
+use geometry::TriMesh;
+use nalgebra::{Point3, Vector3};
 use robot::RobotModel;
-use schemas::objects::Object;
 use spatial::Rest;
 
 use crate::{Correspondence, RetargetConfig, hand::Hand, scene::Scene};
@@ -77,19 +77,13 @@ pub(crate) fn hand(config: &RetargetConfig) -> Hand {
 }
 
 /// Returns a box about the origin.
-pub(crate) fn object() -> Object {
+pub(crate) fn mesh() -> TriMesh {
     let [x, y, z] = BOX_HALF_M;
     let corner = |i: u32| {
         let side = |bit: u32, half: f64| if i & bit == 0 { -half } else { half };
-        [side(1, x), side(2, y), side(4, z)]
+        Point3::new(side(1, x), side(2, y), side(4, z))
     };
-    Object {
-        name: "box".to_owned(),
-        mass_kg: 0.5,
-        center_of_mass_m: [0.0; 3],
-        inertia_kg_m2: [1e-3, 1e-3, 1e-3, 0.0, 0.0, 0.0],
-        points_m: vec![[x, 0.0, 0.0]],
-        normals: vec![[1.0, 0.0, 0.0]],
+    TriMesh {
         vertices_m: (0..8).map(corner).collect(),
         triangles: vec![
             [0, 2, 1],
@@ -105,8 +99,6 @@ pub(crate) fn object() -> Object {
             [1, 3, 5],
             [3, 7, 5],
         ],
-        parts_m: vec![(0..8).map(corner).collect()],
-        rests: Vec::new(),
     }
 }
 
@@ -120,5 +112,5 @@ pub(crate) fn rest() -> Rest {
 
 /// Returns the box on its table.
 pub(crate) fn scene() -> Scene {
-    Scene::new(&object(), &rest()).unwrap()
+    Scene::new(mesh(), &rest()).unwrap()
 }

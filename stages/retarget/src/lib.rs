@@ -22,6 +22,7 @@ mod fixture;
 mod goal;
 mod hand;
 mod objective;
+mod recording;
 mod scene;
 mod settle;
 mod solver;

@@ -2,9 +2,8 @@
 
 use std::f64::consts::PI;
 
-use geometry::{SurfaceDistance, TriMesh};
+use geometry::{SurfaceDistance, TriMesh, mass_properties};
 use nalgebra::{Point3, Vector3};
-use schemas::objects::Object;
 use spatial::Rest;
 
 use crate::settle::settled;
@@ -31,28 +30,25 @@ pub(crate) struct Gap {
 impl Scene {
     /// Prepares an object that lies as it lay, but for errors of the recording; `None` if its mesh
     /// has no surface.
-    pub(crate) fn new(object: &Object, recorded: &Rest) -> Option<Self> {
-        let mesh = TriMesh {
-            vertices_m: object
-                .vertices_m
-                .iter()
-                .copied()
-                .map(Point3::from)
-                .collect(),
-            triangles: object.triangles.clone(),
-        };
+    pub(crate) fn new(mesh: TriMesh, recorded: &Rest) -> Option<Self> {
         let distance = SurfaceDistance::new(&mesh);
         let is_solid = distance
             .signed_distance(&Point3::origin())
             .distance_m
             .is_finite();
-        let center_of_mass = Point3::from(object.center_of_mass_m);
+        // Where the center lies does not depend on the mass.
+        let center_of_mass = mass_properties(&mesh, 1.0).center_of_mass_m;
         let rest = settled(&mesh.vertices_m, &center_of_mass, recorded);
         is_solid.then_some(Self {
             mesh,
             distance,
             rest,
         })
+    }
+
+    /// Returns the object's surface, in the object frame.
+    pub(crate) fn mesh(&self) -> &TriMesh {
+        &self.mesh
     }
 
     /// Returns how the object lies.
@@ -135,17 +131,17 @@ mod tests {
     fn a_wall_that_cuts_through_itself_has_one_inside() {
         // A thin plate whose front is dented through its back: where the dent comes out, the
         // nearest triangle faces away from those who look at it.
-        let mut object = fixture::object();
-        for vertex in &mut object.vertices_m {
-            vertex[0] = vertex[0].signum() * 5e-4;
+        let mut mesh = fixture::mesh();
+        for vertex in &mut mesh.vertices_m {
+            vertex.x = vertex.x.signum() * 5e-4;
         }
-        let (front, dent) = (object.triangles[10], object.vertices_m.len() as u32);
-        object.vertices_m.push([-0.01, 0.0, 0.0]);
-        object.triangles.remove(10);
+        let (front, dent) = (mesh.triangles[10], mesh.vertices_m.len() as u32);
+        mesh.vertices_m.push(Point3::new(-0.01, 0.0, 0.0));
+        mesh.triangles.remove(10);
         for (from, to) in [(0, 1), (1, 2), (2, 0)] {
-            object.triangles.push([front[from], front[to], dent]);
+            mesh.triangles.push([front[from], front[to], dent]);
         }
-        let scene = Scene::new(&object, &fixture::rest()).unwrap();
+        let scene = Scene::new(mesh, &fixture::rest()).unwrap();
         let behind = Point3::new(-0.03, 0.0, 0.0);
         assert!(scene.distance.signed_distance(&behind).distance_m < 0.0);
         assert!(scene.gap(&behind).distance_m > 0.0);

@@ -58,11 +58,7 @@ mod tests {
 
     /// Settles the box from an orientation tilted about x and y.
     fn settle(about_x: f64, about_y: f64) -> Rest {
-        let vertices: Vec<_> = fixture::object()
-            .vertices_m
-            .into_iter()
-            .map(Point3::from)
-            .collect();
+        let vertices = fixture::mesh().vertices_m;
         let recorded = Rest {
             up_in_object: Unit::new_normalize(Vector3::new(-about_y, about_x, 1.0)),
             height_m: 0.06,

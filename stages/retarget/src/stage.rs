@@ -5,10 +5,11 @@ use std::{collections::BTreeMap, fs, path::Path};
 use dataflow::{
     Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage, Summary, Unit,
 };
+use geometry::TriMesh;
 use robot::RobotModel;
 use schemas::{demonstrations, objects, trajectories};
 
-use crate::{RetargetConfig, RetargetError, hand::Hand, scene::Scene, track::track};
+use crate::{RetargetConfig, RetargetError, hand::Hand, recording, scene::Scene, track::track};
 
 /// Moves human demonstrations onto a robot hand.
 pub enum Retarget {}
@@ -67,6 +68,7 @@ impl Stage for Retarget {
                 Unit::new(&demonstration.key)
                     .reading("demonstrations", [&demonstration.key])
                     .reading("objects", object)
+                    .only_files("objects", [objects::MESH])
                     .with_file(SourceFile::named_by_file(&config.hand))
             })
             .collect())
@@ -106,11 +108,24 @@ impl Stage for Retarget {
                 ),
             });
         };
-        let object =
-            objects::from_batch(&artifact.key, &lake::table::read(artifact)?).map_err(schema)?;
-        let Some(scene) = Scene::new(&object, &demonstration.rest) else {
+        let mesh_path = artifact
+            .file(objects::MESH)
+            .ok_or_else(|| missing("mesh of an object"))?;
+        let text = fs::read_to_string(mesh_path).map_err(|source| RetargetError::ReadMesh {
+            object: artifact.key.clone(),
+            source,
+        })?;
+        let mesh = match TriMesh::from_obj(&text) {
+            Ok(mesh) => mesh,
+            Err(err) => {
+                return Ok(Outcome::Skipped {
+                    reason: format!("the mesh of its object `{}`: {err}", artifact.key),
+                });
+            }
+        };
+        let Some(scene) = Scene::new(mesh, &demonstration.rest) else {
             return Ok(Outcome::Skipped {
-                reason: format!("the mesh of its object `{}` has no surface", object.name),
+                reason: format!("the mesh of its object `{}` has no surface", artifact.key),
             });
         };
         let Some(tracked) = track(&hand, &scene, config, &demonstration) else {
@@ -138,15 +153,20 @@ impl Stage for Retarget {
         ];
         let trajectory = trajectories::Trajectory {
             sequence: demonstration.sequence,
-            object: object.name.clone(),
+            object: demonstration.object,
             joints: hand.model.joint_names(),
             rest: scene.rest(),
             steps: tracked.steps,
         };
         let batch = trajectories::to_batch(&trajectory).map_err(schema)?;
         lake::table::write(cx.folder(), &batch)?;
+        let urdf = fs::read_to_string(&urdf.path).map_err(|source| RetargetError::ReadHand {
+            path: urdf.path.clone(),
+            source,
+        })?;
+        recording::record(&urdf, &hand.model, scene.mesh(), &trajectory, cx.folder())?;
         Ok(Outcome::Made(Made {
-            labels: BTreeMap::from([("object".to_owned(), object.name)]),
+            labels: BTreeMap::from([("object".to_owned(), trajectory.object)]),
             metrics: metrics.map(|(name, value)| (name.to_owned(), value)).into(),
         }))
     }
@@ -178,7 +198,7 @@ fn load_hand(config: &RetargetConfig, path: &Path) -> Result<Hand, RetargetError
 
 #[cfg(test)]
 mod tests {
-    use std::path::PathBuf;
+    use std::{io::Write, path::PathBuf};
 
     use dataflow::{Advise, Artifact, Partition};
     use schemas::demonstrations::{Demonstration, KEYPOINTS, Step};
@@ -254,8 +274,11 @@ mod tests {
             .get("objects")
             .is_some_and(|keys| !keys.is_empty())
         {
-            let (path, object) = place(folder, "box");
-            lake::table::write(&path, &objects::to_batch(&[fixture::object()]).unwrap()).unwrap();
+            let (path, mut object) = place(folder, "box");
+            let mesh = path.join(objects::MESH);
+            let mut file = fs::File::create_new(&mesh).unwrap();
+            file.write_all(fixture::mesh().to_obj().as_bytes()).unwrap();
+            object.files = BTreeMap::from([(objects::MESH.to_owned(), mesh)]);
             artifacts.insert("objects".to_owned(), vec![object]);
         }
         let inputs = Inputs::new(artifacts, unit.files.clone());
@@ -283,6 +306,9 @@ mod tests {
         let trajectory = trajectories::from_batch("s", &batch).unwrap();
         assert_eq!((trajectory.steps.len(), trajectory.joints.len()), (3, 16));
         assert_eq!(trajectory.object, "box");
+        let recording = folder.path().join("out").join(recording::FILE);
+        let contents = lake::recording::read(&recording).unwrap();
+        assert_eq!(contents.topic("/joint_states").count(), 3);
     }
 
     #[test]

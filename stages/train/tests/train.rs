@@ -37,7 +37,7 @@ fn config() -> TrainConfig {
             epochs: 3,
             batch: 8,
             learning_rate: 1e-3,
-        max_gradient_norm: None,
+            max_gradient_norm: None,
             schedule: Schedule::Cosine,
             halving_epochs: 500,
             grasp_steps: 5,

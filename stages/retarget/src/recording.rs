@@ -1,0 +1,70 @@
+//! Trajectories as recordings for a viewer: the hand follows beside the object as it lay.
+
+use std::{collections::BTreeMap, path::Path};
+
+use geometry::TriMesh;
+use lake::{LakeError, recording::Recording};
+use robot::RobotModel;
+use schemas::{
+    ros2::motion::{self, Hand, HandLink, JOINT_TRAJECTORY, START_NS, Scene, SceneStep},
+    trajectories::{self, Trajectory},
+};
+
+/// Name of the recording in the artifact.
+pub(crate) const FILE: &str = "trajectory.mcap";
+
+/// Writes the recording of a trajectory into `folder`.
+pub(crate) fn record(
+    urdf: &str,
+    model: &RobotModel,
+    mesh: &TriMesh,
+    trajectory: &Trajectory,
+    folder: &Path,
+) -> Result<(), LakeError> {
+    // A trajectory holds one position per joint of this very model.
+    let link_poses = |q: &[f64]| model.forward_kinematics(q).unwrap_or_default();
+    let hand = Hand::new(model.links().iter().map(|link| HandLink {
+        name: link.name.clone(),
+        parent: link.parent,
+        moves: link.joint.is_some(),
+    }));
+    let vertices_m: Vec<[f64; 3]> = mesh.vertices_m.iter().map(|&p| p.into()).collect();
+    let scene = Scene {
+        urdf,
+        joints: &trajectory.joints,
+        hand: &hand,
+        palm_from_links: &link_poses(&vec![0.0; model.dof()]),
+        vertices_m: &vertices_m,
+        triangles: &mesh.triangles,
+    };
+    let about = [
+        ("schema", trajectories::VERSION),
+        ("object", &trajectory.object),
+        ("sequence", &trajectory.sequence),
+    ]
+    .map(|(key, value)| (key.to_owned(), value.to_owned()));
+    let mut recording = Recording::create(&folder.join(FILE), &BTreeMap::from(about))?;
+    recording.write_scene(&scene)?;
+    let steps = || trajectory.steps.iter();
+    let positions = steps().map(|step| (step.time_s, step.q_rad.as_slice()));
+    recording.write_latched(
+        JOINT_TRAJECTORY,
+        START_NS,
+        &motion::joint_trajectory(START_NS, &trajectory.joints, positions),
+    )?;
+    let table_from_object = trajectory.rest.table_from_object();
+    let object_on_table = *table_from_object.isometry();
+    for step in steps() {
+        recording.write_step(
+            &scene,
+            &SceneStep {
+                time_s: step.time_s,
+                table_from_palm: *(table_from_object * step.object_from_palm).isometry(),
+                table_from_object: object_on_table,
+                palm_from_links: &link_poses(&step.q_rad),
+                q_rad: &step.q_rad,
+            },
+        )?;
+    }
+    recording.finish()
+}
