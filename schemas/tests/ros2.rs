@@ -16,8 +16,8 @@ fn check<M: Message + PartialEq + std::fmt::Debug>(line: usize, message: &M) {
     assert_eq!(words.next(), Some(M::HASH));
     let expected = words.next().unwrap();
     let bytes = message.to_cdr();
-    let found: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-    assert_eq!(found, expected, "line {line}: {}", M::TYPE);
+    let found: Vec<String> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+    assert_eq!(found.concat(), expected, "line {line}: {}", M::TYPE);
     assert_eq!(M::from_cdr(&bytes).as_ref(), Ok(message));
 }
 

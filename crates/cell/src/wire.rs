@@ -90,7 +90,7 @@ pub(crate) fn push_numbers(bytes: &mut Vec<u8>, numbers: impl IntoIterator<Item 
 /// Reads rows of `width` finite numbers.
 pub(crate) fn rows(bytes: &[u8], width: usize) -> Result<Vec<Vec<f64>>, WireError> {
     let row_bytes = width * size_of::<f64>();
-    if row_bytes == 0 || bytes.len() % row_bytes != 0 {
+    if row_bytes == 0 || !bytes.len().is_multiple_of(row_bytes) {
         return Err(WireError::Rows {
             bytes: bytes.len(),
             width,

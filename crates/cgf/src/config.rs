@@ -74,11 +74,11 @@ pub struct TrainingConfig {
     pub kl_weight: f64,
     /// Weight of the finger tips' mean squared distance from contact, 1/m²; paper: 50
     pub contact_weight: f64,
-    /// What the contact loss asks of the finger tips at the grasp; paper: "touch_center"
+    /// What the contact loss asks of the finger tips at the grasp; paper: "`touch_center`"
     pub contact: Contact,
     /// Names of the hand's finger tip links
     pub tips: Vec<String>,
-    /// Radius of the finger tips about their links' origins, m; unused by "touch_center"
+    /// Radius of the finger tips about their links' origins, m; unused by "`touch_center`"
     pub tip_radius_m: f64,
 }
 
@@ -188,7 +188,7 @@ impl TrainingConfig {
 
 fn check(
     key: &'static str,
-    value: impl ToString,
+    value: impl std::fmt::Display,
     usable: bool,
     expected: &'static str,
 ) -> Result<(), CgfError> {

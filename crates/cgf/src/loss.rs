@@ -11,7 +11,7 @@ use crate::{
     precision::{narrow, narrow_all},
 };
 
-/// L_q: mean over the outputs of squared errors, weighted over the rows.
+/// `L_q`: mean over the outputs of squared errors, weighted over the rows.
 ///
 /// `outputs` and `targets` are `(rows, width)`, `row_weights` `(rows, 1)` with sum 1.
 pub(crate) fn squared_error(
@@ -24,7 +24,7 @@ pub(crate) fn squared_error(
     Ok((terms.sum_all()? / width)?)
 }
 
-/// L_j: mean over the links of squared distances in m², weighted over the rows.
+/// `L_j`: mean over the links of squared distances in m², weighted over the rows.
 ///
 /// `origins` and `targets` are `(rows, 3 links)` in meters, `row_weights` `(rows, 1)` with sum 1.
 pub(crate) fn squared_distance(
@@ -35,7 +35,7 @@ pub(crate) fn squared_distance(
     Ok((squared_error(origins, targets, row_weights)? * 3.0)?)
 }
 
-/// L_KL: divergence of `N(mean, exp(log_variance))` from `N(0, 1)` in nats, to be made small.
+/// `L_KL`: divergence of `N(mean, exp(log_variance))` from `N(0, 1)` in nats, to be made small.
 ///
 /// Both are `(batch, latent)`; the result is averaged over the batch (Kingma and Welling,
 /// *Auto-Encoding Variational Bayes*, 2014, appendix B). The paper prints the opposite sign.
@@ -44,7 +44,7 @@ pub(crate) fn kl_divergence(mean: &Tensor, log_variance: &Tensor) -> Result<Tens
     Ok((terms.sum(1)? * 0.5)?.mean_all()?)
 }
 
-/// L_contact: mean over the finger tips of the squared distance from contact, in m².
+/// `L_contact`: mean over the finger tips of the squared distance from contact, in m².
 ///
 /// `tips` is `(tips, 3)`, predicted, so that it has a gradient; `surfaces` gives the object's points
 /// for each of them. The nearest point is searched off the tape.

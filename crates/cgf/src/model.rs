@@ -1,6 +1,10 @@
 //! A trained grasping function: decoding, encoding, and its two files.
 
-use std::{fs, path::Path};
+use std::{
+    fs::{self, File},
+    io::Write,
+    path::Path,
+};
 
 use nalgebra::{UnitQuaternion, Vector3};
 use robot::Joint;
@@ -104,13 +108,13 @@ pub struct GraspError {
 pub struct Curve {
     /// Weighted sum.
     pub total: Vec<f32>,
-    /// L_q, in the units of the network's outputs.
+    /// `L_q`, in the units of the network's outputs.
     pub q: Vec<f32>,
-    /// L_j in m².
+    /// `L_j` in m².
     pub origins: Vec<f32>,
-    /// L_KL in nats.
+    /// `L_KL` in nats.
     pub kl: Vec<f32>,
-    /// L_contact in m².
+    /// `L_contact` in m².
     pub contact: Vec<f32>,
 }
 
@@ -303,11 +307,13 @@ impl Cgf {
     /// Fails if they cannot be written.
     pub fn save(&self, weights: &Path, description: &Path) -> Result<(), CgfError> {
         let write = |path: &Path, bytes: &[u8]| {
-            fs::write(path, bytes).map_err(|source| CgfError::Io {
-                action: "write",
-                path: path.to_owned(),
-                source,
-            })
+            File::create(path)
+                .and_then(|mut file| file.write_all(bytes))
+                .map_err(|source| CgfError::Io {
+                    action: "write",
+                    path: path.to_owned(),
+                    source,
+                })
         };
         write(weights, &self.weights.to_bytes()?)?;
         let mut json = serde_json::to_vec_pretty(&self.description)?;

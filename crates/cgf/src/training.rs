@@ -39,13 +39,13 @@ pub struct TrainingSet {
 pub struct Losses {
     /// Weighted sum.
     pub total: f32,
-    /// L_q, in the units of the network's outputs.
+    /// `L_q`, in the units of the network's outputs.
     pub q: f32,
-    /// L_j in m².
+    /// `L_j` in m².
     pub origins: f32,
-    /// L_KL in nats.
+    /// `L_KL` in nats.
     pub kl: f32,
-    /// L_contact in m².
+    /// `L_contact` in m².
     pub contact: f32,
 }
 
@@ -320,7 +320,7 @@ impl<'a> Trainer<'a> {
         }
         if let Some(by_features) = by.get(&features) {
             let by_features = by_features.flatten_all()?.to_vec1()?;
-            self.point_gradients(&net, &pass, &by_features, &mut gradients)?;
+            Self::point_gradients(&net, &pass, &by_features, &mut gradients)?;
         }
         if let Some(max_norm) = self.training.max_gradient_norm {
             adam::shorten(&mut gradients, max_norm);
@@ -333,7 +333,6 @@ impl<'a> Trainer<'a> {
     }
 
     fn point_gradients(
-        &self,
         net: &PointNet,
         pass: &Pass,
         by_features: &[f32],
@@ -403,7 +402,7 @@ impl<'a> Trainer<'a> {
         &self,
         batch: &'b Batch,
         origins: &Tensor,
-    ) -> Result<(Tensor, Vec<&'b [Point3<f64>]>), CgfError> {
+    ) -> Result<(Tensor, Surfaces<'b>), CgfError> {
         let n_links = self.hand.links().len();
         let n_times = self.training.grasp_steps + self.training.random_times;
         let mut rows = Vec::with_capacity(batch.size * self.tips.len());
@@ -437,6 +436,9 @@ impl<'a> Trainer<'a> {
         Ok(cgf)
     }
 }
+
+/// For each finger tip, the points of the surface that it is to touch.
+type Surfaces<'b> = Vec<&'b [Point3<f64>]>;
 
 impl Losses {
     fn add(&mut self, other: &Self, share: f32) {

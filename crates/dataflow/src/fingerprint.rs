@@ -293,19 +293,15 @@ mod tests {
         );
         check(
             |f| {
-                f.inputs
-                    .entry("trajectories".to_owned())
-                    .or_default()
-                    .insert("b".to_owned(), Digest::of_bytes(b"b"));
+                let read = f.inputs.entry("trajectories".to_owned()).or_default();
+                read.insert("b".to_owned(), Digest::of_bytes(b"b"));
             },
             "input `trajectories` `b` added",
         );
         check(
             |f| {
-                drop(
-                    f.files
-                        .insert("hand.urdf".to_owned(), Digest::of_bytes(b"other")),
-                )
+                let other = Digest::of_bytes(b"other");
+                f.files.insert("hand.urdf".to_owned(), other);
             },
             "file `hand.urdf` changed",
         );

@@ -58,7 +58,7 @@ pub(crate) fn order(stages: &[StageEntry]) -> Result<Vec<Node>, Problem> {
     let mut nodes = Vec::new();
     let mut placed = vec![false; stages.len()];
     while placed.contains(&false) {
-        let ready = stages.iter().enumerate().position(|(idx, stage)| {
+        let next = stages.iter().enumerate().position(|(idx, stage)| {
             !placed[idx]
                 && stage.inputs.values().all(|source| {
                     stages
@@ -67,7 +67,7 @@ pub(crate) fn order(stages: &[StageEntry]) -> Result<Vec<Node>, Problem> {
                         .is_some_and(|other| placed[other])
                 })
         });
-        let Some(idx) = ready else {
+        let Some(idx) = next else {
             let cycle: Vec<&str> = stages
                 .iter()
                 .zip(&placed)

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, ops::Range, path::Path};
 use toml_edit::{Document, InlineTable, Item, Key, Table, Value};
 
 use crate::{
-    error::{FileError, Problem},
+    error::{Failure, FileError, Problem},
     graph::{self, Node, NodeName},
     kind::{Configured, Kind},
     near::nearest,
@@ -42,6 +42,15 @@ pub struct StageEntry {
 }
 
 impl StageEntry {
+    /// Makes ready what lies outside the lake.
+    pub(crate) fn prepare(&self) -> Result<(), Failure> {
+        self.configured.prepare().map_err(|source| Failure::Stage {
+            stage: self.name.clone(),
+            partition: None,
+            source,
+        })
+    }
+
     /// Returns the configuration as it counts for the fingerprint.
     pub fn config(&self) -> serde_json::Value {
         self.configured.config()
@@ -113,7 +122,7 @@ impl FileReader<'_> {
         overrides: &[Override],
     ) -> Option<Pipeline> {
         const KEYS: [&str; 3] = ["seed", "stages", "profiles"];
-        for (key, _) in root.iter() {
+        for (key, _) in root {
             if !KEYS.contains(&key) {
                 let span = root.key(key).and_then(Key::span);
                 let hint = nearest(key, KEYS).map(|near| format!("did you mean `{near}`?"));
@@ -143,7 +152,7 @@ impl FileReader<'_> {
             }
         }
         let mut stages = Vec::new();
-        for (name, item) in tables.iter() {
+        for (name, item) in tables {
             let span = tables.key(name).and_then(Key::span);
             let table = item.as_table_like().map(|table| {
                 let mut inline = InlineTable::new();

@@ -6,12 +6,13 @@ use serde::Serialize;
 
 use crate::{
     error::Failure,
-    fingerprint::Cause,
-    graph::NodeName,
+    fingerprint::{Cause, Fingerprint},
+    graph::{Node, NodeName},
     pipeline::Pipeline,
     run::RunOptions,
     state::{Known, State},
-    store::{RecordOutcome, Store},
+    store::{Record, RecordOutcome, Store},
+    unit::Unit,
 };
 
 /// What a run would do.
@@ -78,14 +79,7 @@ pub fn plan(pipeline: &Pipeline, store: &dyn Store, options: &RunOptions) -> Res
     let nodes = options.nodes(pipeline)?;
     for stage in &pipeline.stages {
         if nodes.iter().any(|node| node.name.stage == stage.name) {
-            stage
-                .configured
-                .prepare()
-                .map_err(|source| Failure::Stage {
-                    stage: stage.name.clone(),
-                    partition: None,
-                    source,
-                })?;
+            stage.prepare()?;
         }
     }
     let last: HashMap<(NodeName, String), _> = store
@@ -120,56 +114,30 @@ pub fn plan(pipeline: &Pipeline, store: &dyn Store, options: &RunOptions) -> Res
                 Some(fingerprint) if !forced => store.lookup(&fingerprint.digest())?,
                 _ => None,
             };
-            let state_of_unit = match (&fingerprint, &cached) {
+            let unit_state = match (&fingerprint, &cached) {
                 (Some(_), Some(_)) => UnitState::Cached,
-                (Some(fingerprint), None) => {
-                    let causes = match &remembered {
-                        _ if forced => vec![Cause::Forced],
-                        Some(record) => fingerprint.differences(&record.fingerprint),
-                        None => vec![Cause::New],
-                    };
-                    let causes = if causes.is_empty() {
-                        vec![Cause::Lost]
-                    } else {
-                        causes
-                    };
-                    UnitState::Run { causes }
-                }
+                (Some(_), None) if forced => UnitState::Run {
+                    causes: vec![Cause::Forced],
+                },
+                (Some(fingerprint), None) => UnitState::Run {
+                    causes: causes(fingerprint, remembered.as_ref()),
+                },
                 (None, _) => UnitState::Perhaps {
-                    upstream: node
-                        .reads
-                        .iter()
-                        .filter(|(input, source)| {
-                            unit.reads.get(*input).is_some_and(|keys| {
-                                keys.iter().any(|key| {
-                                    state
-                                        .known(source, key)
-                                        .is_some_and(|known| known.outcome.is_none())
-                                })
-                            })
-                        })
-                        .map(|(_, source)| source.clone())
-                        .collect(),
+                    upstream: waits_for(&state, node, &unit),
                 },
             };
-            let known = match cached
-                .or_else(|| remembered.filter(|_| state_of_unit != UnitState::Cached))
-            {
-                Some(record) => known_from(&record.outcome, state_of_unit == UnitState::Cached),
-                None => {
-                    // A unit that was never made has labels nobody knows yet.
-                    if !unknown.contains(&&node.name) {
-                        unknown.push(&node.name);
-                    }
-                    None
+            let is_cached = unit_state == UnitState::Cached;
+            if let Some(record) = cached.or(remembered) {
+                if let Some(known) = known_from(&record.outcome, is_cached) {
+                    partitions.insert(unit.partition.clone(), known);
                 }
-            };
-            if let Some(known) = known {
-                partitions.insert(unit.partition.clone(), known);
+            } else if !unknown.contains(&&node.name) {
+                // A unit that was never made has labels nobody knows yet.
+                unknown.push(&node.name);
             }
             units.push(PlannedUnit {
                 partition: unit.partition,
-                state: state_of_unit,
+                state: unit_state,
             });
         }
         state.insert(&node.name, partitions);
@@ -179,6 +147,35 @@ pub fn plan(pipeline: &Pipeline, store: &dyn Store, options: &RunOptions) -> Res
         });
     }
     Ok(Plan { nodes: planned })
+}
+
+/// What differs from the last time; a unit of which nothing differs has lost its files.
+fn causes(fingerprint: &Fingerprint, last: Option<&Record>) -> Vec<Cause> {
+    let Some(last) = last else {
+        return vec![Cause::New];
+    };
+    let differences = fingerprint.differences(&last.fingerprint);
+    if differences.is_empty() {
+        vec![Cause::Lost]
+    } else {
+        differences
+    }
+}
+
+/// The outputs read by a unit of which a partition is yet to be made.
+fn waits_for(state: &State, node: &Node, unit: &Unit) -> Vec<NodeName> {
+    let is_open = |source: &NodeName, key: &String| {
+        let known = state.known(source, key);
+        known.is_some_and(|known| known.outcome.is_none())
+    };
+    node.reads
+        .iter()
+        .filter(|(input, source)| {
+            let keys = unit.reads.get(*input);
+            keys.is_some_and(|keys| keys.iter().any(|key| is_open(source, key)))
+        })
+        .map(|(_, source)| source.clone())
+        .collect()
 }
 
 /// What later outputs may assume of a unit: its bytes if it is cached, its labels if it was made

@@ -201,14 +201,7 @@ impl Runner<'_> {
         for node in nodes {
             let stage = self.pipeline.stage(node);
             if prepared != Some(&stage.name) {
-                stage
-                    .configured
-                    .prepare()
-                    .map_err(|source| Failure::Stage {
-                        stage: stage.name.clone(),
-                        partition: None,
-                        source,
-                    })?;
+                stage.prepare()?;
                 prepared = Some(&stage.name);
             }
             self.make_node(node, stage)?;
@@ -223,18 +216,18 @@ impl Runner<'_> {
             return Err(Failure::Nothing(node.name.clone()));
         }
         self.observer.node_started(node, units.len());
-        let make = |unit: &Unit| {
+        let finish = |unit: &Unit| {
             let made = self.make_unit(node, stage, unit)?;
             self.observer.unit_done(node, &unit.partition, &made.record);
             Ok(made)
         };
         let results: Vec<Result<MadeUnit, Failure>> = if node.output.parallel {
-            units.par_iter().map(make).collect()
+            units.par_iter().map(finish).collect()
         } else {
             // Stops at the first failure: what moves a robot does not go on after one.
             let mut results = Vec::new();
             for unit in &units {
-                results.push(make(unit));
+                results.push(finish(unit));
                 if results.last().is_some_and(Result::is_err) {
                     break;
                 }
@@ -249,7 +242,7 @@ impl Runner<'_> {
                 Err(err) => failure = failure.or(Some(err)),
             }
         }
-        let report = self.report(node, stage, &made, started);
+        let report = report(node, stage, &made, started);
         let failure = failure.or_else(|| too_many_skipped(node, stage, &report));
         if failure.is_none() {
             let partitions: Vec<(String, Record)> = made
@@ -261,52 +254,12 @@ impl Runner<'_> {
             self.observer.node_done(&report);
         }
         self.reports.push(report);
-        match failure {
-            Some(failure) => Err(failure),
-            None => {
-                let known = made.into_iter().filter_map(MadeUnit::into_known).collect();
-                self.state.insert(&node.name, known);
-                Ok(())
-            }
+        if let Some(failure) = failure {
+            return Err(failure);
         }
-    }
-
-    fn report(
-        &self,
-        node: &Node,
-        stage: &StageEntry,
-        made: &[MadeUnit],
-        started: Instant,
-    ) -> NodeReport {
-        let mut summary = Summary::default();
-        for unit in made {
-            match &unit.record.outcome {
-                RecordOutcome::Made { metrics, .. } => {
-                    summary.n_made += 1;
-                    for (metric, value) in metrics {
-                        *summary.totals.entry(metric.clone()).or_default() += value;
-                    }
-                }
-                RecordOutcome::Skipped { .. } => summary.n_skipped += 1,
-                RecordOutcome::Filtered { .. } => summary.n_filtered += 1,
-            }
-        }
-        NodeReport {
-            node: node.name.clone(),
-            description: stage.configured.describe(node.output.artifact, &summary),
-            summary,
-            n_made_now: made.iter().filter(|unit| unit.made_now).count(),
-            units: made
-                .iter()
-                .map(|unit| UnitReport {
-                    partition: unit.partition.clone(),
-                    fingerprint: unit.digest.clone(),
-                    outcome: unit.record.outcome.clone(),
-                    made_now: unit.made_now,
-                })
-                .collect(),
-            seconds: started.elapsed().as_secs_f64(),
-        }
+        let known = made.into_iter().filter_map(MadeUnit::into_known).collect();
+        self.state.insert(&node.name, known);
+        Ok(())
     }
 
     fn make_unit(&self, node: &Node, stage: &StageEntry, unit: &Unit) -> Result<MadeUnit, Failure> {
@@ -448,6 +401,39 @@ impl MadeUnit {
             )),
             RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => None,
         }
+    }
+}
+
+/// Says what became of an output.
+fn report(node: &Node, stage: &StageEntry, made: &[MadeUnit], started: Instant) -> NodeReport {
+    let mut summary = Summary::default();
+    for unit in made {
+        match &unit.record.outcome {
+            RecordOutcome::Made { metrics, .. } => {
+                summary.n_made += 1;
+                for (metric, value) in metrics {
+                    *summary.totals.entry(metric.clone()).or_default() += value;
+                }
+            }
+            RecordOutcome::Skipped { .. } => summary.n_skipped += 1,
+            RecordOutcome::Filtered { .. } => summary.n_filtered += 1,
+        }
+    }
+    NodeReport {
+        node: node.name.clone(),
+        description: stage.configured.describe(node.output.artifact, &summary),
+        summary,
+        n_made_now: made.iter().filter(|unit| unit.made_now).count(),
+        units: made
+            .iter()
+            .map(|unit| UnitReport {
+                partition: unit.partition.clone(),
+                fingerprint: unit.digest.clone(),
+                outcome: unit.record.outcome.clone(),
+                made_now: unit.made_now,
+            })
+            .collect(),
+        seconds: started.elapsed().as_secs_f64(),
     }
 }
 

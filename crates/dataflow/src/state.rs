@@ -30,17 +30,15 @@ impl Known {
     /// Returns the digest of the partition, or of the named files of it.
     fn digest_of(&self, parts: Option<&Vec<String>>) -> Option<Digest> {
         let outcome = self.outcome.as_ref()?;
-        match parts {
-            None => outcome.artifact_digest(),
-            Some(_) => {
-                let files = outcome.files(parts)?;
-                let digests: BTreeMap<_, _> = files
-                    .into_iter()
-                    .map(|(name, file)| (name, file.digest))
-                    .collect();
-                Some(Digest::of_json(&serde_json::json!(digests)))
-            }
+        if parts.is_none() {
+            return outcome.artifact_digest();
         }
+        let files = outcome.files(parts)?;
+        let digests: BTreeMap<_, _> = files
+            .into_iter()
+            .map(|(name, file)| (name, file.digest))
+            .collect();
+        Some(Digest::of_json(&serde_json::json!(digests)))
     }
 }
 

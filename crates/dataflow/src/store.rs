@@ -157,7 +157,7 @@ pub trait Store: Sync {
     /// Fails if the store cannot be read.
     fn remembered(&self, fingerprint: &Digest) -> Result<Option<Record>, Advised>;
 
-    /// Returns the units of the newest run of a pipeline.
+    /// Returns the units of a pipeline's runs, each as the newest run that came to it left it.
     ///
     /// # Errors
     ///

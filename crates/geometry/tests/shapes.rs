@@ -412,7 +412,7 @@ fn real_meshes_are_handled() {
             rests.len(),
             parts.len(),
             volumes * 1e6,
-            started.elapsed() - rested,
+            started.elapsed().saturating_sub(rested),
         );
         for rest in rests.iter().take(4) {
             println!(

@@ -17,6 +17,7 @@ use crate::{
     LakeError,
     atomic::{self, io_error},
     blobs::Blobs,
+    clock::now,
     making, published,
     sources::Sources,
 };
@@ -72,22 +73,12 @@ impl Lake {
     ///
     /// Fails if its record cannot be read.
     pub fn newest_run(&self) -> Result<Option<(String, RunRecord)>, LakeError> {
-        self.newest_run_where(|_| true)
-    }
-
-    fn newest_run_where(
-        &self,
-        wanted: impl Fn(&RunRecord) -> bool,
-    ) -> Result<Option<(String, RunRecord)>, LakeError> {
         let folder = self.root.join("runs");
-        for name in names_in(&folder)?.into_iter().rev() {
-            if let Some(run) = read_json::<RunRecord>(&folder.join(&name))?
-                && wanted(&run)
-            {
-                return Ok(Some((name.trim_end_matches(".json").to_owned(), run)));
-            }
-        }
-        Ok(None)
+        let Some(name) = names_in(&folder)?.pop() else {
+            return Ok(None);
+        };
+        let run = read_json(&folder.join(&name))?;
+        Ok(run.map(|run| (name.trim_end_matches(".json").to_owned(), run)))
     }
 
     /// Returns the record kept under a fingerprint's digest.
@@ -149,6 +140,10 @@ impl Lake {
         folder.join(format!("{name}.json"))
     }
 
+    fn newest_path(&self, pipeline: &str) -> PathBuf {
+        self.root.join("newest").join(format!("{pipeline}.json"))
+    }
+
     fn provenance_path(&self, fingerprint: &Digest) -> PathBuf {
         let folder = self.root.join("provenance");
         folder.join(format!("{fingerprint}.json"))
@@ -174,8 +169,9 @@ impl Store for Lake {
     }
 
     fn newest_units(&self, pipeline: &str) -> Result<Vec<UnitRef>, Advised> {
-        let newest = self.newest_run_where(|run| run.pipeline == pipeline)?;
-        Ok(newest.map(|(_, run)| run.units).unwrap_or_default())
+        // A damaged list only means that causes are not named.
+        let newest = read_json(&self.newest_path(pipeline)).unwrap_or_default();
+        Ok(newest.unwrap_or_default())
     }
 
     fn source_digest(&self, path: &Path) -> Result<Digest, io::Error> {
@@ -221,13 +217,16 @@ impl Store for Lake {
     fn record_run(&self, run: &RunRecord) -> Result<String, Advised> {
         self.prepare()?;
         self.sources.save(&self.staging())?;
-        let name = format!(
-            "{:019}-{}",
-            nanoseconds(SystemTime::now()),
-            std::process::id()
-        );
+        let name = format!("{:019}-{}", nanoseconds(now()), std::process::id());
         let path = self.root.join("runs").join(format!("{name}.json"));
         atomic::write(&self.staging(), &path, &to_json(&path, run)?)?;
+        let mut newest: BTreeMap<(NodeName, String), UnitRef> = BTreeMap::new();
+        for unit in self.newest_units(&run.pipeline)?.iter().chain(&run.units) {
+            newest.insert((unit.node.clone(), unit.partition.clone()), unit.clone());
+        }
+        let newest: Vec<UnitRef> = newest.into_values().collect();
+        let path = self.newest_path(&run.pipeline);
+        atomic::write(&self.staging(), &path, &to_json(&path, &newest)?)?;
         Ok(name)
     }
 }

@@ -6,6 +6,7 @@
 //! blobs/ab/abcd…           bytes of artifacts, named by their BLAKE3 digest, read-only
 //! units/ab/abcd….json      what each unit depended on and gave, named by its fingerprint's digest
 //! runs/…json               what each run did
+//! newest/PIPELINE.json     the newest fingerprint of every unit of a pipeline
 //! provenance/abcd….jsonl   when and where each unit was made (never part of an artifact)
 //! tables/…                 Hive-partitioned Parquet: the newest partitions of every artifact
 //! files/…                  recordings, meshes and weights of the newest partitions
@@ -20,6 +21,7 @@
 
 mod atomic;
 mod blobs;
+mod clock;
 mod error;
 mod folder;
 mod making;

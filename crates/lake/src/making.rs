@@ -11,6 +11,7 @@ use dataflow::{Advised, Digest, Making, NodeName, Outcome, Record, RecordOutcome
 use crate::{
     LakeError,
     atomic::{self, io_error},
+    clock::now,
     folder::Lake,
 };
 
@@ -47,7 +48,7 @@ impl<'a> UnitInTheMaking<'a> {
         Ok(Self {
             lake,
             folder,
-            started: SystemTime::now(),
+            started: now(),
             _lock: lock,
         })
     }

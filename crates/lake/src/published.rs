@@ -108,10 +108,12 @@ fn write_views(lake: &Lake) -> Result<(), LakeError> {
     let mut views =
         String::from("-- The lake's tables as views; paths are relative to this file's folder.\n");
     for table in lake.tables()? {
-        views.push_str(&format!(
-            "create or replace view {table} as select * from \
-             read_parquet('{TABLES}/{table}/**/*.parquet', hive_partitioning = true);\n"
-        ));
+        let files = format!("'{TABLES}/{table}/**/*.parquet', hive_partitioning = true");
+        views.push_str("create or replace view ");
+        views.push_str(&table);
+        views.push_str(" as select * from read_parquet(");
+        views.push_str(&files);
+        views.push_str(");\n");
     }
     let path = lake.root().join("views.sql");
     if atomic::read_if_there(&path)?.as_deref() == Some(views.as_bytes()) {

@@ -6,13 +6,13 @@ use std::{
     os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
     sync::{Mutex, PoisonError},
-    time::{Duration, SystemTime},
+    time::Duration,
 };
 
 use dataflow::Digest;
 use serde::{Deserialize, Serialize};
 
-use crate::{LakeError, atomic, blobs::digest_file};
+use crate::{LakeError, atomic, blobs::digest_file, clock::now};
 
 /// A file that changed less than this before it was digested may change again within the same tick
 /// of its clock, so its digest is not remembered.
@@ -79,7 +79,7 @@ impl Sources {
         let settled = metadata
             .modified()
             .ok()
-            .and_then(|modified| SystemTime::now().duration_since(modified).ok())
+            .and_then(|modified| now().duration_since(modified).ok())
             .is_some_and(|age| age > SETTLED);
         if settled {
             let mut known = lock();

@@ -135,17 +135,17 @@ fn walk(robot: &urdf_rs::Robot) -> Result<Vec<LinkAndJoint<'_>>, RobotError> {
         .iter()
         .filter(|link| !parent_joints.contains_key(link.name.as_str()));
     let first_link = robot.links.first().ok_or(RobotError::NoLink)?;
-    let root = orphans.next().ok_or_else(|| RobotError::Loop {
+    let top = orphans.next().ok_or_else(|| RobotError::Loop {
         link: first_link.name.clone(),
     })?;
     if let Some(second) = orphans.next() {
         return Err(RobotError::TwoRoots {
-            first: root.name.clone(),
+            first: top.name.clone(),
             second: second.name.clone(),
         });
     }
     let mut order = Vec::with_capacity(links.len());
-    let mut stack: Vec<LinkAndJoint<'_>> = vec![(root, None)];
+    let mut stack: Vec<LinkAndJoint<'_>> = vec![(top, None)];
     while let Some((link, joint)) = stack.pop() {
         order.push((link, joint));
         for child_joint in children.get(link.name.as_str()).into_iter().flatten().rev() {

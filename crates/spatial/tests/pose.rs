@@ -22,7 +22,7 @@ proptest! {
     #[test]
     fn pose_inverse_undoes_pose(isometry in pose(1.0)) {
         let object_from_palm = Pose::<Object, Palm>::new(isometry);
-        let object_from_object = &object_from_palm * &object_from_palm.inverse();
+        let object_from_object = object_from_palm * object_from_palm.inverse();
         prop_assert!(distance(object_from_object.isometry(), &Isometry3::identity()) < 1e-9);
     }
 

@@ -143,9 +143,7 @@ impl Stage for Dispatch {
         let mut line = format!("{motions} motions → {succeeded} executed with success by {cell}");
         let unknown = summary.total("unknown_n");
         if unknown > 0.0 {
-            line.push_str(&format!(
-                "; {unknown} unknown, look at the robot before going on"
-            ));
+            line = format!("{line}; {unknown} unknown, look at the robot before going on");
         }
         line
     }

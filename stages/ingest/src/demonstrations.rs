@@ -48,7 +48,9 @@ pub(crate) fn reach(
         .position(Option::is_some)
         .ok_or(Unusable::NoHand)?;
     let still = still::find(&poses, &Rule::from(config)).ok_or(Unusable::NeverMoves)?;
-    let n_steps = still.last.map_or(0, |last| (last + 1).saturating_sub(first));
+    let n_steps = still
+        .last
+        .map_or(0, |last| (last + 1).saturating_sub(first));
     if n_steps < config.min_steps_n {
         return Err(Unusable::TooShort {
             found: n_steps,
@@ -215,7 +217,10 @@ mod tests {
             recording.images.iter_mut().for_each(change);
             assert_eq!(reach_of(&recording).unwrap_err().to_string(), expected);
         };
-        check(&|image| image.keypoints_in_world = None, "no image shows a hand");
+        check(
+            &|image| image.keypoints_in_world = None,
+            "no image shows a hand",
+        );
         check(
             &|image| image.world_from_object = None,
             "no image shows the grasped object",

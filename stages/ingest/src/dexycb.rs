@@ -167,11 +167,7 @@ fn keypoints(numbers: &[f64]) -> Option<Keypoints> {
 }
 
 /// Adds the object's poses from `pose.npz` to the images that lack them.
-fn fill_poses(
-    images: &mut [Observation],
-    file: &SourceFile,
-    meta: &Meta,
-) -> Result<(), Unusable> {
+fn fill_poses(images: &mut [Observation], file: &SourceFile, meta: &Meta) -> Result<(), Unusable> {
     let bytes = read(file, MAX_POSES_BYTES)?;
     let n_objects = meta.ycb_ids.len();
     let numbers = Arrays::open(&bytes)

@@ -88,10 +88,9 @@ impl Advise for IngestError {
             )),
             Self::Sample { source, .. } => source.hint(),
             Self::Lake(source) => source.hint(),
-            Self::List { .. }
-            | Self::Option { .. }
-            | Self::Schema { .. }
-            | Self::Write { .. } => None,
+            Self::List { .. } | Self::Option { .. } | Self::Schema { .. } | Self::Write { .. } => {
+                None
+            }
         }
     }
 }
@@ -169,7 +168,9 @@ pub enum Unusable {
         min: usize,
     },
     /// The hand is out of sight for too long.
-    #[error("no hand in {found} images from image {image} on, more than the {max} that are bridged")]
+    #[error(
+        "no hand in {found} images from image {image} on, more than the {max} that are bridged"
+    )]
     Gap {
         /// First image without a hand.
         image: usize,

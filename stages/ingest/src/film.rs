@@ -122,7 +122,10 @@ mod tests {
         let points = std::array::from_fn(|n| Point3::new(n as f64, 0.0, 0.0));
         let ends: Vec<f64> = bone_ends(&points).iter().map(|point| point.x).collect();
         assert_eq!(ends.len(), 40);
-        assert_eq!(&ends[..10], [0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 0.0, 5.0]);
+        assert_eq!(
+            &ends[..10],
+            [0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 0.0, 5.0]
+        );
     }
 
     #[test]
@@ -133,6 +136,11 @@ mod tests {
         points[17] = Point3::new(0.0, -0.05, 0.07);
         let turn = object_from_wrist(&points).rotation;
         assert!(turn.angle() < 1e-9, "{turn}");
-        assert!(object_from_wrist(&[Point3::origin(); KEYPOINTS]).rotation.angle() < 1e-9);
+        assert!(
+            object_from_wrist(&[Point3::origin(); KEYPOINTS])
+                .rotation
+                .angle()
+                < 1e-9
+        );
     }
 }

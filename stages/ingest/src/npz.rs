@@ -223,7 +223,11 @@ mod tests {
     #[test]
     fn reads_both_orders_alike() {
         let c = npz(npyz::Order::C, &[2, 3], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
-        let fortran = npz(npyz::Order::Fortran, &[2, 3], &[1.0, 4.0, 2.0, 5.0, 3.0, 6.0]);
+        let fortran = npz(
+            npyz::Order::Fortran,
+            &[2, 3],
+            &[1.0, 4.0, 2.0, 5.0, 3.0, 6.0],
+        );
         let expected = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
         assert_eq!(numbers(&c, &[2, 3]).unwrap(), expected);
         assert_eq!(numbers(&fortran, &[2, 3]).unwrap(), expected);
@@ -248,15 +252,33 @@ mod tests {
         let good = npz(npyz::Order::C, &[2], &[1.0, 2.0]);
         check(&[], "damaged archive");
         check(&good[..good.len() - 30], "damaged archive");
-        check(&npz(npyz::Order::C, &[3], &[1.0; 3]), "shape [3], expected [2]");
+        check(
+            &npz(npyz::Order::C, &[3], &[1.0; 3]),
+            "shape [3], expected [2]",
+        );
         check(&npz(npyz::Order::C, &[2], &[1.0, f32::NAN]), "not finite");
-        check(&raw(&npy(&header("<i4", "2,"), &[0; 8])), "expected f4 or f8");
-        check(&raw(&npy(&header("|O", "2,"), &[0; 8])), "expected f4 or f8");
+        check(
+            &raw(&npy(&header("<i4", "2,"), &[0; 8])),
+            "expected f4 or f8",
+        );
+        check(
+            &raw(&npy(&header("|O", "2,"), &[0; 8])),
+            "expected f4 or f8",
+        );
         check(&raw(&npy(&header("<f4", "2,"), &[0; 4])), "damaged array");
-        check(&raw(&npy(&header("<f8", "1250000000,"), &[0; 64])), "expected [2]");
-        check(&raw(b"\x93NUMPY\x02\x00\xff\xff\xff\xff{"), "no array header");
+        check(
+            &raw(&npy(&header("<f8", "1250000000,"), &[0; 64])),
+            "expected [2]",
+        );
+        check(
+            &raw(b"\x93NUMPY\x02\x00\xff\xff\xff\xff{"),
+            "no array header",
+        );
         check(&raw(&vec![0; 1 << 24]), "no array header");
         let mut other = Arrays::open(&good).unwrap();
-        assert!(matches!(other.numbers("b", &[2]), Err(NpzError::Missing(_))));
+        assert!(matches!(
+            other.numbers("b", &[2]),
+            Err(NpzError::Missing(_))
+        ));
     }
 }

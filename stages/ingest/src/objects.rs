@@ -48,7 +48,12 @@ pub(crate) fn object(source: &Source<'_>) -> Result<(Object, TriMesh), Unusable>
         mass_kg: mass.mass_kg,
         center_of_mass_m: mass.center_of_mass_m.into(),
         inertia_kg_m2: [
-            inertia.m11, inertia.m22, inertia.m33, inertia.m12, inertia.m13, inertia.m23,
+            inertia.m11,
+            inertia.m22,
+            inertia.m33,
+            inertia.m12,
+            inertia.m13,
+            inertia.m23,
         ],
         points_m: arrays(&points),
         normals: normals.into_iter().map(Into::into).collect(),

@@ -49,7 +49,9 @@ pub(crate) fn rests(
         .filter(|stable| stable.probability > LEAST_PROBABILITY)
         .filter(|stable| {
             let up = stable.rest.up_in_object;
-            found.iter().all(|seen| seen.rest.up_in_object.angle(&up) > SNAP_RAD)
+            found
+                .iter()
+                .all(|seen| seen.rest.up_in_object.angle(&up) > SNAP_RAD)
         })
         .map(|stable| RestingOrientation {
             rest: lying(mesh, stable.rest.up_in_object),
@@ -69,7 +71,9 @@ fn clusters(directions: &[Unit<Vector3<f64>>]) -> Vec<(Unit<Vector3<f64>>, u32)>
     let mut found = Vec::new();
     while !left.is_empty() {
         let around = |center: &Unit<Vector3<f64>>| {
-            left.iter().filter(|other| center.angle(other) <= SAME_RAD).count()
+            left.iter()
+                .filter(|other| center.angle(other) <= SAME_RAD)
+                .count()
         };
         let mut best = (0, Vector3::z_axis());
         for center in &left {
@@ -125,8 +129,18 @@ mod tests {
         TriMesh {
             vertices_m,
             triangles: vec![
-                [0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
-                [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5],
+                [0, 2, 1],
+                [1, 2, 3],
+                [4, 5, 6],
+                [5, 7, 6],
+                [0, 1, 4],
+                [1, 5, 4],
+                [2, 6, 3],
+                [3, 6, 7],
+                [0, 4, 2],
+                [2, 4, 6],
+                [1, 3, 5],
+                [3, 7, 5],
             ],
         }
     }
@@ -151,8 +165,16 @@ mod tests {
         assert!(seen_n[2..].iter().all(|&n| n == 0));
         let upright = &rests[0].rest;
         assert!(upright.up_in_object.angle(&Vector3::z_axis()) < 1e-6);
-        assert!((upright.height_m - 0.09).abs() < 1e-9, "{}", upright.height_m);
-        assert!(rests[2..].windows(2).all(|two| two[0].probability >= two[1].probability));
+        assert!(
+            (upright.height_m - 0.09).abs() < 1e-9,
+            "{}",
+            upright.height_m
+        );
+        assert!(
+            rests[2..]
+                .windows(2)
+                .all(|two| two[0].probability >= two[1].probability)
+        );
     }
 
     #[test]

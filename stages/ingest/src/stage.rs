@@ -63,11 +63,7 @@ impl Stage for Ingest {
         dataset::sequences(&config.root).map(|_| ())
     }
 
-    fn units(
-        config: &IngestConfig,
-        output: &str,
-        scope: &Scope,
-    ) -> Result<Vec<Unit>, IngestError> {
+    fn units(config: &IngestConfig, output: &str, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
         if output == OBJECTS {
             object_units(config, scope)
         } else {
@@ -119,7 +115,10 @@ fn check(config: &IngestConfig) -> Result<(), IngestError> {
         ("min_steps_n", config.min_steps_n as f64),
         ("settle_n", config.settle_n as f64),
     ];
-    let masses = config.masses_kg.values().map(|&mass_kg| ("masses_kg", mass_kg));
+    let masses = config
+        .masses_kg
+        .values()
+        .map(|&mass_kg| ("masses_kg", mass_kg));
     for (key, found) in positive.into_iter().chain(masses) {
         if !(found.is_finite() && found > 0.0) {
             return Err(IngestError::Option {
@@ -149,7 +148,10 @@ fn object_units(config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, Inges
     let mut by_object: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for demonstration in scope.partitions(DEMONSTRATIONS) {
         if let Some(object) = demonstration.labels.get("object") {
-            by_object.entry(object).or_default().push(&demonstration.key);
+            by_object
+                .entry(object)
+                .or_default()
+                .push(&demonstration.key);
         }
     }
     by_object
@@ -190,7 +192,11 @@ fn make_demonstration(
         Ok(meta) => meta,
         Err(unusable) => return Ok(skipped(&unusable)),
     };
-    if let Some(side) = meta.mano_sides.iter().find(|side| *side != config.hand.as_str()) {
+    if let Some(side) = meta
+        .mano_sides
+        .iter()
+        .find(|side| *side != config.hand.as_str())
+    {
         return Ok(Outcome::Filtered {
             reason: format!("{side} hand, `hand` asks for {}", config.hand.as_str()),
         });
@@ -281,7 +287,10 @@ fn make_object(
         source,
     })?;
     lake::table::write(cx.folder(), &batch)?;
-    write(&cx.folder().join(schemas::objects::MESH), mesh.to_obj().as_bytes())?;
+    write(
+        &cx.folder().join(schemas::objects::MESH),
+        mesh.to_obj().as_bytes(),
+    )?;
     Ok(Outcome::Made(Made {
         labels: BTreeMap::from([("object".to_owned(), name.to_owned())]),
         metrics,

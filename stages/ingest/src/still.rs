@@ -96,7 +96,10 @@ fn departure(
     };
     let away = bound(1.0, rule.jitter_factor);
     let at_rest = bound(AT_REST_THRESHOLD, AT_REST_JITTER * rule.jitter_factor);
-    let is_away: Vec<bool> = deviations.iter().map(|d| d.in_units_of(&away) > 1.0).collect();
+    let is_away: Vec<bool> = deviations
+        .iter()
+        .map(|d| d.in_units_of(&away) > 1.0)
+        .collect();
     // A single image at the very end proves nothing.
     let mut idx = (0..is_away.len().checked_sub(1)?).find(|&idx| {
         is_away
@@ -192,7 +195,9 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut noise = || {
             // The sum of twelve uniform numbers has variance one.
-            let sum: f64 = (0..12).map(|_| f64::from(rng.next_u32()) / f64::from(u32::MAX)).sum();
+            let sum: f64 = (0..12)
+                .map(|_| f64::from(rng.next_u32()) / f64::from(u32::MAX))
+                .sum();
             jitter_m * (sum - 6.0)
         };
         (0..n_still + 20)
@@ -207,7 +212,10 @@ mod tests {
     }
 
     fn seen(poses: Vec<Isometry3<f64>>) -> Vec<Option<Pose<World, Object>>> {
-        poses.into_iter().map(|pose| Some(Pose::new(pose))).collect()
+        poses
+            .into_iter()
+            .map(|pose| Some(Pose::new(pose)))
+            .collect()
     }
 
     #[test]
@@ -215,14 +223,19 @@ mod tests {
         for lift_m in [0.0006, 0.002, 0.012, 0.05] {
             let still = find(&seen(lifted(30, lift_m, 0.0, 0)), &RULE).unwrap();
             assert_eq!(still.last, Some(29), "lift of {lift_m} m per image");
-            assert_eq!(still.world_from_object.isometry(), &lifted(1, 0.0, 0.0, 0)[0]);
+            assert_eq!(
+                still.world_from_object.isometry(),
+                &lifted(1, 0.0, 0.0, 0)[0]
+            );
         }
     }
 
     #[test]
     fn finds_it_within_one_image_in_two_millimeters_of_jitter() {
         for seed in 0..200 {
-            let last = find(&seen(lifted(30, 0.012, 0.002, seed)), &RULE).unwrap().last;
+            let last = find(&seen(lifted(30, 0.012, 0.002, seed)), &RULE)
+                .unwrap()
+                .last;
             assert!(matches!(last, Some(28..=30)), "{last:?} with seed {seed}");
         }
     }

@@ -100,7 +100,7 @@ mod tests {
         let mut text = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n".to_owned();
         for level in 1..12 {
             let copies = vec![format!("*a{}", level - 1); 10].join(", ");
-            text += &format!("a{level}: &a{level} [{copies}]\n");
+            text = format!("{text}a{level}: &a{level} [{copies}]\n");
         }
         assert!(parse::<Meta>(text.as_bytes()).is_err());
     }
@@ -124,6 +124,11 @@ mod tests {
             m.m11, m.m12, m.m13, 0.1, m.m21, m.m22, m.m23, 0.2, m.m31, m.m32, m.m33, 0.3,
         ];
         let found = isometry(&rows).unwrap();
-        assert!(found.rotation.angle_to(&UnitQuaternion::from_rotation_matrix(&turn)) < 1e-9);
+        assert!(
+            found
+                .rotation
+                .angle_to(&UnitQuaternion::from_rotation_matrix(&turn))
+                < 1e-9
+        );
     }
 }

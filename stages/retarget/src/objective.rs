@@ -15,7 +15,7 @@ const TIE_BREAK_WEIGHT: f64 = 1e-3;
 
 /// The function to minimize for one step: a sum of squares.
 ///
-/// The paper's objective (§III-A), Σ‖J_i(q_t) − j_i‖² + λ‖J_i(q_t) − J_i(q_{t−1})‖², and beside it
+/// The paper's objective (§III-A), `Σ‖J_i(q_t) − j_i‖² + λ‖J_i(q_t) − J_i(q_{t−1})‖²`, and beside it
 /// one-sided terms for the object and the table, a two-sided one for contacts, and two on joints.
 pub(crate) struct Objective<'a> {
     /// The hand.

@@ -135,7 +135,10 @@ mod tests {
         for vertex in &mut mesh.vertices_m {
             vertex.x = vertex.x.signum() * 5e-4;
         }
-        let (front, dent) = (mesh.triangles[10], mesh.vertices_m.len() as u32);
+        let (front, dent) = (
+            mesh.triangles[10],
+            u32::try_from(mesh.vertices_m.len()).unwrap(),
+        );
         mesh.vertices_m.push(Point3::new(-0.01, 0.0, 0.0));
         mesh.triangles.remove(10);
         for (from, to) in [(0, 1), (1, 2), (2, 0)] {

@@ -123,6 +123,10 @@ impl PointNet {
 
     /// Backward through the maximum: a sparse part at the critical points, and, where the statistics
     /// were measured, a part of rank `inputs` at all points.
+    #[expect(
+        clippy::too_many_lines,
+        reason = "one derivation, in the order in which it is written on paper"
+    )]
     fn backward_last(
         &self,
         pass: &Pass,

@@ -67,7 +67,15 @@ fn artifact(key: &str, made: &Made, folder: &Path) -> Artifact {
 /// Makes the demonstration of a unit and reads it back.
 fn demonstration(config: &IngestConfig, unit: &Unit) -> Result<(Demonstration, Made), Outcome> {
     let folder = tempfile::tempdir().unwrap();
-    match run(config, "demonstrations", unit, BTreeMap::new(), folder.path()).unwrap() {
+    match run(
+        config,
+        "demonstrations",
+        unit,
+        BTreeMap::new(),
+        folder.path(),
+    )
+    .unwrap()
+    {
         Outcome::Made(made) => {
             let artifact = artifact(&unit.partition, &made, folder.path());
             let batch = lake::table::read(&artifact).unwrap();
@@ -75,7 +83,11 @@ fn demonstration(config: &IngestConfig, unit: &Unit) -> Result<(Demonstration, M
                 schemas::demonstrations::from_batch(&unit.partition, &batch).unwrap();
             let film = lake::recording::read(&folder.path().join("demonstration.mcap")).unwrap();
             for topic in ["/tf", "/hand"] {
-                assert_eq!(film.topic(topic).count(), demonstration.steps.len(), "{topic}");
+                assert_eq!(
+                    film.topic(topic).count(),
+                    demonstration.steps.len(),
+                    "{topic}"
+                );
             }
             assert_eq!(film.topic("/markers").count(), 1);
             Ok((demonstration, made))
@@ -121,7 +133,12 @@ fn finds_the_known_reach_through_two_turned_cameras() {
     assert_eq!(units.len(), 1);
     assert_eq!(units[0].partition, "20200709-subject-01-20200709_141754");
     assert_eq!(units[0].files.len(), 2 * IMAGES + 4);
-    assert!(units[0].files.iter().all(|file| !file.name.starts_with('/')));
+    assert!(
+        units[0]
+            .files
+            .iter()
+            .all(|file| !file.name.starts_with('/'))
+    );
     let (demonstration, made) = demonstration(&config, &units[0]).unwrap();
     assert_known_answer(&demonstration);
     assert_eq!(made.labels["object"], OBJECT.0);
@@ -214,7 +231,10 @@ fn damaged_files_are_skipped_with_their_name_and_the_reason() {
         },
         &["damaged archive", name],
     );
-    check(&|root| fs::write(label(root), "").unwrap(), &["damaged archive", name]);
+    check(
+        &|root| fs::write(label(root), "").unwrap(),
+        &["damaged archive", name],
+    );
     check(
         &|root| rig::npz(&label(root), &[("pose_y", &[2, 3, 4], &[0.0; 24])]),
         &["no array `joint_3d`", name],
@@ -279,7 +299,10 @@ fn a_calibration_without_the_tag_or_a_camera_is_named() {
     };
     let cameras = format!("  '836212060125': {identity}\n  '839512060362': {identity}\n");
     check(cameras, "no pose of `apriltag`");
-    check(format!("  apriltag: {identity}\n"), "no pose of `836212060125`");
+    check(
+        format!("  apriltag: {identity}\n"),
+        "no pose of `836212060125`",
+    );
     check(
         format!("  '836212060125': [1, 2, 3]\n  apriltag: {identity}\n"),
         "extrinsics.yml`: ",
@@ -288,10 +311,16 @@ fn a_calibration_without_the_tag_or_a_camera_is_named() {
 
 #[test]
 fn a_folder_without_sequences_is_refused_with_the_way_out() {
-    for root in [PathBuf::from("no/such/folder"), tempfile::tempdir().unwrap().keep()] {
+    for root in [
+        PathBuf::from("no/such/folder"),
+        tempfile::tempdir().unwrap().keep(),
+    ] {
         let err = Ingest::prepare(&config(&root)).unwrap_err();
         let shown = root.display();
-        assert_eq!(err.to_string(), format!("no DexYCB sequences under `{shown}`"));
+        assert_eq!(
+            err.to_string(),
+            format!("no DexYCB sequences under `{shown}`")
+        );
         assert_eq!(
             err.hint().unwrap(),
             format!(
@@ -358,7 +387,11 @@ fn the_object_has_its_mesh_mass_and_the_rest_in_which_it_lay() {
     assert_eq!(rest.seen_n, 1);
     assert!(rest.rest.up_in_object.angle(&nalgebra::Vector3::y_axis()) < 1e-6);
     assert!((rest.rest.height_m - 0.04).abs() < 1e-9);
-    assert!(fs::read_to_string(artifact.file("mesh.obj").unwrap()).unwrap().starts_with("v "));
+    assert!(
+        fs::read_to_string(artifact.file("mesh.obj").unwrap())
+            .unwrap()
+            .starts_with("v ")
+    );
 }
 
 #[test]

@@ -25,7 +25,10 @@ fn array(file: &SourceFile, name: &str) -> Vec<f64> {
 
 /// The grasped object's number among the scene's, from the text of `meta.yml`.
 fn grasp_idx(meta: &str) -> usize {
-    let line = meta.lines().find(|line| line.starts_with("ycb_grasp_ind:")).unwrap();
+    let line = meta
+        .lines()
+        .find(|line| line.starts_with("ycb_grasp_ind:"))
+        .unwrap();
     line["ycb_grasp_ind:".len()..].trim().parse().unwrap()
 }
 
@@ -49,7 +52,12 @@ fn every_real_recording_gives_its_reach() {
             Err(other) => panic!("{}: {other:?}", unit.partition),
         };
         *by_object.entry(demonstration.object.clone()).or_default() += 1;
-        let file = |end: &str| unit.files.iter().find(|file| file.name.ends_with(end)).unwrap();
+        let file = |end: &str| {
+            unit.files
+                .iter()
+                .find(|file| file.name.ends_with(end))
+                .unwrap()
+        };
         let grasped = grasp_idx(&fs::read_to_string(&file("meta.yml").path).unwrap());
         // The object's own pose in each image, as the file has it.
         let poses = array(file("pose.npz"), "pose_y");
@@ -73,7 +81,9 @@ fn every_real_recording_gives_its_reach() {
             }
         }
         let mesh = fs::read_to_string(
-            root.join("models").join(&demonstration.object).join("textured_simple.obj"),
+            root.join("models")
+                .join(&demonstration.object)
+                .join("textured_simple.obj"),
         )
         .unwrap();
         let mesh = geometry::TriMesh::from_obj(&mesh).unwrap();
@@ -89,8 +99,14 @@ fn every_real_recording_gives_its_reach() {
     eprintln!("{n_made} made, {n_filtered} filtered, {n_exact} exact, {n_on_table} on the table");
     assert_eq!((n_made, n_filtered), (361, 15));
     assert_eq!(by_object.len(), 20);
-    assert!(n_exact * 100 >= 99 * n_made, "{n_exact} of {n_made} end at the last still image");
-    assert!(n_on_table * 100 >= 97 * n_made, "{n_on_table} of {n_made} lie on the table");
+    assert!(
+        n_exact * 100 >= 99 * n_made,
+        "{n_exact} of {n_made} end at the last still image"
+    );
+    assert!(
+        n_on_table * 100 >= 97 * n_made,
+        "{n_on_table} of {n_made} lie on the table"
+    );
 }
 
 #[test]
@@ -153,7 +169,11 @@ fn every_real_object_lies_as_its_demonstrations_saw_it() {
         let batch = lake::table::read(&artifact).unwrap();
         let object = schemas::objects::from_batch(&unit.partition, &batch).unwrap();
         let seen: Vec<u32> = object.rests.iter().map(|rest| rest.seen_n).collect();
-        eprintln!("{}: {} parts, rests seen {seen:?}", unit.partition, object.parts_m.len());
+        eprintln!(
+            "{}: {} parts, rests seen {seen:?}",
+            unit.partition,
+            object.parts_m.len()
+        );
         assert_eq!(seen.iter().sum::<u32>() as usize, n_seen);
         assert!(seen.is_sorted_by(|a, b| a >= b));
         assert!(object.parts_m.len() <= config.max_convex_parts_n);

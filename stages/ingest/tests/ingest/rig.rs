@@ -72,13 +72,19 @@ impl Rig {
 
     /// The tag's z points up; the table is tilted against the world.
     pub(crate) fn world_from_tag() -> Isometry3<f64> {
-        Isometry3::new(Vector3::new(-0.05, 0.12, 0.95), Vector3::new(-2.1, 0.1, 0.2))
+        Isometry3::new(
+            Vector3::new(-0.05, 0.12, 0.95),
+            Vector3::new(-2.1, 0.1, 0.2),
+        )
     }
 
     /// The box lies on its side (its y up), 4 cm above the table, turned by a third of a turn.
     pub(crate) fn tag_from_object(image: usize) -> Isometry3<f64> {
         let lift = 0.01 * image.saturating_sub(LAST) as f64;
-        let yaw = Isometry3::new(Vector3::new(0.5, 0.3, 0.04 + lift), Vector3::z() * (2.0 * PI / 3.0));
+        let yaw = Isometry3::new(
+            Vector3::new(0.5, 0.3, 0.04 + lift),
+            Vector3::z() * (2.0 * PI / 3.0),
+        );
         yaw * Isometry3::rotation(Vector3::x() * (PI / 2.0))
     }
 
@@ -108,7 +114,11 @@ impl Rig {
                 CAMERAS[0],
             )
         });
-        fs::write(calibration.join("extrinsics.yml"), format!("extrinsics:\n{lines}")).unwrap();
+        fs::write(
+            calibration.join("extrinsics.yml"),
+            format!("extrinsics:\n{lines}"),
+        )
+        .unwrap();
         let meta = format!(
             "serials:\n- '{}'\n- {}\nnum_frames: {IMAGES}\nextrinsics: '20200702_151821'\n\
              ycb_ids: [2, {}]\nycb_grasp_ind: 1\nmano_sides: [{}]\nmano_calib: [x]\n",
@@ -133,7 +143,8 @@ impl Rig {
                 let has_hand = Self::sees(camera, image) && !self.hidden.contains(&image);
                 let joints: Vec<f32> = (0..21)
                     .flat_map(|k| {
-                        let resting = Self::world_from_tag() * Self::tag_from_object(LAST.min(image));
+                        let resting =
+                            Self::world_from_tag() * Self::tag_from_object(LAST.min(image));
                         let point = camera_from_world * resting * Self::keypoint(image, k);
                         <[f64; 3]>::from(point)
                     })
@@ -181,7 +192,9 @@ pub(crate) fn npz(path: &Path, arrays: &[(&str, &[u64], &[f32])]) {
 /// `[R|t]`, row by row, as a YAML list.
 fn rows(pose: &Isometry3<f64>) -> String {
     let m = pose.to_homogeneous();
-    let numbers: Vec<String> = (0..12).map(|n| format!("{:?}", m[(n / 4, n % 4)])).collect();
+    let numbers: Vec<String> = (0..12)
+        .map(|n| format!("{:?}", m[(n / 4, n % 4)]))
+        .collect();
     format!("[{}]", numbers.join(", "))
 }
 
