@@ -58,7 +58,7 @@ impl State {
     fn move_bar(&self) {
         if let Some(bar) = &self.bar {
             let making: f64 = self.fractions.values().sum();
-            bar.set_position(((self.n_units_done as f64 + making) * TICKS).round() as u64);
+            bar.set_position(ticks(self.n_units_done as f64 + making));
         }
     }
 
@@ -70,6 +70,16 @@ impl State {
     }
 }
 
+/// The bar's position for this many units.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a number of units is not negative, and a bar need not be exact"
+)]
+fn ticks(units: f64) -> u64 {
+    (units * TICKS).round() as u64
+}
+
 impl Observer for Screen {
     fn planned(&self, nodes: &[&Node]) {
         self.with(|state| state.n_outputs = nodes.len());
@@ -77,7 +87,7 @@ impl Observer for Screen {
 
     fn node_started(&self, node: &Node, n_units: usize) {
         self.with(|state| {
-            let bar = ProgressBar::new((n_units as f64 * TICKS) as u64);
+            let bar = ProgressBar::new(ticks(n_units as f64));
             let style = ProgressStyle::with_template(
                 "       {prefix:<10} [{bar:30}] {percent:>3} %  {elapsed} {wide_msg}",
             );

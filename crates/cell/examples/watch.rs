@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         } else if key == keys.state() {
             let header: StateHeader = serde_json::from_slice(line)?;
             // One line a second is enough for the eye.
-            if header.seq % 100 == 0 {
+            if header.seq.is_multiple_of(100) {
                 println!("state    {} sample {}", header.goal_id, header.seq);
             }
         } else {

@@ -17,7 +17,7 @@ pub struct NetworkConfig {
     pub encoder_steps: usize,
     /// Widths of the layers applied to each of these steps; released code: [256, 64]
     pub hand_widths: Vec<usize>,
-    /// Widths of the encoder's layers before mean and variance; released code: [256]
+    /// Widths of the encoder's layers before mean and variance; released code: `[256]`
     pub encoder_widths: Vec<usize>,
     /// Width of the latent code z; paper: 256
     pub latent_dim: usize,

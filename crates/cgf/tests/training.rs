@@ -25,10 +25,10 @@ fn hand() -> Arc<RobotModel> {
 /// A box of half extents `half` lying at height `half.z`, as points on a grid of its surface.
 fn scene(object: &str, half: [f64; 3]) -> Scene {
     let mut points_in_object = Vec::new();
-    for k in 0..128 {
+    for k in 0..128_u8 {
         let (u, v) = (f64::from(k % 16) / 7.5 - 1.0, f64::from(k / 16) / 3.5 - 1.0);
         let side = if k % 2 == 0 { 1.0 } else { -1.0 };
-        let unit = [[side, u, v], [u, side, v], [u, v, side]][k as usize % 3];
+        let unit = [[side, u, v], [u, side, v], [u, v, side]][usize::from(k) % 3];
         points_in_object.push(Point3::new(
             half[0] * unit[0],
             half[1] * unit[1],

@@ -162,7 +162,7 @@ impl<'a> SequenceFiles<'a> {
                 ["calibration", _, _] => sorted.extrinsics = Some(file),
                 ["models", _, _] => sorted.mesh = Some(file),
                 [subject, _, "meta.yml"] => {
-                    sorted.subject = subject.to_owned();
+                    subject.clone_into(&mut sorted.subject);
                     sorted.meta = Some(file);
                 }
                 [_, _, "pose.npz"] => sorted.poses = Some(file),

@@ -112,7 +112,7 @@ impl Hand {
         }
     }
 
-    /// Returns the poses that change, for [`TF`]: the root in the table's frame and every moving
+    /// Returns the poses that change, for `TF`: the root in the table's frame and every moving
     /// link in its parent's. `palm_from_links` holds one pose per link.
     pub fn moving(
         &self,
@@ -129,7 +129,7 @@ impl Hand {
         TfMessage { transforms }
     }
 
-    /// Returns the poses that never change, for [`TF_STATIC`]: links fixed to their parents.
+    /// Returns the poses that never change, for `TF_STATIC`: links fixed to their parents.
     pub fn fixed(&self, time_ns: i64, palm_from_links: &[Isometry3<f64>]) -> TfMessage {
         TfMessage {
             transforms: self

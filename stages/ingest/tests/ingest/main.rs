@@ -367,7 +367,7 @@ fn the_object_has_its_mesh_mass_and_the_rest_in_which_it_lay() {
     let units = Ingest::units(&config, "objects", &scope).unwrap();
     assert_eq!(units.len(), 1);
     assert_eq!(units[0].partition, OBJECT.0);
-    assert_eq!(units[0].reads["demonstrations"], [unit.partition.clone()]);
+    assert_eq!(units[0].reads["demonstrations"], [unit.partition.as_str()]);
     let read = BTreeMap::from([(
         "demonstrations".to_owned(),
         vec![artifact(&unit.partition, &made, folder.path())],
