@@ -41,7 +41,7 @@ pub(crate) struct PipelineArgs {
     /// Take the values of this table under `profiles` in the file
     #[arg(long, value_name = "NAME")]
     pub(crate) profile: Option<String>,
-    /// Replace one value, e.g. `ingest.root=/data/dexycb` or `train.epochs=500`; may be repeated
+    /// Replace one value, e.g. `ingest.root=/data/dexycb` or `train.training.epochs=500`; may be repeated
     #[arg(long = "set", value_name = "STAGE.KEY=VALUE")]
     pub(crate) overrides: Vec<Override>,
     /// Stop after this stage

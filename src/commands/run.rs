@@ -23,7 +23,7 @@ pub(crate) fn run(lake: &Path, quiet: bool, args: &RunArgs) -> Result<Outcome, T
     let store = Lake::open(lake);
     if args.dry_run {
         let plan = dataflow::plan(&pipeline, &store, &options)?;
-        report::line(&plan::text(&plan));
+        report::data(plan::text(&plan).as_bytes());
         return Ok(Outcome::Done);
     }
     let screen = Screen::new(if quiet { Quiet::Yes } else { Quiet::No });

@@ -78,10 +78,13 @@ pub fn parts(folder: &Path) -> Result<Vec<Part>, CodeError> {
     }
     let lock_path = root.join("Cargo.lock");
     let lock = Lock::parse(&read_toml(&lock_path)?);
+    let mut hasher = Hasher::new();
+    hasher.update(lock.digest(&external).as_bytes());
+    hasher.update(members.settings(&external).as_bytes());
     parts.push(Part {
         name: "dependencies".to_owned(),
-        digest: lock.digest(&external),
-        watched: vec![lock_path],
+        digest: short(&hasher),
+        watched: vec![lock_path, root.join("Cargo.toml")],
     });
     parts.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(parts)
@@ -90,6 +93,7 @@ pub fn parts(folder: &Path) -> Result<Vec<Part>, CodeError> {
 /// Where the workspace's own crates lie, by the name under which others depend on them.
 struct Members {
     folders: BTreeMap<String, PathBuf>,
+    root: DocumentMut,
 }
 
 impl Members {
@@ -107,7 +111,23 @@ impl Members {
                 Some((name.to_owned(), root.join(path)))
             })
             .collect();
-        Ok(Self { folders })
+        Ok(Self {
+            folders,
+            root: manifest,
+        })
+    }
+
+    /// How dependencies are built: the features chosen for the named ones, and the release profile.
+    fn settings(&self, names: &BTreeSet<String>) -> String {
+        let workspace = self.root.get("workspace");
+        let shared = workspace.and_then(|workspace| workspace.get("dependencies"));
+        let chosen = names.iter().filter_map(|name| {
+            let entry = shared?.get(name)?;
+            Some(format!("{name} = {entry}\n"))
+        });
+        let profile = self.root.get("profile").and_then(|all| all.get("release"));
+        let profile = profile.map(ToString::to_string).unwrap_or_default();
+        chosen.chain([profile]).collect()
     }
 
     fn folder(&self, name: &str, item: &Item) -> Option<PathBuf> {

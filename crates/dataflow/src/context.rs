@@ -62,7 +62,7 @@ impl Context<'_> {
     }
 }
 
-/// The artifacts and files that one unit reads, each verified against its digest.
+/// What one unit reads: artifacts, verified against their digests, and files outside the lake.
 #[derive(Debug, Clone, Default)]
 pub struct Inputs {
     artifacts: BTreeMap<String, Vec<Artifact>>,

@@ -29,6 +29,7 @@ mod stage;
 mod state;
 mod store;
 mod unit;
+mod workers;
 
 pub use code::Code;
 pub use context::{Artifact, Context, Inputs, Progress};

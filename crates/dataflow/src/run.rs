@@ -1,12 +1,11 @@
 //! Running a pipeline: units that are not in the store are made, on several threads.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     panic::{AssertUnwindSafe, catch_unwind},
+    sync::{Mutex, PoisonError},
     time::Instant,
 };
-
-use rayon::prelude::*;
 
 use crate::{
     context::{Artifact, Context, Inputs},
@@ -18,6 +17,7 @@ use crate::{
     state::{Known, State},
     store::{Record, RecordOutcome, RunRecord, Store, UnitRef, Unkept},
     unit::{Summary, Unit},
+    workers,
 };
 
 /// What to run and how.
@@ -150,12 +150,14 @@ pub fn run(
         store,
         options,
         observer,
+        pool,
         state: State::new(pipeline, store),
         reports: Vec::new(),
+        mended: Mutex::default(),
     };
-    let outcome = pool.install(|| runner.go_through(&nodes));
+    let outcome = runner.go_through(&nodes).and_then(|()| runner.tidy());
     let seconds = started.elapsed().as_secs_f64();
-    let run = store.record_run(&RunRecord {
+    let recorded = store.record_run(&RunRecord {
         pipeline: pipeline.name.clone(),
         seed: pipeline.seed,
         stages: pipeline
@@ -177,10 +179,11 @@ pub fn run(
             .collect(),
         finished: outcome.is_ok(),
         seconds,
-    })?;
+    });
+    // Why the run failed says more than why it could not be recorded.
     outcome?;
     Ok(RunReport {
-        run,
+        run: recorded?,
         nodes: runner.reports,
         seconds,
     })
@@ -191,8 +194,12 @@ struct Runner<'a> {
     store: &'a dyn Store,
     options: &'a RunOptions,
     observer: &'a dyn Observer,
+    /// Where stages compute; the units themselves are gone through by threads of their own.
+    pool: rayon::ThreadPool,
     state: State<'a>,
     reports: Vec<NodeReport>,
+    /// Outputs of which a damaged partition was made again after they were shown.
+    mended: Mutex<BTreeSet<NodeName>>,
 }
 
 impl Runner<'_> {
@@ -209,6 +216,33 @@ impl Runner<'_> {
         Ok(())
     }
 
+    /// Shows what was mended, and stops showing what the pipeline no longer makes.
+    fn tidy(&self) -> Result<(), Failure> {
+        let mended = self.mended.lock().unwrap_or_else(PoisonError::into_inner);
+        for report in &self.reports {
+            let node = self
+                .pipeline
+                .nodes
+                .iter()
+                .find(|node| node.name == report.node);
+            if let Some(node) = node.filter(|node| mended.contains(&node.name)) {
+                self.publish(node, report)?;
+            }
+        }
+        let kept = &self.pipeline.nodes;
+        Ok(self.store.retire(&self.pipeline.name, kept)?)
+    }
+
+    fn publish(&self, node: &Node, report: &NodeReport) -> Result<(), Failure> {
+        let made: Vec<(String, RecordOutcome)> = report
+            .units
+            .iter()
+            .filter(|unit| matches!(unit.outcome, RecordOutcome::Made { .. }))
+            .map(|unit| (unit.partition.clone(), unit.outcome.clone()))
+            .collect();
+        Ok(self.store.publish(&self.pipeline.name, node, &made)?)
+    }
+
     fn make_node(&mut self, node: &Node, stage: &StageEntry) -> Result<(), Failure> {
         let started = Instant::now();
         let units = self.state.units(node)?;
@@ -221,19 +255,13 @@ impl Runner<'_> {
             self.observer.unit_done(node, &unit.partition, &made.record);
             Ok(made)
         };
-        let results: Vec<Result<MadeUnit, Failure>> = if node.output.parallel {
-            units.par_iter().map(finish).collect()
+        // What moves a robot is done one after the other, and does not go on after a failure.
+        let n_workers = if node.output.parallel {
+            self.pool.current_num_threads()
         } else {
-            // Stops at the first failure: what moves a robot does not go on after one.
-            let mut results = Vec::new();
-            for unit in &units {
-                results.push(finish(unit));
-                if results.last().is_some_and(Result::is_err) {
-                    break;
-                }
-            }
-            results
+            1
         };
+        let results = workers::in_order(&units, n_workers, finish);
         let mut failure = None;
         let mut made = Vec::new();
         for result in results {
@@ -245,12 +273,7 @@ impl Runner<'_> {
         let report = report(node, stage, &made, started);
         let failure = failure.or_else(|| too_many_skipped(node, stage, &report));
         if failure.is_none() {
-            let partitions: Vec<(String, Record)> = made
-                .iter()
-                .filter(|unit| matches!(unit.record.outcome, RecordOutcome::Made { .. }))
-                .map(|unit| (unit.partition.clone(), unit.record.clone()))
-                .collect();
-            self.store.publish(&self.pipeline.name, node, &partitions)?;
+            self.publish(node, &report)?;
             self.observer.node_done(&report);
         }
         self.reports.push(report);
@@ -282,7 +305,7 @@ impl Runner<'_> {
         if !forced && let Some(record) = self.store.lookup(&digest)? {
             return Ok(found(record));
         }
-        let making = self.store.begin(&node.name, &digest)?;
+        let making = self.store.begin(&digest)?;
         // Another process may have made it while this one waited for its turn.
         if !forced && let Some(record) = self.store.lookup(&digest)? {
             return Ok(found(record));
@@ -299,7 +322,8 @@ impl Runner<'_> {
                 observer.unit_progress(&of_node, &of_partition, fraction, message);
             },
         };
-        let ran = catch_unwind(AssertUnwindSafe(|| stage.configured.run(&inputs, &cx)));
+        let compute = || self.pool.install(|| stage.configured.run(&inputs, &cx));
+        let ran = catch_unwind(AssertUnwindSafe(compute));
         let outcome = ran
             .map_err(|payload| Failure::Panic {
                 stage: stage.name.clone(),
@@ -344,7 +368,11 @@ impl Runner<'_> {
                 };
                 opened.push(Artifact {
                     key: key.clone(),
-                    labels: known.map(|known| known.labels.clone()).unwrap_or_default(),
+                    // Labels are not part of the fingerprint where only some files are read.
+                    labels: known
+                        .filter(|_| !unit.parts.contains_key(input))
+                        .map(|known| known.labels.clone())
+                        .unwrap_or_default(),
                     files: paths,
                 });
             }
@@ -371,6 +399,9 @@ impl Runner<'_> {
             .find(|node| Some(&node.name) == source)
             .ok_or_else(lost)?;
         self.observer.damaged(node, partition);
+        let mut mended = self.mended.lock().unwrap_or_else(PoisonError::into_inner);
+        mended.insert(node.name.clone());
+        drop(mended);
         let unit = self
             .state
             .units(node)?

@@ -176,8 +176,7 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if the store cannot be written.
-    fn begin(&self, node: &NodeName, fingerprint: &Digest)
-    -> Result<Box<dyn Making + '_>, Advised>;
+    fn begin(&self, fingerprint: &Digest) -> Result<Box<dyn Making + '_>, Advised>;
 
     /// Returns where the files of an artifact lie after checking their bytes, or `None` if a file is
     /// missing or damaged; a damaged file is dropped, so that its unit is made again.
@@ -199,8 +198,15 @@ pub trait Store: Sync {
         &self,
         pipeline: &str,
         node: &Node,
-        made: &[(String, Record)],
+        made: &[(String, RecordOutcome)],
     ) -> Result<(), Advised>;
+
+    /// Stops showing what stages made that the pipeline no longer has.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the store cannot be written.
+    fn retire(&self, pipeline: &str, kept: &[Node]) -> Result<(), Advised>;
 
     /// Keeps what a run did and returns the run's name.
     ///

@@ -4,13 +4,23 @@ use std::{
     fs::{self, File},
     io::{self, Write},
     path::{Path, PathBuf},
-    sync::atomic::{AtomicU64, Ordering},
+    sync::{
+        LazyLock,
+        atomic::{AtomicU64, Ordering},
+    },
+    time::UNIX_EPOCH,
 };
 
-use crate::LakeError;
+use crate::{LakeError, clock::now};
 
 /// Tells apart the temporary files of one process.
 static COUNTER: AtomicU64 = AtomicU64::new(0);
+
+/// Tells apart processes that have had the same number: the time at which this one first asked.
+static STARTED: LazyLock<u128> = LazyLock::new(|| {
+    let since = now().duration_since(UNIX_EPOCH);
+    since.unwrap_or_default().as_nanos()
+});
 
 /// Writes `bytes` to `path` by way of a file in `staging`, synced before it is renamed.
 pub(crate) fn write(staging: &Path, path: &Path, bytes: &[u8]) -> Result<(), LakeError> {
@@ -26,7 +36,7 @@ pub(crate) fn write(staging: &Path, path: &Path, bytes: &[u8]) -> Result<(), Lak
 /// A name in `staging` that nobody else uses.
 pub(crate) fn temporary_name(staging: &Path) -> PathBuf {
     let number = COUNTER.fetch_add(1, Ordering::Relaxed);
-    staging.join(format!("{}-{number}.new", std::process::id()))
+    staging.join(format!("{}-{}-{number}.new", std::process::id(), *STARTED))
 }
 
 /// Moves a file to its final name, making the folders above it.

@@ -55,6 +55,14 @@ pub enum LakeError {
         /// How it differs.
         source: SchemaError,
     },
+    /// A stage reported a figure that is NaN or infinite.
+    #[error("the stage's figure `{metric}` is {value}, not a finite number")]
+    Metric {
+        /// The figure's name.
+        metric: String,
+        /// What it is.
+        value: f64,
+    },
     /// An artifact lacks a file that its kind promises.
     #[error("artifact `{key}` has no file `{file}`")]
     MissingFile {
@@ -80,7 +88,9 @@ impl Advise for LakeError {
             Self::Schema { .. } | Self::MissingFile { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
-            Self::Parquet { .. } | Self::Mcap { .. } | Self::Json { .. } => None,
+            Self::Parquet { .. } | Self::Mcap { .. } | Self::Json { .. } | Self::Metric { .. } => {
+                None
+            }
         }
     }
 }

@@ -18,7 +18,8 @@ use crate::{
     atomic::{self, io_error},
     blobs::Blobs,
     clock::now,
-    making, published,
+    making::UnitInTheMaking,
+    published,
     sources::Sources,
 };
 
@@ -178,13 +179,9 @@ impl Store for Lake {
         self.sources.digest(path)
     }
 
-    fn begin(
-        &self,
-        node: &NodeName,
-        fingerprint: &Digest,
-    ) -> Result<Box<dyn Making + '_>, Advised> {
+    fn begin(&self, fingerprint: &Digest) -> Result<Box<dyn Making + '_>, Advised> {
         self.prepare()?;
-        Ok(making::begin(self, node, fingerprint)?)
+        Ok(Box::new(UnitInTheMaking::begin(self, fingerprint)?))
     }
 
     fn open(
@@ -208,10 +205,14 @@ impl Store for Lake {
         &self,
         pipeline: &str,
         node: &Node,
-        made: &[(String, Record)],
+        made: &[(String, RecordOutcome)],
     ) -> Result<(), Advised> {
         self.prepare()?;
         Ok(published::publish(self, pipeline, node, made)?)
+    }
+
+    fn retire(&self, pipeline: &str, kept: &[Node]) -> Result<(), Advised> {
+        Ok(published::retire(self, pipeline, kept)?)
     }
 
     fn record_run(&self, run: &RunRecord) -> Result<String, Advised> {
@@ -257,7 +258,7 @@ fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, LakeError> {
 }
 
 /// Names in a folder, ordered; none if the folder is not there.
-fn names_in(folder: &Path) -> Result<Vec<String>, LakeError> {
+pub(crate) fn names_in(folder: &Path) -> Result<Vec<String>, LakeError> {
     let entries = match fs::read_dir(folder) {
         Err(err) if err.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         entries => entries.map_err(io_error("read", folder))?,

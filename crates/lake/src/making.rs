@@ -6,7 +6,7 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use dataflow::{Advised, Digest, Making, NodeName, Outcome, Record, RecordOutcome, Unkept};
+use dataflow::{Advised, Digest, Making, Outcome, Record, RecordOutcome, Unkept};
 
 use crate::{
     LakeError,
@@ -63,6 +63,12 @@ impl<'a> UnitInTheMaking<'a> {
                         .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
                     files.insert(name, self.lake.blobs().take(&path)?);
                 }
+                if let Some((metric, value)) = made.metrics.iter().find(|(_, v)| !v.is_finite()) {
+                    return Err(LakeError::Metric {
+                        metric: metric.clone(),
+                        value: *value,
+                    });
+                }
                 RecordOutcome::Made {
                     files,
                     labels: made.labels,
@@ -110,13 +116,4 @@ impl Drop for UnitInTheMaking<'_> {
         // What cannot be removed now is removed by whoever makes the unit next.
         let _left = fs::remove_dir_all(&self.folder);
     }
-}
-
-/// The node is only named in messages.
-pub(crate) fn begin<'a>(
-    lake: &'a Lake,
-    _node: &NodeName,
-    fingerprint: &Digest,
-) -> Result<Box<dyn Making + 'a>, LakeError> {
-    Ok(Box::new(UnitInTheMaking::begin(lake, fingerprint)?))
 }

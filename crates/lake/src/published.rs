@@ -2,17 +2,18 @@
 
 use std::{
     collections::BTreeSet,
-    fs, io,
+    fs::{self, File},
+    io,
     os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
 };
 
-use dataflow::{Node, Record, RecordOutcome};
+use dataflow::{Node, RecordOutcome};
 
 use crate::{
     LakeError,
     atomic::{self, io_error},
-    folder::Lake,
+    folder::{Lake, names_in},
     table,
 };
 
@@ -27,8 +28,9 @@ pub(crate) fn publish(
     lake: &Lake,
     pipeline: &str,
     node: &Node,
-    made: &[(String, Record)],
+    made: &[(String, RecordOutcome)],
 ) -> Result<(), LakeError> {
+    let _turn = wait_for_turn(lake, pipeline)?;
     let tables = lake
         .root()
         .join(TABLES)
@@ -43,8 +45,8 @@ pub(crate) fn publish(
         .join(node.output.artifact);
     let mut in_tables = BTreeSet::new();
     let mut in_others = BTreeSet::new();
-    for (partition, record) in made {
-        let RecordOutcome::Made { files, .. } = &record.outcome else {
+    for (partition, outcome) in made {
+        let RecordOutcome::Made { files, .. } = outcome else {
             continue;
         };
         for (name, file) in files {
@@ -69,6 +71,48 @@ pub(crate) fn publish(
     Ok(())
 }
 
+/// Removes what stages that are no longer in the pipeline have shown.
+pub(crate) fn retire(lake: &Lake, pipeline: &str, kept: &[Node]) -> Result<(), LakeError> {
+    let _turn = wait_for_turn(lake, pipeline)?;
+    for table in lake.tables()? {
+        let folder = lake.table_folder(&table, pipeline);
+        for name in names_in(&folder)? {
+            let is_kept = kept.iter().any(|node| {
+                node.output.artifact == table && name == format!("stage={}", node.name.stage)
+            });
+            if !is_kept {
+                remove_others(&folder.join(&name), &BTreeSet::new())?;
+                let _kept = fs::remove_dir(folder.join(&name));
+            }
+        }
+    }
+    let folder = lake.root().join(FILES).join(pipeline);
+    for name in names_in(&folder)? {
+        if !kept.iter().any(|node| node.name.stage == name) {
+            remove_others(&folder.join(&name), &BTreeSet::new())?;
+            let _kept = fs::remove_dir(folder.join(&name));
+        }
+    }
+    Ok(())
+}
+
+/// Lets one process at a time change what a pipeline shows; the turn ends when the file is closed.
+fn wait_for_turn(lake: &Lake, pipeline: &str) -> Result<File, LakeError> {
+    let path = lake
+        .root()
+        .join("locks")
+        .join(format!("published-{pipeline}"));
+    atomic::make_parent(&path)?;
+    let lock = File::options()
+        .create(true)
+        .truncate(false)
+        .write(true)
+        .open(&path)
+        .map_err(io_error("write", &path))?;
+    lock.lock().map_err(io_error("lock", &path))?;
+    Ok(lock)
+}
+
 /// Makes `path` the same file as `blob`, or a copy where the file system has no hard links.
 fn show(lake: &Lake, blob: &Path, path: &Path) -> Result<(), LakeError> {
     let same = fs::metadata(path).is_ok_and(|shown| {
@@ -78,10 +122,23 @@ fn show(lake: &Lake, blob: &Path, path: &Path) -> Result<(), LakeError> {
         return Ok(());
     }
     let beside = atomic::temporary_name(&lake.staging());
-    if fs::hard_link(blob, &beside).is_err() {
-        fs::copy(blob, &beside).map_err(io_error("copy", blob))?;
+    match fs::hard_link(blob, &beside) {
+        Ok(()) => {}
+        Err(err) if has_no_links(&err) => {
+            fs::copy(blob, &beside).map_err(io_error("copy", blob))?;
+        }
+        Err(err) => return Err(io_error("link", blob)(err)),
     }
     atomic::rename(&beside, path)
+}
+
+/// Whether the file system refuses hard links as such.
+fn has_no_links(err: &io::Error) -> bool {
+    use io::ErrorKind::{CrossesDevices, PermissionDenied, TooManyLinks, Unsupported};
+    matches!(
+        err.kind(),
+        CrossesDevices | PermissionDenied | TooManyLinks | Unsupported
+    )
 }
 
 /// Removes every file below `folder` that is not in `keep`, and folders left empty.
@@ -97,7 +154,12 @@ fn remove_others(folder: &Path, keep: &BTreeSet<PathBuf>) -> Result<(), LakeErro
             // Fails, as it should, if something is left in it.
             let _kept = fs::remove_dir(&path);
         } else if !keep.contains(&path) {
-            fs::remove_file(&path).map_err(io_error("remove", &path))?;
+            match fs::remove_file(&path) {
+                Err(err) if err.kind() != io::ErrorKind::NotFound => {
+                    return Err(io_error("remove", &path)(err));
+                }
+                _ => {}
+            }
         }
     }
     Ok(())

@@ -1,0 +1,74 @@
+//! Tables of a pipeline file: copied with the places of their values, merged and changed.
+
+use toml_edit::{InlineTable, Item, Value};
+
+/// Copies a table with the places of its values, so that errors can point at them.
+pub(super) fn copy_table(from: &dyn toml_edit::TableLike, to: &mut InlineTable) {
+    for (name, item) in from.iter() {
+        let value = match item {
+            Item::Value(value) => Some(value.clone()),
+            Item::Table(table) => {
+                let mut inline = InlineTable::new();
+                copy_table(table, &mut inline);
+                Some(Value::InlineTable(inline))
+            }
+            Item::ArrayOfTables(tables) => {
+                let values = tables.iter().map(|table| {
+                    let mut inline = InlineTable::new();
+                    copy_table(table, &mut inline);
+                    Value::InlineTable(inline)
+                });
+                Some(Value::Array(values.collect()))
+            }
+            Item::None => None,
+        };
+        if let Some(value) = value {
+            match from.get_key_value(name) {
+                Some((key, _)) => {
+                    to.insert_formatted(key, value);
+                }
+                None => {
+                    to.insert(name, value);
+                }
+            }
+        }
+    }
+}
+
+/// Replaces the values of a table by those of another, key by key.
+pub(super) fn merge_table(table: &mut InlineTable, changes: &dyn toml_edit::TableLike) {
+    let mut flat = InlineTable::new();
+    copy_table(changes, &mut flat);
+    merge_values(table, flat);
+}
+
+fn merge_values(table: &mut InlineTable, changes: InlineTable) {
+    for (key, value) in changes {
+        match (table.get_mut(&key), value) {
+            (Some(Value::InlineTable(inner)), Value::InlineTable(changes)) => {
+                merge_values(inner, changes);
+            }
+            (_, value) => {
+                table.insert(key.as_str(), value);
+            }
+        }
+    }
+}
+
+/// Replaces one value, making the tables on the way to it.
+pub(super) fn set_value(table: &mut InlineTable, keys: &[String], value: &Value) {
+    match keys {
+        [] => {}
+        [key] => {
+            table.insert(key.as_str(), value.clone());
+        }
+        [key, rest @ ..] => {
+            if !matches!(table.get(key), Some(Value::InlineTable(_))) {
+                table.insert(key.as_str(), Value::InlineTable(InlineTable::new()));
+            }
+            if let Some(Value::InlineTable(inner)) = table.get_mut(key) {
+                set_value(inner, rest, value);
+            }
+        }
+    }
+}
