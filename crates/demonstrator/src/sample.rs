@@ -18,7 +18,7 @@ use crate::{
 };
 
 /// Bump on any change of what a recipe gives: samples made before are then made again.
-pub const GENERATOR_VERSION: u32 = 2;
+pub const GENERATOR_VERSION: u32 = 3;
 
 /// The recipe's file in a folder of made-up recordings.
 pub const RECIPE_FILE: &str = "recipe.toml";

@@ -230,10 +230,10 @@ fn the_sample_is_consistent_and_of_the_datasets_layout() {
         assert!(first_bones.is_some());
     }
     assert_eq!(frames_seen, frames);
-    // Of fourteen recordings, every fifth from the fourth on is of a left hand.
+    // Of fifteen recordings, every fifth from the fourth on is of a left hand.
     assert_eq!(
         sides,
-        BTreeMap::from([("left".to_owned(), 3), ("right".to_owned(), 11)])
+        BTreeMap::from([("left".to_owned(), 3), ("right".to_owned(), 12)])
     );
 }
 
@@ -245,7 +245,7 @@ fn models(root: &Path) -> Vec<String> {
 }
 
 /// Numbers and names as in the dataset.
-const NAMES: [(&str, &str); 14] = [
+const NAMES: [(&str, &str); 15] = [
     ("1", "002_master_chef_can"),
     ("2", "003_cracker_box"),
     ("3", "004_sugar_box"),
@@ -260,6 +260,7 @@ const NAMES: [(&str, &str); 14] = [
     ("15", "035_power_drill"),
     ("16", "036_wood_block"),
     ("21", "061_foam_brick"),
+    ("22", "056_tennis_ball"),
 ];
 
 #[test]

@@ -1,10 +1,10 @@
-//! The objects that `DexYCB` numbers: names and true masses.
+//! The objects that `DexYCB` numbers, and behind them YCB's ball: names and true masses.
 //!
 //! Masses: Calli et al., *The YCB Object and Model Set*, 2015, table I. (The download script of the
 //! same authors gives the gelatin box ten times its weight; here it has its own.)
 
 /// Name and mass in kilograms of the objects, in the order of their numbers from 1.
-const OBJECTS: [(&str, f64); 21] = [
+const OBJECTS: [(&str, f64); 22] = [
     ("002_master_chef_can", 0.414),
     ("003_cracker_box", 0.411),
     ("004_sugar_box", 0.514),
@@ -26,9 +26,10 @@ const OBJECTS: [(&str, f64); 21] = [
     ("051_large_clamp", 0.125),
     ("052_extra_large_clamp", 0.202),
     ("061_foam_brick", 0.028),
+    ("056_tennis_ball", 0.058),
 ];
 
-/// Returns the name of the object with this number (1 to 21).
+/// Returns the name of the object with this number (1 to 22).
 pub(crate) fn name(number: u32) -> Option<&'static str> {
     let idx = usize::try_from(number).ok()?.checked_sub(1)?;
     OBJECTS.get(idx).map(|&(name, _)| name)
