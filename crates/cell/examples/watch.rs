@@ -12,7 +12,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .next()
         .unwrap_or_else(|| "tcp/127.0.0.1:7447".to_owned());
     let keys = Keys::new(arguments.next().as_deref().unwrap_or("simulated"))?;
-    let (_session, subscriber) = subscribe(&endpoint, &keys.all(), Duration::from_secs(600))?;
+    let (_session, subscriber) = subscribe(&endpoint, &keys.all(), Duration::from_mins(10))?;
     while let Ok(sample) = subscriber.recv() {
         let bytes = sample.payload().to_bytes();
         let line = bytes
