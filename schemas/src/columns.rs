@@ -11,7 +11,8 @@ use arrow::{
     datatypes::{DataType, Field, FieldRef, Float64Type, Int64Type, Schema},
     error::ArrowError,
 };
-use spatial::{NotAPose, Pose};
+use nalgebra::{Unit, Vector3};
+use spatial::{NotAPose, Pose, Rest};
 
 /// Key of the schema's name and version in the file's metadata.
 const SCHEMA_KEY: &str = "schema";
@@ -154,6 +155,23 @@ impl Columns {
         );
         let array = fixed_size_list(&rows);
         self.push(name, Some(unit), about, Arc::new(array));
+    }
+
+    /// How the object of each row lay, in two columns.
+    pub(crate) fn rest(&mut self, rests: impl Iterator<Item = Rest> + Clone) {
+        let ups = rests.clone().map(|rest| rest.up_in_object.into_inner());
+        self.f64_array(
+            "rest_up",
+            "1",
+            "unit vector against gravity, object frame",
+            ups.map(<[f64; 3]>::from),
+        );
+        self.f64(
+            "rest_height_m",
+            "m",
+            "height of the object's origin above the table",
+            rests.map(|rest| rest.height_m),
+        );
     }
 
     /// One list of numbers per row.
@@ -438,6 +456,15 @@ impl<'a> Reader<'a> {
                 format!("{} joint positions, expected {expected}", positions.len()),
             ))
         }
+    }
+
+    /// Reads what [`Columns::rest`] wrote.
+    pub(crate) fn rest(&self, row: usize) -> Result<Rest, SchemaError> {
+        let up: [f64; 3] = self.f64_array("rest_up", row)?;
+        Ok(Rest {
+            up_in_object: Unit::new_normalize(Vector3::from(up)),
+            height_m: self.f64("rest_height_m", row)?,
+        })
     }
 
     /// Reads seven numbers as a pose.

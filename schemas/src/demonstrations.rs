@@ -15,7 +15,6 @@
 //! Landmarks: wrist; thumb, index, middle, ring, little finger, four each from base to tip.
 
 use arrow::{datatypes::Schema, record_batch::RecordBatch};
-use nalgebra::{Unit, Vector3};
 use spatial::Rest;
 
 use crate::columns::{Columns, Reader, SchemaError, count};
@@ -105,18 +104,7 @@ fn columns(demonstrations: &[&Demonstration]) -> Columns {
             flat
         }),
     );
-    c.f64_array(
-        "rest_up",
-        "1",
-        "unit vector against gravity, object frame",
-        rows().map(|(d, _, _)| <[f64; 3]>::from(d.rest.up_in_object.into_inner())),
-    );
-    c.f64(
-        "rest_height_m",
-        "m",
-        "height of the object's origin above the table",
-        rows().map(|(d, _, _)| d.rest.height_m),
-    );
+    c.rest(rows().map(|(d, _, _)| d.rest));
     c
 }
 
@@ -153,10 +141,7 @@ pub fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Demonstration, 
         sequence: sequence.to_owned(),
         object: r.utf8("object", 0)?.to_owned(),
         subject: r.utf8("subject", 0)?.to_owned(),
-        rest: Rest {
-            up_in_object: Unit::new_normalize(Vector3::from(r.f64_array::<3>("rest_up", 0)?)),
-            height_m: r.f64("rest_height_m", 0)?,
-        },
+        rest: r.rest(0)?,
         steps,
     })
 }

@@ -14,7 +14,6 @@
 //! | `rest_height_m`         | f64         | m    | height of the object's origin above the table         |
 
 use arrow::{datatypes::Schema, record_batch::RecordBatch};
-use nalgebra::{Unit, Vector3};
 use spatial::{Object, Palm, Pose, Rest};
 
 use crate::columns::{Columns, Reader, SchemaError, count};
@@ -107,18 +106,7 @@ fn columns(joints: &[String], trajectories: &[&Trajectory]) -> Columns {
         "largest distance of a finger tip to its landmark",
         rows().map(|(_, _, s)| s.fingertip_error_m),
     );
-    c.f64_array(
-        "rest_up",
-        "1",
-        "unit vector against gravity, object frame",
-        rows().map(|(d, _, _)| <[f64; 3]>::from(d.rest.up_in_object.into_inner())),
-    );
-    c.f64(
-        "rest_height_m",
-        "m",
-        "height of the object's origin above the table",
-        rows().map(|(d, _, _)| d.rest.height_m),
-    );
+    c.rest(rows().map(|(d, _, _)| d.rest));
     c
 }
 
@@ -155,10 +143,7 @@ pub fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Trajectory, Sch
         sequence: sequence.to_owned(),
         object: r.utf8("object", 0)?.to_owned(),
         joints,
-        rest: Rest {
-            up_in_object: Unit::new_normalize(Vector3::from(r.f64_array::<3>("rest_up", 0)?)),
-            height_m: r.f64("rest_height_m", 0)?,
-        },
+        rest: r.rest(0)?,
         steps,
     })
 }

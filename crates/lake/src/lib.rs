@@ -24,6 +24,7 @@ mod blobs;
 mod clock;
 mod error;
 mod folder;
+mod lock;
 mod making;
 mod published;
 pub mod recording;

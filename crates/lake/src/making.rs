@@ -1,19 +1,14 @@
 //! A unit in the making: its lock, its staging folder and its commit.
 
 use std::{
-    fs::{self, File, TryLockError},
+    fs::{self, File},
     path::{Path, PathBuf},
     time::{Duration, SystemTime},
 };
 
 use dataflow::{Advised, Digest, Making, Outcome, Record, RecordOutcome, Unkept};
 
-use crate::{
-    LakeError,
-    atomic::{self, io_error},
-    clock::now,
-    folder::Lake,
-};
+use crate::{LakeError, atomic::io_error, clock::now, folder::Lake, lock};
 
 /// A unit that this process makes.
 pub(crate) struct UnitInTheMaking<'a> {
@@ -27,19 +22,7 @@ pub(crate) struct UnitInTheMaking<'a> {
 impl<'a> UnitInTheMaking<'a> {
     /// Waits for the unit's lock and clears what a dead owner left behind.
     pub(crate) fn begin(lake: &'a Lake, fingerprint: &Digest) -> Result<Self, LakeError> {
-        let lock_path = lake.root().join("locks").join(fingerprint.as_str());
-        atomic::make_parent(&lock_path)?;
-        let lock = File::options()
-            .create(true)
-            .truncate(false)
-            .write(true)
-            .open(&lock_path)
-            .map_err(io_error("write", &lock_path))?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => lock.lock().map_err(io_error("lock", &lock_path))?,
-            Err(TryLockError::Error(err)) => return Err(io_error("lock", &lock_path)(err)),
-        }
+        let lock = lock::wait_for(lake, fingerprint.as_str())?;
         let folder = lake.staging().join(fingerprint.as_str());
         if folder.exists() {
             fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))?;

@@ -14,7 +14,7 @@ use crate::{
     LakeError,
     atomic::{self, io_error},
     folder::{Lake, names_in},
-    table,
+    lock, table,
 };
 
 /// Folder of the tables, below the lake.
@@ -98,19 +98,7 @@ pub(crate) fn retire(lake: &Lake, pipeline: &str, kept: &[Node]) -> Result<(), L
 
 /// Lets one process at a time change what a pipeline shows; the turn ends when the file is closed.
 fn wait_for_turn(lake: &Lake, pipeline: &str) -> Result<File, LakeError> {
-    let path = lake
-        .root()
-        .join("locks")
-        .join(format!("published-{pipeline}"));
-    atomic::make_parent(&path)?;
-    let lock = File::options()
-        .create(true)
-        .truncate(false)
-        .write(true)
-        .open(&path)
-        .map_err(io_error("write", &path))?;
-    lock.lock().map_err(io_error("lock", &path))?;
-    Ok(lock)
+    lock::wait_for(lake, &format!("published-{pipeline}"))
 }
 
 /// Makes `path` the same file as `blob`, or a copy where the file system has no hard links.
