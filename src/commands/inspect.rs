@@ -1,19 +1,18 @@
 //! `pipeline inspect`
 
-use std::path::Path;
-
 use dataflow::{NodeName, Record, RecordOutcome, UnitRef, nearest};
 use lake::{Lake, table};
 
 use crate::{
     arguments::InspectArgs,
+    command_line::Program,
     outcome::{Outcome, Trouble},
     report,
 };
 
 /// Shows an artifact of the newest run.
-pub(crate) fn inspect(lake: &Path, args: &InspectArgs) -> Result<Outcome, Trouble> {
-    let lake = Lake::open(lake);
+pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, Trouble> {
+    let lake = Lake::open(&program.lake);
     let Some((run, record)) = lake.newest_run()? else {
         return Err(Trouble::usage(
             format!("no run in the lake `{}`", lake.root().display()),

@@ -2,26 +2,26 @@
 
 use std::fs;
 
-use dataflow::{FreshAll, Override, Pipeline, RunOptions, Stage, StageEntry};
+use dataflow::{FreshAll, Kind, Override, Pipeline, RunOptions, Stage, StageEntry};
 
-use crate::{arguments::PipelineArgs, outcome::Trouble, registry};
+use crate::{arguments::PipelineArgs, outcome::Trouble};
 
 /// Reads and checks the file.
-pub(crate) fn read(args: &PipelineArgs) -> Result<Pipeline, Trouble> {
-    parse(args, &args.overrides)
+pub(crate) fn read(kinds: &[Kind], args: &PipelineArgs) -> Result<Pipeline, Trouble> {
+    parse(kinds, args, &args.overrides)
 }
 
 /// Reads and checks the file, and lets every `dispatch` in it move a real robot.
-pub(crate) fn read_to_execute(args: &PipelineArgs) -> Result<Pipeline, Trouble> {
-    let pipeline = read(args)?;
+pub(crate) fn read_to_execute(kinds: &[Kind], args: &PipelineArgs) -> Result<Pipeline, Trouble> {
+    let pipeline = read(kinds, args)?;
     let moves = |stage: &&StageEntry| stage.kind.name == stage_dispatch::Dispatch::KIND;
     let permits = pipeline.stages.iter().filter(moves);
     let permits = permits.flat_map(|stage| format!("{}.execute=true", stage.name).parse());
     let overrides: Vec<Override> = args.overrides.iter().cloned().chain(permits).collect();
-    parse(args, &overrides)
+    parse(kinds, args, &overrides)
 }
 
-fn parse(args: &PipelineArgs, overrides: &[Override]) -> Result<Pipeline, Trouble> {
+fn parse(kinds: &[Kind], args: &PipelineArgs, overrides: &[Override]) -> Result<Pipeline, Trouble> {
     let path = &args.file;
     let source = fs::read_to_string(path).map_err(|err| {
         Trouble::usage(
@@ -30,8 +30,7 @@ fn parse(args: &PipelineArgs, overrides: &[Override]) -> Result<Pipeline, Troubl
         )
     })?;
     let profile = args.profile.as_deref();
-    let kinds = registry::kinds();
-    Ok(Pipeline::parse(path, &source, &kinds, profile, overrides)?)
+    Ok(Pipeline::parse(path, &source, kinds, profile, overrides)?)
 }
 
 /// Returns what to run and how.

@@ -1,12 +1,13 @@
 //! `pipeline plan`
 
-use std::{collections::BTreeMap, path::Path};
+use std::collections::BTreeMap;
 
 use dataflow::{Plan, PlannedUnit, UnitState};
 use lake::Lake;
 
 use crate::{
     arguments::{PlanArgs, PlanFormat},
+    command_line::Program,
     commands::pipeline_file,
     outcome::{Outcome, Trouble},
     report,
@@ -16,10 +17,10 @@ use crate::{
 const NAMED: usize = 3;
 
 /// Shows what `run` would do, and why.
-pub(crate) fn plan(lake: &Path, args: &PlanArgs) -> Result<Outcome, Trouble> {
-    let pipeline = pipeline_file::read(&args.pipeline)?;
+pub(crate) fn plan(program: &Program, args: &PlanArgs) -> Result<Outcome, Trouble> {
+    let pipeline = pipeline_file::read(program.kinds, &args.pipeline)?;
     let options = pipeline_file::options(&args.pipeline, None);
-    let plan = dataflow::plan(&pipeline, &Lake::open(lake), &options)?;
+    let plan = dataflow::plan(&pipeline, &Lake::open(&program.lake), &options)?;
     match args.format {
         PlanFormat::Text => report::data(text(&plan).as_bytes()),
         PlanFormat::Json => {

@@ -7,13 +7,14 @@ use polars::{prelude::*, sql::SQLContext};
 
 use crate::{
     arguments::{QueryArgs, QueryFormat},
+    command_line::Program,
     outcome::{Outcome, Trouble},
     report,
 };
 
 /// Answers a question in SQL over the tables of the newest run's pipeline.
-pub(crate) fn query(lake: &Path, args: &QueryArgs) -> Result<Outcome, Trouble> {
-    let lake = Lake::open(lake);
+pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<Outcome, Trouble> {
+    let lake = Lake::open(&program.lake);
     let tables = lake.tables()?;
     let Some((_, run)) = lake.newest_run()?.filter(|_| !tables.is_empty()) else {
         return Err(Trouble::usage(

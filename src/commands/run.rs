@@ -1,11 +1,10 @@
 //! `pipeline run`
 
-use std::path::Path;
-
 use lake::Lake;
 
 use crate::{
     arguments::RunArgs,
+    command_line::Program,
     commands::{pipeline_file, plan},
     outcome::{Outcome, Trouble},
     progress::{Quiet, Screen},
@@ -13,22 +12,22 @@ use crate::{
 };
 
 /// Runs a pipeline, reusing every result that is still valid.
-pub(crate) fn run(lake: &Path, quiet: bool, args: &RunArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<Outcome, Trouble> {
     let pipeline = if args.execute {
-        pipeline_file::read_to_execute(&args.pipeline)?
+        pipeline_file::read_to_execute(program.kinds, &args.pipeline)?
     } else {
-        pipeline_file::read(&args.pipeline)?
+        pipeline_file::read(program.kinds, &args.pipeline)?
     };
     let options = pipeline_file::options(&args.pipeline, args.jobs);
-    let store = Lake::open(lake);
+    let store = Lake::open(&program.lake);
     if args.dry_run {
         let plan = dataflow::plan(&pipeline, &store, &options)?;
         report::data(plan::text(&plan).as_bytes());
         return Ok(Outcome::Done);
     }
-    let screen = Screen::new(if quiet { Quiet::Yes } else { Quiet::No });
+    let screen = Screen::new(program.quiet);
     let ran = dataflow::run(&pipeline, &store, &options, &screen)?;
-    if !quiet {
+    if program.quiet == Quiet::No {
         let last = ran.nodes.last();
         let result = last.map_or("", |node| node.description.as_str());
         let line = if ran.n_made_now() == 0 {
@@ -53,7 +52,7 @@ pub(crate) fn run(lake: &Path, quiet: bool, args: &RunArgs) -> Result<Outcome, T
         ));
         return Ok(Outcome::SkippedItems);
     }
-    if !quiet && ran.n_made_now() > 0 {
+    if program.quiet == Quiet::No && ran.n_made_now() > 0 {
         let last = ran
             .nodes
             .last()

@@ -4,15 +4,16 @@ use dataflow::{Kind, nearest};
 
 use crate::{
     arguments::StagesArgs,
+    command_line::Program,
     outcome::{Outcome, Trouble},
-    registry, report,
+    report,
 };
 
 /// Lists the kinds of stages, or the options of one.
-pub(crate) fn stages(args: &StagesArgs) -> Result<Outcome, Trouble> {
-    let kinds = registry::kinds();
+pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, Trouble> {
+    let kinds = program.kinds;
     let text = match &args.kind {
-        None => overview(&kinds),
+        None => overview(kinds),
         Some(name) => {
             let kind = kinds.iter().find(|kind| kind.name == name).ok_or_else(|| {
                 let near = nearest(name, kinds.iter().map(|kind| kind.name));

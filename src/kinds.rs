@@ -3,7 +3,7 @@
 use dataflow::Kind;
 
 /// Returns the kinds in the order of the flow.
-pub(crate) fn kinds() -> Vec<Kind> {
+pub fn kinds() -> Vec<Kind> {
     vec![
         Kind::of::<stage_ingest::Ingest>(),
         Kind::of::<stage_retarget::Retarget>(),

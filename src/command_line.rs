@@ -1,0 +1,47 @@
+//! From the command line to an exit code.
+
+use std::{path::PathBuf, process::ExitCode};
+
+use clap::Parser;
+use dataflow::Kind;
+
+use crate::{
+    arguments::{Cli, Command},
+    commands,
+    outcome::Outcome,
+    progress::Quiet,
+    report,
+};
+
+/// What every command may use.
+pub(crate) struct Program<'a> {
+    /// The kinds of stages that pipeline files may name.
+    pub(crate) kinds: &'a [Kind],
+    /// The lake's folder.
+    pub(crate) lake: PathBuf,
+    /// Whether only errors are printed.
+    pub(crate) quiet: Quiet,
+}
+
+/// Does what the process's arguments ask for, with these kinds of stages, and returns its exit code:
+/// 0 done, 1 failed, 2 wrong command line or pipeline file, 3 done with skipped items.
+pub fn command_line(kinds: &[Kind]) -> ExitCode {
+    let cli = Cli::parse();
+    let program = Program {
+        kinds,
+        lake: cli.lake,
+        quiet: if cli.quiet { Quiet::Yes } else { Quiet::No },
+    };
+    let result = match &cli.command {
+        Command::Run(args) => commands::run(&program, args),
+        Command::Plan(args) => commands::plan(&program, args),
+        Command::Query(args) => commands::query(&program, args),
+        Command::Inspect(args) => commands::inspect(&program, args),
+        Command::Stages(args) => commands::stages(&program, args),
+    };
+    match result {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::SkippedItems) => ExitCode::from(3),
+        Err(trouble) => report::trouble(&trouble),
+    }
+}

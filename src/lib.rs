@@ -1,0 +1,20 @@
+//! The command line of `pipeline`: the only code that prints, exits, or knows every stage.
+//!
+//! It is a library so that a program with stages of its own has the same commands:
+//!
+//! ```no_run
+//! let kinds = pipeline::kinds();
+//! // kinds.push(dataflow::Kind::of::<MyStage>());
+//! pipeline::command_line(&kinds);
+//! ```
+
+mod arguments;
+mod command_line;
+mod commands;
+mod kinds;
+mod outcome;
+mod progress;
+mod report;
+
+pub use command_line::command_line;
+pub use kinds::kinds;
