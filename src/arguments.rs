@@ -47,6 +47,9 @@ pub(crate) struct PipelineArgs {
     /// Stop after this stage
     #[arg(long, value_name = "STAGE")]
     pub(crate) until: Option<String>,
+    /// Go through this stage alone; what it reads must have been made
+    #[arg(long, value_name = "STAGE", conflicts_with = "until")]
+    pub(crate) only: Option<String>,
     /// Run this stage even if its results are in the lake; without a name, every stage
     #[arg(long, value_name = "STAGE", num_args = 0..=1, default_missing_value = "")]
     pub(crate) fresh: Vec<String>,

@@ -6,7 +6,7 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Node, NodeReport, Observer, Record, RecordOutcome};
+use dataflow::{Node, NodeReport, Observer, RecordOutcome};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::report;
@@ -85,7 +85,7 @@ impl Observer for Screen {
         self.with(|state| state.n_outputs = nodes.len());
     }
 
-    fn node_started(&self, node: &Node, n_units: usize) {
+    fn node_started(&self, node: &Node, n_units: usize, _n_to_make: usize) {
         self.with(|state| {
             let bar = ProgressBar::new(ticks(n_units as f64));
             let style = ProgressStyle::with_template(
@@ -114,12 +114,21 @@ impl Observer for Screen {
         });
     }
 
-    fn unit_done(&self, _node: &Node, partition: &str, record: &Record) {
+    fn waiting(&self, node: &Node, partition: &str, holder: &str) {
+        self.with(|state| {
+            state.print(&format!(
+                "wait   {} `{partition}`: waiting for {holder}",
+                node.name
+            ));
+        });
+    }
+
+    fn unit_done(&self, _node: &Node, partition: &str, outcome: &RecordOutcome) {
         self.with(|state| {
             state.fractions.remove(partition);
             state.n_units_done += 1;
             state.move_bar();
-            if let RecordOutcome::Skipped { reason } = &record.outcome {
+            if let RecordOutcome::Skipped { reason } = outcome {
                 state.print(&format!("skip   {partition}: {reason}"));
             }
         });

@@ -13,12 +13,13 @@ use crate::{
 /// Shows an artifact of the newest run.
 pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, Trouble> {
     let lake = Lake::open(&program.lake);
-    let Some((run, record)) = lake.newest_run()? else {
+    let Some(run) = lake.newest_run()? else {
         return Err(Trouble::usage(
             format!("no run in the lake `{}`", lake.root().display()),
             "make one with `pipeline run pipelines/cgf.toml`, or name another lake with `--lake DIR`",
         ));
     };
+    let (number, record) = (run.number, &run.record);
     let units: Vec<&UnitRef> = record
         .units
         .iter()
@@ -68,7 +69,7 @@ pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, 
         one(&lake, unit, record)?
     } else {
         format!(
-            "{} of run {run}\n{}",
+            "{} of run {number}\n{}",
             args.artifact,
             overview(&lake, &results)?
         )
@@ -187,7 +188,12 @@ fn one(lake: &Lake, unit: &UnitRef, record: &Record) -> Result<String, Trouble> 
         .map_err(|err| Trouble::failed(err, None))?;
     text.push_str(&format!("made of {json}\n"));
     if let Some(provenance) = lake.provenance(&unit.fingerprint)? {
-        text.push_str(&format!("made by {provenance}"));
+        text.push_str(&format!(
+            "made by {} on `{}` in {}\n",
+            provenance.program,
+            provenance.host,
+            report::duration(provenance.took_s)
+        ));
     }
     Ok(text)
 }

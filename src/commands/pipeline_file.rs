@@ -42,6 +42,7 @@ pub(crate) fn options(args: &PipelineArgs, jobs: Option<u16>) -> RunOptions {
     };
     RunOptions {
         until: args.until.clone(),
+        only: args.only.clone(),
         fresh: args
             .fresh
             .iter()

@@ -62,6 +62,13 @@ pub(crate) fn text(plan: &Plan) -> String {
                 format!("{n_cached} of {}", units.len()),
             );
         }
+        if node.may_grow {
+            row(
+                "perhaps",
+                name.clone(),
+                "others, if labels of what it reads change".to_owned(),
+            );
+        }
         for (cause, partitions) in by_cause(units) {
             let (state, cause) = cause;
             row(
@@ -84,9 +91,11 @@ fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(&'static str, String), Vec<&str>
                 let causes: Vec<String> = causes.iter().map(ToString::to_string).collect();
                 ("run", causes.join("; "))
             }
-            UnitState::Perhaps { upstream } => {
+            UnitState::Perhaps { upstream, causes } => {
                 let upstream: Vec<String> = upstream.iter().map(ToString::to_string).collect();
-                ("perhaps", format!("needs the new {}", upstream.join(", ")))
+                let mut reasons = vec![format!("needs the new {}", upstream.join(", "))];
+                reasons.extend(causes.iter().map(ToString::to_string));
+                ("perhaps", reasons.join("; "))
             }
         };
         groups.entry(key).or_default().push(&unit.partition);

@@ -16,21 +16,21 @@ use crate::{
 pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<Outcome, Trouble> {
     let lake = Lake::open(&program.lake);
     let tables = lake.tables()?;
-    let Some((_, run)) = lake.newest_run()?.filter(|_| !tables.is_empty()) else {
+    if tables.is_empty() {
         return Err(Trouble::usage(
             format!("no tables in the lake `{}`", lake.root().display()),
             "make some with `pipeline run pipelines/cgf.toml`, or name another lake with `--lake DIR`",
         ));
-    };
+    }
     let failed = |err: PolarsError| {
         Trouble::failed(err, Some(format!("the tables are: {}", tables.join(", "))))
     };
     let mut context = SQLContext::new();
-    for name in &tables {
-        let folder = lake.table_folder(name, &run.pipeline);
-        if folder.is_dir() {
-            context.register(name, scan(&folder).map_err(failed)?);
-        }
+    for newest in lake.newest_tables()? {
+        context.register(&newest.table, scan(&newest.folder).map_err(failed)?);
+    }
+    for (name, folder) in lake.history_tables()? {
+        context.register(&name, scan(&folder).map_err(failed)?);
     }
     let answer = context.execute(&args.sql).and_then(LazyFrame::collect);
     let mut answer = answer.map_err(failed)?;

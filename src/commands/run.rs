@@ -26,7 +26,7 @@ pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<Outcome, Trouble>
         return Ok(Outcome::Done);
     }
     let screen = Screen::new(program.quiet);
-    let ran = dataflow::run(&pipeline, &store, &options, &screen)?;
+    let ran = dataflow::run(&pipeline, &store, &options, None, &screen)?;
     if program.quiet == Quiet::No {
         let last = ran.nodes.last();
         let result = last.map_or("", |node| node.description.as_str());

@@ -124,6 +124,60 @@ pub enum Failure {
         /// The partition's key.
         partition: String,
     },
+    /// A unit is to be made of something that is not made yet.
+    #[error("`{node}` partition `{partition}` is not made yet")]
+    NotMade {
+        /// The output that is lacking.
+        node: NodeName,
+        /// Its partition.
+        partition: String,
+    },
+    /// A unit was made by another process, and its result is not in the store.
+    #[error(
+        "`{node}` partition `{partition}` was made by another process, but its result is not in the lake"
+    )]
+    Lost {
+        /// The output.
+        node: NodeName,
+        /// Its partition.
+        partition: String,
+    },
+    /// A unit failed in another process.
+    #[error("{message}")]
+    Elsewhere {
+        /// What that process said.
+        message: String,
+        /// What it said to do.
+        hint: Option<String>,
+    },
+    /// The pipeline has no output of this name.
+    #[error("no output `{name}` in the pipeline")]
+    NoNode {
+        /// The name asked for.
+        name: String,
+        /// The outputs there are.
+        known: Vec<String>,
+    },
+    /// An output has no partition of this key.
+    #[error("`{node}` has no partition `{partition}`")]
+    NoPartition {
+        /// The output.
+        node: NodeName,
+        /// The key asked for.
+        partition: String,
+        /// The partitions there are.
+        known: Vec<String>,
+    },
+    /// A stage gave a partition a key that cannot name a folder.
+    #[error(
+        "`{key}` cannot name a partition of `{node}`: keys are not empty, do not begin with a dot and have no `/`, `\\` or `=`"
+    )]
+    NotAKey {
+        /// The output.
+        node: NodeName,
+        /// The key.
+        key: String,
+    },
     /// There is nothing to work on.
     #[error("stage `{}` has nothing to do: no `{}` to make", .0.stage, .0.artifact)]
     Nothing(NodeName),
@@ -151,6 +205,19 @@ pub enum Failure {
     Threads(#[source] rayon::ThreadPoolBuildError),
 }
 
+/// Names what may have been meant, or the first of what there is.
+fn offer(what: &str, name: &str, known: &[String]) -> String {
+    const NAMED: usize = 12;
+    crate::near::nearest(name, known.iter().map(String::as_str)).map_or_else(
+        || {
+            let more = if known.len() > NAMED { ", …" } else { "" };
+            let named = known.get(..NAMED).unwrap_or(known).join(", ");
+            format!("its {what} are: {named}{more}")
+        },
+        |near| format!("did you mean `{near}`?"),
+    )
+}
+
 struct Partition<'a>(Option<&'a str>);
 
 impl fmt::Display for Partition<'_> {
@@ -171,12 +238,16 @@ impl Advise for Failure {
                  `max_skipped_fraction` of stage `{}`",
                 node.stage
             )),
-            Self::NoStage { name, known } => Some(
-                crate::near::nearest(name, known.iter().map(String::as_str)).map_or_else(
-                    || format!("its stages are: {}", known.join(", ")),
-                    |near| format!("did you mean `{near}`?"),
-                ),
-            ),
+            Self::NoStage { name, known } => Some(offer("stages", name, known)),
+            Self::NoNode { name, known } => Some(offer("outputs", name, known)),
+            Self::NoPartition {
+                partition, known, ..
+            } => Some(offer("partitions", partition, known)),
+            Self::NotMade { node, .. } => Some(format!(
+                "make it first with `pipeline run FILE --until {}`",
+                node.stage
+            )),
+            Self::Elsewhere { hint, .. } => hint.clone(),
             Self::Store(err) => err.0.hint(),
             Self::Panic { .. } => Some(
                 "this is a fault of the program: please report it with the command and the file"
@@ -187,6 +258,8 @@ impl Advise for Failure {
                 node.split('.').next().unwrap_or(node)
             )),
             Self::Nothing(_)
+            | Self::Lost { .. }
+            | Self::NotAKey { .. }
             | Self::MissingInput { .. }
             | Self::SourceFile { .. }
             | Self::Threads(_) => None,

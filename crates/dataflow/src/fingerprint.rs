@@ -1,34 +1,53 @@
 //! Everything that the bytes of a partition depend on, as a plain struct.
 
-use std::{collections::BTreeMap, fmt};
+use std::{collections::BTreeMap, fmt, sync::Arc};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::digest::Digest;
+use crate::digest::{Digest, Fields};
 
-/// Everything that the bytes of one partition depend on.
-///
-/// It is stored with the result, so that "why does this run" is a field-by-field answer.
+/// What all units of one output of a stage have in common.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Fingerprint {
+pub struct Recipe {
     /// The stage's kind: another kind computes something else.
     pub kind: String,
     /// The artifact made, for kinds with more than one output.
     pub output: String,
-    /// The partition's key, which stages may use.
-    pub partition: String,
     /// Digests of the sources that decide the output, by workspace crate.
     pub code: BTreeMap<String, String>,
-    /// The stage's configuration, without the paths of files listed in `files`.
+    /// The stage's configuration, without the paths of files that its units read.
     pub config: Value,
+    /// Name and version of the schema in which the output is written.
+    pub schema: String,
+}
+
+impl Recipe {
+    /// Returns the digest by which the recipe is found.
+    pub fn digest(&self) -> Digest {
+        // A recipe is made of maps with text keys, so this cannot fail; a failure would make every
+        // unit look new, which is safe.
+        Digest::of_json(&serde_json::to_value(self).unwrap_or(Value::Null))
+    }
+}
+
+/// Everything that the bytes of one partition depend on.
+///
+/// It is stored with the result, so that "why does this run" is a field-by-field answer.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Fingerprint {
+    /// What it has in common with the other partitions of its output.
+    #[serde(flatten)]
+    pub recipe: Arc<Recipe>,
+    /// The stage's name in the pipeline file, of which its seed depends.
+    pub stage: String,
+    /// The partition's key, which stages may use.
+    pub partition: String,
     /// Digests of the partitions read, by input name and partition key.
     pub inputs: BTreeMap<String, BTreeMap<String, Digest>>,
     /// Digests of the files read outside the lake, by name.
     pub files: BTreeMap<String, Digest>,
-    /// Name and version of the schema in which the output is written.
-    pub schema: String,
-    /// The unit's own seed.
+    /// The pipeline's seed.
     pub seed: u64,
 }
 
@@ -55,6 +74,10 @@ pub enum Cause {
     Code {
         /// The crate.
         part: String,
+        /// The digest of its sources last time; `null` if it was not used.
+        old: Option<String>,
+        /// The digest now; `null` if it is not used.
+        new: Option<String>,
     },
     /// A partition that it reads.
     Input {
@@ -64,6 +87,10 @@ pub enum Cause {
         partition: String,
         /// What happened to it.
         change: Change,
+        /// Its digest last time; `null` if it was not read.
+        old: Option<Digest>,
+        /// Its digest now; `null` if it is not read.
+        new: Option<Digest>,
     },
     /// A file outside the lake.
     File {
@@ -71,6 +98,10 @@ pub enum Cause {
         file: String,
         /// What happened to it.
         change: Change,
+        /// Its digest last time; `null` if it was not read.
+        old: Option<Digest>,
+        /// Its digest now; `null` if it is not read.
+        new: Option<Digest>,
     },
     /// The schema's version.
     Schema {
@@ -79,8 +110,20 @@ pub enum Cause {
         /// The version now.
         new: String,
     },
-    /// The seed.
-    Seed,
+    /// The pipeline's seed.
+    Seed {
+        /// The seed last time.
+        old: u64,
+        /// The seed now.
+        new: u64,
+    },
+    /// The stage's name, of which its seed depends.
+    Renamed {
+        /// The name last time.
+        old: String,
+        /// The name now.
+        new: String,
+    },
     /// The stage's kind.
     Kind {
         /// The kind last time.
@@ -105,28 +148,40 @@ pub enum Change {
 impl Fingerprint {
     /// Returns the digest by which the result is found.
     pub fn digest(&self) -> Digest {
-        // A fingerprint is made of maps with text keys, so this cannot fail; a failure would make
-        // every unit look new, which is safe.
-        Digest::of_json(&serde_json::to_value(self).unwrap_or(Value::Null))
+        self.digest_with(&self.recipe.digest())
+    }
+
+    /// Returns the digest, given the recipe's, which many units share.
+    pub(crate) fn digest_with(&self, recipe: &Digest) -> Digest {
+        let mut fields = Fields::new("unit");
+        fields.digest(recipe);
+        fields.text(&self.stage);
+        fields.text(&self.partition);
+        fields.number(self.inputs.len() as u64);
+        for (input, partitions) in &self.inputs {
+            fields.text(input);
+            digest_map(&mut fields, partitions);
+        }
+        digest_map(&mut fields, &self.files);
+        fields.number(self.seed);
+        fields.finish()
     }
 
     /// Lists the parts that differ from `old`.
     pub fn differences(&self, old: &Self) -> Vec<Cause> {
-        let mut causes = Vec::new();
-        if self.kind != old.kind {
-            causes.push(Cause::Kind {
-                old: old.kind.clone(),
-                new: self.kind.clone(),
+        let mut causes = self.recipe.differences(&old.recipe);
+        if self.stage != old.stage {
+            causes.push(Cause::Renamed {
+                old: old.stage.clone(),
+                new: self.stage.clone(),
             });
         }
-        compare_values("", &old.config, &self.config, &mut causes);
-        for (part, _) in changes(&old.code, &self.code) {
-            causes.push(Cause::Code { part: part.clone() });
-        }
-        for (file, change) in changes(&old.files, &self.files) {
+        for (file, change, old, new) in changes(&old.files, &self.files) {
             causes.push(Cause::File {
                 file: file.clone(),
                 change,
+                old: old.copied(),
+                new: new.copied(),
             });
         }
         let empty = BTreeMap::new();
@@ -135,13 +190,50 @@ impl Fingerprint {
         for input in names {
             let old = old.inputs.get(input).unwrap_or(&empty);
             let new = self.inputs.get(input).unwrap_or(&empty);
-            for (partition, change) in changes(old, new) {
+            for (partition, change, old, new) in changes(old, new) {
                 causes.push(Cause::Input {
                     input: input.clone(),
                     partition: partition.clone(),
                     change,
+                    old: old.copied(),
+                    new: new.copied(),
                 });
             }
+        }
+        if self.seed != old.seed {
+            causes.push(Cause::Seed {
+                old: old.seed,
+                new: self.seed,
+            });
+        }
+        causes
+    }
+}
+
+impl Recipe {
+    /// Lists the parts that differ from `old`.
+    pub(crate) fn differences(&self, old: &Self) -> Vec<Cause> {
+        let mut causes = Vec::new();
+        if (&self.kind, &self.output) != (&old.kind, &old.output) {
+            let name = |recipe: &Self| {
+                if self.kind == old.kind {
+                    format!("{}.{}", recipe.kind, recipe.output)
+                } else {
+                    recipe.kind.clone()
+                }
+            };
+            causes.push(Cause::Kind {
+                old: name(old),
+                new: name(self),
+            });
+        }
+        compare_values("", &old.config, &self.config, &mut causes);
+        for (part, _, old, new) in changes(&old.code, &self.code) {
+            causes.push(Cause::Code {
+                part: part.clone(),
+                old: old.cloned(),
+                new: new.cloned(),
+            });
         }
         if self.schema != old.schema {
             causes.push(Cause::Schema {
@@ -149,28 +241,35 @@ impl Fingerprint {
                 new: self.schema.clone(),
             });
         }
-        if self.seed != old.seed {
-            causes.push(Cause::Seed);
-        }
         causes
     }
 }
 
-/// Keys of two ordered maps whose values differ.
+fn digest_map(fields: &mut Fields, digests: &BTreeMap<String, Digest>) {
+    fields.number(digests.len() as u64);
+    for (name, digest) in digests {
+        fields.text(name);
+        fields.digest(digest);
+    }
+}
+
+/// Keys of two ordered maps whose values differ, with the old and the new value.
 fn changes<'a, V: PartialEq>(
     old: &'a BTreeMap<String, V>,
     new: &'a BTreeMap<String, V>,
-) -> Vec<(&'a String, Change)> {
+) -> Vec<(&'a String, Change, Option<&'a V>, Option<&'a V>)> {
     let mut changes: Vec<_> = new
         .iter()
         .filter_map(|(key, value)| match old.get(key) {
-            None => Some((key, Change::Added)),
-            Some(before) if before != value => Some((key, Change::Changed)),
+            None => Some((key, Change::Added, None, Some(value))),
+            Some(before) if before != value => {
+                Some((key, Change::Changed, Some(before), Some(value)))
+            }
             Some(_) => None,
         })
         .collect();
-    let removed = old.keys().filter(|key| !new.contains_key(*key));
-    changes.extend(removed.map(|key| (key, Change::Removed)));
+    let removed = old.iter().filter(|(key, _)| !new.contains_key(*key));
+    changes.extend(removed.map(|(key, value)| (key, Change::Removed, Some(value), None)));
     changes
 }
 
@@ -209,21 +308,55 @@ impl fmt::Display for Cause {
                 (old, Value::Null) => write!(f, "`{key}` removed, was {old}"),
                 (old, new) => write!(f, "`{key}` changed from {old} to {new}"),
             },
-            Self::Code { part } if part == "dependencies" => {
-                f.write_str("the locked versions of dependencies changed")
+            Self::Code { part, old, new } => {
+                if part == "dependencies" {
+                    f.write_str("the locked versions of dependencies changed")?;
+                } else {
+                    write!(f, "the code of `{part}` changed")?;
+                }
+                let digits = |digest: &Option<String>| digest.as_deref().map(first_digits);
+                from_to(f, digits(old), digits(new))
             }
-            Self::Code { part } => write!(f, "the code of `{part}` changed"),
             Self::Input {
                 input,
                 partition,
                 change,
-            } => write!(f, "input `{input}` `{partition}` {change}"),
-            Self::File { file, change } => write!(f, "file `{file}` {change}"),
+                old,
+                new,
+            } => {
+                write!(f, "input `{input}` `{partition}` {change}")?;
+                from_to(f, old.map(Digest::short), new.map(Digest::short))
+            }
+            Self::File {
+                file,
+                change,
+                old,
+                new,
+            } => {
+                write!(f, "file `{file}` {change}")?;
+                from_to(f, old.map(Digest::short), new.map(Digest::short))
+            }
             Self::Schema { old, new } => write!(f, "schema changed from `{old}` to `{new}`"),
-            Self::Seed => f.write_str("`seed` changed"),
+            Self::Seed { old, new } => write!(f, "`seed` changed from {old} to {new}"),
+            Self::Renamed { old, new } => {
+                write!(f, "the stage was renamed from `{old}` to `{new}`")
+            }
             Self::Kind { old, new } => write!(f, "`kind` changed from `{old}` to `{new}`"),
         }
     }
+}
+
+/// Adds the old and the new value where there are both.
+fn from_to(f: &mut fmt::Formatter<'_>, old: Option<String>, new: Option<String>) -> fmt::Result {
+    match (old, new) {
+        (Some(old), Some(new)) => write!(f, " from {old} to {new}"),
+        _ => Ok(()),
+    }
+}
+
+/// The digits of a digest that people compare.
+fn first_digits(digest: &str) -> String {
+    digest.chars().take(12).collect()
 }
 
 impl fmt::Display for Change {
@@ -244,17 +377,20 @@ mod tests {
 
     fn fingerprint() -> Fingerprint {
         Fingerprint {
-            kind: "train".to_owned(),
-            output: "checkpoint".to_owned(),
+            recipe: Arc::new(Recipe {
+                kind: "train".to_owned(),
+                output: "checkpoint".to_owned(),
+                code: BTreeMap::from([("cgf".to_owned(), "aa".to_owned())]),
+                config: json!({"epochs": 40, "loss": {"kl_weight": 0.001}}),
+                schema: "checkpoint/1".to_owned(),
+            }),
+            stage: "train".to_owned(),
             partition: "model".to_owned(),
-            code: BTreeMap::from([("cgf".to_owned(), "aa".to_owned())]),
-            config: json!({"epochs": 40, "loss": {"kl_weight": 0.001}}),
             inputs: BTreeMap::from([(
                 "trajectories".to_owned(),
                 BTreeMap::from([("a".to_owned(), Digest::of_bytes(b"a"))]),
             )]),
             files: BTreeMap::from([("hand.urdf".to_owned(), Digest::of_bytes(b"hand"))]),
-            schema: "checkpoint/1".to_owned(),
             seed: 7,
         }
     }
@@ -266,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn every_field_changes_the_digest_and_is_named() {
+    fn every_field_changes_the_digest_and_is_named_with_its_old_and_new_value() {
         let old = fingerprint();
         let check = |edit: fn(&mut Fingerprint), expected: &str| {
             let mut new = old.clone();
@@ -279,17 +415,33 @@ mod tests {
                 .collect();
             assert_eq!(causes, [expected]);
         };
+        let recipe =
+            |f: &mut Fingerprint, edit: fn(&mut Recipe)| edit(Arc::make_mut(&mut f.recipe));
         check(
-            |f| f.kind = "tune".to_owned(),
+            |f| Arc::make_mut(&mut f.recipe).kind = "tune".to_owned(),
             "`kind` changed from `train` to `tune`",
         );
         check(
-            |f| f.config = json!({"epochs": 40, "loss": {"kl_weight": 0.01}}),
+            |f| {
+                Arc::make_mut(&mut f.recipe).config =
+                    json!({"epochs": 40, "loss": {"kl_weight": 0.01}});
+            },
             "`loss.kl_weight` changed from 0.001 to 0.01",
         );
-        check(
-            |f| drop(f.code.insert("cgf".to_owned(), "bb".to_owned())),
-            "the code of `cgf` changed",
+        let mut other = old.clone();
+        recipe(&mut other, |recipe| {
+            recipe.code.insert("cgf".to_owned(), "bb".to_owned());
+        });
+        let causes = other.differences(&old);
+        let expected = Cause::Code {
+            part: "cgf".to_owned(),
+            old: Some("aa".to_owned()),
+            new: Some("bb".to_owned()),
+        };
+        assert_eq!(causes, [expected]);
+        assert_eq!(
+            causes[0].to_string(),
+            "the code of `cgf` changed from aa to bb"
         );
         check(
             |f| {
@@ -298,17 +450,30 @@ mod tests {
             },
             "input `trajectories` `b` added",
         );
+        check(|f| f.files.clear(), "file `hand.urdf` removed");
+        check(|f| f.seed = 8, "`seed` changed from 7 to 8");
         check(
-            |f| {
-                let other = Digest::of_bytes(b"other");
-                f.files.insert("hand.urdf".to_owned(), other);
-            },
-            "file `hand.urdf` changed",
+            |f| f.stage = "fit".to_owned(),
+            "the stage was renamed from `train` to `fit`",
         );
-        check(|f| f.seed = 8, "`seed` changed");
         check(
-            |f| f.schema = "checkpoint/2".to_owned(),
+            |f| Arc::make_mut(&mut f.recipe).schema = "checkpoint/2".to_owned(),
             "schema changed from `checkpoint/1` to `checkpoint/2`",
         );
+    }
+
+    #[test]
+    fn a_changed_file_is_named_with_both_digests() {
+        let old = fingerprint();
+        let mut new = old.clone();
+        let bytes = Digest::of_bytes(b"other");
+        new.files.insert("hand.urdf".to_owned(), bytes);
+        let causes = new.differences(&old);
+        let expected = format!(
+            "file `hand.urdf` changed from {} to {}",
+            Digest::of_bytes(b"hand").short(),
+            bytes.short()
+        );
+        assert_eq!(causes[0].to_string(), expected);
     }
 }

@@ -8,7 +8,7 @@ use serde_json::Value;
 use crate::{
     code::Code,
     context::{Context, Inputs},
-    stage::{Advised, Input, Outcome, Output, Scope, Stage},
+    stage::{Advised, Input, Labels, Outcome, Output, Scope, Stage},
     unit::{Summary, Unit},
 };
 
@@ -49,6 +49,7 @@ pub(crate) trait Configured: Send + Sync {
     fn config(&self) -> Value;
     fn prepare(&self) -> Result<(), Advised>;
     fn units(&self, output: &str, scope: &Scope) -> Result<Vec<Unit>, Advised>;
+    fn foretell(&self, output: &str, unit: &Unit, scope: &Scope) -> Option<Labels>;
     fn run(&self, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised>;
     fn describe(&self, output: &str, summary: &Summary) -> String;
 }
@@ -72,6 +73,10 @@ impl<S: Stage> Configured for WithConfig<S> {
 
     fn units(&self, output: &str, scope: &Scope) -> Result<Vec<Unit>, Advised> {
         S::units(&self.0, output, scope).map_err(Advised::from)
+    }
+
+    fn foretell(&self, output: &str, unit: &Unit, scope: &Scope) -> Option<Labels> {
+        S::foretell(&self.0, output, unit, scope)
     }
 
     fn run(&self, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised> {

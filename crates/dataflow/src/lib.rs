@@ -14,12 +14,15 @@
 mod code;
 mod context;
 mod digest;
+mod elsewhere;
 mod error;
 mod fingerprint;
 mod graph;
 mod kind;
+mod make;
 mod near;
 mod observer;
+mod options;
 mod overrides;
 mod pipeline;
 mod plan;
@@ -33,20 +36,26 @@ mod workers;
 
 pub use code::Code;
 pub use context::{Artifact, Context, Inputs, Progress};
-pub use digest::Digest;
+pub use digest::{Digest, NotADigest};
+pub use elsewhere::{Elsewhere, Forced};
 pub use error::{Failure, FileError, Problem};
-pub use fingerprint::{Cause, Change, Fingerprint};
+pub use fingerprint::{Cause, Change, Fingerprint, Recipe};
 pub use graph::{Node, NodeName};
 pub use kind::{Kind, OptionInfo};
+pub use make::make_one;
 pub use near::nearest;
 pub use observer::Observer;
+pub use options::{FreshAll, RunOptions};
 pub use overrides::{Override, OverrideError};
 pub use pipeline::{Pipeline, StageEntry};
 pub use plan::{Plan, PlannedNode, PlannedUnit, UnitState, plan};
-pub use run::{FreshAll, NodeReport, RunOptions, RunReport, UnitReport, run};
+pub use run::{NodeReport, RunReport, UnitReport, run};
 pub use source::Location;
 pub use stage::{
-    Advise, Advised, Input, Made, Outcome, Output, Partition, Scope, SourceFile, Stage,
+    Advise, Advised, Input, Labels, Made, Outcome, Output, Partition, Scope, SourceFile, Stage,
 };
-pub use store::{FileRef, Making, Record, RecordOutcome, RunRecord, Store, UnitRef, Unkept};
+pub use store::{
+    FileRef, Making, NewestUnit, NodeRecord, Origin, Record, RecordOutcome, RunRecord, RunStatus,
+    Showing, StageRecord, Store, UnitRef, Unkept,
+};
 pub use unit::{Summary, Unit};

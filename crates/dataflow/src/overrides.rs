@@ -1,6 +1,6 @@
 //! Values given on the command line: `--set stage.key=value`.
 
-use std::str::FromStr;
+use std::{fmt, str::FromStr};
 
 use toml_edit::Value;
 
@@ -38,6 +38,20 @@ impl FromStr for Override {
             keys,
             value: value.parse().unwrap_or_else(|_| Value::from(value)),
         })
+    }
+}
+
+impl fmt::Display for Override {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(stage) = &self.stage {
+            write!(f, "{stage}.")?;
+        }
+        write!(
+            f,
+            "{}={}",
+            self.keys.join("."),
+            self.value.to_string().trim()
+        )
     }
 }
 

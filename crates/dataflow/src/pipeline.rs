@@ -3,7 +3,10 @@
 mod reader;
 mod tables;
 
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+};
 
 use toml_edit::Document;
 
@@ -14,6 +17,7 @@ use crate::{
     kind::{Configured, Kind},
     overrides::Override,
     source::Location,
+    store::Origin,
 };
 
 /// Items that a stage may skip when its table does not say: one in five.
@@ -29,6 +33,8 @@ pub struct Pipeline {
     pub stages: Vec<StageEntry>,
     /// Their outputs in the order in which they are made.
     pub nodes: Vec<Node>,
+    /// The file it was read from, with the profile and the values given beside it.
+    pub origin: Origin,
 }
 
 /// One stage of a pipeline.
@@ -96,6 +102,34 @@ impl Pipeline {
     /// Returns the stage of a node.
     pub fn stage(&self, node: &Node) -> &StageEntry {
         &self.stages[node.stage_idx]
+    }
+
+    /// Returns the outputs that a node depends on, in the order in which they are made.
+    pub(crate) fn upstream_of(&self, node: &NodeName) -> Vec<&Node> {
+        let mut wanted = BTreeSet::from([node]);
+        for node in self.nodes.iter().rev() {
+            if wanted.contains(&node.name) {
+                wanted.extend(node.reads.values());
+            }
+        }
+        let nodes = self.nodes.iter();
+        nodes
+            .filter(|known| wanted.contains(&known.name) && known.name != *node)
+            .collect()
+    }
+
+    /// Returns the outputs of a stage and those that they depend on, in the order in which they
+    /// are made.
+    pub(crate) fn upstream_of_stage(&self, stage: &str) -> Vec<&Node> {
+        let mut wanted: BTreeSet<&NodeName> = BTreeSet::new();
+        for node in self.nodes.iter().rev() {
+            if node.name.stage == stage || wanted.contains(&node.name) {
+                wanted.insert(&node.name);
+                wanted.extend(node.reads.values());
+            }
+        }
+        let nodes = self.nodes.iter();
+        nodes.filter(|node| wanted.contains(&node.name)).collect()
     }
 
     /// Returns the stage of this name.

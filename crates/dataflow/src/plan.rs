@@ -1,17 +1,28 @@
 //! What a run would do, and why.
+//!
+//! A unit whose fingerprint is known either is in the store or runs. A unit that reads something yet
+//! to be made has no fingerprint yet: it runs perhaps, since equal bytes stop a rerun. And where
+//! open partitions decide which units there are (they may be skipped, or their labels may change),
+//! every unit that depends on it runs perhaps, too. So a run makes exactly what is certain here, and
+//! some of what is possible.
 
-use std::collections::{BTreeMap, HashMap};
+use std::{
+    collections::{BTreeMap, HashMap},
+    sync::Arc,
+};
 
 use serde::Serialize;
 
 use crate::{
+    digest::Digest,
     error::Failure,
     fingerprint::{Cause, Fingerprint},
     graph::{Node, NodeName},
+    options::RunOptions,
     pipeline::Pipeline,
-    run::RunOptions,
-    state::{Known, State},
-    store::{Record, RecordOutcome, Store},
+    stage::Labels,
+    state::{Foretold, Known, Listing, State, Sure},
+    store::{RecordOutcome, Store},
     unit::Unit,
 };
 
@@ -29,6 +40,9 @@ pub struct PlannedNode {
     pub node: NodeName,
     /// Its units; `None` if they are only known when what it reads has been made.
     pub units: Option<Vec<PlannedUnit>>,
+    /// Whether units that are not listed may turn up, because labels by which they are chosen may
+    /// change.
+    pub may_grow: bool,
 }
 
 /// What a run would do for one unit.
@@ -52,10 +66,12 @@ pub enum UnitState {
         /// Everything that differs from the last time.
         causes: Vec<Cause>,
     },
-    /// It would run unless what it reads comes out with the same bytes as before.
+    /// It would run unless what it depends on comes out as before.
     Perhaps {
         /// The outputs it waits for.
         upstream: Vec<NodeName>,
+        /// What differs from the last time already.
+        causes: Vec<Cause>,
     },
 }
 
@@ -82,110 +98,205 @@ pub fn plan(pipeline: &Pipeline, store: &dyn Store, options: &RunOptions) -> Res
             stage.prepare()?;
         }
     }
-    let last: HashMap<(NodeName, String), _> = store
-        .newest_units(&pipeline.name)?
-        .into_iter()
-        .map(|unit| ((unit.node, unit.partition), unit.fingerprint))
-        .collect();
-    let mut state = State::new(pipeline, store);
-    let mut planned = Vec::new();
-    // Outputs whose partitions are not known before something else has run.
-    let mut unknown: Vec<&NodeName> = Vec::new();
-    for node in &nodes {
-        if node.reads.values().any(|source| unknown.contains(&source)) {
-            unknown.push(&node.name);
-            planned.push(PlannedNode {
+    store.enter(&pipeline.name)?;
+    let newest = store.newest_units(&pipeline.name)?;
+    let mut last: HashMap<NodeName, HashMap<String, Digest>> = HashMap::new();
+    for unit in newest {
+        let of_node = last.entry(unit.node).or_default();
+        of_node.insert(unit.partition, unit.fingerprint);
+    }
+    let mut planner = Planner {
+        store,
+        options,
+        last,
+        state: State::new(pipeline, store),
+        unknown: Vec::new(),
+    };
+    let nodes = nodes
+        .iter()
+        .map(|node| planner.node(node))
+        .collect::<Result<_, _>>()?;
+    Ok(Plan { nodes })
+}
+
+struct Planner<'a> {
+    store: &'a dyn Store,
+    options: &'a RunOptions,
+    /// The newest fingerprint of every unit.
+    last: HashMap<NodeName, HashMap<String, Digest>>,
+    state: State<'a>,
+    /// Outputs whose partitions are not known before something else has run.
+    unknown: Vec<NodeName>,
+}
+
+impl Planner<'_> {
+    fn node(&mut self, node: &Node) -> Result<PlannedNode, Failure> {
+        let waits = node
+            .reads
+            .values()
+            .any(|source| self.unknown.contains(source));
+        let listing = if waits {
+            None
+        } else {
+            self.state.listing(node)?
+        };
+        let Some(listing) = listing else {
+            self.unknown.push(node.name.clone());
+            return Ok(PlannedNode {
                 node: node.name.clone(),
                 units: None,
+                may_grow: true,
             });
-            continue;
-        }
-        let mut units = Vec::new();
-        let mut partitions = BTreeMap::new();
-        for unit in state.units(node)? {
-            let fingerprint = state.fingerprint(node, &unit)?;
-            let last = last.get(&(node.name.clone(), unit.partition.clone()));
-            let remembered = match last {
-                Some(fingerprint) => store.remembered(fingerprint)?,
-                None => None,
-            };
-            let forced = options.is_forced(&node.name.stage);
-            let cached = match &fingerprint {
-                Some(fingerprint) if !forced => store.lookup(&fingerprint.digest())?,
-                _ => None,
-            };
-            let unit_state = match (&fingerprint, &cached) {
-                (Some(_), Some(_)) => UnitState::Cached,
-                (Some(_), None) if forced => UnitState::Run {
-                    causes: vec![Cause::Forced],
-                },
-                (Some(fingerprint), None) => UnitState::Run {
-                    causes: causes(fingerprint, remembered.as_ref()),
-                },
-                (None, _) => UnitState::Perhaps {
-                    upstream: waits_for(&state, node, &unit),
-                },
-            };
-            let is_cached = unit_state == UnitState::Cached;
-            if let Some(record) = cached.or(remembered) {
-                if let Some(known) = known_from(&record.outcome, is_cached) {
-                    partitions.insert(unit.partition.clone(), known);
+        };
+        let Listing {
+            units,
+            sure,
+            may_grow,
+        } = listing;
+        let mut planned = Vec::with_capacity(units.len());
+        let mut known = BTreeMap::new();
+        let mut open = Vec::new();
+        for (unit, sure) in units.iter().zip(sure) {
+            let (state, outcome) = self.unit(node, unit, sure)?;
+            match (&state, outcome) {
+                (UnitState::Cached, Some(outcome)) => {
+                    if matches!(*outcome, RecordOutcome::Made { .. }) {
+                        known.insert(unit.partition.clone(), Known::Made(outcome));
+                    }
                 }
-            } else if !unknown.contains(&&node.name) {
-                // A unit that was never made has labels nobody knows yet.
-                unknown.push(&node.name);
+                _ => open.push(unit),
             }
-            units.push(PlannedUnit {
-                partition: unit.partition,
-                state: unit_state,
+            planned.push(PlannedUnit {
+                partition: unit.partition.clone(),
+                state,
             });
         }
-        state.insert(&node.name, partitions);
-        planned.push(PlannedNode {
+        for (unit, foretold) in open.iter().zip(self.state.foretell(node, &open)) {
+            let (labels, foretold) = match foretold {
+                Some(labels) => (labels, Foretold::Yes),
+                None => (self.last_labels(node, unit)?, Foretold::No),
+            };
+            known.insert(unit.partition.clone(), Known::Open { labels, foretold });
+        }
+        self.state.insert(&node.name, known);
+        if may_grow {
+            self.state.grows(&node.name);
+        }
+        Ok(PlannedNode {
             node: node.name.clone(),
-            units: Some(units),
-        });
-    }
-    Ok(Plan { nodes: planned })
-}
-
-/// What differs from the last time; a unit of which nothing differs has lost its files.
-fn causes(fingerprint: &Fingerprint, last: Option<&Record>) -> Vec<Cause> {
-    let Some(last) = last else {
-        return vec![Cause::New];
-    };
-    let differences = fingerprint.differences(&last.fingerprint);
-    if differences.is_empty() {
-        vec![Cause::Lost]
-    } else {
-        differences
-    }
-}
-
-/// The outputs read by a unit of which a partition is yet to be made.
-fn waits_for(state: &State, node: &Node, unit: &Unit) -> Vec<NodeName> {
-    let is_open = |source: &NodeName, key: &String| {
-        let known = state.known(source, key);
-        known.is_some_and(|known| known.outcome.is_none())
-    };
-    node.reads
-        .iter()
-        .filter(|(input, source)| {
-            let keys = unit.reads.get(*input);
-            keys.is_some_and(|keys| keys.iter().any(|key| is_open(source, key)))
+            units: Some(planned),
+            may_grow,
         })
-        .map(|(_, source)| source.clone())
-        .collect()
-}
+    }
 
-/// What later outputs may assume of a unit: its bytes if it is cached, its labels if it was made
-/// before, nothing if it was left out.
-fn known_from(outcome: &RecordOutcome, is_cached: bool) -> Option<Known> {
-    match outcome {
-        RecordOutcome::Made { labels, .. } => Some(Known {
-            labels: labels.clone(),
-            outcome: is_cached.then(|| outcome.clone()),
-        }),
-        RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => None,
+    /// Says whether a unit would run, and what it gave if it is in the store.
+    fn unit(
+        &self,
+        node: &Node,
+        unit: &Unit,
+        sure: Sure,
+    ) -> Result<(UnitState, Option<Arc<RecordOutcome>>), Failure> {
+        let forced = self.options.is_forced(&node.name.stage);
+        let Some((fingerprint, digest)) = self.state.fingerprint(node, unit)? else {
+            let upstream = self.waits_for(node, unit);
+            if forced && sure != Sure::No {
+                let causes = vec![Cause::Forced];
+                return Ok((UnitState::Run { causes }, None));
+            }
+            let causes = self.causes_so_far(node, unit)?;
+            return Ok((UnitState::Perhaps { upstream, causes }, None));
+        };
+        let cached = if forced {
+            None
+        } else {
+            self.store.lookup(&digest)?
+        };
+        let state = match &cached {
+            Some(_) if sure == Sure::Whole => UnitState::Cached,
+            Some(_) => UnitState::Perhaps {
+                upstream: self.open_inputs(node),
+                causes: Vec::new(),
+            },
+            None => {
+                let causes = if forced {
+                    vec![Cause::Forced]
+                } else {
+                    self.causes(node, &fingerprint)?
+                };
+                if sure == Sure::Whole {
+                    UnitState::Run { causes }
+                } else {
+                    let upstream = self.open_inputs(node);
+                    UnitState::Perhaps { upstream, causes }
+                }
+            }
+        };
+        Ok((state, cached))
+    }
+
+    fn last(&self, node: &Node, partition: &str) -> Option<&Digest> {
+        self.last.get(&node.name)?.get(partition)
+    }
+
+    /// What differs from the last time; a unit of which nothing differs has lost its files.
+    fn causes(&self, node: &Node, fingerprint: &Fingerprint) -> Result<Vec<Cause>, Failure> {
+        let Some(last) = self.last(node, &fingerprint.partition) else {
+            return Ok(vec![Cause::New]);
+        };
+        let Some(record) = self.store.remembered(last)? else {
+            return Ok(vec![Cause::Lost]);
+        };
+        let differences = fingerprint.differences(&record.fingerprint);
+        Ok(if differences.is_empty() {
+            vec![Cause::Lost]
+        } else {
+            differences
+        })
+    }
+
+    /// What differs from the last time in a unit of which not everything is known yet.
+    fn causes_so_far(&self, node: &Node, unit: &Unit) -> Result<Vec<Cause>, Failure> {
+        let Some(last) = self.last(node, &unit.partition) else {
+            return Ok(vec![Cause::New]);
+        };
+        let record = self.store.remembered(last)?;
+        let recipe = self.state.recipe(&node.name);
+        Ok(match (recipe, record) {
+            (Some(recipe), Some(record)) => recipe.differences(&record.fingerprint.recipe),
+            _ => Vec::new(),
+        })
+    }
+
+    /// The labels that a unit had the last time.
+    fn last_labels(&self, node: &Node, unit: &Unit) -> Result<Labels, Failure> {
+        let outcome = match self.last(node, &unit.partition) {
+            Some(last) => self.store.recall(last)?,
+            None => None,
+        };
+        Ok(outcome.map_or_else(Labels::new, |outcome| outcome.labels()))
+    }
+
+    /// The outputs of which a unit reads a partition that is yet to be made.
+    fn waits_for(&self, node: &Node, unit: &Unit) -> Vec<NodeName> {
+        let is_open = |source: &NodeName, key: &String| {
+            matches!(self.state.known(source, key), Some(Known::Open { .. }))
+        };
+        node.reads
+            .iter()
+            .filter(|(input, source)| {
+                let keys = unit.reads.get(*input);
+                keys.is_some_and(|keys| keys.iter().any(|key| is_open(source, key)))
+            })
+            .map(|(_, source)| source.clone())
+            .collect()
+    }
+
+    /// The outputs that a node reads and that are not all made.
+    fn open_inputs(&self, node: &Node) -> Vec<NodeName> {
+        let sources = node.reads.values();
+        sources
+            .filter(|source| self.state.is_open(source))
+            .cloned()
+            .collect()
     }
 }

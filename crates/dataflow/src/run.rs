@@ -1,84 +1,34 @@
-//! Running a pipeline: units that are not in the store are made, on several threads.
+//! Running a pipeline: units that are not in the store are made.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    panic::{AssertUnwindSafe, catch_unwind},
-    sync::{Mutex, PoisonError},
+    sync::{Arc, Mutex, OnceLock, PoisonError},
     time::Instant,
 };
 
 use crate::{
-    context::{Artifact, Context, Inputs},
     digest::Digest,
+    elsewhere::{Elsewhere, Forced},
     error::Failure,
     graph::{Node, NodeName},
+    make::Maker,
     observer::Observer,
+    options::RunOptions,
     pipeline::{Pipeline, StageEntry},
     state::{Known, State},
-    store::{Record, RecordOutcome, RunRecord, Store, UnitRef, Unkept},
+    store::{
+        NewestUnit, NodeRecord, RecordOutcome, RunRecord, RunStatus, Showing, StageRecord, Store,
+        UnitRef,
+    },
     unit::{Summary, Unit},
     workers,
 };
 
-/// What to run and how.
-#[derive(Debug, Clone, Default)]
-pub struct RunOptions {
-    /// Stop after this stage.
-    pub until: Option<String>,
-    /// Make the units of these stages again, even if their results are in the store.
-    pub fresh: Vec<String>,
-    /// Make every unit again.
-    pub fresh_all: FreshAll,
-    /// Number of worker threads; 0 for one per core.
-    pub jobs: usize,
-}
-
-/// Whether results that are in the store count.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum FreshAll {
-    /// They are used.
-    #[default]
-    UseStore,
-    /// Everything is made again.
-    MakeAgain,
-}
-
-impl RunOptions {
-    /// Returns the outputs to go through.
-    pub(crate) fn nodes<'p>(&self, pipeline: &'p Pipeline) -> Result<Vec<&'p Node>, Failure> {
-        for name in self.until.iter().chain(&self.fresh) {
-            if pipeline.find(name).is_none() {
-                return Err(Failure::NoStage {
-                    name: name.clone(),
-                    known: pipeline
-                        .stages
-                        .iter()
-                        .map(|stage| stage.name.clone())
-                        .collect(),
-                });
-            }
-        }
-        let last = match &self.until {
-            Some(stage) => pipeline
-                .nodes
-                .iter()
-                .rposition(|node| &node.name.stage == stage),
-            None => None,
-        };
-        let count = last.map_or(pipeline.nodes.len(), |last| last + 1);
-        Ok(pipeline.nodes.iter().take(count).collect())
-    }
-
-    pub(crate) fn is_forced(&self, stage: &str) -> bool {
-        self.fresh_all == FreshAll::MakeAgain || self.fresh.iter().any(|fresh| fresh == stage)
-    }
-}
-
 /// What a run did.
 #[derive(Debug, Clone)]
 pub struct RunReport {
-    /// The run's name in the store.
-    pub run: String,
+    /// The run's number in the store; `None` if it found everything as the newest run left it.
+    pub run: Option<u64>,
     /// Every output.
     pub nodes: Vec<NodeReport>,
     /// Seconds it took.
@@ -122,12 +72,12 @@ pub struct UnitReport {
     /// Digest of its fingerprint.
     pub fingerprint: Digest,
     /// Its result.
-    pub outcome: RecordOutcome,
+    pub outcome: Arc<RecordOutcome>,
     /// Whether this run made it.
     pub made_now: bool,
 }
 
-/// Runs a pipeline.
+/// Runs a pipeline; `elsewhere` makes its units, or, where there is none, the threads of this process.
 ///
 /// # Errors
 ///
@@ -136,70 +86,43 @@ pub fn run(
     pipeline: &Pipeline,
     store: &dyn Store,
     options: &RunOptions,
+    elsewhere: Option<&dyn Elsewhere>,
     observer: &dyn Observer,
 ) -> Result<RunReport, Failure> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.jobs)
-        .build()
-        .map_err(Failure::Threads)?;
     let started = Instant::now();
     let nodes = options.nodes(pipeline)?;
     observer.planned(&nodes);
+    store.enter(&pipeline.name)?;
     let mut runner = Runner {
+        maker: Maker::new(pipeline, store, options.jobs, observer),
         pipeline,
         store,
         options,
+        elsewhere,
         observer,
-        pool,
+        started,
         state: State::new(pipeline, store),
         reports: Vec::new(),
-        mended: Mutex::default(),
+        number: OnceLock::new(),
+        beginning: Mutex::new(()),
     };
     let outcome = runner.go_through(&nodes).and_then(|()| runner.tidy());
-    let seconds = started.elapsed().as_secs_f64();
-    let recorded = store.record_run(&RunRecord {
-        pipeline: pipeline.name.clone(),
-        seed: pipeline.seed,
-        stages: pipeline
-            .stages
-            .iter()
-            .map(|stage| (stage.name.clone(), stage.config()))
-            .collect(),
-        units: runner
-            .reports
-            .iter()
-            .flat_map(|report| {
-                report.units.iter().map(|unit| UnitRef {
-                    node: report.node.clone(),
-                    partition: unit.partition.clone(),
-                    fingerprint: unit.fingerprint.clone(),
-                    made_now: unit.made_now,
-                })
-            })
-            .collect(),
-        finished: outcome.is_ok(),
-        seconds,
-    });
-    // Why the run failed says more than why it could not be recorded.
-    outcome?;
-    Ok(RunReport {
-        run: recorded?,
-        nodes: runner.reports,
-        seconds,
-    })
+    runner.finish(outcome)
 }
 
 struct Runner<'a> {
     pipeline: &'a Pipeline,
     store: &'a dyn Store,
     options: &'a RunOptions,
+    elsewhere: Option<&'a dyn Elsewhere>,
     observer: &'a dyn Observer,
-    /// Where stages compute; the units themselves are gone through by threads of their own.
-    pool: rayon::ThreadPool,
+    started: Instant,
+    maker: Maker<'a>,
     state: State<'a>,
     reports: Vec<NodeReport>,
-    /// Outputs of which a damaged partition was made again after they were shown.
-    mended: Mutex<BTreeSet<NodeName>>,
+    /// The run's number, from the moment in which it first makes something.
+    number: OnceLock<u64>,
+    beginning: Mutex<()>,
 }
 
 impl Runner<'_> {
@@ -211,20 +134,21 @@ impl Runner<'_> {
                 stage.prepare()?;
                 prepared = Some(&stage.name);
             }
-            self.make_node(node, stage)?;
+            if self.options.only_recalls(&node.name.stage) {
+                self.recall_node(node)?;
+            } else {
+                self.make_node(node, stage)?;
+            }
         }
         Ok(())
     }
 
     /// Shows what was mended, and stops showing what the pipeline no longer makes.
     fn tidy(&self) -> Result<(), Failure> {
-        let mended = self.mended.lock().unwrap_or_else(PoisonError::into_inner);
+        let mended = self.maker.mended();
         for report in &self.reports {
-            let node = self
-                .pipeline
-                .nodes
-                .iter()
-                .find(|node| node.name == report.node);
+            let mut nodes = self.pipeline.nodes.iter();
+            let node = nodes.find(|node| node.name == report.node);
             if let Some(node) = node.filter(|node| mended.contains(&node.name)) {
                 self.publish(node, report)?;
             }
@@ -234,13 +158,37 @@ impl Runner<'_> {
     }
 
     fn publish(&self, node: &Node, report: &NodeReport) -> Result<(), Failure> {
-        let made: Vec<(String, RecordOutcome)> = report
+        let made: Vec<Showing> = report
             .units
             .iter()
-            .filter(|unit| matches!(unit.outcome, RecordOutcome::Made { .. }))
-            .map(|unit| (unit.partition.clone(), unit.outcome.clone()))
+            .filter(|unit| matches!(*unit.outcome, RecordOutcome::Made { .. }))
+            .map(|unit| Showing {
+                partition: &unit.partition,
+                fingerprint: &unit.fingerprint,
+                outcome: &unit.outcome,
+            })
             .collect();
         Ok(self.store.publish(&self.pipeline.name, node, &made)?)
+    }
+
+    /// Takes the units of a stage that this run does not go through as they are in the store.
+    fn recall_node(&mut self, node: &Node) -> Result<(), Failure> {
+        let mut known = BTreeMap::new();
+        for unit in self.state.units(node)? {
+            let outcome = match self.state.fingerprint(node, &unit)? {
+                Some((_, digest)) => self.store.lookup(&digest)?,
+                None => None,
+            };
+            let outcome = outcome.ok_or_else(|| Failure::NotMade {
+                node: node.name.clone(),
+                partition: unit.partition.clone(),
+            })?;
+            if matches!(*outcome, RecordOutcome::Made { .. }) {
+                known.insert(unit.partition, Known::Made(outcome));
+            }
+        }
+        self.state.insert(&node.name, known);
+        Ok(())
     }
 
     fn make_node(&mut self, node: &Node, stage: &StageEntry) -> Result<(), Failure> {
@@ -249,197 +197,221 @@ impl Runner<'_> {
         if units.is_empty() {
             return Err(Failure::Nothing(node.name.clone()));
         }
-        self.observer.node_started(node, units.len());
-        let finish = |unit: &Unit| {
-            let made = self.make_unit(node, stage, unit)?;
-            self.observer.unit_done(node, &unit.partition, &made.record);
-            Ok(made)
-        };
-        // What moves a robot is done one after the other, and does not go on after a failure.
-        let n_workers = if node.output.parallel {
-            self.pool.current_num_threads()
-        } else {
-            1
-        };
-        let results = workers::in_order(&units, n_workers, finish);
-        let mut failure = None;
-        let mut made = Vec::new();
-        for result in results {
-            match result {
-                Ok(unit) => made.push(unit),
-                Err(err) => failure = failure.or(Some(err)),
+        let mut made = Vec::with_capacity(units.len());
+        let mut missing = Vec::new();
+        for unit in &units {
+            match self.found(node, unit)? {
+                Some(unit) => made.push(unit),
+                None => missing.push(unit),
             }
         }
-        let report = report(node, stage, &made, started);
+        let mut failure = None;
+        if !missing.is_empty() {
+            self.begin()?;
+            self.observer.node_started(node, units.len(), missing.len());
+            for unit in &made {
+                self.observer
+                    .unit_done(node, &unit.partition, &unit.outcome);
+            }
+            for result in self.make(node, stage, &missing) {
+                match result {
+                    Ok(unit) => made.push(unit),
+                    Err(err) => failure = failure.or(Some(err)),
+                }
+            }
+            made.sort_by(|a, b| a.partition.cmp(&b.partition));
+        }
+        let report = report(node, stage, made, started);
         let failure = failure.or_else(|| too_many_skipped(node, stage, &report));
         if failure.is_none() {
             self.publish(node, &report)?;
             self.observer.node_done(&report);
         }
+        let known = report.units.iter().filter_map(|unit| {
+            let is_made = matches!(*unit.outcome, RecordOutcome::Made { .. });
+            is_made.then(|| {
+                let known = Known::Made(Arc::clone(&unit.outcome));
+                (unit.partition.clone(), known)
+            })
+        });
+        self.state.insert(&node.name, known.collect());
         self.reports.push(report);
-        if let Some(failure) = failure {
-            return Err(failure);
-        }
-        let known = made.into_iter().filter_map(MadeUnit::into_known).collect();
-        self.state.insert(&node.name, known);
-        Ok(())
+        failure.map_or(Ok(()), Err)
     }
 
-    fn make_unit(&self, node: &Node, stage: &StageEntry, unit: &Unit) -> Result<MadeUnit, Failure> {
-        let fingerprint =
-            self.state
-                .fingerprint(node, unit)?
-                .ok_or_else(|| Failure::MissingInput {
-                    stage: stage.name.clone(),
-                    input: "inputs".to_owned(),
-                    partition: unit.partition.clone(),
-                })?;
-        let digest = fingerprint.digest();
-        let found = |record| MadeUnit {
-            partition: unit.partition.clone(),
-            digest: digest.clone(),
-            record,
-            made_now: false,
-        };
-        let forced = self.options.is_forced(&stage.name);
-        if !forced && let Some(record) = self.store.lookup(&digest)? {
-            return Ok(found(record));
+    /// Returns a unit's result if it is in the store and counts.
+    fn found(&self, node: &Node, unit: &Unit) -> Result<Option<UnitReport>, Failure> {
+        if self.options.is_forced(&node.name.stage) {
+            return Ok(None);
         }
-        let making = self.store.begin(&digest)?;
-        // Another process may have made it while this one waited for its turn.
-        if !forced && let Some(record) = self.store.lookup(&digest)? {
-            return Ok(found(record));
-        }
-        let inputs = self.inputs(node, unit)?;
-        let observer = self.observer;
-        let (of_node, of_partition) = (node.clone(), unit.partition.clone());
-        let cx = Context {
-            output: node.output.artifact.to_owned(),
-            partition: unit.partition.clone(),
-            seed: fingerprint.seed,
-            folder: making.folder().to_owned(),
-            progress: &|fraction, message| {
-                observer.unit_progress(&of_node, &of_partition, fraction, message);
-            },
+        let Some((_, digest)) = self.state.fingerprint(node, unit)? else {
+            return Ok(None);
         };
-        let compute = || self.pool.install(|| stage.configured.run(&inputs, &cx));
-        let ran = catch_unwind(AssertUnwindSafe(compute));
-        let outcome = ran
-            .map_err(|payload| Failure::Panic {
-                stage: stage.name.clone(),
-                partition: unit.partition.clone(),
-                message: panic_message(payload.as_ref()),
-            })?
-            .map_err(|source| Failure::Stage {
-                stage: stage.name.clone(),
-                partition: Some(unit.partition.clone()),
-                source,
-            })?;
-        let record = making.commit(Unkept {
-            fingerprint,
+        let outcome = self.store.lookup(&digest)?;
+        Ok(outcome.map(|outcome| UnitReport {
+            partition: unit.partition.clone(),
+            fingerprint: digest,
             outcome,
-        })?;
-        Ok(MadeUnit {
-            partition: unit.partition.clone(),
-            digest,
-            record,
-            made_now: true,
+            made_now: false,
+        }))
+    }
+
+    /// Makes units, as many at once as there are workers; after a failure none is started.
+    fn make(
+        &self,
+        node: &Node,
+        stage: &StageEntry,
+        units: &[&Unit],
+    ) -> Vec<Result<UnitReport, Failure>> {
+        // What moves a robot is done one after the other, and does not go on after a failure.
+        let n_workers = if node.output.parallel {
+            self.maker.n_workers()
+        } else {
+            1
+        };
+        let forced = if self.options.is_forced(&stage.name) {
+            Forced::Yes
+        } else {
+            Forced::No
+        };
+        workers::in_order(units, n_workers, |unit| {
+            let made = match self.elsewhere {
+                None => self.maker.make(&self.state, node, unit, forced)?,
+                Some(elsewhere) => {
+                    self.maker
+                        .make_elsewhere(&self.state, node, unit, forced, elsewhere)?
+                }
+            };
+            self.observer
+                .unit_done(node, &unit.partition, &made.outcome);
+            Ok(made)
         })
     }
 
-    /// Opens what a unit reads; a damaged artifact is made again first.
-    fn inputs(&self, node: &Node, unit: &Unit) -> Result<Inputs, Failure> {
-        let mut artifacts = BTreeMap::new();
-        for (input, keys) in &unit.reads {
-            let mut opened = Vec::new();
-            for key in keys {
-                let source = node.reads.get(input);
-                let known = source.and_then(|source| self.state.known(source, key));
-                let files = known
-                    .and_then(|known| known.outcome.as_ref()?.files(unit.parts.get(input)))
-                    .ok_or_else(|| Failure::MissingInput {
-                        stage: node.name.stage.clone(),
-                        input: input.clone(),
-                        partition: key.clone(),
-                    })?;
-                let paths = match self.store.open(&files)? {
-                    Some(paths) => paths,
-                    None => self.make_again(source, key, &files)?,
-                };
-                opened.push(Artifact {
-                    key: key.clone(),
-                    // Labels are not part of the fingerprint where only some files are read.
-                    labels: known
-                        .filter(|_| !unit.parts.contains_key(input))
-                        .map(|known| known.labels.clone())
-                        .unwrap_or_default(),
-                    files: paths,
-                });
-            }
-            artifacts.insert(input.clone(), opened);
+    /// Notes in the store, once, that this run makes something.
+    fn begin(&self) -> Result<u64, Failure> {
+        let _turn = self
+            .beginning
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        if let Some(number) = self.number.get() {
+            return Ok(*number);
         }
-        Ok(Inputs::new(artifacts, unit.files.clone()))
+        let number = self.store.begin_run(&self.record(RunStatus::Running))?;
+        Ok(*self.number.get_or_init(|| number))
     }
 
-    /// Makes a damaged artifact again from what it was made of; equal fingerprints give equal bytes.
-    fn make_again(
-        &self,
-        source: Option<&NodeName>,
-        partition: &str,
-        files: &BTreeMap<String, crate::store::FileRef>,
-    ) -> Result<BTreeMap<String, std::path::PathBuf>, Failure> {
-        let lost = || Failure::Damaged {
-            node: source.map_or_else(String::new, ToString::to_string),
-            partition: partition.to_owned(),
-        };
-        let node = self
-            .pipeline
-            .nodes
-            .iter()
-            .find(|node| Some(&node.name) == source)
-            .ok_or_else(lost)?;
-        self.observer.damaged(node, partition);
-        let mut mended = self.mended.lock().unwrap_or_else(PoisonError::into_inner);
-        mended.insert(node.name.clone());
-        drop(mended);
-        let unit = self
-            .state
-            .units(node)?
-            .into_iter()
-            .find(|unit| unit.partition == partition)
-            .ok_or_else(lost)?;
-        self.make_unit(node, self.pipeline.stage(node), &unit)?;
-        self.store.open(files)?.ok_or_else(lost)
-    }
-}
-
-struct MadeUnit {
-    partition: String,
-    digest: Digest,
-    record: Record,
-    made_now: bool,
-}
-
-impl MadeUnit {
-    fn into_known(self) -> Option<(String, Known)> {
-        match &self.record.outcome {
-            RecordOutcome::Made { labels, .. } => Some((
-                self.partition,
-                Known {
-                    labels: labels.clone(),
-                    outcome: Some(self.record.outcome),
+    /// Keeps what the run did, unless it found everything as the newest run had left it.
+    fn finish(self, outcome: Result<(), Failure>) -> Result<RunReport, Failure> {
+        let name = &self.pipeline.name;
+        let is_unchanged = outcome.is_ok()
+            && self.number.get().is_none()
+            && is_unchanged(&self.reports, &self.store.newest_units(name)?);
+        let recorded = if is_unchanged {
+            self.store.settle(name, None).map(|()| None)
+        } else {
+            let status = match &outcome {
+                Ok(()) => RunStatus::Finished,
+                Err(err) => RunStatus::Failed {
+                    message: err.to_string(),
                 },
-            )),
-            RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => None,
+            };
+            self.keep(status).map(Some)
+        };
+        // Why the run failed says more than why it could not be recorded.
+        outcome?;
+        Ok(RunReport {
+            run: recorded?,
+            seconds: self.started.elapsed().as_secs_f64(),
+            nodes: self.reports,
+        })
+    }
+
+    fn keep(&self, status: RunStatus) -> Result<u64, crate::stage::Advised> {
+        let record = self.record(status);
+        let number = match self.number.get() {
+            Some(number) => *number,
+            None => self.store.begin_run(&record)?,
+        };
+        let outcomes = self.reports.iter().flat_map(|report| &report.units);
+        let units: Vec<(UnitRef, Arc<RecordOutcome>)> = record
+            .units
+            .iter()
+            .cloned()
+            .zip(outcomes.map(|unit| Arc::clone(&unit.outcome)))
+            .collect();
+        self.store.settle(&self.pipeline.name, Some(&units))?;
+        self.store.end_run(number, &record)?;
+        Ok(number)
+    }
+
+    fn record(&self, status: RunStatus) -> RunRecord {
+        let stages = self.pipeline.stages.iter().map(|stage| {
+            let record = StageRecord {
+                kind: stage.kind.name.to_owned(),
+                config: stage.config(),
+                inputs: stage.inputs.clone(),
+            };
+            (stage.name.clone(), record)
+        });
+        let units = self.reports.iter().flat_map(|report| {
+            report.units.iter().map(|unit| UnitRef {
+                node: report.node.clone(),
+                partition: unit.partition.clone(),
+                fingerprint: unit.fingerprint,
+                made_now: unit.made_now,
+            })
+        });
+        RunRecord {
+            pipeline: self.pipeline.name.clone(),
+            origin: self.pipeline.origin.clone(),
+            seed: self.pipeline.seed,
+            stages: stages.collect(),
+            nodes: self.reports.iter().map(NodeReport::to_record).collect(),
+            units: units.collect(),
+            status,
+            seconds: self.started.elapsed().as_secs_f64(),
         }
     }
+}
+
+impl NodeReport {
+    fn to_record(&self) -> NodeRecord {
+        NodeRecord {
+            node: self.node.clone(),
+            description: self.description.clone(),
+            n_made_now: self.n_made_now,
+            n_made: self.summary.n_made,
+            n_skipped: self.summary.n_skipped,
+            n_filtered: self.summary.n_filtered,
+            totals: self.summary.totals.clone(),
+            seconds: self.seconds,
+        }
+    }
+}
+
+/// Whether a run that made nothing found exactly the units that the newest runs left.
+fn is_unchanged(reports: &[NodeReport], newest: &[NewestUnit]) -> bool {
+    let nodes: BTreeSet<&NodeName> = reports.iter().map(|report| &report.node).collect();
+    let mut left: BTreeMap<(&NodeName, &str), &Digest> = newest
+        .iter()
+        .filter(|unit| unit.current && nodes.contains(&unit.node))
+        .map(|unit| ((&unit.node, unit.partition.as_str()), &unit.fingerprint))
+        .collect();
+    let mut found = reports.iter().flat_map(|report| {
+        report
+            .units
+            .iter()
+            .map(|unit| ((&report.node, unit.partition.as_str()), &unit.fingerprint))
+    });
+    found.all(|(unit, fingerprint)| left.remove(&unit) == Some(fingerprint)) && left.is_empty()
 }
 
 /// Says what became of an output.
-fn report(node: &Node, stage: &StageEntry, made: &[MadeUnit], started: Instant) -> NodeReport {
+fn report(node: &Node, stage: &StageEntry, units: Vec<UnitReport>, started: Instant) -> NodeReport {
     let mut summary = Summary::default();
-    for unit in made {
-        match &unit.record.outcome {
+    for unit in &units {
+        match &*unit.outcome {
             RecordOutcome::Made { metrics, .. } => {
                 summary.n_made += 1;
                 for (metric, value) in metrics {
@@ -454,16 +426,8 @@ fn report(node: &Node, stage: &StageEntry, made: &[MadeUnit], started: Instant) 
         node: node.name.clone(),
         description: stage.configured.describe(node.output.artifact, &summary),
         summary,
-        n_made_now: made.iter().filter(|unit| unit.made_now).count(),
-        units: made
-            .iter()
-            .map(|unit| UnitReport {
-                partition: unit.partition.clone(),
-                fingerprint: unit.digest.clone(),
-                outcome: unit.record.outcome.clone(),
-                made_now: unit.made_now,
-            })
-            .collect(),
+        n_made_now: units.iter().filter(|unit| unit.made_now).count(),
+        units,
         seconds: started.elapsed().as_secs_f64(),
     }
 }
@@ -471,7 +435,7 @@ fn report(node: &Node, stage: &StageEntry, made: &[MadeUnit], started: Instant) 
 fn too_many_skipped(node: &Node, stage: &StageEntry, report: &NodeReport) -> Option<Failure> {
     let n_skipped = report.summary.n_skipped;
     let n_items = report.summary.n_made + n_skipped;
-    let first = report.units.iter().find_map(|unit| match &unit.outcome {
+    let first = report.units.iter().find_map(|unit| match &*unit.outcome {
         RecordOutcome::Skipped { reason } => Some(format!("`{}`: {reason}", unit.partition)),
         RecordOutcome::Made { .. } | RecordOutcome::Filtered { .. } => None,
     })?;
@@ -483,12 +447,4 @@ fn too_many_skipped(node: &Node, stage: &StageEntry, report: &NodeReport) -> Opt
         allowed: stage.max_skipped_fraction,
         first,
     })
-}
-
-fn panic_message(payload: &(dyn std::any::Any + Send)) -> String {
-    let text = payload
-        .downcast_ref::<&str>()
-        .map(|text| (*text).to_owned());
-    text.or_else(|| payload.downcast_ref::<String>().cloned())
-        .unwrap_or_else(|| "no message".to_owned())
 }

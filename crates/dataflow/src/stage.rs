@@ -5,6 +5,10 @@ use std::{
     error::Error,
     fmt,
     path::{Path, PathBuf},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
 };
 
 use schemars::JsonSchema;
@@ -84,6 +88,19 @@ pub trait Stage: 'static {
     /// Fails if there is nothing to work on.
     fn units(config: &Self::Config, output: &str, scope: &Scope) -> Result<Vec<Unit>, Self::Error>;
 
+    /// Foretells the labels that a unit will have if it comes out as made.
+    ///
+    /// A plan asks it about units that are yet to be made, so that it need not assume that what
+    /// later stages choose by may change. `None` where the labels are only known afterwards.
+    fn foretell(
+        _config: &Self::Config,
+        _output: &str,
+        _unit: &Unit,
+        _scope: &Scope,
+    ) -> Option<Labels> {
+        None
+    }
+
     /// Makes one partition: writes its files into [`Context::folder`].
     ///
     /// # Errors
@@ -138,7 +155,7 @@ pub enum Outcome {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Made {
     /// Facts by which later stages choose partitions, e.g. `object = 003_cracker_box`.
-    pub labels: BTreeMap<String, String>,
+    pub labels: Labels,
     /// Counts and figures for the stage's line and for comparing runs.
     pub metrics: BTreeMap<String, f64>,
 }
@@ -163,12 +180,44 @@ impl Scope {
 }
 
 /// One partition of an artifact, as far as planning needs it.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct Partition {
     /// The partition's key, e.g. the sequence's name.
     pub key: String,
-    /// What its maker said about it.
-    pub labels: BTreeMap<String, String>,
+    labels: Labels,
+    /// Set as soon as somebody asks for a label that may still change.
+    asked: Option<Arc<AtomicBool>>,
+}
+
+/// Facts by which later stages choose partitions, e.g. `object = 003_cracker_box`.
+pub type Labels = BTreeMap<String, String>;
+
+impl Partition {
+    /// Returns the partition of this key, about which its maker said this.
+    pub fn new(key: impl Into<String>, labels: Labels) -> Self {
+        Self {
+            key: key.into(),
+            labels,
+            asked: None,
+        }
+    }
+
+    /// Returns a partition whose labels may come out differently; `asked` is set if one is read.
+    pub(crate) fn uncertain(key: &str, labels: Labels, asked: &Arc<AtomicBool>) -> Self {
+        Self {
+            key: key.to_owned(),
+            labels,
+            asked: Some(Arc::clone(asked)),
+        }
+    }
+
+    /// Returns a label, e.g. `object`.
+    pub fn label(&self, name: &str) -> Option<&str> {
+        if let Some(asked) = &self.asked {
+            asked.store(true, Ordering::Relaxed);
+        }
+        self.labels.get(name).map(String::as_str)
+    }
 }
 
 /// A file outside the lake that a unit reads.

@@ -2,44 +2,65 @@
 
 use std::{
     collections::{BTreeMap, HashMap},
-    path::PathBuf,
-    sync::Mutex,
+    path::{Path, PathBuf},
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
 };
 
 use crate::{
     code::Code,
     digest::Digest,
     error::Failure,
-    fingerprint::Fingerprint,
+    fingerprint::{Fingerprint, Recipe},
     graph::{Node, NodeName},
     pipeline::{Pipeline, StageEntry},
-    stage::{Partition, Scope},
+    stage::{Labels, Partition, Scope},
     store::{RecordOutcome, Store},
     unit::Unit,
 };
 
-/// What planning knows of a partition.
+/// What is known of a partition.
 #[derive(Debug, Clone)]
-pub(crate) struct Known {
-    pub(crate) labels: BTreeMap<String, String>,
-    /// Its files; `None` if it is to be made and its bytes are not known yet.
-    pub(crate) outcome: Option<RecordOutcome>,
+pub(crate) enum Known {
+    /// Its bytes.
+    Made(Arc<RecordOutcome>),
+    /// It is to be made, or may be: its bytes are not known, and it may not come out at all.
+    Open {
+        /// The labels that it will or may have.
+        labels: Labels,
+        /// Whether its stage has promised them.
+        foretold: Foretold,
+    },
 }
 
-impl Known {
-    /// Returns the digest of the partition, or of the named files of it.
-    fn digest_of(&self, parts: Option<&Vec<String>>) -> Option<Digest> {
-        let outcome = self.outcome.as_ref()?;
-        if parts.is_none() {
-            return outcome.artifact_digest();
-        }
-        let files = outcome.files(parts)?;
-        let digests: BTreeMap<_, _> = files
-            .into_iter()
-            .map(|(name, file)| (name, file.digest))
-            .collect();
-        Some(Digest::of_json(&serde_json::json!(digests)))
-    }
+/// Whether labels are certain before the partition is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Foretold {
+    Yes,
+    No,
+}
+
+/// What a node's stage would make, given what is known of its inputs.
+pub(crate) struct Listing {
+    /// The units in the order of their keys.
+    pub(crate) units: Vec<Unit>,
+    /// What of each unit holds whatever becomes of open partitions.
+    pub(crate) sure: Vec<Sure>,
+    /// Whether units that are not listed may turn up.
+    pub(crate) may_grow: bool,
+}
+
+/// What of a unit is certain before everything that its node reads is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Sure {
+    /// Nothing: it may not be there.
+    No,
+    /// It is there, but may read something else.
+    Present,
+    /// It is there and reads what it says.
+    Whole,
 }
 
 /// The partitions made so far, by node.
@@ -47,16 +68,34 @@ pub(crate) struct State<'a> {
     pipeline: &'a Pipeline,
     store: &'a dyn Store,
     made: BTreeMap<NodeName, BTreeMap<String, Known>>,
+    /// Nodes of which more partitions may turn up than are known.
+    growing: Vec<NodeName>,
+    /// What the units of a node have in common, with its digest.
+    recipes: HashMap<NodeName, (Arc<Recipe>, Digest)>,
     /// Digests of files outside the lake, each computed at most once.
     sources: Mutex<HashMap<PathBuf, Digest>>,
 }
 
 impl<'a> State<'a> {
     pub(crate) fn new(pipeline: &'a Pipeline, store: &'a dyn Store) -> Self {
+        let recipes = pipeline.nodes.iter().map(|node| {
+            let stage = pipeline.stage(node);
+            let recipe = Recipe {
+                kind: stage.kind.name.to_owned(),
+                output: node.output.artifact.to_owned(),
+                code: code_parts(stage.kind.code),
+                config: stage.config(),
+                schema: node.output.schema.to_owned(),
+            };
+            let digest = recipe.digest();
+            (node.name.clone(), (Arc::new(recipe), digest))
+        });
         Self {
             pipeline,
             store,
             made: BTreeMap::new(),
+            growing: Vec::new(),
+            recipes: recipes.collect(),
             sources: Mutex::new(HashMap::new()),
         }
     }
@@ -65,47 +104,137 @@ impl<'a> State<'a> {
         self.made.insert(node.clone(), partitions);
     }
 
+    /// Says that more partitions of a node may turn up than are known.
+    pub(crate) fn grows(&mut self, node: &NodeName) {
+        self.growing.push(node.clone());
+    }
+
     /// Returns what is known of a partition that a node reads.
     pub(crate) fn known(&self, node: &NodeName, partition: &str) -> Option<&Known> {
         self.made.get(node)?.get(partition)
     }
 
-    /// Lists the units of a node in the order of their keys.
+    /// Whether a node has partitions that are yet to be made, or may get more than are known.
+    pub(crate) fn is_open(&self, node: &NodeName) -> bool {
+        let mut partitions = self.made.get(node).into_iter().flatten();
+        self.growing.contains(node)
+            || partitions.any(|(_, known)| matches!(known, Known::Open { .. }))
+    }
+
+    /// Returns what the units of a node have in common.
+    pub(crate) fn recipe(&self, node: &NodeName) -> Option<&Arc<Recipe>> {
+        self.recipes.get(node).map(|(recipe, _)| recipe)
+    }
+
+    /// Lists the units of a node, all of whose inputs are made, in the order of their keys.
     pub(crate) fn units(&self, node: &Node) -> Result<Vec<Unit>, Failure> {
+        let asked = Arc::default();
+        self.list(node, &self.scope(node, Presence::Assumed, &asked))
+    }
+
+    /// Lists the units of a node of which inputs are yet to be made; `None` if that cannot be said.
+    pub(crate) fn listing(&self, node: &Node) -> Result<Option<Listing>, Failure> {
+        if !node.reads.values().any(|source| self.is_open(source)) {
+            let units = self.units(node)?;
+            let sure = vec![Sure::Whole; units.len()];
+            return Ok(Some(Listing {
+                units,
+                sure,
+                may_grow: false,
+            }));
+        }
+        let asked = Arc::default();
+        // What does not come out all the same says nothing about what a run will find.
+        let Ok(units) = self.list(node, &self.scope(node, Presence::Assumed, &asked)) else {
+            return Ok(None);
+        };
+        let may_grow = asked.load(Ordering::Relaxed)
+            || node
+                .reads
+                .values()
+                .any(|source| self.growing.contains(source));
+        let without = self.list(node, &self.scope(node, Presence::Denied, &asked));
+        let without = match &without {
+            Ok(without) if !may_grow => without.as_slice(),
+            _ => &[],
+        };
+        let sure = units.iter().map(|unit| {
+            match without.binary_search_by(|other| other.partition.cmp(&unit.partition)) {
+                Ok(idx) if without.get(idx) == Some(unit) => Sure::Whole,
+                Ok(_) => Sure::Present,
+                Err(_) => Sure::No,
+            }
+        });
+        let sure = sure.collect();
+        Ok(Some(Listing {
+            units,
+            sure,
+            may_grow,
+        }))
+    }
+
+    /// Returns the labels that each unit will have if it is made, where its stage can say so.
+    pub(crate) fn foretell(&self, node: &Node, units: &[&Unit]) -> Vec<Option<Labels>> {
+        let asked = Arc::default();
+        let scope = self.scope(node, Presence::Assumed, &asked);
         let stage = self.pipeline.stage(node);
-        let partitions = node
-            .reads
-            .iter()
-            .map(|(input, source)| {
-                let made = self.made.get(source).into_iter().flatten();
-                let partitions = made
-                    .map(|(key, known)| Partition {
-                        key: key.clone(),
-                        labels: known.labels.clone(),
-                    })
-                    .collect();
-                (input.clone(), partitions)
-            })
-            .collect();
+        let foretold = units.iter().map(|unit| {
+            asked.store(false, Ordering::Relaxed);
+            let labels = stage
+                .configured
+                .foretell(node.output.artifact, unit, &scope)?;
+            // A promise made of labels that may change is none.
+            (!asked.load(Ordering::Relaxed)).then_some(labels)
+        });
+        foretold.collect()
+    }
+
+    fn list(&self, node: &Node, scope: &Scope) -> Result<Vec<Unit>, Failure> {
+        let stage = self.pipeline.stage(node);
         let mut units = stage
             .configured
-            .units(node.output.artifact, &Scope::new(partitions))
+            .units(node.output.artifact, scope)
             .map_err(|source| Failure::Stage {
                 stage: stage.name.clone(),
                 partition: None,
                 source,
             })?;
+        if let Some(unit) = units.iter().find(|unit| !is_key(&unit.partition)) {
+            return Err(Failure::NotAKey {
+                node: node.name.clone(),
+                key: unit.partition.clone(),
+            });
+        }
         units.sort_by(|a, b| a.partition.cmp(&b.partition));
         units.dedup_by(|a, b| a.partition == b.partition);
         Ok(units)
     }
 
-    /// Returns the fingerprint of a unit, or `None` if it reads something that is yet to be made.
+    /// What a node's stage may look at; `asked` is set when it asks for labels that may change.
+    fn scope(&self, node: &Node, open: Presence, asked: &Arc<AtomicBool>) -> Scope {
+        let partition = |(key, known): (&String, &Known)| match known {
+            Known::Made(outcome) => Some(Partition::new(key, outcome.labels())),
+            Known::Open { .. } if open == Presence::Denied => None,
+            Known::Open {
+                labels,
+                foretold: Foretold::Yes,
+            } => Some(Partition::new(key, labels.clone())),
+            Known::Open { labels, .. } => Some(Partition::uncertain(key, labels.clone(), asked)),
+        };
+        let inputs = node.reads.iter().map(|(input, source)| {
+            let made = self.made.get(source).into_iter().flatten();
+            (input.clone(), made.filter_map(partition).collect())
+        });
+        Scope::new(inputs.collect())
+    }
+
+    /// Returns the fingerprint of a unit and its digest, or `None` if it reads something that is
+    /// yet to be made.
     pub(crate) fn fingerprint(
         &self,
         node: &Node,
         unit: &Unit,
-    ) -> Result<Option<Fingerprint>, Failure> {
+    ) -> Result<Option<(Fingerprint, Digest)>, Failure> {
         let stage = self.pipeline.stage(node);
         let mut inputs = BTreeMap::new();
         for (input, keys) in &unit.reads {
@@ -120,7 +249,11 @@ impl<'a> State<'a> {
                         input: input.clone(),
                         partition: key.clone(),
                     })?;
-                let Some(digest) = known.digest_of(unit.parts.get(input)) else {
+                let digest = match known {
+                    Known::Made(outcome) => outcome.digest_of(unit.parts.get(input)),
+                    Known::Open { .. } => None,
+                };
+                let Some(digest) = digest else {
                     return Ok(None);
                 };
                 digests.insert(key.clone(), digest);
@@ -131,29 +264,26 @@ impl<'a> State<'a> {
         for file in &unit.files {
             files.insert(file.name.clone(), self.source_digest(&file.path)?);
         }
-        Ok(Some(Fingerprint {
-            kind: stage.kind.name.to_owned(),
-            output: node.output.artifact.to_owned(),
+        let Some((recipe, recipe_digest)) = self.recipes.get(&node.name) else {
+            return Ok(None);
+        };
+        let fingerprint = Fingerprint {
+            recipe: Arc::clone(recipe),
+            stage: stage.name.clone(),
             partition: unit.partition.clone(),
-            code: code_parts(stage.kind.code),
-            config: stage.config(),
             inputs,
             files,
-            schema: node.output.schema.to_owned(),
-            seed: unit_seed(self.pipeline.seed, stage, &unit.partition),
-        }))
+            seed: self.pipeline.seed,
+        };
+        let digest = fingerprint.digest_with(recipe_digest);
+        Ok(Some((fingerprint, digest)))
     }
 
-    fn source_digest(&self, path: &std::path::Path) -> Result<Digest, Failure> {
-        let known = |sources: &HashMap<PathBuf, Digest>| sources.get(path).cloned();
+    fn source_digest(&self, path: &Path) -> Result<Digest, Failure> {
         // A poisoned lock only means that another unit failed; the digests in it are whole.
-        let lock = || {
-            self.sources
-                .lock()
-                .unwrap_or_else(std::sync::PoisonError::into_inner)
-        };
-        if let Some(digest) = known(&lock()) {
-            return Ok(digest);
+        let lock = || self.sources.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(digest) = lock().get(path) {
+            return Ok(*digest);
         }
         let digest = self
             .store
@@ -162,9 +292,21 @@ impl<'a> State<'a> {
                 path: path.to_owned(),
                 source,
             })?;
-        lock().insert(path.to_owned(), digest.clone());
+        lock().insert(path.to_owned(), digest);
         Ok(digest)
     }
+}
+
+/// Whether open partitions are taken to come out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Presence {
+    Assumed,
+    Denied,
+}
+
+/// Whether a text can name a partition: keys are also names of folders.
+fn is_key(text: &str) -> bool {
+    !text.is_empty() && !text.starts_with('.') && !text.contains(['/', '\\', '\0', '='])
 }
 
 fn code_parts(code: Code) -> BTreeMap<String, String> {
@@ -174,7 +316,7 @@ fn code_parts(code: Code) -> BTreeMap<String, String> {
 }
 
 /// The seed of one unit: of the pipeline's seed, the stage's name and the partition alone.
-fn unit_seed(seed: u64, stage: &StageEntry, partition: &str) -> u64 {
+pub(crate) fn unit_seed(seed: u64, stage: &StageEntry, partition: &str) -> u64 {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&seed.to_le_bytes());
     hasher.update(stage.name.as_bytes());

@@ -3,15 +3,16 @@
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    digest::Digest,
+    digest::{Digest, Fields},
     fingerprint::Fingerprint,
     graph::{Node, NodeName},
-    stage::Advised,
+    stage::{Advised, Labels},
 };
 
 /// One file of an artifact: its bytes are found by their digest.
@@ -24,7 +25,7 @@ pub struct FileRef {
 }
 
 /// What became of a unit, kept under its fingerprint.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Record {
     /// Everything that the result depends on.
     pub fingerprint: Fingerprint,
@@ -41,7 +42,7 @@ pub enum RecordOutcome {
         /// The files by name.
         files: BTreeMap<String, FileRef>,
         /// Facts by which later stages choose partitions.
-        labels: BTreeMap<String, String>,
+        labels: Labels,
         /// Counts and figures.
         metrics: BTreeMap<String, f64>,
     },
@@ -58,18 +59,46 @@ pub enum RecordOutcome {
 }
 
 impl RecordOutcome {
+    /// Returns the labels of a made artifact.
+    pub fn labels(&self) -> Labels {
+        match self {
+            Self::Made { labels, .. } => labels.clone(),
+            Self::Skipped { .. } | Self::Filtered { .. } => Labels::new(),
+        }
+    }
+
     /// Returns the digest of a made artifact: of its files' names and bytes and its labels.
     pub fn artifact_digest(&self) -> Option<Digest> {
         match self {
             Self::Made { files, labels, .. } => {
-                let content: BTreeMap<_, _> = files
-                    .iter()
-                    .map(|(name, file)| (name, &file.digest))
-                    .collect();
-                Some(Digest::of_json(&serde_json::json!([content, labels])))
+                let mut fields = Fields::new("artifact");
+                digest_files(&mut fields, files.iter());
+                fields.number(labels.len() as u64);
+                for (label, value) in labels {
+                    fields.text(label);
+                    fields.text(value);
+                }
+                Some(fields.finish())
             }
             Self::Skipped { .. } | Self::Filtered { .. } => None,
         }
+    }
+
+    /// Returns the digest of a made artifact, or of only the named files of it.
+    pub(crate) fn digest_of(&self, parts: Option<&Vec<String>>) -> Option<Digest> {
+        let Some(parts) = parts else {
+            return self.artifact_digest();
+        };
+        let Self::Made { files, .. } = self else {
+            return None;
+        };
+        let named: Vec<_> = files
+            .iter()
+            .filter(|(name, _)| parts.contains(name))
+            .collect();
+        let mut fields = Fields::new("files");
+        digest_files(&mut fields, named.into_iter());
+        Some(fields.finish())
     }
 
     /// Returns the files of a made artifact, only the named ones if `parts` names any.
@@ -84,6 +113,17 @@ impl RecordOutcome {
             ),
             Self::Skipped { .. } | Self::Filtered { .. } => None,
         }
+    }
+}
+
+fn digest_files<'a>(
+    fields: &mut Fields,
+    files: impl ExactSizeIterator<Item = (&'a String, &'a FileRef)>,
+) {
+    fields.number(files.len() as u64);
+    for (name, file) in files {
+        fields.text(name);
+        fields.digest(&file.digest);
     }
 }
 
@@ -122,35 +162,137 @@ pub struct UnitRef {
     pub made_now: bool,
 }
 
+/// A made artifact to be shown to people.
+#[derive(Debug, Clone, Copy)]
+pub struct Showing<'a> {
+    /// The partition's key.
+    pub partition: &'a str,
+    /// Digest of its fingerprint.
+    pub fingerprint: &'a Digest,
+    /// Its result.
+    pub outcome: &'a RecordOutcome,
+}
+
+/// The last that is known of a unit of a pipeline.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NewestUnit {
+    /// The node.
+    pub node: NodeName,
+    /// The partition's key.
+    pub partition: String,
+    /// Digest of its newest fingerprint.
+    pub fingerprint: Digest,
+    /// Whether the newest run that went through the node still had it.
+    pub current: bool,
+}
+
 /// What a run did.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunRecord {
     /// The pipeline's name.
     pub pipeline: String,
-    /// Its seed.
+    /// The pipeline file, the profile and the values given on the command line.
+    pub origin: Origin,
+    /// The pipeline's seed.
     pub seed: u64,
-    /// Configuration of each stage.
-    pub stages: BTreeMap<String, serde_json::Value>,
+    /// Its stages, by name.
+    pub stages: BTreeMap<String, StageRecord>,
+    /// What became of each output, in the order of the graph.
+    pub nodes: Vec<NodeRecord>,
     /// Every unit, in the order of the graph.
     pub units: Vec<UnitRef>,
-    /// Whether every stage came to its end.
-    pub finished: bool,
+    /// How it ended.
+    pub status: RunStatus,
     /// Seconds it took.
     pub seconds: f64,
+}
+
+/// Where a pipeline comes from: enough to say how to run it again.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Origin {
+    /// The pipeline file, as the user named it.
+    pub file: PathBuf,
+    /// The profile chosen.
+    pub profile: Option<String>,
+    /// Values given beside the file, as `stage.key=value`.
+    pub overrides: Vec<String>,
+}
+
+/// What a run knew of a stage.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StageRecord {
+    /// Its kind.
+    pub kind: String,
+    /// Its configuration, as it counts for fingerprints.
+    pub config: serde_json::Value,
+    /// Where each input came from, by input name.
+    pub inputs: BTreeMap<String, NodeName>,
+}
+
+/// What became of one output in a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NodeRecord {
+    /// The output.
+    pub node: NodeName,
+    /// The stage's own line about it.
+    pub description: String,
+    /// Units that this run made.
+    pub n_made_now: usize,
+    /// Partitions there are, made now or before.
+    pub n_made: usize,
+    /// Items skipped as unusable.
+    pub n_skipped: usize,
+    /// Items left out by configuration.
+    pub n_filtered: usize,
+    /// Sum of each metric over the partitions.
+    pub totals: BTreeMap<String, f64>,
+    /// Seconds it took.
+    pub seconds: f64,
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "status", rename_all = "snake_case")]
+pub enum RunStatus {
+    /// It has not ended, or its process died.
+    Running,
+    /// Every stage came to its end.
+    Finished,
+    /// Something failed.
+    Failed {
+        /// What.
+        message: String,
+    },
+    /// Somebody stopped it.
+    Interrupted,
 }
 
 /// Where artifacts are kept.
 ///
 /// Every method may be called from several threads at once.
 pub trait Store: Sync {
-    /// Returns the record of a fingerprint if its artifact is whole.
+    /// Gets ready to be asked about a pipeline.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be read.
-    fn lookup(&self, fingerprint: &Digest) -> Result<Option<Record>, Advised>;
+    fn enter(&self, pipeline: &str) -> Result<(), Advised>;
 
-    /// Returns the record of a fingerprint whether or not its files are still there.
+    /// Returns the result kept under a fingerprint's digest if its artifact is whole.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the store cannot be read.
+    fn lookup(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>;
+
+    /// Returns the result kept under a fingerprint's digest without a look at its files.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the store cannot be read.
+    fn recall(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>;
+
+    /// Returns the whole record of a fingerprint, to say what differs from it.
     ///
     /// # Errors
     ///
@@ -162,7 +304,7 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if the store cannot be read.
-    fn newest_units(&self, pipeline: &str) -> Result<Vec<UnitRef>, Advised>;
+    fn newest_units(&self, pipeline: &str) -> Result<Vec<NewestUnit>, Advised>;
 
     /// Returns the digest of a file outside the store.
     ///
@@ -171,12 +313,18 @@ pub trait Store: Sync {
     /// Fails if the file cannot be read.
     fn source_digest(&self, path: &Path) -> Result<Digest, std::io::Error>;
 
-    /// Starts to make a unit, waiting while another process makes it.
+    /// Starts to make a unit. While another process makes it, `waiting` is told once who that is,
+    /// and this call waits.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be written.
-    fn begin(&self, fingerprint: &Digest) -> Result<Box<dyn Making + '_>, Advised>;
+    fn begin(
+        &self,
+        fingerprint: &Digest,
+        unit: &str,
+        waiting: &dyn Fn(&str),
+    ) -> Result<Box<dyn Making + '_>, Advised>;
 
     /// Returns where the files of an artifact lie after checking their bytes, or `None` if a file is
     /// missing or damaged; a damaged file is dropped, so that its unit is made again.
@@ -194,12 +342,7 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if the store cannot be written.
-    fn publish(
-        &self,
-        pipeline: &str,
-        node: &Node,
-        made: &[(String, RecordOutcome)],
-    ) -> Result<(), Advised>;
+    fn publish(&self, pipeline: &str, node: &Node, made: &[Showing]) -> Result<(), Advised>;
 
     /// Stops showing what stages made that the pipeline no longer has.
     ///
@@ -208,10 +351,29 @@ pub trait Store: Sync {
     /// Fails if the store cannot be written.
     fn retire(&self, pipeline: &str, kept: &[Node]) -> Result<(), Advised>;
 
-    /// Keeps what a run did and returns the run's name.
+    /// Notes that a run makes something, and returns the run's number.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be written.
-    fn record_run(&self, run: &RunRecord) -> Result<String, Advised>;
+    fn begin_run(&self, run: &RunRecord) -> Result<u64, Advised>;
+
+    /// Keeps what a run did.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the store cannot be written.
+    fn end_run(&self, number: u64, run: &RunRecord) -> Result<(), Advised>;
+
+    /// Keeps what was learned about the pipeline: the newest state of the units of the nodes that
+    /// were gone through, or nothing new about them.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the store cannot be written.
+    fn settle(
+        &self,
+        pipeline: &str,
+        units: Option<&[(UnitRef, Arc<RecordOutcome>)]>,
+    ) -> Result<(), Advised>;
 }

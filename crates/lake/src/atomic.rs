@@ -29,20 +29,51 @@ pub(crate) fn write(staging: &Path, path: &Path, bytes: &[u8]) -> Result<(), Lak
         file.write_all(bytes)?;
         file.sync_all()
     });
-    written.map_err(io_error("write", &beside))?;
-    rename(&beside, path)
+    let written = written.map_err(io_error("write", path));
+    let written = written.and_then(|()| rename(&beside, path));
+    if written.is_err() {
+        let _gone = fs::remove_file(&beside);
+    }
+    written
 }
 
 /// A name in `staging` that nobody else uses.
 pub(crate) fn temporary_name(staging: &Path) -> PathBuf {
     let number = COUNTER.fetch_add(1, Ordering::Relaxed);
-    staging.join(format!("{}-{}-{number}.new", std::process::id(), *STARTED))
+    staging.join(format!("{}-{number}.new", process_name()))
 }
 
-/// Moves a file to its final name, making the folders above it.
+/// A name for this process that no other has had.
+pub(crate) fn process_name() -> String {
+    format!("{}-{}", std::process::id(), *STARTED)
+}
+
+/// Moves a file to its final name, making the folders above it. Where that lies on another file
+/// system, the file is copied beside it first, under a name that no table's pattern matches.
 pub(crate) fn rename(from: &Path, to: &Path) -> Result<(), LakeError> {
     make_parent(to)?;
-    fs::rename(from, to).map_err(io_error("write", to))
+    match fs::rename(from, to) {
+        Err(err) if err.kind() == io::ErrorKind::CrossesDevices => {
+            let beside = temporary_name(to.parent().unwrap_or(to));
+            let copied = fs::copy(from, &beside)
+                .and_then(|_| File::open(&beside)?.sync_all())
+                .and_then(|()| fs::rename(&beside, to));
+            if let Err(err) = copied {
+                let _gone = fs::remove_file(&beside);
+                return Err(io_error("write", to)(err));
+            }
+            fs::remove_file(from).map_err(io_error("remove", from))
+        }
+        renamed => renamed.map_err(io_error("write", to)),
+    }
+}
+
+/// Removes a file that may be gone already.
+pub(crate) fn remove_if_there(path: &Path) -> Result<(), LakeError> {
+    match fs::remove_file(path) {
+        Err(err) if err.kind() != io::ErrorKind::NotFound => Err(io_error("remove", path)(err)),
+        _ => Ok(()),
+    }
 }
 
 /// Makes the folder in which `path` lies.

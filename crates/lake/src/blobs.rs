@@ -1,9 +1,11 @@
 //! Bytes by their digest.
 
 use std::{
+    collections::{HashMap, HashSet},
     fs::{self, File},
     io,
     path::{Path, PathBuf},
+    sync::{Mutex, MutexGuard, PoisonError},
 };
 
 use dataflow::{Digest, FileRef};
@@ -11,51 +13,98 @@ use dataflow::{Digest, FileRef};
 use crate::{
     LakeError,
     atomic::{io_error, rename},
+    stamp::Stamp,
 };
 
 /// The folder of blobs.
 pub(crate) struct Blobs {
     root: PathBuf,
+    stamps: Mutex<Stamps>,
+}
+
+/// What is known about blobs without reading them.
+#[derive(Default)]
+struct Stamps {
+    /// Stamps that blobs had when their bytes were last seen to be right.
+    whole: HashMap<Digest, Stamp>,
+    /// Blobs whose stamps this process itself moves on, by linking and unlinking them.
+    touched: HashSet<Digest>,
+    changed: bool,
 }
 
 impl Blobs {
     pub(crate) fn new(root: PathBuf) -> Self {
-        Self { root }
+        Self {
+            root,
+            stamps: Mutex::default(),
+        }
+    }
+
+    pub(crate) fn root(&self) -> &Path {
+        &self.root
     }
 
     /// Where the bytes of a digest lie.
     pub(crate) fn path(&self, digest: &Digest) -> PathBuf {
-        let name = digest.as_str();
+        let name = digest.to_hex();
         self.root.join(name.get(..2).unwrap_or_default()).join(name)
     }
 
-    /// Moves a file into the folder under its digest. The file must lie on the same file system.
+    fn stamps(&self) -> MutexGuard<'_, Stamps> {
+        self.stamps.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Recalls stamps that another process saw on whole blobs.
+    pub(crate) fn recall(&self, stamps: impl IntoIterator<Item = (Digest, Stamp)>) {
+        self.stamps().whole.extend(stamps);
+    }
+
+    /// Moves a file into the folder under its digest.
     pub(crate) fn take(&self, file: &Path) -> Result<FileRef, LakeError> {
         let digest = digest_file(file).map_err(io_error("read", file))?;
-        let metadata = File::open(file)
-            .and_then(|file| {
-                file.sync_all()?;
-                file.metadata()
-            })
-            .map_err(io_error("write", file))?;
-        let path = self.path(&digest);
-        // Bytes that are there already are replaced all the same: they may be damaged.
-        let mut permissions = metadata.permissions();
-        permissions.set_readonly(true);
-        fs::set_permissions(file, permissions).map_err(io_error("write", file))?;
-        rename(file, &path)?;
-        Ok(FileRef {
+        let metadata = fs::metadata(file).map_err(io_error("read", file))?;
+        let kept = FileRef {
             digest,
             size: metadata.len(),
-        })
+        };
+        if self.is_whole(&kept)? {
+            fs::remove_file(file).map_err(io_error("remove", file))?;
+        } else {
+            File::open(file)
+                .and_then(|file| file.sync_all())
+                .map_err(io_error("write", file))?;
+            let mut permissions = metadata.permissions();
+            permissions.set_readonly(true);
+            fs::set_permissions(file, permissions).map_err(io_error("write", file))?;
+            rename(file, &self.path(&digest))?;
+        }
+        self.remember(&digest)?;
+        Ok(kept)
     }
 
-    /// Whether a file is there with the right size.
-    pub(crate) fn has(&self, file: &FileRef) -> bool {
-        fs::metadata(self.path(&file.digest)).is_ok_and(|metadata| metadata.len() == file.size)
+    /// Whether a file's bytes are the ones that its name promises. They are read only if the file's
+    /// stamp is not the one that it had when they were last seen to be right.
+    pub(crate) fn is_unchanged(&self, file: &FileRef) -> Result<bool, LakeError> {
+        let path = self.path(&file.digest);
+        let stamp = match Stamp::read(&path) {
+            Ok(stamp) => stamp,
+            Err(err) if err.kind() == io::ErrorKind::NotFound => return Ok(false),
+            Err(err) => return Err(io_error("read", &path)(err)),
+        };
+        if stamp.size() != file.size {
+            return Ok(false);
+        }
+        if self.stamps().whole.get(&file.digest) == Some(&stamp) {
+            return Ok(true);
+        }
+        let is_whole = self.is_whole(file)?;
+        if is_whole {
+            self.remember(&file.digest)?;
+        }
+        Ok(is_whole)
     }
 
-    /// Whether a file's bytes are the ones that its name promises.
+    /// Whether a file's bytes are the ones that its name promises, by reading them.
     pub(crate) fn is_whole(&self, file: &FileRef) -> Result<bool, LakeError> {
         let path = self.path(&file.digest);
         match digest_file(&path) {
@@ -67,6 +116,7 @@ impl Blobs {
 
     /// Removes a damaged file.
     pub(crate) fn drop(&self, file: &FileRef) -> Result<(), LakeError> {
+        self.stamps().whole.remove(&file.digest);
         let path = self.path(&file.digest);
         match fs::remove_file(&path) {
             Err(err) if err.kind() != io::ErrorKind::NotFound => {
@@ -75,11 +125,52 @@ impl Blobs {
             _ => Ok(()),
         }
     }
+
+    /// Remembers the stamp of a blob whose bytes are right.
+    fn remember(&self, digest: &Digest) -> Result<(), LakeError> {
+        let path = self.path(digest);
+        let stamp = Stamp::read(&path).map_err(io_error("read", &path))?;
+        let mut stamps = self.stamps();
+        stamps.changed |= stamps.whole.insert(*digest, stamp) != Some(stamp);
+        Ok(())
+    }
+
+    /// Says that this process has linked or unlinked a blob, which moves its stamp.
+    pub(crate) fn touch(&self, digest: &Digest) {
+        self.stamps().touched.insert(*digest);
+    }
+
+    /// Takes the stamps of blobs that this process has linked or unlinked anew, and returns those
+    /// blobs.
+    pub(crate) fn settle(&self) -> HashSet<Digest> {
+        let mut stamps = self.stamps();
+        let touched = std::mem::take(&mut stamps.touched);
+        for digest in &touched {
+            if stamps.whole.contains_key(digest) {
+                match Stamp::read(&self.path(digest)) {
+                    Ok(stamp) => stamps.whole.insert(*digest, stamp),
+                    Err(_) => stamps.whole.remove(digest),
+                };
+            }
+        }
+        stamps.changed |= !touched.is_empty();
+        touched
+    }
+
+    /// Whether stamps were learned since they were recalled.
+    pub(crate) fn learned(&self) -> bool {
+        self.stamps().changed
+    }
+
+    /// The stamp that a blob had when its bytes were last seen to be right.
+    pub(crate) fn stamp(&self, digest: &Digest) -> Option<Stamp> {
+        self.stamps().whole.get(digest).copied()
+    }
 }
 
 /// Digests a file without holding it in memory.
 pub(crate) fn digest_file(path: &Path) -> io::Result<Digest> {
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(File::open(path)?)?;
-    Digest::try_from(hasher.finalize().to_hex().to_string()).map_err(io::Error::other)
+    Ok(Digest::from(*hasher.finalize().as_bytes()))
 }

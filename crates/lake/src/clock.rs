@@ -1,6 +1,10 @@
-//! The only clock of the project: times are provenance, never part of an artifact.
+//! The only clock of the project, and the machine's name: they are provenance, never part of an
+//! artifact.
 
-use std::time::SystemTime;
+use std::{
+    fs,
+    time::{Duration, SystemTime, UNIX_EPOCH},
+};
 
 /// Returns the time of day.
 #[expect(
@@ -9,4 +13,16 @@ use std::time::SystemTime;
 )]
 pub(crate) fn now() -> SystemTime {
     SystemTime::now()
+}
+
+/// Nanoseconds since 1970.
+pub(crate) fn nanoseconds(time: SystemTime) -> u64 {
+    let since = time.duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO);
+    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// The machine's name.
+pub(crate) fn host() -> String {
+    let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    name.trim().to_owned()
 }

@@ -39,6 +39,26 @@ pub enum LakeError {
         /// Why it failed.
         source: mcap::McapError,
     },
+    /// A record of the lake is not as it was written.
+    #[error("`{}` is damaged: its bytes are not the ones that were written", path.display())]
+    Damaged {
+        /// Where.
+        path: PathBuf,
+    },
+    /// No run of this name is in the lake.
+    #[error("no run `{name}` in the lake")]
+    NoRun {
+        /// What was asked for.
+        name: String,
+    },
+    /// A tag cannot be set.
+    #[error(
+        "`{name}` is no name for a tag: use letters, digits, `_`, `-` and `.`, not only digits"
+    )]
+    NotATag {
+        /// What was asked for.
+        name: String,
+    },
     /// A record of the lake is not valid JSON of the expected form.
     #[error("cannot read the record `{}`", path.display())]
     Json {
@@ -80,17 +100,30 @@ impl Advise for LakeError {
                 io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
                     Some("choose a lake that can be written with `--lake DIR`".to_owned())
                 }
-                io::ErrorKind::StorageFull => {
-                    Some("free some space, then run the same command again".to_owned())
-                }
+                io::ErrorKind::StorageFull
+                | io::ErrorKind::QuotaExceeded
+                | io::ErrorKind::FileTooLarge => Some(
+                    "what is made so far is kept: free some space, for example with `pipeline gc`, \
+                     then run the same command again"
+                        .to_owned(),
+                ),
+                io::ErrorKind::Unsupported => Some(
+                    "the file system has no locks: put the lake on another with `--lake DIR`"
+                        .to_owned(),
+                ),
                 _ => None,
             },
+            Self::Damaged { .. } => Some(
+                "`pipeline verify` lists everything that is damaged; `pipeline verify --drop` drops \
+                 it, and the next run makes it again"
+                    .to_owned(),
+            ),
+            Self::NoRun { .. } => Some("`pipeline runs` lists them".to_owned()),
             Self::Schema { .. } | Self::MissingFile { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
-            Self::Parquet { .. } | Self::Mcap { .. } | Self::Json { .. } | Self::Metric { .. } => {
-                None
-            }
+            Self::Parquet { .. } | Self::Mcap { .. } | Self::Json { .. } | Self::Metric { .. }
+            | Self::NotATag { .. } => None,
         }
     }
 }

@@ -1,25 +1,26 @@
-//! The lake's folder, and the store that a run needs.
+//! The lake's folder: what lies where, and who looks after it.
 
 use std::{
     collections::BTreeMap,
     fs, io,
     path::{Path, PathBuf},
-    time::{Duration, SystemTime, UNIX_EPOCH},
+    sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError},
 };
 
-use dataflow::{
-    Advised, Digest, FileRef, Making, Node, NodeName, Record, RecordOutcome, RunRecord, Store,
-    UnitRef,
-};
-use serde::{Serialize, de::DeserializeOwned};
+use dataflow::{Digest, FileRef, Record, RecordOutcome, RunStatus, UnitRef};
 
 use crate::{
     LakeError,
     atomic::{self, io_error},
     blobs::Blobs,
-    clock::now,
-    making::UnitInTheMaking,
+    flight::Flight,
+    history,
+    lock::{self, Lock},
+    newest::{self, Newest},
     published,
+    records::{Provenance, Records},
+    runs::{self, Run},
+    sealed,
     sources::Sources,
 };
 
@@ -27,7 +28,26 @@ use crate::{
 pub struct Lake {
     root: PathBuf,
     blobs: Blobs,
+    records: Records,
     sources: Sources,
+    flight: Flight,
+    /// The newest state of the pipelines that were asked about.
+    newest: Mutex<BTreeMap<String, Newest>>,
+    /// The run that this process makes things for.
+    run: Mutex<Option<Run>>,
+    /// Held as long as this process writes to the lake, so that others know that it lives.
+    alive: OnceLock<Lock>,
+}
+
+/// A table's newest partitions.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NewestTable {
+    /// The table's name.
+    pub table: String,
+    /// The pipeline whose run is the newest of those that made it.
+    pub pipeline: String,
+    /// The folder of its Hive partitions.
+    pub folder: PathBuf,
 }
 
 impl Lake {
@@ -36,7 +56,12 @@ impl Lake {
         Self {
             root: root.to_owned(),
             blobs: Blobs::new(root.join("blobs")),
-            sources: Sources::open(root.join("sources.json")),
+            records: Records::new(root),
+            sources: Sources::new(root.join("sources.json")),
+            flight: Flight::default(),
+            newest: Mutex::default(),
+            run: Mutex::default(),
+            alive: OnceLock::new(),
         }
     }
 
@@ -49,17 +74,81 @@ impl Lake {
         &self.blobs
     }
 
+    pub(crate) fn records(&self) -> &Records {
+        &self.records
+    }
+
+    pub(crate) fn sources(&self) -> &Sources {
+        &self.sources
+    }
+
+    pub(crate) fn flight(&self) -> &Flight {
+        &self.flight
+    }
+
+    pub(crate) fn newest(&self) -> MutexGuard<'_, BTreeMap<String, Newest>> {
+        self.newest.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn current_run(&self) -> MutexGuard<'_, Option<Run>> {
+        self.run.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     pub(crate) fn staging(&self) -> PathBuf {
         self.root.join("staging")
     }
 
-    /// Lists the tables by name.
+    pub(crate) fn locks(&self) -> PathBuf {
+        self.root.join("locks")
+    }
+
+    /// The name of the lock that a living process holds.
+    pub(crate) fn alive_name(process: &str) -> String {
+        format!("process-{process}")
+    }
+
+    /// Makes ready to write.
+    pub(crate) fn prepare(&self) -> Result<(), LakeError> {
+        if self.alive.get().is_none() {
+            let staging = self.staging();
+            fs::create_dir_all(&staging).map_err(io_error("create", &staging))?;
+            let name = Self::alive_name(&atomic::process_name());
+            let held = lock::try_take(&self.locks(), &name, "artifacts")?;
+            if let Some(held) = held {
+                let _first = self.alive.set(held);
+            }
+        }
+        Ok(())
+    }
+
+    /// Lists the tables of artifacts by name.
     ///
     /// # Errors
     ///
     /// Fails if the folder cannot be read.
     pub fn tables(&self) -> Result<Vec<String>, LakeError> {
-        names_in(&self.root.join(published::TABLES))
+        let mut names = names_in(&self.root.join(published::TABLES))?;
+        names.retain(|name| !history::TABLES.contains(&name.as_str()));
+        Ok(names)
+    }
+
+    /// Lists the tables of runs, units, artifacts and metrics, with their folders, that are there.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the folder cannot be read.
+    pub fn history_tables(&self) -> Result<Vec<(String, PathBuf)>, LakeError> {
+        let folder = self.root.join(published::TABLES);
+        let names = names_in(&folder)?.into_iter();
+        let names = names.filter(|name| history::TABLES.contains(&name.as_str()));
+        Ok(names
+            .map(|name| (name.clone(), folder.join(name)))
+            .collect())
+    }
+
+    /// Returns the folder of every partition of a table that any unit ever made.
+    pub fn every_folder(&self, table: &str) -> PathBuf {
+        self.root.join(published::EVERY).join(table)
     }
 
     /// Returns the folder of a table's newest partitions in a pipeline.
@@ -68,18 +157,89 @@ impl Lake {
         tables.join(table).join(format!("pipeline={pipeline}"))
     }
 
-    /// Returns the newest run of any pipeline, and its name.
+    /// Lists the tables with the pipeline of the newest run that shows them.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the lake cannot be read.
+    pub fn newest_tables(&self) -> Result<Vec<NewestTable>, LakeError> {
+        let mut pipelines: Vec<String> = Vec::new();
+        for number in runs::numbers(&self.root)?.into_iter().rev() {
+            // A damaged record of a run hides no table of another.
+            if let Ok(run) = runs::read(&self.root, number)
+                && !pipelines.contains(&run.record.pipeline)
+            {
+                pipelines.push(run.record.pipeline);
+            }
+        }
+        let mut found = Vec::new();
+        for table in self.tables()? {
+            let tables = self.root.join(published::TABLES).join(&table);
+            let shown = names_in(&tables)?.into_iter();
+            let shown = shown.filter_map(|name| name.strip_prefix("pipeline=").map(str::to_owned));
+            let others: Vec<String> = shown.collect();
+            let newest = pipelines
+                .iter()
+                .find(|pipeline| others.contains(pipeline))
+                .or(others.first());
+            if let Some(pipeline) = newest {
+                found.push(NewestTable {
+                    folder: self.table_folder(&table, pipeline),
+                    table,
+                    pipeline: pipeline.clone(),
+                });
+            }
+        }
+        Ok(found)
+    }
+
+    /// Lists the numbers of all runs in order.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the folder cannot be read.
+    pub fn runs(&self) -> Result<Vec<u64>, LakeError> {
+        runs::numbers(&self.root)
+    }
+
+    /// Reads a run with its units. A run whose process died is marked as interrupted.
+    ///
+    /// # Errors
+    ///
+    /// Fails if there is no such run or its record is damaged.
+    pub fn run(&self, number: u64) -> Result<Run, LakeError> {
+        let mut run = self.run_without_units(number)?;
+        run.record.units = runs::units(&self.root, &run)?;
+        Ok(run)
+    }
+
+    /// Reads a run without its units. A run whose process died is marked as interrupted.
+    ///
+    /// # Errors
+    ///
+    /// Fails if there is no such run or its record is damaged.
+    pub fn run_without_units(&self, number: u64) -> Result<Run, LakeError> {
+        let mut run = runs::read(&self.root, number)?;
+        let alive = Self::alive_name(&run.process);
+        if run.record.status == RunStatus::Running && !lock::is_held(&self.locks(), &alive) {
+            run.record.status = RunStatus::Interrupted;
+        }
+        Ok(run)
+    }
+
+    /// Returns the newest run of any pipeline that came to its end, or else the newest of all.
     ///
     /// # Errors
     ///
     /// Fails if its record cannot be read.
-    pub fn newest_run(&self) -> Result<Option<(String, RunRecord)>, LakeError> {
-        let folder = self.root.join("runs");
-        let Some(name) = names_in(&folder)?.pop() else {
-            return Ok(None);
-        };
-        let run = read_json(&folder.join(&name))?;
-        Ok(run.map(|run| (name.trim_end_matches(".json").to_owned(), run)))
+    pub fn newest_run(&self) -> Result<Option<Run>, LakeError> {
+        let numbers = self.runs()?;
+        for &number in numbers.iter().rev() {
+            if self.run_without_units(number)?.record.status == RunStatus::Finished {
+                return self.run(number).map(Some);
+            }
+        }
+        numbers.last().map(|&number| self.run(number)).transpose()
     }
 
     /// Returns the record kept under a fingerprint's digest.
@@ -88,10 +248,9 @@ impl Lake {
     ///
     /// Fails if the record cannot be read.
     pub fn record(&self, fingerprint: &Digest) -> Result<Option<Record>, LakeError> {
-        match read_json(&self.record_path(fingerprint)) {
-            // A damaged record is as good as none: the unit is made again.
-            Err(LakeError::Json { .. }) => Ok(None),
-            record => record,
+        match self.records.read(fingerprint)? {
+            Some(stored) => self.records.whole(stored),
+            None => Ok(None),
         }
     }
 
@@ -100,161 +259,69 @@ impl Lake {
         self.blobs.path(&file.digest)
     }
 
-    /// Returns when, where and by what a unit was made, one JSON object per making.
+    /// Returns when, where and by what a unit was made.
     ///
     /// # Errors
     ///
     /// Fails if the record cannot be read.
-    pub fn provenance(&self, fingerprint: &Digest) -> Result<Option<String>, LakeError> {
-        let bytes = atomic::read_if_there(&self.provenance_path(fingerprint))?;
-        Ok(bytes.map(|bytes| String::from_utf8_lossy(&bytes).into_owned()))
+    pub fn provenance(&self, fingerprint: &Digest) -> Result<Option<Provenance>, LakeError> {
+        let stored = self.records.read(fingerprint)?;
+        Ok(stored.map(|stored| stored.provenance))
     }
 
-    pub(crate) fn keep_record(&self, record: &Record) -> Result<(), LakeError> {
-        let path = self.record_path(&record.fingerprint.digest());
-        atomic::write(&self.staging(), &path, &to_json(&path, record)?)
-    }
-
-    pub(crate) fn keep_provenance(
-        &self,
-        record: &Record,
-        started: SystemTime,
-        took: Duration,
-    ) -> Result<(), LakeError> {
-        let path = self.provenance_path(&record.fingerprint.digest());
-        let provenance = serde_json::json!({
-            "started_ns": nanoseconds(started),
-            "took_s": took.as_secs_f64(),
-            "program": concat!("pipeline ", env!("CARGO_PKG_VERSION")),
-            "host": fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default().trim(),
-            "threads": std::thread::available_parallelism().map_or(0, usize::from),
-        });
-        atomic::write(&self.staging(), &path, format!("{provenance}\n").as_bytes())
-    }
-
-    fn record_path(&self, fingerprint: &Digest) -> PathBuf {
-        let name = fingerprint.as_str();
-        let folder = self
-            .root
-            .join("units")
-            .join(name.get(..2).unwrap_or_default());
-        folder.join(format!("{name}.json"))
-    }
-
-    fn newest_path(&self, pipeline: &str) -> PathBuf {
-        self.root.join("newest").join(format!("{pipeline}.json"))
-    }
-
-    fn provenance_path(&self, fingerprint: &Digest) -> PathBuf {
-        let folder = self.root.join("provenance");
-        folder.join(format!("{fingerprint}.json"))
-    }
-
-    fn prepare(&self) -> Result<(), LakeError> {
-        let staging = self.staging();
-        fs::create_dir_all(&staging).map_err(io_error("create", &staging))
-    }
-}
-
-impl Store for Lake {
-    fn lookup(&self, fingerprint: &Digest) -> Result<Option<Record>, Advised> {
-        let record = self.record(fingerprint)?;
-        Ok(record.filter(|record| match &record.outcome {
-            RecordOutcome::Made { files, .. } => files.values().all(|file| self.blobs.has(file)),
-            RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => true,
-        }))
-    }
-
-    fn remembered(&self, fingerprint: &Digest) -> Result<Option<Record>, Advised> {
-        Ok(self.record(fingerprint)?)
-    }
-
-    fn newest_units(&self, pipeline: &str) -> Result<Vec<UnitRef>, Advised> {
-        // A damaged list only means that causes are not named.
-        let newest = read_json(&self.newest_path(pipeline)).unwrap_or_default();
-        Ok(newest.unwrap_or_default())
-    }
-
-    fn source_digest(&self, path: &Path) -> Result<Digest, io::Error> {
-        self.sources.digest(path)
-    }
-
-    fn begin(&self, fingerprint: &Digest) -> Result<Box<dyn Making + '_>, Advised> {
-        self.prepare()?;
-        Ok(Box::new(UnitInTheMaking::begin(self, fingerprint)?))
-    }
-
-    fn open(
-        &self,
-        files: &BTreeMap<String, FileRef>,
-    ) -> Result<Option<BTreeMap<String, PathBuf>>, Advised> {
-        let mut paths = BTreeMap::new();
-        let mut is_whole = true;
-        for (name, file) in files {
-            if self.blobs.is_whole(file)? {
-                paths.insert(name.clone(), self.blobs.path(&file.digest));
-            } else {
-                self.blobs.drop(file)?;
-                is_whole = false;
-            }
+    /// Drops what this process is making, and notes that its run was interrupted; nothing is kept
+    /// after that. Returns the number of units dropped, and the guard that keeps it so.
+    pub fn abandon(&self) -> (impl Sized + '_, usize) {
+        let (guard, n_dropped) = self.flight.drop_all();
+        if let Some(run) = self.current_run().take() {
+            let mut record = run.record.clone();
+            record.status = RunStatus::Interrupted;
+            // The run's process is gone in a moment, which says the same.
+            let _noted = runs::end(self, run, record);
         }
-        Ok(is_whole.then_some(paths))
+        (guard, n_dropped)
     }
 
-    fn publish(
+    /// Keeps the newest state of a pipeline, with what other processes have kept meanwhile.
+    pub(crate) fn keep_newest(
         &self,
         pipeline: &str,
-        node: &Node,
-        made: &[(String, RecordOutcome)],
-    ) -> Result<(), Advised> {
+        units: Option<&[(UnitRef, Arc<RecordOutcome>)]>,
+    ) -> Result<(), LakeError> {
+        let touched = self.blobs.settle();
+        let mut known = self.newest();
+        let newest = known.entry(pipeline.to_owned()).or_default();
+        let path = newest::path(&self.root, pipeline);
         self.prepare()?;
-        Ok(published::publish(self, pipeline, node, made)?)
-    }
-
-    fn retire(&self, pipeline: &str, kept: &[Node]) -> Result<(), Advised> {
-        Ok(published::retire(self, pipeline, kept)?)
-    }
-
-    fn record_run(&self, run: &RunRecord) -> Result<String, Advised> {
-        self.prepare()?;
-        self.sources.save(&self.staging())?;
-        let name = format!("{:019}-{}", nanoseconds(now()), std::process::id());
-        let path = self.root.join("runs").join(format!("{name}.json"));
-        atomic::write(&self.staging(), &path, &to_json(&path, run)?)?;
-        let mut newest: BTreeMap<(NodeName, String), UnitRef> = BTreeMap::new();
-        for unit in self.newest_units(&run.pipeline)?.iter().chain(&run.units) {
-            newest.insert((unit.node.clone(), unit.partition.clone()), unit.clone());
+        let _turn = published::wait_for_turn(self, pipeline)?;
+        if let Some(units) = units {
+            let mut there = Newest::read(&path)?;
+            let mut stamps = std::mem::take(&mut there.stamps);
+            stamps.retain(|(digest, _)| self.blobs.stamp(digest).is_none());
+            self.blobs.recall(stamps);
+            there.take_over_shown(newest);
+            *newest = there;
+            newest.take_over(units);
         }
-        let newest: Vec<UnitRef> = newest.into_values().collect();
-        let path = self.newest_path(&run.pipeline);
-        atomic::write(&self.staging(), &path, &to_json(&path, &newest)?)?;
-        Ok(name)
+        for shown in newest.all_shown_mut().values_mut() {
+            for (path, file) in shown.iter_mut() {
+                if touched.contains(&file.digest)
+                    && let Ok(stamp) = crate::stamp::Stamp::read(&self.root.join(path))
+                {
+                    file.stamp = stamp;
+                }
+            }
+        }
+        newest.write(&self.staging(), &path, |digest| self.blobs.stamp(digest))
     }
-}
 
-fn nanoseconds(time: SystemTime) -> u128 {
-    time.duration_since(UNIX_EPOCH)
-        .unwrap_or(Duration::ZERO)
-        .as_nanos()
-}
-
-fn to_json<T: Serialize>(path: &Path, value: &T) -> Result<Vec<u8>, LakeError> {
-    serde_json::to_vec_pretty(value).map_err(|source| LakeError::Json {
-        path: path.to_owned(),
-        source,
-    })
-}
-
-fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, LakeError> {
-    let Some(bytes) = atomic::read_if_there(path)? else {
-        return Ok(None);
-    };
-    serde_json::from_slice(&bytes)
-        .map(Some)
-        .map_err(|source| LakeError::Json {
-            path: path.to_owned(),
-            source,
-        })
+    /// Reads a sealed file of the lake.
+    pub(crate) fn sealed<T: serde::de::DeserializeOwned>(
+        &self,
+        name: &str,
+    ) -> Result<Option<T>, LakeError> {
+        sealed::read(&self.root.join(name))
+    }
 }
 
 /// Names in a folder, ordered; none if the folder is not there.

@@ -4,32 +4,49 @@
 //!
 //! ```text
 //! blobs/ab/abcd…           bytes of artifacts, named by their BLAKE3 digest, read-only
-//! units/ab/abcd….json      what each unit depended on and gave, named by its fingerprint's digest
-//! runs/…json               what each run did
-//! newest/PIPELINE.json     the newest fingerprint of every unit of a pipeline
-//! provenance/abcd….jsonl   when and where each unit was made (never part of an artifact)
-//! tables/…                 Hive-partitioned Parquet: the newest partitions of every artifact
+//! recipes/abcd….json       what units of one output have in common: kind, code, configuration, schema
+//! units/ab/abcd….json      what each unit depended on and gave, named by its fingerprint's digest,
+//!                          with when and where it was made (never part of an artifact)
+//! manifests/abcd….json     lists of the units of runs, named by their digest
+//! runs/000012.json         what each run did, with which values
+//! tags/NAME.json           names for runs, which keep them
+//! tables/…                 Hive-partitioned Parquet: the newest partitions of every artifact, and what
+//!                          runs did (`runs`, `settings`, `units`, `artifacts`, `metrics`)
+//! every/…                  Hive-partitioned Parquet: every partition that any unit made
 //! files/…                  recordings, meshes and weights of the newest partitions
 //! views.sql                the tables as views for DuckDB
+//! newest/PIPELINE.json     a cache: the newest state of every unit of a pipeline
+//! sources.json             a cache: digests of files outside, by size, times and inode
 //! staging/, locks/         units in the making
-//! sources.json             digests of files outside, by size, time and inode
 //! ```
 //!
-//! Invariants: what stands under its final name is whole (written beside, synced, renamed); bytes are
-//! checked against their digest before a unit reads them; two processes never make the same unit at
+//! Invariants: what stands under its final name is whole (written beside, synced, renamed); every file
+//! is named by a digest of its bytes or carries one, and is checked before it is used; two processes never make the same unit at
 //! the same time; a dead process's lock and staging folder are taken over.
 
 mod atomic;
 mod blobs;
 mod clock;
 mod error;
+mod flight;
 mod folder;
+mod history;
 mod lock;
 mod making;
+mod newest;
 mod published;
 pub mod recording;
+mod records;
+mod runs;
+mod sealed;
 mod sources;
+mod stamp;
+mod store;
 pub mod table;
+mod views;
 
 pub use error::LakeError;
-pub use folder::Lake;
+pub use folder::{Lake, NewestTable};
+pub use history::flatten;
+pub use records::Provenance;
+pub use runs::Run;

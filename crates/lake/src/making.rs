@@ -1,33 +1,48 @@
 //! A unit in the making: its lock, its staging folder and its commit.
 
 use std::{
-    fs::{self, File},
+    collections::BTreeMap,
+    fs,
     path::{Path, PathBuf},
     time::{Duration, SystemTime},
 };
 
 use dataflow::{Advised, Digest, Making, Outcome, Record, RecordOutcome, Unkept};
 
-use crate::{LakeError, atomic::io_error, clock::now, folder::Lake, lock};
+use crate::{
+    LakeError,
+    atomic::io_error,
+    clock::{host, nanoseconds, now},
+    folder::Lake,
+    lock::{self, Lock},
+    records::Provenance,
+};
 
 /// A unit that this process makes.
 pub(crate) struct UnitInTheMaking<'a> {
     lake: &'a Lake,
     folder: PathBuf,
     started: SystemTime,
-    /// Held until the unit is kept or given up; the system lets go of it when the process dies.
-    _lock: File,
+    /// Held until the unit is kept or given up.
+    _lock: Lock,
 }
 
 impl<'a> UnitInTheMaking<'a> {
     /// Waits for the unit's lock and clears what a dead owner left behind.
-    pub(crate) fn begin(lake: &'a Lake, fingerprint: &Digest) -> Result<Self, LakeError> {
-        let lock = lock::wait_for(lake, fingerprint.as_str())?;
-        let folder = lake.staging().join(fingerprint.as_str());
+    pub(crate) fn begin(
+        lake: &'a Lake,
+        fingerprint: &Digest,
+        unit: &str,
+        waiting: &dyn Fn(&str),
+    ) -> Result<Self, LakeError> {
+        let name = fingerprint.to_hex();
+        let lock = lock::wait_for(&lake.locks(), &name, unit, waiting)?;
+        let folder = lake.staging().join(name);
         if folder.exists() {
             fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))?;
         }
         fs::create_dir_all(&folder).map_err(io_error("create", &folder))?;
+        lake.flight().begin(&folder);
         Ok(Self {
             lake,
             folder,
@@ -37,20 +52,22 @@ impl<'a> UnitInTheMaking<'a> {
     }
 
     fn keep(&self, unkept: Unkept) -> Result<Record, LakeError> {
+        // From here on the unit is kept even if somebody stops the program.
+        let _landing = self.lake.flight().land();
         let outcome = match unkept.outcome {
             Outcome::Made(made) => {
-                let mut files = std::collections::BTreeMap::new();
-                for path in files_of(&self.folder)? {
-                    let name = path
-                        .file_name()
-                        .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-                    files.insert(name, self.lake.blobs().take(&path)?);
-                }
                 if let Some((metric, value)) = made.metrics.iter().find(|(_, v)| !v.is_finite()) {
                     return Err(LakeError::Metric {
                         metric: metric.clone(),
                         value: *value,
                     });
+                }
+                let mut files = BTreeMap::new();
+                for path in files_of(&self.folder)? {
+                    let name = path
+                        .file_name()
+                        .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+                    files.insert(name, self.lake.blobs().take(&path)?);
                 }
                 RecordOutcome::Made {
                     files,
@@ -65,9 +82,18 @@ impl<'a> UnitInTheMaking<'a> {
             fingerprint: unkept.fingerprint,
             outcome,
         };
-        self.lake.keep_record(&record)?;
-        let took = self.started.elapsed().unwrap_or(Duration::ZERO);
-        self.lake.keep_provenance(&record, self.started, took)?;
+        let provenance = Provenance {
+            started_ns: nanoseconds(self.started),
+            took_s: self
+                .started
+                .elapsed()
+                .unwrap_or(Duration::ZERO)
+                .as_secs_f64(),
+            program: concat!("pipeline ", env!("CARGO_PKG_VERSION")).to_owned(),
+            host: host(),
+            threads: std::thread::available_parallelism().map_or(0, usize::from),
+        };
+        self.lake.records().keep(self.lake, &record, provenance)?;
         Ok(record)
     }
 }
@@ -98,5 +124,6 @@ impl Drop for UnitInTheMaking<'_> {
     fn drop(&mut self) {
         // What cannot be removed now is removed by whoever makes the unit next.
         let _left = fs::remove_dir_all(&self.folder);
+        self.lake.flight().end(&self.folder);
     }
 }

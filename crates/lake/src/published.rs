@@ -1,123 +1,205 @@
-//! The newest partitions as people see them: tables, files and views.
+//! The newest partitions as people see them: tables, files, and every table ever made.
 
 use std::{
-    collections::BTreeSet,
-    fs::{self, File},
-    io,
+    collections::BTreeMap,
+    fs, io,
     os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
 };
 
-use dataflow::{Node, RecordOutcome};
+use dataflow::{Digest, Node, NodeName, RecordOutcome, Showing};
 
 use crate::{
     LakeError,
     atomic::{self, io_error},
     folder::{Lake, names_in},
-    lock, table,
+    lock::{self, Lock},
+    newest::{Shown, ShownFile},
+    stamp::Stamp,
+    table,
 };
 
 /// Folder of the tables, below the lake.
 pub(crate) const TABLES: &str = "tables";
 
 /// Folder of everything that is no table, below the lake.
-const FILES: &str = "files";
+pub(crate) const FILES: &str = "files";
+
+/// Folder of every table ever made, by the unit that made it, below the lake.
+pub(crate) const EVERY: &str = "every";
+
+/// The folder of a node's tables, below the lake.
+fn tables_of(pipeline: &str, node: &NodeName) -> PathBuf {
+    Path::new(TABLES)
+        .join(&node.artifact)
+        .join(format!("pipeline={pipeline}"))
+        .join(format!("stage={}", node.stage))
+}
+
+/// The folder of a node's other files, below the lake.
+fn files_of(pipeline: &str, node: &NodeName) -> PathBuf {
+    Path::new(FILES)
+        .join(pipeline)
+        .join(&node.stage)
+        .join(&node.artifact)
+}
+
+/// A file to be shown.
+struct Wanted<'a> {
+    digest: Digest,
+    fingerprint: &'a Digest,
+    partition: &'a str,
+    is_table: bool,
+}
 
 /// Shows exactly these partitions of a node: tables as Hive partitions, other files by name.
+/// Returns what is shown now, or `None` if that is what `before` says and the file system confirms.
 pub(crate) fn publish(
     lake: &Lake,
     pipeline: &str,
     node: &Node,
-    made: &[(String, RecordOutcome)],
-) -> Result<(), LakeError> {
+    made: &[Showing],
+    before: Option<&Shown>,
+) -> Result<Option<Shown>, LakeError> {
+    let wanted = wanted(pipeline, node, made);
+    if before.is_some_and(|before| is_shown(lake, before, &wanted)) {
+        return Ok(None);
+    }
     let _turn = wait_for_turn(lake, pipeline)?;
-    let tables = lake
-        .root()
-        .join(TABLES)
-        .join(node.output.artifact)
-        .join(format!("pipeline={pipeline}"))
-        .join(format!("stage={}", node.name.stage));
-    let others = lake
-        .root()
-        .join(FILES)
-        .join(pipeline)
-        .join(&node.name.stage)
-        .join(node.output.artifact);
-    let mut in_tables = BTreeSet::new();
-    let mut in_others = BTreeSet::new();
-    for (partition, outcome) in made {
-        let RecordOutcome::Made { files, .. } = outcome else {
+    let mut shown = Shown::new();
+    for (path, file) in &wanted {
+        let target = lake.root().join(path);
+        show(lake, &file.digest, &target)?;
+        if file.is_table {
+            let column = format!("{}={}", node.output.partition, file.partition);
+            let unit = format!("fingerprint={}", file.fingerprint);
+            let every = lake.root().join(EVERY).join(&node.name.artifact);
+            show(
+                lake,
+                &file.digest,
+                &every.join(column).join(unit).join(table::FILE),
+            )?;
+        }
+        let stamp = Stamp::read(&target).map_err(io_error("read", &target))?;
+        let digest = file.digest;
+        shown.insert(path.clone(), ShownFile { digest, stamp });
+    }
+    for folder in [
+        tables_of(pipeline, &node.name),
+        files_of(pipeline, &node.name),
+    ] {
+        hide_others(lake, &lake.root().join(folder), before, &shown)?;
+    }
+    Ok(Some(shown))
+}
+
+fn wanted<'a>(pipeline: &str, node: &Node, made: &[Showing<'a>]) -> BTreeMap<String, Wanted<'a>> {
+    let (tables, others) = (
+        tables_of(pipeline, &node.name),
+        files_of(pipeline, &node.name),
+    );
+    let mut wanted = BTreeMap::new();
+    for unit in made {
+        let RecordOutcome::Made { files, .. } = unit.outcome else {
             continue;
         };
         for (name, file) in files {
-            let path = if name == table::FILE {
-                let folder = format!("{}={partition}", node.output.partition);
-                let path = tables.join(folder).join(name);
-                in_tables.insert(path.clone());
-                path
+            let is_table = name == table::FILE;
+            let folder = if is_table {
+                tables.join(format!("{}={}", node.output.partition, unit.partition))
             } else {
-                let path = others.join(partition).join(name);
-                in_others.insert(path.clone());
-                path
+                others.join(unit.partition)
             };
-            show(lake, &lake.blobs().path(&file.digest), &path)?;
+            let file = Wanted {
+                digest: file.digest,
+                fingerprint: unit.fingerprint,
+                partition: unit.partition,
+                is_table,
+            };
+            wanted.insert(folder.join(name).to_string_lossy().into_owned(), file);
         }
     }
-    remove_others(&tables, &in_tables)?;
-    remove_others(&others, &in_others)?;
-    if !in_tables.is_empty() {
-        write_views(lake)?;
-    }
-    Ok(())
+    wanted
+}
+
+/// Whether exactly the wanted files are shown, each untouched since.
+fn is_shown(lake: &Lake, before: &Shown, wanted: &BTreeMap<String, Wanted>) -> bool {
+    before.len() == wanted.len()
+        && before
+            .iter()
+            .zip(wanted)
+            .all(|((path, shown), (name, file))| {
+                path == name
+                    && shown.digest == file.digest
+                    && Stamp::read(&lake.root().join(path)).is_ok_and(|stamp| stamp == shown.stamp)
+            })
 }
 
 /// Removes what stages that are no longer in the pipeline have shown.
-pub(crate) fn retire(lake: &Lake, pipeline: &str, kept: &[Node]) -> Result<(), LakeError> {
-    let _turn = wait_for_turn(lake, pipeline)?;
+pub(crate) fn retire(
+    lake: &Lake,
+    pipeline: &str,
+    is_kept: &dyn Fn(&NodeName) -> bool,
+) -> Result<(), LakeError> {
+    let mut old = Vec::new();
     for table in lake.tables()? {
         let folder = lake.table_folder(&table, pipeline);
         for name in names_in(&folder)? {
-            let is_kept = kept.iter().any(|node| {
-                node.output.artifact == table && name == format!("stage={}", node.name.stage)
-            });
-            if !is_kept {
-                remove_others(&folder.join(&name), &BTreeSet::new())?;
-                let _kept = fs::remove_dir(folder.join(&name));
+            let stage = name.strip_prefix("stage=").unwrap_or(&name);
+            if !is_kept(&NodeName::new(stage, &table)) {
+                old.push(folder.join(name));
             }
         }
     }
     let folder = lake.root().join(FILES).join(pipeline);
-    for name in names_in(&folder)? {
-        if !kept.iter().any(|node| node.name.stage == name) {
-            remove_others(&folder.join(&name), &BTreeSet::new())?;
-            let _kept = fs::remove_dir(folder.join(&name));
+    for stage in names_in(&folder)? {
+        for artifact in names_in(&folder.join(&stage))? {
+            if !is_kept(&NodeName::new(&stage, &artifact)) {
+                old.push(folder.join(&stage).join(artifact));
+            }
         }
+    }
+    if old.is_empty() {
+        return Ok(());
+    }
+    let _turn = wait_for_turn(lake, pipeline)?;
+    for folder in old {
+        hide_others(lake, &folder, None, &Shown::new())?;
+        let _kept = fs::remove_dir(&folder);
+        let _kept = folder.parent().map(fs::remove_dir);
     }
     Ok(())
 }
 
-/// Lets one process at a time change what a pipeline shows; the turn ends when the file is closed.
-fn wait_for_turn(lake: &Lake, pipeline: &str) -> Result<File, LakeError> {
-    lock::wait_for(lake, &format!("published-{pipeline}"))
+/// Lets one process at a time change what a pipeline shows.
+pub(crate) fn wait_for_turn(lake: &Lake, pipeline: &str) -> Result<Lock, LakeError> {
+    let name = format!("published-{pipeline}");
+    lock::wait_for(&lake.locks(), &name, "what the pipeline shows", &|_| {})
 }
 
-/// Makes `path` the same file as `blob`, or a copy where the file system has no hard links.
-fn show(lake: &Lake, blob: &Path, path: &Path) -> Result<(), LakeError> {
+/// Makes `path` the same file as the blob, or a copy where the file system has no hard links.
+pub(crate) fn show(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), LakeError> {
+    let blob = lake.blobs().path(digest);
     let same = fs::metadata(path).is_ok_and(|shown| {
-        fs::metadata(blob).is_ok_and(|blob| (shown.dev(), shown.ino()) == (blob.dev(), blob.ino()))
+        fs::metadata(&blob).is_ok_and(|blob| (shown.dev(), shown.ino()) == (blob.dev(), blob.ino()))
     });
     if same {
         return Ok(());
     }
     let beside = atomic::temporary_name(&lake.staging());
-    match fs::hard_link(blob, &beside) {
+    lake.blobs().touch(digest);
+    match fs::hard_link(&blob, &beside) {
         Ok(()) => {}
         Err(err) if has_no_links(&err) => {
-            fs::copy(blob, &beside).map_err(io_error("copy", blob))?;
+            fs::copy(&blob, &beside).map_err(io_error("copy", &blob))?;
         }
-        Err(err) => return Err(io_error("link", blob)(err)),
+        Err(err) => return Err(io_error("link", &blob)(err)),
     }
-    atomic::rename(&beside, path)
+    let renamed = atomic::rename(&beside, path);
+    if renamed.is_err() {
+        let _gone = fs::remove_file(&beside);
+    }
+    renamed
 }
 
 /// Whether the file system refuses hard links as such.
@@ -129,8 +211,13 @@ fn has_no_links(err: &io::Error) -> bool {
     )
 }
 
-/// Removes every file below `folder` that is not in `keep`, and folders left empty.
-fn remove_others(folder: &Path, keep: &BTreeSet<PathBuf>) -> Result<(), LakeError> {
+/// Removes every file below `folder` that is not shown, and folders left empty.
+fn hide_others(
+    lake: &Lake,
+    folder: &Path,
+    before: Option<&Shown>,
+    shown: &Shown,
+) -> Result<(), LakeError> {
     let entries = match fs::read_dir(folder) {
         Err(err) if err.kind() == io::ErrorKind::NotFound => return Ok(()),
         entries => entries.map_err(io_error("read", folder))?,
@@ -138,36 +225,19 @@ fn remove_others(folder: &Path, keep: &BTreeSet<PathBuf>) -> Result<(), LakeErro
     for entry in entries {
         let path = entry.map_err(io_error("read", folder))?.path();
         if path.is_dir() {
-            remove_others(&path, keep)?;
+            hide_others(lake, &path, before, shown)?;
             // Fails, as it should, if something is left in it.
             let _kept = fs::remove_dir(&path);
-        } else if !keep.contains(&path) {
-            match fs::remove_file(&path) {
-                Err(err) if err.kind() != io::ErrorKind::NotFound => {
-                    return Err(io_error("remove", &path)(err));
-                }
-                _ => {}
+            continue;
+        }
+        let name = path.strip_prefix(lake.root()).unwrap_or(&path);
+        let name = name.to_string_lossy();
+        if !shown.contains_key(&*name) {
+            if let Some(file) = before.and_then(|before| before.get(&*name)) {
+                lake.blobs().touch(&file.digest);
             }
+            atomic::remove_if_there(&path)?;
         }
     }
     Ok(())
-}
-
-/// Writes the tables as views for DuckDB: `duckdb -init data/lake/views.sql` from the same folder.
-fn write_views(lake: &Lake) -> Result<(), LakeError> {
-    let mut views =
-        String::from("-- The lake's tables as views; paths are relative to this file's folder.\n");
-    for table in lake.tables()? {
-        let files = format!("'{TABLES}/{table}/**/*.parquet', hive_partitioning = true");
-        views.push_str("create or replace view ");
-        views.push_str(&table);
-        views.push_str(" as select * from read_parquet(");
-        views.push_str(&files);
-        views.push_str(");\n");
-    }
-    let path = lake.root().join("views.sql");
-    if atomic::read_if_there(&path)?.as_deref() == Some(views.as_bytes()) {
-        return Ok(());
-    }
-    atomic::write(&lake.staging(), &path, views.as_bytes())
 }

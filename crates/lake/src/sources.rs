@@ -1,107 +1,106 @@
-//! Digests of files outside the lake, remembered as long as size, time and inode stay the same.
+//! Digests of files outside the lake, remembered as long as their stamps stay the same.
 
 use std::{
-    collections::BTreeMap,
-    fs, io,
-    os::unix::fs::MetadataExt,
+    collections::HashMap,
+    env, io,
     path::{Path, PathBuf},
-    sync::{Mutex, PoisonError},
-    time::Duration,
+    sync::{Mutex, MutexGuard, OnceLock, PoisonError},
 };
 
 use dataflow::Digest;
 use serde::{Deserialize, Serialize};
 
-use crate::{LakeError, atomic, blobs::digest_file, clock::now};
-
-/// A file that changed less than this before it was digested may change again within the same tick
-/// of its clock, so its digest is not remembered.
-const SETTLED: Duration = Duration::from_secs(2);
+use crate::{LakeError, blobs::digest_file, clock::now, sealed, stamp::Stamp};
 
 /// The remembered digests.
 pub(crate) struct Sources {
     file: PathBuf,
-    known: Mutex<Known>,
+    known: OnceLock<Mutex<Known>>,
+    /// The folder from which relative paths are meant.
+    here: OnceLock<PathBuf>,
 }
 
 #[derive(Default)]
-struct Known {
-    entries: BTreeMap<PathBuf, Entry>,
+pub(crate) struct Known {
+    /// By absolute path.
+    pub(crate) entries: HashMap<String, Entry>,
     changed: bool,
 }
 
-#[derive(Clone, Serialize, Deserialize)]
-struct Entry {
-    stamp: Stamp,
-    digest: Digest,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-struct Stamp {
-    size: u64,
-    modified_s: i64,
-    modified_ns: i64,
-    inode: u64,
+/// What is remembered of a file.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+pub(crate) struct Entry {
+    pub(crate) stamp: Stamp,
+    pub(crate) digest: Digest,
 }
 
 impl Sources {
-    /// Reads what was remembered; a file that cannot be read only costs time.
-    pub(crate) fn open(file: PathBuf) -> Self {
-        let entries = fs::read(&file)
-            .ok()
-            .and_then(|bytes| serde_json::from_slice(&bytes).ok())
-            .unwrap_or_default();
+    pub(crate) fn new(file: PathBuf) -> Self {
         Self {
             file,
-            known: Mutex::new(Known {
-                entries,
-                changed: false,
-            }),
+            known: OnceLock::new(),
+            here: OnceLock::new(),
         }
     }
 
+    /// What was remembered, read when it is first asked for; a file that cannot be used only costs
+    /// time.
+    pub(crate) fn known(&self) -> MutexGuard<'_, Known> {
+        let known = self.known.get_or_init(|| {
+            let entries = sealed::read_if_whole(&self.file).ok().flatten();
+            Mutex::new(Known {
+                entries: entries.unwrap_or_default(),
+                changed: false,
+            })
+        });
+        known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     pub(crate) fn digest(&self, path: &Path) -> io::Result<Digest> {
-        let metadata = fs::metadata(path)?;
-        let stamp = Stamp {
-            size: metadata.size(),
-            modified_s: metadata.mtime(),
-            modified_ns: metadata.mtime_nsec(),
-            inode: metadata.ino(),
-        };
-        let absolute = std::path::absolute(path)?;
-        let lock = || self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(entry) = lock().entries.get(&absolute)
+        let stamp = Stamp::read(path)?;
+        let key = self.key(path);
+        if let Some(key) = &key
+            && let Some(entry) = self.known().entries.get(key)
             && entry.stamp == stamp
         {
-            return Ok(entry.digest.clone());
+            return Ok(entry.digest);
         }
+        let asked = now();
         let digest = digest_file(path)?;
-        let settled = metadata
-            .modified()
-            .ok()
-            .and_then(|modified| now().duration_since(modified).ok())
-            .is_some_and(|age| age > SETTLED);
-        if settled {
-            let mut known = lock();
-            let entry = Entry {
-                stamp,
-                digest: digest.clone(),
-            };
-            known.entries.insert(absolute, entry);
+        // A file that was written to a moment ago, or while it was read, is read again next time.
+        if let Some(key) = key
+            && stamp.is_settled(asked)
+            && Stamp::read(path)? == stamp
+        {
+            let mut known = self.known();
+            known.entries.insert(key, Entry { stamp, digest });
             known.changed = true;
         }
         Ok(digest)
     }
 
+    /// The absolute path under which a file is remembered; `None` for one that is no text.
+    fn key(&self, path: &Path) -> Option<String> {
+        if path.is_absolute() {
+            return path.to_str().map(str::to_owned);
+        }
+        let here = self
+            .here
+            .get_or_init(|| env::current_dir().unwrap_or_default());
+        here.join(path).into_os_string().into_string().ok()
+    }
+
+    /// Forgets a file, so that it is read the next time.
+    pub(crate) fn forget(&self, path: &str) {
+        let mut known = self.known();
+        known.changed |= known.entries.remove(path).is_some();
+    }
+
     /// Keeps what was learned.
     pub(crate) fn save(&self, staging: &Path) -> Result<(), LakeError> {
-        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self.known();
         if known.changed {
-            let bytes = serde_json::to_vec(&known.entries).map_err(|source| LakeError::Json {
-                path: self.file.clone(),
-                source,
-            })?;
-            atomic::write(staging, &self.file, &bytes)?;
+            sealed::write(staging, &self.file, &known.entries)?;
             known.changed = false;
         }
         Ok(())

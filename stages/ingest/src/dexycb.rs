@@ -99,7 +99,10 @@ pub(crate) fn recording(meta: &Meta, files: &SequenceFiles<'_>) -> Result<Record
 }
 
 /// Returns the name of the object that is grasped.
-fn grasped_object(meta: &Meta, files: &SequenceFiles<'_>) -> Result<&'static str, Unusable> {
+pub(crate) fn grasped_object(
+    meta: &Meta,
+    files: &SequenceFiles<'_>,
+) -> Result<&'static str, Unusable> {
     let value = |what: String| Unusable::Value {
         what,
         file: files.meta.map(|file| file.name.clone()).unwrap_or_default(),

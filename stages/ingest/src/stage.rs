@@ -3,7 +3,8 @@
 use std::{collections::BTreeMap, fs::File, io::Write, path::Path};
 
 use dataflow::{
-    Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage, Summary, Unit,
+    Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, SourceFile, Stage, Summary,
+    Unit,
 };
 use nalgebra::{Unit as UnitVector, Vector3};
 
@@ -69,6 +70,25 @@ impl Stage for Ingest {
         } else {
             demonstration_units(config)
         }
+    }
+
+    fn foretell(
+        _config: &IngestConfig,
+        output: &str,
+        unit: &Unit,
+        _scope: &Scope,
+    ) -> Option<Labels> {
+        let label = |name: &str, value: &str| (name.to_owned(), value.to_owned());
+        if output == OBJECTS {
+            return Some(Labels::from([label("object", &unit.partition)]));
+        }
+        let files = SequenceFiles::sort(&unit.files);
+        let meta = dexycb::meta(&files).ok()?;
+        let object = dexycb::grasped_object(&meta, &files).ok()?;
+        Some(Labels::from([
+            label("object", object),
+            label("subject", &files.subject),
+        ]))
     }
 
     fn run(config: &IngestConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, IngestError> {
@@ -147,7 +167,7 @@ fn demonstration_units(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> 
 fn object_units(config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
     let mut by_object: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for demonstration in scope.partitions(DEMONSTRATIONS) {
-        if let Some(object) = demonstration.labels.get("object") {
+        if let Some(object) = demonstration.label("object") {
             by_object
                 .entry(object)
                 .or_default()

@@ -3,7 +3,8 @@
 use std::{collections::BTreeMap, fs, path::Path};
 
 use dataflow::{
-    Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage, Summary, Unit,
+    Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, SourceFile, Stage, Summary,
+    Unit,
 };
 use geometry::TriMesh;
 use robot::RobotModel;
@@ -62,9 +63,8 @@ impl Stage for Retarget {
             .map(|demonstration| {
                 // A demonstration whose object is missing is planned without it, and skipped.
                 let object = demonstration
-                    .labels
-                    .get("object")
-                    .filter(|name| objects.iter().any(|object| object.key == **name));
+                    .label("object")
+                    .filter(|name| objects.iter().any(|object| object.key == *name));
                 Unit::new(&demonstration.key)
                     .reading("demonstrations", [&demonstration.key])
                     .reading("objects", object)
@@ -72,6 +72,20 @@ impl Stage for Retarget {
                     .with_file(SourceFile::named_by_file(&config.hand))
             })
             .collect())
+    }
+
+    fn foretell(
+        _config: &RetargetConfig,
+        _output: &str,
+        unit: &Unit,
+        scope: &Scope,
+    ) -> Option<Labels> {
+        let demonstrations = scope.partitions("demonstrations");
+        let moved = demonstrations
+            .iter()
+            .find(|demonstration| demonstration.key == unit.partition)?;
+        let object = moved.label("object")?;
+        Some(Labels::from([("object".to_owned(), object.to_owned())]))
     }
 
     fn run(
@@ -210,17 +224,14 @@ mod tests {
         Scope::new(BTreeMap::from([
             (
                 "demonstrations".to_owned(),
-                vec![Partition {
-                    key: "s".to_owned(),
-                    labels: BTreeMap::from([("object".to_owned(), object.to_owned())]),
-                }],
+                vec![Partition::new(
+                    "s",
+                    BTreeMap::from([("object".to_owned(), object.to_owned())]),
+                )],
             ),
             (
                 "objects".to_owned(),
-                vec![Partition {
-                    key: "box".to_owned(),
-                    labels: BTreeMap::new(),
-                }],
+                vec![Partition::new("box", BTreeMap::new())],
             ),
         ]))
     }

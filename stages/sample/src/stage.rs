@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use cgf::{Cgf, Grasp, Random, Scene};
 use dataflow::{
-    Artifact, Code, Context, Input, Inputs, Made, Outcome, Output, Scope, Stage, Summary, Unit,
+    Artifact, Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Summary,
+    Unit,
 };
 use nalgebra::Point3;
 use schemas::{
@@ -79,6 +80,16 @@ impl Stage for Sample {
                     .reading("objects", [object.as_str()])
             });
         Ok(units.collect())
+    }
+
+    fn foretell(
+        _config: &SampleConfig,
+        _output: &str,
+        unit: &Unit,
+        _scope: &Scope,
+    ) -> Option<Labels> {
+        let object = unit.partition.clone();
+        Some(Labels::from([("object".to_owned(), object)]))
     }
 
     fn run(config: &SampleConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleError> {

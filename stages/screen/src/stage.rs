@@ -3,7 +3,8 @@
 use std::{collections::BTreeMap, fs, path::Path};
 
 use dataflow::{
-    Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage, Summary, Unit,
+    Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, SourceFile, Stage, Summary,
+    Unit,
 };
 use robot::RobotModel;
 use schemas::{candidates, objects, rollouts, rollouts::Verdict};
@@ -68,6 +69,16 @@ impl Stage for Screen {
                     .with_file(SourceFile::named_by_file(&config.hand))
             })
             .collect())
+    }
+
+    fn foretell(
+        _config: &ScreenConfig,
+        _output: &str,
+        unit: &Unit,
+        _scope: &Scope,
+    ) -> Option<Labels> {
+        let object = unit.partition.clone();
+        Some(Labels::from([("object".to_owned(), object)]))
     }
 
     fn run(config: &ScreenConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, ScreenError> {

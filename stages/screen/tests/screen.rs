@@ -291,10 +291,7 @@ fn a_protocol_that_does_not_fit_the_hand_fails_the_stage() {
 
 #[test]
 fn each_unit_reads_its_object_and_the_hand() {
-    let partition = |key: &str| Partition {
-        key: key.to_owned(),
-        labels: BTreeMap::new(),
-    };
+    let partition = |key: &str| Partition::new(key, BTreeMap::new());
     let scope = Scope::new(BTreeMap::from([
         (
             "candidates".to_owned(),

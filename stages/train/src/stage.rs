@@ -64,7 +64,7 @@ impl Stage for Train {
         let mut objects = BTreeSet::new();
         let mut keys = Vec::new();
         for trajectory in trajectories {
-            let object = trajectory.labels.get("object").map_or("", String::as_str);
+            let object = trajectory.label("object").unwrap_or_default();
             if config.takes(object) {
                 objects.insert(object.to_owned());
                 keys.push(trajectory.key.clone());

@@ -156,9 +156,11 @@ fn inputs(folder: &Path) -> Inputs {
 }
 
 fn scope() -> Scope {
-    let partition = |key: &str, object: &str| Partition {
-        key: key.to_owned(),
-        labels: BTreeMap::from([("object".to_owned(), object.to_owned())]),
+    let partition = |key: &str, object: &str| {
+        Partition::new(
+            key,
+            BTreeMap::from([("object".to_owned(), object.to_owned())]),
+        )
     };
     Scope::new(BTreeMap::from([
         (

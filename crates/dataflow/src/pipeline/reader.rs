@@ -15,6 +15,7 @@ use crate::{
     near::nearest,
     overrides::Override,
     source::Location,
+    store::Origin,
 };
 
 pub(super) struct FileReader<'a> {
@@ -47,6 +48,7 @@ impl FileReader<'_> {
                 self.problem(format!("unknown key `{key}`"), span, hint);
             }
         }
+        let profile_name = profile;
         let profile = self.profile(root, profile);
         let seed = self.seed(root, profile, overrides);
         let Some(tables) = root.get("stages").and_then(Item::as_table) else {
@@ -108,6 +110,11 @@ impl FileReader<'_> {
                 seed: seed?,
                 stages,
                 nodes,
+                origin: Origin {
+                    file: self.path.to_owned(),
+                    profile: profile_name.map(str::to_owned),
+                    overrides: overrides.iter().map(ToString::to_string).collect(),
+                },
             }),
             Err(problem) => {
                 self.problems.push(problem);

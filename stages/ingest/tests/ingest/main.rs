@@ -359,10 +359,7 @@ fn the_object_has_its_mesh_mass_and_the_rest_in_which_it_lay() {
     };
     let scope = Scope::new(BTreeMap::from([(
         "demonstrations".to_owned(),
-        vec![Partition {
-            key: unit.partition.clone(),
-            labels: made.labels.clone(),
-        }],
+        vec![Partition::new(unit.partition.clone(), made.labels.clone())],
     )]));
     let units = Ingest::units(&config, "objects", &scope).unwrap();
     assert_eq!(units.len(), 1);
@@ -400,10 +397,10 @@ fn an_object_of_unknown_mass_is_refused_with_the_way_out() {
     let mut config = config(root.path());
     let scope = Scope::new(BTreeMap::from([(
         "demonstrations".to_owned(),
-        vec![Partition {
-            key: "a-b".to_owned(),
-            labels: BTreeMap::from([("object".to_owned(), "teapot".to_owned())]),
-        }],
+        vec![Partition::new(
+            "a-b",
+            BTreeMap::from([("object".to_owned(), "teapot".to_owned())]),
+        )],
     )]));
     let err = Ingest::units(&config, "objects", &scope).unwrap_err();
     assert_eq!(err.to_string(), "the mass of `teapot` is not known");

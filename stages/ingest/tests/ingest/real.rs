@@ -143,10 +143,9 @@ fn every_real_object_lies_as_its_demonstrations_saw_it() {
             made_by_key.insert(unit.partition.clone(), (made, folder));
         }
     }
-    let partitions = made_by_key.iter().map(|(key, (made, _))| Partition {
-        key: key.clone(),
-        labels: made.labels.clone(),
-    });
+    let partitions = made_by_key
+        .iter()
+        .map(|(key, (made, _))| Partition::new(key.clone(), made.labels.clone()));
     let scope = Scope::new(BTreeMap::from([(
         "demonstrations".to_owned(),
         partitions.collect(),

@@ -1,0 +1,302 @@
+//! Making one unit: its lock, its inputs, its stage, its result.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    panic::{AssertUnwindSafe, catch_unwind},
+    path::PathBuf,
+    sync::{Arc, Mutex, OnceLock, PoisonError},
+};
+
+use crate::{
+    context::{Artifact, Context, Inputs},
+    elsewhere::{Elsewhere, Forced},
+    error::Failure,
+    graph::{Node, NodeName},
+    observer::Observer,
+    pipeline::Pipeline,
+    run::UnitReport,
+    stage::Labels,
+    state::{Known, State, unit_seed},
+    store::{FileRef, RecordOutcome, Store, Unkept},
+    unit::Unit,
+};
+
+/// Makes units in this process, or has them made.
+pub(crate) struct Maker<'a> {
+    pipeline: &'a Pipeline,
+    store: &'a dyn Store,
+    observer: &'a dyn Observer,
+    /// Number of units made at once; 0 for one per core.
+    jobs: usize,
+    /// Where stages compute; the units themselves are gone through by threads of their own.
+    pool: OnceLock<rayon::ThreadPool>,
+    /// Outputs of which a damaged partition was made again after they were shown.
+    mended: Mutex<BTreeSet<NodeName>>,
+}
+
+impl<'a> Maker<'a> {
+    pub(crate) fn new(
+        pipeline: &'a Pipeline,
+        store: &'a dyn Store,
+        jobs: usize,
+        observer: &'a dyn Observer,
+    ) -> Self {
+        Self {
+            pipeline,
+            store,
+            observer,
+            jobs,
+            pool: OnceLock::new(),
+            mended: Mutex::default(),
+        }
+    }
+
+    /// Number of units that are made at once.
+    pub(crate) fn n_workers(&self) -> usize {
+        match self.jobs {
+            0 => std::thread::available_parallelism().map_or(1, usize::from),
+            jobs => jobs,
+        }
+    }
+
+    /// Outputs of which a partition was made again because its bytes were damaged.
+    pub(crate) fn mended(&self) -> BTreeSet<NodeName> {
+        let mended = self.mended.lock().unwrap_or_else(PoisonError::into_inner);
+        mended.clone()
+    }
+
+    /// Makes a unit of which every input is made.
+    pub(crate) fn make(
+        &self,
+        state: &State,
+        node: &Node,
+        unit: &Unit,
+        forced: Forced,
+    ) -> Result<UnitReport, Failure> {
+        let stage = self.pipeline.stage(node);
+        let (fingerprint, digest) =
+            state
+                .fingerprint(node, unit)?
+                .ok_or_else(|| Failure::MissingInput {
+                    stage: stage.name.clone(),
+                    input: "inputs".to_owned(),
+                    partition: unit.partition.clone(),
+                })?;
+        let name = format!("{} `{}`", node.name, unit.partition);
+        let waiting = |holder: &str| self.observer.waiting(node, &unit.partition, holder);
+        let making = self.store.begin(&digest, &name, &waiting)?;
+        // Another process may have made it while this one waited for its turn.
+        if forced == Forced::No
+            && let Some(outcome) = self.store.lookup(&digest)?
+        {
+            return Ok(UnitReport {
+                partition: unit.partition.clone(),
+                fingerprint: digest,
+                outcome,
+                made_now: false,
+            });
+        }
+        let inputs = self.inputs(state, node, unit)?;
+        let cx = Context {
+            output: node.output.artifact.to_owned(),
+            partition: unit.partition.clone(),
+            seed: unit_seed(self.pipeline.seed, stage, &unit.partition),
+            folder: making.folder().to_owned(),
+            progress: &|fraction, message| {
+                self.observer
+                    .unit_progress(node, &unit.partition, fraction, message);
+            },
+        };
+        let pool = self.pool()?;
+        let compute = || pool.install(|| stage.configured.run(&inputs, &cx));
+        let ran = catch_unwind(AssertUnwindSafe(compute));
+        let outcome = ran
+            .map_err(|payload| Failure::Panic {
+                stage: stage.name.clone(),
+                partition: unit.partition.clone(),
+                message: panic_message(payload.as_ref()),
+            })?
+            .map_err(|source| Failure::Stage {
+                stage: stage.name.clone(),
+                partition: Some(unit.partition.clone()),
+                source,
+            })?;
+        let record = making.commit(Unkept {
+            fingerprint,
+            outcome,
+        })?;
+        Ok(UnitReport {
+            partition: unit.partition.clone(),
+            fingerprint: digest,
+            outcome: Arc::new(record.outcome),
+            made_now: true,
+        })
+    }
+
+    /// Has a unit made by another process and finds its result in the store.
+    pub(crate) fn make_elsewhere(
+        &self,
+        state: &State,
+        node: &Node,
+        unit: &Unit,
+        forced: Forced,
+        elsewhere: &dyn Elsewhere,
+    ) -> Result<UnitReport, Failure> {
+        let lost = || Failure::Lost {
+            node: node.name.clone(),
+            partition: unit.partition.clone(),
+        };
+        let (_, digest) = state.fingerprint(node, unit)?.ok_or_else(lost)?;
+        let progress = |fraction: f64, message: &str| {
+            self.observer
+                .unit_progress(node, &unit.partition, fraction, message);
+        };
+        elsewhere.make(&node.name, &unit.partition, forced, &progress)?;
+        Ok(UnitReport {
+            partition: unit.partition.clone(),
+            fingerprint: digest,
+            outcome: self.store.lookup(&digest)?.ok_or_else(lost)?,
+            made_now: true,
+        })
+    }
+
+    /// The threads in which stages compute, started when the first unit is made.
+    fn pool(&self) -> Result<&rayon::ThreadPool, Failure> {
+        if let Some(pool) = self.pool.get() {
+            return Ok(pool);
+        }
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(self.jobs)
+            .build()
+            .map_err(Failure::Threads)?;
+        Ok(self.pool.get_or_init(|| pool))
+    }
+
+    /// Opens what a unit reads; a damaged artifact is made again first.
+    fn inputs(&self, state: &State, node: &Node, unit: &Unit) -> Result<Inputs, Failure> {
+        let mut artifacts = BTreeMap::new();
+        for (input, keys) in &unit.reads {
+            let parts = unit.parts.get(input);
+            let mut opened = Vec::new();
+            for key in keys {
+                let missing = || Failure::MissingInput {
+                    stage: node.name.stage.clone(),
+                    input: input.clone(),
+                    partition: key.clone(),
+                };
+                let source = node.reads.get(input).ok_or_else(missing)?;
+                let Some(Known::Made(outcome)) = state.known(source, key) else {
+                    return Err(missing());
+                };
+                let files = outcome.files(parts).ok_or_else(missing)?;
+                let paths = match self.store.open(&files)? {
+                    Some(paths) => paths,
+                    None => self.make_again(state, source, key, &files)?,
+                };
+                // Labels are not part of the fingerprint where only some files are read.
+                let labels = match parts {
+                    None => outcome.labels(),
+                    Some(_) => Labels::new(),
+                };
+                opened.push(Artifact {
+                    key: key.clone(),
+                    labels,
+                    files: paths,
+                });
+            }
+            artifacts.insert(input.clone(), opened);
+        }
+        Ok(Inputs::new(artifacts, unit.files.clone()))
+    }
+
+    /// Makes a damaged artifact again from what it was made of; equal fingerprints give equal bytes.
+    fn make_again(
+        &self,
+        state: &State,
+        source: &NodeName,
+        partition: &str,
+        files: &BTreeMap<String, FileRef>,
+    ) -> Result<BTreeMap<String, PathBuf>, Failure> {
+        let lost = || Failure::Damaged {
+            node: source.to_string(),
+            partition: partition.to_owned(),
+        };
+        let mut nodes = self.pipeline.nodes.iter();
+        let node = nodes.find(|node| node.name == *source).ok_or_else(lost)?;
+        self.observer.damaged(node, partition);
+        let mut mended = self.mended.lock().unwrap_or_else(PoisonError::into_inner);
+        mended.insert(node.name.clone());
+        drop(mended);
+        let units = state.units(node)?;
+        let mut units = units.iter();
+        let unit = units
+            .find(|unit| unit.partition == partition)
+            .ok_or_else(lost)?;
+        self.make(state, node, unit, Forced::No)?;
+        self.store.open(files)?.ok_or_else(lost)
+    }
+}
+
+/// Makes one unit of a pipeline whose inputs are all in the store, as a process does that shares
+/// nothing with the run but the store and the pipeline's file.
+///
+/// # Errors
+///
+/// Fails if there is no such unit, if something that it reads is not made yet, or if its stage fails.
+pub fn make_one(
+    pipeline: &Pipeline,
+    store: &dyn Store,
+    node: &NodeName,
+    partition: &str,
+    forced: Forced,
+    observer: &dyn Observer,
+) -> Result<UnitReport, Failure> {
+    let mut state = State::new(pipeline, store);
+    store.enter(&pipeline.name)?;
+    for node in pipeline.upstream_of(node) {
+        let mut known = BTreeMap::new();
+        for unit in state.units(node)? {
+            let outcome = match state.fingerprint(node, &unit)? {
+                Some((_, digest)) => store.recall(&digest)?,
+                None => None,
+            };
+            let outcome = outcome.ok_or_else(|| Failure::NotMade {
+                node: node.name.clone(),
+                partition: unit.partition.clone(),
+            })?;
+            if matches!(*outcome, RecordOutcome::Made { .. }) {
+                known.insert(unit.partition, Known::Made(outcome));
+            }
+        }
+        state.insert(&node.name, known);
+    }
+    let mut nodes = pipeline.nodes.iter();
+    let node = nodes
+        .find(|known| known.name == *node)
+        .ok_or_else(|| Failure::NoNode {
+            name: node.to_string(),
+            known: pipeline
+                .nodes
+                .iter()
+                .map(|node| node.name.to_string())
+                .collect(),
+        })?;
+    let units = state.units(node)?;
+    let unit = units
+        .iter()
+        .find(|unit| unit.partition == partition)
+        .ok_or_else(|| Failure::NoPartition {
+            node: node.name.clone(),
+            partition: partition.to_owned(),
+            known: units.iter().map(|unit| unit.partition.clone()).collect(),
+        })?;
+    Maker::new(pipeline, store, 0, observer).make(&state, node, unit, forced)
+}
+
+fn panic_message(payload: &(dyn std::any::Any + Send)) -> String {
+    let text = payload
+        .downcast_ref::<&str>()
+        .map(|text| (*text).to_owned());
+    text.or_else(|| payload.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "no message".to_owned())
+}

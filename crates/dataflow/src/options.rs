@@ -1,0 +1,70 @@
+//! What to run and how.
+
+use crate::{error::Failure, graph::Node, pipeline::Pipeline};
+
+/// What to run and how.
+#[derive(Debug, Clone, Default)]
+pub struct RunOptions {
+    /// Stop after this stage.
+    pub until: Option<String>,
+    /// Go through this stage alone; what it reads must be in the store.
+    pub only: Option<String>,
+    /// Make the units of these stages again, even if their results are in the store.
+    pub fresh: Vec<String>,
+    /// Make every unit again.
+    pub fresh_all: FreshAll,
+    /// Number of worker threads; 0 for one per core.
+    pub jobs: usize,
+}
+
+/// Whether results that are in the store count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FreshAll {
+    /// They are used.
+    #[default]
+    UseStore,
+    /// Everything is made again.
+    MakeAgain,
+}
+
+impl RunOptions {
+    /// Returns the outputs to go through: with `only`, also those that its stage depends on, which
+    /// are recalled and not made.
+    pub(crate) fn nodes<'p>(&self, pipeline: &'p Pipeline) -> Result<Vec<&'p Node>, Failure> {
+        for name in self.until.iter().chain(&self.only).chain(&self.fresh) {
+            if pipeline.find(name).is_none() {
+                return Err(Failure::NoStage {
+                    name: name.clone(),
+                    known: pipeline
+                        .stages
+                        .iter()
+                        .map(|stage| stage.name.clone())
+                        .collect(),
+                });
+            }
+        }
+        if let Some(only) = &self.only {
+            return Ok(pipeline.upstream_of_stage(only));
+        }
+        let last = match &self.until {
+            Some(stage) => pipeline
+                .nodes
+                .iter()
+                .rposition(|node| &node.name.stage == stage),
+            None => None,
+        };
+        let count = last.map_or(pipeline.nodes.len(), |last| last + 1);
+        Ok(pipeline.nodes.iter().take(count).collect())
+    }
+
+    /// Whether a stage's results are taken from the store and never made.
+    pub(crate) fn only_recalls(&self, stage: &str) -> bool {
+        self.only.as_ref().is_some_and(|only| only != stage)
+    }
+
+    /// Whether a stage's units are made although their results are in the store.
+    pub(crate) fn is_forced(&self, stage: &str) -> bool {
+        let named = self.fresh.iter().any(|fresh| fresh == stage);
+        (named || self.fresh_all == FreshAll::MakeAgain) && !self.only_recalls(stage)
+    }
+}

@@ -1,0 +1,329 @@
+//! What runs did, as tables: `runs`, `settings`, `units`, `artifacts` and `metrics`, one partition per run.
+
+use std::{collections::BTreeMap, fs, path::PathBuf, sync::Arc};
+
+use arrow::{
+    array::{
+        ArrayRef, BooleanArray, Float64Array, Int64Array, StringArray, TimestampNanosecondArray,
+    },
+    error::ArrowError,
+    record_batch::RecordBatch,
+};
+use dataflow::{RecordOutcome, RunStatus, UnitRef};
+use serde_json::Value;
+
+use crate::{
+    LakeError,
+    atomic::io_error,
+    folder::Lake,
+    published::{self, TABLES as SHOWN},
+    runs::Run,
+    table,
+};
+
+/// The tables, in the order in which they are documented.
+///
+/// | table       | one row per                     | columns |
+/// |-------------|---------------------------------|---------|
+/// | `runs`      | run                             | `run`, `pipeline`, `file`, `profile`, `overrides`, `seed`, `status`, `message`, `started` (UTC), `seconds`, `n_units`, `n_made_now`, `n_skipped` |
+/// | `settings`  | value of a stage in a run       | `run`, `stage`, `key` (dotted), `value` (JSON), `number` (null if it is none) |
+/// | `units`     | unit of a run                   | `run`, `pipeline`, `stage`, `artifact`, `partition`, `fingerprint`, `result`, `reason`, `made_now` |
+/// | `artifacts` | file of an artifact of a run    | `run`, `stage`, `artifact`, `partition`, `file`, `digest`, `bytes` |
+/// | `metrics`   | figure of an artifact of a run  | `run`, `stage`, `artifact`, `partition`, `metric`, `value` |
+pub(crate) const TABLES: [&str; 5] = ["runs", "settings", "units", "artifacts", "metrics"];
+
+/// Where the tables of a run are shown, below the lake.
+pub(crate) fn shown(name: &str, run: u64) -> PathBuf {
+    PathBuf::from(SHOWN)
+        .join(name)
+        .join(format!("run={run}"))
+        .join(table::FILE)
+}
+
+/// Writes the tables of a run that ended.
+pub(crate) fn keep(
+    lake: &Lake,
+    run: &Run,
+    units: &[(UnitRef, Arc<RecordOutcome>)],
+) -> Result<(), LakeError> {
+    let folder = lake
+        .staging()
+        .join(format!("history-{}", crate::atomic::process_name()));
+    let batches = [
+        runs(run, units),
+        settings(run),
+        units_table(run, units),
+        artifacts(units),
+        metrics(units),
+    ];
+    for (name, batch) in TABLES.into_iter().zip(batches) {
+        let path = lake.root().join(shown(name, run.number));
+        let batch = batch.map_err(|err| LakeError::Parquet {
+            action: "write",
+            path: path.clone(),
+            source: err.into(),
+        })?;
+        fs::create_dir_all(&folder).map_err(io_error("create", &folder))?;
+        table::write(&folder, &batch)?;
+        let file = lake.blobs().take(&folder.join(table::FILE))?;
+        published::show(lake, &file.digest, &path)?;
+    }
+    fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))
+}
+
+fn text<'a>(values: impl Iterator<Item = &'a str>) -> ArrayRef {
+    Arc::new(StringArray::from_iter_values(values))
+}
+
+fn count(number: usize) -> i64 {
+    i64::try_from(number).unwrap_or(i64::MAX)
+}
+
+fn runs(run: &Run, units: &[(UnitRef, Arc<RecordOutcome>)]) -> Result<RecordBatch, ArrowError> {
+    let record = &run.record;
+    let (status, message) = match &record.status {
+        RunStatus::Running => ("running", None),
+        RunStatus::Finished => ("finished", None),
+        RunStatus::Failed { message } => ("failed", Some(message.as_str())),
+        RunStatus::Interrupted => ("interrupted", None),
+    };
+    let n_skipped = units
+        .iter()
+        .filter(|(_, outcome)| matches!(**outcome, RecordOutcome::Skipped { .. }))
+        .count();
+    let overrides = serde_json::to_string(&record.origin.overrides).unwrap_or_default();
+    let started = i64::try_from(run.started_ns).unwrap_or(i64::MAX);
+    let number = |n: usize| Arc::new(Int64Array::from(vec![count(n)])) as ArrayRef;
+    RecordBatch::try_from_iter_with_nullable([
+        (
+            "pipeline",
+            text([record.pipeline.as_str()].into_iter()),
+            false,
+        ),
+        (
+            "file",
+            text([&*record.origin.file.to_string_lossy()].into_iter()),
+            false,
+        ),
+        (
+            "profile",
+            Arc::new(StringArray::from(vec![record.origin.profile.as_deref()])) as ArrayRef,
+            true,
+        ),
+        ("overrides", text([overrides.as_str()].into_iter()), false),
+        (
+            "seed",
+            Arc::new(Int64Array::from(vec![record.seed.cast_signed()])),
+            false,
+        ),
+        ("status", text([status].into_iter()), false),
+        ("message", Arc::new(StringArray::from(vec![message])), true),
+        (
+            "started",
+            Arc::new(TimestampNanosecondArray::from(vec![started]).with_timezone("UTC")),
+            false,
+        ),
+        (
+            "seconds",
+            Arc::new(Float64Array::from(vec![record.seconds])),
+            false,
+        ),
+        ("n_units", number(units.len()), false),
+        (
+            "n_made_now",
+            number(units.iter().filter(|(unit, _)| unit.made_now).count()),
+            false,
+        ),
+        ("n_skipped", number(n_skipped), false),
+    ])
+}
+
+fn settings(run: &Run) -> Result<RecordBatch, ArrowError> {
+    let mut rows = Vec::new();
+    for (stage, record) in &run.record.stages {
+        let mut values = BTreeMap::new();
+        flatten("", &record.config, &mut values);
+        rows.extend(values.into_iter().map(|(key, value)| (stage, key, value)));
+    }
+    RecordBatch::try_from_iter_with_nullable([
+        (
+            "stage",
+            text(rows.iter().map(|(stage, ..)| stage.as_str())),
+            false,
+        ),
+        (
+            "key",
+            text(rows.iter().map(|(_, key, _)| key.as_str())),
+            false,
+        ),
+        (
+            "value",
+            Arc::new(StringArray::from_iter_values(
+                rows.iter().map(|(.., value)| value.to_string()),
+            )) as ArrayRef,
+            false,
+        ),
+        (
+            "number",
+            Arc::new(Float64Array::from_iter(
+                rows.iter().map(|(.., value)| value.as_f64()),
+            )),
+            true,
+        ),
+    ])
+}
+
+/// The values of a configuration by their dotted keys.
+pub fn flatten(prefix: &str, value: &Value, values: &mut BTreeMap<String, Value>) {
+    match value {
+        Value::Object(table) => {
+            for (key, value) in table {
+                let key = if prefix.is_empty() {
+                    key.clone()
+                } else {
+                    format!("{prefix}.{key}")
+                };
+                flatten(&key, value, values);
+            }
+        }
+        value => {
+            values.insert(prefix.to_owned(), value.clone());
+        }
+    }
+}
+
+fn units_table(
+    run: &Run,
+    units: &[(UnitRef, Arc<RecordOutcome>)],
+) -> Result<RecordBatch, ArrowError> {
+    let pipeline = run.record.pipeline.as_str();
+    let result = |outcome: &RecordOutcome| match outcome {
+        RecordOutcome::Made { .. } => "made",
+        RecordOutcome::Skipped { .. } => "skipped",
+        RecordOutcome::Filtered { .. } => "filtered",
+    };
+    let reason = |outcome: &RecordOutcome| match outcome {
+        RecordOutcome::Made { .. } => None,
+        RecordOutcome::Skipped { reason } | RecordOutcome::Filtered { reason } => {
+            Some(reason.clone())
+        }
+    };
+    RecordBatch::try_from_iter_with_nullable([
+        ("pipeline", text(units.iter().map(|_| pipeline)), false),
+        (
+            "stage",
+            text(units.iter().map(|(unit, _)| unit.node.stage.as_str())),
+            false,
+        ),
+        (
+            "artifact",
+            text(units.iter().map(|(unit, _)| unit.node.artifact.as_str())),
+            false,
+        ),
+        (
+            "partition",
+            text(units.iter().map(|(unit, _)| unit.partition.as_str())),
+            false,
+        ),
+        (
+            "fingerprint",
+            Arc::new(StringArray::from_iter_values(
+                units.iter().map(|(unit, _)| unit.fingerprint.to_hex()),
+            )) as ArrayRef,
+            false,
+        ),
+        (
+            "result",
+            text(units.iter().map(|(_, outcome)| result(outcome))),
+            false,
+        ),
+        (
+            "reason",
+            Arc::new(StringArray::from_iter(
+                units.iter().map(|(_, outcome)| reason(outcome)),
+            )),
+            true,
+        ),
+        (
+            "made_now",
+            Arc::new(BooleanArray::from_iter(
+                units.iter().map(|(unit, _)| Some(unit.made_now)),
+            )),
+            false,
+        ),
+    ])
+}
+
+/// The artifacts that units made, one item per entry of a map of theirs.
+fn entries<'a, V>(
+    units: &'a [(UnitRef, Arc<RecordOutcome>)],
+    of: impl Fn(&'a RecordOutcome) -> Option<&'a BTreeMap<String, V>>,
+) -> Vec<(&'a UnitRef, &'a str, &'a V)> {
+    let mut rows = Vec::new();
+    for (unit, outcome) in units {
+        for (name, value) in of(outcome).into_iter().flatten() {
+            rows.push((unit, name.as_str(), value));
+        }
+    }
+    rows
+}
+
+fn artifacts(units: &[(UnitRef, Arc<RecordOutcome>)]) -> Result<RecordBatch, ArrowError> {
+    let rows = entries(units, |outcome| match outcome {
+        RecordOutcome::Made { files, .. } => Some(files),
+        RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => None,
+    });
+    let bytes = rows
+        .iter()
+        .map(|(.., file)| i64::try_from(file.size).unwrap_or(i64::MAX));
+    RecordBatch::try_from_iter([
+        (
+            "stage",
+            text(rows.iter().map(|(unit, ..)| unit.node.stage.as_str())),
+        ),
+        (
+            "artifact",
+            text(rows.iter().map(|(unit, ..)| unit.node.artifact.as_str())),
+        ),
+        (
+            "partition",
+            text(rows.iter().map(|(unit, ..)| unit.partition.as_str())),
+        ),
+        ("file", text(rows.iter().map(|(_, name, _)| *name))),
+        (
+            "digest",
+            Arc::new(StringArray::from_iter_values(
+                rows.iter().map(|(.., file)| file.digest.to_hex()),
+            )) as ArrayRef,
+        ),
+        ("bytes", Arc::new(Int64Array::from_iter_values(bytes))),
+    ])
+}
+
+fn metrics(units: &[(UnitRef, Arc<RecordOutcome>)]) -> Result<RecordBatch, ArrowError> {
+    let rows = entries(units, |outcome| match outcome {
+        RecordOutcome::Made { metrics, .. } => Some(metrics),
+        RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => None,
+    });
+    RecordBatch::try_from_iter([
+        (
+            "stage",
+            text(rows.iter().map(|(unit, ..)| unit.node.stage.as_str())),
+        ),
+        (
+            "artifact",
+            text(rows.iter().map(|(unit, ..)| unit.node.artifact.as_str())),
+        ),
+        (
+            "partition",
+            text(rows.iter().map(|(unit, ..)| unit.partition.as_str())),
+        ),
+        ("metric", text(rows.iter().map(|(_, name, _)| *name))),
+        (
+            "value",
+            Arc::new(Float64Array::from_iter_values(
+                rows.iter().map(|(.., value)| **value),
+            )) as ArrayRef,
+        ),
+    ])
+}

@@ -1,0 +1,82 @@
+//! What the file system says about a file without reading it.
+
+use std::{
+    fs::{self, Metadata},
+    io,
+    os::unix::fs::MetadataExt,
+    path::Path,
+    time::{Duration, SystemTime},
+};
+
+use serde::{Deserialize, Serialize};
+
+/// Size, times and inode of a file. As long as they stay the same, nobody has written to it by way
+/// of this file system: the time of change moves even when the time of modification is set back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "[i64; 6]", into = "[i64; 6]")]
+pub(crate) struct Stamp([i64; 6]);
+
+/// Two writes within one tick of the file system's clock leave the same times.
+const TICK: Duration = Duration::from_millis(20);
+
+/// The same, where the file system keeps whole seconds.
+const COARSE_TICK: Duration = Duration::from_secs(2);
+
+impl Stamp {
+    pub(crate) fn of(metadata: &Metadata) -> Self {
+        #[expect(
+            clippy::cast_possible_wrap,
+            reason = "only compared, never computed with"
+        )]
+        let (size, inode) = (metadata.size() as i64, metadata.ino() as i64);
+        Self([
+            size,
+            inode,
+            metadata.mtime(),
+            metadata.mtime_nsec(),
+            metadata.ctime(),
+            metadata.ctime_nsec(),
+        ])
+    }
+
+    pub(crate) fn read(path: &Path) -> io::Result<Self> {
+        fs::metadata(path).map(|metadata| Self::of(&metadata))
+    }
+
+    pub(crate) fn size(self) -> u64 {
+        self.0[0].cast_unsigned()
+    }
+
+    pub(crate) fn inode(self) -> u64 {
+        self.0[1].cast_unsigned()
+    }
+
+    /// Whether a later write would have left another stamp: the last one is longer ago than a tick.
+    pub(crate) fn is_settled(self, now: SystemTime) -> bool {
+        let [_, _, modified, modified_ns, changed, changed_ns] = self.0;
+        let is_fine = modified_ns != 0 || changed_ns != 0;
+        let tick = if is_fine { TICK } else { COARSE_TICK };
+        [(modified, modified_ns), (changed, changed_ns)]
+            .into_iter()
+            .all(|(seconds, nanoseconds)| {
+                let since_epoch = Duration::new(
+                    u64::try_from(seconds).unwrap_or(0),
+                    u32::try_from(nanoseconds).unwrap_or(0),
+                );
+                let time = SystemTime::UNIX_EPOCH + since_epoch;
+                now.duration_since(time).is_ok_and(|age| age > tick)
+            })
+    }
+}
+
+impl From<[i64; 6]> for Stamp {
+    fn from(numbers: [i64; 6]) -> Self {
+        Self(numbers)
+    }
+}
+
+impl From<Stamp> for [i64; 6] {
+    fn from(stamp: Stamp) -> Self {
+        stamp.0
+    }
+}

@@ -1,0 +1,217 @@
+//! The lake as the store that a run needs.
+
+use std::{
+    collections::BTreeMap,
+    io,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use dataflow::{
+    Advised, Digest, FileRef, Making, NewestUnit, Node, NodeName, Record, RecordOutcome, RunRecord,
+    Showing, Store, UnitRef,
+};
+
+use crate::{
+    LakeError,
+    folder::Lake,
+    history, lock,
+    making::UnitInTheMaking,
+    newest::{self, Newest},
+    published, runs, views,
+};
+
+/// Lock under which records are taken into use, and collected.
+pub(crate) const COLLECTING: &str = "collecting";
+
+impl Lake {
+    /// Whether every file of a result is there, unchanged.
+    fn is_whole(&self, outcome: &RecordOutcome) -> Result<bool, LakeError> {
+        let RecordOutcome::Made { files, .. } = outcome else {
+            return Ok(true);
+        };
+        for file in files.values() {
+            if !self.blobs().is_unchanged(file)? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Returns a result that no newest state knows, and takes its record into use.
+    fn recall_old(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, LakeError> {
+        let Some(stored) = self.records().read(fingerprint)? else {
+            return Ok(None);
+        };
+        Ok(Some(Arc::new(stored.outcome)))
+    }
+
+    fn newest_outcome(&self, fingerprint: &Digest) -> Option<Arc<RecordOutcome>> {
+        let newest = self.newest();
+        let mut known = newest.values();
+        known.find_map(|newest| newest.outcome(fingerprint).cloned())
+    }
+
+    /// Takes an old record into use: whoever collects what is not used leaves it.
+    fn use_old(&self, fingerprint: &Digest) -> Result<(), LakeError> {
+        // A lake that cannot be written is not collected either.
+        if let Ok(turn) = lock::wait_for(&self.locks(), COLLECTING, "old artifacts", &|_| {}) {
+            self.records().mark_used(fingerprint);
+            drop(turn);
+        }
+        Ok(())
+    }
+
+    fn find(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, LakeError> {
+        if let Some(outcome) = self.newest_outcome(fingerprint) {
+            return Ok(self.is_whole(&outcome)?.then_some(outcome));
+        }
+        if self.recall_old(fingerprint)?.is_none() {
+            return Ok(None);
+        }
+        self.use_old(fingerprint)?;
+        let Some(outcome) = self.recall_old(fingerprint)? else {
+            return Ok(None);
+        };
+        Ok(self.is_whole(&outcome)?.then_some(outcome))
+    }
+}
+
+impl Store for Lake {
+    fn enter(&self, pipeline: &str) -> Result<(), Advised> {
+        let mut read = Newest::read(&newest::path(self.root(), pipeline))?;
+        self.blobs().recall(std::mem::take(&mut read.stamps));
+        self.newest().insert(pipeline.to_owned(), read);
+        Ok(())
+    }
+
+    fn lookup(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised> {
+        Ok(self.find(fingerprint)?)
+    }
+
+    fn recall(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised> {
+        match self.newest_outcome(fingerprint) {
+            Some(outcome) => Ok(Some(outcome)),
+            None => Ok(self.recall_old(fingerprint)?),
+        }
+    }
+
+    fn remembered(&self, fingerprint: &Digest) -> Result<Option<Record>, Advised> {
+        Ok(self.record(fingerprint)?)
+    }
+
+    fn newest_units(&self, pipeline: &str) -> Result<Vec<NewestUnit>, Advised> {
+        let newest = self.newest();
+        Ok(newest.get(pipeline).map(Newest::list).unwrap_or_default())
+    }
+
+    fn source_digest(&self, path: &Path) -> Result<Digest, io::Error> {
+        self.sources().digest(path)
+    }
+
+    fn begin(
+        &self,
+        fingerprint: &Digest,
+        unit: &str,
+        waiting: &dyn Fn(&str),
+    ) -> Result<Box<dyn Making + '_>, Advised> {
+        self.prepare()?;
+        Ok(Box::new(UnitInTheMaking::begin(
+            self,
+            fingerprint,
+            unit,
+            waiting,
+        )?))
+    }
+
+    fn open(
+        &self,
+        files: &BTreeMap<String, FileRef>,
+    ) -> Result<Option<BTreeMap<String, PathBuf>>, Advised> {
+        let mut paths = BTreeMap::new();
+        let mut is_whole = true;
+        for (name, file) in files {
+            if self.blobs().is_whole(file)? {
+                paths.insert(name.clone(), self.blobs().path(&file.digest));
+            } else {
+                self.blobs().drop(file)?;
+                is_whole = false;
+            }
+        }
+        Ok(is_whole.then_some(paths))
+    }
+
+    fn publish(&self, pipeline: &str, node: &Node, made: &[Showing]) -> Result<(), Advised> {
+        let before = {
+            let newest = self.newest();
+            let newest = newest.get(pipeline);
+            newest.and_then(|newest| newest.shown(&node.name).cloned())
+        };
+        if let Some(shown) = published::publish(self, pipeline, node, made, before.as_ref())? {
+            let mut newest = self.newest();
+            let newest = newest.entry(pipeline.to_owned()).or_default();
+            newest.all_shown_mut().insert(node.name.clone(), shown);
+        }
+        Ok(())
+    }
+
+    fn retire(&self, pipeline: &str, kept: &[Node]) -> Result<(), Advised> {
+        let is_kept = |name: &NodeName| kept.iter().any(|node| node.name == *name);
+        published::retire(self, pipeline, &is_kept)?;
+        if let Some(newest) = self.newest().get_mut(pipeline) {
+            newest.retire(is_kept);
+        }
+        Ok(())
+    }
+
+    fn begin_run(&self, run: &RunRecord) -> Result<u64, Advised> {
+        self.prepare()?;
+        let run = runs::begin(self, run)?;
+        let number = run.number;
+        *self.current_run() = Some(run);
+        Ok(number)
+    }
+
+    fn end_run(&self, number: u64, record: &RunRecord) -> Result<(), Advised> {
+        let run = self.current_run().take();
+        let run = match run.filter(|run| run.number == number) {
+            Some(run) => run,
+            None => runs::read(self.root(), number)?,
+        };
+        let mut units = Vec::with_capacity(record.units.len());
+        for unit in &record.units {
+            if let Some(outcome) = self.recall(&unit.fingerprint)? {
+                units.push((unit.clone(), outcome));
+            }
+        }
+        let run = runs::end(self, run, record.clone())?;
+        history::keep(self, &run, &units)?;
+        views::write(self)?;
+        Ok(())
+    }
+
+    fn settle(
+        &self,
+        pipeline: &str,
+        units: Option<&[(UnitRef, Arc<RecordOutcome>)]>,
+    ) -> Result<(), Advised> {
+        if units.is_some() || self.blobs().learned() {
+            let kept = self.keep_newest(pipeline, units);
+            match kept {
+                // What was learned by reading is a convenience: a lake that cannot be written to is
+                // no fault of a run that makes nothing.
+                Err(LakeError::Io { source, .. })
+                    if units.is_none()
+                        && matches!(
+                            source.kind(),
+                            io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem
+                        ) => {}
+                kept => kept?,
+            }
+        }
+        match self.sources().save(&self.staging()) {
+            Err(_) if units.is_none() => Ok(()),
+            saved => Ok(saved?),
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! The lake's tables as SQL views for DuckDB: `duckdb -init views.sql` from the lake's folder.
+
+use crate::{
+    LakeError, atomic,
+    folder::Lake,
+    history,
+    published::{EVERY, TABLES},
+    table,
+};
+
+const HEAD: &str = "-- The lake's tables as views; paths are relative to this file's folder.\n\
+    -- A table's name gives the newest run's rows; `all_` before it, every run's, by `run`.\n";
+
+/// Writes the views if they are not there as they should be.
+pub(crate) fn write(lake: &Lake) -> Result<(), LakeError> {
+    let mut views = HEAD.to_owned();
+    for name in history::TABLES {
+        views.push_str(&format!(
+            "create or replace view {name} as select * from \
+             read_parquet('{TABLES}/{name}/*/{}', hive_partitioning = true, \
+             hive_types = {{'run': BIGINT}}, union_by_name = true);\n",
+            table::FILE
+        ));
+    }
+    for newest in lake.newest_tables()? {
+        let name = &newest.table;
+        views.push_str(&format!(
+            "create or replace view {name} as select * from \
+             read_parquet('{TABLES}/{name}/pipeline={}/**/{}', hive_partitioning = true, \
+             hive_types_autocast = false, union_by_name = true);\n",
+            newest.pipeline,
+            table::FILE
+        ));
+        views.push_str(&format!(
+            "create or replace view all_{name} as select units.run, units.pipeline, units.stage, \
+             made.* from read_parquet('{EVERY}/{name}/**/{}', hive_partitioning = true, \
+             hive_types_autocast = false, union_by_name = true) as made \
+             join units on units.fingerprint = made.fingerprint and units.artifact = '{name}';\n",
+            table::FILE
+        ));
+    }
+    let path = lake.root().join("views.sql");
+    if atomic::read_if_there(&path)?.as_deref() == Some(views.as_bytes()) {
+        return Ok(());
+    }
+    atomic::write(&lake.staging(), &path, views.as_bytes())
+}
