@@ -5,11 +5,8 @@ use polars::prelude::*;
 /// Digits of a number that are shown.
 const DIGITS: i32 = 6;
 
-/// Elements of a list that are shown.
-const ELEMENTS: usize = 8;
-
-/// A value as people read it, on one line.
-pub(super) fn cell(value: &AnyValue) -> String {
+/// A value as people read it, on one line; of a list, no more than so many elements.
+pub(super) fn cell(value: &AnyValue, elements: usize) -> String {
     match value {
         AnyValue::Null => "-".to_owned(),
         AnyValue::String(text) => one_line(text),
@@ -18,7 +15,7 @@ pub(super) fn cell(value: &AnyValue) -> String {
         AnyValue::Float64(value) => number(*value),
         AnyValue::Binary(bytes) => format!("{} bytes", bytes.len()),
         AnyValue::BinaryOwned(bytes) => format!("{} bytes", bytes.len()),
-        AnyValue::List(values) | AnyValue::Array(values, _) => list(values),
+        AnyValue::List(values) | AnyValue::Array(values, _) => list(values, elements),
         other => one_line(&other.to_string()),
     }
 }
@@ -76,13 +73,13 @@ fn without_zeros(digits: &str) -> &str {
     }
 }
 
-fn list(values: &Series) -> String {
+fn list(values: &Series, elements: usize) -> String {
     let mut shown: Vec<String> = values
         .iter()
-        .take(ELEMENTS)
-        .map(|value| cell(&value))
+        .take(elements)
+        .map(|value| cell(&value, elements))
         .collect();
-    if values.len() > ELEMENTS {
+    if values.len() > elements {
         shown.push(format!("… {} in all", values.len()));
     }
     format!("[{}]", shown.join(", "))
@@ -131,15 +128,18 @@ mod tests {
     #[test]
     fn lists_show_their_first_elements_and_their_length() {
         let short = Series::new("a".into(), [0.5, 1e-6]);
-        assert_eq!(cell(&AnyValue::List(short)), "[0.5, 1e-6]");
+        assert_eq!(cell(&AnyValue::List(short), 8), "[0.5, 1e-6]");
         let long = Series::new("a".into(), (0..20).collect::<Vec<i64>>());
-        let text = cell(&AnyValue::List(long));
+        let text = cell(&AnyValue::List(long), 8);
         assert!(text.ends_with("6, 7, … 20 in all]"), "{text}");
     }
 
     #[test]
     fn text_stays_on_its_line() {
-        assert_eq!(cell(&AnyValue::String("a\nb\u{1b}[0m")), "a\\nb\\u{1b}[0m");
+        assert_eq!(
+            cell(&AnyValue::String("a\nb\u{1b}[0m"), 8),
+            "a\\nb\\u{1b}[0m"
+        );
     }
 
     #[test]

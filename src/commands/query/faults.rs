@@ -31,9 +31,12 @@ pub(super) fn explain(err: &PolarsError, sql: &str, tables: &[(String, LazyFrame
             near(column, columns.iter().map(String::as_str), list),
         );
     }
+    if let Some(text) = text.strip_prefix(PARSER) {
+        return Trouble::usage(format!("cannot read the question: {text}"), EXAMPLE);
+    }
     let message = format!("cannot answer the question: {text}");
     match innermost(err) {
-        PolarsError::SQLSyntax(_) => Trouble::usage(message.replace(PARSER, ""), EXAMPLE),
+        PolarsError::SQLSyntax(_) => Trouble::usage(message, EXAMPLE),
         PolarsError::SQLInterface(_) => Trouble::Usage {
             message,
             hint: None,

@@ -5,6 +5,9 @@ use std::io::{self, IsTerminal};
 /// Rows shown on a terminal.
 const ROWS: usize = 40;
 
+/// Elements shown of each list where lines are limited.
+const ELEMENTS: usize = 8;
+
 /// Characters below which a column of text is rather left out than cut further.
 const NARROW: usize = 12;
 
@@ -37,6 +40,11 @@ impl Page {
             width: asked.or_else(found).filter(|&width| width > 0),
             rows: is_terminal.then_some(ROWS),
         }
+    }
+
+    /// Returns how many elements of a list are shown.
+    pub(super) fn elements(self) -> usize {
+        self.width.map_or(usize::MAX, |_| ELEMENTS)
     }
 
     /// Returns which rows of so many are shown: the first and the last.

@@ -32,7 +32,9 @@ pub(super) fn table(answer: &DataFrame, page: Page) -> Printed {
         .map(|column| {
             let shown = (0..first).chain(n_rows - last..n_rows);
             let value = |row| column.get(row).unwrap_or(AnyValue::Null);
-            let mut cells: Vec<String> = shown.map(|row| cells::cell(&value(row))).collect();
+            let mut cells: Vec<String> = shown
+                .map(|row| cells::cell(&value(row), page.elements()))
+                .collect();
             if n_hidden > 0 {
                 cells.insert(first, LEFT_OUT.to_owned());
             }
