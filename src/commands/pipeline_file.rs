@@ -20,7 +20,7 @@ pub(crate) fn read_with(
     file: &Path,
     values: &ValueArgs,
 ) -> Result<Pipeline, Trouble> {
-    parse(kinds, file, values, single(values)?)
+    parse(kinds, file, values, &single(values)?)
 }
 
 /// Reads and checks the file, and lets every `dispatch` in it move a real robot.
@@ -29,8 +29,8 @@ pub(crate) fn read_to_execute(kinds: &[Kind], args: &PipelineArgs) -> Result<Pip
     let moves = |stage: &&StageEntry| stage.kind.name == stage_dispatch::Dispatch::KIND;
     let permits = pipeline.stages.iter().filter(moves);
     let permits = permits.flat_map(|stage| format!("{}.execute=true", stage.name).parse());
-    let overrides = single(&args.values)?.into_iter().chain(permits).collect();
-    parse(kinds, &args.file, &args.values, overrides)
+    let overrides: Vec<Override> = single(&args.values)?.into_iter().chain(permits).collect();
+    parse(kinds, &args.file, &args.values, &overrides)
 }
 
 /// The values given, one for each key.
@@ -49,7 +49,7 @@ fn parse(
     kinds: &[Kind],
     path: &Path,
     values: &ValueArgs,
-    overrides: Vec<Override>,
+    overrides: &[Override],
 ) -> Result<Pipeline, Trouble> {
     let source = fs::read_to_string(path).map_err(|err| {
         Trouble::usage(
@@ -58,7 +58,7 @@ fn parse(
         )
     })?;
     let profile = values.profile.as_deref();
-    Ok(Pipeline::parse(path, &source, kinds, profile, &overrides)?)
+    Ok(Pipeline::parse(path, &source, kinds, profile, overrides)?)
 }
 
 /// Returns what to run and how.

@@ -123,7 +123,6 @@ fn cut_at_commas(text: &str) -> Vec<&str> {
             _ if escaped => escaped = false,
             (Some('"'), '\\') => escaped = true,
             (Some(open), c) if c == open => quote = None,
-            (Some(_), _) => {}
             (None, '"' | '\'') => quote = Some(c),
             (None, '[' | '{') => depth += 1,
             (None, ']' | '}') => depth = depth.saturating_sub(1),
@@ -131,7 +130,7 @@ fn cut_at_commas(text: &str) -> Vec<&str> {
                 parts.extend(text.get(start..at));
                 start = at + 1;
             }
-            (None, _) => {}
+            _ => {}
         }
     }
     parts.extend(text.get(start..));
