@@ -38,6 +38,9 @@ pub(super) fn table(answer: &DataFrame, page: Page) -> Printed {
             if n_hidden > 0 {
                 cells.insert(first, LEFT_OUT.to_owned());
             }
+            if column.dtype().is_float() {
+                align_points(&mut cells);
+            }
             cells.insert(0, column.name().to_string());
             (cells, column.dtype().is_primitive_numeric())
         })
@@ -67,6 +70,17 @@ pub(super) fn table(answer: &DataFrame, page: Page) -> Printed {
     Printed {
         text: report::columns(&lines, &right),
         left_out,
+    }
+}
+
+/// Puts blanks after numbers, so that their decimal points stand below each other when they are
+/// aligned to the right.
+fn align_points(cells: &mut [String]) {
+    let after = |cell: &String| cell.find(['.', 'e']).map_or(0, |at| cell.len() - at);
+    let longest = cells.iter().map(after).max().unwrap_or(0);
+    for cell in cells {
+        let blanks = longest - after(cell);
+        cell.push_str(&" ".repeat(blanks));
     }
 }
 
@@ -179,6 +193,13 @@ mod tests {
             assert!(widest.unwrap() <= width.max(4), "{width}\n{}", printed.text);
             assert_eq!(printed.text.lines().count(), 101);
         }
+    }
+
+    #[test]
+    fn decimal_points_stand_below_each_other() {
+        let answer = df!("rate" => [0.75, 0.703_125, 12.0, 1.5e-6]).unwrap();
+        let text = table(&answer, Page::default()).text;
+        assert_eq!(text, "     rate\n 0.75\n 0.703125\n12\n 1.5e-6\n", "{text}");
     }
 
     #[test]
