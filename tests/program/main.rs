@@ -2,6 +2,7 @@
 
 mod bench;
 mod commands;
+mod doctor;
 mod errors;
 mod incremental;
 mod questions;
