@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use dataflow::Override;
+use clap_complete::Shell;
+use dataflow::Sweep;
 
 /// Learn dexterous grasps from human demonstrations
 #[derive(Parser)]
@@ -31,31 +32,47 @@ pub(crate) enum Command {
     Inspect(InspectArgs),
     /// List the kinds of stages, their inputs, outputs and options
     Stages(StagesArgs),
+    /// Draw what a pipeline's stages read and make
+    Graph(GraphArgs),
+    /// Check that the lake, what a pipeline file names and the robot cell are ready
+    Doctor(DoctorArgs),
+    /// Print a script that completes commands and options in a shell
+    Completions(CompletionsArgs),
 }
 
 /// Which pipeline, with which values.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub(crate) struct PipelineArgs {
     /// Pipeline file, e.g. `pipelines/cgf.toml`
     pub(crate) file: PathBuf,
-    /// Take the values of this table under `profiles` in the file
-    #[arg(long, value_name = "NAME")]
-    pub(crate) profile: Option<String>,
-    /// Replace one value, e.g. `ingest.root=/data/dexycb` or `train.training.epochs=500`; may be repeated
-    #[arg(long = "set", value_name = "STAGE.KEY=VALUE")]
-    pub(crate) overrides: Vec<Override>,
-    /// Stop after this stage
+    #[command(flatten)]
+    pub(crate) values: ValueArgs,
+    /// Stop after this stage [default: the last one]
     #[arg(long, value_name = "STAGE")]
     pub(crate) until: Option<String>,
-    /// Go through this stage alone; what it reads must have been made
+    /// Go through this stage alone; what it reads must have been made [default: every stage]
     #[arg(long, value_name = "STAGE", conflicts_with = "until")]
     pub(crate) only: Option<String>,
-    /// Run this stage even if its results are in the lake; without a name, every stage
+    /// Run this stage even if its results are in the lake; without a name, every stage; may be
+    /// repeated [default: none]
     #[arg(long, value_name = "STAGE", num_args = 0..=1, default_missing_value = "")]
     pub(crate) fresh: Vec<String>,
 }
 
-#[derive(Args)]
+/// Values that replace those of a pipeline file.
+#[derive(Args, Clone)]
+pub(crate) struct ValueArgs {
+    /// Take the values of this table under `profiles` in the file [default: the file's own values]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) profile: Option<String>,
+    /// Replace one value, e.g. `ingest.root=/data/dexycb`; may be repeated. `run` and `plan` take
+    /// several, e.g. `train.training.kl_weight=1e-3,1e-2`, and go through every variant; text with
+    /// a comma in it is put in double quotes [default: the file's own values]
+    #[arg(long = "set", value_name = "STAGE.KEY=VALUE")]
+    pub(crate) overrides: Vec<Sweep>,
+}
+
+#[derive(Args, Clone)]
 pub(crate) struct RunArgs {
     #[command(flatten)]
     pub(crate) pipeline: PipelineArgs,
@@ -70,7 +87,7 @@ pub(crate) struct RunArgs {
     pub(crate) execute: bool,
 }
 
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub(crate) struct PlanArgs {
     #[command(flatten)]
     pub(crate) pipeline: PipelineArgs,
@@ -83,7 +100,7 @@ pub(crate) struct PlanArgs {
 pub(crate) enum PlanFormat {
     /// One line per output and cause
     Text,
-    /// Every unit with its causes
+    /// Every unit with its causes; one JSON object per variant
     Json,
 }
 
@@ -98,7 +115,7 @@ pub(crate) struct QueryArgs {
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum QueryFormat {
-    /// Aligned columns
+    /// Aligned columns, cut to fit a terminal
     Table,
     /// Comma-separated values with a header
     Csv,
@@ -112,7 +129,7 @@ pub(crate) enum QueryFormat {
 pub(crate) struct InspectArgs {
     /// The artifact, e.g. `screen.rollouts`
     pub(crate) artifact: String,
-    /// One partition of it, e.g. an object's name
+    /// One partition of it, e.g. an object's name [default: an overview of all]
     pub(crate) partition: Option<String>,
     /// List what was skipped or filtered, with the reasons
     #[arg(long)]
@@ -121,6 +138,42 @@ pub(crate) struct InspectArgs {
 
 #[derive(Args)]
 pub(crate) struct StagesArgs {
-    /// Show the options of this kind
+    /// Show the options of this kind [default: a list of the kinds]
     pub(crate) kind: Option<String>,
+}
+
+#[derive(Args)]
+pub(crate) struct GraphArgs {
+    /// Pipeline file, e.g. `pipelines/cgf.toml`
+    pub(crate) file: PathBuf,
+    #[command(flatten)]
+    pub(crate) values: ValueArgs,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = GraphFormat::Text)]
+    pub(crate) format: GraphFormat,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum GraphFormat {
+    /// A list of the stages, each below what it reads
+    Text,
+    /// Graphviz, e.g. for `dot -Tsvg`
+    Dot,
+    /// Mermaid, e.g. for a Markdown page
+    Mermaid,
+}
+
+#[derive(Args)]
+pub(crate) struct DoctorArgs {
+    /// Pipeline file
+    #[arg(default_value = "pipelines/cgf.toml")]
+    pub(crate) file: PathBuf,
+    #[command(flatten)]
+    pub(crate) values: ValueArgs,
+}
+
+#[derive(Args)]
+pub(crate) struct CompletionsArgs {
+    /// The shell, e.g. `bash`: `pipeline completions bash > ~/.local/share/bash-completion/completions/pipeline`
+    pub(crate) shell: Shell,
 }

@@ -38,6 +38,9 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
         Command::Query(args) => commands::query(&program, args),
         Command::Inspect(args) => commands::inspect(&program, args),
         Command::Stages(args) => commands::stages(&program, args),
+        Command::Graph(args) => commands::graph(&program, args),
+        Command::Doctor(args) => commands::doctor(&program, args),
+        Command::Completions(args) => commands::completions(args),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -57,7 +57,7 @@ fn hint(advice: Option<&str>) {
 }
 
 /// An error and its causes on one line; a cause that repeats what was said is left out.
-fn chain(error: &anyhow::Error) -> String {
+pub(crate) fn chain(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain().map(ToString::to_string) {
         if text.is_empty() {

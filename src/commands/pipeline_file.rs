@@ -1,14 +1,26 @@
 //! Reading the pipeline file that a command names.
 
-use std::fs;
+use std::{fs, path::Path};
 
-use dataflow::{FreshAll, Kind, Override, Pipeline, RunOptions, Stage, StageEntry};
+use dataflow::{FreshAll, Kind, Override, Pipeline, RunOptions, Stage, StageEntry, Sweep};
 
-use crate::{arguments::PipelineArgs, outcome::Trouble};
+use crate::{
+    arguments::{PipelineArgs, ValueArgs},
+    outcome::Trouble,
+};
 
-/// Reads and checks the file.
+/// Reads and checks the file of one variant.
 pub(crate) fn read(kinds: &[Kind], args: &PipelineArgs) -> Result<Pipeline, Trouble> {
-    parse(kinds, args, &args.overrides)
+    read_with(kinds, &args.file, &args.values)
+}
+
+/// Reads and checks a file with these values in place of its own.
+pub(crate) fn read_with(
+    kinds: &[Kind],
+    file: &Path,
+    values: &ValueArgs,
+) -> Result<Pipeline, Trouble> {
+    parse(kinds, file, values, &single(values)?)
 }
 
 /// Reads and checks the file, and lets every `dispatch` in it move a real robot.
@@ -17,19 +29,35 @@ pub(crate) fn read_to_execute(kinds: &[Kind], args: &PipelineArgs) -> Result<Pip
     let moves = |stage: &&StageEntry| stage.kind.name == stage_dispatch::Dispatch::KIND;
     let permits = pipeline.stages.iter().filter(moves);
     let permits = permits.flat_map(|stage| format!("{}.execute=true", stage.name).parse());
-    let overrides: Vec<Override> = args.overrides.iter().cloned().chain(permits).collect();
-    parse(kinds, args, &overrides)
+    let overrides: Vec<Override> = single(&args.values)?.into_iter().chain(permits).collect();
+    parse(kinds, &args.file, &args.values, &overrides)
 }
 
-fn parse(kinds: &[Kind], args: &PipelineArgs, overrides: &[Override]) -> Result<Pipeline, Trouble> {
-    let path = &args.file;
+/// The values given, one for each key.
+fn single(values: &ValueArgs) -> Result<Vec<Override>, Trouble> {
+    let mut variants = Sweep::variants(&values.overrides);
+    match (variants.pop(), variants.len()) {
+        (Some(variant), 0) => Ok(variant.overrides),
+        (_, n_others) => Err(Trouble::usage(
+            format!("`--set` gives values for {} variants here", n_others + 1),
+            "give one value; only `run` and `plan` go through several",
+        )),
+    }
+}
+
+fn parse(
+    kinds: &[Kind],
+    path: &Path,
+    values: &ValueArgs,
+    overrides: &[Override],
+) -> Result<Pipeline, Trouble> {
     let source = fs::read_to_string(path).map_err(|err| {
         Trouble::usage(
             format!("cannot read the pipeline file `{}`: {err}", path.display()),
             "name a pipeline file, e.g. `pipelines/cgf.toml`",
         )
     })?;
-    let profile = args.profile.as_deref();
+    let profile = values.profile.as_deref();
     Ok(Pipeline::parse(path, &source, kinds, profile, overrides)?)
 }
 

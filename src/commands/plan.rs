@@ -8,7 +8,10 @@ use lake::Lake;
 use crate::{
     arguments::{PlanArgs, PlanFormat},
     command_line::Program,
-    commands::pipeline_file,
+    commands::{
+        pipeline_file,
+        sweep::{self, Done},
+    },
     outcome::{Outcome, Trouble},
     report,
 };
@@ -16,8 +19,18 @@ use crate::{
 /// Partitions named in one line of the text.
 const NAMED: usize = 3;
 
-/// Shows what `run` would do, and why.
+/// Shows what `run` would do, and why, for every variant.
 pub(crate) fn plan(program: &Program, args: &PlanArgs) -> Result<Outcome, Trouble> {
+    sweep::each(program, &args.pipeline, |pipeline| {
+        let args = PlanArgs {
+            pipeline,
+            ..args.clone()
+        };
+        plan_variant(program, &args)
+    })
+}
+
+fn plan_variant(program: &Program, args: &PlanArgs) -> Result<Done, Trouble> {
     let pipeline = pipeline_file::read(program.kinds, &args.pipeline)?;
     let options = pipeline_file::options(&args.pipeline, None);
     let plan = dataflow::plan(&pipeline, &Lake::open(&program.lake), &options)?;
@@ -29,7 +42,7 @@ pub(crate) fn plan(program: &Program, args: &PlanArgs) -> Result<Outcome, Troubl
             report::data(format!("{json}\n").as_bytes());
         }
     }
-    Ok(Outcome::Done)
+    Ok(Done::without_words(Outcome::Done))
 }
 
 /// One line per output and cause.

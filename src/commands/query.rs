@@ -1,101 +1,42 @@
 //! `pipeline query`
 
-use std::path::Path;
+mod cells;
+mod faults;
+mod page;
+mod print;
+mod tables;
 
 use lake::Lake;
-use polars::{prelude::*, sql::SQLContext};
 
+use self::{page::Page, tables::Tables};
 use crate::{
     arguments::{QueryArgs, QueryFormat},
     command_line::Program,
     outcome::{Outcome, Trouble},
+    progress::Quiet,
     report,
 };
 
-/// Answers a question in SQL over the tables of the newest run's pipeline.
+/// Answers a question in SQL over the lake's tables.
 pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<Outcome, Trouble> {
-    let lake = Lake::open(&program.lake);
-    let tables = lake.tables()?;
-    if tables.is_empty() {
-        return Err(Trouble::usage(
-            format!("no tables in the lake `{}`", lake.root().display()),
-            "make some with `pipeline run pipelines/cgf.toml`, or name another lake with `--lake DIR`",
-        ));
-    }
-    let failed = |err: PolarsError| {
-        Trouble::failed(err, Some(format!("the tables are: {}", tables.join(", "))))
-    };
-    let mut context = SQLContext::new();
-    for newest in lake.newest_tables()? {
-        context.register(&newest.table, scan(&newest.folder).map_err(failed)?);
-    }
-    for (name, folder) in lake.history_tables()? {
-        context.register(&name, scan(&folder).map_err(failed)?);
-    }
-    let answer = context.execute(&args.sql).and_then(LazyFrame::collect);
-    let mut answer = answer.map_err(failed)?;
+    let tables = Tables::open(&Lake::open(&program.lake), &args.sql)?;
+    let mut answer = tables.answer(&args.sql)?;
+    let failed = |err| Trouble::failed(err, None);
     let bytes = match args.format {
-        QueryFormat::Table => table(&answer).into_bytes(),
-        QueryFormat::Csv => {
-            let mut bytes = Vec::new();
-            CsvWriter::new(&mut bytes)
-                .finish(&mut answer)
-                .map_err(failed)?;
-            bytes
+        QueryFormat::Table => {
+            let printed = print::table(&answer, Page::of_stdout());
+            report::data(printed.text.as_bytes());
+            if program.quiet == Quiet::No {
+                for note in printed.left_out {
+                    report::line(&format!("note   {note}"));
+                }
+            }
+            return Ok(Outcome::Done);
         }
-        QueryFormat::Json => {
-            let mut bytes = Vec::new();
-            let mut writer = JsonWriter::new(&mut bytes).with_json_format(JsonFormat::JsonLines);
-            writer.finish(&mut answer).map_err(failed)?;
-            bytes
-        }
-        QueryFormat::Parquet => {
-            let mut bytes = Vec::new();
-            ParquetWriter::new(&mut bytes)
-                .finish(&mut answer)
-                .map_err(failed)?;
-            bytes
-        }
+        QueryFormat::Csv => print::csv(&mut answer),
+        QueryFormat::Json => print::json_lines(&mut answer),
+        QueryFormat::Parquet => print::parquet(&mut answer),
     };
-    report::data(&bytes);
+    report::data(&bytes.map_err(failed)?);
     Ok(Outcome::Done)
-}
-
-fn scan(folder: &Path) -> PolarsResult<LazyFrame> {
-    let pattern = format!("{}/**/*.parquet", folder.display());
-    let options = ScanArgsParquet {
-        hive_options: HiveOptions::new_enabled(),
-        ..ScanArgsParquet::default()
-    };
-    LazyFrame::scan_parquet(PlRefPath::new(pattern), options)
-}
-
-/// The answer in aligned columns, numbers to the right.
-fn table(answer: &DataFrame) -> String {
-    let columns = answer.columns();
-    let mut rows = vec![
-        columns
-            .iter()
-            .map(|column| column.name().to_string())
-            .collect::<Vec<_>>(),
-    ];
-    for row in 0..answer.height() {
-        rows.push(columns.iter().map(|column| cell(column, row)).collect());
-    }
-    let right: Vec<usize> = columns
-        .iter()
-        .enumerate()
-        .filter(|(_, column)| column.dtype().is_primitive_numeric())
-        .map(|(idx, _)| idx)
-        .collect();
-    report::columns(&rows, &right)
-}
-
-fn cell(column: &Column, row: usize) -> String {
-    match column.get(row) {
-        Ok(AnyValue::Null) | Err(_) => "-".to_owned(),
-        Ok(AnyValue::String(text)) => text.to_owned(),
-        Ok(AnyValue::Float64(number)) => format!("{number:.4}"),
-        Ok(value) => value.to_string(),
-    }
 }

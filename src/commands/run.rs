@@ -5,14 +5,27 @@ use lake::Lake;
 use crate::{
     arguments::RunArgs,
     command_line::Program,
-    commands::{pipeline_file, plan},
+    commands::{
+        pipeline_file, plan,
+        sweep::{self, Done},
+    },
     outcome::{Outcome, Trouble},
     progress::{Quiet, Screen},
     report,
 };
 
-/// Runs a pipeline, reusing every result that is still valid.
+/// Runs a pipeline, or every variant of it, reusing every result that is still valid.
 pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<Outcome, Trouble> {
+    sweep::each(program, &args.pipeline, |pipeline| {
+        let args = RunArgs {
+            pipeline,
+            ..args.clone()
+        };
+        run_variant(program, &args)
+    })
+}
+
+fn run_variant(program: &Program, args: &RunArgs) -> Result<Done, Trouble> {
     let pipeline = if args.execute {
         pipeline_file::read_to_execute(program.kinds, &args.pipeline)?
     } else {
@@ -23,13 +36,14 @@ pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<Outcome, Trouble>
     if args.dry_run {
         let plan = dataflow::plan(&pipeline, &store, &options)?;
         report::data(plan::text(&plan).as_bytes());
-        return Ok(Outcome::Done);
+        return Ok(Done::without_words(Outcome::Done));
     }
     let screen = Screen::new(program.quiet);
     let ran = dataflow::run(&pipeline, &store, &options, None, &screen)?;
+    let last = ran.nodes.last();
+    let said = last.map_or_else(String::new, |node| node.description.clone());
     if program.quiet == Quiet::No {
-        let last = ran.nodes.last();
-        let result = last.map_or("", |node| node.description.as_str());
+        let result = &said;
         let line = if ran.n_made_now() == 0 {
             let n_stages = pipeline
                 .stages
@@ -50,7 +64,10 @@ pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<Outcome, Trouble>
         report::line(&format!(
             "hint: see each reason with `pipeline inspect {node} --skipped`"
         ));
-        return Ok(Outcome::SkippedItems);
+        return Ok(Done {
+            outcome: Outcome::SkippedItems,
+            said,
+        });
     }
     if program.quiet == Quiet::No && ran.n_made_now() > 0 {
         let last = ran
@@ -62,5 +79,8 @@ pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<Outcome, Trouble>
             args.pipeline.file.display()
         ));
     }
-    Ok(Outcome::Done)
+    Ok(Done {
+        outcome: Outcome::Done,
+        said,
+    })
 }

@@ -1,6 +1,10 @@
 //! The whole program, run as a user runs it, on a small sample and with little training.
 
 mod bench;
+mod commands;
+mod doctor;
 mod errors;
 mod incremental;
+mod questions;
 mod repeatable;
+mod sweeps;

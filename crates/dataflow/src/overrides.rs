@@ -1,8 +1,12 @@
-//! Values given on the command line: `--set stage.key=value`.
+//! Values given on the command line: `--set stage.key=value`, or several to go through.
+
+mod sweep;
 
 use std::{fmt, str::FromStr};
 
 use toml_edit::Value;
+
+pub use self::sweep::{Sweep, Variant};
 
 /// One value that replaces what the pipeline file says.
 #[derive(Debug, Clone)]
@@ -16,8 +20,15 @@ pub struct Override {
 
 /// Text that is no override.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is not of the form `stage.key=value`")]
-pub struct OverrideError(String);
+#[non_exhaustive]
+pub enum OverrideError {
+    /// No path of keys, or no value.
+    #[error("`{0}` is not of the form `stage.key=value`")]
+    Malformed(String),
+    /// A list of values with nothing between two commas or at an end.
+    #[error("`{0}` has an empty value in its list")]
+    EmptyValue(String),
+}
 
 impl FromStr for Override {
     type Err = OverrideError;
@@ -25,19 +36,8 @@ impl FromStr for Override {
     /// Reads `stage.key=value`; a value that is no TOML is taken as text, so that paths need no
     /// quotes.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let malformed = || OverrideError(text.to_owned());
-        let (path, value) = text.split_once('=').ok_or_else(malformed)?;
-        let mut keys: Vec<String> = path.trim().split('.').map(str::to_owned).collect();
-        if keys.iter().any(String::is_empty) {
-            return Err(malformed());
-        }
-        let stage = (keys.len() > 1).then(|| keys.remove(0));
-        let value = value.trim();
-        Ok(Self {
-            stage,
-            keys,
-            value: value.parse().unwrap_or_else(|_| Value::from(value)),
-        })
+        let (path, value) = split(text)?;
+        Ok(path.with(parse_value(value).unwrap_or_else(|| Value::from(value))))
     }
 }
 
@@ -53,6 +53,40 @@ impl fmt::Display for Override {
             self.value.to_string().trim()
         )
     }
+}
+
+/// Where a value goes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct KeyPath {
+    stage: Option<String>,
+    keys: Vec<String>,
+}
+
+impl KeyPath {
+    fn with(&self, value: Value) -> Override {
+        Override {
+            stage: self.stage.clone(),
+            keys: self.keys.clone(),
+            value,
+        }
+    }
+}
+
+/// Splits `stage.key=value` into where and what.
+fn split(text: &str) -> Result<(KeyPath, &str), OverrideError> {
+    let malformed = || OverrideError::Malformed(text.to_owned());
+    let (path, value) = text.split_once('=').ok_or_else(malformed)?;
+    let mut keys: Vec<String> = path.trim().split('.').map(str::to_owned).collect();
+    if keys.iter().any(String::is_empty) {
+        return Err(malformed());
+    }
+    let stage = (keys.len() > 1).then(|| keys.remove(0));
+    Ok((KeyPath { stage, keys }, value.trim()))
+}
+
+/// Reads a value of TOML.
+fn parse_value(text: &str) -> Option<Value> {
+    text.parse().ok()
 }
 
 #[cfg(test)]

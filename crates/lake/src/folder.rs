@@ -44,8 +44,9 @@ pub struct Lake {
 pub struct NewestTable {
     /// The table's name.
     pub table: String,
-    /// The pipeline whose run is the newest of those that made it.
-    pub pipeline: String,
+    /// The pipeline whose run is the newest of those that made it; `None` for a table that no run
+    /// has made.
+    pub pipeline: Option<String>,
     /// The folder of its Hive partitions.
     pub folder: PathBuf,
 }
@@ -182,13 +183,18 @@ impl Lake {
                 .iter()
                 .find(|pipeline| others.contains(pipeline))
                 .or(others.first());
-            if let Some(pipeline) = newest {
-                found.push(NewestTable {
+            found.push(match newest {
+                Some(pipeline) => NewestTable {
                     folder: self.table_folder(&table, pipeline),
                     table,
-                    pipeline: pipeline.clone(),
-                });
-            }
+                    pipeline: Some(pipeline.clone()),
+                },
+                None => NewestTable {
+                    table,
+                    pipeline: None,
+                    folder: tables,
+                },
+            });
         }
         Ok(found)
     }

@@ -24,11 +24,13 @@ pub(crate) fn write(lake: &Lake) -> Result<(), LakeError> {
     }
     for newest in lake.newest_tables()? {
         let name = &newest.table;
+        let Some(pipeline) = &newest.pipeline else {
+            continue;
+        };
         views.push_str(&format!(
             "create or replace view {name} as select * from \
-             read_parquet('{TABLES}/{name}/pipeline={}/**/{}', hive_partitioning = true, \
+             read_parquet('{TABLES}/{name}/pipeline={pipeline}/**/{}', hive_partitioning = true, \
              hive_types_autocast = false, union_by_name = true);\n",
-            newest.pipeline,
             table::FILE
         ));
         views.push_str(&format!(

@@ -51,6 +51,11 @@ impl Stage for Sample {
         parallel: true,
     }];
 
+    /// Checks the options.
+    fn prepare(config: &SampleConfig) -> Result<(), SampleError> {
+        check(config)
+    }
+
     fn units(
         config: &SampleConfig,
         _output: &str,

@@ -46,6 +46,11 @@ impl Stage for Train {
         parallel: true,
     }];
 
+    /// Checks the hand's description.
+    fn prepare(config: &TrainConfig) -> Result<(), TrainError> {
+        read_hand(&config.hand).map(drop)
+    }
+
     fn units(config: &TrainConfig, _output: &str, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
         let known: Vec<String> = scope
             .partitions("objects")

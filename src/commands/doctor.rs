@@ -1,0 +1,101 @@
+//! `pipeline doctor`
+
+mod checks;
+mod lake_folder;
+
+use dataflow::Pipeline;
+
+use crate::{
+    arguments::DoctorArgs,
+    command_line::Program,
+    commands::pipeline_file,
+    outcome::{Outcome, Trouble},
+    report,
+};
+
+/// One line of the report.
+struct Check {
+    state: State,
+    subject: String,
+    finding: String,
+    /// What to do about it.
+    hint: Option<String>,
+}
+
+/// How a check came out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    /// It can be used.
+    Ok,
+    /// The file needs it, and it is not there.
+    Missing,
+    /// It is not there, and a run goes on without it.
+    Unset,
+}
+
+impl State {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Missing => "missing",
+            Self::Unset => "unset",
+        }
+    }
+}
+
+impl Check {
+    fn new(state: State, subject: impl Into<String>, finding: impl Into<String>) -> Self {
+        Self {
+            state,
+            subject: subject.into(),
+            finding: finding.into(),
+            hint: None,
+        }
+    }
+
+    fn with_hint(mut self, hint: impl Into<Option<String>>) -> Self {
+        self.hint = hint.into();
+        self
+    }
+}
+
+/// Checks that the lake, what a pipeline file names and the robot cell are ready.
+pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<Outcome, Trouble> {
+    let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
+    let found = all(program, &pipeline);
+    let rows: Vec<Vec<String>> = found
+        .iter()
+        .map(|check| {
+            vec![
+                format!("{:<7}", check.state.word()),
+                check.subject.clone(),
+                check.finding.clone(),
+            ]
+        })
+        .collect();
+    report::data(report::columns(&rows, &[]).as_bytes());
+    let mut hints: Vec<&String> = found
+        .iter()
+        .filter_map(|check| check.hint.as_ref())
+        .collect();
+    hints.dedup();
+    for hint in hints {
+        report::line(&format!("hint: {hint}"));
+    }
+    let is_missing = |check: &&Check| check.state == State::Missing;
+    match found.iter().filter(is_missing).count() {
+        0 => Ok(Outcome::Done),
+        n => Err(Trouble::failed(
+            anyhow::anyhow!("`{}` cannot run: {n} missing", args.file.display()),
+            None,
+        )),
+    }
+}
+
+fn all(program: &Program, pipeline: &Pipeline) -> Vec<Check> {
+    let mut found = lake_folder::check(&program.lake);
+    found.push(checks::compute());
+    found.extend(checks::stages(pipeline));
+    found.extend(checks::robot_cells(pipeline));
+    found
+}

@@ -1,0 +1,138 @@
+//! Checks of what computes, of the stages and of the robot cell.
+
+use std::{
+    net::{TcpListener, TcpStream, ToSocketAddrs},
+    time::Duration,
+};
+
+use dataflow::{Advise, Failure, Outside, Pipeline, Stage, StageEntry, readiness};
+use stage_dispatch::Dispatch;
+
+use super::{Check, State};
+use crate::report;
+
+/// How long a robot cell gets to take a connection.
+const CONNECT: Duration = Duration::from_secs(3);
+
+/// Starts the threads that a run would start.
+pub(super) fn compute() -> Check {
+    match rayon::ThreadPoolBuilder::new().build() {
+        Ok(pool) => Check::new(
+            State::Ok,
+            "compute",
+            format!(
+                "CPU, {} threads; every stage computes there",
+                pool.current_num_threads()
+            ),
+        ),
+        Err(err) => Check::new(
+            State::Missing,
+            "compute",
+            format!("cannot start the worker threads: {err}"),
+        ),
+    }
+}
+
+/// Lets every stage look for what it reads outside the lake.
+pub(super) fn stages(pipeline: &Pipeline) -> Vec<Check> {
+    readiness(pipeline)
+        .into_iter()
+        .map(|stage| match stage.found {
+            Ok(outside) => Check::new(
+                State::Ok,
+                &stage.stage,
+                found(pipeline, &stage.stage, outside),
+            ),
+            Err(failure) => {
+                let hint = failure.hint();
+                Check::new(State::Missing, &stage.stage, cause(failure)).with_hint(hint)
+            }
+        })
+        .collect()
+}
+
+fn found(pipeline: &Pipeline, stage: &str, outside: Outside) -> String {
+    let Some(n_units) = outside.n_units else {
+        return "its options and what it reads outside the lake can be used".to_owned();
+    };
+    let output = pipeline
+        .find(stage)
+        .and_then(|entry| entry.kind.outputs.first());
+    let per = output.map_or("unit", |output| output.partition);
+    format!(
+        "{n_units} partitions to make, one per {per}, from {} files",
+        outside.n_files
+    )
+}
+
+/// Why a stage cannot begin, without repeating its name.
+fn cause(failure: Failure) -> String {
+    match failure {
+        Failure::Stage { source, .. } => report::chain(&anyhow::Error::from(source)),
+        failure => report::chain(&anyhow::Error::from(failure)),
+    }
+}
+
+/// Looks for the robot cell of every `dispatch`.
+pub(super) fn robot_cells(pipeline: &Pipeline) -> Vec<Check> {
+    pipeline
+        .stages
+        .iter()
+        .filter(|stage| stage.kind.name == Dispatch::KIND)
+        .map(robot_cell)
+        .collect()
+}
+
+fn robot_cell(stage: &StageEntry) -> Check {
+    let config = stage.config();
+    let cell = config["cell"].as_str().unwrap_or_default();
+    let name = config["cell_name"].as_str().unwrap_or_default();
+    let Some(address) = cell.strip_prefix("tcp/") else {
+        return match TcpListener::bind(("127.0.0.1", 0)) {
+            Ok(_) => Check::new(
+                State::Ok,
+                "robot cell",
+                "simulated, in the run's own process, on the loopback interface",
+            ),
+            Err(err) => Check::new(
+                State::Missing,
+                "robot cell",
+                format!("simulated, but nothing can listen on the loopback interface: {err}"),
+            ),
+        };
+    };
+    match connect(address) {
+        Err(reason) => Check::new(
+            State::Missing,
+            "robot cell",
+            format!("`{name}` at `{cell}` does not answer: {reason}"),
+        )
+        .with_hint(format!(
+            "start the cell, or try the simulated one with `--set {}.cell=simulated`",
+            stage.name
+        )),
+        Ok(()) if config["execute"] == true => Check::new(
+            State::Ok,
+            "robot cell",
+            format!("`{name}` takes connections at `{cell}`, and may be moved"),
+        ),
+        Ok(()) => Check::new(
+            State::Unset,
+            "robot cell",
+            format!(
+                "`{name}` takes connections at `{cell}`; without `--execute`, `{}` sends nothing \
+                 unless the cell is simulated",
+                stage.name
+            ),
+        ),
+    }
+}
+
+/// Opens a connection and closes it again; nothing is sent.
+fn connect(address: &str) -> Result<(), String> {
+    let mut addresses = address.to_socket_addrs().map_err(|err| err.to_string())?;
+    let first = addresses.next().ok_or("no such address")?;
+    TcpStream::connect_timeout(&first, CONNECT)
+        .map(drop)
+        .map_err(|err| err.to_string())
+}

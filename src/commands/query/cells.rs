@@ -1,0 +1,156 @@
+//! Single values as text.
+
+use polars::prelude::*;
+
+/// Digits of a number that are shown.
+const DIGITS: i32 = 6;
+
+/// A value as people read it, on one line; of a list, no more than so many elements.
+pub(super) fn cell(value: &AnyValue, elements: usize) -> String {
+    match value {
+        AnyValue::Null => "-".to_owned(),
+        AnyValue::String(text) => one_line(text),
+        AnyValue::StringOwned(text) => one_line(text),
+        AnyValue::Float32(value) => number(f64::from(*value)),
+        AnyValue::Float64(value) => number(*value),
+        AnyValue::Binary(bytes) => format!("{} bytes", bytes.len()),
+        AnyValue::BinaryOwned(bytes) => format!("{} bytes", bytes.len()),
+        AnyValue::List(values) | AnyValue::Array(values, _) => list(values, elements),
+        other => one_line(&other.to_string()),
+    }
+}
+
+/// A value with everything that is in it, for programs.
+pub(super) fn json(value: &AnyValue) -> serde_json::Value {
+    match value {
+        AnyValue::Null => serde_json::Value::Null,
+        AnyValue::Boolean(value) => (*value).into(),
+        // Written as the shorter of the two types, so that no digits are invented.
+        AnyValue::Float32(value) => value
+            .to_string()
+            .parse::<f64>()
+            .map_or_else(|_| serde_json::Value::Null, serde_json::Value::from),
+        AnyValue::Float64(value) => (*value).into(),
+        AnyValue::String(text) => (*text).into(),
+        AnyValue::List(values) | AnyValue::Array(values, _) => {
+            values.iter().map(|value| json(&value)).collect()
+        }
+        other => match (other.extract::<i64>(), other.is_integer()) {
+            (Some(whole), true) => whole.into(),
+            _ => other.to_string().into(),
+        },
+    }
+}
+
+/// A number with six digits that count; very large and small ones with an exponent.
+fn number(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    if !(1e-4..1e9).contains(&size) {
+        let text = format!("{value:.5e}");
+        return match text.split_once('e') {
+            Some((digits, exponent)) => format!("{}e{exponent}", without_zeros(digits)),
+            None => text,
+        };
+    }
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the size has been bounded above"
+    )]
+    let leading = size.log10().floor() as i32;
+    let decimals = usize::try_from(DIGITS - 1 - leading).unwrap_or(0);
+    without_zeros(&format!("{value:.decimals$}")).to_owned()
+}
+
+/// Digits without the zeros that end a fraction.
+fn without_zeros(digits: &str) -> &str {
+    if digits.contains('.') {
+        digits.trim_end_matches('0').trim_end_matches('.')
+    } else {
+        digits
+    }
+}
+
+fn list(values: &Series, elements: usize) -> String {
+    let mut shown: Vec<String> = values
+        .iter()
+        .take(elements)
+        .map(|value| cell(&value, elements))
+        .collect();
+    if values.len() > elements {
+        shown.push(format!("… {} in all", values.len()));
+    }
+    format!("[{}]", shown.join(", "))
+}
+
+/// Text without line breaks and other characters that move a terminal's cursor.
+fn one_line(text: &str) -> String {
+    if !text.contains(char::is_control) {
+        return text.to_owned();
+    }
+    let mut line = String::new();
+    for c in text.chars() {
+        if c.is_control() {
+            line.extend(c.escape_default());
+        } else {
+            line.push(c);
+        }
+    }
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_keep_six_digits() {
+        for (value, text) in [
+            (0.0, "0"),
+            (1.0, "1"),
+            (-12.5, "-12.5"),
+            (0.1 + 0.2, "0.3"),
+            (1.0 / 3.0, "0.333333"),
+            (2e-4, "0.0002"),
+            (1e-6, "1e-6"),
+            (-1.234_567_8e-9, "-1.23457e-9"),
+            (123_456_789.0, "123456789"),
+            (1.5e12, "1.5e12"),
+            (f64::NAN, "NaN"),
+            (f64::NEG_INFINITY, "-inf"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+    }
+
+    #[test]
+    fn lists_show_their_first_elements_and_their_length() {
+        let short = Series::new("a".into(), [0.5, 1e-6]);
+        assert_eq!(cell(&AnyValue::List(short), 8), "[0.5, 1e-6]");
+        let long = Series::new("a".into(), (0..20).collect::<Vec<i64>>());
+        let text = cell(&AnyValue::List(long), 8);
+        assert!(text.ends_with("6, 7, … 20 in all]"), "{text}");
+    }
+
+    #[test]
+    fn text_stays_on_its_line() {
+        assert_eq!(
+            cell(&AnyValue::String("a\nb\u{1b}[0m"), 8),
+            "a\\nb\\u{1b}[0m"
+        );
+    }
+
+    #[test]
+    fn json_has_every_element() {
+        let long = Series::new("a".into(), (0..20).collect::<Vec<i64>>());
+        let text = json(&AnyValue::List(long)).to_string();
+        assert!(
+            text.starts_with("[0,1,") && text.ends_with(",19]"),
+            "{text}"
+        );
+        let single = json(&AnyValue::Float32(0.1));
+        assert_eq!(single.to_string(), "0.1");
+    }
+}

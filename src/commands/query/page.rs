@@ -1,0 +1,163 @@
+//! How much of a table fits where it is shown.
+
+use std::io::{self, IsTerminal};
+
+/// Rows shown on a terminal.
+const ROWS: usize = 40;
+
+/// Elements shown of each list where lines are limited.
+const ELEMENTS: usize = 8;
+
+/// Characters below which a column of text is rather left out than cut further.
+const NARROW: usize = 12;
+
+/// Characters between two columns.
+const GAP: usize = 2;
+
+/// What stands for what is left out.
+pub(super) const LEFT_OUT: &str = "…";
+
+/// The space for a table; unlimited where it is not shown to people.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Page {
+    /// Characters in a line.
+    pub(super) width: Option<usize>,
+    /// Rows without the header.
+    pub(super) rows: Option<usize>,
+}
+
+impl Page {
+    /// Returns the space on stdout. `COLUMNS` sets the width, also where stdout is no terminal.
+    pub(super) fn of_stdout() -> Self {
+        let asked = std::env::var("COLUMNS").ok();
+        let asked = asked.and_then(|text| text.trim().parse().ok());
+        let is_terminal = io::stdout().is_terminal();
+        let found = || {
+            let size = terminal_size::terminal_size().filter(|_| is_terminal);
+            size.map(|(width, _)| usize::from(width.0))
+        };
+        Self {
+            width: asked.or_else(found).filter(|&width| width > 0),
+            rows: is_terminal.then_some(ROWS),
+        }
+    }
+
+    /// Returns how many elements of a list are shown.
+    pub(super) fn elements(self) -> usize {
+        self.width.map_or(usize::MAX, |_| ELEMENTS)
+    }
+
+    /// Returns which rows of so many are shown: the first and the last.
+    pub(super) fn rows_of(self, n_rows: usize) -> (usize, usize) {
+        match self.rows {
+            Some(limit) if n_rows > limit => (limit.div_ceil(2), limit / 2),
+            _ => (n_rows, 0),
+        }
+    }
+}
+
+/// How wide a column would like to be, and how wide it must be at least.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Wish {
+    pub(super) full: usize,
+    pub(super) least: usize,
+}
+
+impl Wish {
+    /// Returns the wish of a column of text.
+    pub(super) fn text(full: usize) -> Self {
+        Self {
+            full,
+            least: full.min(NARROW),
+        }
+    }
+
+    /// Returns the wish of a column of numbers: only its name may be cut.
+    pub(super) fn numbers(name: usize, numbers: usize) -> Self {
+        Self {
+            full: name.max(numbers),
+            least: numbers.max(NARROW.min(name)),
+        }
+    }
+}
+
+/// Returns the widths of the columns that fit, from the first on; fewer than wished for if even
+/// narrow ones do not.
+pub(super) fn fit(wishes: &[Wish], width: usize) -> Vec<usize> {
+    if let Some(widths) = shrink(wishes, width) {
+        return widths;
+    }
+    // The mark of what is left out takes a column of its own.
+    let room = width.saturating_sub(GAP + LEFT_OUT.chars().count());
+    for n_kept in (1..wishes.len()).rev() {
+        let kept = wishes.get(..n_kept).unwrap_or_default();
+        if let Some(widths) = shrink(kept, room) {
+            return widths;
+        }
+    }
+    vec![room.max(1)]
+}
+
+/// Takes from the widest column until all fit.
+fn shrink(wishes: &[Wish], width: usize) -> Option<Vec<usize>> {
+    let mut widths: Vec<usize> = wishes.iter().map(|wish| wish.full.min(width)).collect();
+    let gaps = GAP * wishes.len().saturating_sub(1);
+    while widths.iter().sum::<usize>() + gaps > width {
+        let can_give = widths.iter_mut().zip(wishes);
+        let can_give = can_give.filter(|(width, wish)| **width > wish.least);
+        let (widest, _) = can_give.max_by_key(|(width, _)| **width)?;
+        *widest -= 1;
+    }
+    Some(widths)
+}
+
+/// Cuts text to a width, with a mark in place of what is cut.
+pub(super) fn cut(text: &str, width: usize) -> String {
+    if text.chars().count() <= width {
+        return text.to_owned();
+    }
+    let kept = width.saturating_sub(LEFT_OUT.chars().count());
+    let kept: String = text.chars().take(kept).collect();
+    format!("{}{LEFT_OUT}", kept.trim_end())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_widest_text_gives_first_and_numbers_never() {
+        let wishes = [Wish::text(30), Wish::text(12), Wish::numbers(4, 10)];
+        assert_eq!(fit(&wishes, 100), [30, 12, 10]);
+        assert_eq!(fit(&wishes, 40), [14, 12, 10]);
+        assert_eq!(fit(&wishes, 38), [12, 12, 10]);
+    }
+
+    #[test]
+    fn columns_that_do_not_fit_are_left_out_from_the_end() {
+        let wishes = [Wish::text(20); 10];
+        let widths = fit(&wishes, 40);
+        assert!(widths.len() < 10 && !widths.is_empty());
+        let used = widths.iter().sum::<usize>() + GAP * widths.len() + 1;
+        assert!(used <= 40, "{widths:?}");
+        assert_eq!(fit(&[Wish::numbers(3, 30)], 10), [10]);
+    }
+
+    #[test]
+    fn cut_text_says_so() {
+        assert_eq!(cut("pitcher", 7), "pitcher");
+        assert_eq!(cut("pitcher_base", 7), "pitche…");
+        assert_eq!(cut("äöüäöü", 3), "äö…");
+    }
+
+    #[test]
+    fn the_first_and_the_last_rows_are_shown() {
+        let page = Page {
+            width: None,
+            rows: Some(5),
+        };
+        assert_eq!(page.rows_of(5), (5, 0));
+        assert_eq!(page.rows_of(6), (3, 2));
+        assert_eq!(Page::default().rows_of(1000), (1000, 0));
+    }
+}

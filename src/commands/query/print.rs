@@ -1,0 +1,212 @@
+//! Answers as bytes.
+
+use polars::prelude::*;
+
+use super::{
+    cells,
+    page::{LEFT_OUT, Page, Wish, cut, fit},
+};
+use crate::report;
+
+/// A table for people.
+pub(super) struct Printed {
+    pub(super) text: String,
+    /// What did not fit, one line each.
+    pub(super) left_out: Vec<String>,
+}
+
+/// Aligned columns that fit the page, numbers to the right.
+pub(super) fn table(answer: &DataFrame, page: Page) -> Printed {
+    let n_rows = answer.height();
+    let (first, last) = page.rows_of(n_rows);
+    let n_hidden = n_rows - first - last;
+    let mut left_out = Vec::new();
+    if n_hidden > 0 {
+        left_out.push(format!(
+            "{n_hidden} of {n_rows} rows left out; `--format csv` prints all"
+        ));
+    }
+    let mut columns: Vec<(Vec<String>, bool)> = answer
+        .columns()
+        .iter()
+        .map(|column| {
+            let shown = (0..first).chain(n_rows - last..n_rows);
+            let value = |row| column.get(row).unwrap_or(AnyValue::Null);
+            let mut cells: Vec<String> = shown
+                .map(|row| cells::cell(&value(row), page.elements()))
+                .collect();
+            if n_hidden > 0 {
+                cells.insert(first, LEFT_OUT.to_owned());
+            }
+            if column.dtype().is_float() {
+                align_points(&mut cells);
+            }
+            cells.insert(0, column.name().to_string());
+            (cells, column.dtype().is_primitive_numeric())
+        })
+        .collect();
+    if let Some(width) = page.width {
+        let hidden = fit_columns(&mut columns, width);
+        if !hidden.is_empty() {
+            left_out.push(format!(
+                "columns left out: {}; name fewer in the question, or use `--format csv`",
+                hidden.join(", ")
+            ));
+        }
+    }
+    let right: Vec<usize> = columns
+        .iter()
+        .enumerate()
+        .filter(|(_, (_, is_number))| *is_number)
+        .map(|(idx, _)| idx)
+        .collect();
+    let n_lines = columns.first().map_or(0, |(cells, _)| cells.len());
+    let lines: Vec<Vec<String>> = (0..n_lines)
+        .map(|line| {
+            let cells = columns.iter().filter_map(|(cells, _)| cells.get(line));
+            cells.cloned().collect()
+        })
+        .collect();
+    Printed {
+        text: report::columns(&lines, &right),
+        left_out,
+    }
+}
+
+/// Puts blanks after numbers, so that their decimal points stand below each other when they are
+/// aligned to the right.
+fn align_points(cells: &mut [String]) {
+    let after = |cell: &String| cell.find(['.', 'e']).map_or(0, |at| cell.len() - at);
+    let longest = cells.iter().map(after).max().unwrap_or(0);
+    for cell in cells {
+        let blanks = longest - after(cell);
+        cell.push_str(&" ".repeat(blanks));
+    }
+}
+
+/// Cuts cells and drops columns until a line fits, and returns the names of what was dropped.
+fn fit_columns(columns: &mut Vec<(Vec<String>, bool)>, width: usize) -> Vec<String> {
+    let length = |text: &String| text.chars().count();
+    let wishes: Vec<Wish> = columns
+        .iter()
+        .map(|(cells, is_number)| {
+            let widest = |cells: &[String]| cells.iter().map(length).max().unwrap_or(0);
+            match cells.split_first() {
+                Some((name, numbers)) if *is_number => Wish::numbers(length(name), widest(numbers)),
+                _ => Wish::text(widest(cells)),
+            }
+        })
+        .collect();
+    let widths = fit(&wishes, width);
+    let dropped = columns.split_off(widths.len());
+    for ((cells, _), width) in columns.iter_mut().zip(widths) {
+        for cell in cells {
+            *cell = cut(cell, width);
+        }
+    }
+    if let Some((first, _)) = dropped.first() {
+        let marks = vec![LEFT_OUT.to_owned(); first.len()];
+        columns.push((marks, false));
+    }
+    let names = dropped
+        .into_iter()
+        .filter_map(|(cells, _)| cells.into_iter().next());
+    names.collect()
+}
+
+/// Comma-separated values with a header; lists as JSON in one cell.
+pub(super) fn csv(answer: &mut DataFrame) -> PolarsResult<Vec<u8>> {
+    let nested: Vec<Column> = answer
+        .columns()
+        .iter()
+        .filter(|column| column.dtype().is_nested())
+        .cloned()
+        .collect();
+    for column in nested {
+        let mut texts = Vec::with_capacity(column.len());
+        for row in 0..column.len() {
+            texts.push(match column.get(row)? {
+                AnyValue::Null => None,
+                value => Some(cells::json(&value).to_string()),
+            });
+        }
+        let text = Column::new(column.name().clone(), texts);
+        answer.with_column(text)?;
+    }
+    let mut bytes = Vec::new();
+    CsvWriter::new(&mut bytes).finish(answer)?;
+    Ok(bytes)
+}
+
+/// One JSON object per line.
+pub(super) fn json_lines(answer: &mut DataFrame) -> PolarsResult<Vec<u8>> {
+    let mut bytes = Vec::new();
+    JsonWriter::new(&mut bytes)
+        .with_json_format(JsonFormat::JsonLines)
+        .finish(answer)?;
+    Ok(bytes)
+}
+
+/// A Parquet file.
+pub(super) fn parquet(answer: &mut DataFrame) -> PolarsResult<Vec<u8>> {
+    let mut bytes = Vec::new();
+    ParquetWriter::new(&mut bytes).finish(answer)?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn answer() -> DataFrame {
+        let names: Vec<String> = (0..100)
+            .map(|i| format!("a_rather_long_name_{i}"))
+            .collect();
+        let numbers: Vec<f64> = (0..100).map(|i| f64::from(i) / 8.0).collect();
+        df!("name" => names.clone(), "number" => numbers, "again" => names).unwrap()
+    }
+
+    #[test]
+    fn a_page_shows_the_first_and_last_rows_and_says_how_many_it_left_out() {
+        let page = Page {
+            width: None,
+            rows: Some(4),
+        };
+        let printed = table(&answer(), page);
+        let lines: Vec<&str> = printed.text.lines().collect();
+        assert_eq!(lines.len(), 6, "{}", printed.text);
+        assert!(lines[1].starts_with("a_rather_long_name_0 "), "{lines:?}");
+        assert!(lines[3].starts_with('…'), "{lines:?}");
+        assert!(lines[5].starts_with("a_rather_long_name_99 "), "{lines:?}");
+        assert!(printed.left_out[0].starts_with("96 of 100 rows left out"));
+    }
+
+    #[test]
+    fn no_line_is_wider_than_the_page() {
+        for width in 1..60 {
+            let page = Page {
+                width: Some(width),
+                rows: None,
+            };
+            let printed = table(&answer(), page);
+            let widest = printed.text.lines().map(|line| line.chars().count()).max();
+            assert!(widest.unwrap() <= width.max(4), "{width}\n{}", printed.text);
+            assert_eq!(printed.text.lines().count(), 101);
+        }
+    }
+
+    #[test]
+    fn decimal_points_stand_below_each_other() {
+        let answer = df!("rate" => [0.75, 0.703_125, 12.0, 1.5e-6]).unwrap();
+        let text = table(&answer, Page::default()).text;
+        assert_eq!(text, "     rate\n 0.75\n 0.703125\n12\n 1.5e-6\n", "{text}");
+    }
+
+    #[test]
+    fn lists_in_csv_are_json() {
+        let list = Series::new("list".into(), [Series::new("".into(), [0.1, 0.2])]);
+        let mut answer = df!("list" => list).unwrap();
+        let text = String::from_utf8(csv(&mut answer).unwrap()).unwrap();
+        assert_eq!(text, "list\n\"[0.1,0.2]\"\n");
+    }
+}

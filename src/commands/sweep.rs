@@ -1,0 +1,102 @@
+//! Going through the variants that `--set` asks for.
+
+use std::time::Instant;
+
+use dataflow::Sweep;
+
+use crate::{
+    arguments::{PipelineArgs, ValueArgs},
+    command_line::Program,
+    commands::pipeline_file,
+    outcome::{Outcome, Trouble},
+    progress::Quiet,
+    report,
+};
+
+/// What a command did for one variant.
+pub(crate) struct Done {
+    pub(crate) outcome: Outcome,
+    /// What the last stage says; empty if none has run.
+    pub(crate) said: String,
+}
+
+impl Done {
+    /// Returns the end of a command that has run no stage.
+    pub(crate) fn without_words(outcome: Outcome) -> Self {
+        Self {
+            outcome,
+            said: String::new(),
+        }
+    }
+}
+
+/// Does the same for every variant, in order, and goes on when one fails.
+///
+/// A single variant is done as if there were no such thing. Of several, each is announced, and what
+/// became of them stands in a table at the end.
+pub(crate) fn each(
+    program: &Program,
+    args: &PipelineArgs,
+    command: impl Fn(PipelineArgs) -> Result<Done, Trouble>,
+) -> Result<Outcome, Trouble> {
+    let variants = Sweep::variants(&args.values.overrides);
+    if variants.len() <= 1 {
+        return command(args.clone()).map(|done| done.outcome);
+    }
+    let variants: Vec<(String, PipelineArgs)> = variants
+        .into_iter()
+        .map(|variant| {
+            let values = ValueArgs {
+                profile: args.values.profile.clone(),
+                overrides: variant.overrides.into_iter().map(Sweep::from).collect(),
+            };
+            let args = PipelineArgs {
+                values,
+                ..args.clone()
+            };
+            (variant.label, args)
+        })
+        .collect();
+    // A value that cannot be is found before the first variant takes its time.
+    for (_, args) in &variants {
+        pipeline_file::read(program.kinds, args)?;
+    }
+    let loud = program.quiet == Quiet::No;
+    let n_variants = variants.len();
+    let mut outcome = Outcome::Done;
+    let mut n_failed = 0;
+    let mut rows = vec![["variant", "result", "time"].map(str::to_owned).to_vec()];
+    let mut has_run = false;
+    for (idx, (label, args)) in variants.into_iter().enumerate() {
+        if loud {
+            report::line(&format!("variant {} of {n_variants}: {label}", idx + 1));
+        }
+        let started = Instant::now();
+        let said = match command(args) {
+            Ok(done) => {
+                if done.outcome == Outcome::SkippedItems {
+                    outcome = Outcome::SkippedItems;
+                }
+                has_run |= !done.said.is_empty();
+                done.said
+            }
+            Err(trouble) => {
+                report::trouble(&trouble);
+                n_failed += 1;
+                "failed".to_owned()
+            }
+        };
+        let time = report::duration(started.elapsed().as_secs_f64());
+        rows.push(vec![label, said, time]);
+    }
+    if loud && has_run {
+        report::line(report::columns(&rows, &[2]).trim_end());
+    }
+    if n_failed > 0 {
+        return Err(Trouble::failed(
+            anyhow::anyhow!("{n_failed} of {n_variants} variants failed"),
+            None,
+        ));
+    }
+    Ok(outcome)
+}

@@ -1,0 +1,247 @@
+//! Every command and option does what its help says.
+
+use std::{
+    collections::BTreeSet,
+    path::Path,
+    process::{Command, Output},
+    sync::OnceLock,
+};
+
+use serde_json::Value;
+
+use crate::bench::{Bench, put, stderr, stdout};
+
+/// A lake in which everything up to `retarget` is made; tests only look at it.
+fn finished() -> &'static Bench {
+    static FINISHED: OnceLock<Bench> = OnceLock::new();
+    FINISHED.get_or_init(|| {
+        let bench = Bench::new();
+        bench.run_well(&["--until", "retarget"]);
+        bench
+    })
+}
+
+/// What a command prints that comes out well.
+pub(crate) fn done(bench: &Bench, command: &str, arguments: &[&str]) -> String {
+    let output = bench.command(command, arguments).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    stdout(&output)
+}
+
+/// The program with nothing but these arguments.
+pub(crate) fn pipeline(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_pipeline"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .env_remove("COLUMNS")
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn made(bench: &Bench) -> Vec<String> {
+    bench.made_by_newest_run().into_keys().collect()
+}
+
+#[test]
+fn a_profile_replaces_values_and_an_unknown_one_names_those_there_are() {
+    let plan = done(
+        finished(),
+        "plan",
+        &["--profile", "paper", "--until", "retarget"],
+    );
+    assert!(
+        plan.contains("`hand_scale` changed from 1.2 to 1"),
+        "{plan}"
+    );
+    let unknown = finished().command("plan", &["--profile", "papre"]);
+    let unknown = { unknown }.output().unwrap();
+    assert_eq!(unknown.status.code(), Some(2));
+    let text = stderr(&unknown);
+    assert!(text.contains("no profile `papre`"), "{text}");
+    assert!(text.contains("its profiles are: paper"), "{text}");
+}
+
+#[test]
+fn until_stops_and_fresh_makes_again_what_is_named_or_everything() {
+    let bench = Bench::new();
+    bench.run_well(&["--until", "retarget", "--jobs", "1"]);
+    let all = [
+        "ingest.demonstrations",
+        "ingest.objects",
+        "retarget.trajectories",
+    ];
+    assert_eq!(made(&bench), all);
+    bench.run_well(&["--until", "retarget", "--fresh", "retarget"]);
+    assert_eq!(made(&bench), all[2..]);
+    bench.run_well(&["--until", "retarget", "--fresh"]);
+    assert_eq!(made(&bench), all);
+}
+
+#[test]
+fn no_worker_threads_at_all_are_refused() {
+    let ran = finished().run(&["--jobs", "0"]);
+    assert_eq!(ran.status.code(), Some(2));
+    assert!(stderr(&ran).contains("--jobs"), "{}", stderr(&ran));
+}
+
+#[test]
+fn a_dry_run_prints_what_plan_prints_and_writes_nothing() {
+    let bench = Bench::new();
+    let plan = done(&bench, "plan", &[]);
+    assert!(plan.contains("run"), "{plan}");
+    assert_eq!(done(&bench, "run", &["--dry-run"]), plan);
+    assert!(!bench.lake().exists());
+    let before = finished().published();
+    let change = ["--until", "retarget", "--fresh", "ingest"];
+    let plan = done(finished(), "plan", &change);
+    let dry = done(finished(), "run", &[&change[..], &["--dry-run"]].concat());
+    assert_eq!(dry, plan);
+    assert_eq!(finished().published(), before);
+}
+
+#[test]
+fn the_graph_lists_what_each_stage_reads_and_makes_and_how_many_partitions_there_are() {
+    let unmade = done(&Bench::new(), "graph", &[]);
+    assert!(unmade.contains("one partition per sequence"), "{unmade}");
+    let text = done(finished(), "graph", &[]);
+    let lines: Vec<&str> = text.lines().collect();
+    let stage = lines.iter().position(|line| *line == "retarget").unwrap();
+    assert_eq!(
+        lines[stage + 1],
+        "  reads  ingest.demonstrations, ingest.objects"
+    );
+    assert!(lines[stage + 2].contains("makes  retarget.trajectories"));
+    assert!(lines[stage + 2].contains(" partitions, one per sequence"));
+    assert!(text.contains("from its demonstrations"), "{text}");
+    assert!(text.contains("dispatch.executions"), "{text}");
+}
+
+/// The words in double quotes of one line.
+fn quoted(line: &str) -> Vec<&str> {
+    assert_eq!(line.matches('"').count() % 2, 0, "{line}");
+    line.split('"').skip(1).step_by(2).collect()
+}
+
+#[test]
+fn drawings_name_every_output_once_and_only_connect_what_they_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("my pipeline.toml");
+    let renamed = include_str!("../../pipelines/cgf.toml")
+        .replace("stages.screen", "stages.screen-2")
+        .replace("screen.rollouts", "screen-2.rollouts");
+    put(&file, &renamed);
+    let draw = |format: &str| {
+        let lake = folder.path().join("lake");
+        let drawn = pipeline(&[
+            "graph",
+            file.to_str().unwrap(),
+            "--format",
+            format,
+            "--lake",
+            lake.to_str().unwrap(),
+        ]);
+        assert_eq!(drawn.status.code(), Some(0), "{}", stderr(&drawn));
+        stdout(&drawn)
+    };
+
+    let dot = draw("dot");
+    assert!(dot.starts_with("digraph \"my pipeline\" {\n"), "{dot}");
+    assert_eq!(dot.matches('{').count(), dot.matches('}').count());
+    let mut nodes = BTreeSet::new();
+    let mut n_edges = 0;
+    for line in dot.lines() {
+        let words = quoted(line);
+        if line.contains("->") {
+            assert!(words.iter().all(|word| nodes.contains(word)), "{line}");
+            n_edges += 1;
+        } else if line.contains('[') && words.len() == 2 {
+            assert!(nodes.insert(words[0]), "{line}");
+        }
+    }
+    assert!(nodes.contains("screen-2.rollouts"), "{dot}");
+    assert_eq!((nodes.len(), n_edges), (7, 12), "{dot}");
+
+    let mermaid = draw("mermaid");
+    assert!(mermaid.starts_with("flowchart LR\n"), "{mermaid}");
+    let count = |what: &str| mermaid.lines().filter(|line| line.contains(what)).count();
+    assert_eq!(count("subgraph"), count("end"), "{mermaid}");
+    assert_eq!((count("<br/>"), count("-->")), (7, 12), "{mermaid}");
+    for edge in mermaid.lines().filter(|line| line.contains("-->")) {
+        for end in edge.trim().split(" --> ") {
+            assert!(mermaid.contains(&format!("{end}[\"")), "{edge}");
+        }
+    }
+}
+
+#[test]
+fn completions_are_scripts_that_know_commands_and_options() {
+    for (shell, begins) in [
+        ("bash", "_pipeline()"),
+        ("zsh", "#compdef pipeline"),
+        ("fish", "# Print an optspec"),
+    ] {
+        let printed = pipeline(&["completions", shell]);
+        assert_eq!(printed.status.code(), Some(0), "{shell}");
+        let script = stdout(&printed);
+        assert!(script.starts_with(begins), "{shell}: {script:.80}");
+        for word in ["doctor", "until", "mermaid"] {
+            assert!(script.contains(word), "{shell}: {word}");
+        }
+    }
+    let unknown = pipeline(&["completions", "bsh"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(stderr(&unknown).contains("bash"), "{}", stderr(&unknown));
+}
+
+/// The subcommands that `pipeline --help` lists.
+fn subcommands() -> Vec<String> {
+    let help = stdout(&pipeline(&["--help"]));
+    let (_, commands) = help.split_once("Commands:\n").unwrap();
+    let lines = commands.lines().take_while(|line| !line.is_empty());
+    let words = lines.filter_map(|line| line.split_whitespace().next());
+    words
+        .filter(|word| *word != "help")
+        .map(str::to_owned)
+        .collect()
+}
+
+#[test]
+fn every_option_with_a_value_says_its_default() {
+    let commands = subcommands();
+    for command in ["run", "graph", "doctor", "completions", "query"] {
+        assert!(commands.iter().any(|known| known == command), "{command}");
+    }
+    for command in commands {
+        let output = Command::new(env!("CARGO_BIN_EXE_pipeline"))
+            .args([command.as_str(), "-h"])
+            .env("COLUMNS", "1000")
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0), "{command}");
+        let help = stdout(&output);
+        for line in help.lines().filter(|line| line.starts_with("  ")) {
+            let has_value = line.contains("--") && line.contains('<');
+            let may_be_left_out = line.starts_with("  [");
+            if has_value || may_be_left_out {
+                assert!(line.contains("[default: "), "{command}: {line}");
+            }
+            // An option in seconds, meters and so on says so.
+            for unit in ["_s ", "_m ", "_hz ", "timeout"] {
+                assert!(!line.contains(unit), "{command}: name the unit in {line}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_plan_of_every_unit_is_json_with_its_state() {
+    let json = done(
+        finished(),
+        "plan",
+        &["--until", "retarget", "--format", "json"],
+    );
+    let plan: Value = serde_json::from_str(&json).unwrap();
+    let units = plan["nodes"][0]["units"].as_array().unwrap();
+    assert!(units.iter().all(|unit| unit["state"] == "cached"), "{json}");
+    assert!(Path::new(units[0]["partition"].as_str().unwrap()).is_relative());
+}

@@ -1,0 +1,106 @@
+//! Lists of values: every variant runs, and what they share is made once.
+
+use serde_json::Deserializer;
+
+use crate::bench::{Bench, stderr, stdout};
+
+const KL_WEIGHTS: [&str; 4] = [
+    "--until",
+    "train",
+    "--set",
+    "train.training.kl_weight=1e-3,1e-2",
+];
+
+/// Whether the line of a stage says that everything was in the lake; `None` if it has none.
+fn is_cached(text: &str, stage: &str) -> Option<bool> {
+    let lines = text.lines().filter(|line| line.starts_with("  "));
+    let mut lines = lines.filter(|line| line.split_whitespace().nth(1) == Some(stage));
+    lines.next().map(|line| line.ends_with(" cached"))
+}
+
+#[test]
+fn every_variant_runs_and_what_is_before_the_difference_runs_once() {
+    let bench = Bench::new();
+    let ran = bench.run_well(&KL_WEIGHTS);
+    let text = stderr(&ran);
+    let (first, second) = text.split_once("variant 2 of 2: ").unwrap();
+    assert!(first.starts_with("variant 1 of 2: train.training.kl_weight=0.001\n"));
+    assert!(second.starts_with("train.training.kl_weight=0.01\n"));
+    for (stage, again) in [("ingest", true), ("retarget", true), ("train", false)] {
+        assert_eq!(is_cached(first, stage), Some(false), "{stage}\n{text}");
+        assert_eq!(is_cached(second, stage), Some(again), "{stage}\n{text}");
+    }
+    let table: Vec<&str> = text.lines().rev().take(3).collect();
+    assert!(table[2].starts_with("variant "), "{text}");
+    for (row, label) in [
+        (table[1], "kl_weight=0.001 "),
+        (table[0], "kl_weight=0.01 "),
+    ] {
+        assert!(row.contains(label) && row.contains("loss"), "{row}");
+        assert!(row.ends_with(" s"), "{row}");
+    }
+
+    let plan = bench.command("plan", &KL_WEIGHTS).output().unwrap();
+    let cached = "cached   everything; nothing to run\n";
+    assert_eq!(stdout(&plan), cached.repeat(2));
+    assert!(stderr(&plan).contains("variant 2 of 2"));
+    let dry = bench.run(&[&KL_WEIGHTS[..], &["--dry-run"]].concat());
+    assert_eq!(stdout(&dry), cached.repeat(2));
+    let json = bench
+        .command("plan", &[&KL_WEIGHTS[..], &["--format", "json"]].concat())
+        .output()
+        .unwrap();
+    let plans = Deserializer::from_slice(&json.stdout).into_iter::<serde_json::Value>();
+    assert_eq!(plans.map(Result::unwrap).count(), 2);
+}
+
+#[test]
+fn several_lists_make_their_product_in_order() {
+    let sets = ["--set", "seed=1,2", "--set", "sample.steps=20,30"];
+    let arguments = [&["--dry-run"], &sets[..]].concat();
+    let dry = Bench::new().run(&arguments);
+    assert_eq!(dry.status.code(), Some(0), "{}", stderr(&dry));
+    let text = stderr(&dry);
+    let announced: Vec<&str> = text.lines().collect();
+    let expected = [
+        "variant 1 of 4: seed=1, sample.steps=20",
+        "variant 2 of 4: seed=1, sample.steps=30",
+        "variant 3 of 4: seed=2, sample.steps=20",
+        "variant 4 of 4: seed=2, sample.steps=30",
+    ];
+    assert_eq!(announced, expected);
+}
+
+#[test]
+fn a_variant_that_fails_does_not_stop_the_others() {
+    let hands = "retarget.hand=no/such.urdf,data/robots/allegro_right.urdf";
+    let ran = Bench::new().run(&["--until", "retarget", "--set", hands]);
+    assert_eq!(ran.status.code(), Some(1));
+    let text = stderr(&ran);
+    assert!(text.contains("error: stage `retarget` failed"), "{text}");
+    assert!(text.contains("error: 1 of 2 variants failed"), "{text}");
+    let row = |hand: &str| {
+        let rows = text
+            .lines()
+            .filter(|line| line.starts_with("retarget.hand="));
+        let mut rows = rows.filter(|line| line.contains(hand));
+        rows.next().unwrap().to_owned()
+    };
+    assert!(row("no/such.urdf").contains("failed"), "{text}");
+    assert!(row("allegro_right.urdf").contains("trajectories"), "{text}");
+}
+
+#[test]
+fn a_wrong_value_is_found_before_any_variant_runs() {
+    let bench = Bench::new();
+    for (set, says) in [
+        ("train.training.epoch=1,2", "did you mean `epochs`?"),
+        ("sample.steps=20,many", "invalid type: string"),
+        ("sample.steps=20,,30", "empty value"),
+    ] {
+        let ran = bench.run(&["--set", set]);
+        assert_eq!(ran.status.code(), Some(2), "{set}: {}", stderr(&ran));
+        assert!(stderr(&ran).contains(says), "{set}: {}", stderr(&ran));
+    }
+    assert!(!bench.lake().exists());
+}
