@@ -6,7 +6,7 @@ use std::{
     io::{BufRead, BufReader, Read},
     path::{Path, PathBuf},
     process::{Child, Command, Output, Stdio},
-    sync::mpsc,
+    sync::{OnceLock, mpsc},
     thread,
     time::{Duration, Instant},
 };
@@ -209,7 +209,12 @@ fn execution(line: &str) -> Execution {
 
 /// The built example, which is no part of this test: `cargo test` builds both, `cargo test --test
 /// engine` only this.
-pub(crate) fn program() -> PathBuf {
+pub(crate) fn program() -> &'static Path {
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    PROGRAM.get_or_init(up_to_date_program)
+}
+
+fn up_to_date_program() -> PathBuf {
     let folder = Path::new(env!("CARGO_BIN_EXE_pipeline")).parent().unwrap();
     let program = folder.join("examples/own_stages");
     let build = "build it first: `cargo build --release --workspace --example own_stages`";
