@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 use tempfile::TempDir;
 
 /// Longer than anything here takes; a test that waits this long has failed.
-pub(crate) const LONG: Duration = Duration::from_secs(60);
+pub(crate) const LONG: Duration = Duration::from_secs(30);
 
 /// A stage that maps, twice, and one that gathers, on files of a folder.
 pub(crate) const CHAIN: &str = r#"
@@ -168,11 +168,19 @@ impl Place {
         counts
     }
 
-    /// Waits until a unit of this partition is being made.
-    pub(crate) fn wait_for(&self, partition: &str) {
-        wait_until(&format!("`{partition}` to be made"), || {
-            self.log().iter().any(|made| made.partition == partition)
-        });
+    /// Stage and partition of every unit by the seed in the log; `stages` in the order of the graph.
+    pub(crate) fn names_by_seed(&self, stages: &[&str]) -> BTreeMap<String, (String, String)> {
+        let lake = TempDir::new_in(self.folder.path()).unwrap();
+        self.take_log();
+        let mut names = BTreeMap::new();
+        for stage in stages {
+            well(self.command_in(lake.path(), "run", &["--until", stage]));
+            for execution in self.take_log() {
+                let name = ((*stage).to_owned(), execution.partition);
+                names.insert(execution.seed, name);
+            }
+        }
+        names
     }
 
     pub(crate) fn published(&self) -> BTreeMap<String, String> {
@@ -265,6 +273,20 @@ impl Running {
         }
     }
 
+    /// Waits until a unit of this partition is being made.
+    pub(crate) fn wait_for(&mut self, place: &Place, partition: &str) {
+        let until = Instant::now() + LONG;
+        while !place.log().iter().any(|made| made.partition == partition) {
+            let ended = self.child.try_wait().unwrap();
+            assert!(
+                ended.is_none() && Instant::now() < until,
+                "`{partition}` was not made ({ended:?}): {}",
+                self.lines.try_iter().collect::<Vec<_>>().join("\n")
+            );
+            thread::park_timeout(Duration::from_millis(2));
+        }
+    }
+
     /// Waits until it says a line that is `wanted`.
     pub(crate) fn wait_for_line(&mut self, about: &str, wanted: impl Fn(&str) -> bool) {
         let until = Instant::now() + LONG;
@@ -274,7 +296,6 @@ impl Running {
                 return;
             }
         }
-        let _ended = self.child.kill();
         panic!("did not say {about}, but:\n{}", self.said.join("\n"));
     }
 
@@ -286,12 +307,11 @@ impl Running {
     }
 }
 
-/// Waits for something that another process does.
-pub(crate) fn wait_until(what: &str, is_so: impl Fn() -> bool) {
-    let until = Instant::now() + LONG;
-    while !is_so() {
-        assert!(Instant::now() < until, "waited too long for {what}");
-        thread::park_timeout(Duration::from_millis(2));
+impl Drop for Running {
+    fn drop(&mut self) {
+        // A test that failed leaves nothing behind; others have waited for the end.
+        let _ended = self.child.kill();
+        let _status = self.child.wait();
     }
 }
 

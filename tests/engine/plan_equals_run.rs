@@ -189,23 +189,36 @@ fn compare_planned(
                 }
             }
             UnitState::Perhaps { .. } => {
-                let waits = world.reads(&unit.stage).is_some_and(|upstream| {
-                    let is_open = |key: &str| {
-                        states.get(&Unit::new(upstream, key)) != Some(&UnitState::Cached)
-                    };
-                    let reads_one = world.is_map(&unit.stage);
-                    let mut parts = states.keys().filter(|read| read.stage == upstream);
-                    unknown.contains(upstream)
-                        || (reads_one && is_open(&unit.partition))
-                        || (!reads_one && parts.any(|read| is_open(&read.partition)))
-                });
-                if !waits {
+                if !waits(world, expected, &states, &unknown, unit) {
                     faults.push(format!("{unit}: uncertain, but waits for nothing"));
                 }
             }
-            _ => {}
+            UnitState::Cached => {}
         }
     }
+}
+
+/// Whether what a unit reads is not known before something else has run.
+fn waits(
+    world: &World,
+    expected: &BTreeMap<Unit, Expected>,
+    states: &BTreeMap<Unit, UnitState>,
+    unknown: &BTreeSet<&str>,
+    unit: &Unit,
+) -> bool {
+    let Some(upstream) = world.reads(&unit.stage) else {
+        return false;
+    };
+    let reads_one = world.is_map(&unit.stage);
+    let mut open = states
+        .iter()
+        .filter(|(read, state)| read.stage == upstream && **state != UnitState::Cached);
+    unknown.contains(upstream)
+        || open.any(|(read, _)| {
+            // A partition that was there before changes nothing for those that read another one.
+            let was_part = expected.get(read).is_some_and(|read| read.was_part);
+            !reads_one || !was_part || read.partition == unit.partition
+        })
 }
 
 fn compare_causes(unit: &Unit, expected: &Expected, causes: &[Cause], faults: &mut Vec<String>) {

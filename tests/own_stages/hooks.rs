@@ -29,13 +29,14 @@ fn note(kind: &str, cx: &Context) -> Result<(), OwnError> {
         .map_err(OwnError::at(Path::new(&path)))
 }
 
-/// Waits until the folder `OWN_STAGES_GATE` holds a file `PARTITION.go`.
+/// Waits until the folder `OWN_STAGES_GATE` holds a file `PARTITION.go`, or is gone.
 fn hold(cx: &Context) {
     let Some(gate) = env::var_os("OWN_STAGES_GATE") else {
         return;
     };
-    let go = Path::new(&gate).join(format!("{}.go", cx.partition()));
-    while !go.exists() {
+    let gate = Path::new(&gate);
+    let go = gate.join(format!("{}.go", cx.partition()));
+    while gate.exists() && !go.exists() {
         thread::park_timeout(LOOK_EVERY);
     }
 }

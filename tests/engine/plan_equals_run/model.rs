@@ -38,6 +38,8 @@ pub(super) struct Expected {
     pub(super) forced: bool,
     /// What differs from the last time a run came to it.
     pub(super) causes: BTreeSet<String>,
+    /// Whether it gave one of the `parts` the last time a run came to it.
+    pub(super) was_part: bool,
     /// Its bytes, if it is one of the `parts`.
     pub(super) data: Option<Vec<u8>>,
 }
@@ -55,7 +57,6 @@ struct Reason {
 }
 
 /// One of the `parts`.
-#[derive(Debug, Clone)]
 struct Part {
     data: Vec<u8>,
     table: bool,
@@ -66,7 +67,7 @@ struct Part {
 #[derive(Default)]
 pub(super) struct Model {
     made: BTreeSet<(Unit, String)>,
-    last: BTreeMap<Unit, Reason>,
+    last: BTreeMap<Unit, (Reason, bool)>,
 }
 
 impl Model {
@@ -83,14 +84,17 @@ impl Model {
                 let unit = Unit::new(stage, &partition);
                 let made = (unit.clone(), format!("{reason:?}"));
                 let forced = is_forced(stage);
+                let last = self.last.get(&unit);
                 let result = Expected {
                     made: forced || !self.made.contains(&made),
                     forced,
-                    causes: causes(self.last.get(&unit), &reason),
+                    causes: causes(last.map(|(reason, _)| reason), &reason),
+                    was_part: last.is_some_and(|(_, was_part)| *was_part),
                     data: part.map(|part| part.data),
                 };
                 self.made.insert(made);
-                self.last.insert(unit.clone(), reason);
+                let is_part = result.data.is_some();
+                self.last.insert(unit.clone(), (reason, is_part));
                 expected.insert(unit, result);
             }
         }
@@ -125,7 +129,7 @@ fn results(world: &World, stage: &StageSpec) -> BTreeMap<String, (Reason, Option
         .filter_map(|(name, (_, part))| Some((name, part?)))
         .collect();
     let no_files = BTreeMap::new;
-    let whole = |part: &Part| format!("{part:?}");
+    let whole = |part: &Part| format!("{:?} {} {}", part.data, part.table, part.label);
     match stage.kind {
         "map" => {
             let units = parts.iter().map(|(name, part)| {
