@@ -1,12 +1,12 @@
 //! Damaged files in a lake: a byte flipped behind an unchanged size and time, half a file, an empty
-//! one.
+//! one. `PIPELINE_FLIPS` asks for another number of them.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     fs::{self, File, Permissions},
     os::unix::fs::{MetadataExt, PermissionsExt},
     path::{Path, PathBuf},
-    process::Command,
+    time::Duration,
 };
 
 use rand::{Rng, seq::IndexedRandom};
@@ -22,68 +22,105 @@ const NOT_KEPT: [&str; 5] = ["tables", "files", "views.sql", "staging", "locks"]
 
 /// What happened to a file.
 #[derive(Debug, Clone, Copy)]
-enum Damage {
+enum What {
     Flip,
     Half,
     Empty,
 }
 
-/// Damages a random file that the lake keeps, as a failing disk does: its time stays the same. Returns
-/// the file's path in the lake.
-fn damage(
-    rng: &mut ChaCha8Rng,
-    lake: &Path,
-    is_wanted: impl Fn(&Path) -> bool,
-) -> (PathBuf, Damage) {
-    let files = files_below(lake);
-    let kept = files.iter().filter(|path| {
-        let name = path.strip_prefix(lake).unwrap();
-        let is_left = NOT_KEPT.iter().any(|left| name.starts_with(left));
-        !is_left && is_wanted(name) && fs::metadata(path).unwrap().len() > 0
-    });
-    // Each folder has the same chance, however many files are in it.
-    let mut by_folder: BTreeMap<_, Vec<&PathBuf>> = BTreeMap::new();
-    for path in kept {
-        let name = path.strip_prefix(lake).unwrap();
-        by_folder.entry(name.iter().next()).or_default().push(path);
-    }
-    let folders: Vec<_> = by_folder.into_values().collect();
-    let path = *folders.choose(rng).unwrap().choose(rng).unwrap();
-    let what = *[Damage::Flip, Damage::Flip, Damage::Half, Damage::Empty]
-        .choose(rng)
-        .unwrap();
-    let before = fs::metadata(path).unwrap();
-    let mut bytes = read(path);
-    match what {
-        Damage::Flip => {
-            let place = rng.random_range(0..bytes.len());
-            bytes[place] ^= 1 << rng.random_range(0..8);
+/// A damaged file.
+struct Damage {
+    path: PathBuf,
+    what: What,
+    before: Vec<u8>,
+}
+
+impl Damage {
+    /// Damages a random file that the lake keeps, behind an unchanged time.
+    fn draw(rng: &mut ChaCha8Rng, lake: &Path) -> Self {
+        let path = kept_files(lake)
+            .choose(rng)
+            .unwrap()
+            .choose(rng)
+            .unwrap()
+            .clone();
+        let what = *[What::Flip, What::Flip, What::Half, What::Empty]
+            .choose(rng)
+            .unwrap();
+        let before = read(&path);
+        let mut bytes = before.clone();
+        match what {
+            What::Flip => {
+                let place = rng.random_range(0..bytes.len());
+                bytes[place] ^= 1 << rng.random_range(0..8);
+            }
+            What::Half => bytes.truncate(bytes.len() / 2),
+            What::Empty => bytes.clear(),
         }
-        Damage::Half => bytes.truncate(bytes.len() / 2),
-        Damage::Empty => bytes.clear(),
+        write_unnoticed(&path, &bytes);
+        Self { path, what, before }
     }
+
+    fn mend(self) {
+        write_unnoticed(&self.path, &self.before);
+    }
+
+    /// What was done to which file.
+    fn name(&self, lake: &Path) -> String {
+        let name = self.path.strip_prefix(lake).unwrap();
+        format!("{:?} {}", self.what, name.display())
+    }
+}
+
+/// The files that may be damaged, by folder, so that each folder has the same chance however many
+/// files are in it. Of the blobs those in use are taken, of which there are always some.
+fn kept_files(lake: &Path) -> Vec<Vec<PathBuf>> {
+    let inode = |path: &Path| fs::metadata(path).unwrap().ino();
+    let all = files_below(lake);
+    let is_shown = |path: &&PathBuf| {
+        let name = path.strip_prefix(lake).unwrap();
+        name.starts_with("tables") || name.starts_with("files")
+    };
+    let shown: BTreeSet<u64> = all
+        .iter()
+        .filter(is_shown)
+        .map(|path| inode(path))
+        .collect();
+    let mut by_folder: BTreeMap<_, Vec<PathBuf>> = BTreeMap::new();
+    for path in &all {
+        let name = path.strip_prefix(lake).unwrap();
+        let is_kept = !NOT_KEPT.iter().any(|left| name.starts_with(left));
+        let is_in_use = !name.starts_with("blobs") || shown.contains(&inode(path));
+        if is_kept && is_in_use && fs::metadata(path).unwrap().len() > 0 {
+            by_folder
+                .entry(name.iter().next())
+                .or_default()
+                .push(path.clone());
+        }
+    }
+    by_folder.into_values().collect()
+}
+
+/// Writes a file in place, its time and permissions kept.
+fn write_unnoticed(path: &Path, bytes: &[u8]) {
+    let before = fs::metadata(path).unwrap();
     fs::set_permissions(path, Permissions::from_mode(0o644)).unwrap();
-    put(path, &bytes);
+    put(path, bytes);
     let file = File::options().write(true).open(path).unwrap();
     file.set_modified(before.modified().unwrap()).unwrap();
     fs::set_permissions(path, before.permissions()).unwrap();
-    assert_eq!(
-        fs::metadata(path).unwrap().mtime_nsec(),
-        before.mtime_nsec()
-    );
-    (path.strip_prefix(lake).unwrap().to_owned(), what)
-}
-
-/// Copies a lake with times and hard links.
-fn copy(from: &Path, to: &Path) {
-    let mut command = Command::new("cp");
-    command.arg("-a").arg(from).arg(to);
-    well(command);
 }
 
 /// A lake with two runs in it, the newest with the values of the file.
 fn place_with_a_lake() -> Place {
     let place = Place::with_inputs(CHAIN, 5);
+    // Digests of files that have not changed for long are remembered.
+    for path in files_below(&place.inputs()) {
+        let file = File::options().write(true).open(path).unwrap();
+        let written = file.metadata().unwrap().modified().unwrap();
+        file.set_modified(written - Duration::from_secs(3600))
+            .unwrap();
+    }
     place.run_well(&["--set", "second.add=5"]);
     place.run_well(&[]);
     place
@@ -93,69 +130,58 @@ fn place_with_a_lake() -> Place {
 fn verify_finds_every_damaged_file() {
     let mut rng = chances("verify");
     let place = place_with_a_lake();
-    let lake = place.path("damaged");
-    let mut missed = Vec::new();
+    let lake = place.lake();
     let n_times: usize = number("PIPELINE_FLIPS", 100);
+    let mut missed = Vec::new();
     for _ in 0..n_times {
-        copy(&place.lake(), &lake);
-        let (name, what) = damage(&mut rng, &lake, |_| true);
+        let damage = Damage::draw(&mut rng, &lake);
         let verified = place.bare(&lake, "verify").output().unwrap();
         let said = stdout(&verified);
-        let file = name.file_name().unwrap().to_string_lossy();
+        let file = damage.path.file_name().unwrap().to_string_lossy();
         if verified.status.code() != Some(1) || !said.contains(&*file) {
             let code = verified.status.code();
-            missed.push(format!("{what:?} of {}: {code:?} {said}", name.display()));
+            missed.push(format!("{}: {code:?} {said}", damage.name(&lake)));
         }
-        fs::remove_dir_all(&lake).unwrap();
+        damage.mend();
     }
-    assert!(
-        missed.is_empty(),
-        "missed {} of {n_times}:\n{}",
-        missed.len(),
-        missed.join("\n")
-    );
-    let verified = well(place.bare(&place.lake(), "verify"));
-    assert!(
-        !stdout(&verified).contains("error"),
-        "{}",
-        stdout(&verified)
-    );
+    let n_missed = missed.len();
+    missed.truncate(20);
+    let missed = missed.join("\n");
+    assert_eq!(n_missed, 0, "missed of {n_times}:\n{missed}");
+    well(place.bare(&lake, "verify"));
 }
 
 #[test]
 fn a_run_that_needs_a_damaged_file_makes_it_again() {
-    const CHANGE: [&str; 2] = ["--set", "first.add=9"];
     let mut rng = chances("damage before use");
     let place = place_with_a_lake();
-    let expected = place.undisturbed(&CHANGE);
-    let lake = place.path("damaged");
-    for _ in 0..number("PIPELINE_FLIPS", 60) {
-        copy(&place.lake(), &lake);
-        let (name, what) = damage(&mut rng, &lake, |_| true);
-        let ran = place.command_in(&lake, "run", &CHANGE).output().unwrap();
-        let context = format!("{what:?} of {}: {}", name.display(), stderr(&ran));
+    // Each time a value is new, so that what the first stage made is read.
+    for time in 0..number("PIPELINE_FLIPS", 40) {
+        let change = format!("first.add={}", 10 + time % 240);
+        let change = [
+            "--set",
+            &change,
+            "--set",
+            &format!("gather.min_bytes={time}"),
+        ];
+        let damage = Damage::draw(&mut rng, &place.lake());
+        let ran = place.command("run", &change).output().unwrap();
+        let context = format!("{}: {}", damage.name(&place.lake()), stderr(&ran));
         assert_eq!(ran.status.code(), Some(0), "{context}");
-        assert_eq!(published(&lake), expected, "{context}");
-        fs::remove_dir_all(&lake).unwrap();
+        assert_eq!(place.published(), place.undisturbed(&change), "{context}");
     }
 }
 
 #[test]
-fn after_any_damage_a_fresh_run_leaves_a_clean_lake() {
+fn after_any_damage_a_fresh_run_is_right() {
     let mut rng = chances("damage before a fresh run");
     let place = place_with_a_lake();
     let expected = place.undisturbed(&[]);
-    let lake = place.path("damaged");
     for _ in 0..number("PIPELINE_FLIPS", 20) {
-        copy(&place.lake(), &lake);
-        let (name, what) = damage(&mut rng, &lake, |name| name.starts_with("blobs"));
-        let ran = place
-            .command_in(&lake, "run", &["--fresh"])
-            .output()
-            .unwrap();
-        let context = format!("{what:?} of {}: {}", name.display(), stderr(&ran));
+        let damage = Damage::draw(&mut rng, &place.lake());
+        let ran = place.command("run", &["--fresh"]).output().unwrap();
+        let context = format!("{}: {}", damage.name(&place.lake()), stderr(&ran));
         assert_eq!(ran.status.code(), Some(0), "{context}");
-        assert_eq!(published(&lake), expected, "{context}");
-        fs::remove_dir_all(&lake).unwrap();
+        assert_eq!(published(&place.lake()), expected, "{context}");
     }
 }
