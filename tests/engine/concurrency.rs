@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, process::Stdio};
 
-use crate::place::{Place, Running, stderr};
+use crate::place::{Place, Running, assert_same, stderr};
 
 /// Two branches that share their first two stages.
 const BRANCHES: &str = r#"
@@ -64,7 +64,7 @@ fn processes_with_overlapping_targets_make_each_unit_once() {
     let again: Vec<_> = executions.iter().filter(|(_, count)| **count > 1).collect();
     assert!(again.is_empty(), "made more than once: {again:?}");
     assert_eq!(executions.len(), 4 * 12 + 2);
-    assert_eq!(place.published(), place.undisturbed(&[]));
+    assert_same(&place.published(), &place.undisturbed(&[]), "");
     place.run_well(&[]);
     assert!(place.take_log().is_empty());
 }
@@ -104,5 +104,5 @@ fn the_lock_of_a_process_that_died_is_taken_over() {
     place.let_go("a");
     let (code, said) = second.finish();
     assert_eq!(code, Some(0), "{said}");
-    assert_eq!(place.published(), place.undisturbed(&[]));
+    assert_same(&place.published(), &place.undisturbed(&[]), "");
 }

@@ -13,7 +13,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-use crate::place::{CHAIN, Place, chances, files_below, published, stdout, well};
+use crate::place::{CHAIN, Place, assert_same, chances, files_below, published, stdout, well};
 
 /// Time for random moments in the default suite; `PIPELINE_KILLS` asks for a number of them.
 const TIME: Duration = Duration::from_secs(15);
@@ -37,12 +37,12 @@ fn kill_at_random(flags: &[&str], time: Duration, test: &str) {
     let place = Place::with_inputs(CHAIN, 8);
     let expected = place.undisturbed(&[]);
     let undisturbed = undisturbed_time(&place, flags);
-    let names = place.names_by_seed(&["split", "first", "second", "gather"]);
+    let names = place.names_by_seed(&["split", "first", "second", "gather", "group"]);
     let n_kills: Option<usize> = env::var("PIPELINE_KILLS")
         .ok()
         .map(|count| count.parse().unwrap());
     let started = Instant::now();
-    let mut n_done = 0;
+    let (mut n_done, mut n_running) = (0, 0);
     while n_kills.map_or(started.elapsed() < time, |count| n_done < count) {
         let lake = place.path(&format!("lake_{n_done}"));
         place.take_log();
@@ -50,14 +50,14 @@ fn kill_at_random(flags: &[&str], time: Duration, test: &str) {
         let n_in_a_row = rng.random_range(1..=2);
         for _ in 0..n_in_a_row {
             let moment = undisturbed.mul_f64(rng.random_range(0.0..1.1));
-            kill_after(&place, &lake, flags, moment, &mut rng);
+            n_running += usize::from(kill_after(&place, &lake, flags, moment, &mut rng));
             n_done += 1;
         }
         let context = format!("{n_done} kills, {}", lake.display());
         let cached = cached(&place, &lake);
         place.take_log();
         well(place.command_in(&lake, "run", flags));
-        assert_eq!(published(&lake), expected, "{context}");
+        assert_same(&published(&lake), &expected, &context);
         let made = place.take_log();
         let made = made.iter().map(|execution| &names[&execution.seed]);
         let again: Vec<_> = made.filter(|unit| cached.contains(*unit)).collect();
@@ -66,8 +66,12 @@ fn kill_at_random(flags: &[&str], time: Duration, test: &str) {
         let _left = fs::remove_dir_all(&lake);
     }
     println!(
-        "{n_done} kills within {:.3} s each",
+        "{n_done} kills within {:.3} s each, {n_running} before the end",
         undisturbed.as_secs_f64()
+    );
+    assert!(
+        n_running * 4 > n_done,
+        "the kills come too late to say much"
     );
 }
 
@@ -81,7 +85,8 @@ fn undisturbed_time(place: &Place, flags: &[&str]) -> Duration {
     took
 }
 
-/// Starts a run, reads what it shows while it goes on, and kills it, or one of its processes.
+/// Starts a run, reads what it shows while it goes on, and kills it, or one of its processes. Returns
+/// whether it was still running.
 fn kill_after(place: &Place, lake: &Path, flags: &[&str], moment: Duration, rng: &mut ChaCha8Rng) {
     let started = Instant::now();
     let mut command = place.command_in(lake, "run", flags);
@@ -95,6 +100,7 @@ fn kill_after(place: &Place, lake: &Path, flags: &[&str], moment: Duration, rng:
         }
         thread::park_timeout(left.min(Duration::from_millis(2)));
     }
+    let is_running = run.try_wait().unwrap().is_none();
     if let Some(unit) = a_child(&run, rng) {
         // The unit's process dies, its run goes on or ends as it likes.
         let mut kill = Command::new("kill");
@@ -105,6 +111,7 @@ fn kill_after(place: &Place, lake: &Path, flags: &[&str], moment: Duration, rng:
     }
     run.wait().unwrap();
     check_tables(lake);
+    is_running
 }
 
 /// One of the processes that a run has started, or none, so that the run itself is killed.

@@ -1,6 +1,6 @@
 //! Units made in processes of their own, with nothing shared but the lake and the pipeline's file.
 
-use crate::place::{CHAIN, Place, well};
+use crate::place::{CHAIN, Place, assert_same, published, well};
 
 #[test]
 fn processes_give_the_same_bytes_as_threads() {
@@ -10,10 +10,10 @@ fn processes_give_the_same_bytes_as_threads() {
     assert_eq!(threads.status.code(), Some(3));
     let by_threads = place.take_log();
     let lake = place.path("lake_of_processes");
-    let processes = place.command_in(&lake, "run", &["--processes"]);
-    let processes = { processes }.output().unwrap();
+    let mut processes = place.command_in(&lake, "run", &["--processes"]);
+    let processes = processes.output().unwrap();
     assert_eq!(processes.status.code(), Some(3));
-    assert_eq!(crate::place::published(&lake), place.published());
+    assert_same(&published(&lake), &place.published(), "");
     let units = |mut log: Vec<_>| {
         log.sort();
         log
@@ -39,6 +39,6 @@ fn one_unit_is_made_by_its_name() {
     well(place.command("unit", &["first.parts", "p001"]));
     assert!(place.take_log().is_empty(), "it was there");
     place.run_well(&[]);
-    assert_eq!(place.take_log().len(), 2 + 2 + 3 + 1);
-    assert_eq!(place.published(), place.undisturbed(&[]));
+    assert_eq!(place.take_log().len(), 2 + 2 + 3 + 1 + 1);
+    assert_same(&place.published(), &place.undisturbed(&[]), "");
 }

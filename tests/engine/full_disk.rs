@@ -10,7 +10,7 @@ use std::{
 
 use tempfile::TempDir;
 
-use crate::place::{CHAIN, Place, program, published, stderr, well};
+use crate::place::{CHAIN, Place, assert_same, program, published, stderr, well};
 
 const MIB: u64 = 1 << 20;
 
@@ -78,7 +78,7 @@ fn a_full_disk_is_an_error_and_harms_nothing() {
     let lake = place.path("room");
     verify(&place, &lake);
     well(place.command_in(&lake, "run", &[]));
-    assert_eq!(published(&lake), expected);
+    assert_same(&published(&lake), &expected, "");
 }
 
 #[test]
@@ -95,14 +95,14 @@ fn a_file_that_may_not_grow_is_an_error_and_harms_nothing() {
     assert_clear(&output, "File too large");
     verify(&place, &place.lake());
     place.run_well(&[]);
-    assert_eq!(place.published(), expected);
+    assert_same(&place.published(), &expected, "");
 }
 
 #[test]
 fn a_read_only_lake_can_be_read() {
     let place = place();
     place.run_well(&[]);
-    let before = published(&place.lake());
+    let before = place.published();
     let script = r#"
         mount --bind "$LAKE" "$LAKE"
         mount -o remount,ro,bind "$LAKE"
@@ -123,7 +123,7 @@ fn a_read_only_lake_can_be_read() {
     }
     let output = in_namespace(&place, &script.replace("$VALUES", "--set first.add=9")).unwrap();
     assert_clear(&output, "Read-only file system");
-    assert_eq!(published(&place.lake()), before);
+    assert_same(&place.published(), &before, "");
     verify(&place, &place.lake());
     place.run_well(&[]);
 }
@@ -142,7 +142,7 @@ fn blobs_may_lie_on_another_file_system() {
     symlink(blobs.path(), place.lake().join("blobs")).unwrap();
     let output = place.command("run", &[]).output().unwrap();
     if output.status.code() == Some(0) {
-        assert_eq!(place.published(), place.undisturbed(&[]));
+        assert_same(&place.published(), &place.undisturbed(&[]), "");
         place.take_log();
         place.run_well(&[]);
         assert!(place.take_log().is_empty());
@@ -150,7 +150,7 @@ fn blobs_may_lie_on_another_file_system() {
         assert_clear(&output, "blobs");
         fs::remove_file(place.lake().join("blobs")).unwrap();
         place.run_well(&[]);
-        assert_eq!(place.published(), place.undisturbed(&[]));
+        assert_same(&place.published(), &place.undisturbed(&[]), "");
     }
     verify(&place, &place.lake());
 }
@@ -164,5 +164,5 @@ fn a_lake_may_lie_on_another_file_system() {
     let place = place();
     let lake = other.path().join("lake");
     well(place.command_in(&lake, "run", &[]));
-    assert_eq!(published(&lake), place.undisturbed(&[]));
+    assert_same(&published(&lake), &place.undisturbed(&[]), "");
 }

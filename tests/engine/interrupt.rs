@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use crate::place::{CHAIN, Place, Running, files_below, well};
+use crate::place::{CHAIN, Place, Running, assert_same, files_below, well};
 
 #[test]
 fn an_interrupted_run_leaves_nothing_half_made() {
@@ -38,5 +38,5 @@ fn interrupt(flags: &[&str]) {
     let split: Vec<&str> = split.map(|made| &*made.partition).collect();
     assert!(split.contains(&"held"), "{split:?}");
     assert!(split.len() < 3, "finished units were made again: {split:?}");
-    assert_eq!(place.published(), place.undisturbed(&[]));
+    assert_same(&place.published(), &place.undisturbed(&[]), "");
 }

@@ -1,7 +1,7 @@
 //! A place of its own for each test: input files, a pipeline file, a lake, and the program on them.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     env, fs,
     io::{BufRead, BufReader, Read},
     path::{Path, PathBuf},
@@ -18,7 +18,7 @@ use tempfile::TempDir;
 /// Longer than anything here takes; a test that waits this long has failed.
 pub(crate) const LONG: Duration = Duration::from_secs(30);
 
-/// A stage that maps, twice, and one that gathers, on files of a folder.
+/// Files of a folder, two stages that map them, one that gathers them, one that groups them.
 pub(crate) const CHAIN: &str = r#"
 [stages.split]
 kind = "split"
@@ -39,6 +39,10 @@ add = 1
 [stages.gather]
 kind = "gather"
 inputs.parts = "second.parts"
+
+[stages.group]
+kind = "group"
+inputs.parts = "first.parts"
 "#;
 
 /// A folder with everything that one test uses.
@@ -327,6 +331,21 @@ pub(crate) fn published(lake: &Path) -> BTreeMap<String, String> {
     }
     assert!(!digests.is_empty(), "`{}` shows nothing", lake.display());
     digests
+}
+
+/// What is shown is what is expected; says which files differ.
+pub(crate) fn assert_same(
+    shown: &BTreeMap<String, String>,
+    expected: &BTreeMap<String, String>,
+    context: &str,
+) {
+    let names: BTreeSet<&String> = shown.keys().chain(expected.keys()).collect();
+    let differ: Vec<_> = names
+        .into_iter()
+        .filter(|name| shown.get(*name) != expected.get(*name))
+        .map(|name| (name, shown.get(name), expected.get(name)))
+        .collect();
+    assert!(differ.is_empty(), "{context}\nshown, expected: {differ:#?}");
 }
 
 fn digest_file(path: &Path) -> String {
