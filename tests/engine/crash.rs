@@ -87,7 +87,13 @@ fn undisturbed_time(place: &Place, flags: &[&str]) -> Duration {
 
 /// Starts a run, reads what it shows while it goes on, and kills it, or one of its processes. Returns
 /// whether it was still running.
-fn kill_after(place: &Place, lake: &Path, flags: &[&str], moment: Duration, rng: &mut ChaCha8Rng) {
+fn kill_after(
+    place: &Place,
+    lake: &Path,
+    flags: &[&str],
+    moment: Duration,
+    rng: &mut ChaCha8Rng,
+) -> bool {
     let started = Instant::now();
     let mut command = place.command_in(lake, "run", flags);
     command.stdout(Stdio::null()).stderr(Stdio::null());
