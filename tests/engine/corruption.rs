@@ -118,7 +118,7 @@ fn place_with_a_lake() -> Place {
     for path in files_below(&place.inputs()) {
         let file = File::options().write(true).open(path).unwrap();
         let written = file.metadata().unwrap().modified().unwrap();
-        file.set_modified(written - Duration::from_secs(3600))
+        file.set_modified(written - Duration::from_hours(1))
             .unwrap();
     }
     place.run_well(&["--set", "second.add=5"]);

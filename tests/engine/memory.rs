@@ -61,7 +61,10 @@ fn peak(mut command: Command) -> u64 {
     }
 }
 
-fn compare(commands: &[(&str, fn(&Place) -> Command)]) {
+/// A command and what it does.
+type Named = (&'static str, fn(&Place) -> Command);
+
+fn compare(commands: &[Named]) {
     let (small, large) = (place(64 * MIB), place(640 * MIB));
     for (what, command) in commands {
         let [small, large] = [&small, &large].map(|place| peak(command(place)));

@@ -229,16 +229,16 @@ pub(crate) fn program() -> &'static Path {
 fn up_to_date_program() -> PathBuf {
     let folder = Path::new(env!("CARGO_BIN_EXE_pipeline")).parent().unwrap();
     let program = folder.join("examples/own_stages");
-    let build = "build it first: `cargo build --release --workspace --example own_stages`";
+    let hint = "build it first: `cargo build --release --workspace --example own_stages`";
     let built = fs::metadata(&program).and_then(|metadata| metadata.modified());
-    let built = built.unwrap_or_else(|err| panic!("no `{}` ({err}); {build}", program.display()));
+    let built = built.unwrap_or_else(|err| panic!("no `{}` ({err}); {hint}", program.display()));
     // Beside it cargo lists the sources of which it was made.
     let sources = fs::read_to_string(program.with_extension("d")).unwrap();
     for source in sources.split_whitespace().skip(1) {
         let changed = fs::metadata(source).and_then(|metadata| metadata.modified());
         assert!(
             changed.is_ok_and(|changed| changed <= built),
-            "`{}` is older than `{source}`; {build}",
+            "`{}` is older than `{source}`; {hint}",
             program.display()
         );
     }

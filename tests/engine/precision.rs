@@ -47,9 +47,9 @@ fn planned(place: &Place) -> BTreeMap<String, BTreeMap<String, usize>> {
     let plan: Value = serde_json::from_str(&plan).unwrap();
     let mut counts: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
     for node in plan["nodes"].as_array().unwrap() {
-        let stage = node["node"]["stage"].as_str().unwrap();
+        let name = node["node"]["stage"].as_str().unwrap();
         for unit in node["units"].as_array().into_iter().flatten() {
-            let states = counts.entry(stage.to_owned()).or_default();
+            let states = counts.entry(name.to_owned()).or_default();
             let state = unit["state"].as_str().unwrap();
             *states.entry(state.to_owned()).or_default() += 1;
         }
@@ -82,7 +82,7 @@ fn no_more_is_made_than_what_a_change_reaches() {
     assert_eq!(place.take_counts(), one_each);
 
     // All files are touched: nothing.
-    let hour = Duration::from_secs(3600);
+    let hour = Duration::from_hours(1);
     let modified = SystemTime::UNIX_EPOCH + 400_000 * hour;
     for number in 0..N_FILES {
         let path = place.inputs().join(format!("{}.txt", name(number)));

@@ -108,7 +108,10 @@ fn change_a_value(rng: &mut ChaCha8Rng, world: &mut World) -> String {
         "table" => json!(rng.random_bool(0.5)),
         _ => {
             let names = FILES.iter().filter(|_| rng.random_bool(0.2));
-            Value::from_iter(names.copied().filter(|&name| name != ANCHOR))
+            names
+                .copied()
+                .filter(|&name| name != ANCHOR)
+                .collect::<Value>()
         }
     };
     let said = format!("{}.{key} = {value}", stage.name);
