@@ -20,8 +20,12 @@ use crate::{
 pub(crate) fn graph(program: &Program, args: &GraphArgs) -> Result<Outcome, Trouble> {
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
     let mut n_partitions = BTreeMap::new();
-    let units = Lake::open(&program.lake).newest_units(&pipeline.name);
-    for unit in units.map_err(|err| Trouble::failed(err, None))? {
+    let lake = Lake::open(&program.lake);
+    let units = lake
+        .enter(&pipeline.name)
+        .and_then(|()| lake.newest_units(&pipeline.name))
+        .map_err(|err| Trouble::failed(err, None))?;
+    for unit in units.into_iter().filter(|unit| unit.current) {
         *n_partitions.entry(unit.node).or_default() += 1;
     }
     let graph = Graph {

@@ -1,0 +1,44 @@
+//! Units made in processes of their own, with nothing shared but the lake and the pipeline's file.
+
+use crate::place::{CHAIN, Place, assert_same, published, well};
+
+#[test]
+fn processes_give_the_same_bytes_as_threads() {
+    let place = Place::with_inputs(CHAIN, 6);
+    place.input("bad", b"bad, so that something is skipped");
+    let threads = place.command("run", &[]).output().unwrap();
+    assert_eq!(threads.status.code(), Some(3));
+    let by_threads = place.take_log();
+    let lake = place.path("lake_of_processes");
+    let mut processes = place.command_in(&lake, "run", &["--processes"]);
+    let processes = processes.output().unwrap();
+    assert_eq!(processes.status.code(), Some(3));
+    assert_same(&published(&lake), &place.published(), "");
+    let units = |mut log: Vec<_>| {
+        log.sort();
+        log
+    };
+    assert_eq!(units(place.take_log()), units(by_threads));
+    // Each finds what the other made.
+    for flags in [&["--processes"][..], &[]] {
+        let again = place.command("run", flags).output().unwrap();
+        assert_eq!(again.status.code(), Some(3));
+    }
+    assert!(place.take_log().is_empty());
+}
+
+#[test]
+fn one_unit_is_made_by_its_name() {
+    let place = Place::with_inputs(CHAIN, 3);
+    for (artifact, partition) in [("split.parts", "p001"), ("first.parts", "p001")] {
+        well(place.command("unit", &[artifact, partition]));
+        let made = place.take_log();
+        assert_eq!(made.len(), 1, "{artifact}: {made:?}");
+        assert_eq!(made[0].partition, partition);
+    }
+    well(place.command("unit", &["first.parts", "p001"]));
+    assert!(place.take_log().is_empty(), "it was there");
+    place.run_well(&[]);
+    assert_eq!(place.take_log().len(), 2 + 2 + 3 + 1 + 1);
+    assert_same(&place.published(), &place.undisturbed(&[]), "");
+}

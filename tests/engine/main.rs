@@ -1,0 +1,19 @@
+//! The engine, driven by stages that cost nothing: `own_stages`, a program with stages of its own.
+//!
+//! The tests look at the program's outputs, at what a lake shows under `tables` and `files`, and at a
+//! log that the stages write; how a lake keeps things is its own affair. Longer versions are the same
+//! tests with larger counts: `PIPELINE_EDITS` and `PIPELINE_KILLS`; `PIPELINE_SEED` draws others.
+
+#[path = "../own_stages/stages.rs"]
+mod own_stages;
+mod place;
+
+mod concurrency;
+mod corruption;
+mod crash;
+mod elsewhere;
+mod full_disk;
+mod interrupt;
+mod memory;
+mod plan_equals_run;
+mod precision;

@@ -1,0 +1,64 @@
+//! `gather`: all partitions become one table.
+
+use dataflow::{Code, Context, Input, Inputs, Made, Outcome, Output, Scope, Stage, Summary, Unit};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{OwnError, bytes, code, hooks};
+
+/// Counts the bytes of all partitions.
+pub(crate) enum Gather<const VERSION: u8> {}
+
+/// Options of `kind = "gather"`.
+#[derive(Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct GatherConfig {
+    /// Partitions with fewer bytes are not in the table.
+    #[serde(default)]
+    min_bytes: u64,
+}
+
+impl<const VERSION: u8> Stage for Gather<VERSION> {
+    type Config = GatherConfig;
+    type Error = OwnError;
+
+    const KIND: &'static str = "gather";
+    const ABOUT: &'static str = "Counts the bytes of all partitions";
+    const CODE: Code = code(VERSION);
+    const INPUTS: &'static [Input] = &[Input {
+        name: "parts",
+        artifact: "parts",
+    }];
+    const OUTPUTS: &'static [Output] = &[Output {
+        artifact: "whole",
+        schema: "whole/1",
+        partition: "of",
+        parallel: true,
+    }];
+
+    fn units(_config: &GatherConfig, _output: &str, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+        let keys = scope.partitions("parts").iter().map(|part| &part.key);
+        // Whether the parts have tables, and their labels, makes no difference here.
+        let unit = Unit::new("all")
+            .reading("parts", keys)
+            .only_files("parts", [bytes::DATA]);
+        Ok(vec![unit])
+    }
+
+    fn run(config: &GatherConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, OwnError> {
+        hooks::started(Self::KIND, cx)?;
+        let mut tallies = Vec::new();
+        for part in inputs.artifacts("parts") {
+            let tally = bytes::tally(part)?;
+            if tally.bytes >= config.min_bytes {
+                tallies.push(tally);
+            }
+        }
+        bytes::write_table(cx.folder(), &tallies)?;
+        Ok(Outcome::Made(Made::default()))
+    }
+
+    fn describe(_output: &str, summary: &Summary) -> String {
+        format!("{} table of all parts", summary.n_made)
+    }
+}

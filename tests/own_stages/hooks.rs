@@ -1,0 +1,42 @@
+//! What tests may ask of these stages by environment variables; stages for work need none of it.
+
+use std::{env, fs::File, io::Write, path::Path, process, thread, time::Duration};
+
+use dataflow::Context;
+
+use super::OwnError;
+
+/// How often a held unit looks whether it may go on.
+const LOOK_EVERY: Duration = Duration::from_millis(2);
+
+/// Notes that a unit is being made, then holds it for as long as a test asks for.
+pub(crate) fn started(kind: &str, cx: &Context) -> Result<(), OwnError> {
+    note(kind, cx)?;
+    hold(cx);
+    Ok(())
+}
+
+/// Appends `kind output partition process seed` to the file `OWN_STAGES_LOG` in one piece. The seed
+/// tells stages of one kind apart.
+fn note(kind: &str, cx: &Context) -> Result<(), OwnError> {
+    let Some(path) = env::var_os("OWN_STAGES_LOG") else {
+        return Ok(());
+    };
+    let (output, partition, seed) = (cx.output(), cx.partition(), cx.seed());
+    let line = format!("{kind} {output} {partition} {} {seed}\n", process::id());
+    let log = File::options().append(true).create(true).open(&path);
+    log.and_then(|mut log| log.write_all(line.as_bytes()))
+        .map_err(OwnError::at(Path::new(&path)))
+}
+
+/// Waits until the folder `OWN_STAGES_GATE` holds a file `PARTITION.go`, or is gone.
+fn hold(cx: &Context) {
+    let Some(gate) = env::var_os("OWN_STAGES_GATE") else {
+        return;
+    };
+    let gate = Path::new(&gate);
+    let go = gate.join(format!("{}.go", cx.partition()));
+    while gate.exists() && !go.exists() {
+        thread::park_timeout(LOOK_EVERY);
+    }
+}

@@ -1,0 +1,94 @@
+//! Four small kinds of stages: one that reads files outside the lake, one that maps partition by
+//! partition, one that gathers every partition, one that gathers by a label.
+//!
+//! A kind is a type that implements [`dataflow::Stage`]. Most need two functions: `units` lists what
+//! there is to make and what each unit reads, `run` makes one unit. Everything else (what is up to
+//! date, threads, damaged files, publishing) is the engine's.
+
+mod bytes;
+mod gather;
+mod group;
+mod hooks;
+mod map;
+mod split;
+
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
+
+use dataflow::{Advise, Code, Kind};
+use lake::LakeError;
+
+use self::{gather::Gather, group::Group, map::Map, split::Split};
+
+/// Why one of these stages cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum OwnError {
+    /// A file or folder cannot be read or written.
+    #[error("cannot use `{}`", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The lake cannot keep or give a table.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    /// A table's columns do not fit together.
+    #[error("cannot lay out the table")]
+    Table(#[from] arrow::error::ArrowError),
+    /// An artifact lacks the file that every artifact of its kind has.
+    #[error("artifact `{key}` has no file `{file}`")]
+    MissingFile {
+        /// The partition's key.
+        key: String,
+        /// The file's name.
+        file: &'static str,
+    },
+}
+
+impl OwnError {
+    /// Returns a function that says which file or folder an error is about.
+    pub(crate) fn at(path: &Path) -> impl FnOnce(io::Error) -> Self + use<> {
+        let path = path.to_owned();
+        move |source| Self::Io { path, source }
+    }
+}
+
+impl Advise for OwnError {
+    fn hint(&self) -> Option<String> {
+        match self {
+            Self::Lake(err) => err.hint(),
+            Self::Io { .. } | Self::Table(_) | Self::MissingFile { .. } => None,
+        }
+    }
+}
+
+/// The code part of a kind's fingerprint. A crate of stages writes `dataflow::code!()` instead, which
+/// its build script fills with digests of the sources; here a test chooses among two versions.
+const fn code(version: u8) -> Code {
+    Code {
+        parts: if version == 1 {
+            "own_stages=1"
+        } else {
+            "own_stages=2"
+        },
+    }
+}
+
+/// Returns the kinds, each in the version that `version` says: 1 or 2.
+pub(crate) fn kinds_with(version: impl Fn(&str) -> u8) -> Vec<Kind> {
+    let versions = [
+        [Kind::of::<Split<1>>(), Kind::of::<Split<2>>()],
+        [Kind::of::<Map<1>>(), Kind::of::<Map<2>>()],
+        [Kind::of::<Gather<1>>(), Kind::of::<Gather<2>>()],
+        [Kind::of::<Group<1>>(), Kind::of::<Group<2>>()],
+    ];
+    let choose = |[first, second]: [Kind; 2]| match version(first.name) {
+        1 => first,
+        _ => second,
+    };
+    versions.map(choose).into()
+}
