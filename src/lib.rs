@@ -11,8 +11,10 @@
 mod arguments;
 mod command_line;
 mod commands;
+mod interrupt;
 mod kinds;
 mod outcome;
+mod processes;
 mod progress;
 mod report;
 

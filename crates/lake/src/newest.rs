@@ -134,6 +134,7 @@ impl Newest {
         sealed::write(staging, path, &stored)
     }
 
+    /// Returns the result of a unit that is or was newest.
     pub(crate) fn outcome(&self, fingerprint: &Digest) -> Option<&Arc<RecordOutcome>> {
         self.outcomes.get(fingerprint)
     }

@@ -49,8 +49,8 @@ impl Tables {
         for table in lake.tables()? {
             let name = format!("{ALL}{table}");
             if sql.contains(&name) && lake.every_folder(&table).is_dir() {
-                let frame = of_all_runs(lake, &table, &units)
-                    .map_err(|err| Trouble::failed(err, None))?;
+                let frame =
+                    of_all_runs(lake, &table, &units).map_err(|err| Trouble::failed(err, None))?;
                 self.context.register(&name, frame.clone());
                 self.known.push((name, frame));
             }
@@ -78,7 +78,12 @@ fn of_all_runs(lake: &Lake, table: &str, units: &LazyFrame) -> PolarsResult<Lazy
     let units = units
         .clone()
         .filter(col("artifact").eq(lit(table)))
-        .select([col("run"), col("pipeline"), col("stage"), col("fingerprint")]);
+        .select([
+            col("run"),
+            col("pipeline"),
+            col("stage"),
+            col("fingerprint"),
+        ]);
     let made = scan(&lake.every_folder(table))?;
     Ok(units.join(
         made,
