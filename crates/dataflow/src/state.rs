@@ -239,7 +239,7 @@ impl<'a> State<'a> {
     /// What a node's stage may look at; `asked` is set when it asks for labels that may change.
     fn scope(&self, node: &Node, open: Presence, asked: &Arc<AtomicBool>) -> Scope {
         let partition = |(key, known): (&String, &Known)| match known {
-            Known::Made(outcome) => Some(Partition::new(key, outcome.labels())),
+            Known::Made(outcome) => Some(Partition::made(key, outcome)),
             Known::Open { .. } if open == Presence::Denied => None,
             Known::Open {
                 labels,
