@@ -152,7 +152,8 @@ impl Newest {
     pub(crate) fn retire(&mut self, is_kept: impl Fn(&NodeName) -> bool) {
         for (node, units) in &mut self.units {
             let is_current = units.values().any(|unit| unit.current);
-            if (is_current || self.shown.contains_key(node)) && !is_kept(node) {
+            let is_shown = self.shown.get(node).is_some_and(|shown| !shown.is_empty());
+            if (is_current || is_shown) && !is_kept(node) {
                 self.retired.insert(node.clone());
                 for unit in units.values_mut() {
                     unit.current = false;
