@@ -20,7 +20,6 @@ use crate::{
     published,
     records::{Provenance, Records},
     runs::{self, Run},
-    sealed,
     sources::Sources,
 };
 
@@ -330,14 +329,6 @@ impl Lake {
             }
         }
         newest.write(&self.staging(), &path, |digest| self.blobs.stamp(digest))
-    }
-
-    /// Reads a sealed file of the lake.
-    pub(crate) fn sealed<T: serde::de::DeserializeOwned>(
-        &self,
-        name: &str,
-    ) -> Result<Option<T>, LakeError> {
-        sealed::read(&self.root.join(name))
     }
 }
 
