@@ -66,7 +66,7 @@ pub fn parts(folder: &Path) -> Result<Vec<Part>, CodeError> {
         let manifest = read_toml(&folder.join("Cargo.toml"))?;
         for table in dependency_tables(&manifest) {
             for (name, item) in table.iter() {
-                match members.folder(name, item) {
+                match members.folder(&folder, name, item) {
                     Some(path) => open.push(path),
                     None => {
                         external.insert(package_name(name, item).to_owned());
@@ -130,9 +130,18 @@ impl Members {
         chosen.chain([profile]).collect()
     }
 
-    fn folder(&self, name: &str, item: &Item) -> Option<PathBuf> {
-        let shared = item.get("workspace").and_then(Item::as_bool) == Some(true);
-        shared.then(|| self.folders.get(name).cloned()).flatten()
+    /// Where a dependency of the crate in `dependent` lies, if it is one of the workspace's own or
+    /// another crate on this machine.
+    fn folder(&self, dependent: &Path, name: &str, item: &Item) -> Option<PathBuf> {
+        let folder = match item.get("path").and_then(Item::as_str) {
+            Some(path) => dependent.join(path),
+            None if item.get("workspace").and_then(Item::as_bool) == Some(true) => {
+                self.folders.get(name).cloned()?
+            }
+            None => return None,
+        };
+        // One crate is one part, however its path is written.
+        Some(folder.canonicalize().unwrap_or(folder))
     }
 }
 
@@ -178,7 +187,10 @@ fn source_part(folder: &Path, manifest: &DocumentMut) -> Result<Part, CodeError>
         .and_then(Item::as_str)
         .unwrap_or_default();
     let mut files = vec![folder.join("Cargo.toml")];
-    list_files(&folder.join("src"), &mut files)?;
+    match deciding_files(manifest) {
+        None => list_files(&folder.join("src"), &mut files)?,
+        Some(named) => files.extend(named.iter().map(|name| folder.join(name))),
+    }
     files.sort();
     let mut hasher = Hasher::new();
     for path in &files {
@@ -194,6 +206,22 @@ fn source_part(folder: &Path, manifest: &DocumentMut) -> Result<Part, CodeError>
         // The folder stands for files that are added or removed.
         watched: vec![folder.join("Cargo.toml"), folder.join("src")],
     })
+}
+
+/// The only files of a crate that decide what stages compute, where its manifest names them:
+/// `package.metadata.code.decides`. Every file below `src/` where it does not.
+fn deciding_files(manifest: &DocumentMut) -> Option<Vec<&str>> {
+    let mut table = manifest.as_item();
+    for key in ["package", "metadata", "code", "decides"] {
+        table = table.get(key)?;
+    }
+    Some(
+        table
+            .as_array()?
+            .iter()
+            .filter_map(|name| name.as_str())
+            .collect(),
+    )
 }
 
 fn list_files(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), CodeError> {

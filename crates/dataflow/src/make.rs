@@ -15,8 +15,9 @@ use crate::{
     observer::Observer,
     pipeline::Pipeline,
     run::UnitReport,
+    seed::unit_seed,
     stage::Labels,
-    state::{Known, State, unit_seed},
+    state::{Known, State},
     store::{FileRef, Store, Unkept},
     unit::Unit,
 };

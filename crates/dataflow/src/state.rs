@@ -15,7 +15,7 @@ use crate::{
     error::Failure,
     fingerprint::{Fingerprint, Recipe},
     graph::{Node, NodeName},
-    pipeline::{Pipeline, StageEntry},
+    pipeline::Pipeline,
     stage::{Advised, Labels, Partition, Scope},
     store::{RecordOutcome, Store},
     unit::Unit,
@@ -339,16 +339,4 @@ fn code_parts(code: Code) -> BTreeMap<String, String> {
     code.iter()
         .map(|(part, digest)| (part.to_owned(), digest.to_owned()))
         .collect()
-}
-
-/// The seed of one unit: of the pipeline's seed, the stage's name and the partition alone.
-pub(crate) fn unit_seed(seed: u64, stage: &StageEntry, partition: &str) -> u64 {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(&seed.to_le_bytes());
-    hasher.update(stage.name.as_bytes());
-    hasher.update(&[0]);
-    hasher.update(partition.as_bytes());
-    let mut first = [0; 8];
-    first.copy_from_slice(&hasher.finalize().as_bytes()[..8]);
-    u64::from_le_bytes(first)
 }

@@ -20,8 +20,8 @@ use crate::{
     published,
     records::{Provenance, Records},
     runs::{self, Run},
-    sealed,
     sources::Sources,
+    views,
 };
 
 /// A folder of artifacts.
@@ -282,7 +282,7 @@ impl Lake {
     /// Drops what this process is making, and notes that its run was interrupted; nothing is kept
     /// after that. Returns the number of units dropped, and the guard that keeps it so.
     pub fn abandon(&self) -> (impl Sized + '_, usize) {
-        let (guard, n_dropped) = self.flight.drop_all();
+        let (guard, n_dropped) = self.flight.drop_all(&self.locks());
         let mine = atomic::process_name();
         for name in names_in(&self.staging()).unwrap_or_default() {
             if name.starts_with(&mine) {
@@ -292,8 +292,10 @@ impl Lake {
         if let Some(run) = self.current_run().take() {
             let mut record = run.record.clone();
             record.status = RunStatus::Interrupted;
-            // The run's process is gone in a moment, which says the same.
-            let _noted = runs::end(self, run, record, BTreeMap::new());
+            // Where this fails, the run's process is gone in a moment, which says the same.
+            let _noted = history::keep(self, &run, &record, &[])
+                .and_then(|history| runs::end(self, run, record, history))
+                .and_then(|()| views::write(self));
         }
         self.leave();
         (guard, n_dropped)
@@ -330,14 +332,6 @@ impl Lake {
             }
         }
         newest.write(&self.staging(), &path, |digest| self.blobs.stamp(digest))
-    }
-
-    /// Reads a sealed file of the lake.
-    pub(crate) fn sealed<T: serde::de::DeserializeOwned>(
-        &self,
-        name: &str,
-    ) -> Result<Option<T>, LakeError> {
-        sealed::read(&self.root.join(name))
     }
 }
 
