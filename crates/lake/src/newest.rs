@@ -97,6 +97,10 @@ impl Newest {
         self.shown.get(node)
     }
 
+    pub(crate) fn all_shown(&self) -> &BTreeMap<NodeName, Shown> {
+        &self.shown
+    }
+
     pub(crate) fn all_shown_mut(&mut self) -> &mut BTreeMap<NodeName, Shown> {
         &mut self.shown
     }
