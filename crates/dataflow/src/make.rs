@@ -18,7 +18,7 @@ use crate::{
     seed::unit_seed,
     stage::Labels,
     state::{Known, State},
-    store::{FileRef, RecordOutcome, Store, Unkept},
+    store::{FileRef, Store, Unkept},
     unit::Unit,
 };
 
@@ -255,21 +255,7 @@ pub fn make_one(
     let mut state = State::new(pipeline, store);
     store.enter(&pipeline.name)?;
     for node in pipeline.upstream_of(node) {
-        let mut known = BTreeMap::new();
-        for unit in state.units(node)? {
-            let outcome = match state.fingerprint(node, &unit)? {
-                Some((_, digest)) => store.recall(&digest)?,
-                None => None,
-            };
-            let outcome = outcome.ok_or_else(|| Failure::NotMade {
-                node: node.name.clone(),
-                partition: unit.partition.clone(),
-            })?;
-            if matches!(*outcome, RecordOutcome::Made { .. }) {
-                known.insert(unit.partition, Known::Made(outcome));
-            }
-        }
-        state.insert(&node.name, known);
+        state.recall(node, |digest| store.recall(digest))?;
     }
     let mut nodes = pipeline.nodes.iter();
     let node = nodes

@@ -166,7 +166,8 @@ impl Blobs {
 
     /// Whether stamps were learned since they were recalled.
     pub(crate) fn learned(&self) -> bool {
-        self.stamps().changed
+        let stamps = self.stamps();
+        stamps.changed || !stamps.touched.is_empty()
     }
 
     /// The stamp that a blob had when its bytes were last seen to be right.

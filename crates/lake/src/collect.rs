@@ -179,8 +179,8 @@ impl Lake {
 
     /// Keeps what the newest states of all pipelines show.
     fn keep_of_newest(&self, kept: &mut BTreeSet<Digest>) -> Result<(), LakeError> {
-        for name in names_in(&self.root().join("newest"))? {
-            let pipeline = name.trim_end_matches(".json");
+        for name in names_in(&self.root().join(newest::FOLDER))? {
+            let pipeline = newest::pipeline_of(&name);
             let newest = Newest::read(&newest::path(self.root(), pipeline))?;
             let units = newest.list().into_iter();
             kept.extend(
@@ -292,8 +292,8 @@ impl Lake {
 
     /// Forgets collected units in the newest states of all pipelines.
     fn forget(&self, gone: &BTreeSet<Digest>) -> Result<(), LakeError> {
-        for name in names_in(&self.root().join("newest"))? {
-            let pipeline = name.trim_end_matches(".json");
+        for name in names_in(&self.root().join(newest::FOLDER))? {
+            let pipeline = newest::pipeline_of(&name);
             let _turn = crate::published::wait_for_turn(self, pipeline)?;
             let path = newest::path(self.root(), pipeline);
             let mut newest = Newest::read(&path)?;

@@ -313,13 +313,13 @@ impl Lake {
         let path = newest::path(&self.root, pipeline);
         self.prepare()?;
         let _turn = published::wait_for_turn(self, pipeline)?;
+        let mut there = Newest::read(&path)?;
+        let mut stamps = std::mem::take(&mut there.stamps);
+        stamps.retain(|(digest, _)| self.blobs.stamp(digest).is_none());
+        self.blobs.recall(stamps);
+        there.take_over_shown(newest);
+        *newest = there;
         if let Some(units) = units {
-            let mut there = Newest::read(&path)?;
-            let mut stamps = std::mem::take(&mut there.stamps);
-            stamps.retain(|(digest, _)| self.blobs.stamp(digest).is_none());
-            self.blobs.recall(stamps);
-            there.take_over_shown(newest);
-            *newest = there;
             newest.take_over(units);
         }
         for shown in newest.all_shown_mut().values_mut() {
