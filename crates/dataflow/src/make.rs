@@ -69,14 +69,14 @@ impl<'a> Maker<'a> {
     /// Makes a unit of which every input is made.
     pub(crate) fn make(
         &self,
-        state: &State,
+        known: &State,
         node: &Node,
         unit: &Unit,
         forced: Forced,
     ) -> Result<UnitReport, Failure> {
         let stage = self.pipeline.stage(node);
         let (fingerprint, digest) =
-            state
+            known
                 .fingerprint(node, unit)?
                 .ok_or_else(|| Failure::MissingInput {
                     stage: stage.name.clone(),
@@ -97,7 +97,7 @@ impl<'a> Maker<'a> {
                 made_now: false,
             });
         }
-        let inputs = self.inputs(state, node, unit)?;
+        let inputs = self.inputs(known, node, unit)?;
         let cx = Context {
             output: node.output.artifact.to_owned(),
             partition: unit.partition.clone(),

@@ -8,7 +8,7 @@ use std::{
     collections::{BTreeMap, BTreeSet},
     fs,
     os::unix::fs::MetadataExt,
-    path::{Path, PathBuf},
+    path::Path,
     time::{Duration, SystemTime, UNIX_EPOCH},
 };
 
@@ -323,7 +323,7 @@ fn files_of(outcome: &RecordOutcome) -> Vec<(Digest, u64)> {
 }
 
 /// Removes a file, and the folders above it that are left empty.
-fn remove(path: &PathBuf, collecting: Collecting) -> Result<(), LakeError> {
+fn remove(path: &Path, collecting: Collecting) -> Result<(), LakeError> {
     const FOLDERS: usize = 2;
     if collecting == Collecting::Count {
         return Ok(());

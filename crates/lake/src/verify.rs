@@ -101,7 +101,7 @@ impl Lake {
             .filter(|(path, stamp, _)| Stamp::read(path).is_ok_and(|now| now == *stamp))
             .map(|(path, _, digest)| (path, digest))
             .collect();
-        let verified = check_digests(unchanged, on_bytes, |path| Fault {
+        let verified = check_digests(&unchanged, on_bytes, |path| Fault {
             path: path.to_owned(),
             what: "changed since it was read, behind an unchanged size, time and inode".to_owned(),
             can_drop: false,
@@ -166,7 +166,7 @@ impl Verifier<'_> {
             }
         }
         let root = self.lake.root();
-        let mut checked = check_digests(files, on_bytes, |path| Fault {
+        let mut checked = check_digests(&files, on_bytes, |path| Fault {
             path: path.strip_prefix(root).unwrap_or(path).to_owned(),
             what: "its bytes are not the ones that its name promises".to_owned(),
             can_drop: true,
@@ -352,7 +352,7 @@ pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, LakeError> {
 
 /// Reads files on all cores and reports those that have other digests.
 fn check_digests(
-    files: Vec<(PathBuf, Digest)>,
+    files: &[(PathBuf, Digest)],
     on_bytes: &OnBytes,
     fault: impl Fn(&Path) -> Fault + Sync,
 ) -> Verified {
