@@ -12,6 +12,8 @@ mod arguments;
 mod command_line;
 mod commands;
 mod kinds;
+mod moments;
+mod numbers;
 mod outcome;
 mod progress;
 mod report;

@@ -43,6 +43,7 @@ mod sources;
 mod stamp;
 mod store;
 pub mod table;
+mod tags;
 mod views;
 
 pub use error::LakeError;
