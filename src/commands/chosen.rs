@@ -27,13 +27,13 @@ pub(crate) fn no_runs(lake: &Lake) -> Trouble {
     )
 }
 
-/// Returns a run with its units, or `None` in their place if they are no longer in the lake.
-pub(crate) fn run_if_kept(lake: &Lake, number: u64) -> Result<(Run, Option<()>), Trouble> {
+/// Returns a run, and whether its units are still in the lake; if not, it is returned without them.
+pub(crate) fn run_and_whether_kept(lake: &Lake, number: u64) -> Result<(Run, bool), Trouble> {
     match lake.run(number) {
         Err(LakeError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
-            Ok((lake.run_without_units(number)?, None))
+            Ok((lake.run_without_units(number)?, false))
         }
-        run => Ok((run?, Some(()))),
+        run => Ok((run?, true)),
     }
 }
 

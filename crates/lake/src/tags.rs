@@ -160,7 +160,9 @@ mod tests {
         for name in ["best", "v1.2", "2026-11-21", "a_b", "newest-good"] {
             assert!(is_name(name), "{name}");
         }
-        for name in ["", "12", "newest", "newest~2", "a/b", "..", ".x", "-x", "ä", "a b"] {
+        for name in [
+            "", "12", "newest", "newest~2", "a/b", "..", ".x", "-x", "ä", "a b",
+        ] {
             assert!(!is_name(name), "{name}");
         }
         assert!(!is_name(&"x".repeat(101)));
