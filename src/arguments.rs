@@ -46,6 +46,12 @@ pub(crate) enum Command {
     Graph(GraphArgs),
     /// Check that the lake, what a pipeline file names and the robot cell are ready
     Doctor(DoctorArgs),
+    /// Check every byte of the lake against what was stored
+    Verify(VerifyArgs),
+    /// Remove what no run that counts, and no pipeline file, refers to any more
+    Gc(GcArgs),
+    /// Make one partition of one output: what `run --processes` starts, here or on another machine
+    Unit(UnitArgs),
     /// Print a script that completes commands and options in a shell
     Completions(CompletionsArgs),
 }
@@ -70,7 +76,7 @@ pub(crate) struct PipelineArgs {
 }
 
 /// Values that replace those of a pipeline file.
-#[derive(Args, Clone)]
+#[derive(Args, Clone, Default)]
 pub(crate) struct ValueArgs {
     /// Take the values of this table under `profiles` in the file [default: the file's own values]
     #[arg(long, value_name = "NAME")]
@@ -89,6 +95,9 @@ pub(crate) struct RunArgs {
     /// Number of worker threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) jobs: Option<u16>,
+    /// Make each unit in a process of its own instead of a thread: `pipeline unit`
+    #[arg(long)]
+    pub(crate) processes: bool,
     /// Show what would run, as `plan` does, and run nothing
     #[arg(long)]
     pub(crate) dry_run: bool,
@@ -256,4 +265,79 @@ pub(crate) struct DoctorArgs {
 pub(crate) struct CompletionsArgs {
     /// The shell, e.g. `bash`: `pipeline completions bash > ~/.local/share/bash-completion/completions/pipeline`
     pub(crate) shell: Shell,
+}
+
+#[derive(Args)]
+pub(crate) struct VerifyArgs {
+    /// Check also the files outside the lake that it has read: finds those that were changed behind
+    /// an unchanged size, time and inode, and has them read again
+    #[arg(long)]
+    pub(crate) inputs: bool,
+    /// Drop what is damaged, so that the next run makes it again
+    #[arg(long)]
+    pub(crate) drop: bool,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = VerifyFormat::Text)]
+    pub(crate) format: VerifyFormat,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum VerifyFormat {
+    /// One line per damaged file
+    Text,
+    /// One object with every damaged file
+    Json,
+}
+
+#[derive(Args)]
+pub(crate) struct GcArgs {
+    /// Pipeline files of which everything stays that they use now [default: those of the lake's runs]
+    pub(crate) files: Vec<PathBuf>,
+    /// Number of finished runs of each pipeline, the newest, of which everything stays; of tagged
+    /// runs it always does
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) keep: u16,
+    /// Say what would go and how many bytes that is, and remove nothing
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = GcFormat::Text)]
+    pub(crate) format: GcFormat,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum GcFormat {
+    /// One line per output
+    Text,
+    /// One object
+    Json,
+}
+
+#[derive(Args)]
+pub(crate) struct UnitArgs {
+    /// Pipeline file, e.g. `pipelines/cgf.toml`
+    pub(crate) file: PathBuf,
+    /// The output, e.g. `screen.rollouts`
+    pub(crate) artifact: String,
+    /// The partition, e.g. an object's name
+    pub(crate) partition: String,
+    #[command(flatten)]
+    pub(crate) values: ValueArgs,
+    /// Make it even if its result is in the lake
+    #[arg(long)]
+    pub(crate) fresh: bool,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = UnitFormat::Text)]
+    pub(crate) format: UnitFormat,
+    /// Stop as soon as stdin closes, as it does when the process that started this one ends
+    #[arg(long)]
+    pub(crate) with_parent: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum UnitFormat {
+    /// The digest of the unit's fingerprint
+    Text,
+    /// One object per line: progress, then the result or the failure
+    Json,
 }

@@ -24,7 +24,7 @@ pub(crate) struct Program<'a> {
 }
 
 /// Does what the process's arguments ask for, with these kinds of stages, and returns its exit code:
-/// 0 done, 1 failed, 2 wrong command line or pipeline file, 3 done with skipped items.
+/// 0 done, 1 failed, 2 wrong command line or pipeline file, 3 done with skipped items, 130 interrupted.
 pub fn command_line(kinds: &[Kind]) -> ExitCode {
     let cli = Cli::parse();
     let program = Program {
@@ -45,11 +45,15 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
         Command::Stages(args) => commands::stages(&program, args),
         Command::Graph(args) => commands::graph(&program, args),
         Command::Doctor(args) => commands::doctor(&program, args),
+        Command::Verify(args) => commands::verify(&program, args),
+        Command::Gc(args) => commands::gc(&program, args),
+        Command::Unit(args) => commands::unit(&program, args),
         Command::Completions(args) => commands::completions(args),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::SkippedItems) => ExitCode::from(3),
+        Ok(Outcome::Told) => ExitCode::FAILURE,
         Err(trouble) => report::trouble(&trouble),
     }
 }

@@ -11,10 +11,12 @@
 mod arguments;
 mod command_line;
 mod commands;
+mod interrupt;
 mod kinds;
 mod moments;
 mod numbers;
 mod outcome;
+mod processes;
 mod progress;
 mod report;
 

@@ -10,6 +10,8 @@ pub(crate) enum Outcome {
     Done,
     /// Done, but items were skipped: exit code 3.
     SkippedItems,
+    /// It failed and has said so on stdout: exit code 1.
+    Told,
 }
 
 /// A command that did not.

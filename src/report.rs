@@ -100,6 +100,19 @@ pub(crate) fn columns(rows: &[Vec<String>], right: &[usize]) -> String {
     text
 }
 
+/// A number of bytes as people read it.
+pub(crate) fn bytes(n_bytes: u64) -> String {
+    let mut number = n_bytes as f64;
+    for unit in ["bytes", "kB", "MB", "GB"] {
+        if number < 1000.0 {
+            let digits = usize::from(unit != "bytes");
+            return format!("{number:.digits$} {unit}");
+        }
+        number /= 1000.0;
+    }
+    format!("{number:.1} TB")
+}
+
 /// A duration as people read it.
 pub(crate) fn duration(seconds: f64) -> String {
     if seconds < 60.0 {

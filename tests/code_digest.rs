@@ -1,6 +1,6 @@
 //! Digests of a small workspace made for the test: what changes them and what does not.
 
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{collections::BTreeMap, fs, path::Path, process::Command};
 
 use tempfile::TempDir;
 
@@ -76,6 +76,106 @@ fn changed_by(name: &str, more: &str) -> Vec<String> {
         .filter(|name| before[*name] != after[*name])
         .cloned()
         .collect()
+}
+
+/// A workspace that builds: a program whose code part is what it prints, a library that it uses, and a
+/// crate that it does not.
+fn buildable() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let code_digest = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/code_digest");
+    let stage = format!(
+        "[package]\nname = \"stage\"\nedition = \"2024\"\n[dependencies]\n\
+         library = {{ path = \"../library\" }}\n[build-dependencies]\n\
+         code_digest = {{ path = {:?} }}\n",
+        code_digest.display()
+    );
+    let package = |name: &str| format!("[package]\nname = \"{name}\"\nedition = \"2024\"\n");
+    for (name, text) in [
+        (
+            "Cargo.toml",
+            "[workspace]\nmembers = [\"stage\", \"library\", \"other\"]\nresolver = \"3\"\n",
+        ),
+        ("README.md", "Words.\n"),
+        ("stage/Cargo.toml", &stage),
+        (
+            "stage/build.rs",
+            "fn main() {\n    code_digest::emit();\n}\n",
+        ),
+        (
+            "stage/src/main.rs",
+            "fn main() {\n    print!(\"{}\", env!(\"PIPELINE_CODE\"));\n}\n",
+        ),
+        ("library/Cargo.toml", &package("library")),
+        ("library/src/lib.rs", "//! A library.\n"),
+        ("other/Cargo.toml", &package("other")),
+        ("other/src/lib.rs", "//! Unrelated.\n"),
+    ] {
+        put(folder.path(), name, text);
+    }
+    folder
+}
+
+/// Builds the workspace and returns the digests that its program carries, by part.
+fn built(folder: &Path) -> BTreeMap<String, String> {
+    let program = Command::new(env!("CARGO"))
+        .args(["run", "--quiet", "--offline", "--package", "stage"])
+        .current_dir(folder)
+        .env("CARGO_TARGET_DIR", folder.join("target"))
+        .env_remove("PIPELINE_CODE")
+        .output()
+        .unwrap();
+    let complaint = String::from_utf8_lossy(&program.stderr);
+    assert!(program.status.success(), "{complaint}");
+    let parts = String::from_utf8(program.stdout).unwrap();
+    let parts = parts.split(';').map(|part| part.split_once('=').unwrap());
+    parts
+        .map(|(name, digest)| (name.to_owned(), digest.to_owned()))
+        .collect()
+}
+
+#[test]
+fn a_rebuilt_program_carries_the_digests_of_what_was_edited_and_no_others() {
+    let folder = buildable();
+    let mut before = built(folder.path());
+    for (name, more, changed) in [
+        ("README.md", "More words.\n", None),
+        ("other/src/lib.rs", "//! Still unrelated.\n", None),
+        ("library/src/lib.rs", "//! Another line.\n", Some("library")),
+        ("stage/src/main.rs", "// Another line.\n", Some("stage")),
+        ("library/src/new.rs", "//! A new file.\n", Some("library")),
+    ] {
+        let old = fs::read_to_string(folder.path().join(name)).unwrap_or_default();
+        put(folder.path(), name, &format!("{old}{more}"));
+        let after = built(folder.path());
+        let differing: Vec<&str> = before
+            .iter()
+            .filter(|(part, digest)| after.get(*part) != Some(*digest))
+            .map(|(part, _)| part.as_str())
+            .collect();
+        assert_eq!(differing, changed.into_iter().collect::<Vec<_>>(), "{name}");
+        before = after;
+    }
+}
+
+#[test]
+fn a_line_of_screen_changes_screen_and_no_stage_before_it() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let parts = |stage: &str| -> Vec<String> {
+        let parts = code_digest::parts(&root.join("stages").join(stage)).unwrap();
+        parts.into_iter().map(|part| part.name).collect()
+    };
+    assert!(parts("screen").contains(&"stage-screen".to_owned()));
+    for stage in ["ingest", "retarget", "train", "sample", "dispatch"] {
+        let of_stage = parts(stage);
+        let others = of_stage
+            .iter()
+            .filter(|part| part.starts_with("stage-") && **part != format!("stage-{stage}"));
+        assert_eq!(others.count(), 0, "{stage} depends on {of_stage:?}");
+        assert!(of_stage.contains(&"dependencies".to_owned()));
+    }
+    let computes = |stage: &str, library: &str| parts(stage).contains(&library.to_owned());
+    assert!(computes("train", "cgf") && !computes("train", "simulation"));
+    assert!(computes("screen", "simulation") && !computes("screen", "cgf"));
 }
 
 #[test]

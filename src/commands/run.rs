@@ -1,5 +1,8 @@
 //! `pipeline run`
 
+use std::sync::Arc;
+
+use dataflow::Elsewhere;
 use lake::Lake;
 
 use crate::{
@@ -9,37 +12,49 @@ use crate::{
         pipeline_file, plan,
         sweep::{self, Done},
     },
+    interrupt,
     outcome::{Outcome, Trouble},
+    processes::Processes,
     progress::{Quiet, Screen},
     report,
 };
 
 /// Runs a pipeline, or every variant of it, reusing every result that is still valid.
 pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<Outcome, Trouble> {
-    sweep::each(program, &args.pipeline, |pipeline| {
+    let lake = Arc::new(Lake::open(&program.lake));
+    if !args.dry_run {
+        interrupt::drop_on_signal(&lake)?;
+    }
+    let outcome = sweep::each(program, &args.pipeline, |pipeline| {
         let args = RunArgs {
             pipeline,
             ..args.clone()
         };
-        run_variant(program, &args)
-    })
+        run_variant(program, &lake, &args)
+    });
+    lake.leave();
+    outcome
 }
 
-fn run_variant(program: &Program, args: &RunArgs) -> Result<Done, Trouble> {
+fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, Trouble> {
     let pipeline = if args.execute {
         pipeline_file::read_to_execute(program.kinds, &args.pipeline)?
     } else {
         pipeline_file::read(program.kinds, &args.pipeline)?
     };
     let options = pipeline_file::options(&args.pipeline, args.jobs);
-    let store = Lake::open(&program.lake);
     if args.dry_run {
-        let plan = dataflow::plan(&pipeline, &store, &options)?;
+        let plan = dataflow::plan(&pipeline, store, &options)?;
         report::data(plan::text(&plan).as_bytes());
         return Ok(Done::without_words(Outcome::Done));
     }
     let screen = Screen::new(program.quiet);
-    let ran = dataflow::run(&pipeline, &store, &options, None, &screen)?;
+    let processes = Processes {
+        lake: program.lake.clone(),
+        origin: pipeline.origin.clone(),
+    };
+    let elsewhere = args.processes.then_some(&processes as &dyn Elsewhere);
+    let ran = dataflow::run(&pipeline, store, &options, elsewhere, &screen)?;
     let last = ran.nodes.last();
     let said = last.map_or_else(String::new, |node| node.description.clone());
     if program.quiet == Quiet::No {

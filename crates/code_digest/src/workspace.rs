@@ -66,7 +66,7 @@ pub fn parts(folder: &Path) -> Result<Vec<Part>, CodeError> {
         let manifest = read_toml(&folder.join("Cargo.toml"))?;
         for table in dependency_tables(&manifest) {
             for (name, item) in table.iter() {
-                match members.folder(name, item) {
+                match members.folder(&folder, name, item) {
                     Some(path) => open.push(path),
                     None => {
                         external.insert(package_name(name, item).to_owned());
@@ -130,9 +130,18 @@ impl Members {
         chosen.chain([profile]).collect()
     }
 
-    fn folder(&self, name: &str, item: &Item) -> Option<PathBuf> {
-        let shared = item.get("workspace").and_then(Item::as_bool) == Some(true);
-        shared.then(|| self.folders.get(name).cloned()).flatten()
+    /// Where a dependency of the crate in `dependent` lies, if it is one of the workspace's own or
+    /// another crate on this machine.
+    fn folder(&self, dependent: &Path, name: &str, item: &Item) -> Option<PathBuf> {
+        let folder = match item.get("path").and_then(Item::as_str) {
+            Some(path) => dependent.join(path),
+            None if item.get("workspace").and_then(Item::as_bool) == Some(true) => {
+                self.folders.get(name).cloned()?
+            }
+            None => return None,
+        };
+        // One crate is one part, however its path is written.
+        Some(folder.canonicalize().unwrap_or(folder))
     }
 }
 

@@ -5,8 +5,8 @@ use crate::{context::Progress, error::Failure, graph::NodeName};
 /// Someone who makes units in other processes, perhaps on other machines, that share the store and
 /// the pipeline's file with this one and nothing else.
 pub trait Elsewhere: Sync {
-    /// Makes one unit and returns when its result is in the store; `forced` makes it although a
-    /// result is there already.
+    /// Makes one unit and returns when its result is in the store: whether it was made now, and not
+    /// before by somebody else. `forced` makes it although a result is there already.
     ///
     /// # Errors
     ///
@@ -17,7 +17,7 @@ pub trait Elsewhere: Sync {
         partition: &str,
         forced: Forced,
         progress: &Progress,
-    ) -> Result<(), Failure>;
+    ) -> Result<bool, Failure>;
 }
 
 /// Whether a unit is made although its result is in the store.

@@ -151,12 +151,12 @@ impl<'a> Maker<'a> {
             self.observer
                 .unit_progress(node, &unit.partition, fraction, message);
         };
-        elsewhere.make(&node.name, &unit.partition, forced, &progress)?;
+        let made_now = elsewhere.make(&node.name, &unit.partition, forced, &progress)?;
         Ok(UnitReport {
             partition: unit.partition.clone(),
             fingerprint: digest,
             outcome: self.store.lookup(&digest)?.ok_or_else(lost)?,
-            made_now: true,
+            made_now,
         })
     }
 

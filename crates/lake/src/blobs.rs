@@ -13,6 +13,7 @@ use dataflow::{Digest, FileRef};
 use crate::{
     LakeError,
     atomic::{io_error, rename},
+    clock::now,
     stamp::Stamp,
 };
 
@@ -68,6 +69,12 @@ impl Blobs {
             size: metadata.len(),
         };
         if self.is_whole(&kept)? {
+            // Bytes that are there already are used again: the newer time keeps them.
+            let path = self.path(&digest);
+            File::open(&path)
+                .and_then(|blob| blob.set_modified(now()))
+                .map_err(io_error("write", &path))?;
+            self.touch(&digest);
             fs::remove_file(file).map_err(io_error("remove", file))?;
         } else {
             File::open(file)

@@ -4,7 +4,7 @@ use std::{
     collections::BTreeMap,
     fs, io,
     path::{Path, PathBuf},
-    sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
 use dataflow::{Digest, FileRef, Record, RecordOutcome, RunStatus, UnitRef};
@@ -20,7 +20,6 @@ use crate::{
     published,
     records::{Provenance, Records},
     runs::{self, Run},
-    sealed,
     sources::Sources,
 };
 
@@ -36,7 +35,7 @@ pub struct Lake {
     /// The run that this process makes things for.
     run: Mutex<Option<Run>>,
     /// Held as long as this process writes to the lake, so that others know that it lives.
-    alive: OnceLock<Lock>,
+    alive: Mutex<Option<Lock>>,
 }
 
 /// A table's newest partitions.
@@ -62,7 +61,7 @@ impl Lake {
             flight: Flight::default(),
             newest: Mutex::default(),
             run: Mutex::default(),
-            alive: OnceLock::new(),
+            alive: Mutex::default(),
         }
     }
 
@@ -110,16 +109,20 @@ impl Lake {
 
     /// Makes ready to write.
     pub(crate) fn prepare(&self) -> Result<(), LakeError> {
-        if self.alive.get().is_none() {
+        let mut alive = self.alive.lock().unwrap_or_else(PoisonError::into_inner);
+        if alive.is_none() {
             let staging = self.staging();
             fs::create_dir_all(&staging).map_err(io_error("create", &staging))?;
             let name = Self::alive_name(&atomic::process_name());
-            let held = lock::try_take(&self.locks(), &name, "artifacts")?;
-            if let Some(held) = held {
-                let _first = self.alive.set(held);
-            }
+            *alive = lock::try_take(&self.locks(), &name, "artifacts")?;
         }
         Ok(())
+    }
+
+    /// Says that this process writes no more to the lake.
+    pub fn leave(&self) {
+        let mut alive = self.alive.lock().unwrap_or_else(PoisonError::into_inner);
+        alive.take();
     }
 
     /// Lists the tables of artifacts by name.
@@ -279,12 +282,19 @@ impl Lake {
     /// after that. Returns the number of units dropped, and the guard that keeps it so.
     pub fn abandon(&self) -> (impl Sized + '_, usize) {
         let (guard, n_dropped) = self.flight.drop_all();
+        let mine = atomic::process_name();
+        for name in names_in(&self.staging()).unwrap_or_default() {
+            if name.starts_with(&mine) {
+                let _gone = fs::remove_file(self.staging().join(name));
+            }
+        }
         if let Some(run) = self.current_run().take() {
             let mut record = run.record.clone();
             record.status = RunStatus::Interrupted;
             // The run's process is gone in a moment, which says the same.
-            let _noted = runs::end(self, run, record);
+            let _noted = runs::end(self, run, record, BTreeMap::new());
         }
+        self.leave();
         (guard, n_dropped)
     }
 
@@ -319,14 +329,6 @@ impl Lake {
             }
         }
         newest.write(&self.staging(), &path, |digest| self.blobs.stamp(digest))
-    }
-
-    /// Reads a sealed file of the lake.
-    pub(crate) fn sealed<T: serde::de::DeserializeOwned>(
-        &self,
-        name: &str,
-    ) -> Result<Option<T>, LakeError> {
-        sealed::read(&self.root.join(name))
     }
 }
 

@@ -9,7 +9,7 @@ use arrow::{
     error::ArrowError,
     record_batch::RecordBatch,
 };
-use dataflow::{RecordOutcome, RunStatus, UnitRef};
+use dataflow::{FileRef, RecordOutcome, RunRecord, RunStatus, UnitRef};
 use serde_json::Value;
 
 use crate::{
@@ -40,19 +40,21 @@ pub(crate) fn shown(name: &str, run: u64) -> PathBuf {
         .join(table::FILE)
 }
 
-/// Writes the tables of a run that ended.
+/// Writes the tables of a run that ended, and returns their files by table.
 pub(crate) fn keep(
     lake: &Lake,
     run: &Run,
+    record: &RunRecord,
     units: &[(UnitRef, Arc<RecordOutcome>)],
-) -> Result<(), LakeError> {
+) -> Result<BTreeMap<String, FileRef>, LakeError> {
+    let mut kept = BTreeMap::new();
     let folder = lake
         .staging()
         .join(format!("history-{}", crate::atomic::process_name()));
     let batches = [
-        runs(run, units),
-        settings(run),
-        units_table(run, units),
+        runs(run, record, units),
+        settings(record),
+        units_table(record, units),
         artifacts(units),
         metrics(units),
     ];
@@ -67,8 +69,10 @@ pub(crate) fn keep(
         table::write(&folder, &batch)?;
         let file = lake.blobs().take(&folder.join(table::FILE))?;
         published::show(lake, &file.digest, &path)?;
+        kept.insert(name.to_owned(), file);
     }
-    fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))
+    fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))?;
+    Ok(kept)
 }
 
 fn text<'a>(values: impl Iterator<Item = &'a str>) -> ArrayRef {
@@ -79,8 +83,11 @@ fn count(number: usize) -> i64 {
     i64::try_from(number).unwrap_or(i64::MAX)
 }
 
-fn runs(run: &Run, units: &[(UnitRef, Arc<RecordOutcome>)]) -> Result<RecordBatch, ArrowError> {
-    let record = &run.record;
+fn runs(
+    run: &Run,
+    record: &RunRecord,
+    units: &[(UnitRef, Arc<RecordOutcome>)],
+) -> Result<RecordBatch, ArrowError> {
     let (status, message) = match &record.status {
         RunStatus::Running => ("running", None),
         RunStatus::Finished => ("finished", None),
@@ -138,11 +145,11 @@ fn runs(run: &Run, units: &[(UnitRef, Arc<RecordOutcome>)]) -> Result<RecordBatc
     ])
 }
 
-fn settings(run: &Run) -> Result<RecordBatch, ArrowError> {
+fn settings(record: &RunRecord) -> Result<RecordBatch, ArrowError> {
     let mut rows = Vec::new();
-    for (stage, record) in &run.record.stages {
+    for (stage, of_stage) in &record.stages {
         let mut values = BTreeMap::new();
-        flatten("", &record.config, &mut values);
+        flatten("", &of_stage.config, &mut values);
         rows.extend(values.into_iter().map(|(key, value)| (stage, key, value)));
     }
     RecordBatch::try_from_iter_with_nullable([
@@ -193,10 +200,10 @@ pub fn flatten(prefix: &str, value: &Value, values: &mut BTreeMap<String, Value>
 }
 
 fn units_table(
-    run: &Run,
+    record: &RunRecord,
     units: &[(UnitRef, Arc<RecordOutcome>)],
 ) -> Result<RecordBatch, ArrowError> {
-    let pipeline = run.record.pipeline.as_str();
+    let pipeline = record.pipeline.as_str();
     let result = |outcome: &RecordOutcome| match outcome {
         RecordOutcome::Made { .. } => "made",
         RecordOutcome::Skipped { .. } => "skipped",

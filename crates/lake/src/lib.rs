@@ -27,6 +27,7 @@
 mod atomic;
 mod blobs;
 mod clock;
+mod collect;
 mod error;
 mod flight;
 mod folder;
@@ -44,10 +45,13 @@ mod stamp;
 mod store;
 pub mod table;
 mod tags;
+mod verify;
 mod views;
 
+pub use collect::{Collected, CollectedUnits, Collecting};
 pub use error::LakeError;
 pub use folder::{Lake, NewestTable};
 pub use history::flatten;
 pub use records::Provenance;
 pub use runs::Run;
+pub use verify::{Fault, OnBytes, Verified};

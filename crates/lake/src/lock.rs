@@ -100,6 +100,23 @@ pub(crate) fn try_take(locks: &Path, name: &str, what: &str) -> Result<Option<Lo
     }
 }
 
+/// Waits until nobody excludes others from what this name stands for. Many may share it; the file
+/// stays where it is.
+pub(crate) fn share(locks: &Path, name: &str) -> Result<File, LakeError> {
+    let path = locks.join(name);
+    let file = open(&path)?;
+    file.lock_shared().map_err(io_error("lock", &path))?;
+    Ok(file)
+}
+
+/// Waits until nobody shares what this name stands for, and keeps others from it.
+pub(crate) fn exclude(locks: &Path, name: &str) -> Result<File, LakeError> {
+    let path = locks.join(name);
+    let file = open(&path)?;
+    file.lock().map_err(io_error("lock", &path))?;
+    Ok(file)
+}
+
 /// Whether somebody has the lock of this name.
 pub(crate) fn is_held(locks: &Path, name: &str) -> bool {
     let file = File::open(locks.join(name));

@@ -16,6 +16,7 @@ use crate::{
     folder::Lake,
     lock::{self, Lock},
     records::Provenance,
+    store::COLLECTING,
 };
 
 /// A unit that this process makes.
@@ -54,6 +55,8 @@ impl<'a> UnitInTheMaking<'a> {
     fn keep(&self, unkept: Unkept) -> Result<Record, LakeError> {
         // From here on the unit is kept even if somebody stops the program.
         let _landing = self.lake.flight().land();
+        // Nobody collects bytes that this unit is about to need.
+        let _shared = lock::share(&self.lake.locks(), COLLECTING)?;
         let outcome = match unkept.outcome {
             Outcome::Made(made) => {
                 if let Some((metric, value)) = made.metrics.iter().find(|(_, v)| !v.is_finite()) {

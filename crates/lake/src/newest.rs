@@ -40,6 +40,8 @@ pub(crate) type Shown = BTreeMap<String, ShownFile>;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct ShownFile {
     pub(crate) digest: Digest,
+    /// The unit that made it: equal bytes of another are shown among every table as well.
+    pub(crate) fingerprint: Digest,
     pub(crate) stamp: Stamp,
 }
 
@@ -55,7 +57,7 @@ struct StoredNode {
     node: NodeName,
     units: Vec<(String, Digest, bool)>,
     outcomes: Vec<Arc<RecordOutcome>>,
-    shown: Vec<(String, Digest, Stamp)>,
+    shown: Vec<(String, ShownFile)>,
 }
 
 /// Where the newest state of a pipeline lies.
@@ -86,9 +88,9 @@ impl Newest {
                 units.insert(partition, unit);
             }
             newest.units.insert(node.node.clone(), units);
-            let shown = node.shown.into_iter();
-            let shown = shown.map(|(path, digest, stamp)| (path, ShownFile { digest, stamp }));
-            newest.shown.insert(node.node, shown.collect());
+            newest
+                .shown
+                .insert(node.node, node.shown.into_iter().collect());
         }
         Ok(newest)
     }
@@ -122,9 +124,7 @@ impl Newest {
                 node: node.clone(),
                 units,
                 outcomes,
-                shown: shown
-                    .map(|(path, file)| (path.clone(), file.digest, file.stamp))
-                    .collect(),
+                shown: shown.map(|(path, file)| (path.clone(), *file)).collect(),
             }
         });
         let stored = Stored {
@@ -134,16 +134,13 @@ impl Newest {
         sealed::write(staging, path, &stored)
     }
 
+    /// Returns the result of a unit that is or was newest.
     pub(crate) fn outcome(&self, fingerprint: &Digest) -> Option<&Arc<RecordOutcome>> {
         self.outcomes.get(fingerprint)
     }
 
     pub(crate) fn shown(&self, node: &NodeName) -> Option<&Shown> {
         self.shown.get(node)
-    }
-
-    pub(crate) fn all_shown(&self) -> &BTreeMap<NodeName, Shown> {
-        &self.shown
     }
 
     pub(crate) fn all_shown_mut(&mut self) -> &mut BTreeMap<NodeName, Shown> {

@@ -32,7 +32,7 @@ pub struct Provenance {
 pub(crate) struct Stored {
     pub(crate) fingerprint: Digest,
     pub(crate) recipe: Digest,
-    stage: String,
+    pub(crate) stage: String,
     partition: String,
     inputs: BTreeMap<String, BTreeMap<String, Digest>>,
     files: BTreeMap<String, Digest>,
@@ -125,6 +125,12 @@ impl Records {
             },
             outcome: stored.outcome,
         }))
+    }
+
+    /// The artifact that a record's unit makes; `None` if its recipe is lost.
+    pub(crate) fn output(&self, stored: &Stored) -> Result<Option<String>, LakeError> {
+        let recipe: Option<Recipe> = sealed::read_if_whole(&self.recipe_path(&stored.recipe))?;
+        Ok(recipe.map(|recipe| recipe.output))
     }
 
     /// Notes that a record is in use, so that nobody collects it.

@@ -1,8 +1,11 @@
 //! Records of runs, by number, and the lists of units that they share.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
-use dataflow::{Digest, RunRecord, UnitRef};
+use dataflow::{Digest, FileRef, RunRecord, UnitRef};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -32,6 +35,8 @@ pub struct Run {
     pub(crate) manifest: Option<Digest>,
     /// Positions in that list of the units that it made itself.
     pub(crate) made_now: Vec<usize>,
+    /// Its rows of the tables of runs, by table.
+    pub(crate) history: BTreeMap<String, FileRef>,
 }
 
 impl Run {
@@ -51,6 +56,7 @@ impl Run {
             record,
             manifest: None,
             made_now: Vec::new(),
+            history: BTreeMap::new(),
         }
     }
 }
@@ -89,7 +95,12 @@ pub(crate) fn begin(lake: &Lake, record: &RunRecord) -> Result<Run, LakeError> {
 }
 
 /// Keeps the record of a run that ends.
-pub(crate) fn end(lake: &Lake, mut run: Run, mut record: RunRecord) -> Result<Run, LakeError> {
+pub(crate) fn end(
+    lake: &Lake,
+    mut run: Run,
+    mut record: RunRecord,
+    history: BTreeMap<String, FileRef>,
+) -> Result<(), LakeError> {
     let mut units = std::mem::take(&mut record.units);
     run.made_now = units
         .iter()
@@ -102,8 +113,8 @@ pub(crate) fn end(lake: &Lake, mut run: Run, mut record: RunRecord) -> Result<Ru
     }
     run.manifest = Some(keep_manifest(lake, &units)?);
     run.record = record;
-    sealed::write(&lake.staging(), &path(lake.root(), run.number), &run)?;
-    Ok(run)
+    run.history = history;
+    sealed::write(&lake.staging(), &path(lake.root(), run.number), &run)
 }
 
 fn keep_manifest(lake: &Lake, units: &[UnitRef]) -> Result<Digest, LakeError> {

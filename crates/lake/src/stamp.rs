@@ -47,10 +47,6 @@ impl Stamp {
         self.0[0].cast_unsigned()
     }
 
-    pub(crate) fn inode(self) -> u64 {
-        self.0[1].cast_unsigned()
-    }
-
     /// Whether a later write would have left another stamp: the last one is longer ago than a tick.
     pub(crate) fn is_settled(self, now: SystemTime) -> bool {
         let [_, _, modified, modified_ns, changed, changed_ns] = self.0;

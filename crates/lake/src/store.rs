@@ -53,13 +53,11 @@ impl Lake {
     }
 
     /// Takes an old record into use: whoever collects what is not used leaves it.
-    fn use_old(&self, fingerprint: &Digest) -> Result<(), LakeError> {
+    fn use_old(&self, fingerprint: &Digest) {
         // A lake that cannot be written is not collected either.
-        if let Ok(turn) = lock::wait_for(&self.locks(), COLLECTING, "old artifacts", &|_| {}) {
+        if let Ok(_shared) = lock::share(&self.locks(), COLLECTING) {
             self.records().mark_used(fingerprint);
-            drop(turn);
         }
-        Ok(())
     }
 
     fn find(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, LakeError> {
@@ -69,7 +67,7 @@ impl Lake {
         if self.recall_old(fingerprint)?.is_none() {
             return Ok(None);
         }
-        self.use_old(fingerprint)?;
+        self.use_old(fingerprint);
         let Some(outcome) = self.recall_old(fingerprint)? else {
             return Ok(None);
         };
@@ -184,10 +182,9 @@ impl Store for Lake {
                 units.push((unit.clone(), outcome));
             }
         }
-        let run = runs::end(self, run, record.clone())?;
-        history::keep(self, &run, &units)?;
-        views::write(self)?;
-        Ok(())
+        let history = history::keep(self, &run, record, &units)?;
+        runs::end(self, run, record.clone(), history)?;
+        Ok(views::write(self)?)
     }
 
     fn settle(

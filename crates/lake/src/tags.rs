@@ -3,7 +3,6 @@
 use std::{collections::BTreeMap, path::PathBuf};
 
 use dataflow::{RunStatus, nearest};
-use serde::{Deserialize, Serialize};
 
 use crate::{
     LakeError, atomic,
@@ -20,12 +19,6 @@ const NEWEST: &str = "newest";
 
 /// Stands between [`NEWEST`] and how many runs before it are meant.
 const BEFORE: char = '~';
-
-/// What a tag's file says.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-struct Tagged {
-    run: u64,
-}
 
 /// Whether a tag may have this name: one that is no number, no path and no option.
 fn is_name(name: &str) -> bool {
@@ -52,9 +45,9 @@ impl Lake {
         let mut tags = BTreeMap::new();
         for file in names_in(&self.root().join(TAGS))? {
             if let Some(name) = file.strip_suffix(".json")
-                && let Some(tagged) = sealed::read::<Tagged>(&self.tag_path(name))?
+                && let Some(run) = sealed::read(&self.tag_path(name))?
             {
-                tags.insert(name.to_owned(), tagged.run);
+                tags.insert(name.to_owned(), run);
             }
         }
         Ok(tags)
@@ -77,9 +70,9 @@ impl Lake {
         let _turn = lock::wait_for(&self.locks(), COLLECTING, "a tag", &|_| {})?;
         self.run_without_units(run)?;
         let path = self.tag_path(name);
-        let before: Option<Tagged> = sealed::read_if_whole(&path)?;
-        sealed::write(&self.staging(), &path, &Tagged { run })?;
-        Ok(before.map(|tagged| tagged.run))
+        let before: Option<u64> = sealed::read_if_whole(&path)?;
+        sealed::write(&self.staging(), &path, &run)?;
+        Ok(before)
     }
 
     /// Takes a name away from its run.

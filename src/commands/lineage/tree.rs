@@ -3,7 +3,7 @@
 use crate::report;
 
 /// Members of one kind below one other that are shown.
-const SHOWN: usize = 4;
+const SHOWN: usize = 3;
 
 /// One of a family, first in its line.
 pub(super) struct Limb {
@@ -150,8 +150,7 @@ root
 │  ├─ leaf 0
 │  ├─ leaf 1
 │  ├─ leaf 2
-│  ├─ leaf 3
-│  └─ … 2 more files
+│  └─ … 3 more files
 └─ b  as above
 ";
         // Cells beside names are aligned, so the mark of `b` stands where the longest name ends.

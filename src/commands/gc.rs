@@ -1,0 +1,103 @@
+//! `pipeline gc`
+
+use std::{collections::BTreeSet, path::PathBuf};
+
+use dataflow::{Digest, Pipeline, reached};
+use lake::{Collected, Collecting, Lake};
+
+use crate::{
+    arguments::{GcArgs, GcFormat, ValueArgs},
+    command_line::Program,
+    commands::pipeline_file,
+    outcome::{Outcome, Trouble},
+    progress::Quiet,
+    report,
+};
+
+/// Removes what no run that counts, and no pipeline file, refers to any more.
+pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, Trouble> {
+    let lake = Lake::open(&program.lake);
+    let mut kept: Vec<Digest> = Vec::new();
+    for pipeline in pipelines(program, args, &lake)? {
+        kept.extend(reached(&pipeline, &lake)?);
+    }
+    let collecting = if args.dry_run {
+        Collecting::Count
+    } else {
+        Collecting::Remove
+    };
+    let collected = lake.collect(&kept, usize::from(args.keep), collecting)?;
+    let text = match args.format {
+        GcFormat::Text => listed(&collected, collecting),
+        GcFormat::Json => {
+            let json = serde_json::to_string_pretty(&collected);
+            format!("{}\n", json.map_err(|err| Trouble::failed(err, None))?)
+        }
+    };
+    report::data(text.as_bytes());
+    if program.quiet == Quiet::No {
+        report::line(&summary(&collected, collecting));
+    }
+    Ok(Outcome::Done)
+}
+
+/// The pipeline files that count: the named ones, or those of the lake's runs that are still there.
+fn pipelines(program: &Program, args: &GcArgs, lake: &Lake) -> Result<Vec<Pipeline>, Trouble> {
+    let values = ValueArgs::default();
+    if !args.files.is_empty() {
+        let files = args.files.iter();
+        return files
+            .map(|file| pipeline_file::read_with(program.kinds, file, &values))
+            .collect();
+    }
+    let mut files: BTreeSet<PathBuf> = BTreeSet::new();
+    for number in lake.runs()? {
+        // A damaged record of a run names no file.
+        if let Ok(run) = lake.run_without_units(number) {
+            files.insert(run.record.origin.file);
+        }
+    }
+    let there = files.iter().filter(|file| file.is_file());
+    there
+        .map(|file| pipeline_file::read_with(program.kinds, file, &values))
+        .collect()
+}
+
+fn listed(collected: &Collected, collecting: Collecting) -> String {
+    let word = match collecting {
+        Collecting::Remove => "gone",
+        Collecting::Count => "goes",
+    };
+    let rows: Vec<Vec<String>> = collected
+        .units
+        .iter()
+        .map(|(name, units)| {
+            let n_units = match units.n_units {
+                1 => "1 unit".to_owned(),
+                n => format!("{n} units"),
+            };
+            vec![
+                word.to_owned(),
+                name.clone(),
+                n_units,
+                report::bytes(units.n_bytes),
+            ]
+        })
+        .collect();
+    report::columns(&rows, &[2, 3])
+}
+
+fn summary(collected: &Collected, collecting: Collecting) -> String {
+    let n_units: usize = collected.units.values().map(|units| units.n_units).sum();
+    let words = format!(
+        "{n_units} units, {} files with {}, {} leftovers of dead processes; {} units stay",
+        collected.n_blobs,
+        report::bytes(collected.n_bytes),
+        collected.n_leftovers,
+        collected.n_kept
+    );
+    match collecting {
+        Collecting::Remove => format!("done   removed {words}"),
+        Collecting::Count => format!("note   would remove {words}; nothing is removed"),
+    }
+}

@@ -1,0 +1,106 @@
+//! `pipeline verify`
+
+use std::sync::Mutex;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use lake::{Fault, Lake, Verified};
+
+use crate::{
+    arguments::{VerifyArgs, VerifyFormat},
+    command_line::Program,
+    outcome::{Outcome, Trouble},
+    progress::Quiet,
+    report,
+};
+
+/// Checks every byte of the lake, or of the files outside that it has read.
+pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<Outcome, Trouble> {
+    let lake = Lake::open(&program.lake);
+    let bar = Mutex::new(None);
+    let on_bytes = |done: u64, total: u64| {
+        if program.quiet == Quiet::Yes {
+            return;
+        }
+        if let Ok(mut bar) = bar.lock() {
+            let bar = bar.get_or_insert_with(|| new_bar(total));
+            bar.set_position(done);
+        }
+    };
+    let mut verified = lake.verify(&on_bytes)?;
+    if args.inputs {
+        let inputs = lake.verify_inputs(&on_bytes)?;
+        verified.n_files += inputs.n_files;
+        verified.n_bytes += inputs.n_bytes;
+        verified.faults.extend(inputs.faults);
+    }
+    if let Ok(mut bar) = bar.lock()
+        && let Some(bar) = bar.take()
+    {
+        bar.finish_and_clear();
+    }
+    let text = match args.format {
+        VerifyFormat::Text => listed(&verified.faults),
+        VerifyFormat::Json => {
+            let json = serde_json::to_string_pretty(&verified);
+            format!("{}\n", json.map_err(|err| Trouble::failed(err, None))?)
+        }
+    };
+    report::data(text.as_bytes());
+    if verified.faults.is_empty() {
+        say(
+            program,
+            &format!("done   {}, nothing is damaged", counted(&verified)),
+        );
+        return Ok(Outcome::Done);
+    }
+    let n_faults = verified.faults.len();
+    if args.drop {
+        let n_dropped = lake.drop_damaged(&verified.faults)?;
+        say(program, &format!("drop   {n_dropped} damaged files"));
+    }
+    Err(Trouble::failed(
+        anyhow::anyhow!(
+            "{n_faults} of {} files are not as they were stored",
+            verified.n_files
+        ),
+        Some(if args.drop {
+            "the next run makes again what it needs".to_owned()
+        } else {
+            "a run that needs one makes it again; `pipeline verify --drop` drops what is damaged"
+                .to_owned()
+        }),
+    ))
+}
+
+fn say(program: &Program, text: &str) {
+    if program.quiet == Quiet::No {
+        report::line(text);
+    }
+}
+
+fn new_bar(total: u64) -> ProgressBar {
+    let bar = ProgressBar::new(total);
+    let style = ProgressStyle::with_template(
+        "       verify     [{bar:30}] {percent:>3} %  {bytes} of {total_bytes}  {elapsed}",
+    );
+    if let Ok(style) = style {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar
+}
+
+fn listed(faults: &[Fault]) -> String {
+    let rows: Vec<Vec<String>> = faults
+        .iter()
+        .map(|fault| vec![fault.path.display().to_string(), fault.what.clone()])
+        .collect();
+    report::columns(&rows, &[])
+}
+
+fn counted(verified: &Verified) -> String {
+    format!(
+        "{} files with {} read",
+        verified.n_files,
+        report::bytes(verified.n_bytes)
+    )
+}
