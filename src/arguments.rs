@@ -30,6 +30,16 @@ pub(crate) enum Command {
     Query(QueryArgs),
     /// Show an artifact: columns, rows, provenance, skipped items
     Inspect(InspectArgs),
+    /// List what was run: when, with which values, how it ended
+    Runs(RunsArgs),
+    /// Show what differs between two runs: values, inputs, code and figures
+    Diff(DiffArgs),
+    /// Show what an artifact was made of, or what was made of it
+    Lineage(LineageArgs),
+    /// Name a run, which keeps it
+    Tag(TagArgs),
+    /// Take a name away from its run
+    Untag(UntagArgs),
     /// List the kinds of stages, their inputs, outputs and options
     Stages(StagesArgs),
     /// Draw what a pipeline's stages read and make
@@ -120,6 +130,9 @@ pub(crate) struct QueryArgs {
     /// How to print
     #[arg(long, value_enum, default_value_t = QueryFormat::Table)]
     pub(crate) format: QueryFormat,
+    /// Give the tables as this run had them [default: each as the newest run that made it]
+    #[arg(long, value_name = "RUN")]
+    pub(crate) run: Option<String>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -143,6 +156,73 @@ pub(crate) struct InspectArgs {
     /// List what was skipped or filtered, with the reasons
     #[arg(long)]
     pub(crate) skipped: bool,
+    /// The run: its number, a tag, `newest`, or `newest~1` for the one before [default: newest]
+    #[arg(long, value_name = "RUN")]
+    pub(crate) run: Option<String>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// For people; long lists are cut
+    Text,
+    /// Everything, for programs
+    Json,
+}
+
+#[derive(Args)]
+pub(crate) struct RunsArgs {
+    /// List only runs of this pipeline [default: of all]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) pipeline: Option<String>,
+    /// List only so many, the newest [default: all]
+    #[arg(long, value_name = "N")]
+    pub(crate) last: Option<usize>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub(crate) format: Format,
+}
+
+#[derive(Args)]
+pub(crate) struct DiffArgs {
+    /// The run before: its number, a tag, `newest`, or `newest~1` for the one before the newest
+    pub(crate) old: String,
+    /// The run after
+    #[arg(default_value = "newest")]
+    pub(crate) new: String,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub(crate) format: Format,
+}
+
+#[derive(Args)]
+pub(crate) struct LineageArgs {
+    /// The artifact, e.g. `screen.rollouts`
+    pub(crate) artifact: String,
+    /// One partition of it, e.g. an object's name [default: how outputs depend on each other]
+    pub(crate) partition: Option<String>,
+    /// Show what was made of it instead of what it was made of
+    #[arg(long)]
+    pub(crate) down: bool,
+    /// The run: its number, a tag, `newest`, or `newest~1` for the one before [default: newest]
+    #[arg(long, value_name = "RUN")]
+    pub(crate) run: Option<String>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub(crate) format: Format,
+}
+
+#[derive(Args)]
+pub(crate) struct TagArgs {
+    /// The run: its number, a tag, `newest`, or `newest~1` for the one before
+    pub(crate) run: String,
+    /// The name, e.g. `best`; a run that has it already loses it
+    pub(crate) name: String,
+}
+
+#[derive(Args)]
+pub(crate) struct UntagArgs {
+    /// The name
+    pub(crate) name: String,
 }
 
 #[derive(Args)]

@@ -13,6 +13,8 @@ mod command_line;
 mod commands;
 mod interrupt;
 mod kinds;
+mod moments;
+mod numbers;
 mod outcome;
 mod processes;
 mod progress;

@@ -55,9 +55,18 @@ impl From<Failure> for Trouble {
 
 impl From<LakeError> for Trouble {
     fn from(err: LakeError) -> Self {
-        Self::Failed {
-            hint: err.hint(),
-            error: err.into(),
+        let hint = err.hint();
+        match err {
+            LakeError::NoRun { .. } | LakeError::NoTag { .. } | LakeError::NotATag { .. } => {
+                Self::Usage {
+                    message: err.to_string(),
+                    hint,
+                }
+            }
+            err => Self::Failed {
+                hint,
+                error: err.into(),
+            },
         }
     }
 }

@@ -1,76 +1,40 @@
 //! `pipeline inspect`
 
-use dataflow::{NodeName, Record, RecordOutcome, UnitRef, nearest};
+use dataflow::{Record, RecordOutcome, UnitRef};
 use lake::{Lake, table};
 
 use crate::{
     arguments::InspectArgs,
     command_line::Program,
+    commands::chosen,
+    moments,
     outcome::{Outcome, Trouble},
     report,
 };
 
-/// Shows an artifact of the newest run.
+/// Shows an artifact of a run.
 pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, Trouble> {
     let lake = Lake::open(&program.lake);
-    let Some(run) = lake.newest_run()? else {
-        return Err(Trouble::usage(
-            format!("no run in the lake `{}`", lake.root().display()),
-            "make one with `pipeline run pipelines/cgf.toml`, or name another lake with `--lake DIR`",
-        ));
-    };
-    let (number, record) = (run.number, &run.record);
-    let units: Vec<&UnitRef> = record
-        .units
-        .iter()
-        .filter(|unit| Some(&unit.node) == NodeName::parse(&args.artifact).as_ref())
-        .collect();
-    if units.is_empty() {
-        let mut known: Vec<String> = record
-            .units
-            .iter()
-            .map(|unit| unit.node.to_string())
-            .collect();
-        known.dedup();
-        let near = nearest(&args.artifact, known.iter().map(String::as_str));
-        let hint = near.map_or_else(
-            || format!("the newest run made: {}", known.join(", ")),
-            |near| format!("did you mean `{near}`?"),
-        );
-        return Err(Trouble::usage(
-            format!("no artifact `{}`", args.artifact),
-            hint,
-        ));
-    }
+    let run = chosen::run(&lake, args.run.as_deref())?;
+    let (_, units) = chosen::units(&run, &args.artifact)?;
     let mut results = Vec::new();
-    for unit in units {
+    for &unit in &units {
         let result = lake.record(&unit.fingerprint)?;
         results.extend(result.map(|record| (unit, record)));
     }
     let text = if args.skipped {
         left_out(&results)
     } else if let Some(partition) = &args.partition {
-        let found = results
-            .iter()
-            .find(|(unit, _)| &unit.partition == partition);
-        let (unit, record) = found.ok_or_else(|| {
-            let near = nearest(
-                partition,
-                results.iter().map(|(unit, _)| unit.partition.as_str()),
-            );
-            Trouble::usage(
-                format!("`{}` has no partition `{partition}`", args.artifact),
-                near.map_or_else(
-                    || format!("list them with `pipeline inspect {}`", args.artifact),
-                    |near| format!("did you mean `{near}`?"),
-                ),
-            )
-        })?;
-        one(&lake, unit, record)?
+        let unit = chosen::unit(&units, &args.artifact, partition)?;
+        match lake.record(&unit.fingerprint)? {
+            Some(record) => one(&lake, unit, &record)?,
+            None => format!("`{partition}` was collected; run {} had it\n", run.number),
+        }
     } else {
         format!(
-            "{} of run {number}\n{}",
+            "{} of run {}\n{}",
             args.artifact,
+            run.number,
             overview(&lake, &results)?
         )
     };
@@ -189,7 +153,8 @@ fn one(lake: &Lake, unit: &UnitRef, record: &Record) -> Result<String, Trouble> 
     text.push_str(&format!("made of {json}\n"));
     if let Some(provenance) = lake.provenance(&unit.fingerprint)? {
         text.push_str(&format!(
-            "made by {} on `{}` in {}\n",
+            "made at {} UTC by {} on `{}` in {}\n",
+            moments::minute(provenance.started_ns),
             provenance.program,
             provenance.host,
             report::duration(provenance.took_s)

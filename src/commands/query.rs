@@ -2,6 +2,7 @@
 
 mod cells;
 mod faults;
+mod one_run;
 mod page;
 mod print;
 mod tables;
@@ -19,7 +20,19 @@ use crate::{
 
 /// Answers a question in SQL over the lake's tables.
 pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<Outcome, Trouble> {
-    let tables = Tables::open(&Lake::open(&program.lake), &args.sql)?;
+    let lake = Lake::open(&program.lake);
+    let run = match &args.run {
+        Some(name) => Some(lake.run(lake.find_run(name)?)?),
+        None => None,
+    };
+    let tables = Tables::open(&lake, &args.sql, run.as_ref())?;
+    if program.quiet == Quiet::No {
+        for (table, n) in &tables.collected {
+            report::line(&format!(
+                "note   {n} partitions of `{table}` were collected"
+            ));
+        }
+    }
     let mut answer = tables.answer(&args.sql)?;
     let failed = |err| Trouble::failed(err, None);
     let bytes = match args.format {

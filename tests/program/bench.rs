@@ -107,22 +107,32 @@ impl Bench {
 
     /// How many units of each output the newest run made, outputs without any left out.
     pub(crate) fn made_by_newest_run(&self) -> BTreeMap<String, usize> {
-        let mut runs: Vec<PathBuf> = fs::read_dir(self.lake().join("runs"))
+        let runs = self.runs();
+        let outputs = runs.last().unwrap()["outputs"].as_array().unwrap();
+        let counts = outputs.iter().map(|output| {
+            let n_made = output["n_made_now"].as_u64().unwrap();
+            let name = output["output"].as_str().unwrap().to_owned();
+            (name, usize::try_from(n_made).unwrap())
+        });
+        counts.filter(|&(_, n_made)| n_made > 0).collect()
+    }
+
+    /// What `pipeline runs` lists.
+    pub(crate) fn runs(&self) -> Vec<Value> {
+        let output = self.ask(&["runs", "--format", "json"]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        serde_json::from_slice(&output.stdout).unwrap()
+    }
+
+    /// A command on the lake that names no pipeline file.
+    pub(crate) fn ask(&self, arguments: &[&str]) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_pipeline"))
+            .env_remove("COLUMNS")
+            .args(arguments)
+            .arg("--lake")
+            .arg(self.lake())
+            .output()
             .unwrap()
-            .map(|entry| entry.unwrap().path())
-            .collect();
-        runs.sort();
-        let newest: Value =
-            serde_json::from_slice(&fs::read(runs.last().unwrap()).unwrap()).unwrap();
-        let mut counts = BTreeMap::new();
-        for unit in newest["units"].as_array().unwrap() {
-            if unit["made_now"] == true {
-                let node = &unit["node"];
-                let name = [&node["stage"], &node["artifact"]].map(|word| word.as_str().unwrap());
-                *counts.entry(name.join(".")).or_default() += 1;
-            }
-        }
-        counts
     }
 
     /// Digests of everything that the lake shows to people, by path.

@@ -4,6 +4,7 @@ mod bench;
 mod commands;
 mod doctor;
 mod errors;
+mod history;
 mod incremental;
 mod questions;
 mod repeatable;

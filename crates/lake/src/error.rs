@@ -51,10 +51,16 @@ pub enum LakeError {
         /// What was asked for.
         name: String,
     },
+    /// No run has this tag.
+    #[error("no run is tagged `{name}`")]
+    NoTag {
+        /// What was asked for.
+        name: String,
+        /// The tag that may have been meant.
+        near: Option<String>,
+    },
     /// A tag cannot be set.
-    #[error(
-        "`{name}` is no name for a tag: use letters, digits, `_`, `-` and `.`, not only digits"
-    )]
+    #[error("`{name}` is no name for a tag")]
     NotATag {
         /// What was asked for.
         name: String,
@@ -119,11 +125,22 @@ impl Advise for LakeError {
                     .to_owned(),
             ),
             Self::NoRun { .. } => Some("`pipeline runs` lists them".to_owned()),
+            Self::NoTag { near, .. } => Some(near.as_ref().map_or_else(
+                || "`pipeline runs` lists the runs with their tags".to_owned(),
+                |near| format!("did you mean `{near}`?"),
+            )),
+            Self::NotATag { .. } => Some(
+                "use ASCII letters, digits, `_`, `-` and `.`, a letter or digit first, and neither \
+                 only digits nor `newest`"
+                    .to_owned(),
+            ),
             Self::Schema { .. } | Self::MissingFile { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
-            Self::Parquet { .. } | Self::Mcap { .. } | Self::Json { .. } | Self::Metric { .. }
-            | Self::NotATag { .. } => None,
+            Self::Parquet { .. }
+            | Self::Mcap { .. }
+            | Self::Json { .. }
+            | Self::Metric { .. } => None,
         }
     }
 }

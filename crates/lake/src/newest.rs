@@ -49,6 +49,8 @@ pub(crate) type Shown = BTreeMap<String, ShownFile>;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ShownFile {
     pub(crate) digest: Digest,
+    /// The unit that made it: equal bytes of another are shown among every table as well.
+    pub(crate) fingerprint: Digest,
     pub(crate) stamp: Stamp,
 }
 

@@ -81,8 +81,12 @@ pub(crate) fn publish(
             )?;
         }
         let stamp = Stamp::read(&target).map_err(io_error("read", &target))?;
-        let digest = file.digest;
-        shown.insert(path.clone(), ShownFile { digest, stamp });
+        let file = ShownFile {
+            digest: file.digest,
+            fingerprint: *file.fingerprint,
+            stamp,
+        };
+        shown.insert(path.clone(), file);
     }
     for folder in [
         tables_of(pipeline, &node.name),
@@ -131,6 +135,7 @@ fn is_shown(lake: &Lake, before: &Shown, wanted: &BTreeMap<String, Wanted>) -> b
             .all(|((path, shown), (name, file))| {
                 path == name
                     && shown.digest == file.digest
+                    && shown.fingerprint == *file.fingerprint
                     && Stamp::read(&lake.root().join(path)).is_ok_and(|stamp| stamp == shown.stamp)
             })
 }

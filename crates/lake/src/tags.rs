@@ -1,27 +1,179 @@
-//! Names for runs.
+//! Names for runs: tags, which keep their run, and names that are relative to the newest run.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, path::PathBuf};
+
+use dataflow::{RunStatus, nearest};
 
 use crate::{
-    LakeError,
+    LakeError, atomic,
     folder::{Lake, names_in},
-    sealed,
+    lock, sealed,
+    store::COLLECTING,
 };
 
+/// Folder of the tags, below the lake.
+const TAGS: &str = "tags";
+
+/// The name of the newest run that came to its end.
+const NEWEST: &str = "newest";
+
+/// Stands between [`NEWEST`] and how many runs before it are meant.
+const BEFORE: char = '~';
+
+/// Whether a tag may have this name: one that is no number, no path and no option.
+fn is_name(name: &str) -> bool {
+    let is_letter = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
+    name != NEWEST
+        && !name.is_empty()
+        && name.len() <= 100
+        && name.chars().all(is_letter)
+        && !name.starts_with(['.', '-'])
+        && !name.chars().all(|c| c.is_ascii_digit())
+}
+
 impl Lake {
-    /// Returns the runs that have names.
+    fn tag_path(&self, name: &str) -> PathBuf {
+        self.root().join(TAGS).join(format!("{name}.json"))
+    }
+
+    /// Lists the tags, each with the number of its run. A run that has one is kept.
     ///
     /// # Errors
     ///
     /// Fails if a tag cannot be read.
     pub fn tags(&self) -> Result<BTreeMap<String, u64>, LakeError> {
-        let folder = self.root().join("tags");
         let mut tags = BTreeMap::new();
-        for name in names_in(&folder)? {
-            if let Some(run) = sealed::read(&folder.join(&name))? {
-                tags.insert(name.trim_end_matches(".json").to_owned(), run);
+        for file in names_in(&self.root().join(TAGS))? {
+            if let Some(name) = file.strip_suffix(".json")
+                && let Some(run) = sealed::read(&self.tag_path(name))?
+            {
+                tags.insert(name.to_owned(), run);
             }
         }
         Ok(tags)
+    }
+
+    /// Names a run. Returns the run that had this name before.
+    ///
+    /// # Errors
+    ///
+    /// Fails if no tag may have this name, there is no such run, or the lake cannot be written.
+    pub fn tag(&self, name: &str, run: u64) -> Result<Option<u64>, LakeError> {
+        if !is_name(name) {
+            return Err(LakeError::NotATag {
+                name: name.to_owned(),
+            });
+        }
+        // Asked for before anything is written: a run that is not there makes no folder.
+        self.run_without_units(run)?;
+        self.prepare()?;
+        let _turn = lock::wait_for(&self.locks(), COLLECTING, "a tag", &|_| {})?;
+        self.run_without_units(run)?;
+        let path = self.tag_path(name);
+        let before: Option<u64> = sealed::read_if_whole(&path)?;
+        sealed::write(&self.staging(), &path, &run)?;
+        Ok(before)
+    }
+
+    /// Takes a name away from its run.
+    ///
+    /// # Errors
+    ///
+    /// Fails if there is no such tag, or the lake cannot be written.
+    pub fn untag(&self, name: &str) -> Result<(), LakeError> {
+        // A damaged tag can be taken away too.
+        let files = names_in(&self.root().join(TAGS))?;
+        let mut names = files.iter().filter_map(|file| file.strip_suffix(".json"));
+        if !names.any(|there| there == name) {
+            return Err(self.no_tag(name)?);
+        }
+        atomic::remove_if_there(&self.tag_path(name))
+    }
+
+    fn no_tag(&self, name: &str) -> Result<LakeError, LakeError> {
+        let tags = self.tags()?;
+        let near = nearest(name, tags.keys().map(String::as_str));
+        Ok(LakeError::NoTag {
+            name: name.to_owned(),
+            near: near.map(str::to_owned),
+        })
+    }
+
+    /// Returns the number of the run that is meant by a number, a tag, `newest` or, e.g.,
+    /// `newest~2`: the second before the newest. Only runs that came to their end are counted back.
+    ///
+    /// # Errors
+    ///
+    /// Fails if no run is meant by it, or a run's record cannot be read.
+    pub fn find_run(&self, name: &str) -> Result<u64, LakeError> {
+        let no_run = || LakeError::NoRun {
+            name: name.to_owned(),
+        };
+        if let Ok(number) = name.parse() {
+            let there = self.runs()?.contains(&number);
+            return there.then_some(number).ok_or_else(no_run);
+        }
+        if let Some(back) = name.strip_prefix(NEWEST)
+            && (back.is_empty() || back.starts_with(BEFORE))
+        {
+            let n_back = match back.strip_prefix(BEFORE) {
+                None => 0,
+                Some(digits) => digits.parse().map_err(|_| no_run())?,
+            };
+            return self.finished(n_back)?.ok_or_else(no_run);
+        }
+        match self.tags()?.get(name) {
+            Some(&number) => Ok(number),
+            None => Err(self.no_tag(name)?),
+        }
+    }
+
+    /// The number of the finished run that so many others follow.
+    fn finished(&self, n_back: usize) -> Result<Option<u64>, LakeError> {
+        let mut n_left = n_back;
+        for number in self.runs()?.into_iter().rev() {
+            if self.run_without_units(number)?.record.status != RunStatus::Finished {
+                continue;
+            }
+            if n_left == 0 {
+                return Ok(Some(number));
+            }
+            n_left -= 1;
+        }
+        Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tag_is_no_number_no_path_and_no_word_with_a_meaning() {
+        for name in ["best", "v1.2", "2026-11-21", "a_b", "newest-good"] {
+            assert!(is_name(name), "{name}");
+        }
+        for name in [
+            "", "12", "newest", "newest~2", "a/b", "..", ".x", "-x", "ä", "a b",
+        ] {
+            assert!(!is_name(name), "{name}");
+        }
+        assert!(!is_name(&"x".repeat(101)));
+    }
+
+    #[test]
+    fn a_lake_without_runs_has_no_newest_one_and_takes_no_tag() {
+        let folder = tempfile::tempdir().unwrap();
+        let lake = Lake::open(&folder.path().join("lake"));
+        for name in ["1", "newest", "newest~1", "newest~x"] {
+            let found = lake.find_run(name);
+            assert!(matches!(found, Err(LakeError::NoRun { .. })), "{name}");
+        }
+        assert!(matches!(
+            lake.find_run("best"),
+            Err(LakeError::NoTag { .. })
+        ));
+        assert!(matches!(lake.tag("best", 1), Err(LakeError::NoRun { .. })));
+        assert!(!lake.root().exists());
     }
 }

@@ -33,9 +33,12 @@ pub(crate) fn write(lake: &Lake) -> Result<(), LakeError> {
              hive_types_autocast = false, union_by_name = true);\n",
             table::FILE
         ));
+        if !lake.every_folder(name).is_dir() {
+            continue;
+        }
         views.push_str(&format!(
             "create or replace view all_{name} as select units.run, units.pipeline, units.stage, \
-             made.* from read_parquet('{EVERY}/{name}/**/{}', hive_partitioning = true, \
+             made.fingerprint, made.* exclude (fingerprint) from read_parquet('{EVERY}/{name}/**/{}', hive_partitioning = true, \
              hive_types_autocast = false, union_by_name = true) as made \
              join units on units.fingerprint = made.fingerprint and units.artifact = '{name}';\n",
             table::FILE

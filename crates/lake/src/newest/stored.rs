@@ -56,6 +56,7 @@ pub(super) fn write(
         for (path, file) in shown.into_iter().flatten() {
             writer.text(path);
             writer.digest(&file.digest);
+            writer.digest(&file.fingerprint);
             write_stamp(&mut writer, file.stamp);
         }
     }
@@ -88,6 +89,7 @@ fn newest(mut reader: Reader) -> Option<Newest> {
             let path = reader.text()?.to_owned();
             let file = ShownFile {
                 digest: reader.digest()?,
+                fingerprint: reader.digest()?,
                 stamp: stamp(reader)?,
             };
             Some((path, file))

@@ -1,0 +1,89 @@
+//! The run and the artifact that a command is about.
+
+use std::io;
+
+use dataflow::{NodeName, UnitRef, nearest};
+use lake::{Lake, LakeError, Run};
+use serde::Serialize;
+
+use crate::{
+    outcome::{Outcome, Trouble},
+    report,
+};
+
+/// Returns the run of this name, or the newest one.
+pub(crate) fn run(lake: &Lake, name: Option<&str>) -> Result<Run, Trouble> {
+    if let Some(name) = name {
+        return Ok(lake.run(lake.find_run(name)?)?);
+    }
+    lake.newest_run()?.ok_or_else(|| no_runs(lake))
+}
+
+/// Says that there is no run at all.
+pub(crate) fn no_runs(lake: &Lake) -> Trouble {
+    Trouble::usage(
+        format!("no run in the lake `{}`", lake.root().display()),
+        "make one with `pipeline run pipelines/cgf.toml`, or name another lake with `--lake DIR`",
+    )
+}
+
+/// Returns a run, and whether its units are still in the lake; if not, it is returned without them.
+pub(crate) fn run_and_whether_kept(lake: &Lake, number: u64) -> Result<(Run, bool), Trouble> {
+    match lake.run(number) {
+        Err(LakeError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
+            Ok((lake.run_without_units(number)?, false))
+        }
+        run => Ok((run?, true)),
+    }
+}
+
+/// Returns an output of a run by its name, and its units.
+pub(crate) fn units<'a>(
+    run: &'a Run,
+    artifact: &str,
+) -> Result<(NodeName, Vec<&'a UnitRef>), Trouble> {
+    let units = &run.record.units;
+    if let Some(node) = NodeName::parse(artifact) {
+        let units: Vec<&UnitRef> = units.iter().filter(|unit| unit.node == node).collect();
+        if !units.is_empty() {
+            return Ok((node, units));
+        }
+    }
+    let mut known: Vec<String> = units.iter().map(|unit| unit.node.to_string()).collect();
+    known.dedup();
+    let near = nearest(artifact, known.iter().map(String::as_str));
+    let hint = near.map_or_else(
+        || format!("run {} has: {}", run.number, known.join(", ")),
+        |near| format!("did you mean `{near}`?"),
+    );
+    Err(Trouble::usage(
+        format!("no artifact `{artifact}` in run {}", run.number),
+        hint,
+    ))
+}
+
+/// Returns the unit of a partition.
+pub(crate) fn unit<'a>(
+    units: &[&'a UnitRef],
+    artifact: &str,
+    partition: &str,
+) -> Result<&'a UnitRef, Trouble> {
+    let found = units.iter().find(|unit| unit.partition == partition);
+    found.copied().ok_or_else(|| {
+        let near = nearest(partition, units.iter().map(|unit| unit.partition.as_str()));
+        Trouble::usage(
+            format!("`{artifact}` has no partition `{partition}`"),
+            near.map_or_else(
+                || format!("list them with `pipeline inspect {artifact}`"),
+                |near| format!("did you mean `{near}`?"),
+            ),
+        )
+    })
+}
+
+/// Prints everything for programs.
+pub(crate) fn print_json(value: &impl Serialize) -> Result<Outcome, Trouble> {
+    let json = serde_json::to_string_pretty(value).map_err(|err| Trouble::failed(err, None))?;
+    report::data(format!("{json}\n").as_bytes());
+    Ok(Outcome::Done)
+}

@@ -1,0 +1,81 @@
+//! `pipeline diff`
+
+mod figures;
+mod inputs;
+mod text;
+mod units;
+mod values;
+
+use lake::Lake;
+use serde::Serialize;
+
+use self::{figures::OutputChange, inputs::InputChange, values::Asked};
+use crate::{
+    arguments::{DiffArgs, Format},
+    command_line::Program,
+    commands::chosen,
+    outcome::{Outcome, Trouble},
+    progress::Quiet,
+    report,
+};
+
+/// Everything that differs between two runs.
+#[derive(Serialize)]
+struct Difference {
+    old: u64,
+    new: u64,
+    #[serde(flatten)]
+    asked: Asked,
+    inputs: Vec<InputChange>,
+    outputs: Vec<OutputChange>,
+    /// Outputs that only the old run went through.
+    only_old: Vec<String>,
+    /// Outputs that only the new run went through.
+    only_new: Vec<String>,
+    /// Units of which nothing more is known, because their records are no longer in the lake.
+    n_collected: usize,
+}
+
+/// Shows what differs between two runs.
+pub(crate) fn diff(program: &Program, args: &DiffArgs) -> Result<Outcome, Trouble> {
+    let lake = Lake::open(&program.lake);
+    let (old, old_is_kept) = chosen::run_and_whether_kept(&lake, lake.find_run(&args.old)?)?;
+    let (new, new_is_kept) = chosen::run_and_whether_kept(&lake, lake.find_run(&args.new)?)?;
+    let pairs = units::pairs(&lake, &old.record.units, &new.record.units)?;
+    let difference = Difference {
+        old: old.number,
+        new: new.number,
+        asked: Asked::compare(&old.record, &new.record),
+        inputs: inputs::compare(&pairs),
+        outputs: figures::compare(&old.record, &new.record, &pairs),
+        only_old: figures::only_in(&old.record, &new.record),
+        only_new: figures::only_in(&new.record, &old.record),
+        n_collected: pairs
+            .iter()
+            .map(|pair| pair.old.lost.len() + pair.new.lost.len())
+            .sum(),
+    };
+    if program.quiet == Quiet::No {
+        for (run, is_kept) in [(&old, old_is_kept), (&new, new_is_kept)] {
+            if !is_kept {
+                let number = run.number;
+                report::line(&format!(
+                    "note   the units of run {number} were collected: only values and figures are compared"
+                ));
+            }
+        }
+        if difference.n_collected > 0 {
+            report::line(&format!(
+                "note   the records of {} units were collected: what they read is not known",
+                difference.n_collected
+            ));
+        }
+    }
+    match args.format {
+        Format::Json => chosen::print_json(&difference),
+        Format::Text => {
+            report::data(text::text(&difference).as_bytes());
+            Ok(Outcome::Done)
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! What two runs gave that differs: figures and partitions, by output.
+
+use std::collections::BTreeMap;
+
+use dataflow::{NodeRecord, RunRecord};
+use serde::Serialize;
+
+use super::{units::Pair, values::keys};
+
+/// A figure that differs: of all partitions of an output, the sum. It is `null` where there was none.
+#[derive(Debug, PartialEq, Serialize)]
+pub(super) struct FigureChange {
+    pub(super) figure: String,
+    pub(super) old: Option<f64>,
+    pub(super) new: Option<f64>,
+}
+
+/// An output that differs.
+#[derive(Debug, PartialEq, Serialize)]
+pub(super) struct OutputChange {
+    pub(super) output: String,
+    pub(super) added: Vec<String>,
+    pub(super) removed: Vec<String>,
+    /// Partitions whose bytes or labels differ.
+    pub(super) changed: Vec<String>,
+    pub(super) figures: Vec<FigureChange>,
+}
+
+/// Lists the outputs that both runs went through and that differ.
+pub(super) fn compare(old: &RunRecord, new: &RunRecord, pairs: &[Pair]) -> Vec<OutputChange> {
+    let mut outputs = Vec::new();
+    for after in &new.nodes {
+        let Some(before) = old.nodes.iter().find(|node| node.node == after.node) else {
+            continue;
+        };
+        let mut output = OutputChange {
+            output: after.node.to_string(),
+            added: Vec::new(),
+            removed: Vec::new(),
+            changed: Vec::new(),
+            figures: figures(before, after),
+        };
+        if let Some(pair) = pairs.iter().find(|pair| pair.node == after.node) {
+            let (old, new) = (pair.old.partitions(), pair.new.partitions());
+            let named = |partition: &&str| (*partition).to_owned();
+            output.added = new.difference(&old).map(named).collect();
+            output.removed = old.difference(&new).map(named).collect();
+            let both = old.intersection(&new);
+            let differs =
+                |partition: &&&str| pair.old.content(partition) != pair.new.content(partition);
+            output.changed = both.filter(differs).map(named).collect();
+        }
+        let lists = [&output.added, &output.removed, &output.changed];
+        if !output.figures.is_empty() || lists.iter().any(|list| !list.is_empty()) {
+            outputs.push(output);
+        }
+    }
+    outputs
+}
+
+fn figures(old: &NodeRecord, new: &NodeRecord) -> Vec<FigureChange> {
+    let mut changes = Vec::new();
+    let mut compare = |figure: &str, old: Option<f64>, new: Option<f64>| {
+        if old != new {
+            let figure = figure.to_owned();
+            changes.push(FigureChange { figure, old, new });
+        }
+    };
+    #[expect(clippy::cast_precision_loss, reason = "counts of items are small")]
+    let count = |n: usize| Some(n as f64);
+    compare("skipped", count(old.n_skipped), count(new.n_skipped));
+    compare("filtered", count(old.n_filtered), count(new.n_filtered));
+    let value = |totals: &BTreeMap<String, f64>, name: &str| totals.get(name).copied();
+    for name in keys(&old.totals, &new.totals) {
+        compare(name, value(&old.totals, name), value(&new.totals, name));
+    }
+    changes
+}
+
+/// Outputs that only the first of two runs went through.
+pub(super) fn only_in(one: &RunRecord, other: &RunRecord) -> Vec<String> {
+    let nodes = one.nodes.iter().map(|node| &node.node);
+    let only = nodes.filter(|name| !other.nodes.iter().any(|node| node.node == **name));
+    only.map(ToString::to_string).collect()
+}

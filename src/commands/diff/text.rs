@@ -1,0 +1,167 @@
+//! Differences as people read them.
+
+use dataflow::Change;
+use serde_json::Value;
+
+use super::{
+    Difference,
+    figures::{FigureChange, OutputChange},
+    inputs::{InputChange, Source},
+    values::Asked,
+};
+use crate::{numbers::number, report};
+
+/// Rows of a list that are shown.
+const ROWS: usize = 20;
+
+/// Characters of a value that are shown.
+const WIDTH: usize = 40;
+
+/// Digits of a digest that people compare.
+const DIGITS: usize = 12;
+
+const ARROW: &str = "→";
+const NONE: &str = "-";
+
+/// Everything that differs, in sections; equal things are not named.
+pub(super) fn text(difference: &Difference) -> String {
+    let mut text = String::new();
+    section(&mut text, "values", asked(&difference.asked), &[]);
+    section(&mut text, "inputs", inputs(&difference.inputs), &[]);
+    section(
+        &mut text,
+        "figures",
+        outputs(&difference.outputs),
+        &[2, 4, 5],
+    );
+    for (number, outputs) in [
+        (difference.old, &difference.only_old),
+        (difference.new, &difference.only_new),
+    ] {
+        if !outputs.is_empty() {
+            let lines = vec![vec![outputs.join(", ")]];
+            section(
+                &mut text,
+                &format!("only run {number} went through"),
+                lines,
+                &[],
+            );
+        }
+    }
+    if text.is_empty() {
+        text.push_str("no difference\n");
+    }
+    text
+}
+
+fn section(text: &mut String, title: &str, mut rows: Vec<Vec<String>>, right: &[usize]) {
+    if rows.is_empty() {
+        return;
+    }
+    let n_more = rows.len().saturating_sub(ROWS);
+    rows.truncate(ROWS);
+    text.push_str(title);
+    text.push('\n');
+    for line in report::columns(&rows, right).lines() {
+        text.push_str(&format!("  {line}\n"));
+    }
+    if n_more > 0 {
+        text.push_str(&format!("  … {n_more} more; `--format json` lists all\n"));
+    }
+}
+
+fn row(key: &str, old: String, new: String) -> Vec<String> {
+    vec![key.to_owned(), old, ARROW.to_owned(), new]
+}
+
+fn asked(asked: &Asked) -> Vec<Vec<String>> {
+    let alone = |stage: &String, what: &str| vec![stage.clone(), what.to_owned()];
+    let added = asked.added_stages.iter();
+    let mut rows: Vec<_> = added.map(|stage| alone(stage, "added")).collect();
+    let removed = asked.removed_stages.iter();
+    rows.extend(removed.map(|stage| alone(stage, "removed")));
+    for change in &asked.rewired {
+        let name = |node: &Option<String>| node.clone().unwrap_or_else(|| NONE.to_owned());
+        rows.push(row(&change.key, name(&change.old), name(&change.new)));
+    }
+    let values = asked.values.iter();
+    rows.extend(values.map(|change| row(&change.key, value(&change.old), value(&change.new))));
+    rows
+}
+
+fn value(value: &Value) -> String {
+    let text = match value {
+        Value::Null => NONE.to_owned(),
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
+    };
+    cut(&text, WIDTH)
+}
+
+fn cut(text: &str, width: usize) -> String {
+    match text.char_indices().nth(width) {
+        Some((end, _)) => format!("{}…", text.get(..end).unwrap_or_default()),
+        None => text.to_owned(),
+    }
+}
+
+fn inputs(changes: &[InputChange]) -> Vec<Vec<String>> {
+    let row = |change: &InputChange| {
+        let (what, n_digits) = match &change.source {
+            Source::File { name } => (format!("file {name}"), DIGITS),
+            Source::Code { name } => (format!("code of {name}"), DIGITS),
+            Source::LockedVersions => ("locked versions".to_owned(), DIGITS),
+            Source::Schema { name } => (format!("schema of {name}"), WIDTH),
+        };
+        let version = |version: &Option<String>| {
+            let version = version.as_deref().unwrap_or(NONE);
+            version.chars().take(n_digits).collect::<String>()
+        };
+        let versions = match change.change {
+            Change::Added => "added".to_owned(),
+            Change::Removed => "removed".to_owned(),
+            Change::Changed => {
+                format!("{} {ARROW} {}", version(&change.old), version(&change.new))
+            }
+        };
+        vec![what, versions, change.outputs.join(", ")]
+    };
+    changes.iter().map(row).collect()
+}
+
+fn outputs(outputs: &[OutputChange]) -> Vec<Vec<String>> {
+    let mut rows = Vec::new();
+    for output in outputs {
+        let counts = [
+            (&output.added, "added"),
+            (&output.removed, "removed"),
+            (&output.changed, "changed"),
+        ];
+        let counts = counts.into_iter().filter(|(list, _)| !list.is_empty());
+        for (list, word) in counts {
+            rows.push(vec![
+                output.output.clone(),
+                format!("partitions {word}"),
+                list.len().to_string(),
+            ]);
+        }
+        rows.extend(output.figures.iter().map(|change| figure(output, change)));
+    }
+    rows
+}
+
+fn figure(output: &OutputChange, change: &FigureChange) -> Vec<String> {
+    let shown = |value: Option<f64>| value.map_or_else(|| NONE.to_owned(), number);
+    let mut row = vec![
+        output.output.clone(),
+        change.figure.clone(),
+        shown(change.old),
+        ARROW.to_owned(),
+        shown(change.new),
+    ];
+    if let (Some(old), Some(new)) = (change.old, change.new) {
+        let sign = if new > old { "+" } else { "" };
+        row.push(format!("{sign}{}", number(new - old)));
+    }
+    row
+}

@@ -1,0 +1,86 @@
+//! The units of an output in two runs, with what they depended on and gave.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use dataflow::{Digest, NodeName, Record, RecordOutcome, UnitRef};
+use lake::{Lake, LakeError};
+
+/// An output in one run: its units' fingerprints by partition.
+type Fingerprints<'a> = BTreeMap<&'a str, Digest>;
+
+/// An output that two runs went through, with the records of the units that differ or stand beside
+/// ones that do.
+pub(super) struct Pair {
+    pub(super) node: NodeName,
+    pub(super) old: Side,
+    pub(super) new: Side,
+}
+
+/// An output in one run.
+#[derive(Default)]
+pub(super) struct Side {
+    /// Records by partition.
+    pub(super) records: BTreeMap<String, Record>,
+    /// Partitions whose records are no longer in the lake, with their fingerprints.
+    pub(super) lost: BTreeMap<String, Digest>,
+}
+
+impl Side {
+    fn read(lake: &Lake, fingerprints: &Fingerprints) -> Result<Self, LakeError> {
+        let mut side = Self::default();
+        for (&partition, fingerprint) in fingerprints {
+            match lake.record(fingerprint)? {
+                Some(record) => {
+                    side.records.insert(partition.to_owned(), record);
+                }
+                None => {
+                    side.lost.insert(partition.to_owned(), *fingerprint);
+                }
+            }
+        }
+        Ok(side)
+    }
+
+    /// The partitions there are: made ones, and those of which nothing more is known.
+    pub(super) fn partitions(&self) -> BTreeSet<&str> {
+        let made = self.records.iter();
+        let made = made.filter(|(_, record)| matches!(record.outcome, RecordOutcome::Made { .. }));
+        let made = made.map(|(partition, _)| partition.as_str());
+        made.chain(self.lost.keys().map(String::as_str)).collect()
+    }
+
+    /// What a partition is: its artifact's digest, or the fingerprint where no more is known.
+    pub(super) fn content(&self, partition: &str) -> Option<Digest> {
+        match self.records.get(partition) {
+            Some(record) => record.outcome.artifact_digest(),
+            None => self.lost.get(partition).copied(),
+        }
+    }
+}
+
+/// Reads the records of the outputs that both runs went through and that are not the same in both.
+pub(super) fn pairs(lake: &Lake, old: &[UnitRef], new: &[UnitRef]) -> Result<Vec<Pair>, LakeError> {
+    let (old, new) = (by_node(old), by_node(new));
+    let mut pairs = Vec::new();
+    for (node, after) in &new {
+        if let Some(before) = old.get(node)
+            && before != after
+        {
+            pairs.push(Pair {
+                node: (*node).clone(),
+                old: Side::read(lake, before)?,
+                new: Side::read(lake, after)?,
+            });
+        }
+    }
+    Ok(pairs)
+}
+
+fn by_node(units: &[UnitRef]) -> BTreeMap<&NodeName, Fingerprints<'_>> {
+    let mut nodes: BTreeMap<&NodeName, Fingerprints> = BTreeMap::new();
+    for unit in units {
+        let fingerprints = nodes.entry(&unit.node).or_default();
+        fingerprints.insert(&unit.partition, unit.fingerprint);
+    }
+    nodes
+}

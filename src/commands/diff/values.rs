@@ -1,0 +1,155 @@
+//! Values, stages and wires that differ between two runs.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use dataflow::{RunRecord, StageRecord};
+use serde::Serialize;
+use serde_json::Value;
+
+/// A list longer than this, or of tables, is compared element by element.
+const SHORT_LIST: usize = 8;
+
+/// A value that differs. It is `null` where it was not set.
+#[derive(Debug, PartialEq, Serialize)]
+pub(super) struct ValueChange {
+    /// `stage.key`, or `seed`, `profile`, `pipeline`.
+    pub(super) key: String,
+    pub(super) old: Value,
+    pub(super) new: Value,
+}
+
+/// Where a stage's input came from.
+#[derive(Debug, PartialEq, Serialize)]
+pub(super) struct WireChange {
+    /// `stage.inputs.name`
+    pub(super) key: String,
+    pub(super) old: Option<String>,
+    pub(super) new: Option<String>,
+}
+
+/// What differs in what was asked for.
+#[derive(Debug, Default, PartialEq, Serialize)]
+pub(super) struct Asked {
+    pub(super) values: Vec<ValueChange>,
+    pub(super) added_stages: Vec<String>,
+    pub(super) removed_stages: Vec<String>,
+    pub(super) rewired: Vec<WireChange>,
+}
+
+impl Asked {
+    /// Compares what two runs were asked for.
+    pub(super) fn compare(old: &RunRecord, new: &RunRecord) -> Self {
+        let mut asked = Self::default();
+        let general: [(&str, fn(&RunRecord) -> Value); 3] = [
+            ("pipeline", |run| Value::from(run.pipeline.as_str())),
+            ("profile", |run| Value::from(run.origin.profile.clone())),
+            ("seed", |run| Value::from(run.seed)),
+        ];
+        for (key, of) in general {
+            asked.compare_values(key, Some(&of(old)), Some(&of(new)));
+        }
+        for (name, stage) in &new.stages {
+            match old.stages.get(name) {
+                Some(before) => asked.compare_stage(name, before, stage),
+                None => asked.added_stages.push(name.clone()),
+            }
+        }
+        let removed = old.stages.keys();
+        let removed = removed.filter(|name| !new.stages.contains_key(*name));
+        asked.removed_stages = removed.cloned().collect();
+        asked
+    }
+
+    fn compare_stage(&mut self, name: &str, old: &StageRecord, new: &StageRecord) {
+        let kind = |stage: &StageRecord| Value::from(stage.kind.as_str());
+        self.compare_values(&format!("{name}.kind"), Some(&kind(old)), Some(&kind(new)));
+        self.compare_values(name, Some(&old.config), Some(&new.config));
+        for input in keys(&old.inputs, &new.inputs) {
+            let source = |stage: &StageRecord| stage.inputs.get(input).map(ToString::to_string);
+            let (old, new) = (source(old), source(new));
+            if old != new {
+                let key = format!("{name}.inputs.{input}");
+                self.rewired.push(WireChange { key, old, new });
+            }
+        }
+    }
+
+    fn compare_values(&mut self, key: &str, old: Option<&Value>, new: Option<&Value>) {
+        match (old, new) {
+            (Some(Value::Object(old)), Some(Value::Object(new))) => {
+                let names: BTreeSet<_> = old.keys().chain(new.keys()).collect();
+                for name in names {
+                    self.compare_values(&format!("{key}.{name}"), old.get(name), new.get(name));
+                }
+            }
+            (Some(Value::Array(old)), Some(Value::Array(new)))
+                if old.len() == new.len() && (old.len() > SHORT_LIST || holds_tables(old)) =>
+            {
+                for (idx, (old, new)) in old.iter().zip(new).enumerate() {
+                    self.compare_values(&format!("{key}.{idx}"), Some(old), Some(new));
+                }
+            }
+            _ if old != new => self.values.push(ValueChange {
+                key: key.to_owned(),
+                old: old.cloned().unwrap_or_default(),
+                new: new.cloned().unwrap_or_default(),
+            }),
+            _ => {}
+        }
+    }
+}
+
+fn holds_tables(list: &[Value]) -> bool {
+    list.iter()
+        .any(|value| value.is_object() || value.is_array())
+}
+
+/// The keys of two maps, in order.
+pub(super) fn keys<'a, V>(
+    old: &'a BTreeMap<String, V>,
+    new: &'a BTreeMap<String, V>,
+) -> BTreeSet<&'a String> {
+    old.keys().chain(new.keys()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    fn changes(old: &Value, new: &Value) -> Vec<(String, Value, Value)> {
+        let mut asked = Asked::default();
+        asked.compare_values("s", Some(old), Some(new));
+        let changes = asked.values.into_iter();
+        changes
+            .map(|change| (change.key, change.old, change.new))
+            .collect()
+    }
+
+    #[test]
+    fn only_what_differs_is_named_by_its_key() {
+        let old = json!({"a": 1, "t": {"x": [1, 2], "y": true}, "gone": "z"});
+        let new = json!({"a": 1, "t": {"x": [1, 3], "y": true}, "new": 0});
+        assert_eq!(
+            changes(&old, &new),
+            [
+                ("s.gone".to_owned(), json!("z"), Value::Null),
+                ("s.new".to_owned(), Value::Null, json!(0)),
+                ("s.t.x".to_owned(), json!([1, 2]), json!([1, 3])),
+            ]
+        );
+        assert_eq!(changes(&old, &old), []);
+    }
+
+    #[test]
+    fn tables_in_lists_are_compared_one_by_one_where_there_are_as_many() {
+        let old = json!([{"w": 1.0}, {"w": 0.3}]);
+        let new = json!([{"w": 1.0}, {"w": 0.5}]);
+        assert_eq!(
+            changes(&old, &new),
+            [("s.1.w".to_owned(), json!(0.3), json!(0.5))]
+        );
+        assert_eq!(changes(&old, &json!([])).len(), 1);
+    }
+}

@@ -1,0 +1,78 @@
+//! `pipeline lineage`
+
+mod outputs;
+mod relations;
+mod tree;
+mod units;
+
+use lake::Lake;
+use serde::Serialize;
+
+use self::relations::Relations;
+use crate::{
+    arguments::{Format, LineageArgs},
+    command_line::Program,
+    commands::chosen,
+    outcome::{Outcome, Trouble},
+    report,
+};
+
+/// Which of its relatives are shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Direction {
+    /// What it was made of.
+    Up,
+    /// What was made of it.
+    Down,
+}
+
+/// A family for programs: the first member is the one that was asked for.
+#[derive(Serialize)]
+struct Family<T> {
+    run: u64,
+    direction: Direction,
+    members: Vec<T>,
+}
+
+/// Shows what an artifact was made of, or what was made of it.
+pub(crate) fn lineage(program: &Program, args: &LineageArgs) -> Result<Outcome, Trouble> {
+    let lake = Lake::open(&program.lake);
+    let run = chosen::run(&lake, args.run.as_deref())?;
+    let (node, units) = chosen::units(&run, &args.artifact)?;
+    let direction = if args.down {
+        Direction::Down
+    } else {
+        Direction::Up
+    };
+    let mut relations = Relations::new(&lake, &run.record);
+    let limbs: Vec<tree::Limb> = if let Some(partition) = &args.partition {
+        let unit = chosen::unit(&units, &args.artifact, partition)?;
+        let members = units::family(&lake, &mut relations, unit, direction)?;
+        if args.format == Format::Json {
+            return print(run.number, direction, members);
+        }
+        members.into_iter().map(units::Member::into_limb).collect()
+    } else {
+        let members = outputs::family(&run.record, &relations, &node, direction)?;
+        if args.format == Format::Json {
+            return print(run.number, direction, members);
+        }
+        let members = members.into_iter();
+        members.map(outputs::Member::into_limb).collect()
+    };
+    report::data(tree::text(&limbs).as_bytes());
+    Ok(Outcome::Done)
+}
+
+fn print<T: Serialize>(
+    run: u64,
+    direction: Direction,
+    members: Vec<T>,
+) -> Result<Outcome, Trouble> {
+    chosen::print_json(&Family {
+        run,
+        direction,
+        members,
+    })
+}

@@ -1,0 +1,157 @@
+//! What the partitions of an output were made of together, or what was made of them.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use dataflow::{NodeName, RunRecord};
+use serde::Serialize;
+
+use super::{
+    Direction,
+    relations::Relations,
+    tree::{Group, Limb},
+};
+use crate::outcome::Trouble;
+
+/// One output in the family.
+#[derive(Serialize)]
+pub(super) struct Member {
+    output: String,
+    n_made: usize,
+    n_skipped: usize,
+    n_filtered: usize,
+    reads: Vec<Read>,
+    /// Number of files outside the lake that its units read.
+    n_files: usize,
+    #[serde(skip)]
+    below: Vec<usize>,
+}
+
+/// What the units of an output read of another.
+#[derive(Serialize)]
+struct Read {
+    output: String,
+    n_partitions: usize,
+}
+
+/// What is read of each output, and from outside.
+struct Reads {
+    partitions: BTreeMap<NodeName, BTreeSet<String>>,
+    n_files: usize,
+}
+
+/// Lists the output and everything that it was made of, or that was made of it, each once.
+pub(super) fn family(
+    run: &RunRecord,
+    relations: &Relations,
+    node: &NodeName,
+    direction: Direction,
+) -> Result<Vec<Member>, Trouble> {
+    let mut all = BTreeMap::new();
+    for record in &run.nodes {
+        all.insert(record.node.clone(), reads(run, relations, &record.node)?);
+    }
+    let mut nodes = vec![node.clone()];
+    let mut members: Vec<Member> = Vec::new();
+    while let Some(node) = nodes.get(members.len()).cloned() {
+        let mut member = member(run, &node, all.get(&node));
+        let relatives: Vec<NodeName> = match direction {
+            Direction::Up => {
+                let reads = all.get(&node).into_iter();
+                reads
+                    .flat_map(|reads| reads.partitions.keys().cloned())
+                    .collect()
+            }
+            Direction::Down => {
+                let is_reader = |reader: &&NodeName| {
+                    let reads = all.get(*reader);
+                    reads.is_some_and(|reads| reads.partitions.contains_key(&node))
+                };
+                let readers = run.nodes.iter().map(|record| &record.node);
+                readers.filter(is_reader).cloned().collect()
+            }
+        };
+        for other in relatives {
+            let known = nodes.iter().position(|known| *known == other);
+            member.below.push(known.unwrap_or_else(|| {
+                nodes.push(other);
+                nodes.len() - 1
+            }));
+        }
+        members.push(member);
+    }
+    Ok(members)
+}
+
+fn reads(run: &RunRecord, relations: &Relations, node: &NodeName) -> Result<Reads, Trouble> {
+    let mut partitions: BTreeMap<NodeName, BTreeSet<String>> = BTreeMap::new();
+    let mut files = BTreeSet::new();
+    let records = relations.records(node)?;
+    for record in &records {
+        for read in relations.reads(node, &record.fingerprint.inputs) {
+            partitions
+                .entry(read.node)
+                .or_default()
+                .extend(read.partitions);
+        }
+        let read = record.fingerprint.files.iter();
+        files.extend(read.map(|(name, digest)| (name.clone(), *digest)));
+    }
+    // Where the records are gone, the wires are left.
+    if records.is_empty()
+        && let Some(stage) = run.stages.get(&node.stage)
+    {
+        let wired = stage.inputs.values().cloned();
+        partitions.extend(wired.map(|source| (source, BTreeSet::new())));
+    }
+    Ok(Reads {
+        partitions,
+        n_files: files.len(),
+    })
+}
+
+fn member(run: &RunRecord, node: &NodeName, reads: Option<&Reads>) -> Member {
+    let record = run.nodes.iter().find(|record| record.node == *node);
+    let count = |of: fn(&dataflow::NodeRecord) -> usize| record.map_or(0, of);
+    let partitions = reads.into_iter().flat_map(|reads| &reads.partitions);
+    let partitions = partitions.map(|(node, partitions)| Read {
+        output: node.to_string(),
+        n_partitions: partitions.len(),
+    });
+    Member {
+        output: node.to_string(),
+        n_made: count(|node| node.n_made),
+        n_skipped: count(|node| node.n_skipped),
+        n_filtered: count(|node| node.n_filtered),
+        reads: partitions.collect(),
+        n_files: reads.map_or(0, |reads| reads.n_files),
+        below: Vec::new(),
+    }
+}
+
+impl Member {
+    /// As it stands in a tree.
+    pub(super) fn into_limb(self) -> Limb {
+        let mut counts = vec![format!("{} made", self.n_made)];
+        for (n, word) in [(self.n_skipped, "skipped"), (self.n_filtered, "filtered")] {
+            if n > 0 {
+                counts.push(format!("{n} {word}"));
+            }
+        }
+        let files = match self.n_files {
+            0 => String::new(),
+            1 => "1 file outside".to_owned(),
+            n => format!("{n} files outside"),
+        };
+        let below = self.below.into_iter();
+        // Each by itself, so that none is cut.
+        let groups = below.map(|member| Group {
+            name: String::new(),
+            members: vec![member],
+        });
+        Limb {
+            cells: vec![self.output, counts.join(", "), files],
+            groups: groups.collect(),
+            leaves: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! Who reads whom in a run.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use dataflow::{Digest, NodeName, Record, RunRecord, UnitRef};
+use lake::{Lake, LakeError};
+use serde::Serialize;
+
+/// Partitions of an output, by output.
+type ByOutput = Vec<(NodeName, Vec<String>)>;
+
+/// The partitions that a unit reads through one input.
+#[derive(Serialize)]
+pub(super) struct Read {
+    input: String,
+    #[serde(rename = "output", serialize_with = "as_text")]
+    pub(super) node: NodeName,
+    pub(super) partitions: Vec<String>,
+}
+
+fn as_text<S: serde::Serializer>(node: &NodeName, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(node)
+}
+
+/// The units of a run, and who reads them.
+pub(super) struct Relations<'a> {
+    lake: &'a Lake,
+    run: &'a RunRecord,
+    units: BTreeMap<(&'a NodeName, &'a str), &'a UnitRef>,
+    /// Who reads a partition; found when first asked for.
+    readers: Option<BTreeMap<(NodeName, String), BTreeSet<(NodeName, String)>>>,
+}
+
+impl<'a> Relations<'a> {
+    pub(super) fn new(lake: &'a Lake, run: &'a RunRecord) -> Self {
+        let units = run.units.iter();
+        let units = units.map(|unit| ((&unit.node, unit.partition.as_str()), unit));
+        Self {
+            lake,
+            run,
+            units: units.collect(),
+            readers: None,
+        }
+    }
+
+    /// Returns the fingerprint that a partition has in the run.
+    pub(super) fn fingerprint(&self, node: &NodeName, partition: &str) -> Option<Digest> {
+        let unit = self.units.get(&(node, partition))?;
+        Some(unit.fingerprint)
+    }
+
+    /// Returns the output that a stage reads through an input: the one that is wired to it, or an
+    /// output of its own.
+    pub(super) fn source(&self, node: &NodeName, input: &str) -> NodeName {
+        let stage = self.run.stages.get(&node.stage);
+        let wired = stage.and_then(|stage| stage.inputs.get(input));
+        wired.map_or_else(|| NodeName::new(&node.stage, input), Clone::clone)
+    }
+
+    /// Returns what a unit reads, by input.
+    pub(super) fn reads(
+        &self,
+        node: &NodeName,
+        inputs: &BTreeMap<String, BTreeMap<String, Digest>>,
+    ) -> Vec<Read> {
+        let reads = inputs.iter().map(|(input, partitions)| Read {
+            input: input.clone(),
+            node: self.source(node, input),
+            partitions: partitions.keys().cloned().collect(),
+        });
+        reads.filter(|read| !read.partitions.is_empty()).collect()
+    }
+
+    /// Returns the units that read a partition, by output.
+    pub(super) fn readers(
+        &mut self,
+        node: &NodeName,
+        partition: &str,
+    ) -> Result<ByOutput, LakeError> {
+        if self.readers.is_none() {
+            self.readers = Some(self.find_readers()?);
+        }
+        let readers = self.readers.as_ref();
+        let readers = readers.and_then(|all| all.get(&(node.clone(), partition.to_owned())));
+        let mut by_output: BTreeMap<&NodeName, Vec<String>> = BTreeMap::new();
+        for (reader, partition) in readers.into_iter().flatten() {
+            by_output.entry(reader).or_default().push(partition.clone());
+        }
+        let by_output = by_output.into_iter();
+        Ok(by_output
+            .map(|(node, partitions)| (node.clone(), partitions))
+            .collect())
+    }
+
+    fn find_readers(
+        &self,
+    ) -> Result<BTreeMap<(NodeName, String), BTreeSet<(NodeName, String)>>, LakeError> {
+        let mut readers: BTreeMap<_, BTreeSet<_>> = BTreeMap::new();
+        for unit in &self.run.units {
+            let Some(record) = self.lake.record(&unit.fingerprint)? else {
+                continue;
+            };
+            for read in self.reads(&unit.node, &record.fingerprint.inputs) {
+                for partition in read.partitions {
+                    let readers = readers.entry((read.node.clone(), partition)).or_default();
+                    readers.insert((unit.node.clone(), unit.partition.clone()));
+                }
+            }
+        }
+        Ok(readers)
+    }
+
+    /// Returns the records of an output's units.
+    pub(super) fn records(&self, node: &NodeName) -> Result<Vec<Record>, LakeError> {
+        let units = self.run.units.iter().filter(|unit| unit.node == *node);
+        let mut records = Vec::new();
+        for unit in units {
+            records.extend(self.lake.record(&unit.fingerprint)?);
+        }
+        Ok(records)
+    }
+}

@@ -1,0 +1,174 @@
+//! A family as an indented tree.
+
+use crate::report;
+
+/// Members of one kind below one other that are shown.
+const SHOWN: usize = 3;
+
+/// One of a family, first in its line.
+pub(super) struct Limb {
+    /// Its name, and what stands beside it.
+    pub(super) cells: Vec<String>,
+    /// Who is below it, by positions, in groups that are cut each for itself.
+    pub(super) groups: Vec<Group>,
+    /// What is below it and has nothing below itself.
+    pub(super) leaves: Vec<Vec<String>>,
+}
+
+/// Members of one kind.
+pub(super) struct Group {
+    /// What they are.
+    pub(super) name: String,
+    pub(super) members: Vec<usize>,
+}
+
+/// Lays out the first limb with everything below it. What is below one that comes again is shown the
+/// first time.
+pub(super) fn text(limbs: &[Limb]) -> String {
+    let mut tree = Tree {
+        limbs,
+        is_shown: vec![false; limbs.len()],
+        rows: Vec::new(),
+    };
+    tree.grow(0, "", "");
+    report::columns(&tree.rows, &[])
+}
+
+struct Tree<'a> {
+    limbs: &'a [Limb],
+    is_shown: Vec<bool>,
+    rows: Vec<Vec<String>>,
+}
+
+/// What stands in a line below another.
+enum Below<'a> {
+    Limb(usize),
+    Leaf(&'a [String]),
+    More(String),
+}
+
+impl Tree<'_> {
+    /// Adds a limb; `first` stands before its own line, `others` before those below it.
+    fn grow(&mut self, position: usize, first: &str, others: &str) {
+        let limbs = self.limbs;
+        let (Some(limb), Some(is_shown)) = (limbs.get(position), self.is_shown.get_mut(position))
+        else {
+            return;
+        };
+        let mut cells = limb.cells.clone();
+        let has_more = !limb.groups.is_empty() || !limb.leaves.is_empty();
+        if *is_shown && has_more {
+            cells.push("as above".to_owned());
+        }
+        self.rows.push(with_prefix(first, cells));
+        if std::mem::replace(is_shown, true) {
+            return;
+        }
+        let mut below = Vec::new();
+        for group in &limb.groups {
+            cut(&mut below, &group.members, &group.name, |&idx| {
+                Below::Limb(idx)
+            });
+        }
+        cut(&mut below, &limb.leaves, "files", |leaf| Below::Leaf(leaf));
+        let n_below = below.len();
+        for (idx, below) in below.into_iter().enumerate() {
+            let (branch, line) = if idx + 1 == n_below {
+                ("└─ ", "   ")
+            } else {
+                ("├─ ", "│  ")
+            };
+            let first = format!("{others}{branch}");
+            match below {
+                Below::Limb(position) => self.grow(position, &first, &format!("{others}{line}")),
+                Below::Leaf(cells) => self.rows.push(with_prefix(&first, cells.to_vec())),
+                Below::More(text) => self.rows.push(vec![format!("{first}{text}")]),
+            }
+        }
+    }
+}
+
+/// Takes the first of a list, and says how many there are more.
+fn cut<'a, T>(
+    below: &mut Vec<Below<'a>>,
+    list: &'a [T],
+    name: &str,
+    of: impl Fn(&'a T) -> Below<'a>,
+) {
+    // A line that stands for one other is no shorter.
+    let n_shown = if list.len() == SHOWN + 1 {
+        SHOWN + 1
+    } else {
+        SHOWN
+    };
+    below.extend(list.iter().take(n_shown).map(of));
+    if list.len() > n_shown {
+        below.push(Below::More(format!(
+            "… {} more {name}",
+            list.len() - n_shown
+        )));
+    }
+}
+
+fn with_prefix(prefix: &str, mut cells: Vec<String>) -> Vec<String> {
+    if let Some(name) = cells.first_mut() {
+        name.insert_str(0, prefix);
+    }
+    cells
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn limb(name: &str, groups: &[&[usize]], n_leaves: usize) -> Limb {
+        let group = |members: &&[usize]| Group {
+            name: "others".to_owned(),
+            members: members.to_vec(),
+        };
+        Limb {
+            cells: vec![name.to_owned()],
+            groups: groups.iter().map(group).collect(),
+            leaves: (0..n_leaves)
+                .map(|idx| vec![format!("leaf {idx}")])
+                .collect(),
+        }
+    }
+
+    #[test]
+    fn lists_are_cut_and_what_comes_again_is_shown_once() {
+        let limbs = [
+            limb("root", &[&[1, 2]], 0),
+            limb("a", &[&[2]], 6),
+            limb("b", &[], 1),
+        ];
+        let expected = "\
+root
+├─ a
+│  ├─ b
+│  │  └─ leaf 0
+│  ├─ leaf 0
+│  ├─ leaf 1
+│  ├─ leaf 2
+│  └─ … 3 more files
+└─ b  as above
+";
+        // Cells beside names are aligned, so the mark of `b` stands where the longest name ends.
+        let squeezed = |text: &str| {
+            let lines = text
+                .lines()
+                .map(|line| line.replace("   as above", " as above"));
+            lines
+                .map(|line| {
+                    line.split("  as")
+                        .next()
+                        .unwrap_or("")
+                        .trim_end()
+                        .to_owned()
+                })
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(squeezed(&text(&limbs)), squeezed(expected));
+        assert!(text(&limbs).ends_with("as above\n"));
+    }
+}

@@ -1,0 +1,166 @@
+//! What one partition was made of, or what was made of it.
+
+use std::collections::BTreeMap;
+
+use dataflow::{Digest, NodeName, RecordOutcome, UnitRef};
+use lake::{Lake, Provenance};
+use serde::Serialize;
+
+use super::{
+    Direction,
+    relations::{Read, Relations},
+    tree::{Group, Limb},
+};
+use crate::{moments, outcome::Trouble, report};
+
+/// One partition in the family.
+#[derive(Serialize)]
+pub(super) struct Member {
+    output: String,
+    partition: String,
+    /// Digest of everything that it depends on; `null` if it is not among the run's units.
+    fingerprint: Option<Digest>,
+    /// `made`, `skipped`, `filtered`, or `collected` if its record is no longer in the lake.
+    result: &'static str,
+    made: Option<Made>,
+    reads: Vec<Read>,
+    /// Digests of the files outside the lake that it was made of, by name.
+    files: BTreeMap<String, Digest>,
+    #[serde(skip)]
+    below: Vec<Group>,
+    #[serde(skip)]
+    direction: Direction,
+}
+
+/// When and by what a partition was made.
+#[derive(Serialize)]
+struct Made {
+    started: String,
+    seconds: f64,
+    program: String,
+    host: String,
+    #[serde(skip)]
+    minute: String,
+}
+
+impl From<Provenance> for Made {
+    fn from(provenance: Provenance) -> Self {
+        Self {
+            started: moments::second(provenance.started_ns),
+            seconds: provenance.took_s,
+            program: provenance.program,
+            host: provenance.host,
+            minute: moments::minute(provenance.started_ns),
+        }
+    }
+}
+
+/// Lists the partition and everything that it was made of, or that was made of it, each once.
+pub(super) fn family(
+    lake: &Lake,
+    relations: &mut Relations,
+    unit: &UnitRef,
+    direction: Direction,
+) -> Result<Vec<Member>, Trouble> {
+    let key = (unit.node.clone(), unit.partition.clone());
+    let mut positions = BTreeMap::from([(key.clone(), 0)]);
+    let mut keys = vec![key];
+    let mut members = Vec::new();
+    while let Some((node, partition)) = keys.get(members.len()).cloned() {
+        let mut member = member(lake, relations, &node, &partition, direction)?;
+        let relatives = match direction {
+            Direction::Up => upward(&member.reads),
+            Direction::Down => relations.readers(&node, &partition)?,
+        };
+        for (other, partitions) in relatives {
+            let mut group = Group {
+                name: format!("of {other}"),
+                members: Vec::new(),
+            };
+            for partition in partitions {
+                let key = (other.clone(), partition);
+                let position = *positions.entry(key.clone()).or_insert_with(|| {
+                    keys.push(key);
+                    keys.len() - 1
+                });
+                group.members.push(position);
+            }
+            member.below.push(group);
+        }
+        members.push(member);
+    }
+    Ok(members)
+}
+
+/// The partitions that one reads, by output.
+fn upward(reads: &[Read]) -> Vec<(NodeName, Vec<String>)> {
+    let reads = reads.iter();
+    let reads = reads.map(|read| (read.node.clone(), read.partitions.clone()));
+    reads.collect()
+}
+
+fn member(
+    lake: &Lake,
+    relations: &Relations,
+    node: &NodeName,
+    partition: &str,
+    direction: Direction,
+) -> Result<Member, Trouble> {
+    let mut member = Member {
+        output: node.to_string(),
+        partition: partition.to_owned(),
+        fingerprint: relations.fingerprint(node, partition),
+        result: "collected",
+        made: None,
+        reads: Vec::new(),
+        files: BTreeMap::new(),
+        below: Vec::new(),
+        direction,
+    };
+    let Some(fingerprint) = &member.fingerprint else {
+        return Ok(member);
+    };
+    if let Some(record) = lake.record(fingerprint)? {
+        member.result = match record.outcome {
+            RecordOutcome::Made { .. } => "made",
+            RecordOutcome::Skipped { .. } => "skipped",
+            RecordOutcome::Filtered { .. } => "filtered",
+        };
+        member.made = lake.provenance(fingerprint)?.map(Made::from);
+        member.reads = relations.reads(node, &record.fingerprint.inputs);
+        member.files = record.fingerprint.files;
+    }
+    Ok(member)
+}
+
+impl Member {
+    /// As it stands in a tree.
+    pub(super) fn into_limb(self) -> Limb {
+        let fingerprint = self.fingerprint.map(Digest::short);
+        let what = match &self.made {
+            Some(made) => format!(
+                "{} {} UTC in {} by {} on `{}`",
+                self.result,
+                made.minute,
+                report::duration(made.seconds),
+                made.program,
+                made.host
+            ),
+            None => self.result.to_owned(),
+        };
+        let files = match self.direction {
+            Direction::Up => self.files,
+            Direction::Down => BTreeMap::new(),
+        };
+        let leaf = |(name, digest): (String, Digest)| vec![format!("file {name}"), digest.short()];
+        Limb {
+            cells: vec![
+                format!("{} {}", self.output, self.partition),
+                fingerprint.unwrap_or_default(),
+                what,
+            ],
+            groups: self.below,
+            leaves: files.into_iter().map(leaf).collect(),
+        }
+    }
+}

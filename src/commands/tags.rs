@@ -1,0 +1,37 @@
+//! `pipeline tag` and `pipeline untag`
+
+use lake::Lake;
+
+use crate::{
+    arguments::{TagArgs, UntagArgs},
+    command_line::Program,
+    outcome::{Outcome, Trouble},
+    progress::Quiet,
+    report,
+};
+
+/// Names a run.
+pub(crate) fn tag(program: &Program, args: &TagArgs) -> Result<Outcome, Trouble> {
+    let lake = Lake::open(&program.lake);
+    let run = lake.find_run(&args.run)?;
+    let before = lake.tag(&args.name, run)?;
+    let was = match before {
+        Some(before) if before != run => format!(", no longer run {before}"),
+        _ => String::new(),
+    };
+    say(program, &format!("`{}` is run {run}{was}", args.name));
+    Ok(Outcome::Done)
+}
+
+/// Takes a name away from its run.
+pub(crate) fn untag(program: &Program, args: &UntagArgs) -> Result<Outcome, Trouble> {
+    Lake::open(&program.lake).untag(&args.name)?;
+    say(program, &format!("no run is tagged `{}` now", args.name));
+    Ok(Outcome::Done)
+}
+
+fn say(program: &Program, text: &str) {
+    if program.quiet == Quiet::No {
+        report::line(&format!("done   {text}"));
+    }
+}
