@@ -13,6 +13,7 @@ mod corruption;
 mod crash;
 mod elsewhere;
 mod full_disk;
+mod garbage;
 mod interrupt;
 mod memory;
 mod plan_equals_run;

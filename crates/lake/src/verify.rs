@@ -390,3 +390,43 @@ fn check_digests(
         faults,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use dataflow::Store;
+
+    use super::*;
+    use crate::sources::Entry;
+
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "a test's file may well be half a file"
+    )]
+    fn put(path: &Path, text: &str) {
+        fs::write(path, text).unwrap();
+    }
+
+    #[test]
+    fn an_input_changed_behind_an_unchanged_stamp_is_found_and_read_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let input = folder.path().join("recording");
+        let lake = Lake::open(&folder.path().join("lake"));
+        put(&input, "new bytes");
+        // No file system lets a test set back the time of change, so what is remembered is set.
+        let remembered = Entry {
+            stamp: Stamp::read(&input).unwrap(),
+            digest: Digest::of_bytes(b"old bytes"),
+        };
+        let key = input.to_str().unwrap().to_owned();
+        lake.sources().known().entries.insert(key, remembered);
+        assert_eq!(lake.source_digest(&input).unwrap(), remembered.digest);
+
+        let verified = lake.verify_inputs(&|_, _| {}).unwrap();
+        let paths: Vec<&Path> = verified.faults.iter().map(|fault| &*fault.path).collect();
+        assert_eq!(paths, [input.as_path()]);
+        let now = Digest::of_bytes(b"new bytes");
+        assert_eq!(lake.source_digest(&input).unwrap(), now);
+        let again = lake.verify_inputs(&|_, _| {}).unwrap();
+        assert_eq!(again.faults, []);
+    }
+}

@@ -1,0 +1,157 @@
+//! `gc`: what nothing refers to goes, what counts stays, beside runs that go on.
+
+use std::{fs, process::Command};
+
+use serde_json::Value;
+
+use crate::place::{CHAIN, Place, Running, assert_same, files_below, stdout, well};
+
+/// The pipeline with another value, so that every unit of `first` and what follows is another.
+const OTHER: [&str; 2] = ["--set", "first.add=9"];
+
+/// Bytes of the blobs that a lake holds.
+fn bytes_kept(place: &Place) -> u64 {
+    files_below(&place.lake().join("blobs"))
+        .iter()
+        .map(|path| fs::metadata(path).unwrap().len())
+        .sum()
+}
+
+fn gc(place: &Place, arguments: &[&str]) -> Value {
+    let mut command = place.bare(&place.lake(), "gc");
+    command.args(["--format", "json"]).args(arguments);
+    serde_json::from_slice(&well(command).stdout).unwrap()
+}
+
+fn tag(place: &Place, command: &str, arguments: &[&str]) {
+    let mut command = place.bare(&place.lake(), command);
+    command.args(arguments);
+    well(command);
+}
+
+fn n_units(collected: &Value) -> usize {
+    let units = collected["units"].as_object().unwrap().values();
+    units
+        .map(|of_output| of_output["n_units"].as_u64().unwrap() as usize)
+        .sum()
+}
+
+fn assert_whole(place: &Place) {
+    well(place.bare(&place.lake(), "verify"));
+}
+
+#[test]
+fn a_dry_run_says_what_goes_and_exactly_that_goes() {
+    let place = Place::with_inputs(CHAIN, 8);
+    place.run_well(&OTHER);
+    place.run_well(&[]);
+    let (before, shown) = (bytes_kept(&place), place.published());
+    place.take_log();
+    let said = gc(&place, &["--dry-run"]);
+    assert_eq!(bytes_kept(&place), before, "a dry run removes nothing");
+    // What `first` and those after it made with the other value; `split` is the same in both runs.
+    assert!(n_units(&said) >= 8 + 8, "{said}");
+    assert!(said["units"].get("split.parts").is_none(), "{said}");
+    let done = gc(&place, &[]);
+    assert_eq!(done["units"], said["units"]);
+    assert_eq!(done["n_bytes"], said["n_bytes"]);
+    let freed = before - bytes_kept(&place);
+    assert_eq!(Some(freed), said["n_bytes"].as_u64());
+    assert_whole(&place);
+    assert_eq!(n_units(&gc(&place, &[])), 0, "nothing is left to go");
+    // What counts is still there, and what went is made again like anything that was never made.
+    place.run_well(&[]);
+    assert!(place.take_log().is_empty());
+    assert_same(&place.published(), &shown, "");
+    place.run_well(&OTHER);
+    assert!(!place.take_log().is_empty());
+    assert_same(&place.published(), &place.undisturbed(&OTHER), "");
+}
+
+#[test]
+fn tagged_runs_and_what_the_pipeline_file_uses_now_stay() {
+    let place = Place::with_inputs(CHAIN, 4);
+    place.run_well(&OTHER);
+    tag(&place, "tag", &["1", "good"]);
+    place.run_well(&["--set", "first.add=11"]);
+    place.run_well(&["--set", "first.add=12"]);
+    // The file itself was never run to the end, but what it reaches of `split` counts.
+    place.take_log();
+    let gone = gc(&place, &[]);
+    assert!(n_units(&gone) > 0, "{gone}");
+    assert_whole(&place);
+    for (values, is_kept) in [
+        (["--set", "first.add=12"], true),
+        (OTHER, true),
+        (["--set", "first.add=11"], false),
+    ] {
+        place.run_well(&values);
+        let log = place.take_log();
+        assert_eq!(log.is_empty(), is_kept, "{values:?}: {log:?}");
+        assert!(log.iter().all(|made| made.kind != "split"), "{log:?}");
+    }
+    tag(&place, "untag", &["good"]);
+    place.run_well(&[]);
+    gc(&place, &[]);
+    place.take_log();
+    place.run_well(&OTHER);
+    assert!(!place.take_log().is_empty(), "nothing kept it any more");
+}
+
+#[test]
+fn a_run_that_goes_on_loses_nothing() {
+    let place = Place::with_inputs(CHAIN, 4);
+    place.run_well(&OTHER);
+    place.run_well(&[]);
+    // A run takes old results into use and makes new ones, and is held in the middle.
+    place.input("held", b"a held one");
+    for partition in ["p000", "p001", "p002", "p003"] {
+        place.let_go(partition);
+    }
+    let mut run = Running::start(place.held(&OTHER));
+    run.wait_for(&place, "held");
+    gc(&place, &[]);
+    gc(&place, &[]);
+    assert_eq!(
+        fs::read_dir(place.lake().join("staging")).unwrap().count(),
+        1,
+        "what is in the making stays"
+    );
+    // Without a gate everything goes on.
+    fs::remove_dir_all(place.path("gate")).unwrap();
+    let (code, said) = run.finish();
+    assert_eq!(code, Some(0), "{said}");
+    assert_whole(&place);
+    assert_same(&place.published(), &place.undisturbed(&OTHER), "");
+}
+
+#[test]
+fn what_dead_processes_left_goes_too() {
+    let place = Place::with_inputs(CHAIN, 2);
+    place.input("held", b"a held one");
+    let mut run = Running::start(place.held(&[]));
+    run.wait_for(&place, "held");
+    let mut kill = Command::new("kill");
+    kill.args(["-9", &run.child.id().to_string()]);
+    well(kill);
+    run.finish();
+    assert!(fs::read_dir(place.lake().join("staging")).unwrap().count() > 0);
+    gc(&place, &[]);
+    assert_eq!(
+        fs::read_dir(place.lake().join("staging")).unwrap().count(),
+        0
+    );
+    let mut locks = fs::read_dir(place.lake().join("locks")).unwrap();
+    assert!(locks.all(|lock| lock.unwrap().file_name() == "collecting"));
+    place.run_well(&[]);
+    assert_whole(&place);
+}
+
+#[test]
+fn a_lake_that_is_not_there_has_nothing_to_collect() {
+    let place = Place::with_inputs(CHAIN, 1);
+    assert_eq!(n_units(&gc(&place, &[])), 0);
+    assert!(!place.lake().exists());
+    let said = stdout(&well(place.bare(&place.lake(), "gc")));
+    assert_eq!(said, "");
+}
