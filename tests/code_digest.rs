@@ -197,6 +197,27 @@ fn what_does_not_compute_changes_nothing() {
 }
 
 #[test]
+fn of_a_crate_that_names_what_decides_nothing_else_counts() {
+    let decides = "[package.metadata.code]\ndecides = [\"src/deep/inner.rs\"]\n";
+    let changed = |name: &str| {
+        let folder = workspace();
+        let manifest = folder.path().join("library/Cargo.toml");
+        let old = fs::read_to_string(&manifest).unwrap();
+        put(
+            folder.path(),
+            "library/Cargo.toml",
+            &format!("{old}{decides}"),
+        );
+        let before = digests(folder.path());
+        put(folder.path(), name, "//! Edited.\n");
+        digests(folder.path()) != before
+    };
+    assert!(changed("library/src/deep/inner.rs"));
+    assert!(!changed("library/src/lib.rs"));
+    assert!(!changed("library/src/new.rs"));
+}
+
+#[test]
 fn a_locked_version_counts_only_where_it_computes() {
     let folder = workspace();
     let before = digests(folder.path());

@@ -18,7 +18,7 @@ use crate::place::{
 
 /// What is shown is the same files as the blobs, or copies that the next run replaces; nothing else
 /// depends on the rest.
-const NOT_KEPT: [&str; 5] = ["tables", "files", "views.sql", "staging", "locks"];
+const NOT_KEPT: [&str; 6] = ["tables", "files", "every", "views.sql", "staging", "locks"];
 
 /// What happened to a file.
 #[derive(Debug, Clone, Copy)]

@@ -14,7 +14,7 @@ use std::{
 };
 
 use dataflow::{
-    Cause, FreshAll, Observer, Pipeline, Plan, RunOptions, RunReport, UnitState, plan, run,
+    Cause, Failure, FreshAll, Observer, Pipeline, Plan, PlannedNode, RunOptions, RunReport, UnitState, plan, run,
 };
 use lake::Lake;
 use rand::Rng;
@@ -73,6 +73,7 @@ fn check(place: &Place, world: &mut World, model: &mut Model, step: &Step) -> Ve
     let pipeline = Pipeline::parse(&place.pipeline(), &source, &kinds, None, &[]).unwrap();
     let options = RunOptions {
         until: step.until.clone(),
+        only: step.only.clone(),
         fresh: step.fresh.clone(),
         fresh_all: if step.fresh_all {
             FreshAll::MakeAgain
@@ -81,8 +82,19 @@ fn check(place: &Place, world: &mut World, model: &mut Model, step: &Step) -> Ve
         },
         ..RunOptions::default()
     };
-    let planned = plan(&pipeline, &Lake::open(&place.lake()), &options).unwrap();
-    let ran = run(&pipeline, &Lake::open(&place.lake()), &options, &Silent).unwrap();
+    let planned = plan(&pipeline, &Lake::open(&place.lake()), &options);
+    let ran = run(
+        &pipeline,
+        &Lake::open(&place.lake()),
+        &options,
+        None,
+        &Silent,
+    );
+    let only = step.only.as_deref();
+    if let Some(lacking) = only.and_then(|only| model.lacking(world, only)) {
+        return compare_refused(&lacking, planned.err(), ran.err());
+    }
+    let (planned, ran) = (planned.unwrap(), ran.unwrap());
     let visited: BTreeSet<String> = ran
         .nodes
         .iter()
@@ -100,10 +112,12 @@ fn check(place: &Place, world: &mut World, model: &mut Model, step: &Step) -> Ve
         }
     }
     compare_made(&expected, &ran, &mut faults);
+    let planned = without_recalled(planned, only, &mut faults);
     compare_planned(world, &expected, &planned, &ran, &mut faults);
     compare_published(&place.lake(), &visited, &expected, &mut faults);
     let again = RunOptions {
         until: step.until.clone(),
+        only: step.only.clone(),
         ..RunOptions::default()
     };
     let left = plan(&pipeline, &Lake::open(&place.lake()), &again).unwrap();
@@ -111,6 +125,34 @@ fn check(place: &Place, world: &mut World, model: &mut Model, step: &Step) -> Ve
         faults.push(format!("after the run there is still to do: {left:?}"));
     }
     faults
+}
+
+/// A stage alone cannot be gone through while something that it reads was never made: plan and run
+/// say so alike.
+fn compare_refused(lacking: &Unit, planned: Option<Failure>, ran: Option<Failure>) -> Vec<String> {
+    let mut faults = Vec::new();
+    for (what, failure) in [("plan", planned), ("run", ran)] {
+        if !matches!(failure, Some(Failure::NotMade { .. })) {
+            faults.push(format!("{lacking} is not there; {what}: {failure:?}"));
+        }
+    }
+    faults
+}
+
+/// The part of a plan about the stages gone through; the others are taken as they are.
+fn without_recalled(mut planned: Plan, only: Option<&str>, faults: &mut Vec<String>) -> Plan {
+    let Some(only) = only else {
+        return planned;
+    };
+    let is_recalled = |node: &PlannedNode| node.node.stage != only;
+    for node in planned.nodes.iter().filter(|node| is_recalled(node)) {
+        let mut units = node.units.iter().flatten();
+        if node.units.is_none() || units.any(|unit| unit.state != UnitState::Cached) {
+            faults.push(format!("only {only} is gone through, but {node:?}"));
+        }
+    }
+    planned.nodes.retain(|node| !is_recalled(node));
+    planned
 }
 
 /// The run makes what the model makes, no more and no less.
@@ -158,6 +200,12 @@ fn compare_planned(
         .filter(|node| node.units.is_none())
         .map(|node| node.node.stage.as_str())
         .collect();
+    let growing: BTreeSet<&str> = planned
+        .nodes
+        .iter()
+        .filter(|node| node.may_grow)
+        .map(|node| node.node.stage.as_str())
+        .collect();
     let mut states = BTreeMap::new();
     for node in &planned.nodes {
         for unit in node.units.iter().flatten() {
@@ -166,11 +214,11 @@ fn compare_planned(
         }
     }
     for (unit, expected) in expected.iter().filter(|(_, expected)| expected.made) {
-        let is_announced = unknown.contains(unit.stage.as_str())
-            || matches!(
-                states.get(unit),
-                Some(UnitState::Run { .. } | UnitState::Perhaps { .. })
-            );
+        let is_announced = match states.get(unit) {
+            Some(UnitState::Run { .. } | UnitState::Perhaps { .. }) => true,
+            Some(UnitState::Cached) => false,
+            None => growing.contains(unit.stage.as_str()),
+        };
         if !is_announced {
             faults.push(format!(
                 "{unit}: made for {:?}, but the plan says {:?}",

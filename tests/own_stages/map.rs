@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Code, Context, Input, Inputs, Made, Outcome, Output, Scope, Stage, Summary, Unit};
+use dataflow::{
+    Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Summary, Unit,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -53,6 +55,19 @@ impl<const VERSION: u8> Stage for Map<VERSION> {
         Ok(parts
             .map(|part| Unit::new(&part.key).reading("parts", [&part.key]))
             .collect())
+    }
+
+    fn foretell(
+        _config: &MapConfig,
+        _output: &str,
+        unit: &Unit,
+        scope: &Scope,
+    ) -> Option<Labels> {
+        let parts = scope.partitions("parts");
+        let place = parts.binary_search_by(|part| part.key.cmp(&unit.partition));
+        // A part has no other label, and passes it on.
+        let group = parts.get(place.ok()?)?.label("group")?;
+        Some(Labels::from([("group".to_owned(), group.to_owned())]))
     }
 
     fn run(config: &MapConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, OwnError> {

@@ -4,7 +4,8 @@
 //!
 //! The digest covers, crate by crate, `Cargo.toml` and every file below `src/` of the crate itself
 //! and of the workspace crates that it depends on, and the locked versions of everything else that
-//! those depend on. Nobody bumps a number by hand: editing a source changes the digest of that crate
+//! those depend on. A crate of which only some files decide what a stage computes (the engine, the
+//! lake) names them in its manifest: `[package.metadata.code] decides = ["src/table.rs"]`. Nobody bumps a number by hand: editing a source changes the digest of that crate
 //! alone, and a stage that does not depend on it keeps its results.
 //! What it deliberately leaves out: documentation, tests and benches outside `src/`, development
 //! dependencies, and the compiler.

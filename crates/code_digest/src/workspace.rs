@@ -187,7 +187,10 @@ fn source_part(folder: &Path, manifest: &DocumentMut) -> Result<Part, CodeError>
         .and_then(Item::as_str)
         .unwrap_or_default();
     let mut files = vec![folder.join("Cargo.toml")];
-    list_files(&folder.join("src"), &mut files)?;
+    match deciding_files(manifest) {
+        None => list_files(&folder.join("src"), &mut files)?,
+        Some(named) => files.extend(named.iter().map(|name| folder.join(name))),
+    }
     files.sort();
     let mut hasher = Hasher::new();
     for path in &files {
@@ -203,6 +206,22 @@ fn source_part(folder: &Path, manifest: &DocumentMut) -> Result<Part, CodeError>
         // The folder stands for files that are added or removed.
         watched: vec![folder.join("Cargo.toml"), folder.join("src")],
     })
+}
+
+/// The only files of a crate that decide what stages compute, where its manifest names them:
+/// `package.metadata.code.decides`. Every file below `src/` where it does not.
+fn deciding_files(manifest: &DocumentMut) -> Option<Vec<&str>> {
+    let mut table = manifest.as_item();
+    for key in ["package", "metadata", "code", "decides"] {
+        table = table.get(key)?;
+    }
+    Some(
+        table
+            .as_array()?
+            .iter()
+            .filter_map(|name| name.as_str())
+            .collect(),
+    )
 }
 
 fn list_files(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), CodeError> {

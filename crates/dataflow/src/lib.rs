@@ -29,6 +29,7 @@ mod plan;
 mod reach;
 mod readiness;
 mod run;
+mod seed;
 mod source;
 mod stage;
 mod state;

@@ -15,9 +15,10 @@ use crate::{
     observer::Observer,
     pipeline::Pipeline,
     run::UnitReport,
+    seed::unit_seed,
     stage::Labels,
-    state::{Known, State, unit_seed},
-    store::{FileRef, RecordOutcome, Store, Unkept},
+    state::{Known, State},
+    store::{FileRef, Store, Unkept},
     unit::Unit,
 };
 
@@ -68,14 +69,14 @@ impl<'a> Maker<'a> {
     /// Makes a unit of which every input is made.
     pub(crate) fn make(
         &self,
-        state: &State,
+        known: &State,
         node: &Node,
         unit: &Unit,
         forced: Forced,
     ) -> Result<UnitReport, Failure> {
         let stage = self.pipeline.stage(node);
         let (fingerprint, digest) =
-            state
+            known
                 .fingerprint(node, unit)?
                 .ok_or_else(|| Failure::MissingInput {
                     stage: stage.name.clone(),
@@ -96,7 +97,7 @@ impl<'a> Maker<'a> {
                 made_now: false,
             });
         }
-        let inputs = self.inputs(state, node, unit)?;
+        let inputs = self.inputs(known, node, unit)?;
         let cx = Context {
             output: node.output.artifact.to_owned(),
             partition: unit.partition.clone(),
@@ -254,21 +255,7 @@ pub fn make_one(
     let mut state = State::new(pipeline, store);
     store.enter(&pipeline.name)?;
     for node in pipeline.upstream_of(node) {
-        let mut known = BTreeMap::new();
-        for unit in state.units(node)? {
-            let outcome = match state.fingerprint(node, &unit)? {
-                Some((_, digest)) => store.recall(&digest)?,
-                None => None,
-            };
-            let outcome = outcome.ok_or_else(|| Failure::NotMade {
-                node: node.name.clone(),
-                partition: unit.partition.clone(),
-            })?;
-            if matches!(*outcome, RecordOutcome::Made { .. }) {
-                known.insert(unit.partition, Known::Made(outcome));
-            }
-        }
-        state.insert(&node.name, known);
+        state.recall(node, |digest| store.recall(digest))?;
     }
     let mut nodes = pipeline.nodes.iter();
     let node = nodes

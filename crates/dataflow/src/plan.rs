@@ -131,6 +131,9 @@ struct Planner<'a> {
 
 impl Planner<'_> {
     fn node(&mut self, node: &Node) -> Result<PlannedNode, Failure> {
+        if self.options.only_recalls(&node.name.stage) {
+            return self.recalled(node);
+        }
         let waits = node
             .reads
             .values()
@@ -186,6 +189,21 @@ impl Planner<'_> {
             node: node.name.clone(),
             units: Some(planned),
             may_grow,
+        })
+    }
+
+    /// A node that a run takes from the store as it is.
+    fn recalled(&mut self, node: &Node) -> Result<PlannedNode, Failure> {
+        let store = self.store;
+        let units = self.state.recall(node, |digest| store.lookup(digest))?;
+        let units = units.into_iter().map(|unit| PlannedUnit {
+            partition: unit.partition,
+            state: UnitState::Cached,
+        });
+        Ok(PlannedNode {
+            node: node.name.clone(),
+            units: Some(units.collect()),
+            may_grow: false,
         })
     }
 

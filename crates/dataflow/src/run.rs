@@ -135,7 +135,8 @@ impl Runner<'_> {
                 prepared = Some(&stage.name);
             }
             if self.options.only_recalls(&node.name.stage) {
-                self.recall_node(node)?;
+                let store = self.store;
+                self.state.recall(node, |digest| store.lookup(digest))?;
             } else {
                 self.make_node(node, stage)?;
             }
@@ -169,26 +170,6 @@ impl Runner<'_> {
             })
             .collect();
         Ok(self.store.publish(&self.pipeline.name, node, &made)?)
-    }
-
-    /// Takes the units of a stage that this run does not go through as they are in the store.
-    fn recall_node(&mut self, node: &Node) -> Result<(), Failure> {
-        let mut known = BTreeMap::new();
-        for unit in self.state.units(node)? {
-            let outcome = match self.state.fingerprint(node, &unit)? {
-                Some((_, digest)) => self.store.lookup(&digest)?,
-                None => None,
-            };
-            let outcome = outcome.ok_or_else(|| Failure::NotMade {
-                node: node.name.clone(),
-                partition: unit.partition.clone(),
-            })?;
-            if matches!(*outcome, RecordOutcome::Made { .. }) {
-                known.insert(unit.partition, Known::Made(outcome));
-            }
-        }
-        self.state.insert(&node.name, known);
-        Ok(())
     }
 
     fn make_node(&mut self, node: &Node, stage: &StageEntry) -> Result<(), Failure> {

@@ -17,6 +17,7 @@ use serde::{Serialize, de::DeserializeOwned};
 use crate::{
     code::Code,
     context::{Context, Inputs},
+    store::RecordOutcome,
     unit::{Summary, Unit},
 };
 
@@ -184,9 +185,17 @@ impl Scope {
 pub struct Partition {
     /// The partition's key, e.g. the sequence's name.
     pub key: String,
-    labels: Labels,
+    labels: LabelsOf,
     /// Set as soon as somebody asks for a label that may still change.
     asked: Option<Arc<AtomicBool>>,
+}
+
+/// Where a partition's labels are.
+#[derive(Debug, Clone)]
+enum LabelsOf {
+    Own(Labels),
+    /// In the result that has them, of which there may be many.
+    Made(Arc<RecordOutcome>),
 }
 
 /// Facts by which later stages choose partitions, e.g. `object = 003_cracker_box`.
@@ -197,7 +206,16 @@ impl Partition {
     pub fn new(key: impl Into<String>, labels: Labels) -> Self {
         Self {
             key: key.into(),
-            labels,
+            labels: LabelsOf::Own(labels),
+            asked: None,
+        }
+    }
+
+    /// Returns a partition that is made.
+    pub(crate) fn made(key: &str, outcome: &Arc<RecordOutcome>) -> Self {
+        Self {
+            key: key.to_owned(),
+            labels: LabelsOf::Made(Arc::clone(outcome)),
             asked: None,
         }
     }
@@ -206,7 +224,7 @@ impl Partition {
     pub(crate) fn uncertain(key: &str, labels: Labels, asked: &Arc<AtomicBool>) -> Self {
         Self {
             key: key.to_owned(),
-            labels,
+            labels: LabelsOf::Own(labels),
             asked: Some(Arc::clone(asked)),
         }
     }
@@ -216,7 +234,14 @@ impl Partition {
         if let Some(asked) = &self.asked {
             asked.store(true, Ordering::Relaxed);
         }
-        self.labels.get(name).map(String::as_str)
+        let labels = match &self.labels {
+            LabelsOf::Own(labels) => labels,
+            LabelsOf::Made(outcome) => match outcome.as_ref() {
+                RecordOutcome::Made { labels, .. } => labels,
+                RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => return None,
+            },
+        };
+        labels.get(name).map(String::as_str)
     }
 }
 

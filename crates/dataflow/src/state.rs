@@ -15,8 +15,8 @@ use crate::{
     error::Failure,
     fingerprint::{Fingerprint, Recipe},
     graph::{Node, NodeName},
-    pipeline::{Pipeline, StageEntry},
-    stage::{Labels, Partition, Scope},
+    pipeline::Pipeline,
+    stage::{Advised, Labels, Partition, Scope},
     store::{RecordOutcome, Store},
     unit::Unit,
 };
@@ -132,6 +132,32 @@ impl<'a> State<'a> {
         self.list(node, &self.scope(node, Presence::Assumed, &asked))
     }
 
+    /// Takes the units of a node as they are in the store, where `find` looks them up; fails if one
+    /// is not there.
+    pub(crate) fn recall(
+        &mut self,
+        node: &Node,
+        find: impl Fn(&Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>,
+    ) -> Result<Vec<Unit>, Failure> {
+        let units = self.units(node)?;
+        let mut known = BTreeMap::new();
+        for unit in &units {
+            let outcome = match self.fingerprint(node, unit)? {
+                Some((_, digest)) => find(&digest)?,
+                None => None,
+            };
+            let outcome = outcome.ok_or_else(|| Failure::NotMade {
+                node: node.name.clone(),
+                partition: unit.partition.clone(),
+            })?;
+            if matches!(*outcome, RecordOutcome::Made { .. }) {
+                known.insert(unit.partition.clone(), Known::Made(outcome));
+            }
+        }
+        self.insert(&node.name, known);
+        Ok(units)
+    }
+
     /// Lists the units of a node of which inputs are yet to be made; `None` if that cannot be said.
     pub(crate) fn listing(&self, node: &Node) -> Result<Option<Listing>, Failure> {
         if !node.reads.values().any(|source| self.is_open(source)) {
@@ -213,7 +239,7 @@ impl<'a> State<'a> {
     /// What a node's stage may look at; `asked` is set when it asks for labels that may change.
     fn scope(&self, node: &Node, open: Presence, asked: &Arc<AtomicBool>) -> Scope {
         let partition = |(key, known): (&String, &Known)| match known {
-            Known::Made(outcome) => Some(Partition::new(key, outcome.labels())),
+            Known::Made(outcome) => Some(Partition::made(key, outcome)),
             Known::Open { .. } if open == Presence::Denied => None,
             Known::Open {
                 labels,
@@ -313,16 +339,4 @@ fn code_parts(code: Code) -> BTreeMap<String, String> {
     code.iter()
         .map(|(part, digest)| (part.to_owned(), digest.to_owned()))
         .collect()
-}
-
-/// The seed of one unit: of the pipeline's seed, the stage's name and the partition alone.
-pub(crate) fn unit_seed(seed: u64, stage: &StageEntry, partition: &str) -> u64 {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(&seed.to_le_bytes());
-    hasher.update(stage.name.as_bytes());
-    hasher.update(&[0]);
-    hasher.update(partition.as_bytes());
-    let mut first = [0; 8];
-    first.copy_from_slice(&hasher.finalize().as_bytes()[..8]);
-    u64::from_le_bytes(first)
 }

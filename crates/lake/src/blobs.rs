@@ -1,7 +1,7 @@
 //! Bytes by their digest.
 
 use std::{
-    collections::{HashMap, HashSet},
+    collections::{BTreeSet, HashMap},
     fs::{self, File},
     io,
     path::{Path, PathBuf},
@@ -29,7 +29,7 @@ struct Stamps {
     /// Stamps that blobs had when their bytes were last seen to be right.
     whole: HashMap<Digest, Stamp>,
     /// Blobs whose stamps this process itself moves on, by linking and unlinking them.
-    touched: HashSet<Digest>,
+    touched: BTreeSet<Digest>,
     changed: bool,
 }
 
@@ -149,7 +149,7 @@ impl Blobs {
 
     /// Takes the stamps of blobs that this process has linked or unlinked anew, and returns those
     /// blobs.
-    pub(crate) fn settle(&self) -> HashSet<Digest> {
+    pub(crate) fn settle(&self) -> BTreeSet<Digest> {
         let mut stamps = self.stamps();
         let touched = std::mem::take(&mut stamps.touched);
         for digest in &touched {
@@ -166,7 +166,8 @@ impl Blobs {
 
     /// Whether stamps were learned since they were recalled.
     pub(crate) fn learned(&self) -> bool {
-        self.stamps().changed
+        let stamps = self.stamps();
+        stamps.changed || !stamps.touched.is_empty()
     }
 
     /// The stamp that a blob had when its bytes were last seen to be right.

@@ -8,7 +8,7 @@ use std::{
     collections::{BTreeMap, BTreeSet},
     fs,
     os::unix::fs::MetadataExt,
-    path::{Path, PathBuf},
+    path::Path,
     time::{Duration, SystemTime, UNIX_EPOCH},
 };
 
@@ -179,8 +179,8 @@ impl Lake {
 
     /// Keeps what the newest states of all pipelines show.
     fn keep_of_newest(&self, kept: &mut BTreeSet<Digest>) -> Result<(), LakeError> {
-        for name in names_in(&self.root().join("newest"))? {
-            let pipeline = name.trim_end_matches(".json");
+        for name in names_in(&self.root().join(newest::FOLDER))? {
+            let pipeline = newest::pipeline_of(&name);
             let newest = Newest::read(&newest::path(self.root(), pipeline))?;
             let units = newest.list().into_iter();
             kept.extend(
@@ -292,8 +292,8 @@ impl Lake {
 
     /// Forgets collected units in the newest states of all pipelines.
     fn forget(&self, gone: &BTreeSet<Digest>) -> Result<(), LakeError> {
-        for name in names_in(&self.root().join("newest"))? {
-            let pipeline = name.trim_end_matches(".json");
+        for name in names_in(&self.root().join(newest::FOLDER))? {
+            let pipeline = newest::pipeline_of(&name);
             let _turn = crate::published::wait_for_turn(self, pipeline)?;
             let path = newest::path(self.root(), pipeline);
             let mut newest = Newest::read(&path)?;
@@ -323,7 +323,7 @@ fn files_of(outcome: &RecordOutcome) -> Vec<(Digest, u64)> {
 }
 
 /// Removes a file, and the folders above it that are left empty.
-fn remove(path: &PathBuf, collecting: Collecting) -> Result<(), LakeError> {
+fn remove(path: &Path, collecting: Collecting) -> Result<(), LakeError> {
     const FOLDERS: usize = 2;
     if collecting == Collecting::Count {
         return Ok(());

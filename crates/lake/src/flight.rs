@@ -33,14 +33,17 @@ impl Flight {
     }
 
     /// Waits until nothing is being kept, lets nothing be kept any more while the guard lives, and
-    /// removes what is in the making. Returns the number of units dropped.
-    pub(crate) fn drop_all(&self) -> (RwLockWriteGuard<'_, ()>, usize) {
+    /// removes what is in the making, with its locks. Returns the number of units dropped.
+    pub(crate) fn drop_all(&self, locks: &Path) -> (RwLockWriteGuard<'_, ()>, usize) {
         let gate = self.gate.write().unwrap_or_else(PoisonError::into_inner);
         let folders = self.folders.lock().unwrap_or_else(PoisonError::into_inner);
         for folder in folders.iter() {
             // A stage may write into it at this very moment, so a second try may be needed; what is
             // left all the same is removed by whoever makes the unit next.
             let _left = fs::remove_dir_all(folder).or_else(|_| fs::remove_dir_all(folder));
+            if let Some(unit) = folder.file_name() {
+                let _left = fs::remove_file(locks.join(unit));
+            }
         }
         (gate, folders.len())
     }

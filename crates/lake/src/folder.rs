@@ -21,6 +21,7 @@ use crate::{
     records::{Provenance, Records},
     runs::{self, Run},
     sources::Sources,
+    views,
 };
 
 /// A folder of artifacts.
@@ -281,7 +282,7 @@ impl Lake {
     /// Drops what this process is making, and notes that its run was interrupted; nothing is kept
     /// after that. Returns the number of units dropped, and the guard that keeps it so.
     pub fn abandon(&self) -> (impl Sized + '_, usize) {
-        let (guard, n_dropped) = self.flight.drop_all();
+        let (guard, n_dropped) = self.flight.drop_all(&self.locks());
         let mine = atomic::process_name();
         for name in names_in(&self.staging()).unwrap_or_default() {
             if name.starts_with(&mine) {
@@ -291,8 +292,10 @@ impl Lake {
         if let Some(run) = self.current_run().take() {
             let mut record = run.record.clone();
             record.status = RunStatus::Interrupted;
-            // The run's process is gone in a moment, which says the same.
-            let _noted = runs::end(self, run, record, BTreeMap::new());
+            // Where this fails, the run's process is gone in a moment, which says the same.
+            let _noted = history::keep(self, &run, &record, &[])
+                .and_then(|history| runs::end(self, run, record, history))
+                .and_then(|()| views::write(self));
         }
         self.leave();
         (guard, n_dropped)
@@ -310,13 +313,13 @@ impl Lake {
         let path = newest::path(&self.root, pipeline);
         self.prepare()?;
         let _turn = published::wait_for_turn(self, pipeline)?;
+        let mut there = Newest::read(&path)?;
+        let mut stamps = std::mem::take(&mut there.stamps);
+        stamps.retain(|(digest, _)| self.blobs.stamp(digest).is_none());
+        self.blobs.recall(stamps);
+        there.take_over_shown(newest);
+        *newest = there;
         if let Some(units) = units {
-            let mut there = Newest::read(&path)?;
-            let mut stamps = std::mem::take(&mut there.stamps);
-            stamps.retain(|(digest, _)| self.blobs.stamp(digest).is_none());
-            self.blobs.recall(stamps);
-            there.take_over_shown(newest);
-            *newest = there;
             newest.take_over(units);
         }
         for shown in newest.all_shown_mut().values_mut() {

@@ -172,9 +172,11 @@ fn settings(record: &RunRecord) -> Result<RecordBatch, ArrowError> {
         ),
         (
             "number",
-            Arc::new(Float64Array::from_iter(
-                rows.iter().map(|(.., value)| value.as_f64()),
-            )),
+            Arc::new(
+                rows.iter()
+                    .map(|(.., value)| value.as_f64())
+                    .collect::<Float64Array>(),
+            ),
             true,
         ),
     ])
@@ -246,16 +248,22 @@ fn units_table(
         ),
         (
             "reason",
-            Arc::new(StringArray::from_iter(
-                units.iter().map(|(_, outcome)| reason(outcome)),
-            )),
+            Arc::new(
+                units
+                    .iter()
+                    .map(|(_, outcome)| reason(outcome))
+                    .collect::<StringArray>(),
+            ),
             true,
         ),
         (
             "made_now",
-            Arc::new(BooleanArray::from_iter(
-                units.iter().map(|(unit, _)| Some(unit.made_now)),
-            )),
+            Arc::new(
+                units
+                    .iter()
+                    .map(|(unit, _)| Some(unit.made_now))
+                    .collect::<BooleanArray>(),
+            ),
             false,
         ),
     ])

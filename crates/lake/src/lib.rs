@@ -15,7 +15,7 @@
 //! every/…                  Hive-partitioned Parquet: every partition that any unit made
 //! files/…                  recordings, meshes and weights of the newest partitions
 //! views.sql                the tables as views for DuckDB
-//! newest/PIPELINE.json     a cache: the newest state of every unit of a pipeline
+//! newest/PIPELINE.cache    a cache: the newest state of every unit of a pipeline
 //! sources.json             a cache: digests of files outside, by size, times and inode
 //! staging/, locks/         units in the making
 //! ```
@@ -27,6 +27,7 @@
 mod atomic;
 mod blobs;
 mod clock;
+mod compact;
 mod collect;
 mod error;
 mod flight;

@@ -3,6 +3,8 @@
 //! It is a cache: everything in it can be found out again from records, blobs and the files shown,
 //! at the price of reading them.
 
+mod stored;
+
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
     path::{Path, PathBuf},
@@ -10,9 +12,14 @@ use std::{
 };
 
 use dataflow::{Digest, NewestUnit, NodeName, RecordOutcome, UnitRef};
-use serde::{Deserialize, Serialize};
 
-use crate::{LakeError, sealed, stamp::Stamp};
+use crate::{LakeError, stamp::Stamp};
+
+/// Folder of the newest states, below the lake.
+pub(crate) const FOLDER: &str = "newest";
+
+/// How the names of the files in it end.
+const ENDING: &str = ".cache";
 
 /// The newest state of a pipeline.
 #[derive(Default)]
@@ -20,6 +27,8 @@ pub(crate) struct Newest {
     units: BTreeMap<NodeName, BTreeMap<String, NewestOf>>,
     outcomes: HashMap<Digest, Arc<RecordOutcome>>,
     shown: BTreeMap<NodeName, Shown>,
+    /// Nodes of which this process has changed what they show.
+    shown_now: BTreeSet<NodeName>,
     /// Nodes that the pipeline no longer has.
     retired: BTreeSet<NodeName>,
     /// Stamps of whole blobs, as they were read.
@@ -37,7 +46,7 @@ struct NewestOf {
 pub(crate) type Shown = BTreeMap<String, ShownFile>;
 
 /// A file that people see.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ShownFile {
     pub(crate) digest: Digest,
     /// The unit that made it: equal bytes of another are shown among every table as well.
@@ -45,54 +54,20 @@ pub(crate) struct ShownFile {
     pub(crate) stamp: Stamp,
 }
 
-/// The file's form.
-#[derive(Serialize, Deserialize)]
-struct Stored {
-    nodes: Vec<StoredNode>,
-    stamps: Vec<(Digest, Stamp)>,
-}
-
-#[derive(Serialize, Deserialize)]
-struct StoredNode {
-    node: NodeName,
-    units: Vec<(String, Digest, bool)>,
-    outcomes: Vec<Arc<RecordOutcome>>,
-    shown: Vec<(String, ShownFile)>,
-}
-
 /// Where the newest state of a pipeline lies.
 pub(crate) fn path(root: &Path, pipeline: &str) -> PathBuf {
-    root.join("newest").join(format!("{pipeline}.json"))
+    root.join(FOLDER).join(format!("{pipeline}{ENDING}"))
+}
+
+/// The pipeline whose newest state lies in a file of this name.
+pub(crate) fn pipeline_of(name: &str) -> &str {
+    name.strip_suffix(ENDING).unwrap_or(name)
 }
 
 impl Newest {
     /// Reads the file; one that cannot be used is as good as none.
     pub(crate) fn read(path: &Path) -> Result<Self, LakeError> {
-        let Some(stored) = sealed::read_if_whole::<Stored>(path)? else {
-            return Ok(Self::default());
-        };
-        let mut newest = Self {
-            stamps: stored.stamps,
-            ..Self::default()
-        };
-        for node in stored.nodes {
-            let mut units = BTreeMap::new();
-            for ((partition, fingerprint, current), outcome) in
-                node.units.into_iter().zip(node.outcomes)
-            {
-                newest.outcomes.insert(fingerprint, outcome);
-                let unit = NewestOf {
-                    fingerprint,
-                    current,
-                };
-                units.insert(partition, unit);
-            }
-            newest.units.insert(node.node.clone(), units);
-            newest
-                .shown
-                .insert(node.node, node.shown.into_iter().collect());
-        }
-        Ok(newest)
+        stored::read(path)
     }
 
     /// Writes the file, with the stamps of the blobs that its units gave.
@@ -112,26 +87,7 @@ impl Newest {
                 stamps.extend(known);
             }
         }
-        let nodes = self.units.iter().map(|(node, units)| {
-            let known = units.iter().filter_map(|(partition, unit)| {
-                let outcome = self.outcomes.get(&unit.fingerprint)?;
-                let key = (partition.clone(), unit.fingerprint, unit.current);
-                Some((key, Arc::clone(outcome)))
-            });
-            let (units, outcomes) = known.unzip();
-            let shown = self.shown.get(node).into_iter().flatten();
-            StoredNode {
-                node: node.clone(),
-                units,
-                outcomes,
-                shown: shown.map(|(path, file)| (path.clone(), *file)).collect(),
-            }
-        });
-        let stored = Stored {
-            nodes: nodes.collect(),
-            stamps: stamps.into_iter().collect(),
-        };
-        sealed::write(staging, path, &stored)
+        stored::write(self, &stamps, staging, path)
     }
 
     /// Returns the result of a unit that is or was newest.
@@ -143,8 +99,23 @@ impl Newest {
         self.shown.get(node)
     }
 
+    pub(crate) fn all_shown(&self) -> &BTreeMap<NodeName, Shown> {
+        &self.shown
+    }
+
     pub(crate) fn all_shown_mut(&mut self) -> &mut BTreeMap<NodeName, Shown> {
         &mut self.shown
+    }
+
+    /// Says what a node shows from now on.
+    pub(crate) fn show(&mut self, node: &NodeName, shown: Shown) {
+        self.shown_now.insert(node.clone());
+        self.shown.insert(node.clone(), shown);
+    }
+
+    /// Whether this process has shown or retired something since it was read.
+    pub(crate) fn is_changed(&self) -> bool {
+        !self.shown_now.is_empty() || !self.retired.is_empty()
     }
 
     /// Lists the units, each as the newest run that came to it left it.
@@ -182,7 +153,9 @@ impl Newest {
     /// Stops counting nodes as current that the pipeline no longer has.
     pub(crate) fn retire(&mut self, is_kept: impl Fn(&NodeName) -> bool) {
         for (node, units) in &mut self.units {
-            if !is_kept(node) {
+            let is_current = units.values().any(|unit| unit.current);
+            let is_shown = self.shown.get(node).is_some_and(|shown| !shown.is_empty());
+            if (is_current || is_shown) && !is_kept(node) {
                 self.retired.insert(node.clone());
                 for unit in units.values_mut() {
                     unit.current = false;
@@ -192,11 +165,15 @@ impl Newest {
         self.shown.retain(|node, _| is_kept(node));
     }
 
-    /// Takes over what this process has shown and retired from what it had read before.
+    /// Takes over what this process has shown and retired since it read what there was before.
     pub(crate) fn take_over_shown(&mut self, mine: &mut Self) {
-        let retired = std::mem::take(&mut mine.retired);
-        self.retire(|node| !retired.contains(node));
-        self.shown.append(&mut mine.shown);
+        self.retire(|node| !mine.retired.contains(node));
+        self.retired.clear();
+        for node in &mine.shown_now {
+            if let Some(shown) = mine.shown.remove(node) {
+                self.shown.insert(node.clone(), shown);
+            }
+        }
     }
 
     /// Forgets units whose records are gone.

@@ -140,11 +140,12 @@ fn is_shown(lake: &Lake, before: &Shown, wanted: &BTreeMap<String, Wanted>) -> b
             })
 }
 
-/// Removes what stages that are no longer in the pipeline have shown.
+/// Removes what stages that are no longer in the pipeline have shown: `before`, as far as is known.
 pub(crate) fn retire(
     lake: &Lake,
     pipeline: &str,
     is_kept: &dyn Fn(&NodeName) -> bool,
+    before: &Shown,
 ) -> Result<(), LakeError> {
     let mut old = Vec::new();
     for table in lake.tables()? {
@@ -169,7 +170,7 @@ pub(crate) fn retire(
     }
     let _turn = wait_for_turn(lake, pipeline)?;
     for folder in old {
-        hide_others(lake, &folder, None, &Shown::new())?;
+        hide_others(lake, &folder, Some(before), &Shown::new())?;
         let _kept = fs::remove_dir(&folder);
         let _kept = folder.parent().map(fs::remove_dir);
     }

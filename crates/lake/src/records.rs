@@ -135,8 +135,7 @@ impl Records {
 
     /// Notes that a record is in use, so that nobody collects it.
     pub(crate) fn mark_used(&self, fingerprint: &Digest) {
-        let marked = File::open(self.path(fingerprint)).and_then(|file| file.set_modified(now()));
         // A lake that cannot be written is not collected either.
-        let _marked = marked;
+        let _marked = File::open(self.path(fingerprint)).and_then(|file| file.set_modified(now()));
     }
 }

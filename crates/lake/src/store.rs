@@ -148,17 +148,20 @@ impl Store for Lake {
         if let Some(shown) = published::publish(self, pipeline, node, made, before.as_ref())? {
             let mut newest = self.newest();
             let newest = newest.entry(pipeline.to_owned()).or_default();
-            newest.all_shown_mut().insert(node.name.clone(), shown);
+            newest.show(&node.name, shown);
         }
         Ok(())
     }
 
     fn retire(&self, pipeline: &str, kept: &[Node]) -> Result<(), Advised> {
         let is_kept = |name: &NodeName| kept.iter().any(|node| node.name == *name);
-        published::retire(self, pipeline, &is_kept)?;
-        if let Some(newest) = self.newest().get_mut(pipeline) {
-            newest.retire(is_kept);
-        }
+        let mut newest = self.newest();
+        let newest = newest.entry(pipeline.to_owned()).or_default();
+        let shown = newest.all_shown().iter();
+        let old = shown.filter(|(node, _)| !is_kept(node));
+        let old = old.flat_map(|(_, shown)| shown.clone()).collect();
+        published::retire(self, pipeline, &is_kept, &old)?;
+        newest.retire(is_kept);
         Ok(())
     }
 
@@ -192,7 +195,8 @@ impl Store for Lake {
         pipeline: &str,
         units: Option<&[(UnitRef, Arc<RecordOutcome>)]>,
     ) -> Result<(), Advised> {
-        if units.is_some() || self.blobs().learned() {
+        let is_changed = self.newest().get(pipeline).is_some_and(Newest::is_changed);
+        if units.is_some() || is_changed || self.blobs().learned() {
             let kept = self.keep_newest(pipeline, units);
             match kept {
                 // What was learned by reading is a convenience: a lake that cannot be written to is

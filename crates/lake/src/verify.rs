@@ -18,7 +18,9 @@ use crate::{
     LakeError,
     atomic::io_error,
     blobs::digest_file,
+    compact,
     folder::{Lake, names_in},
+    newest,
     published::{EVERY, FILES, TABLES},
     runs, sealed,
     stamp::Stamp,
@@ -67,7 +69,7 @@ impl Lake {
         verifier.lists_of_units()?;
         verifier.runs()?;
         verifier.sealed_in("tags")?;
-        verifier.sealed_in("newest")?;
+        verifier.newest()?;
         verifier.sealed(Path::new("sources.json"));
         for folder in [TABLES, FILES, EVERY] {
             verifier.shown(Path::new(folder))?;
@@ -99,7 +101,7 @@ impl Lake {
             .filter(|(path, stamp, _)| Stamp::read(path).is_ok_and(|now| now == *stamp))
             .map(|(path, _, digest)| (path, digest))
             .collect();
-        let verified = check_digests(unchanged, on_bytes, |path| Fault {
+        let verified = check_digests(&unchanged, on_bytes, |path| Fault {
             path: path.to_owned(),
             what: "changed since it was read, behind an unchanged size, time and inode".to_owned(),
             can_drop: false,
@@ -164,7 +166,7 @@ impl Verifier<'_> {
             }
         }
         let root = self.lake.root();
-        let mut checked = check_digests(files, on_bytes, |path| Fault {
+        let mut checked = check_digests(&files, on_bytes, |path| Fault {
             path: path.strip_prefix(root).unwrap_or(path).to_owned(),
             what: "its bytes are not the ones that its name promises".to_owned(),
             can_drop: true,
@@ -257,6 +259,20 @@ impl Verifier<'_> {
         Ok(())
     }
 
+    fn newest(&mut self) -> Result<(), LakeError> {
+        let folder = self.lake.root().join(newest::FOLDER);
+        for name in names_in(&folder)? {
+            let path = folder.join(name);
+            self.verified.n_files += 1;
+            let bytes = fs::read(&path).unwrap_or_default();
+            self.verified.n_bytes += bytes.len() as u64;
+            if compact::Reader::of(&bytes).is_none() {
+                self.fault(&path, "its bytes are not the ones that were written");
+            }
+        }
+        Ok(())
+    }
+
     /// Checks a sealed file that may not be there.
     fn sealed(&mut self, path: &Path) {
         let path = self.lake.root().join(path);
@@ -336,7 +352,7 @@ pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, LakeError> {
 
 /// Reads files on all cores and reports those that have other digests.
 fn check_digests(
-    files: Vec<(PathBuf, Digest)>,
+    files: &[(PathBuf, Digest)],
     on_bytes: &OnBytes,
     fault: impl Fn(&Path) -> Fault + Sync,
 ) -> Verified {

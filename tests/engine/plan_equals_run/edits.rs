@@ -10,6 +10,7 @@ use super::world::{ANCHOR, StageSpec, World};
 #[derive(Debug, Clone, Default)]
 pub(super) struct Step {
     pub(super) until: Option<String>,
+    pub(super) only: Option<String>,
     pub(super) fresh: Vec<String>,
     pub(super) fresh_all: bool,
 }
@@ -28,6 +29,15 @@ impl Step {
                 ..Self::default()
             },
             3 => Self {
+                only: stage,
+                ..Self::default()
+            },
+            4 => Self {
+                only: stage.clone(),
+                fresh: stage.into_iter().collect(),
+                ..Self::default()
+            },
+            5 => Self {
                 fresh_all: true,
                 ..Self::default()
             },

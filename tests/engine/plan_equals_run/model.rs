@@ -71,6 +71,20 @@ pub(super) struct Model {
 }
 
 impl Model {
+    /// Returns a unit that a stage reads, or that one above it reads, and that was never made.
+    pub(super) fn lacking(&self, world: &World, stage: &str) -> Option<Unit> {
+        let above = world.with_ancestors(stage).into_iter();
+        let units = above.filter(|name| name != stage).flat_map(|name| {
+            let results = results(world, world.stage(&name)).into_iter();
+            results.map(move |(partition, (reason, _))| {
+                let unit = Unit::new(&name, &partition);
+                (unit.clone(), (unit, format!("{reason:?}")))
+            })
+        });
+        let mut lacking = units.filter(|(_, made)| !self.made.contains(made));
+        lacking.next().map(|(unit, _)| unit)
+    }
+
     /// Runs these stages.
     pub(super) fn run(
         &mut self,

@@ -1,0 +1,179 @@
+//! The form of a pipeline's newest state in its file.
+
+use std::{collections::BTreeMap, path::Path, sync::Arc};
+
+use dataflow::{Digest, FileRef, NodeName, RecordOutcome};
+
+use super::{Newest, NewestOf, ShownFile};
+use crate::{
+    LakeError, atomic,
+    compact::{Reader, Writer},
+    stamp::Stamp,
+};
+
+/// Changes with the form, so that a program does not misread the file of another version.
+const VERSION: u64 = 2;
+
+const MADE: u64 = 0;
+const SKIPPED: u64 = 1;
+const FILTERED: u64 = 2;
+
+/// Reads the file; one that cannot be used is as good as none.
+pub(super) fn read(path: &Path) -> Result<Newest, LakeError> {
+    let bytes = atomic::read_if_there(path)?.unwrap_or_default();
+    Ok(Reader::of(&bytes).and_then(newest).unwrap_or_default())
+}
+
+/// Writes the file with these stamps of blobs.
+pub(super) fn write(
+    newest: &Newest,
+    stamps: &BTreeMap<Digest, Stamp>,
+    staging: &Path,
+    path: &Path,
+) -> Result<(), LakeError> {
+    let mut writer = Writer::default();
+    writer.number(VERSION);
+    writer.number(newest.units.len() as u64);
+    for (node, units) in &newest.units {
+        writer.text(&node.stage);
+        writer.text(&node.artifact);
+        let known: Vec<_> = units
+            .iter()
+            .filter_map(|(partition, unit)| {
+                let outcome = newest.outcomes.get(&unit.fingerprint)?;
+                Some((partition, unit, outcome))
+            })
+            .collect();
+        writer.number(known.len() as u64);
+        for (partition, unit, outcome) in known {
+            writer.text(partition);
+            writer.digest(&unit.fingerprint);
+            writer.number(u64::from(unit.current));
+            write_outcome(&mut writer, outcome);
+        }
+        let shown = newest.shown.get(node);
+        writer.number(shown.map_or(0, BTreeMap::len) as u64);
+        for (path, file) in shown.into_iter().flatten() {
+            writer.text(path);
+            writer.digest(&file.digest);
+            writer.digest(&file.fingerprint);
+            write_stamp(&mut writer, file.stamp);
+        }
+    }
+    writer.number(stamps.len() as u64);
+    for (digest, stamp) in stamps {
+        writer.digest(digest);
+        write_stamp(&mut writer, *stamp);
+    }
+    writer.write(staging, path)
+}
+
+fn newest(mut reader: Reader) -> Option<Newest> {
+    if reader.number()? != VERSION {
+        return None;
+    }
+    let mut newest = Newest::default();
+    for _ in 0..reader.number()? {
+        let node = NodeName::new(reader.text()?, reader.text()?);
+        let units = reader.each(|reader| {
+            let partition = reader.text()?.to_owned();
+            let unit = NewestOf {
+                fingerprint: reader.digest()?,
+                current: reader.number()? == 1,
+            };
+            let outcome = Arc::new(outcome(reader)?);
+            newest.outcomes.insert(unit.fingerprint, outcome);
+            Some((partition, unit))
+        })?;
+        let shown = reader.each(|reader| {
+            let path = reader.text()?.to_owned();
+            let file = ShownFile {
+                digest: reader.digest()?,
+                fingerprint: reader.digest()?,
+                stamp: stamp(reader)?,
+            };
+            Some((path, file))
+        })?;
+        newest.units.insert(node.clone(), units);
+        newest.shown.insert(node, shown);
+    }
+    newest.stamps = reader.each(|reader| Some((reader.digest()?, stamp(reader)?)))?;
+    Some(newest)
+}
+
+fn write_outcome(writer: &mut Writer, outcome: &RecordOutcome) {
+    match outcome {
+        RecordOutcome::Made {
+            files,
+            labels,
+            metrics,
+        } => {
+            writer.number(MADE);
+            writer.number(files.len() as u64);
+            for (name, file) in files {
+                writer.text(name);
+                writer.digest(&file.digest);
+                writer.number(file.size);
+            }
+            writer.number(labels.len() as u64);
+            for (label, value) in labels {
+                writer.text(label);
+                writer.text(value);
+            }
+            writer.number(metrics.len() as u64);
+            for (metric, value) in metrics {
+                writer.text(metric);
+                writer.number(value.to_bits());
+            }
+        }
+        RecordOutcome::Skipped { reason } => {
+            writer.number(SKIPPED);
+            writer.text(reason);
+        }
+        RecordOutcome::Filtered { reason } => {
+            writer.number(FILTERED);
+            writer.text(reason);
+        }
+    }
+}
+
+fn outcome(reader: &mut Reader) -> Option<RecordOutcome> {
+    match reader.number()? {
+        MADE => Some(RecordOutcome::Made {
+            files: reader.each(|reader| {
+                let name = reader.text()?.to_owned();
+                let file = FileRef {
+                    digest: reader.digest()?,
+                    size: reader.number()?,
+                };
+                Some((name, file))
+            })?,
+            labels: reader
+                .each(|reader| Some((reader.text()?.to_owned(), reader.text()?.to_owned())))?,
+            metrics: reader.each(|reader| {
+                Some((reader.text()?.to_owned(), f64::from_bits(reader.number()?)))
+            })?,
+        }),
+        SKIPPED => Some(RecordOutcome::Skipped {
+            reason: reader.text()?.to_owned(),
+        }),
+        FILTERED => Some(RecordOutcome::Filtered {
+            reason: reader.text()?.to_owned(),
+        }),
+        _ => None,
+    }
+}
+
+fn write_stamp(writer: &mut Writer, stamp: Stamp) {
+    for number in <[i64; 6]>::from(stamp) {
+        writer.number(number.cast_unsigned());
+    }
+}
+
+fn stamp(reader: &mut Reader) -> Option<Stamp> {
+    let mut numbers = [0; 6];
+    for number in &mut numbers {
+        *number = reader.number()?.cast_signed();
+    }
+    Some(Stamp::from(numbers))
+}
