@@ -50,12 +50,12 @@ struct Row {
     n_cached: usize,
     /// Items that could not be used.
     n_skipped: usize,
-    outputs: Vec<Output>,
+    outputs: Vec<NodeCounts>,
 }
 
 /// What became of an output, in so many units.
 #[derive(Serialize)]
-struct Output {
+struct NodeCounts {
     output: String,
     n_made_now: usize,
     n_made: usize,
@@ -144,7 +144,7 @@ impl Row {
             n_made_now,
             n_cached: n_units.saturating_sub(n_made_now),
             n_skipped,
-            outputs: record.nodes.into_iter().map(Output::new).collect(),
+            outputs: record.nodes.into_iter().map(NodeCounts::new).collect(),
         }
     }
 
@@ -181,7 +181,7 @@ impl Row {
     }
 }
 
-impl Output {
+impl NodeCounts {
     fn new(node: NodeRecord) -> Self {
         Self {
             output: node.node.to_string(),

@@ -14,7 +14,8 @@ use std::{
 };
 
 use dataflow::{
-    Cause, Failure, FreshAll, Observer, Pipeline, Plan, PlannedNode, RunOptions, RunReport, UnitState, plan, run,
+    Cause, Failure, FreshAll, Observer, Pipeline, Plan, PlannedNode, RunOptions, RunReport,
+    UnitState, plan, run,
 };
 use lake::Lake;
 use rand::Rng;

@@ -57,12 +57,7 @@ impl<const VERSION: u8> Stage for Map<VERSION> {
             .collect())
     }
 
-    fn foretell(
-        _config: &MapConfig,
-        _output: &str,
-        unit: &Unit,
-        scope: &Scope,
-    ) -> Option<Labels> {
+    fn foretell(_config: &MapConfig, _output: &str, unit: &Unit, scope: &Scope) -> Option<Labels> {
         let parts = scope.partitions("parts");
         let place = parts.binary_search_by(|part| part.key.cmp(&unit.partition));
         // A part has no other label, and passes it on.

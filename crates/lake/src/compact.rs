@@ -137,7 +137,10 @@ mod tests {
                 let is_noticed = Reader::of(&damaged).is_none();
                 assert!(is_noticed, "byte {position} flipped by {flip}");
             }
-            assert!(Reader::of(&bytes[..position]).is_none(), "cut at {position}");
+            assert!(
+                Reader::of(&bytes[..position]).is_none(),
+                "cut at {position}"
+            );
         }
     }
 }

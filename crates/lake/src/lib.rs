@@ -27,8 +27,8 @@
 mod atomic;
 mod blobs;
 mod clock;
-mod compact;
 mod collect;
+mod compact;
 mod error;
 mod flight;
 mod folder;
