@@ -17,7 +17,7 @@ use crate::{
     run::UnitReport,
     seed::unit_seed,
     stage::Labels,
-    state::{Known, State},
+    state::{Known, Listing, State, Sure},
     store::{FileRef, Store, Unkept},
     unit::Unit,
 };
@@ -238,7 +238,7 @@ impl<'a> Maker<'a> {
     }
 }
 
-/// Makes one unit of a pipeline whose inputs are all in the store, as a process does that shares
+/// Makes one unit of a pipeline of which everything that it reads is in the store, as a process does that shares
 /// nothing with the run but the store and the pipeline's file.
 ///
 /// # Errors
@@ -255,7 +255,7 @@ pub fn make_one(
     let mut state = State::new(pipeline, store);
     store.enter(&pipeline.name)?;
     for node in pipeline.upstream_of(node) {
-        state.recall(node, |digest| store.recall(digest))?;
+        state.recall_some(node, |digest| store.recall(digest))?;
     }
     let mut nodes = pipeline.nodes.iter();
     let node = nodes
@@ -268,15 +268,28 @@ pub fn make_one(
                 .map(|node| node.name.to_string())
                 .collect(),
         })?;
-    let units = state.units(node)?;
-    let unit = units
-        .iter()
-        .find(|unit| unit.partition == partition)
+    let not_made = |(node, partition)| Failure::NotMade { node, partition };
+    let Listing { units, sure, .. } = match state.listing(node)? {
+        Some(listing) => listing,
+        None => {
+            let nothing = || Failure::Nothing(node.name.clone());
+            return Err(state.first_open(node).map_or_else(nothing, not_made));
+        }
+    };
+    let mut found = units.iter().zip(sure);
+    let (unit, sure) = found
+        .find(|(unit, _)| unit.partition == partition)
         .ok_or_else(|| Failure::NoPartition {
             node: node.name.clone(),
             partition: partition.to_owned(),
             known: units.iter().map(|unit| unit.partition.clone()).collect(),
         })?;
+    // What is yet to be made may change what the unit reads.
+    if sure != Sure::Whole
+        && let Some(open) = state.first_open(node)
+    {
+        return Err(not_made(open));
+    }
     Maker::new(pipeline, store, 0, observer).make(&state, node, unit, forced)
 }
 

@@ -158,6 +158,50 @@ impl<'a> State<'a> {
         Ok(units)
     }
 
+    /// Takes those units of a node that are in the store; the others are open.
+    pub(crate) fn recall_some(
+        &mut self,
+        node: &Node,
+        find: impl Fn(&Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>,
+    ) -> Result<(), Failure> {
+        let Some(listing) = self.listing(node)? else {
+            self.grows(&node.name);
+            return Ok(());
+        };
+        let mut partitions = BTreeMap::new();
+        for (unit, sure) in listing.units.iter().zip(listing.sure) {
+            let outcome = match self.fingerprint(node, unit)? {
+                Some((_, digest)) if sure == Sure::Whole => find(&digest)?,
+                _ => None,
+            };
+            let known = match outcome {
+                Some(outcome) if matches!(*outcome, RecordOutcome::Made { .. }) => {
+                    Known::Made(outcome)
+                }
+                Some(_) => continue,
+                None => Known::Open {
+                    labels: Labels::new(),
+                    foretold: Foretold::No,
+                },
+            };
+            partitions.insert(unit.partition.clone(), known);
+        }
+        self.insert(&node.name, partitions);
+        if listing.may_grow {
+            self.grows(&node.name);
+        }
+        Ok(())
+    }
+
+    /// Returns a partition that a node may read and that is yet to be made.
+    pub(crate) fn first_open(&self, node: &Node) -> Option<(NodeName, String)> {
+        node.reads.values().find_map(|source| {
+            let mut partitions = self.made.get(source)?.iter();
+            let (key, _) = partitions.find(|(_, known)| matches!(known, Known::Open { .. }))?;
+            Some((source.clone(), key.clone()))
+        })
+    }
+
     /// Lists the units of a node of which inputs are yet to be made; `None` if that cannot be said.
     pub(crate) fn listing(&self, node: &Node) -> Result<Option<Listing>, Failure> {
         if !node.reads.values().any(|source| self.is_open(source)) {

@@ -17,7 +17,7 @@ use crate::{
     atomic::io_error,
     folder::Lake,
     published::{self, TABLES as SHOWN},
-    runs::Run,
+    runs::{self, Run},
     table,
 };
 
@@ -73,6 +73,27 @@ pub(crate) fn keep(
     }
     fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))?;
     Ok(kept)
+}
+
+/// Whether the tables of runs are shown, if there are any.
+pub(crate) fn is_shown(lake: &Lake) -> bool {
+    lake.root().join(SHOWN).join(TABLES[0]).exists() || !runs::folder(lake.root()).exists()
+}
+
+/// Shows the tables of all runs again where somebody has removed them.
+pub(crate) fn mend(lake: &Lake) -> Result<(), LakeError> {
+    for number in runs::numbers(lake.root())? {
+        // A damaged record of a run hides no table of another.
+        let Ok(run) = runs::read(lake.root(), number) else {
+            continue;
+        };
+        for (name, file) in &run.history {
+            if lake.blobs().is_unchanged(file)? {
+                published::show(lake, &file.digest, &lake.root().join(shown(name, number)))?;
+            }
+        }
+    }
+    Ok(())
 }
 
 fn text<'a>(values: impl Iterator<Item = &'a str>) -> ArrayRef {

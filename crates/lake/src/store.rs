@@ -195,6 +195,9 @@ impl Store for Lake {
         pipeline: &str,
         units: Option<&[(UnitRef, Arc<RecordOutcome>)]>,
     ) -> Result<(), Advised> {
+        if !history::is_shown(self) && self.prepare().is_ok() {
+            history::mend(self)?;
+        }
         let is_changed = self.newest().get(pipeline).is_some_and(Newest::is_changed);
         if units.is_some() || is_changed || self.blobs().learned() {
             let kept = self.keep_newest(pipeline, units);

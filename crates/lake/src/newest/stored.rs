@@ -177,3 +177,59 @@ fn stamp(reader: &mut Reader) -> Option<Stamp> {
     }
     Some(Stamp::from(numbers))
 }
+
+#[cfg(test)]
+mod tests {
+    use dataflow::UnitRef;
+
+    use super::*;
+
+    #[test]
+    fn what_was_written_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("newest").join("own.cache");
+        let digest = Digest::of_bytes(b"bytes");
+        let file = FileRef { digest, size: 5 };
+        let outcomes = [
+            RecordOutcome::Made {
+                files: BTreeMap::from([("data.bin".to_owned(), file)]),
+                labels: BTreeMap::from([("group".to_owned(), "a".to_owned())]),
+                metrics: BTreeMap::from([("loss".to_owned(), -0.25)]),
+            },
+            RecordOutcome::Skipped {
+                reason: "too short".to_owned(),
+            },
+            RecordOutcome::Filtered {
+                reason: "left out".to_owned(),
+            },
+        ];
+        let node = NodeName::new("split", "parts");
+        let units = outcomes.into_iter().enumerate().map(|(number, outcome)| {
+            let unit = UnitRef {
+                node: node.clone(),
+                partition: format!("p{number}"),
+                fingerprint: Digest::of_bytes(&[0, 1, 2][number..]),
+                made_now: true,
+            };
+            (unit, Arc::new(outcome))
+        });
+        let units: Vec<_> = units.collect();
+        let stamp = Stamp::from([5, 17, -1, 0, 1_700_000_000, 999_999_999]);
+        let shown = ShownFile { digest, stamp };
+        let shown = BTreeMap::from([("files/own/split/parts/p0/data.bin".to_owned(), shown)]);
+        let mut newest = Newest::default();
+        newest.take_over(&units);
+        newest.show(&node, shown.clone());
+        let stamp_of = |asked: &Digest| (*asked == digest).then_some(stamp);
+        newest.write(folder.path(), &path, stamp_of).unwrap();
+
+        let there = Newest::read(&path).unwrap();
+        assert_eq!(there.list(), newest.list());
+        for (unit, outcome) in &units {
+            assert_eq!(there.outcome(&unit.fingerprint), Some(outcome));
+        }
+        assert_eq!(there.shown(&node), Some(&shown));
+        assert_eq!(there.stamps, [(digest, stamp)]);
+        assert!(!there.is_changed());
+    }
+}
