@@ -11,8 +11,8 @@ use std::{
 #[derive(Default)]
 pub(crate) struct Flight {
     folders: Mutex<BTreeSet<PathBuf>>,
-    /// Held for reading while a unit is kept; held for writing from the moment in which nothing may
-    /// be kept any more.
+    /// Held for reading while something is written under its final name; held for writing from the
+    /// moment in which nothing may be written any more.
     gate: RwLock<()>,
 }
 
@@ -27,7 +27,7 @@ impl Flight {
         folders.remove(folder);
     }
 
-    /// Lets a unit be kept; waits for ever once the flight is dropped.
+    /// Lets something be kept; waits for ever once the flight is dropped.
     pub(crate) fn land(&self) -> RwLockReadGuard<'_, ()> {
         self.gate.read().unwrap_or_else(PoisonError::into_inner)
     }

@@ -140,6 +140,7 @@ impl Store for Lake {
     }
 
     fn publish(&self, pipeline: &str, node: &Node, made: &[Showing]) -> Result<(), Advised> {
+        let _landing = self.flight().land();
         let before = {
             let newest = self.newest();
             let newest = newest.get(pipeline);
@@ -154,6 +155,7 @@ impl Store for Lake {
     }
 
     fn retire(&self, pipeline: &str, kept: &[Node]) -> Result<(), Advised> {
+        let _landing = self.flight().land();
         let is_kept = |name: &NodeName| kept.iter().any(|node| node.name == *name);
         let mut newest = self.newest();
         let newest = newest.entry(pipeline.to_owned()).or_default();
@@ -166,6 +168,7 @@ impl Store for Lake {
     }
 
     fn begin_run(&self, run: &RunRecord) -> Result<u64, Advised> {
+        let _landing = self.flight().land();
         self.prepare()?;
         let run = runs::begin(self, run)?;
         let number = run.number;
@@ -174,6 +177,7 @@ impl Store for Lake {
     }
 
     fn end_run(&self, number: u64, record: &RunRecord) -> Result<(), Advised> {
+        let _landing = self.flight().land();
         let run = self.current_run().take();
         let run = match run.filter(|run| run.number == number) {
             Some(run) => run,
@@ -195,6 +199,7 @@ impl Store for Lake {
         pipeline: &str,
         units: Option<&[(UnitRef, Arc<RecordOutcome>)]>,
     ) -> Result<(), Advised> {
+        let _landing = self.flight().land();
         if !history::is_shown(self) && self.prepare().is_ok() {
             history::mend(self)?;
         }
