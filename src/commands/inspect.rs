@@ -9,6 +9,7 @@ use crate::{
     commands::chosen,
     moments,
     outcome::{Outcome, Trouble},
+    progress::Quiet,
     report,
 };
 
@@ -21,6 +22,13 @@ pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, 
     for &unit in &units {
         let result = lake.record(&unit.fingerprint)?;
         results.extend(result.map(|record| (unit, record)));
+    }
+    let n_collected = units.len() - results.len();
+    if n_collected > 0 && program.quiet == Quiet::No {
+        report::line(&format!(
+            "note   {n_collected} partitions of `{}` were collected",
+            args.artifact
+        ));
     }
     let text = if args.skipped {
         left_out(&results)

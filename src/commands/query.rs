@@ -3,7 +3,7 @@
 mod cells;
 mod faults;
 mod one_run;
-mod page;
+pub(super) mod page;
 mod print;
 mod tables;
 

@@ -9,7 +9,10 @@ use serde::Serialize;
 use crate::{
     arguments::{Format, RunsArgs},
     command_line::Program,
-    commands::chosen,
+    commands::{
+        chosen,
+        query::page::{Page, cut},
+    },
     moments,
     outcome::{Outcome, Trouble},
     report,
@@ -47,12 +50,12 @@ struct Row {
     n_cached: usize,
     /// Items that could not be used.
     n_skipped: usize,
-    outputs: Vec<Output>,
+    outputs: Vec<NodeCounts>,
 }
 
 /// What became of an output, in so many units.
 #[derive(Serialize)]
-struct Output {
+struct NodeCounts {
     output: String,
     n_made_now: usize,
     n_made: usize,
@@ -97,7 +100,7 @@ pub(crate) fn runs(program: &Program, args: &RunsArgs) -> Result<Outcome, Troubl
             chosen::print_json(&rows)?;
         }
         Format::Text if rows.is_empty() => {}
-        Format::Text => report::data(text(&rows).as_bytes()),
+        Format::Text => report::data(text(&rows, Page::of_stdout().width).as_bytes()),
     }
     match damaged.into_iter().next() {
         Some(err) => Err(err.into()),
@@ -141,7 +144,7 @@ impl Row {
             n_made_now,
             n_cached: n_units.saturating_sub(n_made_now),
             n_skipped,
-            outputs: record.nodes.into_iter().map(Output::new).collect(),
+            outputs: record.nodes.into_iter().map(NodeCounts::new).collect(),
         }
     }
 
@@ -155,7 +158,10 @@ impl Row {
             RunStatus::Running => "running".to_owned(),
             RunStatus::Finished => "finished".to_owned(),
             RunStatus::Interrupted => "interrupted".to_owned(),
-            RunStatus::Failed { message } => format!("failed: {}", first_line(message)),
+            RunStatus::Failed { message } => {
+                let line = message.lines().next().unwrap_or_default();
+                format!("failed: {}", cut(line, MESSAGE))
+            }
         };
         let seconds = self.seconds.map(report::duration);
         let profile = self.profile.iter().map(|name| format!("--profile {name}"));
@@ -175,7 +181,7 @@ impl Row {
     }
 }
 
-impl Output {
+impl NodeCounts {
     fn new(node: NodeRecord) -> Self {
         Self {
             output: node.node.to_string(),
@@ -188,16 +194,8 @@ impl Output {
     }
 }
 
-/// The beginning of a message, on one line.
-fn first_line(message: &str) -> String {
-    let line = message.lines().next().unwrap_or_default();
-    match line.char_indices().nth(MESSAGE) {
-        Some((end, _)) => format!("{}…", line.get(..end).unwrap_or_default()),
-        None => line.to_owned(),
-    }
-}
-
-fn text(rows: &[Row]) -> String {
+/// One line per run, cut to a width if there is one.
+fn text(rows: &[Row], width: Option<usize>) -> String {
     let header = [
         "run",
         "started (UTC)",
@@ -212,5 +210,10 @@ fn text(rows: &[Row]) -> String {
     ];
     let mut lines = vec![header.map(str::to_owned).to_vec()];
     lines.extend(rows.iter().map(Row::cells));
-    report::columns(&lines, &[0, 3, 4, 5, 6])
+    let text = report::columns(&lines, &[0, 3, 4, 5, 6]);
+    let Some(width) = width else {
+        return text;
+    };
+    let lines = text.lines().map(|line| cut(line, width) + "\n");
+    lines.collect()
 }

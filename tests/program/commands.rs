@@ -198,6 +198,8 @@ fn subcommands() -> Vec<String> {
     let help = stdout(&pipeline(&["--help"]));
     let (_, commands) = help.split_once("Commands:\n").unwrap();
     let lines = commands.lines().take_while(|line| !line.is_empty());
+    // A long description goes on in a line that begins further to the right.
+    let lines = lines.filter(|line| !line.starts_with("   "));
     let words = lines.filter_map(|line| line.split_whitespace().next());
     words
         .filter(|word| *word != "help")

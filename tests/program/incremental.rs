@@ -127,23 +127,21 @@ fn a_damaged_artifact_is_noticed_before_use_and_made_again() {
     fs::set_permissions(&path, permissions).unwrap();
     // The shown file and the blob are one, so this damages what the next stage reads.
     overwrite(&path, &bytes);
-    let ran = bench.run_well(&["--until", "train"]);
-    assert!(
-        stderr(&ran).contains("is damaged in the lake and is made again"),
-        "{}",
-        stderr(&ran)
-    );
+    let plan = bench.command("plan", &["--until", "train"]);
+    let plan = stdout(&{ plan }.output().unwrap());
+    assert!(plan.contains("missing or damaged in the lake"), "{plan}");
+    bench.run_well(&["--until", "train"]);
+    let expected = counts(&[("retarget.trajectories", 1), ("train.checkpoint", 1)]);
+    assert_eq!(bench.made_by_newest_run(), expected);
     let again = bench.run_well(&["--until", "train"]);
     assert!(
         stderr(&again).contains("nothing to run"),
         "{}",
         stderr(&again)
     );
-    for (name, digest) in bench.published() {
-        assert!(
-            shown.get(&name).is_none_or(|before| *before == digest),
-            "{name}"
-        );
+    let mended = bench.published();
+    for (name, digest) in &shown {
+        assert_eq!(mended.get(name), Some(digest), "{name}");
     }
 }
 

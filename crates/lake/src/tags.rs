@@ -118,7 +118,7 @@ impl Lake {
         {
             let n_back = match back.strip_prefix(BEFORE) {
                 None => 0,
-                Some(digits) => digits.parse().map_err(|_| no_run())?,
+                Some(digits) => digits.parse().ok().ok_or_else(no_run)?,
             };
             return self.finished(n_back)?.ok_or_else(no_run);
         }

@@ -38,7 +38,8 @@ pub(crate) fn write(lake: &Lake) -> Result<(), LakeError> {
         }
         views.push_str(&format!(
             "create or replace view all_{name} as select units.run, units.pipeline, units.stage, \
-             made.fingerprint, made.* exclude (fingerprint) from read_parquet('{EVERY}/{name}/**/{}', hive_partitioning = true, \
+             made.fingerprint, made.* exclude (fingerprint) from \
+             read_parquet('{EVERY}/{name}/**/{}', hive_partitioning = true, \
              hive_types_autocast = false, union_by_name = true) as made \
              join units on units.fingerprint = made.fingerprint and units.artifact = '{name}';\n",
             table::FILE

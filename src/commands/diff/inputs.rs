@@ -89,13 +89,13 @@ pub(super) fn compare(pairs: &[Pair]) -> Vec<InputChange> {
 
 fn read(node: &str, side: &Side) -> Read {
     let mut read = Read::new();
-    let mut note = |source: Source, version: String| {
+    let mut add = |source: Source, version: String| {
         read.entry(source).or_default().insert(version);
     };
     for record in side.records.values() {
         let fingerprint = &record.fingerprint;
         for (name, digest) in &fingerprint.files {
-            note(Source::File { name: name.clone() }, digest.to_hex());
+            add(Source::File { name: name.clone() }, digest.to_hex());
         }
     }
     // The units of an output share their code.
@@ -107,10 +107,10 @@ fn read(node: &str, side: &Side) -> Read {
             } else {
                 Source::Code { name: part.clone() }
             };
-            note(source, digest.clone());
+            add(source, digest.clone());
         }
         let name = node.to_owned();
-        note(Source::Schema { name }, recipe.schema.clone());
+        add(Source::Schema { name }, recipe.schema.clone());
     }
     read
 }

@@ -1,5 +1,7 @@
 //! Differences as people read them.
 
+use std::collections::BTreeMap;
+
 use dataflow::Change;
 use serde_json::Value;
 
@@ -9,10 +11,13 @@ use super::{
     inputs::{InputChange, Source},
     values::Asked,
 };
-use crate::{numbers::number, report};
+use crate::{commands::query::page::cut, numbers::number, report};
 
 /// Rows of a list that are shown.
 const ROWS: usize = 20;
+
+/// Files of one folder, to which the same happened, that are named.
+const FILES: usize = 4;
 
 /// Characters of a value that are shown.
 const WIDTH: usize = 40;
@@ -98,35 +103,52 @@ fn value(value: &Value) -> String {
     cut(&text, WIDTH)
 }
 
-fn cut(text: &str, width: usize) -> String {
-    match text.char_indices().nth(width) {
-        Some((end, _)) => format!("{}…", text.get(..end).unwrap_or_default()),
-        None => text.to_owned(),
+/// One row per thing that was read; files of one folder are counted where there are many.
+fn inputs(changes: &[InputChange]) -> Vec<Vec<String>> {
+    let mut folders: BTreeMap<(&str, String, String), usize> = BTreeMap::new();
+    for change in changes {
+        if let Some(folder) = folder(change) {
+            *folders.entry(folder).or_default() += 1;
+        }
     }
+    folders.retain(|_, n| *n > FILES);
+    let rows = changes.iter().filter_map(|change| match folder(change) {
+        Some(folder) if folders.contains_key(&folder) => {
+            // The first stands for all of them.
+            let n = folders.insert(folder.clone(), 0).filter(|n| *n > 0)?;
+            let (path, what, outputs) = folder;
+            Some(vec![format!("{n} files in {path}"), what, outputs])
+        }
+        _ => Some(input(change)),
+    });
+    rows.collect()
 }
 
-fn inputs(changes: &[InputChange]) -> Vec<Vec<String>> {
-    let row = |change: &InputChange| {
-        let (what, n_digits) = match &change.source {
-            Source::File { name } => (format!("file {name}"), DIGITS),
-            Source::Code { name } => (format!("code of {name}"), DIGITS),
-            Source::LockedVersions => ("locked versions".to_owned(), DIGITS),
-            Source::Schema { name } => (format!("schema of {name}"), WIDTH),
-        };
-        let version = |version: &Option<String>| {
-            let version = version.as_deref().unwrap_or(NONE);
-            version.chars().take(n_digits).collect::<String>()
-        };
-        let versions = match change.change {
-            Change::Added => "added".to_owned(),
-            Change::Removed => "removed".to_owned(),
-            Change::Changed => {
-                format!("{} {ARROW} {}", version(&change.old), version(&change.new))
-            }
-        };
-        vec![what, versions, change.outputs.join(", ")]
+/// The folder of a file, what happened to the file, and who read it.
+fn folder(change: &InputChange) -> Option<(&str, String, String)> {
+    let Source::File { name } = &change.source else {
+        return None;
     };
-    changes.iter().map(row).collect()
+    let (folder, _) = name.rsplit_once('/')?;
+    Some((folder, change.change.to_string(), change.outputs.join(", ")))
+}
+
+fn input(change: &InputChange) -> Vec<String> {
+    let (what, n_digits) = match &change.source {
+        Source::File { name } => (format!("file {name}"), DIGITS),
+        Source::Code { name } => (format!("code of {name}"), DIGITS),
+        Source::LockedVersions => ("locked versions".to_owned(), DIGITS),
+        Source::Schema { name } => (format!("schema of {name}"), WIDTH),
+    };
+    let version = |version: &Option<String>| {
+        let version = version.as_deref().unwrap_or(NONE);
+        version.chars().take(n_digits).collect::<String>()
+    };
+    let versions = match change.change {
+        Change::Changed => format!("{} {ARROW} {}", version(&change.old), version(&change.new)),
+        added_or_removed => added_or_removed.to_string(),
+    };
+    vec![what, versions, change.outputs.join(", ")]
 }
 
 fn outputs(outputs: &[OutputChange]) -> Vec<Vec<String>> {

@@ -40,13 +40,15 @@ impl Asked {
     /// Compares what two runs were asked for.
     pub(super) fn compare(old: &RunRecord, new: &RunRecord) -> Self {
         let mut asked = Self::default();
-        let general: [(&str, fn(&RunRecord) -> Value); 3] = [
-            ("pipeline", |run| Value::from(run.pipeline.as_str())),
-            ("profile", |run| Value::from(run.origin.profile.clone())),
-            ("seed", |run| Value::from(run.seed)),
-        ];
-        for (key, of) in general {
-            asked.compare_values(key, Some(&of(old)), Some(&of(new)));
+        let general = |run: &RunRecord| {
+            [
+                ("pipeline", Value::from(run.pipeline.as_str())),
+                ("profile", Value::from(run.origin.profile.clone())),
+                ("seed", Value::from(run.seed)),
+            ]
+        };
+        for ((key, old), (_, new)) in general(old).iter().zip(&general(new)) {
+            asked.compare_values(key, Some(old), Some(new));
         }
         for (name, stage) in &new.stages {
             match old.stages.get(name) {

@@ -6,6 +6,12 @@ use dataflow::{Digest, NodeName, Record, RunRecord, UnitRef};
 use lake::{Lake, LakeError};
 use serde::Serialize;
 
+/// An output and a partition of it.
+type Key = (NodeName, String);
+
+/// Who reads a partition.
+type Readers = BTreeMap<Key, BTreeSet<Key>>;
+
 /// Partitions of an output, by output.
 type ByOutput = Vec<(NodeName, Vec<String>)>;
 
@@ -28,7 +34,7 @@ pub(super) struct Relations<'a> {
     run: &'a RunRecord,
     units: BTreeMap<(&'a NodeName, &'a str), &'a UnitRef>,
     /// Who reads a partition; found when first asked for.
-    readers: Option<BTreeMap<(NodeName, String), BTreeSet<(NodeName, String)>>>,
+    readers: Option<Readers>,
 }
 
 impl<'a> Relations<'a> {
@@ -92,10 +98,8 @@ impl<'a> Relations<'a> {
             .collect())
     }
 
-    fn find_readers(
-        &self,
-    ) -> Result<BTreeMap<(NodeName, String), BTreeSet<(NodeName, String)>>, LakeError> {
-        let mut readers: BTreeMap<_, BTreeSet<_>> = BTreeMap::new();
+    fn find_readers(&self) -> Result<Readers, LakeError> {
+        let mut readers = Readers::new();
         for unit in &self.run.units {
             let Some(record) = self.lake.record(&unit.fingerprint)? else {
                 continue;

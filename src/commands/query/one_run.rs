@@ -16,7 +16,8 @@ use crate::outcome::Trouble;
 /// A table of a run.
 pub(super) struct OfRun {
     pub(super) name: String,
-    pub(super) frame: LazyFrame,
+    /// Its rows; `None` if none of its partitions is there.
+    pub(super) frame: Option<LazyFrame>,
     /// Partitions that are no longer in the lake.
     pub(super) n_collected: usize,
 }
@@ -55,13 +56,16 @@ pub(super) fn tables(lake: &Lake, run: &Run) -> Result<Vec<OfRun>, Trouble> {
             .collect();
         let failed = |err: PolarsError| Trouble::failed(err, None);
         let frames = frames.map_err(failed)?;
-        if !frames.is_empty() {
-            tables.push(OfRun {
-                name: name.to_owned(),
-                frame: concat(frames, UnionArgs::default()).map_err(failed)?,
-                n_collected,
-            });
-        }
+        let frame = if frames.is_empty() {
+            None
+        } else {
+            Some(concat(frames, UnionArgs::default()).map_err(failed)?)
+        };
+        tables.push(OfRun {
+            name: name.to_owned(),
+            frame,
+            n_collected,
+        });
     }
     Ok(tables)
 }

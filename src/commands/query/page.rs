@@ -19,16 +19,16 @@ pub(super) const LEFT_OUT: &str = "…";
 
 /// The space for a table; unlimited where it is not shown to people.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Page {
+pub(crate) struct Page {
     /// Characters in a line.
-    pub(super) width: Option<usize>,
+    pub(crate) width: Option<usize>,
     /// Rows without the header.
     pub(super) rows: Option<usize>,
 }
 
 impl Page {
     /// Returns the space on stdout. `COLUMNS` sets the width, also where stdout is no terminal.
-    pub(super) fn of_stdout() -> Self {
+    pub(crate) fn of_stdout() -> Self {
         let asked = std::env::var("COLUMNS").ok();
         let asked = asked.and_then(|text| text.trim().parse().ok());
         let is_terminal = io::stdout().is_terminal();
@@ -112,7 +112,7 @@ fn shrink(wishes: &[Wish], width: usize) -> Option<Vec<usize>> {
 }
 
 /// Cuts text to a width, with a mark in place of what is cut.
-pub(super) fn cut(text: &str, width: usize) -> String {
+pub(crate) fn cut(text: &str, width: usize) -> String {
     if text.chars().count() <= width {
         return text.to_owned();
     }

@@ -44,7 +44,9 @@ impl Tables {
                             .collected
                             .push((table.name.clone(), table.n_collected));
                     }
-                    tables.register(table.name, table.frame);
+                    if let Some(frame) = table.frame {
+                        tables.register(table.name, frame);
+                    }
                 }
             }
             None => {

@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// Changes with the form, so that a program does not misread the file of another version.
-const VERSION: u64 = 1;
+const VERSION: u64 = 2;
 
 const MADE: u64 = 0;
 const SKIPPED: u64 = 1;
@@ -215,7 +215,11 @@ mod tests {
         });
         let units: Vec<_> = units.collect();
         let stamp = Stamp::from([5, 17, -1, 0, 1_700_000_000, 999_999_999]);
-        let shown = ShownFile { digest, stamp };
+        let shown = ShownFile {
+            digest,
+            fingerprint: Digest::of_bytes(b"unit"),
+            stamp,
+        };
         let shown = BTreeMap::from([("files/own/split/parts/p0/data.bin".to_owned(), shown)]);
         let mut newest = Newest::default();
         newest.take_over(&units);
