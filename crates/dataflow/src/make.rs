@@ -269,12 +269,9 @@ pub fn make_one(
                 .collect(),
         })?;
     let not_made = |(node, partition)| Failure::NotMade { node, partition };
-    let Listing { units, sure, .. } = match state.listing(node)? {
-        Some(listing) => listing,
-        None => {
-            let nothing = || Failure::Nothing(node.name.clone());
-            return Err(state.first_open(node).map_or_else(nothing, not_made));
-        }
+    let Some(Listing { units, sure, .. }) = state.listing(node)? else {
+        let nothing = || Failure::Nothing(node.name.clone());
+        return Err(state.first_open(node).map_or_else(nothing, not_made));
     };
     let mut found = units.iter().zip(sure);
     let (unit, sure) = found
