@@ -62,6 +62,63 @@ fn a_profile_replaces_values_and_an_unknown_one_names_those_there_are() {
 }
 
 #[test]
+fn only_goes_through_one_stage_and_refuses_when_what_it_reads_is_not_there() {
+    let bench = Bench::new();
+    let refused = bench.run(&["--only", "retarget"]);
+    assert_eq!(refused.status.code(), Some(1));
+    let text = stderr(&refused);
+    assert!(text.contains("is not made yet"), "{text}");
+    assert!(text.contains("hint: make it first with"), "{text}");
+    bench.run_well(&["--until", "ingest"]);
+    bench.run_well(&["--only", "retarget"]);
+    assert_eq!(made(&bench), ["retarget.trajectories"]);
+    // What follows is not touched, and the stage itself is up to date.
+    let plan = done(&bench, "plan", &["--only", "retarget"]);
+    assert_eq!(plan, "cached   everything; nothing to run\n");
+    let both = bench.run(&["--only", "retarget", "--until", "train"]);
+    assert_eq!(both.status.code(), Some(2));
+}
+
+#[test]
+fn units_are_made_by_name_checked_and_collected() {
+    let bench = Bench::new();
+    bench.run_well(&["--until", "ingest"]);
+    bench.run_well(&[
+        "--only",
+        "retarget",
+        "--set",
+        "retarget.smoothness_weight=0.3",
+    ]);
+    let units = bench.made_by_newest_run()["retarget.trajectories"];
+    let partition = {
+        let plan = done(&bench, "plan", &["--until", "retarget", "--format", "json"]);
+        let plan: Value = serde_json::from_str(&plan).unwrap();
+        let unit = &plan["nodes"][2]["units"][0];
+        assert_eq!(unit["state"], "run");
+        assert_eq!(unit["causes"][0]["key"], "smoothness_weight");
+        assert_eq!(unit["causes"][0]["old"], 0.3);
+        assert_eq!(unit["causes"][0]["new"], 0.2);
+        unit["partition"].as_str().unwrap().to_owned()
+    };
+    let fingerprint = done(&bench, "unit", &["retarget.trajectories", &partition]);
+    assert_eq!(fingerprint.trim().len(), 64);
+    let again = done(&bench, "unit", &["retarget.trajectories", &partition]);
+    assert_eq!(again, fingerprint);
+    let lake = bench.lake();
+    let lake = ["--lake", lake.to_str().unwrap()];
+    let verified = pipeline(&[&["verify"], &lake[..]].concat());
+    assert_eq!(verified.status.code(), Some(0), "{}", stdout(&verified));
+    bench.run_well(&["--until", "retarget", "--processes"]);
+    let said = pipeline(&[&["gc", "--dry-run"], &lake[..]].concat());
+    let expected = format!("goes  retarget.trajectories  {units} units");
+    assert!(stdout(&said).contains(&expected), "{}", stdout(&said));
+    let done = pipeline(&[&["gc"], &lake[..]].concat());
+    assert!(stdout(&done).contains("gone  retarget.trajectories"));
+    let verified = pipeline(&[&["verify", "--inputs"], &lake[..]].concat());
+    assert_eq!(verified.status.code(), Some(0), "{}", stdout(&verified));
+}
+
+#[test]
 fn until_stops_and_fresh_makes_again_what_is_named_or_everything() {
     let bench = Bench::new();
     bench.run_well(&["--until", "retarget", "--jobs", "1"]);
