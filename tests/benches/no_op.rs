@@ -7,7 +7,7 @@
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
 
-#[path = "../tests/own_stages/stages.rs"]
+#[path = "../own_stages/stages.rs"]
 mod own_stages;
 
 use std::{
