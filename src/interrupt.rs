@@ -18,8 +18,13 @@ pub(crate) fn drop_on_signal(lake: &Arc<Lake>) -> Result<(), Trouble> {
     let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(|err| Trouble::failed(err, None))?;
     let lake = Arc::clone(lake);
     thread::spawn(move || {
-        if signals.forever().next().is_some() {
-            stop(&lake);
+        let mut signals = signals.forever();
+        if signals.next().is_some() {
+            thread::spawn(move || stop(&lake));
+        }
+        // Who asks twice does not want to wait.
+        if signals.next().is_some() {
+            process::exit(i32::from(INTERRUPTED));
         }
     });
     Ok(())

@@ -41,10 +41,12 @@ impl From<Failure> for Trouble {
     fn from(err: Failure) -> Self {
         let hint = err.hint();
         match err {
-            Failure::NoStage { .. } => Self::Usage {
-                message: err.to_string(),
-                hint,
-            },
+            Failure::NoStage { .. } | Failure::NoNode { .. } | Failure::NoPartition { .. } => {
+                Self::Usage {
+                    message: err.to_string(),
+                    hint,
+                }
+            }
             err => Self::Failed {
                 hint,
                 error: err.into(),

@@ -49,14 +49,11 @@ pub(crate) struct Processes {
 impl Processes {
     fn start(&self, node: &NodeName, partition: &str, forced: Forced) -> std::io::Result<Child> {
         let mut command = Command::new(env::current_exe()?);
-        command
-            .arg("unit")
-            .arg(&self.origin.file)
-            .arg(node.to_string())
-            .arg(partition)
-            .arg("--lake")
-            .arg(&self.lake)
-            .args(["--format", "json", "--with-parent"]);
+        command.arg("unit").arg("--lake").arg(&self.lake).args([
+            "--format",
+            "json",
+            "--with-parent",
+        ]);
         if let Some(profile) = &self.origin.profile {
             command.args(["--profile", profile]);
         }
@@ -66,6 +63,11 @@ impl Processes {
         if forced == Forced::Yes {
             command.arg("--fresh");
         }
+        command
+            .arg("--")
+            .arg(&self.origin.file)
+            .arg(node.to_string())
+            .arg(partition);
         // Its stdin is a pipe that closes when this process ends, however it ends.
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()
     }

@@ -1,6 +1,9 @@
 //! `pipeline gc`
 
-use std::{collections::BTreeSet, path::PathBuf};
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+};
 
 use dataflow::{Digest, Pipeline, reached};
 use lake::{Collected, Collecting, Lake};
@@ -19,7 +22,11 @@ pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, Trouble> {
     let lake = Lake::open(&program.lake);
     let mut kept: Vec<Digest> = Vec::new();
     for pipeline in pipelines(program, args, &lake)? {
-        kept.extend(reached(&pipeline, &lake)?);
+        match reached(&pipeline, &lake) {
+            Ok(units) => kept.extend(units),
+            // Nothing of a dataset that is not there is used now; what its runs made stays.
+            Err(err) => note(program, &pipeline.origin.file, &err.to_string()),
+        }
     }
     let collecting = if args.dry_run {
         Collecting::Count
@@ -54,13 +61,27 @@ fn pipelines(program: &Program, args: &GcArgs, lake: &Lake) -> Result<Vec<Pipeli
     for number in lake.runs()? {
         // A damaged record of a run names no file.
         if let Ok(run) = lake.run_without_units(number) {
-            files.insert(run.record.origin.file);
+            files.insert(run.folder.join(run.record.origin.file));
         }
     }
-    let there = files.iter().filter(|file| file.is_file());
+    let (there, gone): (Vec<_>, Vec<_>) = files.iter().partition(|file| file.is_file());
+    for file in gone {
+        note(program, file, "it is not there any more");
+    }
     there
+        .into_iter()
         .map(|file| pipeline_file::read_with(program.kinds, file, &values))
         .collect()
+}
+
+/// Says of which pipeline file nothing is known but what its runs left.
+fn note(program: &Program, file: &Path, why: &str) {
+    if program.quiet == Quiet::No {
+        report::line(&format!(
+            "note   of `{}` only the newest runs count: {why}",
+            file.display()
+        ));
+    }
 }
 
 fn listed(collected: &Collected, collecting: Collecting) -> String {

@@ -15,6 +15,7 @@ mod elsewhere;
 mod full_disk;
 mod garbage;
 mod interrupt;
+mod meanwhile;
 mod memory;
 mod plan_equals_run;
 mod precision;

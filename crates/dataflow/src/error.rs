@@ -181,6 +181,26 @@ pub enum Failure {
     /// There is nothing to work on.
     #[error("stage `{}` has nothing to do: no `{}` to make", .0.stage, .0.artifact)]
     Nothing(NodeName),
+    /// A file outside the lake was written to while a unit read it.
+    #[error("stage `{stage}` read `{}` for `{partition}` while it changed; nothing of it is kept", path.display())]
+    ChangedMeanwhile {
+        /// The stage's name.
+        stage: String,
+        /// The partition being made.
+        partition: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// Two units of an output have the same key, or two files of a unit the same name.
+    #[error("stage `{stage}` names `{name}` twice among {what}")]
+    Twice {
+        /// The stage's name.
+        stage: String,
+        /// The key or name.
+        name: String,
+        /// What it names.
+        what: String,
+    },
     /// No stage of this name is in the file.
     #[error("no stage `{name}` in the pipeline")]
     NoStage {
@@ -257,6 +277,13 @@ impl Advise for Failure {
                 "make it and what follows again with `pipeline run FILE --fresh {}`",
                 node.split('.').next().unwrap_or(node)
             )),
+            Self::ChangedMeanwhile { .. } => {
+                Some("run the same command again when nobody writes to it any more".to_owned())
+            }
+            Self::Twice { .. } => Some(
+                "this is a fault of the stage: please report it with the command and the file"
+                    .to_owned(),
+            ),
             Self::Nothing(_)
             | Self::Lost { .. }
             | Self::NotAKey { .. }

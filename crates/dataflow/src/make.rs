@@ -11,6 +11,7 @@ use crate::{
     context::{Artifact, Context, Inputs},
     elsewhere::{Elsewhere, Forced},
     error::Failure,
+    fingerprint::Fingerprint,
     graph::{Node, NodeName},
     observer::Observer,
     pipeline::Pipeline,
@@ -122,6 +123,7 @@ impl<'a> Maker<'a> {
                 partition: Some(unit.partition.clone()),
                 source,
             })?;
+        self.check_unchanged(unit, &fingerprint)?;
         let record = making.commit(Unkept {
             fingerprint,
             outcome,
@@ -132,6 +134,22 @@ impl<'a> Maker<'a> {
             outcome: Arc::new(record.outcome),
             made_now: true,
         })
+    }
+
+    /// Makes sure that what the stage has read is what the fingerprint says that it has read.
+    fn check_unchanged(&self, unit: &Unit, fingerprint: &Fingerprint) -> Result<(), Failure> {
+        for file in &unit.files {
+            let now = self.store.source_digest(&file.path);
+            let is_same = now.is_ok_and(|now| fingerprint.files.get(&file.name) == Some(&now));
+            if !is_same {
+                return Err(Failure::ChangedMeanwhile {
+                    stage: fingerprint.stage.clone(),
+                    partition: unit.partition.clone(),
+                    path: file.path.clone(),
+                });
+            }
+        }
+        Ok(())
     }
 
     /// Has a unit made by another process and finds its result in the store.
@@ -156,7 +174,8 @@ impl<'a> Maker<'a> {
         Ok(UnitReport {
             partition: unit.partition.clone(),
             fingerprint: digest,
-            outcome: self.store.lookup(&digest)?.ok_or_else(lost)?,
+            // The record itself: what this process remembers may be older.
+            outcome: Arc::new(self.store.remembered(&digest)?.ok_or_else(lost)?.outcome),
             made_now,
         })
     }

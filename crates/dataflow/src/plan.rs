@@ -86,7 +86,7 @@ impl Plan {
     }
 }
 
-/// Finds out what a run would do, without making anything in the lake.
+/// Finds out what a run would do, and makes nothing.
 ///
 /// # Errors
 ///
@@ -241,7 +241,7 @@ impl Planner<'_> {
                 } else {
                     self.causes(node, &fingerprint)?
                 };
-                if sure == Sure::Whole {
+                if sure == Sure::Whole || (forced && sure == Sure::Present) {
                     UnitState::Run { causes }
                 } else {
                     let upstream = self.open_inputs(node);

@@ -23,7 +23,8 @@ pub fn reached(pipeline: &Pipeline, store: &dyn Store) -> Result<Vec<Digest>, Fa
     let mut reached = Vec::new();
     for node in &pipeline.nodes {
         let Some(listing) = state.listing(node)? else {
-            break;
+            state.grows(&node.name);
+            continue;
         };
         let mut known = BTreeMap::new();
         for unit in listing.units {

@@ -276,7 +276,18 @@ impl<'a> State<'a> {
             });
         }
         units.sort_by(|a, b| a.partition.cmp(&b.partition));
-        units.dedup_by(|a, b| a.partition == b.partition);
+        let mut pairs = units.windows(2);
+        let twice = pairs.find_map(|pair| match pair {
+            [a, b] if a.partition == b.partition => Some(&a.partition),
+            _ => None,
+        });
+        if let Some(key) = twice {
+            return Err(Failure::Twice {
+                stage: stage.name.clone(),
+                name: key.clone(),
+                what: format!("the partitions of `{}`", node.output.artifact),
+            });
+        }
         Ok(units)
     }
 
@@ -334,7 +345,14 @@ impl<'a> State<'a> {
         }
         let mut files = BTreeMap::new();
         for file in &unit.files {
-            files.insert(file.name.clone(), self.source_digest(&file.path)?);
+            let digest = self.source_digest(&file.path)?;
+            if files.insert(file.name.clone(), digest).is_some() {
+                return Err(Failure::Twice {
+                    stage: stage.name.clone(),
+                    name: file.name.clone(),
+                    what: format!("the files that `{}` reads", unit.partition),
+                });
+            }
         }
         let Some((recipe, recipe_digest)) = self.recipes.get(&node.name) else {
             return Ok(None);

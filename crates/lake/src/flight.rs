@@ -4,8 +4,13 @@ use std::{
     collections::BTreeSet,
     fs,
     path::{Path, PathBuf},
-    sync::{Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard},
+    sync::{Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard, TryLockError},
+    thread,
+    time::{Duration, Instant},
 };
+
+/// How long a stopped program lets what is being kept come to its end.
+const PATIENCE: Duration = Duration::from_secs(2);
 
 /// The units in flight.
 #[derive(Default)]
@@ -33,18 +38,28 @@ impl Flight {
     }
 
     /// Waits until nothing is being kept, lets nothing be kept any more while the guard lives, and
-    /// removes what is in the making, with its locks. Returns the number of units dropped.
-    pub(crate) fn drop_all(&self, locks: &Path) -> (RwLockWriteGuard<'_, ()>, usize) {
-        let gate = self.gate.write().unwrap_or_else(PoisonError::into_inner);
+    /// removes what is in the making. Returns the number of units dropped. What waits for another
+    /// process meanwhile is not waited for: it has written nothing.
+    pub(crate) fn drop_all(&self) -> (Option<RwLockWriteGuard<'_, ()>>, usize) {
+        let gate = self.close();
         let folders = self.folders.lock().unwrap_or_else(PoisonError::into_inner);
         for folder in folders.iter() {
             // A stage may write into it at this very moment, so a second try may be needed; what is
             // left all the same is removed by whoever makes the unit next.
             let _left = fs::remove_dir_all(folder).or_else(|_| fs::remove_dir_all(folder));
-            if let Some(unit) = folder.file_name() {
-                let _left = fs::remove_file(locks.join(unit));
-            }
         }
         (gate, folders.len())
+    }
+
+    fn close(&self) -> Option<RwLockWriteGuard<'_, ()>> {
+        let asked = Instant::now();
+        while asked.elapsed() < PATIENCE {
+            match self.gate.try_write() {
+                Ok(gate) => return Some(gate),
+                Err(TryLockError::Poisoned(gate)) => return Some(gate.into_inner()),
+                Err(TryLockError::WouldBlock) => thread::sleep(PATIENCE / 100),
+            }
+        }
+        None
     }
 }

@@ -21,6 +21,7 @@ use crate::{
     records::{Provenance, Records},
     runs::{self, Run},
     sources::Sources,
+    stamp::Stamp,
     views,
 };
 
@@ -282,7 +283,7 @@ impl Lake {
     /// Drops what this process is making, and notes that its run was interrupted; nothing is kept
     /// after that. Returns the number of units dropped, and the guard that keeps it so.
     pub fn abandon(&self) -> (impl Sized + '_, usize) {
-        let (guard, n_dropped) = self.flight.drop_all(&self.locks());
+        let (guard, n_dropped) = self.flight.drop_all();
         let mine = atomic::process_name();
         for name in names_in(&self.staging()).unwrap_or_default() {
             if name.starts_with(&mine) {
@@ -325,7 +326,8 @@ impl Lake {
         for shown in newest.all_shown_mut().values_mut() {
             for (path, file) in shown.iter_mut() {
                 if touched.contains(&file.digest)
-                    && let Ok(stamp) = crate::stamp::Stamp::read(&self.root.join(path))
+                    && let Ok(stamp) = Stamp::read(&self.root.join(path))
+                    && stamp.differs_by_links_alone(file.stamp)
                 {
                     file.stamp = stamp;
                 }

@@ -87,13 +87,36 @@ pub(crate) fn mend(lake: &Lake) -> Result<(), LakeError> {
         let Ok(run) = runs::read(lake.root(), number) else {
             continue;
         };
+        let mut is_lost = false;
         for (name, file) in &run.history {
             if lake.blobs().is_unchanged(file)? {
                 published::show(lake, &file.digest, &lake.root().join(shown(name, number)))?;
+            } else {
+                is_lost = true;
             }
+        }
+        if is_lost {
+            make_again(lake, run)?;
         }
     }
     Ok(())
+}
+
+/// Makes the tables of a run again from its record and those of its units.
+fn make_again(lake: &Lake, mut run: Run) -> Result<(), LakeError> {
+    // Without the list of its units nothing can be said about them.
+    let Ok(refs) = runs::units(lake.root(), &run) else {
+        return Ok(());
+    };
+    let mut units = Vec::new();
+    for unit in refs {
+        if let Some(stored) = lake.records().read(&unit.fingerprint)? {
+            units.push((unit, Arc::new(stored.outcome)));
+        }
+    }
+    let record = run.record.clone();
+    run.history = keep(lake, &run, &record, &units)?;
+    runs::keep(lake, &run)
 }
 
 fn text<'a>(values: impl Iterator<Item = &'a str>) -> ArrayRef {

@@ -21,7 +21,7 @@ use crate::{
 /// A lock, let go of and removed when it is dropped.
 pub(crate) struct Lock {
     path: PathBuf,
-    _file: File,
+    file: File,
 }
 
 /// Who holds a lock.
@@ -103,18 +103,30 @@ pub(crate) fn try_take(locks: &Path, name: &str, what: &str) -> Result<Option<Lo
 /// Waits until nobody excludes others from what this name stands for. Many may share it; the file
 /// stays where it is.
 pub(crate) fn share(locks: &Path, name: &str) -> Result<File, LakeError> {
-    let path = locks.join(name);
-    let file = open(&path)?;
-    file.lock_shared().map_err(io_error("lock", &path))?;
-    Ok(file)
+    stay(&locks.join(name), File::lock_shared)
 }
 
 /// Waits until nobody shares what this name stands for, and keeps others from it.
 pub(crate) fn exclude(locks: &Path, name: &str) -> Result<File, LakeError> {
-    let path = locks.join(name);
-    let file = open(&path)?;
-    file.lock().map_err(io_error("lock", &path))?;
-    Ok(file)
+    stay(&locks.join(name), File::lock)
+}
+
+/// Locks a file that nobody removes, and makes sure that nobody did.
+fn stay(path: &Path, lock: impl Fn(&File) -> io::Result<()>) -> Result<File, LakeError> {
+    loop {
+        let file = open(path)?;
+        lock(&file).map_err(io_error("lock", path))?;
+        if is_at(path, &file)? {
+            return Ok(file);
+        }
+    }
+}
+
+/// Whether a path still leads to an open file.
+fn is_at(path: &Path, file: &File) -> Result<bool, LakeError> {
+    let opened = file.metadata().map_err(io_error("lock", path))?;
+    let same = |there: fs::Metadata| (there.dev(), there.ino()) == (opened.dev(), opened.ino());
+    Ok(fs::metadata(path).is_ok_and(same))
 }
 
 /// Whether somebody has the lock of this name.
@@ -142,11 +154,7 @@ fn open(path: &Path) -> Result<File, LakeError> {
 
 /// Makes sure that the file locked is the one that others will find, and writes into it who has it.
 fn confirm(path: &Path, mut file: File, what: &str) -> Result<Option<Lock>, LakeError> {
-    let is_same = |there: &fs::Metadata, locked: &fs::Metadata| {
-        (there.dev(), there.ino()) == (locked.dev(), locked.ino())
-    };
-    let locked = file.metadata().map_err(io_error("lock", path))?;
-    if !fs::metadata(path).is_ok_and(|there| is_same(&there, &locked)) {
+    if !is_at(path, &file)? {
         return Ok(None);
     }
     let text = serde_json::to_vec(&Holder::this(what)).unwrap_or_default();
@@ -156,7 +164,7 @@ fn confirm(path: &Path, mut file: File, what: &str) -> Result<Option<Lock>, Lake
         .map_err(io_error("write", path))?;
     Ok(Some(Lock {
         path: path.to_owned(),
-        _file: file,
+        file,
     }))
 }
 
@@ -172,7 +180,9 @@ fn holder(path: &Path) -> String {
 impl Drop for Lock {
     fn drop(&mut self) {
         // Removed while it is still locked: who waits for it finds that it is gone and begins anew.
-        let _gone = fs::remove_file(&self.path);
+        if is_at(&self.path, &self.file).unwrap_or(false) {
+            let _gone = fs::remove_file(&self.path);
+        }
     }
 }
 

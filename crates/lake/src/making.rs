@@ -53,10 +53,10 @@ impl<'a> UnitInTheMaking<'a> {
     }
 
     fn keep(&self, unkept: Unkept) -> Result<Record, LakeError> {
-        // From here on the unit is kept even if somebody stops the program.
-        let _landing = self.lake.flight().land();
         // Nobody collects bytes that this unit is about to need.
         let _shared = lock::share(&self.lake.locks(), COLLECTING)?;
+        // From here on the unit is kept even if somebody stops the program.
+        let _landing = self.lake.flight().land();
         let outcome = match unkept.outcome {
             Outcome::Made(made) => {
                 if let Some((metric, value)) = made.metrics.iter().find(|(_, v)| !v.is_finite()) {

@@ -6,7 +6,7 @@
 mod stored;
 
 use std::{
-    collections::{BTreeMap, BTreeSet, HashMap},
+    collections::{BTreeMap, BTreeSet, HashMap, HashSet},
     path::{Path, PathBuf},
     sync::Arc,
 };
@@ -26,6 +26,8 @@ const ENDING: &str = ".cache";
 pub(crate) struct Newest {
     units: BTreeMap<NodeName, BTreeMap<String, NewestOf>>,
     outcomes: HashMap<Digest, Arc<RecordOutcome>>,
+    /// Fingerprints of units that the newest runs still had, when this was read.
+    current: HashSet<Digest>,
     shown: BTreeMap<NodeName, Shown>,
     /// Nodes of which this process has changed what they show.
     shown_now: BTreeSet<NodeName>,
@@ -67,7 +69,11 @@ pub(crate) fn pipeline_of(name: &str) -> &str {
 impl Newest {
     /// Reads the file; one that cannot be used is as good as none.
     pub(crate) fn read(path: &Path) -> Result<Self, LakeError> {
-        stored::read(path)
+        let mut newest = stored::read(path)?;
+        let units = newest.units.values().flat_map(BTreeMap::values);
+        let current = units.filter(|unit| unit.current);
+        newest.current = current.map(|unit| unit.fingerprint).collect();
+        Ok(newest)
     }
 
     /// Writes the file, with the stamps of the blobs that its units gave.
@@ -88,6 +94,11 @@ impl Newest {
             }
         }
         stored::write(self, &stamps, staging, path)
+    }
+
+    /// Whether the newest runs still had the unit of this fingerprint, when this was read.
+    pub(crate) fn is_current(&self, fingerprint: &Digest) -> bool {
+        self.current.contains(fingerprint)
     }
 
     /// Returns the result of a unit that is or was newest.

@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeMap,
+    env,
     path::{Path, PathBuf},
 };
 
@@ -25,6 +26,8 @@ pub struct Run {
     pub started_ns: u64,
     /// The machine's name.
     pub host: String,
+    /// The folder in which it was run: relative paths of its record are meant from there.
+    pub folder: PathBuf,
     /// The process's name, under which it holds a lock while it runs.
     pub(crate) process: String,
     /// The program and its version.
@@ -51,6 +54,7 @@ impl Run {
             number,
             started_ns: nanoseconds(now()),
             host: host(),
+            folder: env::current_dir().unwrap_or_default(),
             process: atomic::process_name(),
             program: concat!("pipeline ", env!("CARGO_PKG_VERSION")).to_owned(),
             record,
@@ -82,7 +86,9 @@ pub(crate) fn numbers(root: &Path) -> Result<Vec<u64>, LakeError> {
     let numbers = names
         .iter()
         .filter_map(|name| name.strip_suffix(".json")?.parse().ok());
-    Ok(numbers.collect())
+    let mut numbers: Vec<u64> = numbers.collect();
+    numbers.sort_unstable();
+    Ok(numbers)
 }
 
 /// Keeps the record of a run that begins, under the next number.
@@ -114,7 +120,12 @@ pub(crate) fn end(
     run.manifest = Some(keep_manifest(lake, &units)?);
     run.record = record;
     run.history = history;
-    sealed::write(&lake.staging(), &path(lake.root(), run.number), &run)
+    keep(lake, &run)
+}
+
+/// Writes a run's record.
+pub(crate) fn keep(lake: &Lake, run: &Run) -> Result<(), LakeError> {
+    sealed::write(&lake.staging(), &path(lake.root(), run.number), run)
 }
 
 fn keep_manifest(lake: &Lake, units: &[UnitRef]) -> Result<Digest, LakeError> {

@@ -1,7 +1,7 @@
 //! Digests of files outside the lake, remembered as long as their stamps stay the same.
 
 use std::{
-    collections::HashMap,
+    collections::{BTreeMap, HashMap},
     env, io,
     path::{Path, PathBuf},
     sync::{Mutex, MutexGuard, OnceLock, PoisonError},
@@ -10,7 +10,7 @@ use std::{
 use dataflow::Digest;
 use serde::{Deserialize, Serialize};
 
-use crate::{LakeError, blobs::digest_file, clock::now, sealed, stamp::Stamp};
+use crate::{LakeError, blobs::digest_file, clock::now, lock, sealed, stamp::Stamp};
 
 /// The remembered digests.
 pub(crate) struct Sources {
@@ -24,7 +24,8 @@ pub(crate) struct Sources {
 pub(crate) struct Known {
     /// By absolute path.
     pub(crate) entries: HashMap<String, Entry>,
-    changed: bool,
+    /// What this process has learned, or forgotten where there is no entry.
+    learned: BTreeMap<String, Option<Entry>>,
 }
 
 /// What is remembered of a file.
@@ -50,7 +51,7 @@ impl Sources {
             let entries = sealed::read_if_whole(&self.file).ok().flatten();
             Mutex::new(Known {
                 entries: entries.unwrap_or_default(),
-                changed: false,
+                learned: BTreeMap::new(),
             })
         });
         known.lock().unwrap_or_else(PoisonError::into_inner)
@@ -73,8 +74,9 @@ impl Sources {
             && Stamp::read(path)? == stamp
         {
             let mut known = self.known();
-            known.entries.insert(key, Entry { stamp, digest });
-            known.changed = true;
+            let entry = Entry { stamp, digest };
+            known.learned.insert(key.clone(), Some(entry));
+            known.entries.insert(key, entry);
         }
         Ok(digest)
     }
@@ -93,16 +95,28 @@ impl Sources {
     /// Forgets a file, so that it is read the next time.
     pub(crate) fn forget(&self, path: &str) {
         let mut known = self.known();
-        known.changed |= known.entries.remove(path).is_some();
+        if known.entries.remove(path).is_some() {
+            known.learned.insert(path.to_owned(), None);
+        }
     }
 
-    /// Keeps what was learned.
-    pub(crate) fn save(&self, staging: &Path) -> Result<(), LakeError> {
+    /// Keeps what was learned, beside what other processes have kept meanwhile.
+    pub(crate) fn save(&self, staging: &Path, locks: &Path) -> Result<(), LakeError> {
         let mut known = self.known();
-        if known.changed {
-            sealed::write(staging, &self.file, &known.entries)?;
-            known.changed = false;
+        if known.learned.is_empty() {
+            return Ok(());
         }
+        let _turn = lock::wait_for(locks, "sources", "what it knows of files outside", &|_| {})?;
+        let there: Option<HashMap<String, Entry>> = sealed::read_if_whole(&self.file)?;
+        let mut entries = there.unwrap_or_default();
+        for (path, entry) in std::mem::take(&mut known.learned) {
+            match entry {
+                Some(entry) => entries.insert(path, entry),
+                None => entries.remove(&path),
+            };
+        }
+        sealed::write(staging, &self.file, &entries)?;
+        known.entries = entries;
         Ok(())
     }
 }

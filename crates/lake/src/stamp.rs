@@ -47,6 +47,11 @@ impl Stamp {
         self.0[0].cast_unsigned()
     }
 
+    /// Whether nothing but the time of change differs, as after the file was linked or unlinked.
+    pub(crate) fn differs_by_links_alone(self, other: Self) -> bool {
+        self.0[..4] == other.0[..4]
+    }
+
     /// Whether a later write would have left another stamp: the last one is longer ago than a tick.
     pub(crate) fn is_settled(self, now: SystemTime) -> bool {
         let [_, _, modified, modified_ns, changed, changed_ns] = self.0;

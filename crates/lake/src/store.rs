@@ -52,6 +52,13 @@ impl Lake {
         known.find_map(|newest| newest.outcome(fingerprint).cloned())
     }
 
+    /// Whether nobody collects a unit, because a pipeline's newest runs had it.
+    fn is_current(&self, fingerprint: &Digest) -> bool {
+        let newest = self.newest();
+        let mut known = newest.values();
+        known.any(|newest| newest.is_current(fingerprint))
+    }
+
     /// Takes an old record into use: whoever collects what is not used leaves it.
     fn use_old(&self, fingerprint: &Digest) {
         // A lake that cannot be written is not collected either.
@@ -61,8 +68,11 @@ impl Lake {
     }
 
     fn find(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, LakeError> {
-        if let Some(outcome) = self.newest_outcome(fingerprint) {
-            return Ok(self.is_whole(&outcome)?.then_some(outcome));
+        if self.is_current(fingerprint)
+            && let Some(outcome) = self.newest_outcome(fingerprint)
+            && self.is_whole(&outcome)?
+        {
+            return Ok(Some(outcome));
         }
         if self.recall_old(fingerprint)?.is_none() {
             return Ok(None);
@@ -88,9 +98,10 @@ impl Store for Lake {
     }
 
     fn recall(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised> {
-        match self.newest_outcome(fingerprint) {
+        // The record comes first: what is remembered of the newest state may be older.
+        match self.recall_old(fingerprint)? {
             Some(outcome) => Ok(Some(outcome)),
-            None => Ok(self.recall_old(fingerprint)?),
+            None => Ok(self.newest_outcome(fingerprint)),
         }
     }
 
@@ -218,7 +229,7 @@ impl Store for Lake {
                 kept => kept?,
             }
         }
-        match self.sources().save(&self.staging()) {
+        match self.sources().save(&self.staging(), &self.locks()) {
             Err(_) if units.is_none() => Ok(()),
             saved => Ok(saved?),
         }

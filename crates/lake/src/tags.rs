@@ -67,7 +67,7 @@ impl Lake {
         // Asked for before anything is written: a run that is not there makes no folder.
         self.run_without_units(run)?;
         self.prepare()?;
-        let _turn = lock::wait_for(&self.locks(), COLLECTING, "a tag", &|_| {})?;
+        let _shared = lock::share(&self.locks(), COLLECTING)?;
         self.run_without_units(run)?;
         let path = self.tag_path(name);
         let before: Option<u64> = sealed::read_if_whole(&path)?;

@@ -20,10 +20,11 @@ use crate::{
     blobs::digest_file,
     compact,
     folder::{Lake, names_in},
-    newest,
+    history, lock, newest,
     published::{EVERY, FILES, TABLES},
     runs, sealed,
     stamp::Stamp,
+    store::COLLECTING,
 };
 
 /// Something in the lake that is not as it was stored.
@@ -111,23 +112,29 @@ impl Lake {
         }
         if !verified.faults.is_empty() {
             self.prepare()?;
-            self.sources().save(&self.staging())?;
+            self.sources().save(&self.staging(), &self.locks())?;
         }
         Ok(verified)
     }
 
-    /// Removes damaged files, so that the next run that needs them makes them again.
+    /// Removes damaged files, so that the next run that needs them makes them again, and shows the
+    /// tables of runs again. Everything is checked once more while nobody keeps a unit: what was
+    /// mended meanwhile stays. Returns the number of files removed.
     ///
     /// # Errors
     ///
     /// Fails if a file cannot be removed.
-    pub fn drop_damaged(&self, faults: &[Fault]) -> Result<usize, LakeError> {
+    pub fn drop_damaged(&self, on_bytes: &OnBytes) -> Result<usize, LakeError> {
+        self.prepare()?;
+        let _alone = lock::exclude(&self.locks(), COLLECTING)?;
+        let faults = self.verify(on_bytes)?.faults;
         let droppable = faults.iter().filter(|fault| fault.can_drop);
         let mut n_dropped = 0;
         for fault in droppable {
             crate::atomic::remove_if_there(&self.root().join(&fault.path))?;
             n_dropped += 1;
         }
+        history::mend(self)?;
         Ok(n_dropped)
     }
 }
@@ -307,14 +314,24 @@ impl Verifier<'_> {
     /// Checks what people see: the same files as blobs, or copies of them.
     fn shown(&mut self, folder: &Path) -> Result<(), LakeError> {
         let blobs: BTreeSet<Digest> = self.inodes.values().copied().collect();
+        let faults = self.verified.faults.iter();
+        let damaged: BTreeSet<Digest> = faults
+            .filter(|fault| fault.path.starts_with("blobs"))
+            .filter_map(|fault| named_by(&fault.path))
+            .collect();
         for path in files_below(&self.lake.root().join(folder))? {
             self.verified.n_files += 1;
             let inode = fs::metadata(&path).map(|metadata| (metadata.dev(), metadata.ino()));
-            if inode.is_ok_and(|inode| self.inodes.contains_key(&inode)) {
+            if let Some(digest) = inode.ok().and_then(|inode| self.inodes.get(&inode)) {
+                if damaged.contains(digest) {
+                    self.fault(&path, "it shows damaged bytes");
+                }
                 continue;
             }
             match digest_file(&path) {
-                Ok(digest) if blobs.contains(&digest) => {}
+                // A run may show what it has made since the blobs were listed.
+                Ok(digest)
+                    if blobs.contains(&digest) || self.lake.blobs().path(&digest).exists() => {}
                 Ok(_) => self.fault(&path, "it is not what a unit made"),
                 Err(err) => self.fault(&path, format!("cannot be read: {err}")),
             }
