@@ -34,12 +34,12 @@ pub(crate) fn drop_on_signal(lake: &Arc<Lake>) -> Result<(), Trouble> {
 pub(crate) fn stop(lake: &Lake) -> ! {
     let (_nothing_is_kept_now, n_dropped) = lake.abandon();
     let dropped = match n_dropped {
-        0 => "nothing was being made".to_owned(),
-        1 => "the unit in the making is dropped".to_owned(),
-        n => format!("the {n} units in the making are dropped"),
+        0 => String::new(),
+        1 => "the unit in the making is dropped, ".to_owned(),
+        n => format!("the {n} units in the making are dropped, "),
     };
     report::line(&format!(
-        "interrupted: {dropped}, everything made before is kept; the same command goes on from there"
+        "interrupted: {dropped}everything made before is kept; the same command goes on from there"
     ));
     process::exit(i32::from(INTERRUPTED));
 }

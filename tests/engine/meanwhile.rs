@@ -26,7 +26,7 @@ fn nothing_is_kept_of_an_input_that_changes_while_it_is_read() {
 }
 
 #[test]
-fn dropped_tables_of_runs_are_made_again_from_their_records() {
+fn damaged_tables_of_runs_are_refused_and_made_again_from_their_records() {
     let place = Place::with_inputs(CHAIN, 3);
     place.run_well(&[]);
     let table = place.lake().join("tables/metrics/run=1/part.parquet");
@@ -38,9 +38,16 @@ fn dropped_tables_of_runs_are_made_again_from_their_records() {
     put(&blob, &whole[..whole.len() / 2]);
     fs::remove_file(&table).unwrap();
     put(&table, b"no table");
+    let mut query = place.bare(&place.lake(), "query");
+    let asked = query.arg("select count(*) from metrics").output().unwrap();
+    assert_eq!(asked.status.code(), Some(1));
+    assert!(stderr(&asked).contains("metrics/run=1/part.parquet` is damaged"));
     let mut verify = place.bare(&place.lake(), "verify");
     let dropped = verify.arg("--drop").output().unwrap();
     assert_eq!(dropped.status.code(), Some(1), "{}", stderr(&dropped));
     assert_eq!(read(&table), whole);
     well(place.bare(&place.lake(), "verify"));
+    let mut query = place.bare(&place.lake(), "query");
+    query.arg("select count(*) from metrics");
+    well(query);
 }

@@ -26,6 +26,7 @@
 
 mod atomic;
 mod blobs;
+mod checked;
 mod clock;
 mod collect;
 mod compact;

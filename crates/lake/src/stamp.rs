@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 /// Size, times and inode of a file. As long as they stay the same, nobody has written to it by way
 /// of this file system: the time of change moves even when the time of modification is set back.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(from = "[i64; 6]", into = "[i64; 6]")]
 pub(crate) struct Stamp([i64; 6]);
 

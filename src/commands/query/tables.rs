@@ -39,6 +39,7 @@ impl Tables {
         match run {
             Some(run) => {
                 for table in one_run::tables(lake, run)? {
+                    check(lake, sql, &table.name, &lake.every_folder(&table.name))?;
                     if table.n_collected > 0 && sql.contains(&table.name) {
                         tables
                             .collected
@@ -51,11 +52,13 @@ impl Tables {
             }
             None => {
                 for newest in lake.newest_tables()? {
+                    check(lake, sql, &newest.table, &newest.folder)?;
                     tables.register(newest.table, scan(&newest.folder).map_err(failed)?);
                 }
             }
         }
         for (name, folder) in lake.history_tables()? {
+            check(lake, sql, &name, &folder)?;
             tables.register(name, scan(&folder).map_err(failed)?);
         }
         tables.open_all_runs(lake, sql)?;
@@ -82,6 +85,7 @@ impl Tables {
         for table in lake.tables()? {
             let name = format!("{ALL}{table}");
             if sql.contains(&name) && lake.every_folder(&table).is_dir() {
+                check(lake, sql, &name, &lake.every_folder(&table))?;
                 let frame = of_all_runs(lake, &table, &units).map_err(failed)?;
                 self.register(name, frame);
             }
@@ -94,6 +98,14 @@ impl Tables {
         let answer = self.context.execute(sql).and_then(LazyFrame::collect);
         answer.map_err(|err| faults::explain(&err, sql, &self.known))
     }
+}
+
+/// Makes sure that a table that a question names is not damaged.
+fn check(lake: &Lake, sql: &str, name: &str, folder: &Path) -> Result<(), Trouble> {
+    if sql.contains(name) {
+        lake.check_shown(folder)?;
+    }
+    Ok(())
 }
 
 fn failed(err: PolarsError) -> Trouble {
