@@ -111,16 +111,8 @@ pub(crate) struct PlanArgs {
     #[command(flatten)]
     pub(crate) pipeline: PipelineArgs,
     /// How to print
-    #[arg(long, value_enum, default_value_t = PlanFormat::Text)]
-    pub(crate) format: PlanFormat,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum PlanFormat {
-    /// One line per output and cause
-    Text,
-    /// Every unit with its causes; one JSON object per variant
-    Json,
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub(crate) format: Format,
 }
 
 #[derive(Args)]
@@ -277,16 +269,8 @@ pub(crate) struct VerifyArgs {
     #[arg(long)]
     pub(crate) drop: bool,
     /// How to print
-    #[arg(long, value_enum, default_value_t = VerifyFormat::Text)]
-    pub(crate) format: VerifyFormat,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum VerifyFormat {
-    /// One line per damaged file
-    Text,
-    /// One object with every damaged file
-    Json,
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub(crate) format: Format,
 }
 
 #[derive(Args)]
@@ -301,16 +285,8 @@ pub(crate) struct GcArgs {
     #[arg(long)]
     pub(crate) dry_run: bool,
     /// How to print
-    #[arg(long, value_enum, default_value_t = GcFormat::Text)]
-    pub(crate) format: GcFormat,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum GcFormat {
-    /// One line per output
-    Text,
-    /// One object
-    Json,
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub(crate) format: Format,
 }
 
 #[derive(Args)]
@@ -327,17 +303,9 @@ pub(crate) struct UnitArgs {
     #[arg(long)]
     pub(crate) fresh: bool,
     /// How to print
-    #[arg(long, value_enum, default_value_t = UnitFormat::Text)]
-    pub(crate) format: UnitFormat,
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub(crate) format: Format,
     /// Stop as soon as stdin closes, as it does when the process that started this one ends
     #[arg(long)]
     pub(crate) with_parent: bool,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum UnitFormat {
-    /// The digest of the unit's fingerprint
-    Text,
-    /// One object per line: progress, then the result or the failure
-    Json,
 }

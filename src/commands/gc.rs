@@ -9,7 +9,7 @@ use dataflow::{Digest, Pipeline, reached};
 use lake::{Collected, Collecting, Lake};
 
 use crate::{
-    arguments::{GcArgs, GcFormat, ValueArgs},
+    arguments::{Format, GcArgs, ValueArgs},
     command_line::Program,
     commands::pipeline_file,
     outcome::{Outcome, Trouble},
@@ -35,8 +35,8 @@ pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, Trouble> {
     };
     let collected = lake.collect(&kept, usize::from(args.keep), collecting)?;
     let text = match args.format {
-        GcFormat::Text => listed(&collected, collecting),
-        GcFormat::Json => {
+        Format::Text => listed(&collected, collecting),
+        Format::Json => {
             let json = serde_json::to_string_pretty(&collected);
             format!("{}\n", json.map_err(|err| Trouble::failed(err, None))?)
         }

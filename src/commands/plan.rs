@@ -6,7 +6,7 @@ use dataflow::{Plan, PlannedUnit, UnitState};
 use lake::Lake;
 
 use crate::{
-    arguments::{PlanArgs, PlanFormat},
+    arguments::{Format, PlanArgs},
     command_line::Program,
     commands::{
         pipeline_file,
@@ -35,8 +35,8 @@ fn plan_variant(program: &Program, args: &PlanArgs) -> Result<Done, Trouble> {
     let options = pipeline_file::options(&args.pipeline, None);
     let plan = dataflow::plan(&pipeline, &Lake::open(&program.lake), &options)?;
     match args.format {
-        PlanFormat::Text => report::data(text(&plan).as_bytes()),
-        PlanFormat::Json => {
+        Format::Text => report::data(text(&plan).as_bytes()),
+        Format::Json => {
             let json =
                 serde_json::to_string_pretty(&plan).map_err(|err| Trouble::failed(err, None))?;
             report::data(format!("{json}\n").as_bytes());

@@ -6,7 +6,7 @@ use dataflow::{Advise, Forced, Node, NodeName, Observer, make_one, nearest};
 use lake::Lake;
 
 use crate::{
-    arguments::{UnitArgs, UnitFormat},
+    arguments::{Format, UnitArgs},
     command_line::Program,
     commands::pipeline_file,
     interrupt,
@@ -56,16 +56,16 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Troubl
             let fingerprint = made.fingerprint.to_hex();
             let made_now = made.made_now;
             match format {
-                UnitFormat::Text => report::data(format!("{fingerprint}\n").as_bytes()),
-                UnitFormat::Json => tell(&Event::Done {
+                Format::Text => report::data(format!("{fingerprint}\n").as_bytes()),
+                Format::Json => tell(&Event::Done {
                     fingerprint,
                     made_now,
                 }),
             }
             Ok(Outcome::Done)
         }
-        (Err(err), UnitFormat::Text) => Err(err.into()),
-        (Err(err), UnitFormat::Json) => {
+        (Err(err), Format::Text) => Err(err.into()),
+        (Err(err), Format::Json) => {
             let (hint, trouble) = (err.hint(), Trouble::from(err));
             let message = match &trouble {
                 Trouble::Failed { error, .. } => report::chain(error),
@@ -96,12 +96,12 @@ fn tell(event: &Event) {
 
 /// Passes on how far the unit is.
 struct Teller {
-    format: UnitFormat,
+    format: Format,
 }
 
 impl Observer for Teller {
     fn unit_progress(&self, _node: &Node, _partition: &str, fraction: f64, message: &str) {
-        if self.format == UnitFormat::Json {
+        if self.format == Format::Json {
             let message = message.to_owned();
             tell(&Event::Progress { fraction, message });
         }

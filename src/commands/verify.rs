@@ -6,7 +6,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use lake::{Fault, Lake, Verified};
 
 use crate::{
-    arguments::{VerifyArgs, VerifyFormat},
+    arguments::{Format, VerifyArgs},
     command_line::Program,
     outcome::{Outcome, Trouble},
     progress::Quiet,
@@ -39,8 +39,8 @@ pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<Outcome, Tr
         bar.finish_and_clear();
     }
     let text = match args.format {
-        VerifyFormat::Text => listed(&verified.faults),
-        VerifyFormat::Json => {
+        Format::Text => listed(&verified.faults),
+        Format::Json => {
             let json = serde_json::to_string_pretty(&verified);
             format!("{}\n", json.map_err(|err| Trouble::failed(err, None))?)
         }
