@@ -120,3 +120,69 @@ impl Sources {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::{fs::File, time::Duration};
+
+    use super::*;
+
+    /// Waits until the file's times are so old that a later write would show in them.
+    fn settle(path: &Path) {
+        while !Stamp::read(path).unwrap().is_settled(now()) {
+            std::thread::yield_now();
+        }
+    }
+
+    #[test]
+    fn a_touched_file_is_read_once_and_not_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("recording");
+        File::create(&path).unwrap();
+        let sources = Sources::new(folder.path().join("sources.json"));
+        settle(&path);
+        let empty = Digest::of_bytes(b"");
+        assert_eq!(sources.digest(&path).unwrap(), empty);
+
+        let long_ago = now() - Duration::from_secs(1000);
+        File::open(&path).unwrap().set_modified(long_ago).unwrap();
+        settle(&path);
+        assert_eq!(sources.digest(&path).unwrap(), empty);
+        // What is remembered now is believed without a look at the bytes, also by the next process.
+        let key = path.to_str().unwrap();
+        let stamp = Stamp::read(&path).unwrap();
+        assert_eq!(sources.known().entries[key].stamp, stamp);
+        let sentinel = Digest::of_bytes(b"not what is in the file");
+        sources
+            .known()
+            .learned
+            .get_mut(key)
+            .unwrap()
+            .as_mut()
+            .unwrap()
+            .digest = sentinel;
+        sources
+            .save(folder.path(), &folder.path().join("locks"))
+            .unwrap();
+        let next = Sources::new(folder.path().join("sources.json"));
+        assert_eq!(next.digest(&path).unwrap(), sentinel);
+    }
+
+    #[test]
+    fn what_another_process_has_learned_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("sources.json");
+        let (one, other) = (Sources::new(file.clone()), Sources::new(file.clone()));
+        let paths = ["a", "b"].map(|name| folder.path().join(name));
+        for path in &paths {
+            File::create(path).unwrap();
+            settle(path);
+        }
+        let locks = folder.path().join("locks");
+        one.digest(&paths[0]).unwrap();
+        other.digest(&paths[1]).unwrap();
+        one.save(folder.path(), &locks).unwrap();
+        other.save(folder.path(), &locks).unwrap();
+        assert_eq!(Sources::new(file).known().entries.len(), 2);
+    }
+}

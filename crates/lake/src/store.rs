@@ -38,7 +38,7 @@ impl Lake {
         Ok(true)
     }
 
-    /// Returns a result that no newest state knows, and takes its record into use.
+    /// Returns the result that a record holds.
     fn recall_old(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, LakeError> {
         let Some(stored) = self.records().read(fingerprint)? else {
             return Ok(None);
@@ -46,6 +46,7 @@ impl Lake {
         Ok(Some(Arc::new(stored.outcome)))
     }
 
+    /// Returns the result of a unit that is or was newest in a pipeline that was entered.
     fn newest_outcome(&self, fingerprint: &Digest) -> Option<Arc<RecordOutcome>> {
         let newest = self.newest();
         let mut known = newest.values();
@@ -67,6 +68,7 @@ impl Lake {
         }
     }
 
+    /// Returns a whole result: one of the newest runs', or an older one, which is taken into use.
     fn find(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, LakeError> {
         if self.is_current(fingerprint)
             && let Some(outcome) = self.newest_outcome(fingerprint)
