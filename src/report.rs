@@ -5,12 +5,21 @@ use std::{
     process::ExitCode,
 };
 
+use serde::Serialize;
+
 use crate::outcome::Trouble;
 
 /// Writes data to stdout. A reader that has gone away is no fault.
 pub(crate) fn data(bytes: &[u8]) {
     let mut stdout = io::stdout().lock();
     let _gone = stdout.write_all(bytes).and_then(|()| stdout.flush());
+}
+
+/// Writes a value as JSON to stdout, for programs.
+pub(crate) fn json(value: &impl Serialize) -> Result<(), Trouble> {
+    let json = serde_json::to_string_pretty(value).map_err(|err| Trouble::failed(err, None))?;
+    data(format!("{json}\n").as_bytes());
+    Ok(())
 }
 
 /// Writes a line for people to stderr.

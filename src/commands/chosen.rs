@@ -4,12 +4,8 @@ use std::io;
 
 use dataflow::{NodeName, UnitRef, nearest};
 use lake::{Lake, LakeError, Run};
-use serde::Serialize;
 
-use crate::{
-    outcome::{Outcome, Trouble},
-    report,
-};
+use crate::outcome::Trouble;
 
 /// Returns the run of this name, or the newest one.
 pub(crate) fn run(lake: &Lake, name: Option<&str>) -> Result<Run, Trouble> {
@@ -79,11 +75,4 @@ pub(crate) fn unit<'a>(
             ),
         )
     })
-}
-
-/// Prints everything for programs.
-pub(crate) fn print_json(value: &impl Serialize) -> Result<Outcome, Trouble> {
-    let json = serde_json::to_string_pretty(value).map_err(|err| Trouble::failed(err, None))?;
-    report::data(format!("{json}\n").as_bytes());
-    Ok(Outcome::Done)
 }

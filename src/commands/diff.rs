@@ -72,10 +72,8 @@ pub(crate) fn diff(program: &Program, args: &DiffArgs) -> Result<Outcome, Troubl
         }
     }
     match args.format {
-        Format::Json => chosen::print_json(&difference),
-        Format::Text => {
-            report::data(text::text(&difference).as_bytes());
-            Ok(Outcome::Done)
-        }
+        Format::Json => report::json(&difference)?,
+        Format::Text => report::data(text::text(&difference).as_bytes()),
     }
+    Ok(Outcome::Done)
 }

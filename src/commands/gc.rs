@@ -34,14 +34,10 @@ pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, Trouble> {
         Collecting::Remove
     };
     let collected = lake.collect(&kept, usize::from(args.keep), collecting)?;
-    let text = match args.format {
-        Format::Text => listed(&collected, collecting),
-        Format::Json => {
-            let json = serde_json::to_string_pretty(&collected);
-            format!("{}\n", json.map_err(|err| Trouble::failed(err, None))?)
-        }
-    };
-    report::data(text.as_bytes());
+    match args.format {
+        Format::Text => report::data(listed(&collected, collecting).as_bytes()),
+        Format::Json => report::json(&collected)?,
+    }
     if program.quiet == Quiet::No {
         report::line(&summary(&collected, collecting));
     }

@@ -1,7 +1,7 @@
 //! `pipeline inspect`
 
 use dataflow::{Record, RecordOutcome, UnitRef};
-use lake::{Lake, table};
+use lake::{Lake, Provenance, table};
 
 use crate::{
     arguments::InspectArgs,
@@ -34,8 +34,8 @@ pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, 
         left_out(&results)
     } else if let Some(partition) = &args.partition {
         let unit = chosen::unit(&units, &args.artifact, partition)?;
-        match lake.record(&unit.fingerprint)? {
-            Some(record) => one(&lake, unit, &record)?,
+        match lake.record_and_provenance(&unit.fingerprint)? {
+            Some((record, provenance)) => one(&lake, unit, &record, &provenance)?,
             None => format!("`{partition}` was collected; run {} had it\n", run.number),
         }
     } else {
@@ -53,16 +53,13 @@ pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, 
 fn left_out(results: &[(&UnitRef, Record)]) -> String {
     let mut rows = Vec::new();
     for (unit, record) in results {
-        let (word, reason) = match &record.outcome {
-            RecordOutcome::Made { .. } => continue,
-            RecordOutcome::Skipped { reason } => ("skipped", reason),
-            RecordOutcome::Filtered { reason } => ("filtered", reason),
-        };
-        rows.push(vec![
-            word.to_owned(),
-            unit.partition.clone(),
-            reason.clone(),
-        ]);
+        if let Some(reason) = record.outcome.reason() {
+            rows.push(vec![
+                record.outcome.word().to_owned(),
+                unit.partition.clone(),
+                reason.to_owned(),
+            ]);
+        }
     }
     if rows.is_empty() {
         return "nothing was skipped or filtered\n".to_owned();
@@ -126,7 +123,12 @@ fn overview(lake: &Lake, results: &[(&UnitRef, Record)]) -> Result<String, Troub
 }
 
 /// Everything about one partition.
-fn one(lake: &Lake, unit: &UnitRef, record: &Record) -> Result<String, Trouble> {
+fn one(
+    lake: &Lake,
+    unit: &UnitRef,
+    record: &Record,
+    provenance: &Provenance,
+) -> Result<String, Trouble> {
     let mut rows = vec![
         vec!["partition".to_owned(), unit.partition.clone()],
         vec!["fingerprint".to_owned(), unit.fingerprint.to_string()],
@@ -159,14 +161,12 @@ fn one(lake: &Lake, unit: &UnitRef, record: &Record) -> Result<String, Trouble> 
     let json = serde_json::to_string_pretty(&record.fingerprint)
         .map_err(|err| Trouble::failed(err, None))?;
     text.push_str(&format!("made of {json}\n"));
-    if let Some(provenance) = lake.provenance(&unit.fingerprint)? {
-        text.push_str(&format!(
-            "made at {} UTC by {} on `{}` in {}\n",
-            moments::minute(provenance.started_ns),
-            provenance.program,
-            provenance.host,
-            report::duration(provenance.took_s)
-        ));
-    }
+    text.push_str(&format!(
+        "made at {} UTC by {} on `{}` in {}\n",
+        moments::minute(provenance.started_ns),
+        provenance.program,
+        provenance.host,
+        report::duration(provenance.took_s)
+    ));
     Ok(text)
 }

@@ -70,9 +70,10 @@ fn print<T: Serialize>(
     direction: Direction,
     members: Vec<T>,
 ) -> Result<Outcome, Trouble> {
-    chosen::print_json(&Family {
+    report::json(&Family {
         run,
         direction,
         members,
-    })
+    })?;
+    Ok(Outcome::Done)
 }

@@ -36,11 +36,7 @@ fn plan_variant(program: &Program, args: &PlanArgs) -> Result<Done, Trouble> {
     let plan = dataflow::plan(&pipeline, &Lake::open(&program.lake), &options)?;
     match args.format {
         Format::Text => report::data(text(&plan).as_bytes()),
-        Format::Json => {
-            let json =
-                serde_json::to_string_pretty(&plan).map_err(|err| Trouble::failed(err, None))?;
-            report::data(format!("{json}\n").as_bytes());
-        }
+        Format::Json => report::json(&plan)?,
     }
     Ok(Done::without_words(Outcome::Done))
 }

@@ -96,9 +96,7 @@ pub(crate) fn runs(program: &Program, args: &RunsArgs) -> Result<Outcome, Troubl
         return Err(nothing(&lake, args, &pipelines));
     }
     match args.format {
-        Format::Json => {
-            chosen::print_json(&rows)?;
-        }
+        Format::Json => report::json(&rows)?,
         Format::Text if rows.is_empty() => {}
         Format::Text => report::data(text(&rows, Page::of_stdout().width).as_bytes()),
     }

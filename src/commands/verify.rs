@@ -38,14 +38,10 @@ pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<Outcome, Tr
     {
         bar.finish_and_clear();
     }
-    let text = match args.format {
-        Format::Text => listed(&verified.faults),
-        Format::Json => {
-            let json = serde_json::to_string_pretty(&verified);
-            format!("{}\n", json.map_err(|err| Trouble::failed(err, None))?)
-        }
-    };
-    report::data(text.as_bytes());
+    match args.format {
+        Format::Text => report::data(listed(&verified.faults).as_bytes()),
+        Format::Json => report::json(&verified)?,
+    }
     if verified.faults.is_empty() {
         say(
             program,

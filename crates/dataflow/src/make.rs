@@ -257,8 +257,8 @@ impl<'a> Maker<'a> {
     }
 }
 
-/// Makes one unit of a pipeline of which everything that it reads is in the store, as a process does that shares
-/// nothing with the run but the store and the pipeline's file.
+/// Makes one unit of a pipeline of which everything that it reads is in the store, as a process does
+/// that shares nothing with the run but the store and the pipeline's file.
 ///
 /// # Errors
 ///
@@ -274,7 +274,7 @@ pub fn make_one(
     let mut state = State::new(pipeline, store);
     store.enter(&pipeline.name)?;
     for node in pipeline.upstream_of(node) {
-        state.recall_some(node, |digest| store.recall(digest))?;
+        state.recall_some(node, Sure::Whole, |digest| store.recall(digest))?;
     }
     let mut nodes = pipeline.nodes.iter();
     let node = nodes

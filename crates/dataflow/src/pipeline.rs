@@ -17,7 +17,9 @@ use crate::{
     kind::{Configured, Kind},
     overrides::Override,
     source::Location,
+    stage::{Advised, Scope},
     store::Origin,
+    unit::Unit,
 };
 
 /// Items that a stage may skip when its table does not say: one in five.
@@ -53,11 +55,22 @@ pub struct StageEntry {
 impl StageEntry {
     /// Makes ready what lies outside the lake.
     pub(crate) fn prepare(&self) -> Result<(), Failure> {
-        self.configured.prepare().map_err(|source| Failure::Stage {
+        let prepared = self.configured.prepare();
+        prepared.map_err(|source| self.failure(source))
+    }
+
+    /// Lists the units of one of its outputs.
+    pub(crate) fn units(&self, artifact: &str, scope: &Scope) -> Result<Vec<Unit>, Failure> {
+        let units = self.configured.units(artifact, scope);
+        units.map_err(|source| self.failure(source))
+    }
+
+    fn failure(&self, source: Advised) -> Failure {
+        Failure::Stage {
             stage: self.name.clone(),
             partition: None,
             source,
-        })
+        }
     }
 
     /// Returns the configuration as it counts for the fingerprint.

@@ -163,9 +163,7 @@ impl Planner<'_> {
             let (state, outcome) = self.unit(node, unit, sure)?;
             match (&state, outcome) {
                 (UnitState::Cached, Some(outcome)) => {
-                    if matches!(*outcome, RecordOutcome::Made { .. }) {
-                        known.insert(unit.partition.clone(), Known::Made(outcome));
-                    }
+                    known.extend(Known::of(outcome).map(|known| (unit.partition.clone(), known)));
                 }
                 _ => open.push(unit),
             }

@@ -51,14 +51,7 @@ fn outside(stage: &StageEntry) -> Result<Outside, Failure> {
             n_files: 0,
         });
     };
-    let units = stage
-        .configured
-        .units(first.artifact, &Scope::default())
-        .map_err(|source| Failure::Stage {
-            stage: stage.name.clone(),
-            partition: None,
-            source,
-        })?;
+    let units = stage.units(first.artifact, &Scope::default())?;
     let files = units.iter().flat_map(|unit| &unit.files);
     let paths: BTreeSet<&Path> = files.map(|file| file.path.as_path()).collect();
     for path in &paths {

@@ -2,7 +2,7 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    sync::{Arc, Mutex, OnceLock, PoisonError},
+    sync::Arc,
     time::Instant,
 };
 
@@ -103,8 +103,7 @@ pub fn run(
         started,
         state: State::new(pipeline, store),
         reports: Vec::new(),
-        number: OnceLock::new(),
-        beginning: Mutex::new(()),
+        number: None,
     };
     let outcome = runner.go_through(&nodes).and_then(|()| runner.tidy());
     runner.finish(outcome)
@@ -121,8 +120,7 @@ struct Runner<'a> {
     state: State<'a>,
     reports: Vec<NodeReport>,
     /// The run's number, from the moment in which it first makes something.
-    number: OnceLock<u64>,
-    beginning: Mutex<()>,
+    number: Option<u64>,
 }
 
 impl Runner<'_> {
@@ -162,7 +160,7 @@ impl Runner<'_> {
         let made: Vec<Showing> = report
             .units
             .iter()
-            .filter(|unit| matches!(*unit.outcome, RecordOutcome::Made { .. }))
+            .filter(|unit| unit.outcome.is_made())
             .map(|unit| Showing {
                 partition: &unit.partition,
                 fingerprint: &unit.fingerprint,
@@ -209,11 +207,8 @@ impl Runner<'_> {
             self.observer.node_done(&report);
         }
         let known = report.units.iter().filter_map(|unit| {
-            let is_made = matches!(*unit.outcome, RecordOutcome::Made { .. });
-            is_made.then(|| {
-                let known = Known::Made(Arc::clone(&unit.outcome));
-                (unit.partition.clone(), known)
-            })
+            let known = Known::of(Arc::clone(&unit.outcome))?;
+            Some((unit.partition.clone(), known))
         });
         self.state.insert(&node.name, known.collect());
         self.reports.push(report);
@@ -270,23 +265,18 @@ impl Runner<'_> {
     }
 
     /// Notes in the store, once, that this run makes something.
-    fn begin(&self) -> Result<u64, Failure> {
-        let _turn = self
-            .beginning
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        if let Some(number) = self.number.get() {
-            return Ok(*number);
+    fn begin(&mut self) -> Result<(), Failure> {
+        if self.number.is_none() {
+            self.number = Some(self.store.begin_run(&self.record(RunStatus::Running))?);
         }
-        let number = self.store.begin_run(&self.record(RunStatus::Running))?;
-        Ok(*self.number.get_or_init(|| number))
+        Ok(())
     }
 
     /// Keeps what the run did, unless it found everything as the newest run had left it.
     fn finish(self, outcome: Result<(), Failure>) -> Result<RunReport, Failure> {
         let name = &self.pipeline.name;
         let is_unchanged = outcome.is_ok()
-            && self.number.get().is_none()
+            && self.number.is_none()
             && is_unchanged(&self.reports, &self.store.newest_units(name)?);
         let recorded = if is_unchanged {
             self.store.settle(name, None).map(|()| None)
@@ -310,8 +300,8 @@ impl Runner<'_> {
 
     fn keep(&self, status: RunStatus) -> Result<u64, crate::stage::Advised> {
         let record = self.record(status);
-        let number = match self.number.get() {
-            Some(number) => *number,
+        let number = match self.number {
+            Some(number) => number,
             None => self.store.begin_run(&record)?,
         };
         let outcomes = self.reports.iter().flat_map(|report| &report.units);
@@ -322,7 +312,7 @@ impl Runner<'_> {
             .zip(outcomes.map(|unit| Arc::clone(&unit.outcome)))
             .collect();
         self.store.settle(&self.pipeline.name, Some(&units))?;
-        self.store.end_run(number, &record)?;
+        self.store.end_run(number, &record, &units)?;
         Ok(number)
     }
 

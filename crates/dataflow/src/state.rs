@@ -35,6 +35,13 @@ pub(crate) enum Known {
     },
 }
 
+impl Known {
+    /// What is known of a partition that gave this; `None` if it was left out.
+    pub(crate) fn of(outcome: Arc<RecordOutcome>) -> Option<Self> {
+        outcome.is_made().then_some(Self::Made(outcome))
+    }
+}
+
 /// Whether labels are certain before the partition is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Foretold {
@@ -52,8 +59,8 @@ pub(crate) struct Listing {
     pub(crate) may_grow: bool,
 }
 
-/// What of a unit is certain before everything that its node reads is made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// What of a unit is certain before everything that its node reads is made; more is greater.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Sure {
     /// Nothing: it may not be there.
     No,
@@ -150,19 +157,19 @@ impl<'a> State<'a> {
                 node: node.name.clone(),
                 partition: unit.partition.clone(),
             })?;
-            if matches!(*outcome, RecordOutcome::Made { .. }) {
-                known.insert(unit.partition.clone(), Known::Made(outcome));
-            }
+            known.extend(Known::of(outcome).map(|known| (unit.partition.clone(), known)));
         }
         self.insert(&node.name, known);
         Ok(units)
     }
 
-    /// Takes those units of a node that are in the store; the others are open.
+    /// Takes those units of a node that are in the store and at least so certain; the others are
+    /// open.
     pub(crate) fn recall_some(
         &mut self,
         node: &Node,
-        find: impl Fn(&Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>,
+        at_least: Sure,
+        mut find: impl FnMut(&Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>,
     ) -> Result<(), Failure> {
         let Some(listing) = self.listing(node)? else {
             self.grows(&node.name);
@@ -171,20 +178,17 @@ impl<'a> State<'a> {
         let mut partitions = BTreeMap::new();
         for (unit, sure) in listing.units.iter().zip(listing.sure) {
             let outcome = match self.fingerprint(node, unit)? {
-                Some((_, digest)) if sure == Sure::Whole => find(&digest)?,
+                Some((_, digest)) if sure >= at_least => find(&digest)?,
                 _ => None,
             };
             let known = match outcome {
-                Some(outcome) if matches!(*outcome, RecordOutcome::Made { .. }) => {
-                    Known::Made(outcome)
-                }
-                Some(_) => continue,
-                None => Known::Open {
+                Some(outcome) => Known::of(outcome),
+                None => Some(Known::Open {
                     labels: Labels::new(),
                     foretold: Foretold::No,
-                },
+                }),
             };
-            partitions.insert(unit.partition.clone(), known);
+            partitions.extend(known.map(|known| (unit.partition.clone(), known)));
         }
         self.insert(&node.name, partitions);
         if listing.may_grow {
@@ -261,14 +265,7 @@ impl<'a> State<'a> {
 
     fn list(&self, node: &Node, scope: &Scope) -> Result<Vec<Unit>, Failure> {
         let stage = self.pipeline.stage(node);
-        let mut units = stage
-            .configured
-            .units(node.output.artifact, scope)
-            .map_err(|source| Failure::Stage {
-                stage: stage.name.clone(),
-                partition: None,
-                source,
-            })?;
+        let mut units = stage.units(node.output.artifact, scope)?;
         if let Some(unit) = units.iter().find(|unit| !is_key(&unit.partition)) {
             return Err(Failure::NotAKey {
                 node: node.name.clone(),

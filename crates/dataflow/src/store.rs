@@ -59,6 +59,28 @@ pub enum RecordOutcome {
 }
 
 impl RecordOutcome {
+    /// Whether there is an artifact.
+    pub fn is_made(&self) -> bool {
+        matches!(self, Self::Made { .. })
+    }
+
+    /// Returns what became of the item: `made`, `skipped` or `filtered`.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Made { .. } => "made",
+            Self::Skipped { .. } => "skipped",
+            Self::Filtered { .. } => "filtered",
+        }
+    }
+
+    /// Returns why there is no artifact.
+    pub fn reason(&self) -> Option<&str> {
+        match self {
+            Self::Made { .. } => None,
+            Self::Skipped { reason } | Self::Filtered { reason } => Some(reason),
+        }
+    }
+
     /// Returns the labels of a made artifact.
     pub fn labels(&self) -> Labels {
         match self {
@@ -358,12 +380,17 @@ pub trait Store: Sync {
     /// Fails if the store cannot be written.
     fn begin_run(&self, run: &RunRecord) -> Result<u64, Advised>;
 
-    /// Keeps what a run did.
+    /// Keeps what a run did, with the results of its units.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be written.
-    fn end_run(&self, number: u64, run: &RunRecord) -> Result<(), Advised>;
+    fn end_run(
+        &self,
+        number: u64,
+        run: &RunRecord,
+        units: &[(UnitRef, Arc<RecordOutcome>)],
+    ) -> Result<(), Advised>;
 
     /// Keeps what was learned about the pipeline: the newest state of the units of the nodes that
     /// were gone through, or nothing new about them.

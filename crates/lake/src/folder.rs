@@ -1,7 +1,7 @@
 //! The lake's folder: what lies where, and who looks after it.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     fs, io,
     path::{Path, PathBuf},
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -169,39 +169,51 @@ impl Lake {
     ///
     /// Fails if the lake cannot be read.
     pub fn newest_tables(&self) -> Result<Vec<NewestTable>, LakeError> {
-        let mut pipelines: Vec<String> = Vec::new();
-        for number in runs::numbers(&self.root)?.into_iter().rev() {
-            // A damaged record of a run hides no table of another.
-            if let Ok(run) = runs::read(&self.root, number)
-                && !pipelines.contains(&run.record.pipeline)
-            {
-                pipelines.push(run.record.pipeline);
-            }
-        }
-        let mut found = Vec::new();
+        let mut shown: Vec<(String, Vec<String>)> = Vec::new();
         for table in self.tables()? {
-            let tables = self.root.join(published::TABLES).join(&table);
-            let shown = names_in(&tables)?.into_iter();
-            let shown = shown.filter_map(|name| name.strip_prefix("pipeline=").map(str::to_owned));
-            let others: Vec<String> = shown.collect();
-            let newest = pipelines
+            let folders = names_in(&self.root.join(published::TABLES).join(&table))?;
+            let pipelines = folders
                 .iter()
-                .find(|pipeline| others.contains(pipeline))
-                .or(others.first());
-            found.push(match newest {
-                Some(pipeline) => NewestTable {
-                    folder: self.table_folder(&table, pipeline),
-                    table,
-                    pipeline: Some(pipeline.clone()),
+                .filter_map(|name| name.strip_prefix("pipeline=").map(str::to_owned));
+            shown.push((table, pipelines.collect()));
+        }
+        let newest = self.newest_first(shown.iter().flat_map(|(_, pipelines)| pipelines))?;
+        let mut found = Vec::new();
+        for (table, pipelines) in shown {
+            let is_shown = |pipeline: &&String| pipelines.contains(pipeline);
+            let pipeline = newest.iter().find(is_shown).or(pipelines.first());
+            found.push(NewestTable {
+                folder: match pipeline {
+                    Some(pipeline) => self.table_folder(&table, pipeline),
+                    None => self.root.join(published::TABLES).join(&table),
                 },
-                None => NewestTable {
-                    table,
-                    pipeline: None,
-                    folder: tables,
-                },
+                pipeline: pipeline.cloned(),
+                table,
             });
         }
         Ok(found)
+    }
+
+    /// Orders pipelines by their newest runs, the newest first; ones without a run are left out. Reads
+    /// no more records of runs than it needs to.
+    fn newest_first<'p>(
+        &self,
+        pipelines: impl Iterator<Item = &'p String>,
+    ) -> Result<Vec<String>, LakeError> {
+        let mut left: BTreeSet<&String> = pipelines.collect();
+        let mut ordered = Vec::new();
+        for number in runs::numbers(&self.root)?.into_iter().rev() {
+            if left.is_empty() {
+                break;
+            }
+            // A damaged record of a run hides no table of another.
+            if let Ok(run) = runs::read(&self.root, number)
+                && left.remove(&run.record.pipeline)
+            {
+                ordered.push(run.record.pipeline);
+            }
+        }
+        Ok(ordered)
     }
 
     /// Lists the numbers of all runs in order.
@@ -259,25 +271,31 @@ impl Lake {
     ///
     /// Fails if the record cannot be read.
     pub fn record(&self, fingerprint: &Digest) -> Result<Option<Record>, LakeError> {
-        match self.records.read(fingerprint)? {
-            Some(stored) => self.records.whole(stored),
-            None => Ok(None),
-        }
+        let found = self.record_and_provenance(fingerprint)?;
+        Ok(found.map(|(record, _)| record))
+    }
+
+    /// Returns the record kept under a fingerprint's digest, and when, where and by what its unit was
+    /// made.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the record cannot be read.
+    pub fn record_and_provenance(
+        &self,
+        fingerprint: &Digest,
+    ) -> Result<Option<(Record, Provenance)>, LakeError> {
+        let Some(stored) = self.records.read(fingerprint)? else {
+            return Ok(None);
+        };
+        let provenance = stored.provenance.clone();
+        let record = self.records.whole(stored)?;
+        Ok(record.map(|record| (record, provenance)))
     }
 
     /// Returns where the bytes of a file of an artifact lie.
     pub fn file(&self, file: &FileRef) -> PathBuf {
         self.blobs.path(&file.digest)
-    }
-
-    /// Returns when, where and by what a unit was made.
-    ///
-    /// # Errors
-    ///
-    /// Fails if the record cannot be read.
-    pub fn provenance(&self, fingerprint: &Digest) -> Result<Option<Provenance>, LakeError> {
-        let stored = self.records.read(fingerprint)?;
-        Ok(stored.map(|stored| stored.provenance))
     }
 
     /// Drops what this process is making, and notes that its run was interrupted; nothing is kept

@@ -227,7 +227,7 @@ fn settings(record: &RunRecord) -> Result<RecordBatch, ArrowError> {
 }
 
 /// The values of a configuration by their dotted keys.
-pub fn flatten(prefix: &str, value: &Value, values: &mut BTreeMap<String, Value>) {
+fn flatten(prefix: &str, value: &Value, values: &mut BTreeMap<String, Value>) {
     match value {
         Value::Object(table) => {
             for (key, value) in table {
@@ -250,34 +250,12 @@ fn units_table(
     units: &[(UnitRef, Arc<RecordOutcome>)],
 ) -> Result<RecordBatch, ArrowError> {
     let pipeline = record.pipeline.as_str();
-    let result = |outcome: &RecordOutcome| match outcome {
-        RecordOutcome::Made { .. } => "made",
-        RecordOutcome::Skipped { .. } => "skipped",
-        RecordOutcome::Filtered { .. } => "filtered",
-    };
-    let reason = |outcome: &RecordOutcome| match outcome {
-        RecordOutcome::Made { .. } => None,
-        RecordOutcome::Skipped { reason } | RecordOutcome::Filtered { reason } => {
-            Some(reason.clone())
-        }
-    };
+    let [stage, artifact, partition] = names(units.iter().map(|(unit, _)| unit));
     RecordBatch::try_from_iter_with_nullable([
         ("pipeline", text(units.iter().map(|_| pipeline)), false),
-        (
-            "stage",
-            text(units.iter().map(|(unit, _)| unit.node.stage.as_str())),
-            false,
-        ),
-        (
-            "artifact",
-            text(units.iter().map(|(unit, _)| unit.node.artifact.as_str())),
-            false,
-        ),
-        (
-            "partition",
-            text(units.iter().map(|(unit, _)| unit.partition.as_str())),
-            false,
-        ),
+        (stage.0, stage.1, false),
+        (artifact.0, artifact.1, false),
+        (partition.0, partition.1, false),
         (
             "fingerprint",
             Arc::new(StringArray::from_iter_values(
@@ -287,7 +265,7 @@ fn units_table(
         ),
         (
             "result",
-            text(units.iter().map(|(_, outcome)| result(outcome))),
+            text(units.iter().map(|(_, outcome)| outcome.word())),
             false,
         ),
         (
@@ -295,7 +273,7 @@ fn units_table(
             Arc::new(
                 units
                     .iter()
-                    .map(|(_, outcome)| reason(outcome))
+                    .map(|(_, outcome)| outcome.reason())
                     .collect::<StringArray>(),
             ),
             true,
@@ -311,6 +289,16 @@ fn units_table(
             false,
         ),
     ])
+}
+
+/// The columns that name a unit: its stage, its artifact and its partition.
+fn names<'a>(units: impl Iterator<Item = &'a UnitRef> + Clone) -> [(&'static str, ArrayRef); 3] {
+    let column = |of: fn(&UnitRef) -> &str| text(units.clone().map(of));
+    [
+        ("stage", column(|unit| &unit.node.stage)),
+        ("artifact", column(|unit| &unit.node.artifact)),
+        ("partition", column(|unit| &unit.partition)),
+    ]
 }
 
 /// The artifacts that units made, one item per entry of a map of theirs.
@@ -332,22 +320,14 @@ fn artifacts(units: &[(UnitRef, Arc<RecordOutcome>)]) -> Result<RecordBatch, Arr
         RecordOutcome::Made { files, .. } => Some(files),
         RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => None,
     });
+    let [stage, artifact, partition] = names(rows.iter().map(|(unit, ..)| *unit));
     let bytes = rows
         .iter()
         .map(|(.., file)| i64::try_from(file.size).unwrap_or(i64::MAX));
     RecordBatch::try_from_iter([
-        (
-            "stage",
-            text(rows.iter().map(|(unit, ..)| unit.node.stage.as_str())),
-        ),
-        (
-            "artifact",
-            text(rows.iter().map(|(unit, ..)| unit.node.artifact.as_str())),
-        ),
-        (
-            "partition",
-            text(rows.iter().map(|(unit, ..)| unit.partition.as_str())),
-        ),
+        stage,
+        artifact,
+        partition,
         ("file", text(rows.iter().map(|(_, name, _)| *name))),
         (
             "digest",
@@ -364,19 +344,11 @@ fn metrics(units: &[(UnitRef, Arc<RecordOutcome>)]) -> Result<RecordBatch, Arrow
         RecordOutcome::Made { metrics, .. } => Some(metrics),
         RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => None,
     });
+    let [stage, artifact, partition] = names(rows.iter().map(|(unit, ..)| *unit));
     RecordBatch::try_from_iter([
-        (
-            "stage",
-            text(rows.iter().map(|(unit, ..)| unit.node.stage.as_str())),
-        ),
-        (
-            "artifact",
-            text(rows.iter().map(|(unit, ..)| unit.node.artifact.as_str())),
-        ),
-        (
-            "partition",
-            text(rows.iter().map(|(unit, ..)| unit.partition.as_str())),
-        ),
+        stage,
+        artifact,
+        partition,
         ("metric", text(rows.iter().map(|(_, name, _)| *name))),
         (
             "value",

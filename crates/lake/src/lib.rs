@@ -53,7 +53,6 @@ mod views;
 pub use collect::{Collected, CollectedUnits, Collecting};
 pub use error::LakeError;
 pub use folder::{Lake, NewestTable};
-pub use history::flatten;
 pub use records::Provenance;
 pub use runs::Run;
 pub use verify::{Fault, OnBytes, Verified};

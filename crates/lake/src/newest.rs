@@ -96,9 +96,10 @@ impl Newest {
         stored::write(self, &stamps, staging, path)
     }
 
-    /// Whether the newest runs still had the unit of this fingerprint, when this was read.
-    pub(crate) fn is_current(&self, fingerprint: &Digest) -> bool {
-        self.current.contains(fingerprint)
+    /// Returns the result of a unit that the newest runs still had, when this was read.
+    pub(crate) fn current_outcome(&self, fingerprint: &Digest) -> Option<&Arc<RecordOutcome>> {
+        let is_current = self.current.contains(fingerprint);
+        is_current.then(|| self.outcome(fingerprint)).flatten()
     }
 
     /// Returns the result of a unit that is or was newest.

@@ -53,11 +53,11 @@ impl Lake {
         known.find_map(|newest| newest.outcome(fingerprint).cloned())
     }
 
-    /// Whether nobody collects a unit, because a pipeline's newest runs had it.
-    fn is_current(&self, fingerprint: &Digest) -> bool {
+    /// Returns the result of a unit that nobody collects, because a pipeline's newest runs had it.
+    fn current_outcome(&self, fingerprint: &Digest) -> Option<Arc<RecordOutcome>> {
         let newest = self.newest();
         let mut known = newest.values();
-        known.any(|newest| newest.is_current(fingerprint))
+        known.find_map(|newest| newest.current_outcome(fingerprint).cloned())
     }
 
     /// Takes an old record into use: whoever collects what is not used leaves it.
@@ -70,13 +70,12 @@ impl Lake {
 
     /// Returns a whole result: one of the newest runs', or an older one, which is taken into use.
     fn find(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, LakeError> {
-        if self.is_current(fingerprint)
-            && let Some(outcome) = self.newest_outcome(fingerprint)
+        if let Some(outcome) = self.current_outcome(fingerprint)
             && self.is_whole(&outcome)?
         {
             return Ok(Some(outcome));
         }
-        if self.recall_old(fingerprint)?.is_none() {
+        if !self.records().path(fingerprint).exists() {
             return Ok(None);
         }
         self.use_old(fingerprint);
@@ -189,20 +188,19 @@ impl Store for Lake {
         Ok(number)
     }
 
-    fn end_run(&self, number: u64, record: &RunRecord) -> Result<(), Advised> {
+    fn end_run(
+        &self,
+        number: u64,
+        record: &RunRecord,
+        units: &[(UnitRef, Arc<RecordOutcome>)],
+    ) -> Result<(), Advised> {
         let _landing = self.flight().land();
         let run = self.current_run().take();
         let run = match run.filter(|run| run.number == number) {
             Some(run) => run,
             None => runs::read(self.root(), number)?,
         };
-        let mut units = Vec::with_capacity(record.units.len());
-        for unit in &record.units {
-            if let Some(outcome) = self.recall(&unit.fingerprint)? {
-                units.push((unit.clone(), outcome));
-            }
-        }
-        let history = history::keep(self, &run, record, &units)?;
+        let history = history::keep(self, &run, record, units)?;
         runs::end(self, run, record.clone(), history)?;
         Ok(views::write(self)?)
     }

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataflow::{Digest, NodeName, Record, RecordOutcome, UnitRef};
+use dataflow::{Digest, NodeName, Record, UnitRef};
 use lake::{Lake, LakeError};
 
 /// An output in one run: its units' fingerprints by partition.
@@ -44,7 +44,7 @@ impl Side {
     /// The partitions there are: made ones, and those of which nothing more is known.
     pub(super) fn partitions(&self) -> BTreeSet<&str> {
         let made = self.records.iter();
-        let made = made.filter(|(_, record)| matches!(record.outcome, RecordOutcome::Made { .. }));
+        let made = made.filter(|(_, record)| record.outcome.is_made());
         let made = made.map(|(partition, _)| partition.as_str());
         made.chain(self.lost.keys().map(String::as_str)).collect()
     }

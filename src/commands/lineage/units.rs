@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Digest, NodeName, RecordOutcome, UnitRef};
+use dataflow::{Digest, NodeName, UnitRef};
 use lake::{Lake, Provenance};
 use serde::Serialize;
 
@@ -120,13 +120,9 @@ fn member(
     let Some(fingerprint) = &member.fingerprint else {
         return Ok(member);
     };
-    if let Some(record) = lake.record(fingerprint)? {
-        member.result = match record.outcome {
-            RecordOutcome::Made { .. } => "made",
-            RecordOutcome::Skipped { .. } => "skipped",
-            RecordOutcome::Filtered { .. } => "filtered",
-        };
-        member.made = lake.provenance(fingerprint)?.map(Made::from);
+    if let Some((record, provenance)) = lake.record_and_provenance(fingerprint)? {
+        member.result = record.outcome.word();
+        member.made = Some(Made::from(provenance));
         member.reads = relations.reads(node, &record.fingerprint.inputs);
         member.files = record.fingerprint.files;
     }
