@@ -250,7 +250,7 @@ fn units_table(
     units: &[(UnitRef, Arc<RecordOutcome>)],
 ) -> Result<RecordBatch, ArrowError> {
     let pipeline = record.pipeline.as_str();
-    let [stage, artifact, partition] = names(units.iter().map(|(unit, _)| unit));
+    let [stage, artifact, partition] = names(&units.iter().map(|(unit, _)| unit));
     RecordBatch::try_from_iter_with_nullable([
         ("pipeline", text(units.iter().map(|_| pipeline)), false),
         (stage.0, stage.1, false),
@@ -292,7 +292,7 @@ fn units_table(
 }
 
 /// The columns that name a unit: its stage, its artifact and its partition.
-fn names<'a>(units: impl Iterator<Item = &'a UnitRef> + Clone) -> [(&'static str, ArrayRef); 3] {
+fn names<'a>(units: &(impl Iterator<Item = &'a UnitRef> + Clone)) -> [(&'static str, ArrayRef); 3] {
     let column = |of: fn(&UnitRef) -> &str| text(units.clone().map(of));
     [
         ("stage", column(|unit| &unit.node.stage)),
@@ -320,7 +320,7 @@ fn artifacts(units: &[(UnitRef, Arc<RecordOutcome>)]) -> Result<RecordBatch, Arr
         RecordOutcome::Made { files, .. } => Some(files),
         RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => None,
     });
-    let [stage, artifact, partition] = names(rows.iter().map(|(unit, ..)| *unit));
+    let [stage, artifact, partition] = names(&rows.iter().map(|(unit, ..)| *unit));
     let bytes = rows
         .iter()
         .map(|(.., file)| i64::try_from(file.size).unwrap_or(i64::MAX));
@@ -344,7 +344,7 @@ fn metrics(units: &[(UnitRef, Arc<RecordOutcome>)]) -> Result<RecordBatch, Arrow
         RecordOutcome::Made { metrics, .. } => Some(metrics),
         RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => None,
     });
-    let [stage, artifact, partition] = names(rows.iter().map(|(unit, ..)| *unit));
+    let [stage, artifact, partition] = names(&rows.iter().map(|(unit, ..)| *unit));
     RecordBatch::try_from_iter([
         stage,
         artifact,
