@@ -19,6 +19,45 @@ pub enum IngestError {
         /// The directory searched.
         root: PathBuf,
     },
+    /// The directory holds no tracks.
+    #[error("no `SUBJECT/SEQUENCE/track.yml` under `{}`", root.display())]
+    NoTracks {
+        /// The directory searched.
+        root: PathBuf,
+    },
+    /// An option names a subject or an object that no recording has.
+    #[error("no recording has the name `{name}` of `{key}`")]
+    UnknownName {
+        /// The option.
+        key: &'static str,
+        /// The name.
+        name: String,
+        /// The nearest name that there is.
+        near: Option<String>,
+        /// All names that there are.
+        known: Vec<String>,
+    },
+    /// A split goes by the trial's number, which a part of the dataset does not tell.
+    #[error(
+        "`split` s0 needs all five recordings of each subject with each object, but there are \
+         {found} of `{subject}` with `{object}`"
+    )]
+    Trials {
+        /// The subject's folder.
+        subject: String,
+        /// The object's name.
+        object: String,
+        /// Recordings that there are.
+        found: usize,
+    },
+    /// A mesh of the pipeline file is not there.
+    #[error("no mesh of `{object}` at `{}`", path.display())]
+    NoMesh {
+        /// The object's name.
+        object: String,
+        /// The file named.
+        path: PathBuf,
+    },
     /// A directory of the dataset could not be listed.
     #[error("cannot list the folder `{}`", path.display())]
     List {
@@ -85,6 +124,23 @@ impl Advise for IngestError {
             Self::UnknownMass { object } => Some(format!(
                 "add its mass in kilograms to the pipeline file, e.g. `{object} = 0.35` below \
                  `[stages.ingest.masses_kg]`"
+            )),
+            Self::NoTracks { .. } => Some(
+                "`stages/ingest/README.md` says what is in `track.yml` and `track.npz`; a dataset \
+                 in DexYCB's layout has `format = \"dexycb\"`"
+                    .to_owned(),
+            ),
+            Self::UnknownName { near, known, .. } => Some(match near {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("there are: {}", known.join(", ")),
+            }),
+            Self::Trials { .. } => Some(
+                "take `split = \"all\"`, or one of s1, s2 and s3, which go by subject, camera and \
+                 object"
+                    .to_owned(),
+            ),
+            Self::NoMesh { object, .. } => Some(format!(
+                "correct `file` below `[stages.ingest.meshes.{object}]`"
             )),
             Self::Sample { source, .. } => source.hint(),
             Self::Lake(source) => source.hint(),
@@ -178,6 +234,27 @@ pub enum Unusable {
         found: usize,
         /// Most that are bridged.
         max: usize,
+    },
+    /// Nothing says where the table is.
+    #[error("nothing says where the table is: no tag, and no still object whose shape is known")]
+    NoTable,
+    /// The object does not lie on the table.
+    #[error(
+        "the lowest point of the resting object is {:.0} mm from the table, more than \
+         `max_table_error_m`: are quaternions x, y, z, w?",
+        1000.0 * found_m
+    )]
+    OffTable {
+        /// Height above the table, in meters.
+        found_m: f64,
+    },
+    /// A recording of the other hand cannot be mirrored.
+    #[error("{reason}: the {hand} hand cannot be mirrored")]
+    NotMirrored {
+        /// The recorded hand.
+        hand: &'static str,
+        /// What is in the way.
+        reason: String,
     },
     /// The object's mesh cannot be used.
     #[error("`{file}`: {reason}")]

@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
+use schemas::demonstrations::Side;
 use serde::{Deserialize, de::DeserializeOwned};
 
 /// Largest accepted difference of a stored rotation matrix from an orthonormal one: poses estimated
@@ -40,6 +41,16 @@ pub(crate) struct Meta {
     pub(crate) ycb_grasp_ind: usize,
     /// Sides of the hands.
     pub(crate) mano_sides: Vec<String>,
+}
+
+impl Meta {
+    /// Returns the hand that grasps; `None` if it is not one, or of no known side.
+    pub(crate) fn hand(&self) -> Option<Side> {
+        match self.mano_sides.as_slice() {
+            [side] => Side::from_name(side),
+            _ => None,
+        }
+    }
 }
 
 /// `extrinsics.yml`: where the cameras and the table's tag are.
