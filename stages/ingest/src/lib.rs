@@ -17,6 +17,7 @@ mod demonstrations;
 mod dexycb;
 mod error;
 mod film;
+mod mano;
 mod npz;
 mod objects;
 mod recording;
@@ -28,6 +29,7 @@ mod ycb;
 
 pub use config::{Hand, IngestConfig};
 pub use error::{IngestError, Unusable};
+pub use mano::{ManoError, ManoModel, ManoSide, ShapedHand};
 pub use npz::NpzError;
 pub use stage::Ingest;
 pub use yaml::YamlError;
