@@ -36,6 +36,12 @@ pub struct IngestConfig {
     pub split: Split,
     /// Images per second of the recordings, Hz
     pub rate_hz: f64,
+    /// Where the hand's landmarks come from
+    #[serde(default)]
+    pub landmarks: Landmarks,
+    /// Folder with the user's own `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`
+    #[serde(default, skip_serializing)]
+    pub mano_models: Option<PathBuf>,
     /// Largest distance between cameras that agree on a hand or an object, m
     pub camera_agreement_m: f64,
     /// How the last still image is found
@@ -91,6 +97,19 @@ pub enum Format {
     DexYcb,
     /// Landmarks and object poses as they are: `SUBJECT/SEQUENCE/track.yml` and `track.npz`.
     Tracks,
+}
+
+/// Where a hand's landmarks come from. Where both sources are there, their difference is reported.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Landmarks {
+    /// The labels; where no camera has the hand, the hand model, if `mano_models` has it.
+    #[default]
+    Either,
+    /// The labels alone.
+    Labels,
+    /// The hand model alone.
+    Mano,
 }
 
 /// How the last image before the object leaves its rest is found.

@@ -2,9 +2,11 @@
 //!
 //! Landmarks are `joint_3d` of every camera that has the hand in an image, taken to the world by the
 //! camera's pose and fused; so is the object's pose, `pose_y`, or that of `pose.npz` where no camera
-//! has it. The dataset's marks for "not there" (all −1, all 0) become `None` here.
+//! has it. With the user's hand model, `pose_m` of `pose.npz` gives the landmarks too.
+//! The dataset's marks for "not there" (all −1, all 0) become `None` here.
 
 mod calibration;
+mod hand_model;
 mod layout;
 mod poses;
 
@@ -13,12 +15,13 @@ use std::path::Path;
 use dataflow::SourceFile;
 use spatial::{Camera, Object, Pose, World};
 
+pub(crate) use self::hand_model::model_file;
 use self::{
     calibration::Calibration,
     layout::{SequenceFiles, mesh_name},
 };
 use crate::{
-    config::IngestConfig,
+    config::{IngestConfig, Landmarks},
     error::{IngestError, Unusable},
     fuse,
     labels::LabelReader,
@@ -45,6 +48,8 @@ const MAX_DISAGREEMENT_M: f64 = 0.02;
 /// A dataset in `DexYCB`'s layout.
 pub(crate) struct DexYcb<'a> {
     root: &'a Path,
+    mano_models: Option<&'a Path>,
+    landmarks: Landmarks,
     camera_agreement_m: f64,
 }
 
@@ -52,6 +57,8 @@ impl<'a> DexYcb<'a> {
     pub(crate) fn new(config: &'a IngestConfig) -> Self {
         Self {
             root: &config.root,
+            mano_models: config.mano_models.as_deref(),
+            landmarks: config.landmarks,
             camera_agreement_m: config.camera_agreement_m,
         }
     }
@@ -94,9 +101,19 @@ impl Reader for DexYcb<'_> {
             images: seen.images,
             agreement: seen.agreement,
         };
-        if let Some(file) = files.poses {
-            add_poses(&mut recording, &meta, file)?;
+        let poses = files
+            .poses
+            .map(|file| Ok((file, read(file, MAX_POSES_BYTES)?)))
+            .transpose()?;
+        let poses = poses
+            .as_ref()
+            .map(|(file, bytes)| (*file, bytes.as_slice()));
+        if let Some((file, bytes)) = poses {
+            add_poses(&mut recording, &meta, file, bytes)?;
         }
+        let n_images = recording.images.len();
+        let posed = hand_model::keypoints(&files, recording.hand, poses, n_images)?;
+        hand_model::combine(&mut recording, posed, self.landmarks)?;
         Ok(recording)
     }
 }
@@ -121,7 +138,8 @@ impl DexYcb<'_> {
             .filter_map(|serial| Some((serial, files.labels.get(serial.as_str())?)))
             .map(|(serial, labels)| Ok((calibration.world_from_camera(serial)?, labels)))
             .collect::<Result<Vec<_>, Unusable>>()?;
-        if cameras.is_empty() {
+        let is_posed = files.hand_model.is_some() && self.landmarks != Landmarks::Labels;
+        if cameras.is_empty() && !is_posed {
             return Err(Unusable::NoLabels);
         }
         let n_images = usize::try_from(meta.num_frames).unwrap_or(usize::MAX);
@@ -169,9 +187,13 @@ impl DexYcb<'_> {
 
 /// Adds what `pose.npz` knows: the object's poses where the labels lack them, and the other objects
 /// where nothing marks the table.
-fn add_poses(recording: &mut Recording, meta: &Meta, file: &SourceFile) -> Result<(), Unusable> {
-    let bytes = read(file, MAX_POSES_BYTES)?;
-    let poses = poses::objects(file, &bytes, recording.images.len(), meta.ycb_ids.len())?;
+fn add_poses(
+    recording: &mut Recording,
+    meta: &Meta,
+    file: &SourceFile,
+    bytes: &[u8],
+) -> Result<(), Unusable> {
+    let poses = poses::objects(file, bytes, recording.images.len(), meta.ycb_ids.len())?;
     let Some(grasped) = poses.get(meta.ycb_grasp_ind) else {
         return Ok(());
     };

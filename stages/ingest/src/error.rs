@@ -50,6 +50,12 @@ pub enum IngestError {
         /// Recordings that there are.
         found: usize,
     },
+    /// The folder of hand models lacks one, or there is no such folder.
+    #[error("no hand model at `{}`", path.display())]
+    NoHandModel {
+        /// Where it should be.
+        path: PathBuf,
+    },
     /// A mesh of the pipeline file is not there.
     #[error("no mesh of `{object}` at `{}`", path.display())]
     NoMesh {
@@ -139,6 +145,12 @@ impl Advise for IngestError {
                  object"
                     .to_owned(),
             ),
+            Self::NoHandModel { .. } => Some(
+                "get MANO's own files from https://mano.is.tue.mpg.de and set `mano_models` to the \
+                 folder that holds `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`, or take \
+                 `landmarks = \"labels\"`"
+                    .to_owned(),
+            ),
             Self::NoMesh { object, .. } => Some(format!(
                 "correct `file` below `[stages.ingest.meshes.{object}]`"
             )),
@@ -204,7 +216,9 @@ pub enum Unusable {
         file: String,
     },
     /// No camera has annotations.
-    #[error("no camera has `labels_*.npz` files; hand landmarks come from them")]
+    #[error(
+        "no camera has `labels_*.npz` files, and there is no hand model (`mano_models`) to do without"
+    )]
     NoLabels,
     /// The hand is never seen.
     #[error("no image shows a hand")]
@@ -235,6 +249,17 @@ pub enum Unusable {
         /// Most that are bridged.
         max: usize,
     },
+    /// The hand model cannot be used.
+    #[error("`{file}`: {reason}")]
+    HandModel {
+        /// Its name in the dataset.
+        file: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// Landmarks are asked of a hand model, but there is none.
+    #[error("no hand model poses this hand, but `landmarks` asks for one")]
+    NoHandModel,
     /// Nothing says where the table is.
     #[error("nothing says where the table is: no tag, and no still object whose shape is known")]
     NoTable,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemas::demonstrations::Side;
 
 use crate::{
-    config::{Format, IngestConfig, ReachRule},
+    config::{Format, IngestConfig, Landmarks, ReachRule},
     selection::Split,
 };
 
@@ -21,6 +21,8 @@ pub(crate) fn config() -> IngestConfig {
         objects: Vec::new(),
         split: Split::All,
         rate_hz: 30.0,
+        landmarks: Landmarks::Either,
+        mano_models: None,
         camera_agreement_m: 0.01,
         reach: ReachRule::Robust,
         move_threshold_m: 0.004,

@@ -13,7 +13,8 @@
 //! `DexYCB` (Chao et al., *DexYCB: A Benchmark for Capturing Hand Grasping of Objects*, 2021) and
 //! plain tracks have one.
 //!
-//! This crate does not look at images and does not retarget.
+//! Landmarks are those that the dataset annotates, or those of a hand model of the user's
+//! ([`ManoModel`]). This crate does not look at images and does not retarget.
 
 mod config;
 mod dexycb;
@@ -23,6 +24,7 @@ mod film;
 mod fixture;
 mod fuse;
 mod labels;
+mod mano;
 mod mirror;
 mod npz;
 mod objects;
@@ -38,8 +40,9 @@ mod tracks;
 mod yaml;
 mod ycb;
 
-pub use config::{AddedMesh, Format, IngestConfig, ReachRule};
+pub use config::{AddedMesh, Format, IngestConfig, Landmarks, ReachRule};
 pub use error::{IngestError, Unusable};
+pub use mano::{ManoError, ManoModel, ShapedHand};
 pub use npz::NpzError;
 pub use selection::Split;
 pub use stage::Ingest;

@@ -3,14 +3,15 @@
 //! A mirrored world obeys the same mechanics. Where the object is its own mirror image, what the
 //! other hand would have done with it is the reflection of what this hand did.
 
-use nalgebra::{Point3, Unit, Vector3};
+use geometry::MirrorPlane;
+use nalgebra::{Point3, Unit};
 use schemas::{
     demonstrations::{Demonstration, Side},
-    objects::{Mirror, Object},
+    objects::Object,
 };
 
 /// Returns the plane in which an object is mirrored, or why it is not.
-pub(crate) fn plane(shape: Option<&Object>, max_error_m: f64) -> Result<Mirror, String> {
+pub(crate) fn plane(shape: Option<&Object>, max_error_m: f64) -> Result<MirrorPlane, String> {
     let shape = shape.ok_or("the object's shape is not known")?;
     let plane = shape
         .mirror
@@ -22,35 +23,33 @@ pub(crate) fn plane(shape: Option<&Object>, max_error_m: f64) -> Result<Mirror, 
             1000.0 * plane.error_m
         ));
     }
-    Ok(plane)
+    Ok(MirrorPlane {
+        normal: plane.normal,
+        offset_m: plane.offset_m,
+        error_m: plane.error_m,
+    })
 }
 
 /// Mirrors the landmarks and the resting orientation, all in the object frame: they are then those of
 /// this hand.
-pub(crate) fn mirror(demonstration: &mut Demonstration, plane: &Mirror, hand: Side) {
+pub(crate) fn mirror(demonstration: &mut Demonstration, plane: &MirrorPlane, hand: Side) {
     for step in &mut demonstration.steps {
         for point in &mut step.keypoints_m {
-            *point = reflected(plane, Point3::from(*point)).into();
+            *point = plane.reflect_point(&Point3::from(*point)).into();
         }
     }
     let rest = &mut demonstration.rest;
-    let along = rest.up_in_object.dot(&plane.normal);
     // The object's origin, mirrored, is `2 · offset · normal`: as much higher or lower it ends up.
-    rest.height_m += 2.0 * plane.offset_m * along;
-    let up: Vector3<f64> = *rest.up_in_object - 2.0 * along * *plane.normal;
+    rest.height_m += 2.0 * plane.offset_m * rest.up_in_object.dot(&plane.normal);
+    let up = plane.reflect_direction(&rest.up_in_object);
     rest.up_in_object = Unit::new_normalize(up);
     demonstration.mirrored = true;
     demonstration.hand = hand;
 }
 
-/// Returns a point's mirror image.
-fn reflected(plane: &Mirror, point: Point3<f64>) -> Point3<f64> {
-    let along = plane.normal.dot(&point.coords) - plane.offset_m;
-    point - 2.0 * along * *plane.normal
-}
-
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
     use schemas::demonstrations::{KEYPOINTS, Step};
     use spatial::Rest;
 
@@ -81,7 +80,7 @@ mod tests {
 
     #[test]
     fn every_landmark_keeps_its_height_above_the_table() {
-        let plane = Mirror {
+        let plane = MirrorPlane {
             normal: Unit::new_normalize(Vector3::new(1.0, 2.0, -0.5)),
             offset_m: 0.013,
             error_m: 0.0,
@@ -104,7 +103,7 @@ mod tests {
 
     #[test]
     fn a_plane_through_the_origin_swaps_a_side() {
-        let plane = Mirror {
+        let plane = MirrorPlane {
             normal: Vector3::y_axis(),
             offset_m: 0.0,
             error_m: 0.0,

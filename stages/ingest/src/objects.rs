@@ -2,7 +2,7 @@
 
 use geometry::{StableRest, TriMesh};
 use nalgebra::Point3;
-use schemas::objects::{Object, RestingOrientation};
+use schemas::objects::{Mirror, Object, RestingOrientation};
 
 use crate::error::Unusable;
 
@@ -57,7 +57,11 @@ pub(crate) fn shape(source: &Source<'_>) -> Result<(Object, TriMesh), Unusable> 
         points_m: arrays(&points),
         normals: normals.into_iter().map(Into::into).collect(),
         watertight: mesh.is_watertight(),
-        mirror: None,
+        mirror: geometry::mirror_plane(&mesh, source.seed).map(|plane| Mirror {
+            normal: plane.normal,
+            offset_m: plane.offset_m,
+            error_m: plane.error_m,
+        }),
         vertices_m: arrays(&mesh.vertices_m),
         triangles: mesh.triangles.clone(),
         parts_m: parts.iter().map(|part| arrays(part)).collect(),

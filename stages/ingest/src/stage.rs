@@ -16,7 +16,8 @@ use nalgebra::{Unit as UnitVector, Vector3};
 use schemas::{SchemaError, demonstrations::Demonstration, objects::Object};
 
 use crate::{
-    config::IngestConfig,
+    config::{IngestConfig, Landmarks},
+    dexycb,
     error::{IngestError, Unusable},
     film, mirror, objects, reach,
     reader::{self, Listed, Reader},
@@ -193,6 +194,14 @@ fn check(config: &IngestConfig) -> Result<(), IngestError> {
                 expected: "positive",
                 found,
             });
+        }
+    }
+    let models = config.mano_models.as_deref();
+    if config.landmarks == Landmarks::Mano || models.is_some() {
+        let folder = models.unwrap_or_else(|| Path::new("mano_models"));
+        let path = folder.join(dexycb::model_file(config.hand));
+        if !path.is_file() {
+            return Err(IngestError::NoHandModel { path });
         }
     }
     for (object, mesh) in &config.meshes {

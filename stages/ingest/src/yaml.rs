@@ -41,6 +41,9 @@ pub(crate) struct Meta {
     pub(crate) ycb_grasp_ind: usize,
     /// Sides of the hands.
     pub(crate) mano_sides: Vec<String>,
+    /// Ids of the calibrations of the hands.
+    #[serde(default)]
+    pub(crate) mano_calib: Vec<String>,
 }
 
 impl Meta {
@@ -58,6 +61,13 @@ impl Meta {
 pub(crate) struct Extrinsics {
     /// The world's pose of each camera, and of `apriltag`: `[R|t]`, row by row, in meters.
     pub(crate) extrinsics: BTreeMap<String, [f64; 12]>,
+}
+
+/// `mano.yml`: the shape of a person's hand.
+#[derive(Debug, Deserialize)]
+pub(crate) struct HandShape {
+    /// The ten numbers of the hand model.
+    pub(crate) betas: [f64; 10],
 }
 
 /// Reads a YAML document.

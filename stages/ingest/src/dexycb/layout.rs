@@ -9,7 +9,10 @@ use dataflow::SourceFile;
 
 use super::DexYcb;
 use crate::{
-    dexycb::calibration::{self, TAG},
+    dexycb::{
+        calibration::{self, TAG},
+        hand_model,
+    },
     error::IngestError,
     reader::{About, Keys, Listed, folders, names, plain},
     selection::Cameras,
@@ -17,6 +20,8 @@ use crate::{
     ycb,
 };
 
+/// Marks a recording whose `pose_m` holds something else than a hand model's numbers.
+const NOT_MANO: &str = "NOT_MANO.txt";
 /// Folders beside the subjects' ones.
 const NOT_SUBJECTS: [&str; 2] = ["calibration", "models"];
 
@@ -104,6 +109,17 @@ impl DexYcb<'_> {
             let name = calibration::extrinsics_name(&meta.extrinsics);
             add(name.clone(), &self.root.join(&name));
         }
+        if let (Some(models), Some(hand)) = (self.mano_models, meta.hand())
+            // What is made up is marked: its `pose_m` is no hand model's.
+            && !listed.path.join(NOT_MANO).exists()
+        {
+            let file = hand_model::model_file(hand);
+            add(format!("mano/{file}"), &models.join(file));
+            if let Some(id) = meta.mano_calib.first().filter(|id| plain(id) == **id) {
+                let name = hand_model::shape_name(id);
+                add(name.clone(), &self.root.join(&name));
+            }
+        }
         let serials = meta.serials.iter().enumerate();
         for (_, serial) in serials.filter(|&(number, _)| cameras.holds(number)) {
             if plain(serial) != *serial {
@@ -146,6 +162,10 @@ pub(super) struct SequenceFiles<'a> {
     pub(super) poses: Option<&'a SourceFile>,
     /// `extrinsics.yml`.
     pub(super) extrinsics: Option<&'a SourceFile>,
+    /// The hand model.
+    pub(super) hand_model: Option<&'a SourceFile>,
+    /// `mano.yml`.
+    pub(super) hand_shape: Option<&'a SourceFile>,
     /// `labels_NNNNNN.npz` by camera and image.
     pub(super) labels: BTreeMap<&'a str, BTreeMap<u32, &'a SourceFile>>,
 }
@@ -158,6 +178,8 @@ impl<'a> SequenceFiles<'a> {
             let parts: Vec<&str> = file.name.split('/').collect();
             match *parts.as_slice() {
                 ["calibration", _, "extrinsics.yml"] => sorted.extrinsics = Some(file),
+                ["calibration", _, "mano.yml"] => sorted.hand_shape = Some(file),
+                ["mano", _] => sorted.hand_model = Some(file),
                 ["calibration" | "models", ..] => {}
                 [subject, _, "meta.yml"] => {
                     subject.clone_into(&mut sorted.subject);

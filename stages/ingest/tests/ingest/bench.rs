@@ -11,7 +11,7 @@ use schemas::{
     demonstrations::{Demonstration, Side},
     objects::Object,
 };
-use stage_ingest::{Format, Ingest, IngestConfig, IngestError, ReachRule, Split};
+use stage_ingest::{Format, Ingest, IngestConfig, IngestError, Landmarks, ReachRule, Split};
 use tempfile::TempDir;
 
 pub(crate) const OUTPUTS: [&str; 3] = ["shapes", "demonstrations", "objects"];
@@ -28,6 +28,8 @@ pub(crate) fn config(root: &Path) -> IngestConfig {
         objects: Vec::new(),
         split: Split::All,
         rate_hz: 30.0,
+        landmarks: Landmarks::Either,
+        mano_models: None,
         camera_agreement_m: 0.01,
         reach: ReachRule::Robust,
         move_threshold_m: 0.004,

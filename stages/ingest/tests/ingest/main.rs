@@ -2,6 +2,7 @@
 
 mod bench;
 mod damage;
+mod hand_model;
 mod objects;
 mod real;
 mod rig;

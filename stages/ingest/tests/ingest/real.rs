@@ -232,6 +232,38 @@ fn every_object_lies_as_its_demonstrations_saw_it() {
 }
 
 #[test]
+fn left_hands_become_right_ones() {
+    let Some(root) = real("dexycb-right") else {
+        return;
+    };
+    let mut config = config(&root);
+    config.mirror = true;
+    let bench = Bench::until(config, "demonstrations").unwrap();
+    let made: Vec<_> = bench.demonstrations().collect();
+    let mirrored: Vec<_> = made.iter().filter(|(_, d)| d.mirrored).collect();
+    for unit in &bench.units["demonstrations"] {
+        match &bench.outcomes[&("demonstrations", unit.partition.clone())] {
+            Outcome::Made(_) => {}
+            Outcome::Skipped { reason } => eprintln!("{}: {reason}", unit.partition),
+            Outcome::Filtered { reason } => panic!("{}: {reason}", unit.partition),
+        }
+    }
+    eprintln!("{} of 15 left hands mirrored", mirrored.len());
+    assert!(mirrored.len() >= 10, "{}", mirrored.len());
+    for (unit, demonstration) in &made {
+        assert_eq!(demonstration.hand, Side::Right);
+        // Seen from the palm, a right hand's thumb is on the other side than a left hand's: fingers
+        // curl towards the palm, so that their tips say where it is.
+        let point = |k: usize| Point3::from(demonstration.steps.last().unwrap().keypoints_m[k]);
+        let along = point(9) - point(0);
+        let across = point(5) - point(17);
+        let palm = across.cross(&along);
+        let curl = (point(8) - point(5)) + (point(12) - point(9)) + (point(16) - point(13));
+        assert!(palm.dot(&curl) > 0.0, "{}: a left hand", unit.partition);
+    }
+}
+
+#[test]
 fn a_tracked_bottle_that_jitters_gives_a_plausible_grasp() {
     // Its rest jitters by several millimeters and its rotation is unreliable.
     let Some(root) = real("dexmv-mustard") else {

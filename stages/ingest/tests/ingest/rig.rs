@@ -148,6 +148,18 @@ impl Rig {
         Point3::new(0.002 * k as f64, 0.05 + away, -0.001 * (k * k) as f64)
     }
 
+    /// The shape of the person's hand.
+    pub(crate) const BETAS: [f64; 10] = [0.5, -0.25, 0.0, 1.0, 0.0, 0.0, -0.5, 0.0, 0.0, 0.125];
+
+    /// What a hand model is told in an image: another hand than that of the labels, somewhere else.
+    pub(crate) fn hand_numbers(image: usize) -> [f32; 51] {
+        std::array::from_fn(|k| match k {
+            _ if image < FIRST => 0.0,
+            48.. => 0.3 + 0.05 * (k - 47) as f32 - 0.004 * image as f32,
+            _ => 0.02 * ((k * 7 + image) % 11) as f32 - 0.1,
+        })
+    }
+
     /// Writes the dataset.
     pub(crate) fn write(&self, root: &Path) {
         let sequence = Self::sequence(root);
@@ -187,6 +199,11 @@ impl Rig {
             OTHERS[0].1, OBJECT.1, OTHERS[1].1, self.side
         );
         fs::write(sequence.join("meta.yml"), meta).unwrap();
+        let shape = root.join("calibration/mano_x");
+        fs::create_dir_all(&shape).unwrap();
+        let betas = Self::BETAS.map(|beta| format!("- {beta}\n")).concat();
+        fs::write(shape.join("mano.yml"), format!("betas:\n{betas}")).unwrap();
+        let hands: Vec<f32> = (0..IMAGES).flat_map(Self::hand_numbers).collect();
         let mut poses: Vec<f32> = Vec::new();
         for image in 0..IMAGES {
             let mut world_from_object = Self::world_from_tag() * Self::tag_from_object(image);
@@ -252,7 +269,10 @@ impl Rig {
         }
         npz(
             &sequence.join("pose.npz"),
-            &[("pose_y", &[IMAGES as u64, 3, 7], &poses)],
+            &[
+                ("pose_y", &[IMAGES as u64, 3, 7], &poses),
+                ("pose_m", &[IMAGES as u64, 1, 51], &hands),
+            ],
         );
     }
 }

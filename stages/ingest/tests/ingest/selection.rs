@@ -166,3 +166,53 @@ fn a_split_by_cameras_reads_those_alone() {
         assert!(reason.starts_with("no hand in 4 images"), "{reason}");
     }
 }
+
+#[test]
+fn a_left_hand_becomes_a_right_one_on_request() {
+    let bench = make_with(
+        &Rig {
+            side: "left",
+            ..Rig::default()
+        },
+        |config| config.mirror = true,
+    );
+    let demonstration = bench.only();
+    assert!(demonstration.mirrored);
+    assert_eq!(demonstration.hand, Side::Right);
+    // Its box is its own mirror image in three planes through its middle: one coordinate changes
+    // its sign, the same one in all landmarks and steps.
+    let mirror = bench.object("shapes", crate::rig::OBJECT.0).mirror.unwrap();
+    assert!(
+        mirror.error_m < 1e-3 && mirror.offset_m.abs() < 1e-3,
+        "{mirror:?}"
+    );
+    for step in &demonstration.steps {
+        for (k, &point) in step.keypoints_m.iter().enumerate() {
+            let recorded = Rig::keypoint(step.image as usize, k);
+            let along = mirror.normal.dot(&recorded.coords);
+            let expected = recorded - 2.0 * along * *mirror.normal;
+            assert!((expected - nalgebra::Point3::from(point)).norm() < 2e-3);
+        }
+    }
+    assert!(matches!(
+        bench.outcomes[&("objects", crate::rig::OBJECT.0.to_owned())],
+        Outcome::Made(_)
+    ));
+    // An object that is hardly its own mirror image has none.
+    let bench = make_with(
+        &Rig {
+            side: "left",
+            ..Rig::default()
+        },
+        |config| {
+            config.mirror = true;
+            config.max_mirror_error_m = 1e-12;
+        },
+    );
+    let (_, reason) = bench.reason();
+    assert!(reason.contains("from its mirror image"), "{reason}");
+    assert!(
+        reason.ends_with("the left hand cannot be mirrored"),
+        "{reason}"
+    );
+}
