@@ -44,6 +44,9 @@ pub struct IngestConfig {
     pub mano_models: Option<PathBuf>,
     /// Largest distance between cameras that agree on a hand or an object, m
     pub camera_agreement_m: f64,
+    /// What says where the table is
+    #[serde(default)]
+    pub table: TableRule,
     /// How the last still image is found
     pub reach: ReachRule,
     /// Distance from its resting place beyond which a still object has moved, m
@@ -110,6 +113,17 @@ pub enum Landmarks {
     Labels,
     /// The hand model alone.
     Mano,
+}
+
+/// What says where the table is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TableRule {
+    /// The dataset's tag or mark; where a recording has none, the objects that stand still.
+    #[default]
+    Tag,
+    /// The objects that stand still.
+    Objects,
 }
 
 /// How the last image before the object leaves its rest is found.

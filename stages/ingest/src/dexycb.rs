@@ -21,7 +21,7 @@ use self::{
     layout::{SequenceFiles, mesh_name},
 };
 use crate::{
-    config::{IngestConfig, Landmarks},
+    config::{IngestConfig, Landmarks, TableRule},
     error::{IngestError, Unusable},
     fuse,
     labels::LabelReader,
@@ -50,6 +50,7 @@ pub(crate) struct DexYcb<'a> {
     root: &'a Path,
     mano_models: Option<&'a Path>,
     landmarks: Landmarks,
+    table: TableRule,
     camera_agreement_m: f64,
 }
 
@@ -59,6 +60,7 @@ impl<'a> DexYcb<'a> {
             root: &config.root,
             mano_models: config.mano_models.as_deref(),
             landmarks: config.landmarks,
+            table: config.table,
             camera_agreement_m: config.camera_agreement_m,
         }
     }
@@ -66,7 +68,7 @@ impl<'a> DexYcb<'a> {
 
 impl Reader for DexYcb<'_> {
     fn list(&self) -> Result<Vec<Listed>, IngestError> {
-        layout::list(self.root)
+        layout::list(self.root, self.table)
     }
 
     fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, IngestError> {
@@ -94,9 +96,12 @@ impl Reader for DexYcb<'_> {
             object: about.object,
             subject: about.subject,
             hand: about.hand,
-            ground: match calibration.world_from_tag()? {
-                Some(tag) => Ground::Tag(tag),
-                None => Ground::Standing(Vec::new()),
+            ground: match (self.table, calibration.world_from_tag()?) {
+                (TableRule::Tag, Some(tag)) => Ground::Tag(tag),
+                _ => Ground::Standing {
+                    others: Vec::new(),
+                    above: calibration.middle_of_cameras(&meta.serials)?,
+                },
             },
             images: seen.images,
             agreement: seen.agreement,
@@ -201,10 +206,10 @@ fn add_poses(
     for (image, pose) in recording.images.iter_mut().zip(grasped) {
         image.world_from_object = image.world_from_object.or(*pose);
     }
-    if let Ground::Standing(standing) = &mut recording.ground {
-        let others = poses.into_iter().enumerate().zip(&meta.ycb_ids);
-        standing.extend(
-            others
+    if let Ground::Standing { others, .. } = &mut recording.ground {
+        let scene = poses.into_iter().enumerate().zip(&meta.ycb_ids);
+        others.extend(
+            scene
                 .filter(|((number, _), _)| *number != meta.ycb_grasp_ind)
                 .filter_map(|((_, poses), &id)| {
                     let object = crate::ycb::name(id)?.to_owned();

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemas::demonstrations::Side;
 
 use crate::{
-    config::{Format, IngestConfig, Landmarks, ReachRule},
+    config::{Format, IngestConfig, Landmarks, ReachRule, TableRule},
     selection::Split,
 };
 
@@ -24,6 +24,7 @@ pub(crate) fn config() -> IngestConfig {
         landmarks: Landmarks::Either,
         mano_models: None,
         camera_agreement_m: 0.01,
+        table: TableRule::Tag,
         reach: ReachRule::Robust,
         move_threshold_m: 0.004,
         move_threshold_rad: 0.07,

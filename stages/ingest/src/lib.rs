@@ -40,7 +40,7 @@ mod tracks;
 mod yaml;
 mod ycb;
 
-pub use config::{AddedMesh, Format, IngestConfig, Landmarks, ReachRule};
+pub use config::{AddedMesh, Format, IngestConfig, Landmarks, ReachRule, TableRule};
 pub use error::{IngestError, Unusable};
 pub use mano::{ManoError, ManoModel, ShapedHand};
 pub use npz::NpzError;

@@ -32,8 +32,13 @@ pub(crate) struct Recording {
 pub(crate) enum Ground {
     /// A tag lies on it.
     Tag(Pose<World, Tag>),
-    /// Nothing marks it, but these objects stood on it, the grasped one not among them.
-    Standing(Vec<Standing>),
+    /// Nothing marks it, but still objects stood on it.
+    Standing {
+        /// The objects of the scene but the grasped one.
+        others: Vec<Standing>,
+        /// A place above the table, such as the middle of the cameras, in the world.
+        above: Option<Point3<f64>>,
+    },
 }
 
 /// An object of the scene that nobody touches.

@@ -392,8 +392,8 @@ fn make_demonstration(
         .collect::<Result<Vec<_>, _>>()?;
     let mesh = mesh_among(inputs.files());
     let read = reader::reader(config).read(inputs.files());
-    let made = read.and_then(|recording| {
-        let demonstration = demonstration(config, &recording, mesh.as_ref(), &shapes, cx)?;
+    let made = read.and_then(|mut recording| {
+        let demonstration = demonstration(config, &mut recording, mesh.as_ref(), &shapes, cx)?;
         Ok((recording, demonstration))
     });
     let (recording, demonstration) = match made {
@@ -428,20 +428,21 @@ fn make_demonstration(
 /// Makes a recording's demonstration.
 fn demonstration(
     config: &IngestConfig,
-    recording: &Recording,
+    recording: &mut Recording,
     mesh: Option<&TriMesh>,
     shapes: &[Object],
     cx: &Context,
 ) -> Result<Demonstration, Unusable> {
     let still = reach::still(recording, config)?;
-    let rest = table::rest(recording, &still.world_from_object, shapes)?;
+    let lying = table::lying(recording, &still.world_from_object, shapes)?;
+    recording.agreement.extend(lying.agreement);
     // A mesh that cannot be used is reported where the shape is made.
-    if let Some(found_m) = mesh.and_then(|mesh| table::lowest_m(mesh, &rest))
+    if let Some(found_m) = mesh.and_then(|mesh| table::lowest_m(mesh, &lying.rest))
         && found_m.abs() > config.max_table_error_m
     {
         return Err(Unusable::OffTable { found_m });
     }
-    let mut demonstration = reach::reach(cx.partition(), recording, &still, rest, config)?;
+    let mut demonstration = reach::reach(cx.partition(), recording, &still, lying.rest, config)?;
     if recording.hand != config.hand {
         let shape = shapes.iter().find(|shape| shape.name == recording.object);
         let plane = mirror::plane(shape, config.max_mirror_error_m).map_err(|reason| {

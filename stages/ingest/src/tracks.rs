@@ -18,7 +18,7 @@ use serde::Deserialize;
 use spatial::Pose;
 
 use crate::{
-    config::IngestConfig,
+    config::{IngestConfig, TableRule},
     error::{IngestError, Unusable},
     npz::Arrays,
     reader::{self, About, Keys, Listed, Reader, folders},
@@ -53,11 +53,15 @@ struct Description {
 /// A folder of tracks.
 pub(crate) struct Tracks<'a> {
     root: &'a Path,
+    table: TableRule,
 }
 
 impl<'a> Tracks<'a> {
     pub(crate) fn new(config: &'a IngestConfig) -> Self {
-        Self { root: &config.root }
+        Self {
+            root: &config.root,
+            table: config.table,
+        }
     }
 }
 
@@ -73,7 +77,7 @@ impl Reader for Tracks<'_> {
                     continue;
                 }
                 let bytes = fs::read(path.join(ABOUT)).unwrap_or_default();
-                let description = yaml::parse::<Description>(&bytes).ok();
+                let description = yaml::parse::<Description>(&bytes).ok().map(|d| self.by(d));
                 listed.push(Listed {
                     key: keys.of(&format!("{subject}-{sequence}")),
                     name: format!("{subject}/{sequence}"),
@@ -111,13 +115,17 @@ impl Reader for Tracks<'_> {
 
     fn about(&self, files: &[SourceFile]) -> Result<About, Unusable> {
         let (file, description) = describe(files)?;
-        Ok(description.about(subject(file)))
+        Ok(self.by(description).about(subject(file)))
     }
 
     fn read(&self, files: &[SourceFile]) -> Result<Recording, Unusable> {
         let (file, description) = describe(files)?;
+        let description = self.by(description);
         let ground = match &description.table {
-            None => Ground::Standing(Vec::new()),
+            None => Ground::Standing {
+                others: Vec::new(),
+                above: None,
+            },
             Some(rows) => Ground::Tag(Pose::new(yaml::isometry(rows).ok_or_else(|| {
                 Unusable::Value {
                     what: "`table` is not a rotation and a translation".to_owned(),
@@ -139,6 +147,16 @@ impl Reader for Tracks<'_> {
             images: images(files, description.images)?,
             agreement: Vec::new(),
         })
+    }
+}
+
+impl Tracks<'_> {
+    /// Forgets the table where it is not to be used.
+    fn by(&self, description: Description) -> Description {
+        Description {
+            table: description.table.filter(|_| self.table == TableRule::Tag),
+            ..description
+        }
     }
 }
 

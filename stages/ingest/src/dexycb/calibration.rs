@@ -1,7 +1,7 @@
 //! Where the cameras and the table's tag are.
 
 use dataflow::SourceFile;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3, Vector3};
 use spatial::{Camera, Pose, World};
 
 use super::{layout::SequenceFiles, read_yaml};
@@ -59,6 +59,27 @@ impl<'a> Calibration<'a> {
         let rows = self.extrinsics.extrinsics.get(TAG);
         rows.map(|rows| self.isometry(TAG, rows).map(Pose::new))
             .transpose()
+    }
+
+    /// Returns the middle of these cameras, which look down on the table; `None` without cameras.
+    ///
+    /// # Errors
+    ///
+    /// Fails if one is not there, or is no rotation and translation.
+    pub(super) fn middle_of_cameras(
+        &self,
+        serials: &[String],
+    ) -> Result<Option<Point3<f64>>, Unusable> {
+        let mut sum = Vector3::zeros();
+        for serial in serials {
+            sum += self
+                .world_from_camera(serial)?
+                .isometry()
+                .translation
+                .vector;
+        }
+        let middle = Point3::from(sum / serials.len().max(1) as f64);
+        Ok((!serials.is_empty()).then_some(middle))
     }
 
     fn isometry(&self, name: &str, rows: &[f64; 12]) -> Result<Isometry3<f64>, Unusable> {

@@ -9,6 +9,7 @@ use dataflow::SourceFile;
 
 use super::DexYcb;
 use crate::{
+    config::TableRule,
     dexycb::{
         calibration::{self, TAG},
         hand_model,
@@ -26,7 +27,7 @@ const NOT_MANO: &str = "NOT_MANO.txt";
 const NOT_SUBJECTS: [&str; 2] = ["calibration", "models"];
 
 /// Lists the recordings, ordered by name.
-pub(super) fn list(root: &Path) -> Result<Vec<Listed>, IngestError> {
+pub(super) fn list(root: &Path, table: TableRule) -> Result<Vec<Listed>, IngestError> {
     let mut listed = Vec::new();
     let mut keys = Keys::default();
     let mut tags = BTreeMap::new();
@@ -44,7 +45,7 @@ pub(super) fn list(root: &Path) -> Result<Vec<Listed>, IngestError> {
             let about = yaml::parse::<Meta>(&bytes).ok().and_then(|meta| {
                 let marks_table = *tags
                     .entry(meta.extrinsics.clone())
-                    .or_insert_with(|| has_tag(root, &meta.extrinsics));
+                    .or_insert_with(|| table == TableRule::Tag && has_tag(root, &meta.extrinsics));
                 about(&subject, &meta, marks_table)
             });
             listed.push(Listed {

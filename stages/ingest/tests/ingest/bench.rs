@@ -11,7 +11,9 @@ use schemas::{
     demonstrations::{Demonstration, Side},
     objects::Object,
 };
-use stage_ingest::{Format, Ingest, IngestConfig, IngestError, Landmarks, ReachRule, Split};
+use stage_ingest::{
+    Format, Ingest, IngestConfig, IngestError, Landmarks, ReachRule, Split, TableRule,
+};
 use tempfile::TempDir;
 
 pub(crate) const OUTPUTS: [&str; 3] = ["shapes", "demonstrations", "objects"];
@@ -31,6 +33,7 @@ pub(crate) fn config(root: &Path) -> IngestConfig {
         landmarks: Landmarks::Either,
         mano_models: None,
         camera_agreement_m: 0.01,
+        table: TableRule::Tag,
         reach: ReachRule::Robust,
         move_threshold_m: 0.004,
         move_threshold_rad: 0.07,

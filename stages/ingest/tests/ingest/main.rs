@@ -15,7 +15,7 @@ use bench::{Bench, config};
 use dataflow::{Advise, Stage};
 use rig::{FIRST, IMAGES, LAST, OBJECT, Rig};
 use schemas::demonstrations::{Demonstration, Side};
-use stage_ingest::{Ingest, IngestConfig};
+use stage_ingest::{Ingest, IngestConfig, TableRule};
 use tempfile::TempDir;
 
 fn dataset(rig: &Rig) -> TempDir {
@@ -144,6 +144,32 @@ fn only_pose_npz_has_the_object() {
         ..Rig::default()
     });
     assert_known_answer(&bench.only());
+}
+
+#[test]
+fn without_a_tag_the_still_objects_say_where_the_table_is() {
+    for tag in [true, false] {
+        let rig = Rig {
+            tag,
+            ..Rig::default()
+        };
+        let bench = make_with(&rig, |config| {
+            if tag {
+                config.table = TableRule::Objects;
+            }
+        });
+        let demonstration = bench.only();
+        assert_known_but_rest(&demonstration);
+        let up = demonstration.rest.up_in_object;
+        assert!(up.angle(&nalgebra::Vector3::y_axis()) < 1e-3, "{up:?}");
+        assert!((demonstration.rest.height_m - 0.04).abs() < 1e-4);
+        let key = &bench.units["demonstrations"][0].partition;
+        let metrics = &bench.made("demonstrations", key).metrics;
+        assert_eq!(metrics["table_objects_n"], 3.0);
+        // Shapes of all three are made, and an object of the one that is grasped alone.
+        assert_eq!(bench.units["shapes"].len(), 3);
+        assert_eq!(bench.units["objects"].len(), 1);
+    }
 }
 
 #[test]
