@@ -1,5 +1,6 @@
 //! The stage `ingest` on a made-up dataset with a known answer, and on real recordings.
 
+mod labels;
 mod real;
 mod rig;
 

@@ -8,7 +8,7 @@ use npyz::npz::NpzArchive;
 use stage_ingest::Ingest;
 
 /// Returns a real dataset's folder; says so and returns `None` where there is none.
-fn real(name: &str) -> Option<PathBuf> {
+pub(crate) fn real(name: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("PIPELINE_REAL_DATA").map(|root| PathBuf::from(root).join(name));
     let folder = folder.filter(|folder| folder.is_dir());
     if folder.is_none() {
