@@ -1,4 +1,5 @@
-//! Triangle meshes: reading, sampling, distance, mass properties, convex parts, resting orientations.
+//! Triangle meshes: reading, sampling, distance, mass properties, convex parts, resting orientations,
+//! mirror planes.
 //!
 //! ```
 //! use geometry::{TriMesh, mass_properties};
@@ -21,6 +22,7 @@ mod error;
 mod hull;
 mod mass;
 mod mesh;
+mod mirror;
 mod obj;
 mod parts;
 mod rests;
@@ -31,5 +33,6 @@ pub use distance::{SurfaceDistance, SurfacePoint};
 pub use error::GeometryError;
 pub use mass::{MassProperties, mass_properties};
 pub use mesh::TriMesh;
+pub use mirror::{MirrorPlane, mirror_plane};
 pub use parts::{MAX_PART_VERTICES, convex_parts};
 pub use rests::{StableRest, stable_rests};

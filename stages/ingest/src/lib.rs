@@ -18,6 +18,7 @@ mod dexycb;
 mod error;
 mod film;
 mod labels;
+mod mano;
 mod npz;
 mod objects;
 pub mod read;
@@ -30,6 +31,7 @@ mod ycb;
 
 pub use config::{Hand, IngestConfig};
 pub use error::{IngestError, Unusable};
+pub use mano::{ManoError, ManoModel, ManoSide, ShapedHand};
 pub use npz::NpzError;
 pub use stage::Ingest;
 pub use yaml::YamlError;
