@@ -6,6 +6,9 @@ use nalgebra::Point3;
 
 use crate::{GeometryError, TriMesh};
 
+/// Most characters of a word that a message quotes.
+const MAX_QUOTED: usize = 40;
+
 impl TriMesh {
     /// Reads the vertices and faces of a Wavefront OBJ file.
     ///
@@ -88,7 +91,7 @@ fn vertex<'a>(
                 .filter(|number| number.is_finite())
                 .ok_or_else(|| GeometryError::NotANumber {
                     line,
-                    found: word.to_owned(),
+                    found: quoted(word),
                 })
         })
         .collect::<Result<Vec<_>, _>>()?;
@@ -108,7 +111,7 @@ fn corner(word: &str, line: usize, vertices: usize) -> Result<u32, GeometryError
         .parse()
         .map_err(|_unreadable| GeometryError::NotAnIndex {
             line,
-            found: word.to_owned(),
+            found: quoted(word),
         })?;
     let count = i64::try_from(vertices).unwrap_or(i64::MAX);
     // Negative indices count back from the last vertex read.
@@ -125,6 +128,14 @@ fn corner(word: &str, line: usize, vertices: usize) -> Result<u32, GeometryError
             index,
             vertices,
         })
+}
+
+/// Returns a word for a message, cut where it is too long for one.
+fn quoted(word: &str) -> String {
+    match word.char_indices().nth(MAX_QUOTED) {
+        Some((end, _)) => format!("{}…", word.get(..end).unwrap_or_default()),
+        None => word.to_owned(),
+    }
 }
 
 #[cfg(test)]
@@ -190,6 +201,84 @@ mod tests {
         refuses(CORNERS, &GeometryError::NoTriangles);
         refuses("", &GeometryError::NoTriangles);
         refuses(&format!("{CORNERS}f 1 1 2\n"), &GeometryError::NoTriangles);
+    }
+
+    #[test]
+    fn refuses_numbers_and_indices_of_every_other_kind() {
+        for number in [
+            "NaN", "-inf", "infinity", "1e999", "0x1", "1,5", "1_0", "١", "",
+        ] {
+            let said = TriMesh::from_obj(&format!("v 0 0 0\nv 0 {number} 0\n")).unwrap_err();
+            assert!(said.to_string().starts_with("line 2: "), "{number}: {said}");
+        }
+        for index in [
+            "1.0",
+            "1e0",
+            "",
+            "/1",
+            "//1",
+            "+",
+            "-",
+            "9223372036854775808",
+            "-9223372036854775809",
+        ] {
+            let said = TriMesh::from_obj(&format!("{CORNERS}f 1 2 {index}x/1\n")).unwrap_err();
+            assert!(said.to_string().starts_with("line 5: "), "{index}: {said}");
+        }
+        let limits = [
+            i64::MIN,
+            i64::MIN + 1,
+            -4_294_967_297,
+            -5,
+            0,
+            5,
+            4_294_967_296,
+            4_294_967_297,
+            i64::MAX,
+        ];
+        for index in limits {
+            refuses(
+                &format!("{CORNERS}f 1 2 {index}\n"),
+                &GeometryError::IndexOutOfRange {
+                    line: 5,
+                    index,
+                    vertices: 4,
+                },
+            );
+        }
+        // A face before its vertices.
+        refuses(
+            &format!("f 1 2 3\n{CORNERS}"),
+            &GeometryError::IndexOutOfRange {
+                line: 1,
+                index: 1,
+                vertices: 0,
+            },
+        );
+    }
+
+    #[test]
+    fn long_lines_and_large_polygons_take_time_and_memory_of_their_length() {
+        let started = std::time::Instant::now();
+        let polygon = format!("{CORNERS}f{}\n", " 1 2 3 4".repeat(250_000));
+        // Of every four triangles of the fan about corner 1, two have that corner twice.
+        let mesh = TriMesh::from_obj(&polygon).unwrap();
+        assert_eq!(mesh.triangles.len(), 500_000);
+        let long = "x".repeat(4 << 20);
+        let message = TriMesh::from_obj(&format!("{CORNERS}f 1 2 {long}\n"))
+            .unwrap_err()
+            .to_string();
+        assert!(message.len() < 200, "{}", message.len());
+        let message = TriMesh::from_obj(&format!("v 0 {long} 0\n"))
+            .unwrap_err()
+            .to_string();
+        assert!(message.len() < 200, "{}", message.len());
+        refuses(&long, &GeometryError::NoTriangles);
+        refuses(&" ".repeat(4 << 20), &GeometryError::NoTriangles);
+        refuses(&"\n".repeat(4 << 20), &GeometryError::NoTriangles);
+        refuses(&"#".repeat(4 << 20), &GeometryError::NoTriangles);
+        let elapsed = started.elapsed();
+        assert!(elapsed.as_secs_f64() < 10.0, "{elapsed:?}");
     }
 
     #[test]

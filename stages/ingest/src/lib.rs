@@ -29,6 +29,7 @@ mod mirror;
 mod npz;
 mod objects;
 mod reach;
+pub mod read;
 mod reader;
 mod recording;
 mod rests;

@@ -7,8 +7,8 @@ use spatial::{Object, Pose, World};
 /// The frame of the tag that lies on the table: z up against gravity, z = 0 the table's surface.
 pub(crate) enum Tag {}
 
-/// The 21 landmarks of a hand.
-pub(crate) type Keypoints = [Point3<f64>; KEYPOINTS];
+/// The 21 landmarks of a hand, in meters.
+pub type Keypoints = [Point3<f64>; KEYPOINTS];
 
 /// A recording of a hand that grasps an object.
 #[derive(Debug, Clone)]

@@ -1,7 +1,8 @@
 //! The dataset's YAML files as typed structs.
 //!
-//! Serial numbers and ids stay strings, whether quoted or not; the parser's own budget stops
-//! documents that grow when they are expanded.
+//! Serial numbers and ids stay strings, whether quoted or not. The parser works on a budget, a few
+//! times what the largest real file needs: a document that is deep, endless or grows when its
+//! aliases are expanded is refused as soon as it has used it up.
 
 use std::collections::BTreeMap;
 
@@ -12,8 +13,16 @@ use serde::{Deserialize, de::DeserializeOwned};
 /// Largest accepted difference of a stored rotation matrix from an orthonormal one: poses estimated
 /// from video have been published with 0.0074.
 const ORTHONORMAL_TOLERANCE: f64 = 0.02;
-/// Steps of Newton's method for the nearest rotation; each squares the difference.
-const ROTATION_STEPS: usize = 4;
+/// Difference from an orthonormal matrix below which numbers of 8 bytes cannot tell.
+const CONVERGED: f64 = 1e-15;
+
+/// Most accepted scalars, lists and maps of a document; `extrinsics.yml` has 130, of eight cameras
+/// and the tag.
+const MAX_NODES: usize = 10_000;
+/// Most accepted lists and maps within each other; the real files have three.
+const MAX_DEPTH: usize = 16;
+/// Most accepted aliases, and most accepted anchors; the real files have none.
+const MAX_ALIASES: usize = 16;
 
 /// Why a YAML file could not be read.
 #[derive(Debug, thiserror::Error)]
@@ -73,8 +82,20 @@ pub(crate) struct HandShape {
 /// Reads a YAML document.
 pub(crate) fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, YamlError> {
     let text = std::str::from_utf8(bytes).map_err(|_not_utf8| YamlError::NotUtf8)?;
-    serde_saphyr::from_str(text).map_err(|err| {
-        // The parser draws the place below its message: keep the message.
+    let options = serde_saphyr::options! {
+        budget: serde_saphyr::budget! {
+            max_nodes: MAX_NODES,
+            max_events: 4 * MAX_NODES,
+            max_recorded_anchor_events: 4 * MAX_NODES,
+            max_depth: MAX_DEPTH,
+            max_aliases: MAX_ALIASES,
+            max_anchors: MAX_ALIASES,
+            max_documents: 1,
+        },
+        // The place would be drawn below the message, which is all that is kept.
+        with_snippet: false,
+    };
+    serde_saphyr::from_str_with_options(text, options).map_err(|err| {
         let message = err.to_string();
         YamlError::Parse(message.lines().next().unwrap_or_default().to_owned())
     })
@@ -85,15 +106,18 @@ pub(crate) fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, YamlError> {
 pub(crate) fn isometry(rows: &[f64; 12]) -> Option<Isometry3<f64>> {
     let [a, b, c, x, d, e, f, y, g, h, i, z] = *rows;
     let mut matrix = Matrix3::new(a, b, c, d, e, f, g, h, i);
-    let deviation = (matrix * matrix.transpose() - Matrix3::identity()).amax();
+    let mut deviation = (matrix * matrix.transpose() - Matrix3::identity()).amax();
     // A NaN deviation fails the comparison too.
     let is_rotation = deviation <= ORTHONORMAL_TOLERANCE && matrix.determinant() > 0.0;
     if !(is_rotation && x.is_finite() && y.is_finite() && z.is_finite()) {
         return None;
     }
     // Higham, *Computing the Polar Decomposition*, 1986, section 3.
-    for _ in 0..ROTATION_STEPS {
+    // A step takes a stretch of 1 + e to 1 + e²/2, a difference (of which the largest number is a
+    // third or more) from d to d²/4: two steps for rotations rounded to 4 bytes, four at most.
+    while deviation > CONVERGED {
         matrix = (matrix + matrix.try_inverse()?.transpose()) * 0.5;
+        deviation *= 2.25 * deviation;
     }
     let rotation = Rotation3::from_matrix_unchecked(matrix);
     Some(Isometry3::from_parts(
@@ -116,6 +140,116 @@ mod tests {
         assert_eq!(meta.extrinsics, "20200702_151821");
     }
 
+    const META: &str = "serials: [a]\nnum_frames: 3\nextrinsics: e\nycb_ids: [1]\n\
+                        ycb_grasp_ind: 0\nmano_sides: [right]\n";
+
+    /// Returns why a document of either kind is refused; soon, even on a busy machine.
+    fn refusal(bytes: &[u8]) -> [String; 2] {
+        let started = std::time::Instant::now();
+        let said = [
+            parse::<Meta>(bytes).unwrap_err().to_string(),
+            parse::<Extrinsics>(bytes).unwrap_err().to_string(),
+        ];
+        let elapsed = started.elapsed();
+        assert!(elapsed.as_secs_f64() < 10.0, "{elapsed:?}: {said:?}");
+        said
+    }
+
+    #[test]
+    fn refuses_a_megabyte_of_anything_soon() {
+        let megabyte = |text: &str| text.repeat((1 << 20) / text.len());
+        for text in [
+            megabyte("["),
+            megabyte("{"),
+            megabyte("{a: "),
+            megabyte("- "),
+            megabyte("? "),
+            megabyte("a: "),
+            megabyte("- - "),
+            megabyte("a\n"),
+            megabyte("\n"),
+            megabyte("#"),
+            megabyte("'"),
+            megabyte("\"\\\\"),
+            megabyte("&a "),
+            megabyte("*a "),
+            megabyte("!a "),
+            megabyte("--- a\n"),
+            megabyte("%YAML 1.2\n"),
+            megabyte("a: 1\n"),
+            megabyte("? a\n"),
+            megabyte("|\n a\n"),
+            megabyte("\t"),
+            megabyte("\u{feff}"),
+            format!("serials: [{}]", megabyte("x, ")),
+            format!("extrinsics: {{{}}}", megabyte("x: [1], ")),
+            format!("extrinsics: {{x: [{}]}}", megabyte("1, ")),
+            format!("extrinsics: [{}]", megabyte("&a x, *a, ")),
+        ] {
+            refusal(text.as_bytes());
+        }
+        // One line as deep as a line can be indented.
+        let deep: String = (0..1400)
+            .map(|n| format!("{}a:\n", " ".repeat(n)))
+            .collect();
+        refusal(deep.as_bytes());
+    }
+
+    #[test]
+    fn refuses_keys_given_twice() {
+        let twice = format!("{META}num_frames: 4\n");
+        let [said, _] = refusal(twice.as_bytes());
+        assert!(
+            said.contains("duplicate") && said.contains("num_frames"),
+            "{said}"
+        );
+        let cameras = "extrinsics:\n  a: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]\n";
+        let (_, camera) = cameras.split_once('\n').unwrap();
+        let [_, said] = refusal(format!("{cameras}{camera}").as_bytes());
+        assert!(said.contains("duplicate"), "{said}");
+    }
+
+    #[test]
+    fn refuses_what_is_no_text_or_indented_by_tabs() {
+        assert!(parse::<Meta>(META.as_bytes()).is_ok());
+        for bad in [&[0xff_u8, 0xfe][..], &[0xc0, 0x80], &[0xed, 0xa0, 0x80]] {
+            let [said, _] = refusal(&[META.as_bytes(), bad].concat());
+            assert_eq!(said, "not UTF-8");
+        }
+        refusal(META.replace("[a]", "\n\t- a").as_bytes());
+        refusal(META.replace("[a]", "[a\0b]").as_bytes());
+        refusal(b"");
+    }
+
+    #[test]
+    fn refuses_numbers_that_a_recording_cannot_have() {
+        for (key, value) in [
+            ("num_frames", "-1"),
+            ("num_frames", "1e3"),
+            ("num_frames", "99999999999999999999"),
+            ("num_frames", "x"),
+            ("ycb_ids", "[-1]"),
+            ("ycb_ids", "[4294967296]"),
+            ("ycb_ids", "1"),
+            ("ycb_grasp_ind", "-1"),
+            ("ycb_grasp_ind", "[0]"),
+            ("mano_sides", "right"),
+        ] {
+            let lines = META.lines().map(|line| match line.split_once(':') {
+                Some((found, _)) if found == key => format!("{key}: {value}\n"),
+                _ => format!("{line}\n"),
+            });
+            refusal(lines.collect::<String>().as_bytes());
+        }
+        for numbers in ["[1, 2]", "[]", "1", "[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, x]"] {
+            refusal(format!("extrinsics: {{a: {numbers}}}").as_bytes());
+        }
+        let not_finite = "extrinsics: {a: [1, 0, 0, .inf, 0, 1, 0, 0, 0, 0, 1, .nan]}";
+        if let Ok(read) = parse::<Extrinsics>(not_finite.as_bytes()) {
+            assert!(isometry(&read.extrinsics["a"]).is_none());
+        }
+    }
+
     #[test]
     fn refuses_a_document_that_grows() {
         let mut text = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n".to_owned();
@@ -123,7 +257,7 @@ mod tests {
             let copies = vec![format!("*a{}", level - 1); 10].join(", ");
             text = format!("{text}a{level}: &a{level} [{copies}]\n");
         }
-        assert!(parse::<Meta>(text.as_bytes()).is_err());
+        refusal(text.as_bytes());
     }
 
     #[test]

@@ -3,6 +3,7 @@
 mod bench;
 mod damage;
 mod hand_model;
+mod labels;
 mod objects;
 mod real;
 mod rig;

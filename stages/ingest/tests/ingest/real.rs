@@ -13,7 +13,7 @@ use stage_ingest::TableRule;
 use crate::bench::{Bench, config};
 
 /// Returns a real dataset's folder; says so and returns `None` where there is none.
-fn real(name: &str) -> Option<PathBuf> {
+pub(crate) fn real(name: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("PIPELINE_REAL_DATA").map(|root| PathBuf::from(root).join(name));
     let folder = folder.filter(|folder| folder.is_dir());
     if folder.is_none() {
