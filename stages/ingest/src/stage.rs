@@ -434,7 +434,12 @@ fn demonstration(
     cx: &Context,
 ) -> Result<Demonstration, Unusable> {
     let still = reach::still(recording, config)?;
-    let lying = table::lying(recording, &still.world_from_object, shapes)?;
+    let lying = table::lying(
+        recording,
+        &still.world_from_object,
+        shapes,
+        config.min_table_objects_n,
+    )?;
     recording.agreement.extend(lying.agreement);
     // A mesh that cannot be used is reported where the shape is made.
     if let Some(found_m) = mesh.and_then(|mesh| table::lowest_m(mesh, &lying.rest))
