@@ -264,7 +264,10 @@ pub enum Unusable {
     #[error("nothing says where the table is: no tag, and no still object whose shape is known")]
     NoTable,
     /// Too few objects stand on the table that they would share.
-    #[error("{found} still objects agree on a table, fewer than {min}, and no tag marks it")]
+    #[error(
+        "only {found} of the still objects can stand on one table, fewer than {min}, and no tag \
+         marks it"
+    )]
     FewOnTable {
         /// Objects that agree.
         found: usize,
