@@ -5,27 +5,63 @@
 //! |-----------------------|----------|------|-----------------------------------------------------------|
 //! | `object`              | utf8     |      | name of the grasped object                                |
 //! | `subject`             | utf8     |      | who grasped                                               |
+//! | `hand`                | utf8     |      | `right` or `left`: the hand of the landmarks              |
+//! | `mirrored`            | bool     |      | whether the other hand was recorded, and all is mirrored  |
+//! | `start_reason`        | utf8     |      | why the reach starts at its first row                     |
+//! | `end_reason`          | utf8     |      | why it ends at its last row                               |
 //! | `step`                | i64      |      | number of the row, from 0                                 |
 //! | `image`               | i64      |      | number of the recording's image                           |
 //! | `time_s`              | f64      | s    | since the first step                                      |
-//! | `keypoints_m`         | f64 × 63 | m    | 21 landmarks of the right hand, xyz each, object frame    |
+//! | `cameras_n`           | i64      |      | cameras whose landmarks agree; 0: bridged, or not by labels |
+//! | `bridged`             | bool     |      | whether no image shows the hand, and it is interpolated   |
+//! | `keypoints_m`         | f64 × 63 | m    | 21 landmarks of the hand, xyz each, object frame          |
 //! | `rest_up`             | f64 × 3  | 1    | unit vector against gravity, object frame                 |
 //! | `rest_height_m`       | f64      | m    | height of the object's origin above the table             |
 //!
 //! Landmarks: wrist; thumb, index, middle, ring, little finger, four each from base to tip.
 
 use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use spatial::Rest;
 
 use crate::columns::{Columns, Reader, SchemaError, count};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "demonstrations/1";
+pub const VERSION: &str = "demonstrations/2";
 
 /// Number of landmarks of a hand.
 pub const KEYPOINTS: usize = 21;
 
-/// One recorded reach of a right hand.
+/// Side of a hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    /// The right hand.
+    Right,
+    /// The left hand.
+    Left,
+}
+
+impl Side {
+    /// Both sides.
+    pub const ALL: [Self; 2] = [Self::Right, Self::Left];
+
+    /// Returns the side's name: `right` or `left`.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Right => "right",
+            Self::Left => "left",
+        }
+    }
+
+    /// Returns the side of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|side| side.as_str() == name)
+    }
+}
+
+/// One recorded reach of a hand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Demonstration {
     /// The sequence's name, unique in the dataset: `20200709-subject-01-20200709_141754`.
@@ -34,6 +70,14 @@ pub struct Demonstration {
     pub object: String,
     /// The subject's name.
     pub subject: String,
+    /// The hand of the landmarks.
+    pub hand: Side,
+    /// Whether the other hand was recorded, and everything is its mirror image.
+    pub mirrored: bool,
+    /// Why the reach starts where it does.
+    pub start_reason: String,
+    /// Why the reach ends where it does.
+    pub end_reason: String,
     /// How the object lay.
     pub rest: Rest,
     /// The steps in time order; the last one is the grasp.
@@ -47,6 +91,11 @@ pub struct Step {
     pub image: u32,
     /// Seconds since the first step.
     pub time_s: f64,
+    /// Cameras whose landmarks agree and were fused; 0 where the step is bridged, or the landmarks
+    /// come from a hand model.
+    pub cameras_n: u32,
+    /// Whether no image shows the hand, and the landmarks lie between those before and after.
+    pub bridged: bool,
     /// The landmarks in the object frame, in meters.
     pub keypoints_m: [[f64; 3]; KEYPOINTS],
 }
@@ -76,6 +125,26 @@ fn columns(demonstrations: &[&Demonstration]) -> Columns {
         "who grasped",
         rows().map(|(d, _, _)| d.subject.clone()),
     );
+    c.utf8(
+        "hand",
+        "`right` or `left`: the hand of the landmarks",
+        rows().map(|(d, _, _)| d.hand.as_str().to_owned()),
+    );
+    c.bool(
+        "mirrored",
+        "whether the other hand was recorded, and all is mirrored",
+        rows().map(|(d, _, _)| d.mirrored),
+    );
+    c.utf8(
+        "start_reason",
+        "why the reach starts at its first row",
+        rows().map(|(d, _, _)| d.start_reason.clone()),
+    );
+    c.utf8(
+        "end_reason",
+        "why the reach ends at its last row",
+        rows().map(|(d, _, _)| d.end_reason.clone()),
+    );
     c.i64(
         "step",
         "number of the row, from 0",
@@ -92,10 +161,20 @@ fn columns(demonstrations: &[&Demonstration]) -> Columns {
         "since the first step",
         rows().map(|(_, _, s)| s.time_s),
     );
+    c.i64(
+        "cameras_n",
+        "cameras whose landmarks agree; 0: bridged, or not by labels",
+        rows().map(|(_, _, s)| i64::from(s.cameras_n)),
+    );
+    c.bool(
+        "bridged",
+        "whether no image shows the hand, and it is interpolated",
+        rows().map(|(_, _, s)| s.bridged),
+    );
     c.f64_array(
         "keypoints_m",
         "m",
-        "21 landmarks of the right hand, xyz each, object frame",
+        "21 landmarks of the hand, xyz each, object frame",
         rows().map(|(_, _, s)| {
             let mut flat = [0.0; 3 * KEYPOINTS];
             for (to, from) in flat.iter_mut().zip(s.keypoints_m.as_flattened()) {
@@ -134,13 +213,21 @@ pub fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Demonstration, 
             image: u32::try_from(r.i64("image", row)?)
                 .map_err(|err| r.invalid("image", err.to_string()))?,
             time_s: r.f64("time_s", row)?,
+            cameras_n: r.u32("cameras_n", row)?,
+            bridged: r.bool("bridged", row)?,
             keypoints_m,
         });
     }
+    let hand = r.utf8("hand", 0)?;
     Ok(Demonstration {
         sequence: sequence.to_owned(),
         object: r.utf8("object", 0)?.to_owned(),
         subject: r.utf8("subject", 0)?.to_owned(),
+        hand: Side::from_name(hand)
+            .ok_or_else(|| r.invalid("hand", format!("`{hand}` is neither right nor left")))?,
+        mirrored: r.bool("mirrored", 0)?,
+        start_reason: r.utf8("start_reason", 0)?.to_owned(),
+        end_reason: r.utf8("end_reason", 0)?.to_owned(),
         rest: r.rest(0)?,
         steps,
     })

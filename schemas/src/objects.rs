@@ -7,6 +7,10 @@
 //! | `inertia_kg_m2`      | f64 × 6        | kg m² | about it: xx, yy, zz, xy, xz, yz, object axes      |
 //! | `points_m`           | list f64 × 3   | m     | points on the surface, area-weighted, object frame |
 //! | `normals`            | list f64 × 3   | 1     | outward unit normal at each point                  |
+//! | `watertight`         | bool           |       | whether the mesh is closed                         |
+//! | `mirror_normal`      | list f64 × 3   | 1     | normal of the object's best mirror plane, if any   |
+//! | `mirror_offset_m`    | list f64       | m     | the plane: normal · x = offset, object frame       |
+//! | `mirror_error_m`     | list f64       | m     | how far the mirrored surface is from the surface   |
 //! | `vertices_m`         | list f64 × 3   | m     | the mesh's vertices                                |
 //! | `triangles`          | list i64       | 1     | three vertex indices per triangle, outward winding |
 //! | `part_points_m`      | list f64 × 3   | m     | vertices of the convex parts, one part after another |
@@ -23,7 +27,7 @@ use spatial::Rest;
 use crate::columns::{Columns, Reader, SchemaError, count};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "objects/1";
+pub const VERSION: &str = "objects/2";
 
 /// Name of the artifact's file that holds the mesh alone, as Wavefront OBJ in the object frame: for
 /// readers that do not depend on how the object was seen to lie.
@@ -44,6 +48,10 @@ pub struct Object {
     pub points_m: Vec<[f64; 3]>,
     /// Outward unit normal at each point.
     pub normals: Vec<[f64; 3]>,
+    /// Whether the mesh is closed.
+    pub watertight: bool,
+    /// The plane in which it is most nearly its own mirror image, if one was found.
+    pub mirror: Option<Mirror>,
     /// The mesh's vertices, in meters.
     pub vertices_m: Vec<[f64; 3]>,
     /// The mesh's triangles, counterclockwise seen from outside.
@@ -52,6 +60,17 @@ pub struct Object {
     pub parts_m: Vec<Vec<[f64; 3]>>,
     /// How it can lie on a table: orientations seen first, most often seen first.
     pub rests: Vec<RestingOrientation>,
+}
+
+/// A plane in which an object is its own mirror image, or nearly so.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mirror {
+    /// Unit normal of the plane, object frame.
+    pub normal: Unit<Vector3<f64>>,
+    /// The plane's distance from the object's origin along the normal, in meters.
+    pub offset_m: f64,
+    /// How far the mirrored surface is from the surface, in meters.
+    pub error_m: f64,
 }
 
 /// One way in which an object lies on a table.
@@ -107,6 +126,38 @@ fn columns(objects: &[Object]) -> Columns {
         "1",
         "outward unit normal at each point",
         objects.iter().map(|o| o.normals.clone()),
+    );
+    c.bool(
+        "watertight",
+        "whether the mesh is closed",
+        objects.iter().map(|o| o.watertight),
+    );
+    c.f64_arrays(
+        "mirror_normal",
+        "1",
+        "normal of the object's best mirror plane, if any, object frame",
+        objects.iter().map(|o| {
+            o.mirror
+                .iter()
+                .map(|m| m.normal.into_inner().into())
+                .collect()
+        }),
+    );
+    c.f64_list(
+        "mirror_offset_m",
+        "m",
+        "the plane: normal · x = offset, object frame",
+        objects
+            .iter()
+            .map(|o| o.mirror.iter().map(|m| m.offset_m).collect()),
+    );
+    c.f64_list(
+        "mirror_error_m",
+        "m",
+        "how far the mirrored surface is from the surface",
+        objects
+            .iter()
+            .map(|o| o.mirror.iter().map(|m| m.error_m).collect()),
     );
     c.f64_arrays(
         "vertices_m",
@@ -234,6 +285,17 @@ pub fn from_batch(name: &str, batch: &RecordBatch) -> Result<Object, SchemaError
             },
         )
         .collect();
+    let normals: Vec<[f64; 3]> = r.f64_arrays("mirror_normal", 0)?;
+    let offsets = r.f64_list("mirror_offset_m", 0)?;
+    let errors = r.f64_list("mirror_error_m", 0)?;
+    let mirror = match (normals.as_slice(), offsets.as_slice(), errors.as_slice()) {
+        (&[normal], &[offset_m], &[error_m]) => Some(Mirror {
+            normal: Unit::new_normalize(Vector3::from(normal)),
+            offset_m,
+            error_m,
+        }),
+        _ => None,
+    };
     Ok(Object {
         name: name.to_owned(),
         mass_kg: r.f64("mass_kg", 0)?,
@@ -241,6 +303,8 @@ pub fn from_batch(name: &str, batch: &RecordBatch) -> Result<Object, SchemaError
         inertia_kg_m2: r.f64_array("inertia_kg_m2", 0)?,
         points_m: r.f64_arrays("points_m", 0)?,
         normals: r.f64_arrays("normals", 0)?,
+        watertight: r.bool("watertight", 0)?,
+        mirror,
         vertices_m: vertices,
         triangles,
         parts_m,

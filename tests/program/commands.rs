@@ -93,7 +93,7 @@ fn units_are_made_by_name_checked_and_collected() {
     let partition = {
         let plan = done(&bench, "plan", &["--until", "retarget", "--format", "json"]);
         let plan: Value = serde_json::from_str(&plan).unwrap();
-        let unit = &plan["nodes"][2]["units"][0];
+        let unit = &plan["nodes"][3]["units"][0];
         assert_eq!(unit["state"], "run");
         assert_eq!(unit["causes"][0]["key"], "smoothness_weight");
         assert_eq!(unit["causes"][0]["old"], 0.3);
@@ -125,11 +125,12 @@ fn until_stops_and_fresh_makes_again_what_is_named_or_everything() {
     let all = [
         "ingest.demonstrations",
         "ingest.objects",
+        "ingest.shapes",
         "retarget.trajectories",
     ];
     assert_eq!(made(&bench), all);
     bench.run_well(&["--until", "retarget", "--fresh", "retarget"]);
-    assert_eq!(made(&bench), all[2..]);
+    assert_eq!(made(&bench), all[3..]);
     bench.run_well(&["--until", "retarget", "--fresh"]);
     assert_eq!(made(&bench), all);
 }
@@ -216,13 +217,13 @@ fn drawings_name_every_output_once_and_only_connect_what_they_name() {
         }
     }
     assert!(nodes.contains("screen-2.rollouts"), "{dot}");
-    assert_eq!((nodes.len(), n_edges), (7, 12), "{dot}");
+    assert_eq!((nodes.len(), n_edges), (8, 14), "{dot}");
 
     let mermaid = draw("mermaid");
     assert!(mermaid.starts_with("flowchart LR\n"), "{mermaid}");
     let count = |what: &str| mermaid.lines().filter(|line| line.contains(what)).count();
     assert_eq!(count("subgraph"), count("end"), "{mermaid}");
-    assert_eq!((count("<br/>"), count("-->")), (7, 12), "{mermaid}");
+    assert_eq!((count("<br/>"), count("-->")), (8, 14), "{mermaid}");
     for edge in mermaid.lines().filter(|line| line.contains("-->")) {
         for end in edge.trim().split(" --> ") {
             assert!(mermaid.contains(&format!("{end}[\"")), "{edge}");

@@ -60,8 +60,8 @@ fn a_changed_value_reruns_its_stage_and_what_follows_and_plan_names_it() {
     let plan: Value = serde_json::from_slice(&plan.stdout).unwrap();
     let states = |node: usize| plan["nodes"][node]["units"][0]["state"].as_str().unwrap();
     assert_eq!(
-        [0, 1, 2, 3, 4].map(states),
-        ["cached", "cached", "cached", "run", "perhaps"]
+        [0, 1, 2, 3, 4, 5].map(states),
+        ["cached", "cached", "cached", "cached", "run", "perhaps"]
     );
 
     bench.run_well(&change);
@@ -86,6 +86,27 @@ fn one_changed_recording_reruns_its_own_units_and_what_gathers_them() {
         ("train.checkpoint", 1),
     ]);
     assert_eq!(bench.made_by_newest_run(), expected);
+}
+
+#[test]
+fn an_option_reruns_only_what_it_decides() {
+    let bench = Bench::new();
+    let only = ["--until", "ingest", "--set"];
+    let run = |bench: &Bench, change: &str| bench.run_well(&[&only[..], &[change]].concat());
+    run(&bench, "ingest.objects=[\"025_mug\"]");
+    let all = bench.made_by_newest_run();
+    assert_eq!(all["ingest.shapes"], 1);
+    // Surface points are the shapes' alone.
+    let fewer = ["ingest.objects=[\"025_mug\"]", "ingest.points_n=100"];
+    bench.run_well(&[&only[..], &[fewer[0], "--set", fewer[1]]].concat());
+    let expected = counts(&[("ingest.objects", 1), ("ingest.shapes", 1)]);
+    assert_eq!(bench.made_by_newest_run(), expected);
+    // What was read of one object is not read again for two; what was left out is another unit now.
+    run(&bench, "ingest.objects=[\"024_bowl\", \"025_mug\"]");
+    let made = bench.made_by_newest_run();
+    assert_eq!(made["ingest.shapes"], 1);
+    // The sample here has one recording of each object.
+    assert_eq!(made["ingest.demonstrations"], 1, "{made:?}");
 }
 
 #[test]

@@ -67,12 +67,28 @@ impl Context<'_> {
 pub struct Inputs {
     artifacts: BTreeMap<String, Vec<Artifact>>,
     files: Vec<SourceFile>,
+    facts: BTreeMap<String, String>,
 }
 
 impl Inputs {
     /// Gathers what a unit reads.
     pub fn new(artifacts: BTreeMap<String, Vec<Artifact>>, files: Vec<SourceFile>) -> Self {
-        Self { artifacts, files }
+        Self {
+            artifacts,
+            files,
+            facts: BTreeMap::new(),
+        }
+    }
+
+    /// Adds what was found out while the unit was listed.
+    #[must_use]
+    pub fn with_facts(self, facts: BTreeMap<String, String>) -> Self {
+        Self { facts, ..self }
+    }
+
+    /// Returns what was found out under this name while the unit was listed.
+    pub fn fact(&self, name: &str) -> Option<&str> {
+        self.facts.get(name).map(String::as_str)
     }
 
     /// Returns the partitions read from an input, in the order in which the unit named them.

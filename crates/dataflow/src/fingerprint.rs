@@ -47,6 +47,9 @@ pub struct Fingerprint {
     pub inputs: BTreeMap<String, BTreeMap<String, Digest>>,
     /// Digests of the files read outside the lake, by name.
     pub files: BTreeMap<String, Digest>,
+    /// What its listing found out, by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub facts: BTreeMap<String, String>,
     /// The pipeline's seed.
     pub seed: u64,
 }
@@ -102,6 +105,15 @@ pub enum Cause {
         old: Option<Digest>,
         /// Its digest now; `null` if it is not read.
         new: Option<Digest>,
+    },
+    /// Something that was found out while the unit was listed.
+    Fact {
+        /// Its name.
+        fact: String,
+        /// What was found last time; `null` if nothing was.
+        old: Option<String>,
+        /// What was found now; `null` if nothing was.
+        new: Option<String>,
     },
     /// The schema's version.
     Schema {
@@ -163,6 +175,11 @@ impl Fingerprint {
             digest_map(&mut fields, partitions);
         }
         digest_map(&mut fields, &self.files);
+        fields.number(self.facts.len() as u64);
+        for (name, value) in &self.facts {
+            fields.text(name);
+            fields.text(value);
+        }
         fields.number(self.seed);
         fields.finish()
     }
@@ -182,6 +199,13 @@ impl Fingerprint {
                 change,
                 old: old.copied(),
                 new: new.copied(),
+            });
+        }
+        for (fact, _, old, new) in changes(&old.facts, &self.facts) {
+            causes.push(Cause::Fact {
+                fact: fact.clone(),
+                old: old.cloned(),
+                new: new.cloned(),
             });
         }
         let empty = BTreeMap::new();
@@ -336,6 +360,11 @@ impl fmt::Display for Cause {
                 write!(f, "file `{file}` {change}")?;
                 from_to(f, old.map(Digest::short), new.map(Digest::short))
             }
+            Self::Fact { fact, old, new } => match (old, new) {
+                (_, None) => write!(f, "no longer {fact}"),
+                (None, Some(new)) => write!(f, "{fact}: {new}"),
+                (Some(old), Some(new)) => write!(f, "{fact}: {new}, before: {old}"),
+            },
             Self::Schema { old, new } => write!(f, "schema changed from `{old}` to `{new}`"),
             Self::Seed { old, new } => write!(f, "`seed` changed from {old} to {new}"),
             Self::Renamed { old, new } => {
@@ -391,6 +420,7 @@ mod tests {
                 BTreeMap::from([("a".to_owned(), Digest::of_bytes(b"a"))]),
             )]),
             files: BTreeMap::from([("hand.urdf".to_owned(), Digest::of_bytes(b"hand"))]),
+            facts: BTreeMap::from([("side".to_owned(), "left".to_owned())]),
             seed: 7,
         }
     }
@@ -451,6 +481,13 @@ mod tests {
             "input `trajectories` `b` added",
         );
         check(|f| f.files.clear(), "file `hand.urdf` removed");
+        check(
+            |f| {
+                f.facts.insert("side".to_owned(), "right".to_owned());
+            },
+            "side: right, before: left",
+        );
+        check(|f| f.facts.clear(), "no longer side");
         check(|f| f.seed = 8, "`seed` changed from 7 to 8");
         check(
             |f| f.stage = "fit".to_owned(),

@@ -45,8 +45,10 @@ pub struct OptionInfo {
 
 /// A stage with its configuration.
 pub(crate) trait Configured: Send + Sync {
-    /// The configuration as it counts for the fingerprint.
+    /// The configuration without the paths of files that its units read.
     fn config(&self) -> Value;
+    /// The configuration as it counts for the fingerprints of an output's units.
+    fn config_of(&self, output: &str) -> Value;
     fn prepare(&self) -> Result<(), Advised>;
     fn units(&self, output: &str, scope: &Scope) -> Result<Vec<Unit>, Advised>;
     fn foretell(&self, output: &str, unit: &Unit, scope: &Scope) -> Option<Labels>;
@@ -65,6 +67,14 @@ struct WithConfig<S: Stage>(S::Config);
 impl<S: Stage> Configured for WithConfig<S> {
     fn config(&self) -> Value {
         serde_json::to_value(&self.0).unwrap_or(Value::Null)
+    }
+
+    fn config_of(&self, output: &str) -> Value {
+        let mut config = self.config();
+        if let Value::Object(options) = &mut config {
+            options.retain(|option, _| S::decides(option, output));
+        }
+        config
     }
 
     fn prepare(&self) -> Result<(), Advised> {

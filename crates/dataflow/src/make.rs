@@ -226,7 +226,7 @@ impl<'a> Maker<'a> {
             }
             artifacts.insert(input.clone(), opened);
         }
-        Ok(Inputs::new(artifacts, unit.files.clone()))
+        Ok(Inputs::new(artifacts, unit.files.clone()).with_facts(unit.facts.clone()))
     }
 
     /// Makes a damaged artifact again from what it was made of; equal fingerprints give equal bytes.

@@ -73,9 +73,14 @@ impl StageEntry {
         }
     }
 
-    /// Returns the configuration as it counts for the fingerprint.
+    /// Returns the configuration without the paths of files that its units read.
     pub fn config(&self) -> serde_json::Value {
         self.configured.config()
+    }
+
+    /// Returns the part of the configuration that decides one of its outputs.
+    pub(crate) fn config_of(&self, artifact: &str) -> serde_json::Value {
+        self.configured.config_of(artifact)
     }
 }
 

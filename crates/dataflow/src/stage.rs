@@ -102,6 +102,15 @@ pub trait Stage: 'static {
         None
     }
 
+    /// Says whether an option decides what [`Stage::run`] makes of a listed unit of an output: a
+    /// change of one that does not makes no unit of that output run again.
+    ///
+    /// An option that only chooses units or files, or is told to the unit as one of its
+    /// [`Unit::facts`], decides nothing more.
+    fn decides(_option: &str, _output: &str) -> bool {
+        true
+    }
+
     /// Makes one partition: writes its files into [`Context::folder`].
     ///
     /// # Errors

@@ -91,7 +91,7 @@ impl<'a> State<'a> {
                 kind: stage.kind.name.to_owned(),
                 output: node.output.artifact.to_owned(),
                 code: code_parts(stage.kind.code),
-                config: stage.config(),
+                config: stage.config_of(node.output.artifact),
                 schema: node.output.schema.to_owned(),
             };
             let digest = recipe.digest();
@@ -360,6 +360,7 @@ impl<'a> State<'a> {
             partition: unit.partition.clone(),
             inputs,
             files,
+            facts: unit.facts.clone(),
             seed: self.pipeline.seed,
         };
         let digest = fingerprint.digest_with(recipe_digest);

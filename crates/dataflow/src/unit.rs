@@ -16,6 +16,9 @@ pub struct Unit {
     pub parts: BTreeMap<String, Vec<String>>,
     /// Files outside the lake that it reads.
     pub files: Vec<SourceFile>,
+    /// What its listing found out and [`crate::Stage::run`] goes by, by name. A change makes it run
+    /// again, where an option that only chooses among units need not.
+    pub facts: BTreeMap<String, String>,
 }
 
 impl Unit {
@@ -50,6 +53,13 @@ impl Unit {
     ) -> Self {
         let names = names.into_iter().map(Into::into).collect();
         self.parts.insert(input.to_owned(), names);
+        self
+    }
+
+    /// Adds something that was found out while listing.
+    #[must_use]
+    pub fn with_fact(mut self, name: &str, value: impl Into<String>) -> Self {
+        self.facts.insert(name.to_owned(), value.into());
         self
     }
 

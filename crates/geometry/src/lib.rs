@@ -1,5 +1,5 @@
 //! Triangle meshes: reading, sampling, distance, mass properties, convex parts, resting orientations,
-//! mirror planes.
+//! mirror planes, the table that objects stand on.
 //!
 //! ```
 //! use geometry::{TriMesh, mass_properties};
@@ -28,6 +28,7 @@ mod parts;
 mod rests;
 mod sample;
 mod single;
+mod table;
 
 pub use distance::{SurfaceDistance, SurfacePoint};
 pub use error::GeometryError;
@@ -36,3 +37,4 @@ pub use mesh::TriMesh;
 pub use mirror::{MirrorPlane, mirror_plane};
 pub use parts::{MAX_PART_VERTICES, convex_parts};
 pub use rests::{StableRest, stable_rests};
+pub use table::{Standing, TablePlane, table_plane};

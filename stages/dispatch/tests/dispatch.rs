@@ -50,6 +50,8 @@ fn cube() -> Object {
         inertia_kg_m2: [inertia, inertia, inertia, 0.0, 0.0, 0.0],
         points_m: corners.clone(),
         normals: corners.clone(),
+        watertight: true,
+        mirror: None,
         vertices_m: corners.clone(),
         triangles: vec![[0, 1, 2], [1, 3, 2]],
         parts_m: vec![corners],

@@ -3,57 +3,137 @@
 use std::{collections::BTreeMap, path::PathBuf};
 
 use schemars::JsonSchema;
+use schemas::demonstrations::Side;
 use serde::{Deserialize, Serialize};
+
+use crate::selection::Split;
 
 /// Options of `kind = "ingest"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct IngestConfig {
-    /// Folder of the dataset in `DexYCB`'s layout: `SUBJECT/SEQUENCE/meta.yml`, `calibration`,
-    /// `models`.
+    /// Folder of the dataset
     #[serde(skip_serializing)]
     pub root: PathBuf,
-    /// Hand side to keep; recordings of the other side are left out.
-    pub hand: Hand,
-    /// Images per second of the recordings, in Hz.
+    /// Layout of the dataset
+    #[serde(default)]
+    pub format: Format,
+    /// Side of the hand in the demonstrations; recordings of the other side are left out or mirrored
+    pub hand: Side,
+    /// Whether recordings of the other hand are mirrored in the object's own mirror plane
+    #[serde(default)]
+    pub mirror: bool,
+    /// Largest distance of an object from its mirror image at which it is mirrored, m
+    pub max_mirror_error_m: f64,
+    /// Folders of the subjects whose recordings are taken; empty: all
+    #[serde(default)]
+    pub subjects: Vec<String>,
+    /// Names of the objects whose recordings are taken; empty: all
+    #[serde(default)]
+    pub objects: Vec<String>,
+    /// Part of `DexYCB` that is taken
+    #[serde(default)]
+    pub split: Split,
+    /// Images per second of the recordings, Hz
     pub rate_hz: f64,
-    /// Distance from its resting place beyond which a still object has moved, in meters.
+    /// Where the hand's landmarks come from
+    #[serde(default)]
+    pub landmarks: Landmarks,
+    /// Folder with the user's own `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`
+    #[serde(default, skip_serializing)]
+    pub mano_models: Option<PathBuf>,
+    /// Largest distance between cameras that agree on a hand or an object, m
+    pub camera_agreement_m: f64,
+    /// What says where the table is
+    #[serde(default)]
+    pub table: TableRule,
+    /// How the last still image is found
+    pub reach: ReachRule,
+    /// Distance from its resting place beyond which a still object has moved, m
     pub move_threshold_m: f64,
-    /// Angle from its resting orientation beyond which a still object has moved, in radians.
+    /// Angle from its resting orientation beyond which a still object has moved, rad; unused by
+    /// "released"
     pub move_threshold_rad: f64,
-    /// Multiple of the object's own jitter at rest that counts as moved where that is more than
-    /// the thresholds.
+    /// Multiple of the object's own jitter at rest that counts as moved where that is more than the
+    /// thresholds; unused by "released"
     pub jitter_factor: f64,
-    /// Images in a row (or all that are left) that must show the object away from its rest.
+    /// Images in a row (or all that are left) that must show the object away; unused by "released"
     pub settle_n: usize,
     /// Longest run of images without a hand that is bridged by interpolation; a longer one inside
-    /// the reach makes the recording unusable.
+    /// the reach makes the recording unusable
     pub max_gap_n: usize,
-    /// Fewest steps of a reach.
+    /// Fewest steps of a reach
     pub min_steps_n: usize,
-    /// Points on each object's surface.
+    /// Largest distance of a resting object's lowest point from the table, m
+    pub max_table_error_m: f64,
+    /// Points on each object's surface
     pub points_n: usize,
-    /// Most convex parts of each object, for physics.
+    /// Most convex parts of each object, for physics
     pub max_convex_parts_n: usize,
-    /// True masses in kilograms by object name, for objects that are not among YCB's or to
-    /// overrule YCB's table.
+    /// True masses by object name, for objects that are not among YCB's or to overrule YCB's table,
+    /// kg
     #[serde(default)]
     pub masses_kg: BTreeMap<String, f64>,
+    /// Objects that the dataset lacks, or whose mesh is to be another, by name
+    #[serde(default)]
+    pub meshes: BTreeMap<String, AddedMesh>,
 }
 
-/// Side of a human hand.
+/// An object that comes from a file of the user's.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AddedMesh {
+    /// Mesh as Wavefront OBJ, in meters
+    #[serde(skip_serializing)]
+    pub file: PathBuf,
+    /// True mass, kg
+    pub mass_kg: f64,
+}
+
+/// Layout of a dataset.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Format {
+    /// `DexYCB`'s: `SUBJECT/SEQUENCE/meta.yml`, `calibration`, `models`.
+    #[default]
+    #[serde(rename = "dexycb")]
+    DexYcb,
+    /// Landmarks and object poses as they are: `SUBJECT/SEQUENCE/track.yml` and `track.npz`.
+    Tracks,
+}
+
+/// Where a hand's landmarks come from. Where both sources are there, their difference is reported.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Landmarks {
+    /// The labels; where no camera has the hand, the hand model, if `mano_models` has it.
+    #[default]
+    Either,
+    /// The labels alone.
+    Labels,
+    /// The hand model alone.
+    Mano,
+}
+
+/// What says where the table is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TableRule {
+    /// The dataset's tag or mark; where a recording has none, the objects that stand still.
+    #[default]
+    Tag,
+    /// The objects that stand still.
+    Objects,
+}
+
+/// How the last image before the object leaves its rest is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Hand {
-    /// The right hand, the side of every landmark in `demonstrations`.
-    Right,
-}
-
-impl Hand {
-    /// Returns the word by which `meta.yml` names the side.
-    pub(crate) fn as_str(self) -> &'static str {
-        match self {
-            Self::Right => "right",
-        }
-    }
+pub enum ReachRule {
+    /// The object has left once it stays away from the median of its still poses, by more than its
+    /// own jitter; one frame for the whole reach.
+    Robust,
+    /// As the paper's code has it: the image before the first in which a coordinate of the object is
+    /// more than the threshold from that of the first image; each step in the frame of its own image.
+    Released,
 }

@@ -1,27 +1,36 @@
-//! `DexYCB`'s reader: from the files of one sequence to a [`Recording`].
+//! `DexYCB`'s reader.
 //!
-//! Landmarks are `joint_3d` of the first camera, in the order of `meta.yml`, that has the hand in
-//! an image; the object's pose is `pose_y` of the first camera that has it, or `pose.npz` where no
-//! camera does. The dataset's marks for "not there" (all −1, all 0) become `None` here.
+//! Landmarks are `joint_3d` of every camera that has the hand in an image, taken to the world by the
+//! camera's pose and fused; so is the object's pose, `pose_y`, or that of `pose.npz` where no camera
+//! has it. With the user's hand model, `pose_m` of `pose.npz` gives the landmarks too.
+//! The dataset's marks for "not there" (all −1, all 0) become `None` here.
 
-use std::{fs::File, io::Read};
+mod calibration;
+mod hand_model;
+mod layout;
+mod poses;
+
+use std::path::Path;
 
 use dataflow::SourceFile;
-use nalgebra::{Isometry3, Point3, Translation3};
-use schemas::demonstrations::KEYPOINTS;
-use spatial::{Camera, Object, Pose, World, quaternion_xyzw};
+use spatial::{Camera, Object, Pose, World};
 
+pub(crate) use self::hand_model::model_file;
+use self::{
+    calibration::Calibration,
+    layout::{SequenceFiles, mesh_name},
+};
 use crate::{
-    dataset::{SequenceFiles, extrinsics_name},
-    error::Unusable,
-    npz::Arrays,
-    recording::{Keypoints, Observation, Recording, Tag},
-    yaml::{self, Extrinsics, Meta},
-    ycb,
+    config::{IngestConfig, Landmarks, TableRule},
+    error::{IngestError, Unusable},
+    fuse,
+    labels::LabelReader,
+    reader::{About, Listed, Reader, read},
+    recording::{Ground, Observation, Recording, Standing},
+    selection::Cameras,
+    yaml::{self, Meta},
 };
 
-/// Largest accepted label file: an image's segmentation alone is 0.3 MB before compression.
-const MAX_LABEL_BYTES: u64 = 4 << 20;
 /// Largest accepted `pose.npz`: 100 images and 4 objects are 30 kB.
 const MAX_POSES_BYTES: u64 = 16 << 20;
 /// Largest accepted YAML file: the real ones have less than 2 kB.
@@ -30,79 +39,242 @@ const MAX_YAML_BYTES: u64 = 1 << 20;
 const MAX_IMAGES: u64 = 10_800;
 /// Most accepted objects of a scene: as many as are numbered.
 const MAX_OBJECTS: usize = 21;
-/// The tag on the table, among the cameras of `extrinsics.yml`.
-const TAG: &str = "apriltag";
+/// Most accepted cameras of a recording, where the real ones have 8.
+const MAX_CAMERAS: usize = 64;
+/// Largest accepted median distance of the object's poses in `pose.npz` from those in the labels, in
+/// meters, with a tenth of a meter for each radian: both are one fit, written twice.
+const MAX_DISAGREEMENT_M: f64 = 0.02;
+
+/// A dataset in `DexYCB`'s layout.
+pub(crate) struct DexYcb<'a> {
+    root: &'a Path,
+    mano_models: Option<&'a Path>,
+    landmarks: Landmarks,
+    table: TableRule,
+    camera_agreement_m: f64,
+}
+
+impl<'a> DexYcb<'a> {
+    pub(crate) fn new(config: &'a IngestConfig) -> Self {
+        Self {
+            root: &config.root,
+            mano_models: config.mano_models.as_deref(),
+            landmarks: config.landmarks,
+            table: config.table,
+            camera_agreement_m: config.camera_agreement_m,
+        }
+    }
+}
+
+impl Reader for DexYcb<'_> {
+    fn list(&self) -> Result<Vec<Listed>, IngestError> {
+        layout::list(self.root, self.table)
+    }
+
+    fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, IngestError> {
+        self.files_of(listed, cameras)
+    }
+
+    fn mesh(&self, object: &str) -> Option<SourceFile> {
+        let name = mesh_name(object);
+        let path = self.root.join(&name);
+        path.is_file().then_some(SourceFile { name, path })
+    }
+
+    fn about(&self, files: &[SourceFile]) -> Result<About, Unusable> {
+        let files = SequenceFiles::sort(files);
+        about(&meta(&files)?, &files)
+    }
+
+    fn read(&self, files: &[SourceFile]) -> Result<Recording, Unusable> {
+        let files = SequenceFiles::sort(files);
+        let meta = meta(&files)?;
+        let about = about(&meta, &files)?;
+        let calibration = Calibration::read(&meta, &files)?;
+        let seen = self.images(&meta, &files, &calibration)?;
+        let mut recording = Recording {
+            object: about.object,
+            subject: about.subject,
+            hand: about.hand,
+            ground: match (self.table, calibration.world_from_tag()?) {
+                (TableRule::Tag, Some(tag)) => Ground::Tag(tag),
+                _ => Ground::Standing {
+                    others: Vec::new(),
+                    above: calibration.middle_of_cameras(&meta.serials)?,
+                },
+            },
+            images: seen.images,
+            agreement: seen.agreement,
+        };
+        let poses = files
+            .poses
+            .map(|file| Ok((file, read(file, MAX_POSES_BYTES)?)))
+            .transpose()?;
+        let poses = poses
+            .as_ref()
+            .map(|(file, bytes)| (*file, bytes.as_slice()));
+        if let Some((file, bytes)) = poses {
+            add_poses(&mut recording, &meta, file, bytes)?;
+        }
+        let n_images = recording.images.len();
+        let posed = hand_model::keypoints(&files, recording.hand, poses, n_images)?;
+        hand_model::combine(&mut recording, posed, self.landmarks)?;
+        Ok(recording)
+    }
+}
+
+/// What the labels show.
+struct Seen {
+    images: Vec<Observation>,
+    agreement: Vec<(&'static str, f64)>,
+}
+
+impl DexYcb<'_> {
+    /// Reads the labels of all cameras and fuses them, image by image.
+    fn images(
+        &self,
+        meta: &Meta,
+        files: &SequenceFiles<'_>,
+        calibration: &Calibration<'_>,
+    ) -> Result<Seen, Unusable> {
+        let cameras = meta
+            .serials
+            .iter()
+            .filter_map(|serial| Some((serial, files.labels.get(serial.as_str())?)))
+            .map(|(serial, labels)| Ok((calibration.world_from_camera(serial)?, labels)))
+            .collect::<Result<Vec<_>, Unusable>>()?;
+        let is_posed = files.hand_model.is_some() && self.landmarks != Landmarks::Labels;
+        if cameras.is_empty() && !is_posed {
+            return Err(Unusable::NoLabels);
+        }
+        let n_images = usize::try_from(meta.num_frames).unwrap_or(usize::MAX);
+        let mut reader = LabelReader::default();
+        let mut images = Vec::with_capacity(n_images);
+        let (mut spread_m, mut left_out_n) = (0.0_f64, 0);
+        let (mut hands, mut objects) = (Vec::new(), Vec::new());
+        for image in (0_u32..).take(n_images) {
+            hands.clear();
+            objects.clear();
+            for (world_from_camera, labels) in &cameras {
+                let Some(file) = labels.get(&image) else {
+                    continue;
+                };
+                let labels = reader.read(file, meta.ycb_ids.len(), meta.ycb_grasp_ind)?;
+                if let Some(hand) = labels.keypoints_in_camera {
+                    hands.push(hand.map(|point| world_from_camera.point(&point)));
+                }
+                if let Some(isometry) = labels.camera_from_object {
+                    let camera_from_object = Pose::<Camera, Object>::new(isometry);
+                    objects.push(*(world_from_camera * &camera_from_object).isometry());
+                }
+            }
+            let hand = fuse::keypoints(&hands, self.camera_agreement_m);
+            let object = fuse::pose(&objects, self.camera_agreement_m);
+            let agreeing_n = hand.as_ref().map_or(0, |hand| hand.agreeing_n);
+            left_out_n += hands.len() - agreeing_n;
+            spread_m = spread_m.max(hand.as_ref().map_or(0.0, |hand| hand.spread_m));
+            images.push(Observation {
+                keypoints_in_world: hand.map(|hand| hand.value),
+                cameras_n: u32::try_from(agreeing_n).unwrap_or(u32::MAX),
+                world_from_object: object.map(|object| Pose::new(object.value)),
+            });
+        }
+        Ok(Seen {
+            images,
+            agreement: vec![
+                ("cameras_n", cameras.len() as f64),
+                ("camera_spread_m", spread_m),
+                ("disagreeing_labels_n", left_out_n as f64),
+            ],
+        })
+    }
+}
+
+/// Adds what `pose.npz` knows: the object's poses where the labels lack them, and the other objects
+/// where nothing marks the table.
+fn add_poses(
+    recording: &mut Recording,
+    meta: &Meta,
+    file: &SourceFile,
+    bytes: &[u8],
+) -> Result<(), Unusable> {
+    let poses = poses::objects(file, bytes, recording.images.len(), meta.ycb_ids.len())?;
+    let Some(grasped) = poses.get(meta.ycb_grasp_ind) else {
+        return Ok(());
+    };
+    check_agreement(recording, grasped, file)?;
+    for (image, pose) in recording.images.iter_mut().zip(grasped) {
+        image.world_from_object = image.world_from_object.or(*pose);
+    }
+    if let Ground::Standing { others, .. } = &mut recording.ground {
+        let scene = poses.into_iter().enumerate().zip(&meta.ycb_ids);
+        others.extend(
+            scene
+                .filter(|((number, _), _)| *number != meta.ycb_grasp_ind)
+                .filter_map(|((_, poses), &id)| {
+                    let object = crate::ycb::name(id)?.to_owned();
+                    Some(Standing { object, poses })
+                }),
+        );
+    }
+    Ok(())
+}
+
+/// Refuses an object that is one thing in `pose.npz` and another in the labels, as it is where
+/// quaternions are swapped.
+fn check_agreement(
+    recording: &mut Recording,
+    grasped: &[Option<Pose<World, Object>>],
+    file: &SourceFile,
+) -> Result<(), Unusable> {
+    let both = recording.images.iter().zip(grasped);
+    let mut distances: Vec<f64> = both
+        .filter_map(|(image, pose)| Some((image.world_from_object?, (*pose)?)))
+        .map(|(labels, poses)| fuse::distance_m(labels.isometry(), poses.isometry()))
+        .collect();
+    distances.sort_unstable_by(f64::total_cmp);
+    let Some(&median_m) = distances.get(distances.len() / 2) else {
+        return Ok(());
+    };
+    if median_m > MAX_DISAGREEMENT_M {
+        return Err(Unusable::Value {
+            what: format!(
+                "`pose_y` of the labels is {median_m:.2} m (or ten times as many radians) from that"
+            ),
+            file: file.name.clone(),
+        });
+    }
+    recording.agreement.push(("pose_difference_m", median_m));
+    Ok(())
+}
 
 /// Reads `meta.yml`.
-pub(crate) fn meta(files: &SequenceFiles<'_>) -> Result<Meta, Unusable> {
+fn meta(files: &SequenceFiles<'_>) -> Result<Meta, Unusable> {
     let file = files.meta.ok_or_else(|| Unusable::Missing {
         file: "meta.yml".to_owned(),
     })?;
     let meta: Meta = read_yaml(file)?;
-    let value = |what: String| Unusable::Value {
-        what,
-        file: file.name.clone(),
+    let refuse = |what: String| {
+        Err(Unusable::Value {
+            what,
+            file: file.name.clone(),
+        })
     };
     if meta.num_frames > MAX_IMAGES {
-        return Err(value(format!(
-            "`num_frames` is {}, more than {MAX_IMAGES}",
-            meta.num_frames
-        )));
+        let found = meta.num_frames;
+        return refuse(format!("`num_frames` is {found}, more than {MAX_IMAGES}"));
     }
     if meta.ycb_ids.len() > MAX_OBJECTS {
-        return Err(value(format!("{} `ycb_ids`", meta.ycb_ids.len())));
+        return refuse(format!("{} `ycb_ids`", meta.ycb_ids.len()));
+    }
+    if meta.serials.len() > MAX_CAMERAS {
+        return refuse(format!("{} `serials`", meta.serials.len()));
     }
     Ok(meta)
 }
 
-/// Reads one recording whose `meta.yml` is `meta`.
-pub(crate) fn recording(meta: &Meta, files: &SequenceFiles<'_>) -> Result<Recording, Unusable> {
-    let object = grasped_object(meta, files)?;
-    if files.labels.is_empty() {
-        return Err(Unusable::NoLabels);
-    }
-    let calibration = Calibration::read(meta, files)?;
-    let cameras = meta
-        .serials
-        .iter()
-        .filter(|serial| files.labels.contains_key(serial.as_str()))
-        .map(|serial| Ok((serial.as_str(), calibration.world_from_camera(serial)?)))
-        .collect::<Result<Vec<_>, Unusable>>()?;
-    if cameras.is_empty() {
-        return Err(Unusable::NoLabels);
-    }
-    let n_images = usize::try_from(meta.num_frames).unwrap_or(usize::MAX);
-    let mut images = Vec::with_capacity(n_images);
-    for image in (0_u32..).take(n_images) {
-        let mut observation = Observation::default();
-        for (serial, world_from_camera) in &cameras {
-            let Some(file) = files.labels.get(serial).and_then(|of| of.get(&image)) else {
-                continue;
-            };
-            observe(&mut observation, file, meta, world_from_camera)?;
-            if observation.keypoints_in_world.is_some() && observation.world_from_object.is_some() {
-                break;
-            }
-        }
-        images.push(observation);
-    }
-    if let Some(file) = files.poses
-        && images.iter().any(|image| image.world_from_object.is_none())
-    {
-        fill_poses(&mut images, file, meta)?;
-    }
-    Ok(Recording {
-        object: object.to_owned(),
-        world_from_tag: calibration.world_from_tag()?,
-        images,
-    })
-}
-
-/// Returns the name of the object that is grasped.
-pub(crate) fn grasped_object(
-    meta: &Meta,
-    files: &SequenceFiles<'_>,
-) -> Result<&'static str, Unusable> {
+/// Returns what `meta.yml` says, or what is wrong with it.
+fn about(meta: &Meta, files: &SequenceFiles<'_>) -> Result<About, Unusable> {
     let value = |what: String| Unusable::Value {
         what,
         file: files.meta.map(|file| file.name.clone()).unwrap_or_default(),
@@ -114,134 +286,14 @@ pub(crate) fn grasped_object(
             meta.ycb_ids.len()
         ))
     })?;
-    ycb::name(number).ok_or_else(|| value(format!("object {number} has no name")))
-}
-
-/// Adds to `observation` what one camera's labels show and it lacks.
-fn observe(
-    observation: &mut Observation,
-    file: &SourceFile,
-    meta: &Meta,
-    world_from_camera: &Pose<World, Camera>,
-) -> Result<(), Unusable> {
-    let bytes = read(file, MAX_LABEL_BYTES)?;
-    let npz = |source| Unusable::Npz {
-        file: file.name.clone(),
-        source,
-    };
-    let mut labels = Arrays::open(&bytes).map_err(npz)?;
-    if observation.keypoints_in_world.is_none() {
-        let numbers = labels
-            .numbers("joint_3d", &[1, KEYPOINTS as u64, 3])
-            .map_err(npz)?;
-        observation.keypoints_in_world = keypoints(&numbers)
-            .map(|in_camera| in_camera.map(|point| world_from_camera.point(&point)));
+    if meta.hand().is_none() {
+        return Err(value(format!(
+            "`mano_sides` is {:?}, not one of right and left",
+            meta.mano_sides
+        )));
     }
-    if observation.world_from_object.is_none() {
-        let numbers = labels
-            .numbers("pose_y", &[meta.ycb_ids.len() as u64, 3, 4])
-            .map_err(npz)?;
-        let rows = numbers.chunks_exact(12).nth(meta.ycb_grasp_ind);
-        let rows: Option<[f64; 12]> = rows.and_then(|rows| rows.try_into().ok());
-        if let Some(rows) = rows.filter(|rows| rows.iter().any(|&number| number != 0.0)) {
-            let isometry = yaml::isometry(&rows).ok_or_else(|| Unusable::Value {
-                what: "`pose_y` is not a rotation and a translation".to_owned(),
-                file: file.name.clone(),
-            })?;
-            let camera_from_object = Pose::<Camera, Object>::new(isometry);
-            observation.world_from_object = Some(world_from_camera * &camera_from_object);
-        }
-    }
-    Ok(())
-}
-
-/// Returns the landmarks, `None` if all numbers are −1: no hand.
-fn keypoints(numbers: &[f64]) -> Option<Keypoints> {
-    #[expect(clippy::float_cmp, reason = "the mark for `no hand` is exactly -1")]
-    let is_marked = numbers.iter().all(|&number| number == -1.0);
-    if is_marked {
-        return None;
-    }
-    let mut keypoints = [Point3::origin(); KEYPOINTS];
-    for (point, xyz) in keypoints.iter_mut().zip(numbers.chunks_exact(3)) {
-        point.coords.copy_from_slice(xyz);
-    }
-    Some(keypoints)
-}
-
-/// Adds the object's poses from `pose.npz` to the images that lack them.
-fn fill_poses(images: &mut [Observation], file: &SourceFile, meta: &Meta) -> Result<(), Unusable> {
-    let bytes = read(file, MAX_POSES_BYTES)?;
-    let n_objects = meta.ycb_ids.len();
-    let numbers = Arrays::open(&bytes)
-        .and_then(|mut arrays| {
-            arrays.numbers("pose_y", &[images.len() as u64, n_objects as u64, 7])
-        })
-        .map_err(|source| Unusable::Npz {
-            file: file.name.clone(),
-            source,
-        })?;
-    for (image, poses) in images.iter_mut().zip(numbers.chunks_exact(7 * n_objects)) {
-        let pose = poses.chunks_exact(7).nth(meta.ycb_grasp_ind);
-        if image.world_from_object.is_some() {
-            continue;
-        }
-        let Some(&[x, y, z, w, px, py, pz]) = pose else {
-            continue;
-        };
-        // The dataset's marks for an object that is not there: all zero, or no motion at all.
-        let is_marked = [x, y, z, px, py, pz].iter().all(|&number| number == 0.0);
-        if is_marked {
-            continue;
-        }
-        let rotation = quaternion_xyzw([x, y, z, w]).map_err(|err| Unusable::Value {
-            what: format!("`pose_y`: {err}"),
-            file: file.name.clone(),
-        })?;
-        let translation = Translation3::new(px, py, pz);
-        image.world_from_object = Some(Pose::new(Isometry3::from_parts(translation, rotation)));
-    }
-    Ok(())
-}
-
-/// Where the cameras and the tag are.
-struct Calibration<'a> {
-    file: &'a SourceFile,
-    extrinsics: Extrinsics,
-}
-
-impl<'a> Calibration<'a> {
-    fn read(meta: &Meta, files: &SequenceFiles<'a>) -> Result<Self, Unusable> {
-        let file = files.extrinsics.ok_or_else(|| Unusable::Missing {
-            file: extrinsics_name(&meta.extrinsics),
-        })?;
-        Ok(Self {
-            file,
-            extrinsics: read_yaml(file)?,
-        })
-    }
-
-    fn world_from_camera(&self, serial: &str) -> Result<Pose<World, Camera>, Unusable> {
-        self.isometry(serial).map(Pose::new)
-    }
-
-    fn world_from_tag(&self) -> Result<Pose<World, Tag>, Unusable> {
-        self.isometry(TAG).map(Pose::new)
-    }
-
-    fn isometry(&self, name: &str) -> Result<Isometry3<f64>, Unusable> {
-        let value = |what: String| Unusable::Value {
-            what,
-            file: self.file.name.clone(),
-        };
-        let rows = self
-            .extrinsics
-            .extrinsics
-            .get(name)
-            .ok_or_else(|| value(format!("no pose of `{name}`")))?;
-        yaml::isometry(rows)
-            .ok_or_else(|| value(format!("`{name}` is not a rotation and a translation")))
-    }
+    layout::about(&files.subject, meta, true)
+        .ok_or_else(|| value(format!("object {number} has no name")))
 }
 
 fn read_yaml<T: serde::de::DeserializeOwned>(file: &SourceFile) -> Result<T, Unusable> {
@@ -249,28 +301,4 @@ fn read_yaml<T: serde::de::DeserializeOwned>(file: &SourceFile) -> Result<T, Unu
         file: file.name.clone(),
         source,
     })
-}
-
-/// Reads a file of at most `limit` bytes.
-pub(crate) fn read(file: &SourceFile, limit: u64) -> Result<Vec<u8>, Unusable> {
-    let unreadable = |source| Unusable::Unreadable {
-        file: file.name.clone(),
-        source,
-    };
-    let mut opened = File::open(&file.path).map_err(unreadable)?;
-    let found = opened.metadata().map_err(unreadable)?.len();
-    if found > limit {
-        return Err(Unusable::TooLarge {
-            file: file.name.clone(),
-            found,
-            limit,
-        });
-    }
-    let mut bytes = Vec::with_capacity(usize::try_from(found).unwrap_or(0) + 1);
-    opened
-        .by_ref()
-        .take(limit)
-        .read_to_end(&mut bytes)
-        .map_err(unreadable)?;
-    Ok(bytes)
 }

@@ -19,6 +19,51 @@ pub enum IngestError {
         /// The directory searched.
         root: PathBuf,
     },
+    /// The directory holds no tracks.
+    #[error("no `SUBJECT/SEQUENCE/track.yml` under `{}`", root.display())]
+    NoTracks {
+        /// The directory searched.
+        root: PathBuf,
+    },
+    /// An option names a subject or an object that no recording has.
+    #[error("no recording has the name `{name}` of `{key}`")]
+    UnknownName {
+        /// The option.
+        key: &'static str,
+        /// The name.
+        name: String,
+        /// The nearest name that there is.
+        near: Option<String>,
+        /// All names that there are.
+        known: Vec<String>,
+    },
+    /// A split goes by the trial's number, which a part of the dataset does not tell.
+    #[error(
+        "`split` s0 needs all five recordings of each subject with each object, but there are \
+         {found} of `{subject}` with `{object}`"
+    )]
+    Trials {
+        /// The subject's folder.
+        subject: String,
+        /// The object's name.
+        object: String,
+        /// Recordings that there are.
+        found: usize,
+    },
+    /// The folder of hand models lacks one, or there is no such folder.
+    #[error("no hand model at `{}`", path.display())]
+    NoHandModel {
+        /// Where it should be.
+        path: PathBuf,
+    },
+    /// A mesh of the pipeline file is not there.
+    #[error("no mesh of `{object}` at `{}`", path.display())]
+    NoMesh {
+        /// The object's name.
+        object: String,
+        /// The file named.
+        path: PathBuf,
+    },
     /// A directory of the dataset could not be listed.
     #[error("cannot list the folder `{}`", path.display())]
     List {
@@ -86,6 +131,29 @@ impl Advise for IngestError {
                 "add its mass in kilograms to the pipeline file, e.g. `{object} = 0.35` below \
                  `[stages.ingest.masses_kg]`"
             )),
+            Self::NoTracks { .. } => Some(
+                "`stages/ingest/README.md` says what is in `track.yml` and `track.npz`; a dataset \
+                 in DexYCB's layout has `format = \"dexycb\"`"
+                    .to_owned(),
+            ),
+            Self::UnknownName { near, known, .. } => Some(match near {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("there are: {}", known.join(", ")),
+            }),
+            Self::Trials { .. } => Some(
+                "take `split = \"all\"`, or one of s1, s2 and s3, which go by subject, camera and \
+                 object"
+                    .to_owned(),
+            ),
+            Self::NoHandModel { .. } => Some(
+                "get MANO's own files from https://mano.is.tue.mpg.de and set `mano_models` to the \
+                 folder that holds `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`, or take \
+                 `landmarks = \"labels\"`"
+                    .to_owned(),
+            ),
+            Self::NoMesh { object, .. } => Some(format!(
+                "correct `file` below `[stages.ingest.meshes.{object}]`"
+            )),
             Self::Sample { source, .. } => source.hint(),
             Self::Lake(source) => source.hint(),
             Self::List { .. } | Self::Option { .. } | Self::Schema { .. } | Self::Write { .. } => {
@@ -148,7 +216,9 @@ pub enum Unusable {
         file: String,
     },
     /// No camera has annotations.
-    #[error("no camera has `labels_*.npz` files; hand landmarks come from them")]
+    #[error(
+        "no camera has `labels_*.npz` files, and there is no hand model (`mano_models`) to do without"
+    )]
     NoLabels,
     /// The hand is never seen.
     #[error("no image shows a hand")]
@@ -178,6 +248,38 @@ pub enum Unusable {
         found: usize,
         /// Most that are bridged.
         max: usize,
+    },
+    /// The hand model cannot be used.
+    #[error("`{file}`: {reason}")]
+    HandModel {
+        /// Its name in the dataset.
+        file: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// Landmarks are asked of a hand model, but there is none.
+    #[error("no hand model poses this hand, but `landmarks` asks for one")]
+    NoHandModel,
+    /// Nothing says where the table is.
+    #[error("nothing says where the table is: no tag, and no still object whose shape is known")]
+    NoTable,
+    /// The object does not lie on the table.
+    #[error(
+        "the lowest point of the resting object is {:.0} mm from the table, more than \
+         `max_table_error_m`: are quaternions x, y, z, w?",
+        1000.0 * found_m
+    )]
+    OffTable {
+        /// Height above the table, in meters.
+        found_m: f64,
+    },
+    /// A recording of the other hand cannot be mirrored.
+    #[error("{reason}: the {hand} hand cannot be mirrored")]
+    NotMirrored {
+        /// The recorded hand.
+        hand: &'static str,
+        /// What is in the way.
+        reason: String,
     },
     /// The object's mesh cannot be used.
     #[error("`{file}`: {reason}")]

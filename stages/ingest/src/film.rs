@@ -40,6 +40,13 @@ pub(crate) fn write(
     let about = BTreeMap::from([
         ("object".to_owned(), demonstration.object.clone()),
         ("sequence".to_owned(), demonstration.sequence.clone()),
+        ("hand".to_owned(), demonstration.hand.as_str().to_owned()),
+        ("mirrored".to_owned(), demonstration.mirrored.to_string()),
+        (
+            "start_reason".to_owned(),
+            demonstration.start_reason.clone(),
+        ),
+        ("end_reason".to_owned(), demonstration.end_reason.clone()),
     ]);
     let mut recording = Recording::create(path, &about)?;
     if let Some(mesh) = mesh {

@@ -1,37 +1,50 @@
 //! Reads recordings of people grasping objects: the stage `ingest`.
 //!
-//! It takes a dataset in `DexYCB`'s layout (Chao et al., *DexYCB: A Benchmark for Capturing Hand
-//! Grasping of Objects*, 2021) and makes two artifacts: `demonstrations`, one per recording, each
-//! the reach of a right hand up to the last image before the object moves; and `objects`, one per
-//! object that was grasped, with its mesh, mass and resting orientations.
+//! It takes a dataset, as it lies on disk, and makes three artifacts: `shapes`, one per object, with
+//! all that follows from its mesh and its mass; `demonstrations`, one per recording, each the reach
+//! of a hand up to the last image before the object moves; and `objects`, one per object, its shape
+//! with the orientations in which it was seen to lie.
 //!
 //! Everything comes out in the object's own frame. What cannot be used is skipped with its reason;
 //! outside bytes are checked before memory is reserved for them, so that no file can exhaust it.
 //!
-//! Hand landmarks are those that the dataset annotates; this crate does not evaluate hand models,
-//! does not look at images and does not retarget.
+//! A dataset's reader turns files into one struct of parsed frames; all that follows knows no
+//! dataset: where the object rests and leaves, the table, the reach, the mirror image.
+//! `DexYCB` (Chao et al., *DexYCB: A Benchmark for Capturing Hand Grasping of Objects*, 2021) and
+//! plain tracks have one.
+//!
+//! Landmarks are those that the dataset annotates, or those of a hand model of the user's
+//! ([`ManoModel`]). This crate does not look at images and does not retarget.
 
 mod config;
-mod dataset;
-mod demonstrations;
 mod dexycb;
 mod error;
 mod film;
+#[cfg(test)]
+mod fixture;
+mod fuse;
 mod labels;
 mod mano;
+mod mirror;
 mod npz;
 mod objects;
+mod reach;
 pub mod read;
+mod reader;
 mod recording;
 mod rests;
+mod selection;
 mod stage;
 mod still;
+mod table;
+mod tracks;
 mod yaml;
 mod ycb;
 
-pub use config::{Hand, IngestConfig};
+pub use config::{AddedMesh, Format, IngestConfig, Landmarks, ReachRule, TableRule};
 pub use error::{IngestError, Unusable};
-pub use mano::{ManoError, ManoModel, ManoSide, ShapedHand};
+pub use mano::{ManoError, ManoModel, ShapedHand};
 pub use npz::NpzError;
+pub use selection::Split;
 pub use stage::Ingest;
 pub use yaml::YamlError;

@@ -13,7 +13,7 @@ mod model;
 mod pickle;
 mod skin;
 
-pub use model::{ManoModel, ManoSide};
+pub use model::ManoModel;
 pub use skin::ShapedHand;
 
 /// Why a hand model could not be read.

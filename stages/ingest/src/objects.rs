@@ -1,12 +1,12 @@
-//! From an object's mesh and the demonstrations with it to what grasping and physics need to know.
+//! From an object's mesh to what grasping and physics need to know of it.
 
-use geometry::TriMesh;
-use nalgebra::{Point3, Unit, Vector3};
-use schemas::objects::Object;
+use geometry::{StableRest, TriMesh};
+use nalgebra::Point3;
+use schemas::objects::{Mirror, Object, RestingOrientation};
 
-use crate::{error::Unusable, rests};
+use crate::error::Unusable;
 
-/// What an object is made from.
+/// What a shape is made from.
 pub(crate) struct Source<'a> {
     /// The dataset's name of it.
     pub(crate) name: &'a str,
@@ -16,8 +16,6 @@ pub(crate) struct Source<'a> {
     pub(crate) mesh_file: &'a str,
     /// Its mesh as Wavefront OBJ.
     pub(crate) mesh: &'a [u8],
-    /// The up direction of each demonstration with it, in the object frame.
-    pub(crate) seen_up: &'a [Unit<Vector3<f64>>],
     /// Points on its surface.
     pub(crate) points_n: usize,
     /// Most convex parts.
@@ -26,12 +24,13 @@ pub(crate) struct Source<'a> {
     pub(crate) seed: u64,
 }
 
-/// Makes an object and its mesh.
+/// Makes an object that nobody has seen yet, and its mesh: its resting orientations are those in
+/// which its shape is stable.
 ///
 /// # Errors
 ///
 /// Fails if the mesh cannot be read or spans no volume.
-pub(crate) fn object(source: &Source<'_>) -> Result<(Object, TriMesh), Unusable> {
+pub(crate) fn shape(source: &Source<'_>) -> Result<(Object, TriMesh), Unusable> {
     let unusable = |reason: String| Unusable::Mesh {
         file: source.mesh_file.to_owned(),
         reason,
@@ -57,12 +56,26 @@ pub(crate) fn object(source: &Source<'_>) -> Result<(Object, TriMesh), Unusable>
         ],
         points_m: arrays(&points),
         normals: normals.into_iter().map(Into::into).collect(),
+        watertight: mesh.is_watertight(),
+        mirror: geometry::mirror_plane(&mesh, source.seed).map(|plane| Mirror {
+            normal: plane.normal,
+            offset_m: plane.offset_m,
+            error_m: plane.error_m,
+        }),
         vertices_m: arrays(&mesh.vertices_m),
         triangles: mesh.triangles.clone(),
         parts_m: parts.iter().map(|part| arrays(part)).collect(),
-        rests: rests::rests(&mesh, source.seen_up, &stable),
+        rests: stable.iter().map(unseen).collect(),
     };
     Ok((object, mesh))
+}
+
+fn unseen(stable: &StableRest) -> RestingOrientation {
+    RestingOrientation {
+        rest: stable.rest,
+        seen_n: 0,
+        probability: stable.probability,
+    }
 }
 
 /// Reads a mesh from the text of a Wavefront OBJ file, or says what is wrong with it.

@@ -1,7 +1,7 @@
 //! One recording, parsed: what every dataset's reader fills and everything later works on.
 
 use nalgebra::Point3;
-use schemas::demonstrations::KEYPOINTS;
+use schemas::demonstrations::{KEYPOINTS, Side};
 use spatial::{Object, Pose, World};
 
 /// The frame of the tag that lies on the table: z up against gravity, z = 0 the table's surface.
@@ -15,10 +15,39 @@ pub type Keypoints = [Point3<f64>; KEYPOINTS];
 pub(crate) struct Recording {
     /// The grasped object's name.
     pub(crate) object: String,
-    /// Pose of the table's tag.
-    pub(crate) world_from_tag: Pose<World, Tag>,
+    /// Who grasps.
+    pub(crate) subject: String,
+    /// The hand that grasps.
+    pub(crate) hand: Side,
+    /// What says where the table is.
+    pub(crate) ground: Ground,
     /// What each image shows, by the image's number.
     pub(crate) images: Vec<Observation>,
+    /// Figures about how well the sources agree, by name: they become metrics.
+    pub(crate) agreement: Vec<(&'static str, f64)>,
+}
+
+/// What says where the table is.
+#[derive(Debug, Clone)]
+pub(crate) enum Ground {
+    /// A tag lies on it.
+    Tag(Pose<World, Tag>),
+    /// Nothing marks it, but still objects stood on it.
+    Standing {
+        /// The objects of the scene but the grasped one.
+        others: Vec<Standing>,
+        /// A place above the table, such as the middle of the cameras, in the world.
+        above: Option<Point3<f64>>,
+    },
+}
+
+/// An object of the scene that nobody touches.
+#[derive(Debug, Clone)]
+pub(crate) struct Standing {
+    /// Its name.
+    pub(crate) object: String,
+    /// Its pose in each image, where it is seen.
+    pub(crate) poses: Vec<Option<Pose<World, Object>>>,
 }
 
 /// What one image shows.
@@ -26,6 +55,8 @@ pub(crate) struct Recording {
 pub(crate) struct Observation {
     /// The hand's landmarks, if it is seen, in meters.
     pub(crate) keypoints_in_world: Option<Keypoints>,
+    /// Cameras whose landmarks agree and were fused.
+    pub(crate) cameras_n: u32,
     /// The object's pose, if it is seen.
     pub(crate) world_from_object: Option<Pose<World, Object>>,
 }

@@ -1,9 +1,8 @@
 //! In which orientations an object comes to lie: those seen in the demonstrations first, then those
 //! in which its shape makes it stable.
 
-use geometry::{StableRest, TriMesh};
 use nalgebra::{Unit, Vector3};
-use schemas::objects::RestingOrientation;
+use schemas::objects::{Object, RestingOrientation};
 use spatial::Rest;
 
 /// Orientations nearer to each other than this are one: 20 degrees, in radians.
@@ -16,13 +15,10 @@ const LEAST_PROBABILITY: f64 = 0.02;
 
 /// Returns the resting orientations, most often seen first, then most probable first.
 ///
-/// `seen` holds the up direction of each demonstration, in the object frame; `stable` what
-/// [`geometry::stable_rests`] found for `mesh`. Heights always follow from the mesh.
-pub(crate) fn rests(
-    mesh: &TriMesh,
-    seen: &[Unit<Vector3<f64>>],
-    stable: &[StableRest],
-) -> Vec<RestingOrientation> {
+/// `seen` holds the up direction of each demonstration, in the object frame; `object` has the
+/// orientations in which it is stable. Heights always follow from the mesh.
+pub(crate) fn rests(object: &Object, seen: &[Unit<Vector3<f64>>]) -> Vec<RestingOrientation> {
+    let stable = &object.rests;
     let mut found: Vec<RestingOrientation> = Vec::new();
     for (up, seen_n) in clusters(seen) {
         let nearest = stable
@@ -39,7 +35,7 @@ pub(crate) fn rests(
             continue;
         }
         found.push(RestingOrientation {
-            rest: lying(mesh, up),
+            rest: lying(object, up),
             seen_n,
             probability,
         });
@@ -54,7 +50,7 @@ pub(crate) fn rests(
                 .all(|seen| seen.rest.up_in_object.angle(&up) > SNAP_RAD)
         })
         .map(|stable| RestingOrientation {
-            rest: lying(mesh, stable.rest.up_in_object),
+            rest: lying(object, stable.rest.up_in_object),
             seen_n: 0,
             probability: stable.probability,
         })
@@ -100,11 +96,11 @@ fn clusters(directions: &[Unit<Vector3<f64>>]) -> Vec<(Unit<Vector3<f64>>, u32)>
 }
 
 /// Returns the rest in which the mesh's lowest point touches the table.
-fn lying(mesh: &TriMesh, up_in_object: Unit<Vector3<f64>>) -> Rest {
-    let lowest_m = mesh
+fn lying(object: &Object, up_in_object: Unit<Vector3<f64>>) -> Rest {
+    let lowest_m = object
         .vertices_m
         .iter()
-        .map(|vertex| vertex.coords.dot(&up_in_object))
+        .map(|&vertex| Vector3::from(vertex).dot(&up_in_object))
         .fold(f64::INFINITY, f64::min);
     Rest {
         up_in_object,
@@ -114,35 +110,24 @@ fn lying(mesh: &TriMesh, up_in_object: Unit<Vector3<f64>>) -> Rest {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Point3, Rotation3};
+    use nalgebra::Rotation3;
 
     use super::*;
+    use crate::{fixture, objects};
 
     /// A box of 4 × 6 × 20 cm about the origin, shifted up by 1 cm.
-    fn brick() -> TriMesh {
-        let vertices_m: Vec<Point3<f64>> = (0..8)
-            .map(|corner| {
-                let side = |bit: i32| if corner & bit == 0 { -1.0 } else { 1.0 };
-                Point3::new(0.02 * side(1), 0.03 * side(2), 0.10 * side(4) + 0.01)
-            })
-            .collect();
-        TriMesh {
-            vertices_m,
-            triangles: vec![
-                [0, 2, 1],
-                [1, 2, 3],
-                [4, 5, 6],
-                [5, 7, 6],
-                [0, 1, 4],
-                [1, 5, 4],
-                [2, 6, 3],
-                [3, 6, 7],
-                [0, 4, 2],
-                [2, 4, 6],
-                [1, 3, 5],
-                [3, 7, 5],
-            ],
-        }
+    fn brick() -> Object {
+        let mesh = fixture::brick([0.04, 0.06, 0.20], [0.0, 0.0, 0.01]);
+        let source = objects::Source {
+            name: "brick",
+            mass_kg: 0.5,
+            mesh_file: "brick.obj",
+            mesh: mesh.as_bytes(),
+            points_n: 10,
+            max_convex_parts_n: 1,
+            seed: 0,
+        };
+        objects::shape(&source).unwrap().0
     }
 
     fn tilted(up: Vector3<f64>, degrees: f64) -> Unit<Vector3<f64>> {
@@ -152,14 +137,12 @@ mod tests {
 
     #[test]
     fn seen_orientations_come_first_and_snap_to_the_stable_ones() {
-        let mesh = brick();
-        let stable = geometry::stable_rests(&mesh, &Point3::new(0.0, 0.0, 0.01));
         let seen = [
             tilted(Vector3::y(), 3.0),
             tilted(Vector3::z(), 4.0),
             tilted(Vector3::z(), -3.0),
         ];
-        let rests = rests(&mesh, &seen, &stable);
+        let rests = rests(&brick(), &seen);
         let seen_n: Vec<u32> = rests.iter().map(|rest| rest.seen_n).collect();
         assert_eq!(&seen_n[..2], &[2, 1]);
         assert!(seen_n[2..].iter().all(|&n| n == 0));
@@ -179,10 +162,8 @@ mod tests {
 
     #[test]
     fn an_orientation_that_is_not_stable_stays_as_it_was_seen() {
-        let mesh = brick();
-        let stable = geometry::stable_rests(&mesh, &Point3::new(0.0, 0.0, 0.01));
         let seen = [tilted(Vector3::z(), 30.0)];
-        let rests = rests(&mesh, &seen, &stable);
+        let rests = rests(&brick(), &seen);
         assert!(rests[0].rest.up_in_object.angle(&seen[0]) < 1e-9);
         assert!(rests[0].probability.abs() < 1e-12);
     }

@@ -1,20 +1,30 @@
 //! The stage `ingest`: its units and how each is made.
 
-use std::{collections::BTreeMap, fs::File, io::Write, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs::File,
+    io::Write,
+    path::Path,
+};
 
 use dataflow::{
-    Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, SourceFile, Stage, Summary,
-    Unit,
+    Artifact, Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, SourceFile,
+    Stage, Summary, Unit,
 };
+use geometry::TriMesh;
 use nalgebra::{Unit as UnitVector, Vector3};
+use schemas::{SchemaError, demonstrations::Demonstration, objects::Object};
 
 use crate::{
-    config::IngestConfig,
-    dataset::{self, SequenceFiles},
-    demonstrations::{self, Names},
+    config::{IngestConfig, Landmarks},
     dexycb,
     error::{IngestError, Unusable},
-    film, objects, ycb,
+    film, mirror, objects, reach,
+    reader::{self, Listed, Reader},
+    recording::Recording,
+    rests,
+    selection::{self, Cameras, Choice},
+    table, ycb,
 };
 
 /// Largest accepted mesh file: the dataset's own have 1 MB.
@@ -23,8 +33,19 @@ const MAX_MESH_BYTES: u64 = 256 << 20;
 /// Name of the recording in a demonstration's artifact.
 const FILM: &str = "demonstration.mcap";
 
+const SHAPES: &str = "shapes";
 const DEMONSTRATIONS: &str = "demonstrations";
 const OBJECTS: &str = "objects";
+
+/// Where meshes lie: in the dataset, and by the pipeline file.
+const MESH_FOLDERS: [&str; 2] = ["models/", "meshes/"];
+
+/// Why a recording is left out, found out while listing.
+const LEFT_OUT: &str = "left out";
+/// The label of objects that the pipeline file adds.
+const ADDED: &str = "added";
+/// An object's mass in kilograms.
+const MASS: &str = "mass in kg";
 
 /// Reads recordings of people grasping objects.
 pub enum Ingest {}
@@ -34,10 +55,16 @@ impl Stage for Ingest {
     type Error = IngestError;
 
     const KIND: &'static str = "ingest";
-    const ABOUT: &'static str = "reads recordings of people grasping objects, in DexYCB's layout";
+    const ABOUT: &'static str = "reads recordings of people grasping objects";
     const CODE: Code = dataflow::code!();
     const INPUTS: &'static [Input] = &[];
     const OUTPUTS: &'static [Output] = &[
+        Output {
+            artifact: SHAPES,
+            schema: schemas::objects::VERSION,
+            partition: "object",
+            parallel: true,
+        },
         Output {
             artifact: DEMONSTRATIONS,
             schema: schemas::demonstrations::VERSION,
@@ -61,56 +88,76 @@ impl Stage for Ingest {
                 source,
             })?;
         }
-        dataset::sequences(&config.root).map(|_| ())
+        selection::choose(config, &reader::reader(config).list()?).map(|_| ())
     }
 
     fn units(config: &IngestConfig, output: &str, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
-        if output == OBJECTS {
-            object_units(config, scope)
-        } else {
-            demonstration_units(config)
+        match output {
+            SHAPES => shape_units(config),
+            OBJECTS => Ok(object_units(scope)),
+            _ => demonstration_units(config, scope),
         }
     }
 
     fn foretell(
-        _config: &IngestConfig,
+        config: &IngestConfig,
         output: &str,
         unit: &Unit,
         _scope: &Scope,
     ) -> Option<Labels> {
         let label = |name: &str, value: &str| (name.to_owned(), value.to_owned());
+        if output == SHAPES {
+            let mut labels = added(&unit.files);
+            labels.extend([label("object", &unit.partition)]);
+            return Some(labels);
+        }
         if output == OBJECTS {
             return Some(Labels::from([label("object", &unit.partition)]));
         }
-        let files = SequenceFiles::sort(&unit.files);
-        let meta = dexycb::meta(&files).ok()?;
-        let object = dexycb::grasped_object(&meta, &files).ok()?;
+        let about = reader::reader(config).about(&unit.files).ok()?;
         Some(Labels::from([
-            label("object", object),
-            label("subject", &files.subject),
+            label("object", &about.object),
+            label("subject", &about.subject),
         ]))
     }
 
+    fn decides(option: &str, output: &str) -> bool {
+        match option {
+            // They choose units and files.
+            "subjects" | "objects" | "split" | "mirror" => false,
+            // They are told to the unit as its mass, or are its file.
+            "masses_kg" | "meshes" => false,
+            "points_n" | "max_convex_parts_n" => output == SHAPES,
+            _ => output == DEMONSTRATIONS,
+        }
+    }
+
     fn run(config: &IngestConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, IngestError> {
-        if cx.output() == OBJECTS {
-            make_object(config, inputs, cx)
-        } else {
-            make_demonstration(config, inputs, cx)
+        match cx.output() {
+            SHAPES => make_shape(config, inputs, cx),
+            OBJECTS => make_object(inputs, cx),
+            _ => make_demonstration(config, inputs, cx),
         }
     }
 
     fn describe(output: &str, summary: &Summary) -> String {
-        if output == OBJECTS {
-            let skipped = counted(summary.n_skipped, "skipped");
-            return format!("{} objects{skipped}", summary.n_made);
+        let skipped = counted(summary.n_skipped, "skipped");
+        match output {
+            SHAPES => format!(
+                "{} shapes in {} convex parts{skipped}",
+                summary.n_made,
+                summary.total("convex_parts_n")
+            ),
+            OBJECTS => format!("{} objects{skipped}", summary.n_made),
+            _ => {
+                let n_recordings = summary.n_made + summary.n_skipped + summary.n_filtered;
+                format!(
+                    "{n_recordings} recordings → {} demonstrations{}{skipped}",
+                    summary.n_made,
+                    counted(summary.n_filtered, "left out"),
+                )
+            }
         }
-        let n_recordings = summary.n_made + summary.n_skipped + summary.n_filtered;
-        format!(
-            "{n_recordings} recordings → {} demonstrations{}{}",
-            summary.n_made,
-            counted(summary.n_filtered, "left hands filtered"),
-            counted(summary.n_skipped, "skipped"),
-        )
     }
 }
 
@@ -127,19 +174,20 @@ fn counted(n: usize, what: &str) -> String {
 fn check(config: &IngestConfig) -> Result<(), IngestError> {
     let positive = [
         ("rate_hz", config.rate_hz),
+        ("max_mirror_error_m", config.max_mirror_error_m),
+        ("camera_agreement_m", config.camera_agreement_m),
         ("move_threshold_m", config.move_threshold_m),
         ("move_threshold_rad", config.move_threshold_rad),
         ("jitter_factor", config.jitter_factor),
+        ("max_table_error_m", config.max_table_error_m),
         ("points_n", config.points_n as f64),
         ("max_convex_parts_n", config.max_convex_parts_n as f64),
         ("min_steps_n", config.min_steps_n as f64),
         ("settle_n", config.settle_n as f64),
     ];
-    let masses = config
-        .masses_kg
-        .values()
-        .map(|&mass_kg| ("masses_kg", mass_kg));
-    for (key, found) in positive.into_iter().chain(masses) {
+    let masses = config.masses_kg.values().map(|&kg| ("masses_kg", kg));
+    let added = config.meshes.values().map(|mesh| ("mass_kg", mesh.mass_kg));
+    for (key, found) in positive.into_iter().chain(masses).chain(added) {
         if !(found.is_finite() && found > 0.0) {
             return Err(IngestError::Option {
                 key,
@@ -148,23 +196,134 @@ fn check(config: &IngestConfig) -> Result<(), IngestError> {
             });
         }
     }
+    let models = config.mano_models.as_deref();
+    if config.landmarks == Landmarks::Mano || models.is_some() {
+        let folder = models.unwrap_or_else(|| Path::new("mano_models"));
+        let path = folder.join(dexycb::model_file(config.hand));
+        if !path.is_file() {
+            return Err(IngestError::NoHandModel { path });
+        }
+    }
+    for (object, mesh) in &config.meshes {
+        if !mesh.file.is_file() {
+            return Err(IngestError::NoMesh {
+                object: object.clone(),
+                path: mesh.file.clone(),
+            });
+        }
+    }
     Ok(())
 }
 
-fn demonstration_units(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
-    dataset::sequences(&config.root)?
+/// The recordings that are listed, each with what becomes of it.
+fn chosen(
+    config: &IngestConfig,
+    reader: &dyn Reader,
+) -> Result<Vec<(Listed, Choice)>, IngestError> {
+    let listed = reader.list()?;
+    let choices = selection::choose(config, &listed)?;
+    Ok(listed.into_iter().zip(choices).collect())
+}
+
+/// Lists one unit per object that is grasped, that says where a table is, or that the pipeline file
+/// adds.
+fn shape_units(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
+    let reader = reader::reader(config);
+    let mut names: BTreeSet<String> = config.meshes.keys().cloned().collect();
+    for (listed, choice) in chosen(config, reader.as_ref())? {
+        let (Some(about), Choice::Take(_)) = (listed.about, choice) else {
+            continue;
+        };
+        if !about.marks_table {
+            names.extend(about.scene);
+        }
+        names.insert(about.object);
+    }
+    names
         .into_iter()
-        .map(|sequence| {
-            let files = sequence.files(&config.root)?;
-            let mut unit = Unit::new(sequence.key);
-            unit.files = files;
+        .map(|object| {
+            // Said before anything is computed, not after.
+            let mass_kg = mass_kg(config, &object)?;
+            let file = mesh_file(config, reader.as_ref(), &object);
+            let mut unit = Unit::new(object).with_fact(MASS, mass_kg.to_string());
+            unit.files.extend(file);
             Ok(unit)
         })
         .collect()
 }
 
-/// Lists one unit per object among the demonstrations.
-fn object_units(config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
+/// Returns the pipeline file's mesh of an object, or the dataset's.
+fn mesh_file(config: &IngestConfig, reader: &dyn Reader, object: &str) -> Option<SourceFile> {
+    match config.meshes.get(object) {
+        Some(added) => Some(SourceFile {
+            name: format!("meshes/{object}.obj"),
+            path: added.file.clone(),
+        }),
+        None => reader.mesh(object),
+    }
+}
+
+/// The label of a shape whose mesh comes from the pipeline file.
+fn added(files: &[SourceFile]) -> Labels {
+    let is_added = files.iter().any(|file| file.name.starts_with("meshes/"));
+    is_added
+        .then(|| (ADDED.to_owned(), "true".to_owned()))
+        .into_iter()
+        .collect()
+}
+
+fn mass_kg(config: &IngestConfig, object: &str) -> Result<f64, IngestError> {
+    let added = config.meshes.get(object).map(|mesh| mesh.mass_kg);
+    added
+        .or_else(|| config.masses_kg.get(object).copied())
+        .or_else(|| ycb::mass_kg(object))
+        .ok_or_else(|| IngestError::UnknownMass {
+            object: object.to_owned(),
+        })
+}
+
+fn demonstration_units(config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
+    let reader = reader::reader(config);
+    let shapes: BTreeSet<&str> = scope
+        .partitions(SHAPES)
+        .iter()
+        .map(|s| s.key.as_str())
+        .collect();
+    chosen(config, reader.as_ref())?
+        .into_iter()
+        .map(|(listed, choice)| match choice {
+            Choice::Leave(reason) => {
+                // What it is about is all that is read of it.
+                let cameras = Cameras { first: 0, end: 0 };
+                let mut unit = Unit::new(&listed.key).with_fact(LEFT_OUT, reason);
+                unit.files = reader.files(&listed, cameras)?;
+                unit.files.truncate(1);
+                Ok(unit)
+            }
+            Choice::Take(cameras) => {
+                let mut unit = Unit::new(&listed.key);
+                unit.files = reader.files(&listed, cameras)?;
+                let object = listed.about.as_ref().map(|about| about.object.as_str());
+                let mesh = object.and_then(|object| mesh_file(config, reader.as_ref(), object));
+                unit.files.extend(mesh);
+                let read = listed.about.iter().flat_map(|about| {
+                    let scene = about.scene.iter().filter(|_| !about.marks_table);
+                    let mirrored = (about.hand != config.hand).then_some(&about.object);
+                    scene.chain(mirrored).map(String::as_str)
+                });
+                let read: BTreeSet<&str> = read.filter(|name| shapes.contains(name)).collect();
+                Ok(if read.is_empty() {
+                    unit
+                } else {
+                    unit.reading(SHAPES, read)
+                })
+            }
+        })
+        .collect()
+}
+
+/// Lists one unit per shape that is grasped in a demonstration or that the pipeline file adds.
+fn object_units(scope: &Scope) -> Vec<Unit> {
     let mut by_object: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for demonstration in scope.partitions(DEMONSTRATIONS) {
         if let Some(object) = demonstration.label("object") {
@@ -174,32 +333,46 @@ fn object_units(config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, Inges
                 .push(&demonstration.key);
         }
     }
-    by_object
-        .into_iter()
-        .map(|(object, keys)| {
-            // Said before anything is computed, not after.
-            mass_kg(config, object)?;
-            let unit = Unit::new(object).reading(DEMONSTRATIONS, keys);
-            let name = dataset::mesh_name(object);
-            let path = config.root.join(&name);
-            Ok(if path.is_file() {
-                unit.with_file(SourceFile { name, path })
-            } else {
-                unit
-            })
+    let shapes = scope.partitions(SHAPES).iter();
+    shapes
+        .filter_map(|shape| {
+            let unit = Unit::new(&shape.key).reading(SHAPES, [&shape.key]);
+            match by_object.remove(shape.key.as_str()) {
+                Some(keys) => Some(unit.reading(DEMONSTRATIONS, keys)),
+                None => shape.label(ADDED).is_some().then_some(unit),
+            }
         })
         .collect()
 }
 
-fn mass_kg(config: &IngestConfig, object: &str) -> Result<f64, IngestError> {
-    config
-        .masses_kg
-        .get(object)
-        .copied()
-        .or_else(|| ycb::mass_kg(object))
-        .ok_or_else(|| IngestError::UnknownMass {
-            object: object.to_owned(),
+fn make_shape(
+    config: &IngestConfig,
+    inputs: &Inputs,
+    cx: &Context,
+) -> Result<Outcome, IngestError> {
+    let name = cx.partition();
+    let mass_kg = inputs.fact(MASS).and_then(|kg| kg.parse().ok());
+    let (Some(file), Some(mass_kg)) = (inputs.files().first(), mass_kg) else {
+        return Ok(skipped(&Unusable::Missing {
+            file: format!("the mesh of {name}"),
+        }));
+    };
+    cx.progress(0.0, "convex parts");
+    let made = reader::read(file, MAX_MESH_BYTES).and_then(|mesh| {
+        objects::shape(&objects::Source {
+            name,
+            mass_kg,
+            mesh_file: &file.name,
+            mesh: &mesh,
+            points_n: config.points_n,
+            max_convex_parts_n: config.max_convex_parts_n,
+            seed: cx.seed(),
         })
+    });
+    match made {
+        Ok((object, mesh)) => write_object(cx, object, &mesh, added(inputs.files())),
+        Err(unusable) => Ok(skipped(&unusable)),
+    }
 }
 
 fn make_demonstration(
@@ -207,28 +380,24 @@ fn make_demonstration(
     inputs: &Inputs,
     cx: &Context,
 ) -> Result<Outcome, IngestError> {
-    let files = SequenceFiles::sort(inputs.files());
-    let meta = match dexycb::meta(&files) {
-        Ok(meta) => meta,
-        Err(unusable) => return Ok(skipped(&unusable)),
-    };
-    if let Some(side) = meta
-        .mano_sides
-        .iter()
-        .find(|side| *side != config.hand.as_str())
-    {
+    if let Some(reason) = inputs.fact(LEFT_OUT) {
         return Ok(Outcome::Filtered {
-            reason: format!("{side} hand, `hand` asks for {}", config.hand.as_str()),
+            reason: reason.to_owned(),
         });
     }
-    let names = Names {
-        sequence: cx.partition(),
-        subject: &files.subject,
-    };
-    let demonstration = match dexycb::recording(&meta, &files)
-        .and_then(|recording| demonstrations::reach(&recording, config, &names))
-    {
-        Ok(demonstration) => demonstration,
+    let shapes = inputs
+        .artifacts(SHAPES)
+        .iter()
+        .map(read_object)
+        .collect::<Result<Vec<_>, _>>()?;
+    let mesh = mesh_among(inputs.files());
+    let read = reader::reader(config).read(inputs.files());
+    let made = read.and_then(|mut recording| {
+        let demonstration = demonstration(config, &mut recording, mesh.as_ref(), &shapes, cx)?;
+        Ok((recording, demonstration))
+    });
+    let (recording, demonstration) = match made {
+        Ok(made) => made,
         Err(unusable) => return Ok(skipped(&unusable)),
     };
     let batch = schemas::demonstrations::to_batch(&demonstration).map_err(|source| {
@@ -239,28 +408,62 @@ fn make_demonstration(
         }
     })?;
     lake::table::write(cx.folder(), &batch)?;
-    // A mesh that cannot be used is reported where the object is made; it is only drawn here.
-    let mesh = files
-        .mesh
-        .and_then(|file| dexycb::read(file, MAX_MESH_BYTES).ok())
-        .and_then(|bytes| objects::mesh(&bytes).ok());
     film::write(&cx.folder().join(FILM), &demonstration, mesh.as_ref())?;
+    let bridged = demonstration.steps.iter().filter(|step| step.bridged);
+    let mut metrics = BTreeMap::from([
+        ("steps_n".to_owned(), demonstration.steps.len() as f64),
+        ("bridged_n".to_owned(), bridged.count() as f64),
+    ]);
+    let agreement = recording.agreement.iter();
+    metrics.extend(agreement.map(|&(name, value)| (name.to_owned(), value)));
     Ok(Outcome::Made(Made {
         labels: BTreeMap::from([
             ("object".to_owned(), demonstration.object),
             ("subject".to_owned(), demonstration.subject),
         ]),
-        metrics: BTreeMap::from([("steps_n".to_owned(), demonstration.steps.len() as f64)]),
+        metrics,
     }))
 }
 
-fn make_object(
+/// Makes a recording's demonstration.
+fn demonstration(
     config: &IngestConfig,
-    inputs: &Inputs,
+    recording: &mut Recording,
+    mesh: Option<&TriMesh>,
+    shapes: &[Object],
     cx: &Context,
-) -> Result<Outcome, IngestError> {
-    let name = cx.partition();
-    let mass_kg = mass_kg(config, name)?;
+) -> Result<Demonstration, Unusable> {
+    let still = reach::still(recording, config)?;
+    let lying = table::lying(recording, &still.world_from_object, shapes)?;
+    recording.agreement.extend(lying.agreement);
+    // A mesh that cannot be used is reported where the shape is made.
+    if let Some(found_m) = mesh.and_then(|mesh| table::lowest_m(mesh, &lying.rest))
+        && found_m.abs() > config.max_table_error_m
+    {
+        return Err(Unusable::OffTable { found_m });
+    }
+    let mut demonstration = reach::reach(cx.partition(), recording, &still, lying.rest, config)?;
+    if recording.hand != config.hand {
+        let shape = shapes.iter().find(|shape| shape.name == recording.object);
+        let plane = mirror::plane(shape, config.max_mirror_error_m).map_err(|reason| {
+            Unusable::NotMirrored {
+                hand: recording.hand.as_str(),
+                reason,
+            }
+        })?;
+        mirror::mirror(&mut demonstration, &plane, config.hand);
+    }
+    Ok(demonstration)
+}
+
+/// Returns the mesh among the files that a unit reads, if it can be used.
+fn mesh_among(files: &[SourceFile]) -> Option<TriMesh> {
+    let is_mesh = |file: &&SourceFile| MESH_FOLDERS.iter().any(|f| file.name.starts_with(f));
+    let bytes = reader::read(files.iter().find(is_mesh)?, MAX_MESH_BYTES).ok()?;
+    objects::mesh(&bytes).ok()
+}
+
+fn make_object(inputs: &Inputs, cx: &Context) -> Result<Outcome, IngestError> {
     let seen_up = inputs
         .artifacts(DEMONSTRATIONS)
         .iter()
@@ -268,53 +471,62 @@ fn make_object(
             let batch = lake::table::read(artifact)?;
             schemas::demonstrations::from_batch(&artifact.key, &batch)
                 .map(|demonstration| demonstration.rest.up_in_object)
-                .map_err(|source| IngestError::Schema {
-                    action: "read",
-                    partition: artifact.key.clone(),
-                    source,
-                })
+                .map_err(unread(&artifact.key))
         })
         .collect::<Result<Vec<UnitVector<Vector3<f64>>>, IngestError>>()?;
-    let Some(file) = inputs.files().first() else {
+    let Some(shape) = inputs.artifacts(SHAPES).first() else {
         return Ok(skipped(&Unusable::Missing {
-            file: dataset::mesh_name(name),
+            file: format!("shape of {}", cx.partition()),
         }));
     };
-    cx.progress(0.0, "convex parts");
-    let made = dexycb::read(file, MAX_MESH_BYTES).and_then(|mesh| {
-        objects::object(&objects::Source {
-            name,
-            mass_kg,
-            mesh_file: &file.name,
-            mesh: &mesh,
-            seen_up: &seen_up,
-            points_n: config.points_n,
-            max_convex_parts_n: config.max_convex_parts_n,
-            seed: cx.seed(),
-        })
-    });
-    let (object, mesh) = match made {
-        Ok(made) => made,
-        Err(unusable) => return Ok(skipped(&unusable)),
+    let mut object = read_object(shape)?;
+    object.rests = rests::rests(&object, &seen_up);
+    let mesh = TriMesh {
+        vertices_m: object.vertices_m.iter().map(|&v| v.into()).collect(),
+        triangles: object.triangles.clone(),
     };
+    write_object(cx, object, &mesh, Labels::new())
+}
+
+/// Writes an object's table and its mesh.
+fn write_object(
+    cx: &Context,
+    object: Object,
+    mesh: &TriMesh,
+    mut labels: Labels,
+) -> Result<Outcome, IngestError> {
     let metrics = BTreeMap::from([
         ("convex_parts_n".to_owned(), object.parts_m.len() as f64),
         ("rests_n".to_owned(), object.rests.len() as f64),
+        (
+            "watertight".to_owned(),
+            f64::from(u8::from(object.watertight)),
+        ),
     ]);
+    labels.insert("object".to_owned(), object.name.clone());
     let batch = schemas::objects::to_batch(&[object]).map_err(|source| IngestError::Schema {
         action: "build",
-        partition: name.to_owned(),
+        partition: cx.partition().to_owned(),
         source,
     })?;
     lake::table::write(cx.folder(), &batch)?;
-    write(
-        &cx.folder().join(schemas::objects::MESH),
-        mesh.to_obj().as_bytes(),
-    )?;
-    Ok(Outcome::Made(Made {
-        labels: BTreeMap::from([("object".to_owned(), name.to_owned())]),
-        metrics,
-    }))
+    let path = cx.folder().join(schemas::objects::MESH);
+    write(&path, mesh.to_obj().as_bytes())?;
+    Ok(Outcome::Made(Made { labels, metrics }))
+}
+
+fn read_object(artifact: &Artifact) -> Result<Object, IngestError> {
+    let batch = lake::table::read(artifact)?;
+    schemas::objects::from_batch(&artifact.key, &batch).map_err(unread(&artifact.key))
+}
+
+fn unread(partition: &str) -> impl FnOnce(SchemaError) -> IngestError {
+    let partition = partition.to_owned();
+    move |source| IngestError::Schema {
+        action: "read",
+        partition,
+        source,
+    }
 }
 
 fn skipped(unusable: &Unusable) -> Outcome {

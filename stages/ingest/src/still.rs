@@ -42,15 +42,63 @@ pub(crate) struct Still {
     pub(crate) world_from_object: Pose<World, Object>,
     /// The last image before it leaves; `None` if it is away from the first image on.
     pub(crate) last: Option<usize>,
+    /// The first image in which it has left.
+    pub(crate) left: usize,
+    /// How far it is then from its rest, in meters.
+    pub(crate) left_m: f64,
+    /// How far it is then turned from its rest, in radians.
+    pub(crate) left_rad: f64,
+}
+
+impl Still {
+    fn new(
+        seen: &[(usize, Isometry3<f64>)],
+        rest: Isometry3<f64>,
+        departure: usize,
+    ) -> Option<Self> {
+        let (left, pose) = *seen.get(departure)?;
+        let deviation = Deviation::between(&rest, &pose);
+        let last = departure.checked_sub(1).and_then(|idx| seen.get(idx));
+        Some(Self {
+            world_from_object: Pose::new(rest),
+            last: last.map(|&(image, _)| image),
+            left,
+            left_m: deviation.m,
+            left_rad: deviation.rad,
+        })
+    }
+}
+
+/// Finds the rest as the paper's code does: the first image's pose, left in the first image in which
+/// a coordinate is more than `threshold_m` from it (Ye et al., *Learning Continuous Grasping
+/// Function*, 2023, released code). `None` if the object is never seen or never leaves.
+pub(crate) fn released(poses: &[Option<Pose<World, Object>>], threshold_m: f64) -> Option<Still> {
+    let seen = seen(poses);
+    let (_, rest) = *seen.first()?;
+    let departure = seen.iter().position(|(_, pose)| {
+        let moved = pose.translation.vector - rest.translation.vector;
+        moved.amax() > threshold_m
+    })?;
+    Still::new(&seen, rest, departure)
+}
+
+/// Returns the pose in the middle of all those in which an object is seen, if it is seen at all.
+pub(crate) fn middle(poses: &[Option<Pose<World, Object>>]) -> Option<Pose<World, Object>> {
+    median_pose(&seen(poses)).map(Pose::new)
+}
+
+/// Returns the images that show the object, with its pose.
+fn seen(poses: &[Option<Pose<World, Object>>]) -> Vec<(usize, Isometry3<f64>)> {
+    poses
+        .iter()
+        .enumerate()
+        .filter_map(|(image, pose)| pose.map(|pose| (image, *pose.isometry())))
+        .collect()
 }
 
 /// Finds the rest; `None` if the object is never seen or never leaves.
 pub(crate) fn find(poses: &[Option<Pose<World, Object>>], rule: &Rule) -> Option<Still> {
-    let seen: Vec<(usize, Isometry3<f64>)> = poses
-        .iter()
-        .enumerate()
-        .filter_map(|(image, pose)| pose.map(|pose| (image, *pose.isometry())))
-        .collect();
+    let seen = seen(poses);
     let mut n_still = OPENING.min(seen.len().div_ceil(3));
     let mut found = None;
     for _ in 0..ROUNDS {
@@ -64,14 +112,7 @@ pub(crate) fn find(poses: &[Option<Pose<World, Object>>], rule: &Rule) -> Option
         n_still = departure;
     }
     let (rest, departure) = found?;
-    let last = departure
-        .checked_sub(1)
-        .and_then(|idx| seen.get(idx))
-        .map(|&(image, _)| image);
-    Some(Still {
-        world_from_object: Pose::new(rest),
-        last,
-    })
+    Still::new(&seen, rest, departure)
 }
 
 /// Returns the first index at which the object has left its rest.
@@ -211,7 +252,7 @@ mod tests {
             .collect()
     }
 
-    fn seen(poses: Vec<Isometry3<f64>>) -> Vec<Option<Pose<World, Object>>> {
+    fn all_seen(poses: Vec<Isometry3<f64>>) -> Vec<Option<Pose<World, Object>>> {
         poses
             .into_iter()
             .map(|pose| Some(Pose::new(pose)))
@@ -221,7 +262,7 @@ mod tests {
     #[test]
     fn finds_the_last_still_image_of_exact_poses() {
         for lift_m in [0.0006, 0.002, 0.012, 0.05] {
-            let still = find(&seen(lifted(30, lift_m, 0.0, 0)), &RULE).unwrap();
+            let still = find(&all_seen(lifted(30, lift_m, 0.0, 0)), &RULE).unwrap();
             assert_eq!(still.last, Some(29), "lift of {lift_m} m per image");
             assert_eq!(
                 still.world_from_object.isometry(),
@@ -233,7 +274,7 @@ mod tests {
     #[test]
     fn finds_it_within_one_image_in_two_millimeters_of_jitter() {
         for seed in 0..200 {
-            let last = find(&seen(lifted(30, 0.012, 0.002, seed)), &RULE)
+            let last = find(&all_seen(lifted(30, 0.012, 0.002, seed)), &RULE)
                 .unwrap()
                 .last;
             assert!(matches!(last, Some(28..=30)), "{last:?} with seed {seed}");
@@ -245,7 +286,7 @@ mod tests {
         let mut poses = lifted(30, 0.012, 0.001, 3);
         poses[5].translation.z -= 0.027;
         poses[17].translation.x += 0.05;
-        let last = find(&seen(poses), &RULE).unwrap().last;
+        let last = find(&all_seen(poses), &RULE).unwrap().last;
         assert!(matches!(last, Some(28..=30)), "{last:?}");
     }
 
@@ -256,21 +297,36 @@ mod tests {
             let turn = UnitQuaternion::from_euler_angles(0.0, 0.0, 0.05 * (n + 1) as f64);
             pose.rotation = turn * pose.rotation;
         }
-        assert_eq!(find(&seen(poses), &RULE).unwrap().last, Some(24));
+        assert_eq!(find(&all_seen(poses), &RULE).unwrap().last, Some(24));
     }
 
     #[test]
     fn what_stays_never_leaves() {
-        assert!(find(&seen(lifted(30, 0.0, 0.002, 1)), &RULE).is_none());
+        assert!(find(&all_seen(lifted(30, 0.0, 0.002, 1)), &RULE).is_none());
         assert!(find(&[None, None], &RULE).is_none());
         assert!(find(&[], &RULE).is_none());
     }
 
     #[test]
     fn images_without_the_object_are_passed_over() {
-        let mut poses = seen(lifted(30, 0.012, 0.0, 0));
+        let mut poses = all_seen(lifted(30, 0.012, 0.0, 0));
         poses[12] = None;
         poses[29] = None;
         assert_eq!(find(&poses, &RULE).unwrap().last, Some(28));
+    }
+
+    #[test]
+    fn the_released_rule_looks_at_each_coordinate_and_at_no_turn() {
+        let mut poses = lifted(30, 0.0, 0.0, 0);
+        poses[20].rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, 1.0);
+        for (n, pose) in poses.iter_mut().skip(25).enumerate() {
+            // 3 mm in two coordinates are 4.2 mm together, and no departure.
+            let moved = if n < 3 { 0.003 } else { 0.005 };
+            pose.translation.vector += Vector3::new(moved, moved, 0.0);
+        }
+        let still = released(&all_seen(poses), 0.004).unwrap();
+        assert_eq!((still.last, still.left), (Some(27), 28));
+        assert!((still.left_m - 0.005 * 2.0_f64.sqrt()).abs() < 1e-12);
+        assert!(released(&all_seen(lifted(30, 0.0, 0.001, 0)), 0.01).is_none());
     }
 }

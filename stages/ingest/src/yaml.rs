@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
+use schemas::demonstrations::Side;
 use serde::{Deserialize, de::DeserializeOwned};
 
 /// Largest accepted difference of a stored rotation matrix from an orthonormal one: poses estimated
@@ -49,6 +50,19 @@ pub(crate) struct Meta {
     pub(crate) ycb_grasp_ind: usize,
     /// Sides of the hands.
     pub(crate) mano_sides: Vec<String>,
+    /// Ids of the calibrations of the hands.
+    #[serde(default)]
+    pub(crate) mano_calib: Vec<String>,
+}
+
+impl Meta {
+    /// Returns the hand that grasps; `None` if it is not one, or of no known side.
+    pub(crate) fn hand(&self) -> Option<Side> {
+        match self.mano_sides.as_slice() {
+            [side] => Side::from_name(side),
+            _ => None,
+        }
+    }
 }
 
 /// `extrinsics.yml`: where the cameras and the table's tag are.
@@ -56,6 +70,13 @@ pub(crate) struct Meta {
 pub(crate) struct Extrinsics {
     /// The world's pose of each camera, and of `apriltag`: `[R|t]`, row by row, in meters.
     pub(crate) extrinsics: BTreeMap<String, [f64; 12]>,
+}
+
+/// `mano.yml`: the shape of a person's hand.
+#[derive(Debug, Deserialize)]
+pub(crate) struct HandShape {
+    /// The ten numbers of the hand model.
+    pub(crate) betas: [f64; 10],
 }
 
 /// Reads a YAML document.

@@ -35,6 +35,12 @@ pub(crate) fn name(number: u32) -> Option<&'static str> {
     OBJECTS.get(idx).map(|&(name, _)| name)
 }
 
+/// Returns the number of an object (1 to 22).
+pub(crate) fn number(object: &str) -> Option<u32> {
+    let idx = OBJECTS.iter().position(|(name, _)| *name == object)?;
+    u32::try_from(idx + 1).ok()
+}
+
 /// Returns the true mass of an object in kilograms.
 pub(crate) fn mass_kg(object: &str) -> Option<f64> {
     OBJECTS

@@ -215,7 +215,7 @@ mod tests {
     use std::{io::Write, path::PathBuf};
 
     use dataflow::{Advise, Artifact, Partition};
-    use schemas::demonstrations::{Demonstration, KEYPOINTS, Step};
+    use schemas::demonstrations::{Demonstration, KEYPOINTS, Side, Step};
 
     use super::*;
     use crate::fixture;
@@ -264,11 +264,17 @@ mod tests {
             sequence: "s".to_owned(),
             object: "box".to_owned(),
             subject: "p".to_owned(),
+            hand: Side::Right,
+            mirrored: false,
+            start_reason: String::new(),
+            end_reason: String::new(),
             rest: fixture::rest(),
             steps: (0..3_u32)
                 .map(|image| Step {
                     image,
                     time_s: f64::from(image) / 30.0,
+                    cameras_n: 1,
+                    bridged: false,
                     keypoints_m,
                 })
                 .collect(),

@@ -252,7 +252,7 @@ fn summarize(
 mod tests {
     use nalgebra::{Isometry3, Vector3};
     use proptest::prelude::*;
-    use schemas::demonstrations::{KEYPOINTS, Step};
+    use schemas::demonstrations::{KEYPOINTS, Side, Step};
 
     use super::*;
     use crate::fixture;
@@ -272,6 +272,10 @@ mod tests {
             sequence: "s".to_owned(),
             object: "box".to_owned(),
             subject: "p".to_owned(),
+            hand: Side::Right,
+            mirrored: false,
+            start_reason: String::new(),
+            end_reason: String::new(),
             rest: fixture::rest(),
             steps: keypoints
                 .into_iter()
@@ -279,6 +283,8 @@ mod tests {
                 .map(|(keypoints_m, image)| Step {
                     image,
                     time_s: f64::from(image) / 30.0,
+                    cameras_n: 1,
+                    bridged: false,
                     keypoints_m,
                 })
                 .collect(),

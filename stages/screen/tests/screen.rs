@@ -92,6 +92,8 @@ fn can(mass_kg: f64) -> objects::Object {
         inertia_kg_m2: [across, across, along, 0.0, 0.0, 0.0],
         points_m: vec![points[0]],
         normals: vec![[1.0, 0.0, 0.0]],
+        watertight: true,
+        mirror: None,
         vertices_m: points.clone(),
         triangles: vec![[0, 1, 2]],
         parts_m: vec![points],

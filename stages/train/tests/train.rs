@@ -82,6 +82,8 @@ fn object(name: &str) -> Object {
         center_of_mass_m: [0.0; 3],
         inertia_kg_m2: [1e-4, 1e-4, 1e-4, 0.0, 0.0, 0.0],
         normals: vec![[0.0, 0.0, 1.0]; points_m.len()],
+        watertight: true,
+        mirror: None,
         vertices_m: points_m[..3].to_vec(),
         triangles: vec![[0, 1, 2]],
         parts_m: vec![points_m[..4].to_vec()],

@@ -4,6 +4,7 @@
 //! joints.
 
 use nalgebra::Vector3;
+use schemas::demonstrations::Side;
 
 use super::{ManoError, arrays::Arrays, pickle::Pickle, skin::ShapedHand};
 
@@ -33,25 +34,14 @@ const FARTHEST_VERTEX_M: f64 = 1.0;
 /// fingers; the licensed models have more than 0.9.
 const LEAST_BEND: f64 = 0.5;
 
-/// Side of the hand that a model is of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ManoSide {
-    /// `MANO_LEFT.pkl`.
-    Left,
-    /// `MANO_RIGHT.pkl`.
-    Right,
-}
-
-impl ManoSide {
-    /// Returns the vertices at the tips of thumb, index, middle, ring and little finger.
-    ///
-    /// These are the ones that `DexYCB`'s labels were made with: `manopth` (Hasson et al.,
-    /// *Learning Joint Reconstruction of Hands and Manipulated Objects*, 2019).
-    fn tips(self) -> [usize; 5] {
-        match self {
-            Self::Left => [745, 317, 445, 556, 673],
-            Self::Right => [745, 317, 444, 556, 673],
-        }
+/// Returns the vertices at the tips of thumb, index, middle, ring and little finger.
+///
+/// These are the ones that `DexYCB`'s labels were made with: `manopth` (Hasson et al.,
+/// *Learning Joint Reconstruction of Hands and Manipulated Objects*, 2019).
+fn tip_vertices(side: Side) -> [usize; 5] {
+    match side {
+        Side::Left => [745, 317, 445, 556, 673],
+        Side::Right => [745, 317, 444, 556, 673],
     }
 }
 
@@ -61,7 +51,7 @@ impl ManoSide {
 /// Lengths are in meters, in the model's own frame.
 #[derive(Debug, Clone)]
 pub struct ManoModel {
-    side: ManoSide,
+    side: Side,
     /// Joints of the mean shape.
     pub(super) joints: [Shaped; JOINTS],
     /// Thumb, index, middle, ring, little finger.
@@ -155,7 +145,7 @@ impl ManoModel {
 
         let side = side(&joints, &mean)?;
         let pose_directions = arrays.numbers("posedirs", &[VERTICES, 3, POSE_FEATURES])?;
-        let tips = side.tips().map(|vertex| {
+        let tips = tip_vertices(side).map(|vertex| {
             let mut own_weights = [0.0; JOINTS];
             own_weights.copy_from_slice(&weights[vertex * JOINTS..][..JOINTS]);
             let own = &pose_directions[vertex * 3 * POSE_FEATURES..][..3 * POSE_FEATURES];
@@ -180,7 +170,7 @@ impl ManoModel {
     ///
     /// Compare it with the file's name before use: a right hand posed by the model of a left one
     /// is a hand too, but another.
-    pub fn side(&self) -> ManoSide {
+    pub fn side(&self) -> Side {
         self.side
     }
 
@@ -231,7 +221,7 @@ fn check_joints(arrays: &Arrays<'_, '_>, joints: &[Shaped]) -> Result<(), ManoEr
 
 /// Tells the side by the palm: `n` is the palm's normal if the hand is a right one, and the mean
 /// pose bends the four fingers toward the palm.
-fn side(joints: &[Shaped; JOINTS], mean: &[f64; ANGLES]) -> Result<ManoSide, ManoError> {
+fn side(joints: &[Shaped; JOINTS], mean: &[f64; ANGLES]) -> Result<Side, ManoError> {
     let [wrist, index, little] = [0, 1, 7].map(|joint| joints[joint].mean);
     let n = (index - wrist).cross(&(little - wrist));
     let mut bend = Vector3::zeros();
@@ -245,9 +235,9 @@ fn side(joints: &[Shaped; JOINTS], mean: &[f64; ANGLES]) -> Result<ManoSide, Man
     }
     let cosine = n.dot(&bend) / (n.norm() * bend.norm());
     if cosine > LEAST_BEND {
-        Ok(ManoSide::Right)
+        Ok(Side::Right)
     } else if cosine < -LEAST_BEND {
-        Ok(ManoSide::Left)
+        Ok(Side::Left)
     } else {
         Err(ManoError::NotMano(
             "its mean pose does not bend the fingers toward a palm",

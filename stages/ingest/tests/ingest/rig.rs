@@ -18,11 +18,33 @@ pub(crate) const LAST: usize = 27;
 /// The object, and its number among `YCB`'s.
 pub(crate) const OBJECT: (&str, u32) = ("008_pudding_box", 7);
 
-const CAMERAS: [&str; 2] = ["836212060125", "839512060362"];
+/// `DexYCB`'s cameras, the first one the master.
+const CAMERAS: [&str; 8] = [
+    "836212060125",
+    "839512060362",
+    "840412060917",
+    "841412060263",
+    "932122060857",
+    "932122060861",
+    "932122061900",
+    "932122062010",
+];
+/// Objects that nobody touches, with their numbers: a box that stands upright and a can.
+const OTHERS: [(&str, u32); 2] = [("003_cracker_box", 2), ("005_tomato_soup_can", 4)];
 
 /// Everything about the recording that a test may want different.
 pub(crate) struct Rig {
     pub(crate) side: &'static str,
+    /// How many of the cameras there are.
+    pub(crate) cameras: usize,
+    /// Cameras that see the hand and the object where they are not.
+    pub(crate) wrong: Vec<usize>,
+    /// Whether the first camera's frame is not the world's.
+    pub(crate) turned_master: bool,
+    /// Whether a tag marks the table.
+    pub(crate) tag: bool,
+    /// Whether `pose.npz` holds quaternions as `wxyz`.
+    pub(crate) swapped: bool,
     /// Images in which no camera sees the hand.
     pub(crate) hidden: Vec<usize>,
     /// Whether the labels of an image show the object.
@@ -37,6 +59,11 @@ impl Default for Rig {
     fn default() -> Self {
         Self {
             side: "right",
+            cameras: CAMERAS.len(),
+            wrong: Vec::new(),
+            turned_master: true,
+            tag: true,
+            swapped: false,
             hidden: Vec::new(),
             labels_show_object: true,
             jitter_m: 0.0,
@@ -58,16 +85,43 @@ impl Rig {
             .join(format!("labels_{image:06}.npz"))
     }
 
-    /// The first camera sees the hand in images 3 to 9 only, the second one from 10 on.
-    fn sees(camera: usize, image: usize) -> bool {
-        image >= FIRST && (image < 10) == (camera == 0)
+    /// Each camera loses the hand for four images in twelve, of two neighbors never both; a lone one
+    /// keeps it.
+    fn sees(&self, camera: usize, image: usize) -> bool {
+        let looks = self.cameras == 1 || !(image / 4 + camera).is_multiple_of(3);
+        image >= FIRST && looks && !self.hidden.contains(&image)
     }
 
-    pub(crate) fn world_from_camera(camera: usize) -> Isometry3<f64> {
-        match camera {
-            0 => Isometry3::new(Vector3::new(0.2, -0.1, 0.05), Vector3::new(0.3, -0.2, 0.9)),
-            _ => Isometry3::new(Vector3::new(-0.7, 0.3, 0.4), Vector3::new(-0.1, 1.2, 0.2)),
+    fn world_from_camera(&self, camera: usize) -> Isometry3<f64> {
+        if camera == 0 && !self.turned_master {
+            return Isometry3::identity();
         }
+        let around = camera as f64;
+        Isometry3::new(
+            Vector3::new(0.2 - 0.3 * around, -0.1 + 0.1 * around, 0.05 * around),
+            Vector3::new(0.3 - 0.2 * around, -0.2 + 0.25 * around, 0.9 - 0.1 * around),
+        )
+    }
+
+    /// What a camera takes for the world's point: a wrong one is 6 cm and 20 degrees off.
+    fn camera_from_world(&self, camera: usize) -> Isometry3<f64> {
+        let camera_from_world = self.world_from_camera(camera).inverse();
+        if self.wrong.contains(&camera) {
+            let off = Vector3::new(0.06, 0.0, 0.0);
+            Isometry3::new(off, Vector3::y() * 0.35) * camera_from_world
+        } else {
+            camera_from_world
+        }
+    }
+
+    /// How the other objects stand: the box upright and turned, the can beside it, each with its
+    /// base on the table.
+    fn tag_from_other(other: usize) -> Isometry3<f64> {
+        let (place, yaw) = [
+            (Vector3::new(0.2, 0.1, 0.1), 0.4),
+            (Vector3::new(0.7, 0.5, 0.05), -1.0),
+        ][other];
+        Isometry3::new(place, Vector3::z() * yaw)
     }
 
     /// The tag's z points up; the table is tilted against the world.
@@ -94,6 +148,18 @@ impl Rig {
         Point3::new(0.002 * k as f64, 0.05 + away, -0.001 * (k * k) as f64)
     }
 
+    /// The shape of the person's hand.
+    pub(crate) const BETAS: [f64; 10] = [0.5, -0.25, 0.0, 1.0, 0.0, 0.0, -0.5, 0.0, 0.0, 0.125];
+
+    /// What a hand model is told in an image: another hand than that of the labels, somewhere else.
+    pub(crate) fn hand_numbers(image: usize) -> [f32; 51] {
+        std::array::from_fn(|k| match k {
+            _ if image < FIRST => 0.0,
+            48.. => 0.3 + 0.05 * (k - 47) as f32 - 0.004 * image as f32,
+            _ => 0.02 * ((k * 7 + image) % 11) as f32 - 0.1,
+        })
+    }
+
     /// Writes the dataset.
     pub(crate) fn write(&self, root: &Path) {
         let sequence = Self::sequence(root);
@@ -103,28 +169,41 @@ impl Rig {
             fs::create_dir_all(folder).unwrap();
         }
         fs::write(model.join("textured_simple.obj"), brick([0.1, 0.08, 0.03])).unwrap();
+        for ((name, _), edges_m) in OTHERS.iter().zip([[0.06, 0.16, 0.2], [0.06, 0.07, 0.1]]) {
+            let model = root.join("models").join(name);
+            fs::create_dir_all(&model).unwrap();
+            fs::write(model.join("textured_simple.obj"), brick(edges_m)).unwrap();
+        }
         let lines = self.calibration.clone().unwrap_or_else(|| {
-            format!(
-                "  '{}': {}\n  {}: {}\n  apriltag: {}\nmaster: '{}'\n",
-                CAMERAS[0],
-                rows(&Self::world_from_camera(0)),
-                CAMERAS[1],
-                rows(&Self::world_from_camera(1)),
-                rows(&Self::world_from_tag()),
-                CAMERAS[0],
-            )
+            let mut lines = String::new();
+            for (camera, serial) in CAMERAS.iter().enumerate() {
+                lines += &format!("  '{serial}': {}\n", rows(&self.world_from_camera(camera)));
+            }
+            if self.tag {
+                lines += &format!("  apriltag: {}\n", rows(&Self::world_from_tag()));
+            }
+            lines + &format!("master: '{}'\n", CAMERAS[0])
         });
         fs::write(
             calibration.join("extrinsics.yml"),
             format!("extrinsics:\n{lines}"),
         )
         .unwrap();
+        let mut serials = String::new();
+        for serial in CAMERAS {
+            serials += &format!("- '{serial}'\n");
+        }
         let meta = format!(
-            "serials:\n- '{}'\n- {}\nnum_frames: {IMAGES}\nextrinsics: '20200702_151821'\n\
-             ycb_ids: [2, {}]\nycb_grasp_ind: 1\nmano_sides: [{}]\nmano_calib: [x]\n",
-            CAMERAS[0], CAMERAS[1], OBJECT.1, self.side
+            "serials:\n{serials}num_frames: {IMAGES}\nextrinsics: '20200702_151821'\n\
+             ycb_ids: [{}, {}, {}]\nycb_grasp_ind: 1\nmano_sides: [{}]\nmano_calib: [x]\n",
+            OTHERS[0].1, OBJECT.1, OTHERS[1].1, self.side
         );
         fs::write(sequence.join("meta.yml"), meta).unwrap();
+        let shape = root.join("calibration/mano_x");
+        fs::create_dir_all(&shape).unwrap();
+        let betas = Self::BETAS.map(|beta| format!("- {beta}\n")).concat();
+        fs::write(shape.join("mano.yml"), format!("betas:\n{betas}")).unwrap();
+        let hands: Vec<f32> = (0..IMAGES).flat_map(Self::hand_numbers).collect();
         let mut poses: Vec<f32> = Vec::new();
         for image in 0..IMAGES {
             let mut world_from_object = Self::world_from_tag() * Self::tag_from_object(image);
@@ -132,15 +211,25 @@ impl Rig {
                 // Far from random, but as often up as down in each window of images.
                 *value += self.jitter_m * ((7 * image + 3 * axis) as f64).sin();
             }
-            let q = world_from_object.rotation;
-            let t = world_from_object.translation;
-            poses.extend([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
-            poses.extend([q.i, q.j, q.k, q.w, t.x, t.y, t.z].map(|v| v as f32));
-            for (camera, serial) in CAMERAS.iter().enumerate() {
-                let camera_from_world = Self::world_from_camera(camera).inverse();
+            let world_from_objects = [
+                Self::world_from_tag() * Self::tag_from_other(0),
+                world_from_object,
+                Self::world_from_tag() * Self::tag_from_other(1),
+            ];
+            for pose in &world_from_objects {
+                let (q, t) = (pose.rotation, pose.translation);
+                let turn = if self.swapped {
+                    [q.w, q.i, q.j, q.k]
+                } else {
+                    [q.i, q.j, q.k, q.w]
+                };
+                poses.extend(turn.map(|v| v as f32));
+                poses.extend([t.x, t.y, t.z].map(|v| v as f32));
+            }
+            for (camera, serial) in CAMERAS.iter().enumerate().take(self.cameras) {
+                let camera_from_world = self.camera_from_world(camera);
                 let folder = sequence.join(serial);
                 fs::create_dir_all(&folder).unwrap();
-                let has_hand = Self::sees(camera, image) && !self.hidden.contains(&image);
                 let joints: Vec<f32> = (0..21)
                     .flat_map(|k| {
                         let resting =
@@ -148,27 +237,42 @@ impl Rig {
                         let point = camera_from_world * resting * Self::keypoint(image, k);
                         <[f64; 3]>::from(point)
                     })
-                    .map(|v| if has_hand { v as f32 } else { -1.0 })
+                    .map(|v| {
+                        if self.sees(camera, image) {
+                            v as f32
+                        } else {
+                            -1.0
+                        }
+                    })
                     .collect();
-                let mut pose_y = vec![0.0; 12];
-                if self.labels_show_object {
+                let mut pose_y = Vec::new();
+                for world_from_object in &world_from_objects {
                     let m = (camera_from_world * world_from_object).to_homogeneous();
-                    pose_y.extend((0..12).map(|n| m[(n / 4, n % 4)] as f32));
-                } else {
-                    pose_y.extend([0.0; 12]);
+                    let is_there = self.labels_show_object;
+                    let number = |n: usize| {
+                        if is_there {
+                            m[(n / 4, n % 4)] as f32
+                        } else {
+                            0.0
+                        }
+                    };
+                    pose_y.extend((0..12).map(number));
                 }
                 npz(
                     &folder.join(format!("labels_{image:06}.npz")),
                     &[
                         ("joint_3d", &[1, 21, 3], &joints),
-                        ("pose_y", &[2, 3, 4], &pose_y),
+                        ("pose_y", &[3, 3, 4], &pose_y),
                     ],
                 );
             }
         }
         npz(
             &sequence.join("pose.npz"),
-            &[("pose_y", &[IMAGES as u64, 2, 7], &poses)],
+            &[
+                ("pose_y", &[IMAGES as u64, 3, 7], &poses),
+                ("pose_m", &[IMAGES as u64, 1, 51], &hands),
+            ],
         );
     }
 }
@@ -190,7 +294,7 @@ pub(crate) fn npz(path: &Path, arrays: &[(&str, &[u64], &[f32])]) {
 }
 
 /// `[R|t]`, row by row, as a YAML list.
-fn rows(pose: &Isometry3<f64>) -> String {
+pub(crate) fn rows(pose: &Isometry3<f64>) -> String {
     let m = pose.to_homogeneous();
     let numbers: Vec<String> = (0..12)
         .map(|n| format!("{:?}", m[(n / 4, n % 4)]))
@@ -199,7 +303,7 @@ fn rows(pose: &Isometry3<f64>) -> String {
 }
 
 /// A box about the origin with these edges in meters, as OBJ.
-fn brick(edges_m: [f64; 3]) -> String {
+pub(crate) fn brick(edges_m: [f64; 3]) -> String {
     let mut text = String::new();
     for corner in 0..8 {
         text.push('v');

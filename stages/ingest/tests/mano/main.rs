@@ -8,8 +8,9 @@ mod real;
 use std::{fs, path::Path};
 
 use nalgebra::{Point3, Rotation3, Vector3};
+use schemas::demonstrations::Side;
 use serde::Deserialize;
-use stage_ingest::{ManoModel, ManoSide};
+use stage_ingest::ManoModel;
 
 /// Largest accepted error, in meters: rounding of sums of a few thousand numbers below one.
 const EXACT_M: f64 = 1e-13;
@@ -60,12 +61,12 @@ fn largest_error_m(found: &[Point3<f64>; 21], expected: &[Point3<f64>]) -> f64 {
 }
 
 /// Checks every case of a side against a file.
-fn check(file: &str, side: ManoSide) {
+fn check(file: &str, side: Side) {
     let model = model(file);
     assert_eq!(model.side(), side, "{file}");
     let name = match side {
-        ManoSide::Left => "left",
-        ManoSide::Right => "right",
+        Side::Left => "left",
+        Side::Right => "right",
     };
     let cases: Vec<Case> = golden().cases;
     let cases: Vec<&Case> = cases.iter().filter(|case| case.side == name).collect();
@@ -80,15 +81,15 @@ fn check(file: &str, side: ManoSide) {
 
 #[test]
 fn both_sides_are_those_of_an_independent_computation() {
-    check("right.pkl", ManoSide::Right);
-    check("left.pkl", ManoSide::Left);
+    check("right.pkl", Side::Right);
+    check("left.pkl", Side::Left);
 }
 
 #[test]
 fn every_way_to_save_a_model_is_the_same_model() {
-    check("right_single.pkl", ManoSide::Right);
+    check("right_single.pkl", Side::Right);
     for protocol in 2..=5 {
-        check(&format!("right_protocol_{protocol}.pkl"), ManoSide::Right);
+        check(&format!("right_protocol_{protocol}.pkl"), Side::Right);
     }
 }
 
@@ -117,10 +118,10 @@ const AT_REST: [[f64; 3]; 21] = [
     [1216.0, -416.0, -16.0],
 ];
 
-fn at_rest(side: ManoSide) -> Vec<Point3<f64>> {
+fn at_rest(side: Side) -> Vec<Point3<f64>> {
     let mirror = match side {
-        ManoSide::Left => -1.0,
-        ManoSide::Right => 1.0,
+        Side::Left => -1.0,
+        Side::Right => 1.0,
     };
     let points = AT_REST.iter();
     points
@@ -130,7 +131,7 @@ fn at_rest(side: ManoSide) -> Vec<Point3<f64>> {
 
 #[test]
 fn a_flat_hand_is_the_rest_hand_moved() {
-    for (flat, side) in golden().flat.iter().zip([ManoSide::Right, ManoSide::Left]) {
+    for (flat, side) in golden().flat.iter().zip([Side::Right, Side::Left]) {
         let model = model(&format!("{}.pkl", flat.side));
         let mut pose = [0.0; 51];
         pose[3..48].copy_from_slice(&flat.coefficients);

@@ -10,7 +10,8 @@ use std::{
 
 use nalgebra::Point3;
 use npyz::npz::NpzArchive;
-use stage_ingest::{ManoModel, ManoSide};
+use schemas::demonstrations::Side;
+use stage_ingest::ManoModel;
 
 /// Largest accepted distance from a published landmark, in meters: they were computed in single
 /// precision.
@@ -66,7 +67,7 @@ fn the_licensed_model_gives_the_published_landmarks() {
     };
     let root = real.join("dexycb-right");
     let model = ManoModel::from_pickle(&fs::read(models.join("MANO_RIGHT.pkl")).unwrap()).unwrap();
-    assert_eq!(model.side(), ManoSide::Right);
+    assert_eq!(model.side(), Side::Right);
     let (mut n_images, mut worst) = (0, 0.0_f64);
     let mut by_subject: BTreeMap<String, f64> = BTreeMap::new();
     for subject in folders(&root) {

@@ -1,22 +1,36 @@
 //! From a parsed recording to the reach that later stages learn from.
 
-use nalgebra::{Point3, Unit, Vector3};
+use nalgebra::Point3;
 use schemas::demonstrations::{Demonstration, Step};
 use spatial::{Object, Pose, Rest, World};
 
 use crate::{
-    config::IngestConfig,
+    config::{IngestConfig, ReachRule},
     error::Unusable,
-    recording::{Keypoints, Recording, Tag},
-    still::{self, Rule},
+    recording::{Keypoints, Recording},
+    still::{self, Rule, Still},
 };
 
-/// What tells a demonstration apart.
-pub(crate) struct Names<'a> {
-    /// The sequence's key.
-    pub(crate) sequence: &'a str,
-    /// Who grasped.
-    pub(crate) subject: &'a str,
+/// Where the object rests in a recording, and the last image before it leaves.
+///
+/// # Errors
+///
+/// Fails if the object is never seen or never leaves.
+pub(crate) fn still(recording: &Recording, config: &IngestConfig) -> Result<Still, Unusable> {
+    let poses = object_poses(recording);
+    if poses.iter().all(Option::is_none) {
+        return Err(Unusable::NoObject);
+    }
+    match config.reach {
+        ReachRule::Robust => still::find(&poses, &Rule::from(config)),
+        ReachRule::Released => still::released(&poses, config.move_threshold_m),
+    }
+    .ok_or(Unusable::NeverMoves)
+}
+
+fn object_poses(recording: &Recording) -> Vec<Option<Pose<World, Object>>> {
+    let images = recording.images.iter();
+    images.map(|image| image.world_from_object).collect()
 }
 
 /// Cuts the reach out of a recording: from the first image with a hand to the last image before
@@ -26,28 +40,21 @@ pub(crate) struct Names<'a> {
 ///
 /// Fails if the recording has no reach that is long enough and seen well enough.
 pub(crate) fn reach(
+    sequence: &str,
     recording: &Recording,
+    still: &Still,
+    rest: Rest,
     config: &IngestConfig,
-    names: &Names<'_>,
 ) -> Result<Demonstration, Unusable> {
-    let poses: Vec<_> = recording
-        .images
-        .iter()
-        .map(|image| image.world_from_object)
-        .collect();
     let hands: Vec<Option<Keypoints>> = recording
         .images
         .iter()
         .map(|image| image.keypoints_in_world)
         .collect();
-    if poses.iter().all(Option::is_none) {
-        return Err(Unusable::NoObject);
-    }
     let first = hands
         .iter()
         .position(Option::is_some)
         .ok_or(Unusable::NoHand)?;
-    let still = still::find(&poses, &Rule::from(config)).ok_or(Unusable::NeverMoves)?;
     let n_steps = still
         .last
         .map_or(0, |last| (last + 1).saturating_sub(first));
@@ -59,19 +66,38 @@ pub(crate) fn reach(
     }
     let object_from_world = still.world_from_object.inverse();
     let mut steps = Vec::with_capacity(n_steps);
-    for (step, image) in (first..).take(n_steps).enumerate() {
+    let images = recording.images.iter().enumerate().skip(first);
+    for (step, (image, observation)) in images.take(n_steps).enumerate() {
         let in_world = bridged(&hands, image, config.max_gap_n)?;
+        let object_from_world = match (config.reach, observation.world_from_object) {
+            (ReachRule::Released, Some(world_from_object)) => world_from_object.inverse(),
+            _ => object_from_world,
+        };
         steps.push(Step {
             image: u32::try_from(image).unwrap_or(u32::MAX),
             time_s: step as f64 / config.rate_hz,
+            cameras_n: observation.cameras_n,
+            bridged: observation.keypoints_in_world.is_none(),
             keypoints_m: in_world.map(|point| object_from_world.point(&point).into()),
         });
     }
     Ok(Demonstration {
-        sequence: names.sequence.to_owned(),
+        sequence: sequence.to_owned(),
         object: recording.object.clone(),
-        subject: names.subject.to_owned(),
-        rest: rest(&recording.world_from_tag, &still.world_from_object),
+        subject: recording.subject.clone(),
+        hand: recording.hand,
+        mirrored: false,
+        start_reason: match first {
+            0 => "the hand is in sight from the first image on".to_owned(),
+            first => format!("image {first} is the first that shows the hand"),
+        },
+        end_reason: format!(
+            "in image {} the object is {:.1} mm and {:.1} degrees from its rest",
+            still.left,
+            1000.0 * still.left_m,
+            still.left_rad.to_degrees(),
+        ),
+        rest,
         steps,
     })
 }
@@ -84,16 +110,6 @@ impl From<&IngestConfig> for Rule {
             jitter_factor: config.jitter_factor,
             settle_n: config.settle_n,
         }
-    }
-}
-
-/// Returns how an object lies on the table whose surface is the tag's plane.
-fn rest(world_from_tag: &Pose<World, Tag>, world_from_object: &Pose<World, Object>) -> Rest {
-    let tag_from_object = &world_from_tag.inverse() * world_from_object;
-    let up_in_object = tag_from_object.inverse().direction(&Vector3::z());
-    Rest {
-        up_in_object: Unit::new_normalize(up_in_object),
-        height_m: tag_from_object.isometry().translation.z,
     }
 }
 
@@ -130,26 +146,14 @@ fn bridged(
 #[cfg(test)]
 mod tests {
     use nalgebra::Isometry3;
+    use schemas::demonstrations::Side;
 
     use super::*;
-    use crate::{config::Hand, recording::Observation};
-
-    fn config() -> IngestConfig {
-        IngestConfig {
-            root: "data".into(),
-            hand: Hand::Right,
-            rate_hz: 30.0,
-            move_threshold_m: 0.004,
-            move_threshold_rad: 0.07,
-            jitter_factor: 4.0,
-            settle_n: 5,
-            max_gap_n: 3,
-            min_steps_n: 11,
-            points_n: 100,
-            max_convex_parts_n: 4,
-            masses_kg: std::collections::BTreeMap::new(),
-        }
-    }
+    use crate::{
+        fixture,
+        recording::{Ground, Observation, Tag},
+        table,
+    };
 
     /// A hand that moves 1 cm per image along x, seen from image 2 on; the object leaves after
     /// image 19. Nothing is turned; the tag lies 10 cm below the object's origin.
@@ -161,23 +165,37 @@ mod tests {
                 let pose = Isometry3::translation(0.5, 0.0, 1.0 + lift);
                 Observation {
                     keypoints_in_world: (image >= 2).then_some([hand; 21]),
+                    cameras_n: 1,
                     world_from_object: Some(Pose::new(pose)),
                 }
             })
             .collect();
         Recording {
             object: "025_mug".to_owned(),
-            world_from_tag: Pose::new(Isometry3::translation(0.0, 0.0, 0.9)),
+            subject: "a".to_owned(),
+            hand: Side::Right,
+            ground: Ground::Tag(world_from_tag()),
             images,
+            agreement: Vec::new(),
         }
     }
 
-    fn reach_of(recording: &Recording) -> Result<Demonstration, Unusable> {
-        let names = Names {
-            sequence: "a-b",
-            subject: "a",
+    fn world_from_tag() -> Pose<World, Tag> {
+        Pose::new(Isometry3::translation(0.0, 0.0, 0.9))
+    }
+
+    fn reach_with(recording: &Recording, rule: ReachRule) -> Result<Demonstration, Unusable> {
+        let config = IngestConfig {
+            reach: rule,
+            ..fixture::config()
         };
-        reach(recording, &config(), &names)
+        let still = still(recording, &config)?;
+        let rest = table::on_tag(&world_from_tag(), &still.world_from_object);
+        reach("a-b", recording, &still, rest, &config)
+    }
+
+    fn reach_of(recording: &Recording) -> Result<Demonstration, Unusable> {
+        reach_with(recording, ReachRule::Robust)
     }
 
     #[test]
@@ -189,6 +207,32 @@ mod tests {
         assert!((reach.steps[17].keypoints_m[0][0] - (0.19 - 0.5)).abs() < 1e-12);
         assert!((reach.rest.height_m - 0.1).abs() < 1e-12);
         assert!((reach.rest.up_in_object.z - 1.0).abs() < 1e-12);
+        assert_eq!(
+            reach.start_reason,
+            "image 2 is the first that shows the hand"
+        );
+        assert_eq!(
+            reach.end_reason,
+            "in image 20 the object is 20.0 mm and 0.0 degrees from its rest"
+        );
+    }
+
+    #[test]
+    fn the_released_rule_takes_each_step_to_its_own_image_of_the_object() {
+        let mut recording = recording();
+        let drift = Isometry3::translation(0.002, 0.0, 0.0);
+        for image in &mut recording.images[10..] {
+            let pose = image.world_from_object.unwrap();
+            image.world_from_object = Some(Pose::new(drift * pose.isometry()));
+        }
+        let reach = reach_with(&recording, ReachRule::Released).unwrap();
+        assert_eq!(reach.steps.len(), 18);
+        assert!((reach.steps[7].keypoints_m[0][0] - (0.09 - 0.5)).abs() < 1e-12);
+        assert!((reach.steps[17].keypoints_m[0][0] - (0.19 - 0.502)).abs() < 1e-12);
+        // The robust rule has one frame for all: the rest in the middle.
+        let reach = reach_of(&recording).unwrap();
+        let moved = reach.steps[17].keypoints_m[0][0] - reach.steps[7].keypoints_m[0][0];
+        assert!((moved - 0.1).abs() < 1e-12);
     }
 
     #[test]
@@ -199,6 +243,7 @@ mod tests {
         }
         let reach = reach_of(&recording).unwrap();
         for (step, image) in reach.steps.iter().zip(2..) {
+            assert_eq!(step.bridged, (10..13).contains(&image));
             let expected = 0.01 * f64::from(image) - 0.5;
             assert!((step.keypoints_m[20][0] - expected).abs() < 1e-12);
         }

@@ -1,0 +1,96 @@
+//! Where the cameras and the table's tag are.
+
+use dataflow::SourceFile;
+use nalgebra::{Isometry3, Point3, Vector3};
+use spatial::{Camera, Pose, World};
+
+use super::{layout::SequenceFiles, read_yaml};
+use crate::{
+    error::Unusable,
+    recording::Tag,
+    yaml::{self, Extrinsics, Meta},
+};
+
+/// The tag on the table, among the cameras of `extrinsics.yml`.
+pub(super) const TAG: &str = "apriltag";
+
+/// Returns where a calibration lies, relative to the dataset.
+pub(super) fn extrinsics_name(id: &str) -> String {
+    format!("calibration/extrinsics_{id}/extrinsics.yml")
+}
+
+/// A recording's `extrinsics.yml`.
+pub(super) struct Calibration<'a> {
+    file: &'a SourceFile,
+    extrinsics: Extrinsics,
+}
+
+impl<'a> Calibration<'a> {
+    pub(super) fn read(meta: &Meta, files: &SequenceFiles<'a>) -> Result<Self, Unusable> {
+        let file = files.extrinsics.ok_or_else(|| Unusable::Missing {
+            file: extrinsics_name(&meta.extrinsics),
+        })?;
+        Ok(Self {
+            file,
+            extrinsics: read_yaml(file)?,
+        })
+    }
+
+    /// Returns a camera's pose.
+    ///
+    /// # Errors
+    ///
+    /// Fails if it is not there, or is no rotation and translation.
+    pub(super) fn world_from_camera(&self, serial: &str) -> Result<Pose<World, Camera>, Unusable> {
+        let rows = self
+            .extrinsics
+            .extrinsics
+            .get(serial)
+            .ok_or_else(|| self.value(format!("no pose of `{serial}`")))?;
+        self.isometry(serial, rows).map(Pose::new)
+    }
+
+    /// Returns the tag's pose, if there is a tag.
+    ///
+    /// # Errors
+    ///
+    /// Fails if it is no rotation and translation.
+    pub(super) fn world_from_tag(&self) -> Result<Option<Pose<World, Tag>>, Unusable> {
+        let rows = self.extrinsics.extrinsics.get(TAG);
+        rows.map(|rows| self.isometry(TAG, rows).map(Pose::new))
+            .transpose()
+    }
+
+    /// Returns the middle of these cameras, which look down on the table; `None` without cameras.
+    ///
+    /// # Errors
+    ///
+    /// Fails if one is not there, or is no rotation and translation.
+    pub(super) fn middle_of_cameras(
+        &self,
+        serials: &[String],
+    ) -> Result<Option<Point3<f64>>, Unusable> {
+        let mut sum = Vector3::zeros();
+        for serial in serials {
+            sum += self
+                .world_from_camera(serial)?
+                .isometry()
+                .translation
+                .vector;
+        }
+        let middle = Point3::from(sum / serials.len().max(1) as f64);
+        Ok((!serials.is_empty()).then_some(middle))
+    }
+
+    fn isometry(&self, name: &str, rows: &[f64; 12]) -> Result<Isometry3<f64>, Unusable> {
+        yaml::isometry(rows)
+            .ok_or_else(|| self.value(format!("`{name}` is not a rotation and a translation")))
+    }
+
+    fn value(&self, what: String) -> Unusable {
+        Unusable::Value {
+            what,
+            file: self.file.name.clone(),
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! Landmarks from `pose.npz` and the user's own hand model, beside those of the labels.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    sync::{Arc, Mutex, PoisonError},
+    time::SystemTime,
+};
+
+use dataflow::SourceFile;
+use schemas::demonstrations::Side;
+
+use super::{layout::SequenceFiles, read_yaml};
+use crate::{
+    config::Landmarks,
+    error::Unusable,
+    mano::ManoModel,
+    npz::Arrays,
+    reader::read,
+    recording::{Keypoints, Recording},
+    yaml::HandShape,
+};
+
+/// Largest accepted hand model: MANO's have 4 MB.
+const MAX_MODEL_BYTES: u64 = 64 << 20;
+/// Numbers that describe a hand in an image.
+const HAND: usize = 51;
+
+/// Returns the name of the file in which the licensed model of a hand comes.
+pub(crate) fn model_file(hand: Side) -> &'static str {
+    match hand {
+        Side::Right => "MANO_RIGHT.pkl",
+        Side::Left => "MANO_LEFT.pkl",
+    }
+}
+
+/// Returns where the shape of a person's hand lies, relative to the dataset.
+pub(super) fn shape_name(id: &str) -> String {
+    format!("calibration/mano_{id}/mano.yml")
+}
+
+/// Returns the landmarks in the world, image by image; `None` where the recording's files have no
+/// hand model, or no hand is seen.
+///
+/// # Errors
+///
+/// Fails if the model, the hand's shape or the poses cannot be read.
+pub(super) fn keypoints(
+    files: &SequenceFiles<'_>,
+    hand: Side,
+    poses: Option<(&SourceFile, &[u8])>,
+    n_images: usize,
+) -> Result<Option<Vec<Option<Keypoints>>>, Unusable> {
+    let (Some(model_file), Some(shape_file), Some((file, bytes))) =
+        (files.hand_model, files.hand_shape, poses)
+    else {
+        return Ok(None);
+    };
+    let model = model(model_file)?;
+    if model.side() != hand {
+        return Err(Unusable::HandModel {
+            file: model_file.name.clone(),
+            reason: format!("the model of a {} hand", model.side().as_str()),
+        });
+    }
+    let shape: HandShape = read_yaml(shape_file)?;
+    let shaped = model.shaped(&shape.betas);
+    let numbers = Arrays::open(bytes)
+        .and_then(|mut arrays| arrays.numbers("pose_m", &[n_images as u64, 1, HAND as u64]))
+        .map_err(|source| Unusable::Npz {
+            file: file.name.clone(),
+            source,
+        })?;
+    let (hands, _) = numbers.as_chunks::<HAND>();
+    let posed = hands.iter().map(|pose| {
+        let is_seen = pose.iter().any(|&number| number != 0.0);
+        is_seen.then(|| shaped.keypoints(pose))
+    });
+    Ok(Some(posed.collect()))
+}
+
+/// Puts the model's landmarks where `landmarks` wants them, and reports how far they are from those
+/// of the labels.
+///
+/// # Errors
+///
+/// Fails if they are wanted and not there.
+pub(super) fn combine(
+    recording: &mut Recording,
+    posed: Option<Vec<Option<Keypoints>>>,
+    landmarks: Landmarks,
+) -> Result<(), Unusable> {
+    let Some(posed) = posed else {
+        return match landmarks {
+            Landmarks::Mano => Err(Unusable::NoHandModel),
+            Landmarks::Either | Landmarks::Labels => Ok(()),
+        };
+    };
+    let (mut n, mut sum_m, mut largest_m) = (0_u32, 0.0, 0.0_f64);
+    for (image, posed) in recording.images.iter_mut().zip(posed) {
+        if let (Some(labeled), Some(posed)) = (&image.keypoints_in_world, &posed) {
+            for (labeled, posed) in labeled.iter().zip(posed) {
+                let distance_m = (labeled - posed).norm();
+                n += 1;
+                sum_m += distance_m;
+                largest_m = largest_m.max(distance_m);
+            }
+        }
+        match landmarks {
+            Landmarks::Labels => {}
+            Landmarks::Either => {
+                image.keypoints_in_world = image.keypoints_in_world.or(posed);
+            }
+            Landmarks::Mano => {
+                image.keypoints_in_world = posed;
+                image.cameras_n = 0;
+            }
+        }
+    }
+    if n > 0 {
+        recording.agreement.extend([
+            ("mano_difference_m", sum_m / f64::from(n)),
+            ("mano_largest_difference_m", largest_m),
+        ]);
+    }
+    Ok(())
+}
+
+/// A file as it was when its model was read.
+type Stamp = (PathBuf, u64, Option<SystemTime>);
+
+/// Models that were read, by file: a thousand recordings share two of them.
+static MODELS: Mutex<BTreeMap<Stamp, Arc<ManoModel>>> = Mutex::new(BTreeMap::new());
+
+fn model(file: &SourceFile) -> Result<Arc<ManoModel>, Unusable> {
+    let stamp = stamp(&file.path);
+    let models = || MODELS.lock().unwrap_or_else(PoisonError::into_inner);
+    let known = stamp
+        .as_ref()
+        .and_then(|stamp| models().get(stamp).cloned());
+    if let Some(model) = known {
+        return Ok(model);
+    }
+    let bytes = read(file, MAX_MODEL_BYTES)?;
+    let model = ManoModel::from_pickle(&bytes).map_err(|err| Unusable::HandModel {
+        file: file.name.clone(),
+        reason: err.to_string(),
+    })?;
+    let model = Arc::new(model);
+    if let Some(stamp) = stamp {
+        models().insert(stamp, Arc::clone(&model));
+    }
+    Ok(model)
+}
+
+fn stamp(path: &Path) -> Option<Stamp> {
+    let found = fs::metadata(path).ok()?;
+    Some((path.to_owned(), found.len(), found.modified().ok()))
+}

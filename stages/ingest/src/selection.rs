@@ -1,0 +1,221 @@
+//! Which recordings are taken: hand, subjects, objects and the dataset's own splits.
+//!
+//! Splits s0 to s3: Chao et al., *DexYCB: A Benchmark for Capturing Hand Grasping of Objects*, 2021,
+//! section 4. The split by objects: Ye et al., *Learning Continuous Grasping Function with a
+//! Dexterous Hand from Human Demonstrations*, 2023, section IV.
+
+use std::collections::BTreeMap;
+
+use dataflow::nearest;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    config::IngestConfig,
+    error::IngestError,
+    reader::{About, Listed},
+    ycb,
+};
+
+/// Recordings of one subject with one object, in the order of their names.
+const TRIALS: usize = 5;
+
+/// A part of `DexYCB`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Split {
+    /// Every recording.
+    #[default]
+    All,
+    /// s0: the first four of each five trials.
+    S0Train,
+    /// s0: the fifth trials of subjects 1 and 2.
+    S0Val,
+    /// s0: the fifth trials of subjects 3 to 10.
+    S0Test,
+    /// s1, unseen subjects: subjects 1 to 6 and 10.
+    S1Train,
+    /// s1: subject 7.
+    S1Val,
+    /// s1: subjects 8 and 9.
+    S1Test,
+    /// s2, unseen views: the first six cameras of every recording.
+    S2Train,
+    /// s2: the seventh camera.
+    S2Val,
+    /// s2: the eighth camera.
+    S2Test,
+    /// s3, unseen objects: all but those of the other two.
+    S3Train,
+    /// s3: tomato soup can and foam brick.
+    S3Val,
+    /// s3: pudding box, bleach cleanser and wood block.
+    S3Test,
+    /// The 15 objects on which the paper trains.
+    PaperTrain,
+    /// The 5 objects that the paper holds out.
+    PaperUnseen,
+}
+
+/// The cameras of a recording that are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Cameras {
+    /// Number of the first one in the recording's list.
+    pub(crate) first: usize,
+    /// Number after that of the last one.
+    pub(crate) end: usize,
+}
+
+impl Cameras {
+    /// Every camera.
+    pub(crate) const ALL: Self = Self {
+        first: 0,
+        end: usize::MAX,
+    };
+
+    /// Says whether the camera of this number is among them.
+    pub(crate) fn holds(self, number: usize) -> bool {
+        (self.first..self.end).contains(&number)
+    }
+}
+
+/// What becomes of a listed recording.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Choice {
+    /// It is read, as these cameras saw it.
+    Take(Cameras),
+    /// It is left out, for this reason.
+    Leave(String),
+}
+
+/// Decides for every listed recording, in their order.
+///
+/// One whose description cannot be used is taken, so that it is reported.
+///
+/// # Errors
+///
+/// Fails if an option names nothing that there is, or a split cannot be told in this subset.
+pub(crate) fn choose(config: &IngestConfig, listed: &[Listed]) -> Result<Vec<Choice>, IngestError> {
+    check_names(config, listed)?;
+    let trials = if matches!(config.split, Split::S0Train | Split::S0Val | Split::S0Test) {
+        trials(listed)?
+    } else {
+        BTreeMap::new()
+    };
+    Ok(listed
+        .iter()
+        .map(|recording| match &recording.about {
+            None => Choice::Take(Cameras::ALL),
+            Some(about) => choice(config, about, trials.get(recording.key.as_str()).copied()),
+        })
+        .collect())
+}
+
+fn choice(config: &IngestConfig, about: &About, trial: Option<usize>) -> Choice {
+    // Reasons do not name what the options hold: they stay true when those change.
+    if about.hand != config.hand && !config.mirror {
+        return Choice::Leave(format!("{} hand", about.hand.as_str()));
+    }
+    let named = |names: &[String], name: &str| names.is_empty() || names.iter().any(|n| n == name);
+    if !named(&config.subjects, &about.subject) {
+        return Choice::Leave(format!("subject `{}` is not in `subjects`", about.subject));
+    }
+    if !named(&config.objects, &about.object) {
+        return Choice::Leave(format!("object `{}` is not in `objects`", about.object));
+    }
+    let cameras = match config.split {
+        Split::S2Train => Cameras { first: 0, end: 6 },
+        Split::S2Val => Cameras { first: 6, end: 7 },
+        Split::S2Test => Cameras { first: 7, end: 8 },
+        _ => Cameras::ALL,
+    };
+    if in_split(config.split, about, trial) {
+        Choice::Take(cameras)
+    } else {
+        Choice::Leave("not in `split`".to_owned())
+    }
+}
+
+fn in_split(split: Split, about: &About, trial: Option<usize>) -> bool {
+    let subject = subject_number(&about.subject).unwrap_or(0);
+    let object = ycb::number(&about.object).unwrap_or(0);
+    let is_last_trial = trial == Some(TRIALS - 1);
+    match split {
+        Split::All | Split::S2Train | Split::S2Val | Split::S2Test => true,
+        Split::S0Train => !is_last_trial,
+        Split::S0Val => is_last_trial && subject <= 2,
+        Split::S0Test => is_last_trial && subject > 2,
+        Split::S1Train => matches!(subject, 1..=6 | 10),
+        Split::S1Val => subject == 7,
+        Split::S1Test => matches!(subject, 8 | 9),
+        Split::S3Train => !matches!(object, 4 | 8 | 12 | 16 | 21),
+        Split::S3Val => matches!(object, 4 | 21),
+        Split::S3Test => matches!(object, 8 | 12 | 16),
+        Split::PaperTrain => matches!(object, 1..=9 | 15..=18 | 20 | 21),
+        Split::PaperUnseen => matches!(object, 10..=14),
+    }
+}
+
+/// Returns the number at the end of a subject's folder: 3 of `20200820-subject-03`.
+fn subject_number(subject: &str) -> Option<u32> {
+    subject.rsplit_once("subject-")?.1.parse().ok()
+}
+
+/// Numbers the trials of each subject with each object, from 0, by the recording's key.
+fn trials(listed: &[Listed]) -> Result<BTreeMap<&str, usize>, IngestError> {
+    let mut groups: BTreeMap<(&str, &str), Vec<&str>> = BTreeMap::new();
+    for recording in listed {
+        if let Some(about) = &recording.about {
+            let group = groups.entry((&about.subject, &about.object)).or_default();
+            group.push(&recording.key);
+        }
+    }
+    let mut trials = BTreeMap::new();
+    for ((subject, object), keys) in groups {
+        if keys.len() != TRIALS {
+            return Err(IngestError::Trials {
+                subject: subject.to_owned(),
+                object: object.to_owned(),
+                found: keys.len(),
+            });
+        }
+        trials.extend(
+            keys.into_iter()
+                .enumerate()
+                .map(|(trial, key)| (key, trial)),
+        );
+    }
+    Ok(trials)
+}
+
+/// Refuses subjects and objects that nobody has.
+fn check_names(config: &IngestConfig, listed: &[Listed]) -> Result<(), IngestError> {
+    let abouts = || {
+        listed
+            .iter()
+            .filter_map(|recording| recording.about.as_ref())
+    };
+    let check = |key: &'static str, names: &[String], known: Vec<&str>| {
+        let stranger = names.iter().find(|name| !known.contains(&name.as_str()));
+        stranger.map_or(Ok(()), |name| {
+            Err(IngestError::UnknownName {
+                key,
+                name: name.clone(),
+                near: nearest(name, known.iter().copied()).map(str::to_owned),
+                known: known.iter().copied().map(str::to_owned).collect(),
+            })
+        })
+    };
+    let distinct = |of: fn(&About) -> &str| {
+        let mut names: Vec<&str> = abouts().map(of).collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    };
+    check(
+        "subjects",
+        &config.subjects,
+        distinct(|about| &about.subject),
+    )?;
+    check("objects", &config.objects, distinct(|about| &about.object))
+}

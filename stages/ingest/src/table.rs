@@ -1,0 +1,120 @@
+//! Where the table is, and how the grasped object lies on it.
+
+use geometry::{StableRest, Standing, TablePlane, TriMesh};
+use nalgebra::{Point3, Unit, Vector3};
+use schemas::objects;
+use spatial::{Object, Pose, Rest, World};
+
+use crate::{
+    error::Unusable,
+    recording::{Ground, Recording, Tag},
+    still,
+};
+
+/// How the grasped object lies on the table, and what says so.
+pub(crate) struct Lying {
+    /// How it lies.
+    pub(crate) rest: Rest,
+    /// Figures about how well the sources agree, by name.
+    pub(crate) agreement: Vec<(&'static str, f64)>,
+}
+
+/// Returns how the grasped object lies on the table.
+///
+/// # Errors
+///
+/// Fails if nothing says where the table is.
+pub(crate) fn lying(
+    recording: &Recording,
+    world_from_object: &Pose<World, Object>,
+    shapes: &[objects::Object],
+) -> Result<Lying, Unusable> {
+    match &recording.ground {
+        Ground::Tag(world_from_tag) => Ok(Lying {
+            rest: on_tag(world_from_tag, world_from_object),
+            agreement: Vec::new(),
+        }),
+        Ground::Standing { others, above } => {
+            let others = others
+                .iter()
+                .filter_map(|other| Some((other.object.as_str(), still::middle(&other.poses)?)));
+            let scene: Vec<_> = [(recording.object.as_str(), *world_from_object)]
+                .into_iter()
+                .chain(others)
+                .filter_map(|(name, pose)| {
+                    Some((pose, Shape::of(shapes.iter().find(|s| s.name == name)?)))
+                })
+                .collect();
+            let standing: Vec<Standing<'_>> = scene
+                .iter()
+                .map(|(world_from_object, shape)| Standing {
+                    world_from_object: *world_from_object,
+                    rests: &shape.rests,
+                    vertices_m: &shape.vertices_m,
+                })
+                .collect();
+            let origin = world_from_object.isometry().translation.vector;
+            let toward = above.map(|above| above.coords - origin);
+            let plane = geometry::table_plane(&standing, toward).ok_or(Unusable::NoTable)?;
+            Ok(Lying {
+                rest: on_plane(&plane, world_from_object),
+                agreement: vec![
+                    ("table_objects_n", plane.agreeing_n as f64),
+                    ("table_spread_m", plane.spread_m),
+                    ("table_spread_rad", plane.spread_rad),
+                ],
+            })
+        }
+    }
+}
+
+/// What a shape says about how it can stand.
+struct Shape {
+    rests: Vec<StableRest>,
+    vertices_m: Vec<Point3<f64>>,
+}
+
+impl Shape {
+    fn of(shape: &objects::Object) -> Self {
+        let rests = shape.rests.iter().map(|rest| StableRest {
+            rest: rest.rest,
+            probability: rest.probability,
+        });
+        Self {
+            rests: rests.collect(),
+            vertices_m: shape.vertices_m.iter().map(|&v| v.into()).collect(),
+        }
+    }
+}
+
+/// Returns how an object lies on a plane.
+fn on_plane(plane: &TablePlane, world_from_object: &Pose<World, Object>) -> Rest {
+    let up_in_object = world_from_object.inverse().direction(&plane.up);
+    let origin = world_from_object.isometry().translation.vector;
+    Rest {
+        up_in_object: Unit::new_normalize(up_in_object),
+        height_m: plane.up.dot(&origin) - plane.height_m,
+    }
+}
+
+/// Returns how an object lies on the table whose surface is the tag's plane.
+pub(crate) fn on_tag(
+    world_from_tag: &Pose<World, Tag>,
+    world_from_object: &Pose<World, Object>,
+) -> Rest {
+    let tag_from_object = &world_from_tag.inverse() * world_from_object;
+    let up_in_object = tag_from_object.inverse().direction(&Vector3::z());
+    Rest {
+        up_in_object: Unit::new_normalize(up_in_object),
+        height_m: tag_from_object.isometry().translation.z,
+    }
+}
+
+/// Returns the height of a mesh's lowest point above the table, in meters; `None` without vertices.
+pub(crate) fn lowest_m(mesh: &TriMesh, rest: &Rest) -> Option<f64> {
+    let heights = mesh
+        .vertices_m
+        .iter()
+        .map(|vertex| rest.up_in_object.dot(&vertex.coords) + rest.height_m);
+    heights.reduce(f64::min)
+}

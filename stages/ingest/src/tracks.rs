@@ -1,0 +1,251 @@
+//! The plainest layout, for recordings of one's own and for datasets without a reader: one archive of
+//! tracks per recording.
+//!
+//! `SUBJECT/SEQUENCE/track.yml` says what is recorded, `SUBJECT/SEQUENCE/track.npz` holds it, both in
+//! one world frame of the user's choice; `models/OBJECT/textured_simple.obj` is the object's mesh.
+//!
+//! | in `track.npz` | shape | meaning |
+//! | --- | --- | --- |
+//! | `keypoints_m` | `(images, 21, 3)` f4 or f8 | the hand's landmarks in the world; all −1 where it is not seen |
+//! | `world_from_object` | `(images, 7)` f4 or f8 | `x y z qx qy qz qw`; all 0 where it is not seen |
+
+use std::{fs, path::Path};
+
+use dataflow::SourceFile;
+use nalgebra::Point3;
+use schemas::demonstrations::{KEYPOINTS, Side};
+use serde::Deserialize;
+use spatial::Pose;
+
+use crate::{
+    config::{IngestConfig, TableRule},
+    error::{IngestError, Unusable},
+    npz::Arrays,
+    reader::{self, About, Keys, Listed, Reader, folders},
+    recording::{Ground, Observation, Recording},
+    selection::Cameras,
+    yaml,
+};
+
+/// Largest accepted `track.yml`.
+const MAX_ABOUT_BYTES: u64 = 1 << 16;
+/// Largest accepted `track.npz`: six minutes at 30 Hz in f8 are 6 MB.
+const MAX_TRACK_BYTES: u64 = 64 << 20;
+/// Most accepted images of a recording.
+const MAX_IMAGES: u64 = 100_000;
+
+const ABOUT: &str = "track.yml";
+const TRACK: &str = "track.npz";
+
+/// `track.yml`.
+#[derive(Debug, Deserialize)]
+struct Description {
+    /// The grasped object's name, of which its mesh's folder is called.
+    object: String,
+    /// The hand that grasps.
+    hand: Side,
+    /// Number of images.
+    images: u64,
+    /// Pose of the table in the world, `[R|t]` row by row: z up against gravity, z = 0 its surface.
+    table: Option<[f64; 12]>,
+}
+
+/// A folder of tracks.
+pub(crate) struct Tracks<'a> {
+    root: &'a Path,
+    table: TableRule,
+}
+
+impl<'a> Tracks<'a> {
+    pub(crate) fn new(config: &'a IngestConfig) -> Self {
+        Self {
+            root: &config.root,
+            table: config.table,
+        }
+    }
+}
+
+impl Reader for Tracks<'_> {
+    fn list(&self) -> Result<Vec<Listed>, IngestError> {
+        let mut listed = Vec::new();
+        let mut keys = Keys::default();
+        for subject in folders(self.root)? {
+            let subject_path = self.root.join(&subject);
+            for sequence in folders(&subject_path)? {
+                let path = subject_path.join(&sequence);
+                if !path.join(ABOUT).is_file() {
+                    continue;
+                }
+                let bytes = fs::read(path.join(ABOUT)).unwrap_or_default();
+                let description = yaml::parse::<Description>(&bytes).ok().map(|d| self.by(d));
+                listed.push(Listed {
+                    key: keys.of(&format!("{subject}-{sequence}")),
+                    name: format!("{subject}/{sequence}"),
+                    path,
+                    about: description.map(|description| description.about(&subject)),
+                });
+            }
+        }
+        if listed.is_empty() {
+            return Err(IngestError::NoTracks {
+                root: self.root.to_owned(),
+            });
+        }
+        Ok(listed)
+    }
+
+    fn files(&self, listed: &Listed, _cameras: Cameras) -> Result<Vec<SourceFile>, IngestError> {
+        let found = [ABOUT, TRACK].into_iter().filter_map(|name| {
+            let path = listed.path.join(name);
+            let name = format!("{}/{name}", listed.name);
+            path.is_file().then_some(SourceFile { name, path })
+        });
+        Ok(found.collect())
+    }
+
+    fn mesh(&self, object: &str) -> Option<SourceFile> {
+        // A name that leads elsewhere is no name.
+        if reader::plain(object) != object {
+            return None;
+        }
+        let name = format!("models/{object}/textured_simple.obj");
+        let path = self.root.join(&name);
+        path.is_file().then_some(SourceFile { name, path })
+    }
+
+    fn about(&self, files: &[SourceFile]) -> Result<About, Unusable> {
+        let (file, description) = describe(files)?;
+        Ok(self.by(description).about(subject(file)))
+    }
+
+    fn read(&self, files: &[SourceFile]) -> Result<Recording, Unusable> {
+        let (file, description) = describe(files)?;
+        let description = self.by(description);
+        let ground = match &description.table {
+            None => Ground::Standing {
+                others: Vec::new(),
+                above: None,
+            },
+            Some(rows) => Ground::Tag(Pose::new(yaml::isometry(rows).ok_or_else(|| {
+                Unusable::Value {
+                    what: "`table` is not a rotation and a translation".to_owned(),
+                    file: file.name.clone(),
+                }
+            })?)),
+        };
+        let About {
+            subject,
+            object,
+            hand,
+            ..
+        } = description.about(subject(file));
+        Ok(Recording {
+            object,
+            subject,
+            hand,
+            ground,
+            images: images(files, description.images)?,
+            agreement: Vec::new(),
+        })
+    }
+}
+
+impl Tracks<'_> {
+    /// Forgets the table where it is not to be used.
+    fn by(&self, description: Description) -> Description {
+        Description {
+            table: description.table.filter(|_| self.table == TableRule::Tag),
+            ..description
+        }
+    }
+}
+
+impl Description {
+    fn about(&self, subject: &str) -> About {
+        About {
+            subject: subject.to_owned(),
+            object: self.object.clone(),
+            hand: self.hand,
+            scene: vec![self.object.clone()],
+            marks_table: self.table.is_some(),
+        }
+    }
+}
+
+/// Returns the subject's folder.
+fn subject(file: &SourceFile) -> &str {
+    file.name.split('/').next().unwrap_or_default()
+}
+
+/// Finds and reads `track.yml`.
+fn describe(files: &[SourceFile]) -> Result<(&SourceFile, Description), Unusable> {
+    let file = find(files, ABOUT)?;
+    let bytes = reader::read(file, MAX_ABOUT_BYTES)?;
+    let description: Description = yaml::parse(&bytes).map_err(|source| Unusable::Yaml {
+        file: file.name.clone(),
+        source,
+    })?;
+    if description.images > MAX_IMAGES {
+        return Err(Unusable::Value {
+            what: format!("`images` is {}, more than {MAX_IMAGES}", description.images),
+            file: file.name.clone(),
+        });
+    }
+    Ok((file, description))
+}
+
+fn find<'a>(files: &'a [SourceFile], name: &str) -> Result<&'a SourceFile, Unusable> {
+    files
+        .iter()
+        .find(|file| file.name.ends_with(&format!("/{name}")))
+        .ok_or_else(|| Unusable::Missing {
+            file: name.to_owned(),
+        })
+}
+
+/// Reads `track.npz`.
+fn images(files: &[SourceFile], n_images: u64) -> Result<Vec<Observation>, Unusable> {
+    let file = find(files, TRACK)?;
+    let bytes = reader::read(file, MAX_TRACK_BYTES)?;
+    let npz = |source| Unusable::Npz {
+        file: file.name.clone(),
+        source,
+    };
+    let mut arrays = Arrays::open(&bytes).map_err(npz)?;
+    let hands = arrays
+        .numbers("keypoints_m", &[n_images, KEYPOINTS as u64, 3])
+        .map_err(npz)?;
+    let poses = arrays
+        .numbers("world_from_object", &[n_images, 7])
+        .map_err(npz)?;
+    let (hands, _) = hands.as_chunks::<{ 3 * KEYPOINTS }>();
+    let (poses, _) = poses.as_chunks::<7>();
+    hands
+        .iter()
+        .zip(poses)
+        .map(|(hand, pose)| {
+            let is_seen = pose.iter().any(|&number| number != 0.0);
+            let pose = is_seen.then(|| Pose::from_array(*pose)).transpose();
+            Ok(Observation {
+                keypoints_in_world: keypoints(hand),
+                cameras_n: 0,
+                world_from_object: pose.map_err(|err| Unusable::Value {
+                    what: format!("`world_from_object`: {err}"),
+                    file: file.name.clone(),
+                })?,
+            })
+        })
+        .collect()
+}
+
+/// Returns the landmarks, `None` if all numbers are −1: no hand.
+fn keypoints(numbers: &[f64; 3 * KEYPOINTS]) -> Option<[Point3<f64>; KEYPOINTS]> {
+    #[expect(clippy::float_cmp, reason = "the mark for `no hand` is exactly -1")]
+    let is_marked = numbers.iter().all(|&number| number == -1.0);
+    let (points, _) = numbers.as_chunks::<3>();
+    let mut keypoints = [Point3::origin(); KEYPOINTS];
+    for (keypoint, &point) in keypoints.iter_mut().zip(points) {
+        *keypoint = point.into();
+    }
+    (!is_marked).then_some(keypoints)
+}

@@ -1,0 +1,187 @@
+//! Makes everything that `ingest` makes of a dataset, in a folder of its own.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use dataflow::{Artifact, Context, Inputs, Labels, Made, Outcome, Partition, Scope, Stage, Unit};
+use schemas::{
+    demonstrations::{Demonstration, Side},
+    objects::Object,
+};
+use stage_ingest::{
+    Format, Ingest, IngestConfig, IngestError, Landmarks, ReachRule, Split, TableRule,
+};
+use tempfile::TempDir;
+
+pub(crate) const OUTPUTS: [&str; 3] = ["shapes", "demonstrations", "objects"];
+
+/// Options that take every right hand.
+pub(crate) fn config(root: &Path) -> IngestConfig {
+    IngestConfig {
+        root: root.to_owned(),
+        format: Format::DexYcb,
+        hand: Side::Right,
+        mirror: false,
+        max_mirror_error_m: 0.005,
+        subjects: Vec::new(),
+        objects: Vec::new(),
+        split: Split::All,
+        rate_hz: 30.0,
+        landmarks: Landmarks::Either,
+        mano_models: None,
+        camera_agreement_m: 0.01,
+        table: TableRule::Tag,
+        reach: ReachRule::Robust,
+        move_threshold_m: 0.004,
+        move_threshold_rad: 0.07,
+        jitter_factor: 4.0,
+        settle_n: 5,
+        max_gap_n: 3,
+        min_steps_n: 11,
+        max_table_error_m: 0.02,
+        points_n: 500,
+        max_convex_parts_n: 16,
+        masses_kg: BTreeMap::new(),
+        meshes: BTreeMap::new(),
+    }
+}
+
+/// What came out.
+pub(crate) struct Bench {
+    folder: TempDir,
+    pub(crate) config: IngestConfig,
+    pub(crate) units: BTreeMap<&'static str, Vec<Unit>>,
+    pub(crate) outcomes: BTreeMap<(&'static str, String), Outcome>,
+}
+
+impl Bench {
+    /// Makes all outputs.
+    pub(crate) fn new(config: IngestConfig) -> Self {
+        Self::until(config, "objects").unwrap()
+    }
+
+    /// Makes the outputs up to `last`.
+    pub(crate) fn until(config: IngestConfig, last: &str) -> Result<Self, IngestError> {
+        Ingest::prepare(&config)?;
+        let mut bench = Self {
+            folder: tempfile::tempdir().unwrap(),
+            config,
+            units: BTreeMap::new(),
+            outcomes: BTreeMap::new(),
+        };
+        for output in OUTPUTS {
+            let units = Ingest::units(&bench.config, output, &bench.scope())?;
+            for unit in &units {
+                let outcome = bench.run(output, unit)?;
+                if let (Outcome::Made(made), Some(foretold)) = (
+                    &outcome,
+                    Ingest::foretell(&bench.config, output, unit, &bench.scope()),
+                ) {
+                    assert_eq!(made.labels, foretold, "{output} {}", unit.partition);
+                }
+                let place = (output, unit.partition.clone());
+                bench.outcomes.insert(place, outcome);
+            }
+            bench.units.insert(output, units);
+            if output == last {
+                break;
+            }
+        }
+        Ok(bench)
+    }
+
+    /// The partitions made so far.
+    fn scope(&self) -> Scope {
+        let mut partitions: BTreeMap<String, Vec<Partition>> = BTreeMap::new();
+        for ((output, key), outcome) in &self.outcomes {
+            if let Outcome::Made(made) = outcome {
+                let partition = Partition::new(key.clone(), made.labels.clone());
+                let of = partitions.entry((*output).to_owned()).or_default();
+                of.push(partition);
+            }
+        }
+        Scope::new(partitions)
+    }
+
+    fn run(&self, output: &str, unit: &Unit) -> Result<Outcome, IngestError> {
+        let mut artifacts = BTreeMap::new();
+        for (input, keys) in &unit.reads {
+            let opened = keys.iter().map(|key| self.artifact(input, key));
+            artifacts.insert(input.clone(), opened.collect());
+        }
+        let folder = self.path(output, &unit.partition);
+        fs::create_dir_all(&folder).unwrap();
+        let inputs = Inputs::new(artifacts, unit.files.clone()).with_facts(unit.facts.clone());
+        let cx = Context::detached(output, &unit.partition, 7, &folder);
+        Ingest::run(&self.config, &inputs, &cx)
+    }
+
+    /// Where an artifact's files lie.
+    pub(crate) fn path(&self, output: &str, key: &str) -> PathBuf {
+        self.folder.path().join(output).join(key)
+    }
+
+    pub(crate) fn artifact(&self, output: &str, key: &str) -> Artifact {
+        let folder = self.path(output, key);
+        let files = fs::read_dir(&folder).unwrap().map(|entry| {
+            let entry = entry.unwrap();
+            (entry.file_name().into_string().unwrap(), entry.path())
+        });
+        let labels = self
+            .outcomes
+            .iter()
+            .find(|((of, its), _)| *of == output && its == key);
+        Artifact {
+            key: key.to_owned(),
+            labels: match labels {
+                Some((_, Outcome::Made(made))) => made.labels.clone(),
+                _ => Labels::new(),
+            },
+            files: files.collect(),
+        }
+    }
+
+    /// What was said about a partition; panics if it was not made.
+    pub(crate) fn made(&self, output: &'static str, key: &str) -> &Made {
+        match &self.outcomes[&(output, key.to_owned())] {
+            Outcome::Made(made) => made,
+            other => panic!("{output} {key}: {other:?}"),
+        }
+    }
+
+    pub(crate) fn object(&self, output: &'static str, key: &str) -> Object {
+        self.made(output, key);
+        let batch = lake::table::read(&self.artifact(output, key)).unwrap();
+        schemas::objects::from_batch(key, &batch).unwrap()
+    }
+
+    pub(crate) fn demonstration(&self, key: &str) -> Demonstration {
+        self.made("demonstrations", key);
+        let artifact = self.artifact("demonstrations", key);
+        let batch = lake::table::read(&artifact).unwrap();
+        schemas::demonstrations::from_batch(key, &batch).unwrap()
+    }
+
+    /// The only demonstration.
+    pub(crate) fn only(&self) -> Demonstration {
+        let [unit] = self.units["demonstrations"].as_slice() else {
+            panic!("{} recordings", self.units["demonstrations"].len());
+        };
+        self.demonstration(&unit.partition)
+    }
+
+    /// Why the only recording is not used: the word for it and the reason.
+    pub(crate) fn reason(&self) -> (&'static str, String) {
+        let [unit] = self.units["demonstrations"].as_slice() else {
+            panic!("{} recordings", self.units["demonstrations"].len());
+        };
+        match &self.outcomes[&("demonstrations", unit.partition.clone())] {
+            Outcome::Skipped { reason } => ("skipped", reason.clone()),
+            Outcome::Filtered { reason } => ("filtered", reason.clone()),
+            Outcome::Made(_) => panic!("made"),
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! Damaged and missing files of a recording: each is named with what is wrong.
+
+use std::{fs, path::Path};
+
+use crate::{
+    bench::{Bench, config},
+    dataset, make,
+    rig::{self, Rig},
+};
+
+/// Asserts that a change makes the recording be skipped, with all of these in the reason.
+fn check(change: &dyn Fn(&Path), expected: &[&str]) {
+    let root = dataset(&Rig {
+        cameras: 2,
+        ..Rig::default()
+    });
+    change(root.path());
+    let (word, reason) = Bench::new(config(root.path())).reason();
+    assert_eq!(word, "skipped");
+    for part in expected {
+        assert!(reason.contains(part), "`{reason}` lacks `{part}`");
+    }
+}
+
+fn label(root: &Path) -> std::path::PathBuf {
+    Rig::label(root, 5)
+}
+
+fn sequence(root: &Path, name: &str) -> std::path::PathBuf {
+    Rig::sequence(root).join(name)
+}
+
+const NAME: &str = "836212060125/labels_000005.npz";
+
+#[test]
+fn labels() {
+    let joints = vec![0.1; 63];
+    check(
+        &|root| {
+            let bytes = fs::read(label(root)).unwrap();
+            fs::write(label(root), &bytes[..bytes.len() / 2]).unwrap();
+        },
+        &["damaged archive", NAME],
+    );
+    check(
+        &|root| fs::write(label(root), "").unwrap(),
+        &["damaged archive", NAME],
+    );
+    check(
+        &|root| rig::npz(&label(root), &[("pose_y", &[3, 3, 4], &[0.0; 36])]),
+        &["no array `joint_3d`", NAME],
+    );
+    check(
+        &|root| rig::npz(&label(root), &[("joint_3d", &[21, 3], &joints)]),
+        &["shape [21, 3], expected [1, 21, 3]", NAME],
+    );
+    let mut with_nan = joints.clone();
+    with_nan[7] = f32::NAN;
+    check(
+        &|root| rig::npz(&label(root), &[("joint_3d", &[1, 21, 3], &with_nan)]),
+        &["`joint_3d` holds a number that is not finite", NAME],
+    );
+    let with_poses = |root: &Path, objects: u64, poses: &[f32]| {
+        let arrays: [(&str, &[u64], &[f32]); 2] = [
+            ("joint_3d", &[1, 21, 3], &joints),
+            ("pose_y", &[objects, 3, 4], poses),
+        ];
+        rig::npz(&label(root), &arrays);
+    };
+    check(
+        &|root| with_poses(root, 3, &[1.0; 36]),
+        &["`pose_y` is not a rotation", NAME],
+    );
+    check(
+        &|root| with_poses(root, 2, &[0.0; 24]),
+        &["`pose_y` has shape [2, 3, 4], expected [3, 3, 4]", NAME],
+    );
+}
+
+#[test]
+fn what_is_said_about_a_recording() {
+    check(
+        &|root| fs::write(sequence(root, "meta.yml"), "serials: [").unwrap(),
+        &["meta.yml`: "],
+    );
+    check(
+        &|root| fs::write(sequence(root, "meta.yml"), [0xff, 0xfe]).unwrap(),
+        &["meta.yml`: not UTF-8"],
+    );
+    check(
+        &|root| fs::remove_file(sequence(root, "meta.yml")).unwrap(),
+        &["no `meta.yml`"],
+    );
+    let meta = |from: &'static str, to: &'static str| {
+        move |root: &Path| {
+            let path = sequence(root, "meta.yml");
+            let text = fs::read_to_string(&path).unwrap();
+            assert!(text.contains(from));
+            fs::write(&path, text.replace(from, to)).unwrap();
+        }
+    };
+    check(
+        &meta("ycb_grasp_ind: 1", "ycb_grasp_ind: 3"),
+        &["`ycb_grasp_ind` is 3, but there are 3 objects"],
+    );
+    check(
+        &meta("ycb_ids: [2, 7, 4]", "ycb_ids: [2, 77, 4]"),
+        &["object 77 has no name"],
+    );
+    check(
+        &meta("num_frames: 40", "num_frames: 4000000000"),
+        &["`num_frames` is 4000000000, more than 10800"],
+    );
+    check(
+        &meta("num_frames: 40", "num_frames: 41"),
+        &[
+            "`pose_y` has shape [40, 3, 7], expected [41, 3, 7]",
+            "pose.npz",
+        ],
+    );
+    check(
+        &meta("mano_sides: [right]", "mano_sides: [both]"),
+        &["`mano_sides` is [\"both\"]"],
+    );
+}
+
+#[test]
+fn cameras_and_calibration() {
+    check(
+        &|root| fs::remove_dir_all(root.join("calibration")).unwrap(),
+        &["no `calibration/extrinsics_20200702_151821/extrinsics.yml`"],
+    );
+    check(
+        &|root| {
+            for camera in ["836212060125", "839512060362"] {
+                fs::remove_dir_all(sequence(root, camera)).unwrap();
+            }
+        },
+        &["no camera has `labels_*.npz` files"],
+    );
+    let identity = "[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]";
+    let calibrated = |lines: String, expected: &str| {
+        let (_, reason) = make(&Rig {
+            cameras: 2,
+            calibration: Some(lines),
+            ..Rig::default()
+        })
+        .reason();
+        assert!(reason.contains(expected), "`{reason}` lacks `{expected}`");
+    };
+    calibrated(
+        format!("  apriltag: {identity}\n"),
+        "no pose of `836212060125`",
+    );
+    calibrated(
+        format!("  '836212060125': [1, 2, 3]\n  apriltag: {identity}\n"),
+        "extrinsics.yml`: ",
+    );
+    let mirrored = "[-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]";
+    calibrated(
+        format!("  '836212060125': {mirrored}\n  '839512060362': {identity}\n"),
+        "`836212060125` is not a rotation and a translation",
+    );
+}
+
+#[test]
+fn a_lost_camera_is_missed_by_nobody() {
+    let root = dataset(&Rig::default());
+    fs::remove_dir_all(sequence(root.path(), "840412060917")).unwrap();
+    // Nor are single images of another.
+    fs::remove_file(label(root.path())).unwrap();
+    crate::assert_known_answer(&Bench::new(config(root.path())).only());
+}
+
+#[cfg(unix)]
+#[test]
+fn names_that_are_not_utf8_belong_to_nothing() {
+    use std::{ffi::OsStr, os::unix::ffi::OsStrExt as _};
+    let root = dataset(&Rig {
+        cameras: 2,
+        ..Rig::default()
+    });
+    let strange = OsStr::from_bytes(b"labels_\xff00001.npz");
+    let camera = sequence(root.path(), "836212060125");
+    fs::write(camera.join(strange), "x").unwrap();
+    fs::create_dir_all(
+        root.path()
+            .join(OsStr::from_bytes(b"subject-\xff"))
+            .join("s"),
+    )
+    .unwrap();
+    crate::assert_known_answer(&Bench::new(config(root.path())).only());
+}
