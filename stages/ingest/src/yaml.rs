@@ -189,9 +189,11 @@ mod tests {
             refusal(text.as_bytes());
         }
         // One line as deep as a line can be indented.
-        let deep: String = (0..1400)
-            .map(|n| format!("{}a:\n", " ".repeat(n)))
-            .collect();
+        let mut deep = String::new();
+        for n in 0..1400 {
+            deep += &" ".repeat(n);
+            deep += "a:\n";
+        }
         refusal(deep.as_bytes());
     }
 
