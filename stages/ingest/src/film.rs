@@ -1,5 +1,5 @@
 //! A demonstration as a recording to look at: the hand's landmarks and bones, the object, and the
-//! frames `table`, `object` and `wrist` over time.
+//! frames `table`, `object` and `wrist` over time, up to the grasp and as far beyond as was recorded.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -16,6 +16,8 @@ use schemas::{
         },
     },
 };
+
+use crate::aftermath::After;
 
 /// Frame of the person's wrist: x out of the palm, y to the thumb's side, z to the fingers.
 const WRIST: &str = "wrist";
@@ -35,6 +37,7 @@ const MAX_TRIANGLES: usize = 4096;
 pub(crate) fn write(
     path: &Path,
     demonstration: &Demonstration,
+    after: &[After],
     mesh: Option<&TriMesh>,
 ) -> Result<(), LakeError> {
     let about = BTreeMap::from([
@@ -47,6 +50,13 @@ pub(crate) fn write(
             demonstration.start_reason.clone(),
         ),
         ("end_reason".to_owned(), demonstration.end_reason.clone()),
+        (
+            "grasp_time_s".to_owned(),
+            format!(
+                "{:.6}",
+                demonstration.steps.last().map_or(0.0, |step| step.time_s)
+            ),
+        ),
     ]);
     let mut recording = Recording::create(path, &about)?;
     if let Some(mesh) = mesh {
@@ -59,16 +69,34 @@ pub(crate) fn write(
         recording.write_latched(MARKERS, START_NS, &markers([shape]))?;
     }
     let table_from_object = demonstration.rest.table_from_object();
-    for step in &demonstration.steps {
-        let time_ns = stamp_ns(step.time_s);
-        let points = step.keypoints_m.map(Point3::from);
-        let poses = TfMessage {
-            transforms: vec![
-                transform_stamped(time_ns, TABLE, OBJECT, table_from_object.isometry()),
-                transform_stamped(time_ns, OBJECT, WRIST, &object_from_wrist(&points)),
-            ],
+    let reach = demonstration.steps.iter().map(|step| Scene {
+        time_s: step.time_s,
+        table_from_object: *table_from_object.isometry(),
+        keypoints_in_object: Some(step.keypoints_m.map(Point3::from)),
+    });
+    let after = after.iter().map(|after| Scene {
+        time_s: after.time_s,
+        table_from_object: table_from_object.isometry() * after.rest_from_object,
+        keypoints_in_object: after.keypoints_in_object,
+    });
+    for scene in reach.chain(after) {
+        let time_ns = stamp_ns(scene.time_s);
+        let mut transforms = vec![transform_stamped(
+            time_ns,
+            TABLE,
+            OBJECT,
+            &scene.table_from_object,
+        )];
+        let hand = scene.keypoints_in_object.as_ref();
+        transforms.extend(
+            hand.map(|points| {
+                transform_stamped(time_ns, OBJECT, WRIST, &object_from_wrist(points))
+            }),
+        );
+        recording.write(TF, time_ns, &TfMessage { transforms })?;
+        let Some(points) = scene.keypoints_in_object else {
+            continue;
         };
-        recording.write(TF, time_ns, &poses)?;
         let landmarks = points_marker(
             time_ns,
             OBJECT,
@@ -91,6 +119,13 @@ pub(crate) fn write(
         recording.write(HAND, time_ns, &markers([landmarks, bones]))?;
     }
     recording.finish()
+}
+
+/// What is shown at one time.
+struct Scene {
+    time_s: f64,
+    table_from_object: Isometry3<f64>,
+    keypoints_in_object: Option<[Point3<f64>; KEYPOINTS]>,
 }
 
 /// Returns both ends of each bone: fingers of four landmarks each, joined at the wrist.

@@ -16,6 +16,7 @@
 //! Landmarks are those that the dataset annotates, or those of a hand model of the user's
 //! ([`ManoModel`]). This crate does not look at images and does not retarget.
 
+mod aftermath;
 mod config;
 mod dexycb;
 mod error;

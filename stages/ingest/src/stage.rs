@@ -16,6 +16,7 @@ use nalgebra::{Unit as UnitVector, Vector3};
 use schemas::{SchemaError, demonstrations::Demonstration, objects::Object};
 
 use crate::{
+    aftermath::{self, After},
     config::{IngestConfig, Landmarks},
     dexycb,
     error::{IngestError, Unusable},
@@ -391,10 +392,10 @@ fn make_demonstration(
     let mesh = mesh_among(inputs.files());
     let read = reader::reader(config).read(inputs.files());
     let made = read.and_then(|mut recording| {
-        let demonstration = demonstration(config, &mut recording, mesh.as_ref(), &shapes, cx)?;
-        Ok((recording, demonstration))
+        let made = demonstration(config, &mut recording, mesh.as_ref(), &shapes, cx)?;
+        Ok((recording, made))
     });
-    let (recording, demonstration) = match made {
+    let (recording, (demonstration, after)) = match made {
         Ok(made) => made,
         Err(unusable) => return Ok(skipped(&unusable)),
     };
@@ -406,7 +407,8 @@ fn make_demonstration(
         }
     })?;
     lake::table::write(cx.folder(), &batch)?;
-    film::write(&cx.folder().join(FILM), &demonstration, mesh.as_ref())?;
+    let film = cx.folder().join(FILM);
+    film::write(&film, &demonstration, &after, mesh.as_ref())?;
     let bridged = demonstration.steps.iter().filter(|step| step.bridged);
     let mut metrics = BTreeMap::from([
         ("steps_n".to_owned(), demonstration.steps.len() as f64),
@@ -423,14 +425,14 @@ fn make_demonstration(
     }))
 }
 
-/// Makes a recording's demonstration.
+/// Makes a recording's demonstration, and what is filmed after it.
 fn demonstration(
     config: &IngestConfig,
     recording: &mut Recording,
     mesh: Option<&TriMesh>,
     shapes: &[Object],
     cx: &Context,
-) -> Result<Demonstration, Unusable> {
+) -> Result<(Demonstration, Vec<After>), Unusable> {
     let still = reach::still(recording, config)?;
     let lying = table::lying(
         recording,
@@ -446,6 +448,7 @@ fn demonstration(
         return Err(Unusable::OffTable { found_m });
     }
     let mut demonstration = reach::reach(cx.partition(), recording, &still, lying.rest, config)?;
+    let mut after = aftermath::after(recording, &still, demonstration.steps.len(), config);
     if recording.hand != config.hand {
         let shape = shapes.iter().find(|shape| shape.name == recording.object);
         let plane = mirror::plane(shape, config.max_mirror_error_m).map_err(|reason| {
@@ -455,8 +458,11 @@ fn demonstration(
             }
         })?;
         mirror::mirror(&mut demonstration, &plane, config.hand);
+        for after in &mut after {
+            after.mirror(&plane);
+        }
     }
-    Ok(demonstration)
+    Ok((demonstration, after))
 }
 
 /// Returns the mesh among the files that a unit reads, if it can be used.
