@@ -60,7 +60,7 @@ pub struct TrainingConfig {
     pub grasp_weight: f64,
     /// Further times of every motion, drawn anew each epoch; released code: 20
     pub random_times: usize,
-    /// How object and hand are turned together during training; released code: "any"
+    /// How object and hand are turned together during training; released code: "released"
     pub augmentation: Augmentation,
     /// Units in which the network speaks and the position loss is measured; paper: "physical"
     pub outputs: Outputs,
@@ -92,7 +92,7 @@ pub enum Schedule {
     Cosine,
 }
 
-/// How object and hand are turned together, a new rotation for every object and step.
+/// How object and hand are turned together about the object's origin, anew for every object and step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Augmentation {
@@ -100,7 +100,9 @@ pub enum Augmentation {
     None,
     /// About the vertical: gravity stays where it is.
     Vertical,
-    /// By any rotation about the object's origin: the network does not know where down is.
+    /// By one of eleven rotations that are drawn once for each object, no rotation among them.
+    Released,
+    /// By any rotation: the network does not know where down is.
     Any,
 }
 

@@ -10,6 +10,7 @@
 //! This crate knows candle; it does not know stages, tables or physics.
 
 mod adam;
+mod augmentation;
 mod config;
 mod data;
 mod error;

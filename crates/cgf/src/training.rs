@@ -3,13 +3,14 @@
 use std::{collections::BTreeMap, sync::Arc};
 
 use candle_core::{Tensor, Var};
-use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Point3, UnitQuaternion};
 use robot::RobotModel;
 
 use crate::{
     Cgf, CgfError,
     adam::{self, Adam},
-    config::{Augmentation, NetworkConfig, TrainingConfig},
+    augmentation::Rotations,
+    config::{NetworkConfig, TrainingConfig},
     data::{Scene, Track, turned},
     grasp::{Grasp, Normalization, ROOT},
     kinematics::LinkOrigins,
@@ -91,6 +92,7 @@ struct Trainer<'a> {
     normalization: Normalization,
     weights: Weights,
     adam: Adam,
+    rotations: Rotations,
     random: Random,
     statistics: Statistics,
 }
@@ -141,15 +143,12 @@ impl<'a> Trainer<'a> {
                     .ok_or_else(|| CgfError::UnknownLink { link: tip.clone() })
             })
             .collect::<Result<_, _>>()?;
+        let rotations = Rotations::new(training.augmentation, set.scenes.len(), seed);
         let mut random = Random::new(seed, 1);
         let mut samples = Vec::new();
         for track in &set.tracks {
-            for _ in 0..if training.augmentation == Augmentation::None {
-                1
-            } else {
-                4
-            } {
-                let rotation = draw_rotation(training.augmentation, &mut random);
+            for _ in 0..if rotations.turns() { 4 } else { 1 } {
+                let rotation = rotations.draw(track.scene, &mut random);
                 let times = (0..=20).map(|k| f64::from(k) / 20.0);
                 samples.extend(times.map(|t| turned(&track.at(t), &rotation).to_numbers()));
             }
@@ -165,6 +164,7 @@ impl<'a> Trainer<'a> {
             normalization: Normalization::measure(training.outputs, &samples),
             weights: network::initialize(network, ROOT + hand.dof(), seed),
             adam: Adam::default(),
+            rotations,
             random,
             statistics: Statistics::Measured,
         };
@@ -197,8 +197,8 @@ impl<'a> Trainer<'a> {
             points,
             xyz: Vec::new(),
         };
-        for scene in &self.set.scenes {
-            let rotation = draw_rotation(self.training.augmentation, &mut self.random);
+        for (number, scene) in self.set.scenes.iter().enumerate() {
+            let rotation = self.rotations.draw(number, &mut self.random);
             clouds.xyz.extend(scene.cloud(points, &rotation)?.xyz);
         }
         Ok(clouds)
@@ -257,7 +257,7 @@ impl<'a> Trainer<'a> {
         };
         let mut rotations = Vec::with_capacity(used.len());
         for &scene in &used {
-            let rotation = draw_rotation(training.augmentation, &mut self.random);
+            let rotation = self.rotations.draw(scene, &mut self.random);
             batch
                 .clouds
                 .xyz
@@ -475,22 +475,6 @@ fn equal_chunks(order: &[usize], longest: usize) -> Vec<&[usize]> {
     let n = order.len().div_ceil(longest);
     let cut = |k: usize| k * order.len() / n;
     (0..n).map(|k| &order[cut(k)..cut(k + 1)]).collect()
-}
-
-fn draw_rotation(augmentation: Augmentation, random: &mut Random) -> UnitQuaternion<f64> {
-    match augmentation {
-        Augmentation::None => UnitQuaternion::identity(),
-        Augmentation::Vertical => {
-            let angle = std::f64::consts::TAU * random.uniform();
-            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle)
-        }
-        // Four normal numbers point in a uniform direction.
-        Augmentation::Any => {
-            let mut draw = || random.normal();
-            let (i, j, k, w) = (draw(), draw(), draw(), draw());
-            UnitQuaternion::from_quaternion(Quaternion::from_parts(w, Vector3::new(i, j, k)))
-        }
-    }
 }
 
 #[cfg(test)]

@@ -47,6 +47,8 @@ pub struct IngestConfig {
     /// What says where the table is
     #[serde(default)]
     pub table: TableRule,
+    /// Fewest still objects, the grasped one among them, that must agree on a table without a tag
+    pub min_table_objects_n: usize,
     /// How the last still image is found
     pub reach: ReachRule,
     /// Distance from its resting place beyond which a still object has moved, m

@@ -263,6 +263,17 @@ pub enum Unusable {
     /// Nothing says where the table is.
     #[error("nothing says where the table is: no tag, and no still object whose shape is known")]
     NoTable,
+    /// Too few objects stand on the table that they would share.
+    #[error(
+        "only {found} of the still objects can stand on one table, fewer than {min}, and no tag \
+         marks it"
+    )]
+    FewOnTable {
+        /// Objects that agree.
+        found: usize,
+        /// Fewest accepted.
+        min: usize,
+    },
     /// The object does not lie on the table.
     #[error(
         "the lowest point of the resting object is {:.0} mm from the table, more than \

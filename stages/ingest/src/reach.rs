@@ -231,8 +231,8 @@ mod tests {
         assert!((reach.steps[17].keypoints_m[0][0] - (0.19 - 0.502)).abs() < 1e-12);
         // The robust rule has one frame for all: the rest in the middle.
         let reach = reach_of(&recording).unwrap();
-        let moved = reach.steps[17].keypoints_m[0][0] - reach.steps[7].keypoints_m[0][0];
-        assert!((moved - 0.1).abs() < 1e-12);
+        let moved = reach.steps[16].keypoints_m[0][0] - reach.steps[7].keypoints_m[0][0];
+        assert!((moved - 0.09).abs() < 1e-12);
     }
 
     #[test]

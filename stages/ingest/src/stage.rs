@@ -123,10 +123,8 @@ impl Stage for Ingest {
 
     fn decides(option: &str, output: &str) -> bool {
         match option {
-            // They choose units and files.
-            "subjects" | "objects" | "split" | "mirror" => false,
-            // They are told to the unit as its mass, or are its file.
-            "masses_kg" | "meshes" => false,
+            // They choose units and files, or are told to the unit as its mass.
+            "subjects" | "objects" | "split" | "mirror" | "masses_kg" | "meshes" => false,
             "points_n" | "max_convex_parts_n" => output == SHAPES,
             _ => output == DEMONSTRATIONS,
         }
@@ -434,7 +432,12 @@ fn demonstration(
     cx: &Context,
 ) -> Result<Demonstration, Unusable> {
     let still = reach::still(recording, config)?;
-    let lying = table::lying(recording, &still.world_from_object, shapes)?;
+    let lying = table::lying(
+        recording,
+        &still.world_from_object,
+        shapes,
+        config.min_table_objects_n,
+    )?;
     recording.agreement.extend(lying.agreement);
     // A mesh that cannot be used is reported where the shape is made.
     if let Some(found_m) = mesh.and_then(|mesh| table::lowest_m(mesh, &lying.rest))

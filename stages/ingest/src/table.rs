@@ -23,11 +23,12 @@ pub(crate) struct Lying {
 ///
 /// # Errors
 ///
-/// Fails if nothing says where the table is.
+/// Fails if nothing says where the table is, or fewer than `min_objects_n` still objects do.
 pub(crate) fn lying(
     recording: &Recording,
     world_from_object: &Pose<World, Object>,
     shapes: &[objects::Object],
+    min_objects_n: usize,
 ) -> Result<Lying, Unusable> {
     match &recording.ground {
         Ground::Tag(world_from_tag) => Ok(Lying {
@@ -56,6 +57,12 @@ pub(crate) fn lying(
             let origin = world_from_object.isometry().translation.vector;
             let toward = above.map(|above| above.coords - origin);
             let plane = geometry::table_plane(&standing, toward).ok_or(Unusable::NoTable)?;
+            if plane.agreeing_n < min_objects_n {
+                return Err(Unusable::FewOnTable {
+                    found: plane.agreeing_n,
+                    min: min_objects_n,
+                });
+            }
             Ok(Lying {
                 rest: on_plane(&plane, world_from_object),
                 agreement: vec![

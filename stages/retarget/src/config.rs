@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
-use schemas::demonstrations::KEYPOINTS;
+use schemas::demonstrations::{KEYPOINTS, Side};
 use serde::{Deserialize, Serialize};
 
 use crate::RetargetError;
@@ -17,6 +17,8 @@ pub struct RetargetConfig {
     /// URDF of the robot hand; its root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
+    /// Side of the robot hand; demonstrations of the other hand are skipped.
+    pub side: Side,
     /// Which landmark of the human hand each point of the robot follows.
     pub correspondences: Vec<Correspondence>,
     /// Size of the robot hand relative to the person's: landmarks are scaled by it about the wrist (1).

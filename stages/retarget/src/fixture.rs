@@ -3,6 +3,7 @@
 use geometry::TriMesh;
 use nalgebra::{Point3, Vector3};
 use robot::RobotModel;
+use schemas::demonstrations::Side;
 use spatial::Rest;
 
 use crate::{Correspondence, RetargetConfig, hand::Hand, scene::Scene};
@@ -41,6 +42,7 @@ pub(crate) fn config() -> RetargetConfig {
     }
     RetargetConfig {
         hand: URDF.into(),
+        side: Side::Right,
         correspondences,
         hand_scale: 1.0,
         smoothness_weight: 0.2,

@@ -114,6 +114,15 @@ impl Stage for Retarget {
         let demonstration =
             demonstrations::from_batch(&artifact.key, &lake::table::read(artifact)?)
                 .map_err(schema)?;
+        if demonstration.hand != config.side {
+            return Ok(Outcome::Skipped {
+                reason: format!(
+                    "a {} hand's reach, but `side` says that the robot's is a {} hand",
+                    demonstration.hand.as_str(),
+                    config.side.as_str()
+                ),
+            });
+        }
         let Some(artifact) = inputs.artifacts("objects").first() else {
             return Ok(Outcome::Skipped {
                 reason: format!(
@@ -335,6 +344,17 @@ mod tests {
         let units = Retarget::units(&config, "trajectories", &scope("bottle")).unwrap();
         let outcome = run(&config, &units[0], folder.path());
         assert!(matches!(outcome, Outcome::Skipped { reason } if reason.contains("`box`")));
+    }
+
+    #[test]
+    fn the_reach_of_the_other_hand_is_skipped() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut config = fixture::config();
+        config.side = Side::Left;
+        let units = Retarget::units(&config, "trajectories", &scope("box")).unwrap();
+        let outcome = run(&config, &units[0], folder.path());
+        let expected = "a right hand's reach, but `side` says that the robot's is a left hand";
+        assert!(matches!(outcome, Outcome::Skipped { reason } if reason == expected));
     }
 
     #[test]

@@ -1,13 +1,5 @@
 //! Landmarks from `pose.npz` and the user's own hand model, beside those of the labels.
 
-use std::{
-    collections::BTreeMap,
-    fs,
-    path::{Path, PathBuf},
-    sync::{Arc, Mutex, PoisonError},
-    time::SystemTime,
-};
-
 use dataflow::SourceFile;
 use schemas::demonstrations::Side;
 
@@ -73,11 +65,11 @@ pub(super) fn keypoints(
             source,
         })?;
     let (hands, _) = numbers.as_chunks::<HAND>();
-    let posed = hands.iter().map(|pose| {
-        let is_seen = pose.iter().any(|&number| number != 0.0);
-        is_seen.then(|| shaped.keypoints(pose))
+    let of_images = hands.iter().map(|numbers| {
+        let is_seen = numbers.iter().any(|&number| number != 0.0);
+        is_seen.then(|| shaped.keypoints(numbers))
     });
-    Ok(Some(posed.collect()))
+    Ok(Some(of_images.collect()))
 }
 
 /// Puts the model's landmarks where `landmarks` wants them, and reports how far they are from those
@@ -127,34 +119,9 @@ pub(super) fn combine(
     Ok(())
 }
 
-/// A file as it was when its model was read.
-type Stamp = (PathBuf, u64, Option<SystemTime>);
-
-/// Models that were read, by file: a thousand recordings share two of them.
-static MODELS: Mutex<BTreeMap<Stamp, Arc<ManoModel>>> = Mutex::new(BTreeMap::new());
-
-fn model(file: &SourceFile) -> Result<Arc<ManoModel>, Unusable> {
-    let stamp = stamp(&file.path);
-    let models = || MODELS.lock().unwrap_or_else(PoisonError::into_inner);
-    let known = stamp
-        .as_ref()
-        .and_then(|stamp| models().get(stamp).cloned());
-    if let Some(model) = known {
-        return Ok(model);
-    }
-    let bytes = read(file, MAX_MODEL_BYTES)?;
-    let model = ManoModel::from_pickle(&bytes).map_err(|err| Unusable::HandModel {
+fn model(file: &SourceFile) -> Result<ManoModel, Unusable> {
+    ManoModel::from_pickle(&read(file, MAX_MODEL_BYTES)?).map_err(|err| Unusable::HandModel {
         file: file.name.clone(),
         reason: err.to_string(),
-    })?;
-    let model = Arc::new(model);
-    if let Some(stamp) = stamp {
-        models().insert(stamp, Arc::clone(&model));
-    }
-    Ok(model)
-}
-
-fn stamp(path: &Path) -> Option<Stamp> {
-    let found = fs::metadata(path).ok()?;
-    Some((path.to_owned(), found.len(), found.modified().ok()))
+    })
 }

@@ -34,6 +34,7 @@ pub(crate) fn config(root: &Path) -> IngestConfig {
         mano_models: None,
         camera_agreement_m: 0.01,
         table: TableRule::Tag,
+        min_table_objects_n: 2,
         reach: ReachRule::Robust,
         move_threshold_m: 0.004,
         move_threshold_rad: 0.07,

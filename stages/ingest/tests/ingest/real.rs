@@ -276,6 +276,12 @@ fn a_tracked_bottle_that_jitters_gives_a_plausible_grasp() {
     let (_, reason) = Bench::new(config.clone()).reason();
     assert!(reason.contains("from the table"), "{reason}");
     config.table = TableRule::Objects;
+    let (_, reason) = Bench::new(config.clone()).reason();
+    assert!(
+        reason.starts_with("only 1 of the still objects"),
+        "{reason}"
+    );
+    config.min_table_objects_n = 1;
     let bench = Bench::new(config);
     let demonstration = bench.only();
     // A lone object lies on one of its stable sides, whichever.
