@@ -145,6 +145,7 @@ fn landmarks_are_those_of_an_independent_reader() {
 }
 
 fn compare(reader: &mut LabelReader, path: &Path) {
+    let name = path.display();
     let mut npz = NpzArchive::open(path).unwrap();
     let poses = npz.by_name("pose_y").unwrap().unwrap();
     let n_objects = poses.shape()[0] as usize;
@@ -162,15 +163,10 @@ fn compare(reader: &mut LabelReader, path: &Path) {
                 let found = landmarks.iter().flat_map(|point| <[f64; 3]>::from(*point));
                 assert!(
                     found.eq(joints.iter().map(|&number| f64::from(number))),
-                    "{}",
-                    path.display()
+                    "{name}"
                 );
             }
-            None => assert!(
-                joints.iter().all(|&number| number == -1.0),
-                "{}",
-                path.display()
-            ),
+            None => assert!(joints.iter().all(|&number| number == -1.0), "{name}"),
         }
         let rows = &poses[12 * grasped..][..12];
         match labels.camera_from_object {
@@ -178,14 +174,10 @@ fn compare(reader: &mut LabelReader, path: &Path) {
                 let matrix = pose.to_homogeneous();
                 for (n, &number) in rows.iter().enumerate() {
                     let error = matrix[(n / 4, n % 4)] - f64::from(number);
-                    assert!(error.abs() < 0.01, "{error} in {}", path.display());
+                    assert!(error.abs() < 0.01, "{error} in {name}");
                 }
             }
-            None => assert!(
-                rows.iter().all(|&number| number == 0.0),
-                "{}",
-                path.display()
-            ),
+            None => assert!(rows.iter().all(|&number| number == 0.0), "{name}"),
         }
     }
 }
