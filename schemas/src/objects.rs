@@ -90,12 +90,6 @@ pub fn schema() -> Schema {
 }
 
 fn columns(objects: &[Object]) -> Columns {
-    let rests = |f: fn(&RestingOrientation) -> f64| {
-        objects
-            .iter()
-            .map(|o| o.rests.iter().map(f).collect())
-            .collect::<Vec<Vec<f64>>>()
-    };
     let mut c = Columns::new(VERSION);
     c.f64(
         "mass_kg",
@@ -132,33 +126,7 @@ fn columns(objects: &[Object]) -> Columns {
         "whether the mesh is closed",
         objects.iter().map(|o| o.watertight),
     );
-    c.f64_arrays(
-        "mirror_normal",
-        "1",
-        "normal of the object's best mirror plane, if any, object frame",
-        objects.iter().map(|o| {
-            o.mirror
-                .iter()
-                .map(|m| m.normal.into_inner().into())
-                .collect()
-        }),
-    );
-    c.f64_list(
-        "mirror_offset_m",
-        "m",
-        "the plane: normal · x = offset, object frame",
-        objects
-            .iter()
-            .map(|o| o.mirror.iter().map(|m| m.offset_m).collect()),
-    );
-    c.f64_list(
-        "mirror_error_m",
-        "m",
-        "how far the mirrored surface is from the surface",
-        objects
-            .iter()
-            .map(|o| o.mirror.iter().map(|m| m.error_m).collect()),
-    );
+    mirror_columns(&mut c, objects);
     c.f64_arrays(
         "vertices_m",
         "m",
@@ -189,6 +157,47 @@ fn columns(objects: &[Object]) -> Columns {
             .iter()
             .map(|o| o.parts_m.iter().map(|part| count(part.len())).collect()),
     );
+    rest_columns(&mut c, objects);
+    c
+}
+
+fn mirror_columns(c: &mut Columns, objects: &[Object]) {
+    c.f64_arrays(
+        "mirror_normal",
+        "1",
+        "normal of the object's best mirror plane, if any, object frame",
+        objects.iter().map(|o| {
+            o.mirror
+                .iter()
+                .map(|m| m.normal.into_inner().into())
+                .collect()
+        }),
+    );
+    c.f64_list(
+        "mirror_offset_m",
+        "m",
+        "the plane: normal · x = offset, object frame",
+        objects
+            .iter()
+            .map(|o| o.mirror.iter().map(|m| m.offset_m).collect()),
+    );
+    c.f64_list(
+        "mirror_error_m",
+        "m",
+        "how far the mirrored surface is from the surface",
+        objects
+            .iter()
+            .map(|o| o.mirror.iter().map(|m| m.error_m).collect()),
+    );
+}
+
+fn rest_columns(c: &mut Columns, objects: &[Object]) {
+    let rests = |f: fn(&RestingOrientation) -> f64| {
+        objects
+            .iter()
+            .map(|o| o.rests.iter().map(f).collect())
+            .collect::<Vec<Vec<f64>>>()
+    };
     c.f64_arrays(
         "rest_up",
         "1",
@@ -219,7 +228,6 @@ fn columns(objects: &[Object]) -> Columns {
         "share of random drops that end so",
         rests(|r| r.probability).into_iter(),
     );
-    c
 }
 
 /// Returns one row per object; the name is the partition, not a column.

@@ -9,6 +9,9 @@ use crate::{
     report,
 };
 
+/// Longest type that has a column; a longer list of names follows what the option is about.
+const WIDEST_TYPE: usize = 60;
+
 /// Lists the kinds of stages, or the options of one.
 pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, Trouble> {
     let kinds = program.kinds;
@@ -82,7 +85,13 @@ fn options(kind: &Kind) -> String {
             None if option.required => "required".to_owned(),
             None => "-".to_owned(),
         };
-        rows.push(vec![option.key, option.value, default, option.about]);
+        let (value, about) = if option.value.len() > WIDEST_TYPE {
+            let about = format!("{}: {}", option.about, option.value);
+            ("name".to_owned(), about)
+        } else {
+            (option.value, option.about)
+        };
+        rows.push(vec![option.key, value, default, about]);
     }
     rows.push(vec![
         "max_skipped_fraction".to_owned(),

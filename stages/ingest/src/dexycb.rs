@@ -114,8 +114,8 @@ impl Reader for DexYcb<'_> {
             add_poses(&mut recording, &meta, file, bytes)?;
         }
         let n_images = recording.images.len();
-        let posed = hand_model::keypoints(&files, recording.hand, poses, n_images)?;
-        hand_model::combine(&mut recording, posed, self.landmarks)?;
+        let modeled = hand_model::keypoints(&files, recording.hand, poses, n_images)?;
+        hand_model::combine(&mut recording, modeled, self.landmarks)?;
         Ok(recording)
     }
 }

@@ -77,7 +77,7 @@ pub enum NpzError {
 pub(crate) struct Unpacker {
     directory: Directory,
     inflater: Decompress,
-    inflated: Vec<u8>,
+    content: Vec<u8>,
 }
 
 impl Unpacker {
@@ -86,7 +86,7 @@ impl Unpacker {
         Self {
             directory: Directory::default(),
             inflater: Decompress::new(false),
-            inflated: Vec::new(),
+            content: Vec::new(),
         }
     }
 }
@@ -151,20 +151,20 @@ impl<'a> Arrays<'a> {
         let Unpacker {
             directory,
             inflater,
-            inflated,
+            content,
         } = match &mut self.unpacker {
             Held::Owned(unpacker) => unpacker.as_mut(),
             Held::Lent(unpacker) => unpacker,
         };
         let entry = directory.entry(self.bytes, array)?;
-        let from_data_on = entry.from_data_on(self.bytes, array)?;
+        let data_and_after = entry.data_and_after(self.bytes, array)?;
         let count = element_count(expected);
         let limit = count
             .saturating_mul(8)
             .saturating_add(header::PREFIX_BYTES + MAX_HEADER_BYTES);
         let bytes = match entry.method() {
-            Some(Method::Stored) => from_data_on.get(..entry.stored_len).unwrap_or_default(),
-            Some(Method::Deflated) => inflate(inflater, inflated, from_data_on, entry, limit),
+            Some(Method::Stored) => data_and_after.get(..entry.stored_len).unwrap_or_default(),
+            Some(Method::Deflated) => inflate(inflater, content, data_and_after, entry, limit),
             None => return Err(damaged("neither stored nor deflated")),
         };
         let too_long = entry.len > limit;
@@ -219,23 +219,23 @@ fn element_count(shape: &[u64]) -> usize {
 /// Inflates an entry, at most `limit` bytes of it; a damaged one gives no bytes, or fewer than it
 /// announces.
 ///
-/// `from_data_on` is the archive from the entry's data to its end: the inflater is fastest while
+/// `data_and_after` is the archive from the entry's data to its end: the inflater is fastest while
 /// more bytes lie ahead, to read as well as to write, than it needs. It says where it stopped.
 fn inflate<'a>(
     inflater: &mut Decompress,
-    inflated: &'a mut Vec<u8>,
-    from_data_on: &[u8],
+    content: &'a mut Vec<u8>,
+    data_and_after: &[u8],
     entry: &Entry,
     limit: usize,
 ) -> &'a [u8] {
     let room = entry.len.min(limit) + INFLATER_ROOM_BYTES;
-    if inflated.len() < room {
-        inflated.resize(room, 0);
+    if content.len() < room {
+        content.resize(room, 0);
     }
     inflater.reset(false);
     let status = inflater.decompress(
-        from_data_on,
-        inflated.get_mut(..room).unwrap_or_default(),
+        data_and_after,
+        content.get_mut(..room).unwrap_or_default(),
         FlushDecompress::Finish,
     );
     let is_whole = matches!(status, Ok(Status::StreamEnd))
@@ -243,7 +243,7 @@ fn inflate<'a>(
         && inflater.total_out() == entry.len as u64;
     if is_whole || entry.len > limit {
         let len = usize::try_from(inflater.total_out()).unwrap_or(0);
-        inflated.get(..len.min(limit)).unwrap_or_default()
+        content.get(..len.min(limit)).unwrap_or_default()
     } else {
         &[]
     }

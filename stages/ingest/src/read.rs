@@ -31,16 +31,16 @@ pub fn meta_serials(file: &[u8]) -> Result<Vec<String>, YamlError> {
     yaml::parse(file).map(|meta: Meta| meta.serials)
 }
 
-/// Returns the world's pose of each camera and of the tag in `extrinsics.yml`, in meters; `None`
-/// for what is no rotation and translation.
+/// Returns the world's pose of each camera and of the tag in `extrinsics.yml`, in meters; what is no
+/// rotation and translation is left out.
 ///
 /// # Errors
 ///
 /// Fails if the file is no YAML, or lacks a key, or a key has another type.
-pub fn extrinsics(file: &[u8]) -> Result<Vec<(String, Option<Isometry3<f64>>)>, YamlError> {
+pub fn extrinsics(file: &[u8]) -> Result<Vec<(String, Isometry3<f64>)>, YamlError> {
     let extrinsics: Extrinsics = yaml::parse(file)?;
     let poses = extrinsics.extrinsics.into_iter();
     Ok(poses
-        .map(|(name, rows)| (name, yaml::isometry(&rows)))
+        .filter_map(|(name, rows)| Some((name, yaml::isometry(&rows)?)))
         .collect())
 }

@@ -127,10 +127,8 @@ impl Stage for Ingest {
 
     fn decides(option: &str, output: &str) -> bool {
         match option {
-            // They choose units and files.
-            "subjects" | "objects" | "split" | "mirror" => false,
-            // They are told to the unit as its mass, or are its file.
-            "masses_kg" | "meshes" => false,
+            // They choose units and files, or are told to the unit as its mass.
+            "subjects" | "objects" | "split" | "mirror" | "masses_kg" | "meshes" => false,
             "points_n" | "max_convex_parts_n" => output == SHAPES,
             _ => output == DEMONSTRATIONS,
         }

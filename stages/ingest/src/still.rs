@@ -366,7 +366,7 @@ mod tests {
                 .collect();
             let exact = find(&poses, &RULE).unwrap().last.unwrap();
             for _ in 0..3 {
-                let noisy: Vec<_> = poses
+                let shaken: Vec<_> = poses
                     .iter()
                     .map(|pose| {
                         let pose = (*pose)?;
@@ -380,7 +380,7 @@ mod tests {
                         )))
                     })
                     .collect();
-                let last = find(&noisy, &RULE).and_then(|still| still.last);
+                let last = find(&shaken, &RULE).and_then(|still| still.last);
                 n += 1;
                 n_within += usize::from(last.is_some_and(|last| last.abs_diff(exact) <= 1));
             }

@@ -117,7 +117,7 @@ pub(crate) fn isometry(rows: &[f64; 12]) -> Option<Isometry3<f64>> {
     // third or more) from d to d²/4: two steps for rotations rounded to 4 bytes, four at most.
     while deviation > CONVERGED {
         matrix = (matrix + matrix.try_inverse()?.transpose()) * 0.5;
-        deviation *= 2.25 * deviation;
+        deviation = 2.25 * deviation.powi(2);
     }
     let rotation = Rotation3::from_matrix_unchecked(matrix);
     Some(Isometry3::from_parts(
@@ -189,9 +189,11 @@ mod tests {
             refusal(text.as_bytes());
         }
         // One line as deep as a line can be indented.
-        let deep: String = (0..1400)
-            .map(|n| format!("{}a:\n", " ".repeat(n)))
-            .collect();
+        let mut deep = String::new();
+        for n in 0..1400 {
+            deep += &" ".repeat(n);
+            deep += "a:\n";
+        }
         refusal(deep.as_bytes());
     }
 

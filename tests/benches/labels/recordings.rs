@@ -166,10 +166,12 @@ fn segmentation(rng: &mut ChaCha8Rng) -> Vec<u8> {
         for (row, pixels) in image.chunks_exact_mut(640).enumerate() {
             let up: f64 = (row as f64 - y) / b;
             if up.abs() < 1.0 {
-                let half = a * (1.0 - up * up).sqrt() + rng.random_range(0.0..1.5);
-                let first = (x - half + rng.random_range(0.0..1.5)).clamp(0.0, 639.0) as usize;
-                let last = (x + half).clamp(first as f64, 640.0) as usize;
-                pixels[first..last].fill(number);
+                let half = a * (1.0 - up * up).sqrt() + rng.random_range(0.0..3.0);
+                for (column, pixel) in pixels.iter_mut().enumerate() {
+                    if (column as f64 - x).abs() < half {
+                        *pixel = number;
+                    }
+                }
             }
         }
     }

@@ -65,11 +65,11 @@ pub(super) fn keypoints(
             source,
         })?;
     let (hands, _) = numbers.as_chunks::<HAND>();
-    let posed = hands.iter().map(|pose| {
-        let is_seen = pose.iter().any(|&number| number != 0.0);
-        is_seen.then(|| shaped.keypoints(pose))
+    let of_images = hands.iter().map(|numbers| {
+        let is_seen = numbers.iter().any(|&number| number != 0.0);
+        is_seen.then(|| shaped.keypoints(numbers))
     });
-    Ok(Some(posed.collect()))
+    Ok(Some(of_images.collect()))
 }
 
 /// Puts the model's landmarks where `landmarks` wants them, and reports how far they are from those

@@ -163,7 +163,7 @@ impl<'a> Text<'a> {
             return self.quoted();
         }
         let mut depth = 0_usize;
-        let last = self.0.iter().position(|byte| {
+        let end = self.0.iter().position(|byte| {
             match byte {
                 b'[' => depth += 1,
                 b']' => depth -= 1,
@@ -171,7 +171,7 @@ impl<'a> Text<'a> {
             }
             depth == 0
         })?;
-        let (list, rest) = self.0.split_at_checked(last + 1)?;
+        let (list, rest) = self.0.split_at_checked(end + 1)?;
         self.0 = rest;
         Some(list)
     }

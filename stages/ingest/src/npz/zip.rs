@@ -174,7 +174,7 @@ impl Entry {
     ///
     /// Fails if the data is encrypted, or if the header before it tells another story than the
     /// directory.
-    pub(super) fn from_data_on<'a>(
+    pub(super) fn data_and_after<'a>(
         &self,
         archive: &'a [u8],
         array: &str,

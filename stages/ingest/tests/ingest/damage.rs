@@ -89,6 +89,51 @@ fn labels() {
 }
 
 #[test]
+fn poses() {
+    let images = rig::IMAGES as u64;
+    let with_poses = |pose: [f32; 7]| {
+        move |root: &Path| {
+            let poses: Vec<f32> = (0..3 * images).flat_map(|_| pose).collect();
+            let path = sequence(root, "pose.npz");
+            rig::npz(&path, &[("pose_y", &[images, 3, 7], &poses)]);
+        }
+    };
+    check(
+        &with_poses([0.0, 0.0, 0.0, 2.0, 0.1, 0.1, 0.1]),
+        &[
+            "`pose_y`: quaternion",
+            "has length 2, expected 1",
+            "pose.npz",
+        ],
+    );
+    check(
+        &with_poses([0.0, 0.0, 0.0, 1.0, f32::NAN, 0.1, 0.1]),
+        &["`pose_y` holds a number that is not finite", "pose.npz"],
+    );
+    // Another object than that of the labels, or one that is somewhere else.
+    check(
+        &with_poses([0.0, 0.0, 0.0, 1.0, 5.0, 0.1, 0.1]),
+        &["`pose_y` of the labels is", "pose.npz"],
+    );
+    check(
+        &|root| fs::write(sequence(root, "pose.npz"), "PK").unwrap(),
+        &["damaged archive", "pose.npz"],
+    );
+}
+
+#[test]
+fn a_grasped_object_that_is_not_the_one_that_moves() {
+    check(
+        &|root| {
+            let path = sequence(root, "meta.yml");
+            let text = fs::read_to_string(&path).unwrap();
+            fs::write(&path, text.replace("ycb_grasp_ind: 1", "ycb_grasp_ind: 0")).unwrap();
+        },
+        &["the object never moves"],
+    );
+}
+
+#[test]
 fn what_is_said_about_a_recording() {
     check(
         &|root| fs::write(sequence(root, "meta.yml"), "serials: [").unwrap(),

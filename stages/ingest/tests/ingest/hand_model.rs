@@ -79,7 +79,7 @@ fn both_routes_are_compared_and_the_chosen_one_is_taken() {
     let (root, models) = (dataset(&Rig::default()), models());
     let difference = |landmarks: Landmarks| {
         let bench = bench(root.path(), models.path(), |config| {
-            config.landmarks = landmarks
+            config.landmarks = landmarks;
         });
         let key = bench.units["demonstrations"][0].partition.clone();
         let metrics = &bench.made("demonstrations", &key).metrics;

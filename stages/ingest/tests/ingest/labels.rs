@@ -162,10 +162,15 @@ fn compare(reader: &mut LabelReader, path: &Path) {
                 let found = landmarks.iter().flat_map(|point| <[f64; 3]>::from(*point));
                 assert!(
                     found.eq(joints.iter().map(|&number| f64::from(number))),
-                    "{path:?}"
+                    "{}",
+                    path.display()
                 );
             }
-            None => assert!(joints.iter().all(|&number| number == -1.0), "{path:?}"),
+            None => assert!(
+                joints.iter().all(|&number| number == -1.0),
+                "{}",
+                path.display()
+            ),
         }
         let rows = &poses[12 * grasped..][..12];
         match labels.camera_from_object {
@@ -173,10 +178,14 @@ fn compare(reader: &mut LabelReader, path: &Path) {
                 let matrix = pose.to_homogeneous();
                 for (n, &number) in rows.iter().enumerate() {
                     let error = matrix[(n / 4, n % 4)] - f64::from(number);
-                    assert!(error.abs() < 0.01, "{error} in {path:?}");
+                    assert!(error.abs() < 0.01, "{error} in {}", path.display());
                 }
             }
-            None => assert!(rows.iter().all(|&number| number == 0.0), "{path:?}"),
+            None => assert!(
+                rows.iter().all(|&number| number == 0.0),
+                "{}",
+                path.display()
+            ),
         }
     }
 }

@@ -14,7 +14,7 @@ use std::{fs, path::PathBuf};
 
 use bench::{Bench, config};
 use dataflow::{Advise, Stage};
-use rig::{FIRST, IMAGES, LAST, OBJECT, Rig};
+use rig::{FIRST, IMAGES, LAST, OBJECT, Quaternions, Rig};
 use schemas::demonstrations::{Demonstration, Side};
 use stage_ingest::{Ingest, IngestConfig, TableRule};
 use tempfile::TempDir;
@@ -177,7 +177,7 @@ fn without_a_tag_the_still_objects_say_where_the_table_is() {
 fn swapped_quaternions_are_noticed_by_the_labels_or_by_the_table() {
     let reason = |labels_show_object: bool| {
         make(&Rig {
-            swapped: true,
+            quaternions: Quaternions::Wxyz,
             labels_show_object,
             ..Rig::default()
         })

@@ -18,7 +18,8 @@ fn the_object_has_its_mesh_mass_and_the_rest_in_which_it_lay() {
     assert_eq!(bench.units["objects"].len(), 1);
     assert_eq!(unit.partition, OBJECT.0);
     let demonstration = &bench.units["demonstrations"][0].partition;
-    assert_eq!(&unit.reads["demonstrations"], &[demonstration.clone()]);
+    let read = std::slice::from_ref(demonstration);
+    assert_eq!(unit.reads["demonstrations"], read);
     let object = bench.object("objects", OBJECT.0);
     assert!((object.mass_kg - 0.187).abs() < 1e-12);
     assert!(object.watertight);

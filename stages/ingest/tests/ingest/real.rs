@@ -170,7 +170,7 @@ fn the_grasp_is_the_last_still_image() {
 fn finger_tips_are_on_the_object_at_the_grasp() {
     let Some(bench) = &*RIGHT else { return };
     let mut meshes: BTreeMap<String, SurfaceDistance> = BTreeMap::new();
-    let mut distances_m: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    let mut gaps_m: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
     for (_, demonstration) in bench.demonstrations() {
         let object = &demonstration.object;
         let mesh = meshes
@@ -179,13 +179,13 @@ fn finger_tips_are_on_the_object_at_the_grasp() {
         let grasp = demonstration.steps.last().unwrap();
         for (finger, tip) in [("thumb", 4), ("index", 8), ("middle", 12)] {
             let point = Point3::from(grasp.keypoints_m[tip]);
-            let distance_m = mesh.signed_distance(&point).distance_m.abs();
-            distances_m.entry(finger).or_default().push(distance_m);
+            let gaps_m = gaps_m.entry(finger).or_default();
+            gaps_m.push(mesh.signed_distance(&point).distance_m.abs());
         }
     }
-    for (finger, mut distances_m) in distances_m {
-        distances_m.sort_by(f64::total_cmp);
-        let median_m = distances_m[distances_m.len() / 2];
+    for (finger, mut gaps_m) in gaps_m {
+        gaps_m.sort_by(f64::total_cmp);
+        let median_m = gaps_m[gaps_m.len() / 2];
         eprintln!("{finger}: median {:.1} mm from the mesh", 1000.0 * median_m);
         assert!(median_m < 0.008, "{finger}: {median_m} m");
     }

@@ -43,8 +43,8 @@ pub(crate) struct Rig {
     pub(crate) turned_master: bool,
     /// Whether a tag marks the table.
     pub(crate) tag: bool,
-    /// Whether `pose.npz` holds quaternions as `wxyz`.
-    pub(crate) swapped: bool,
+    /// In which order `pose.npz` holds quaternions.
+    pub(crate) quaternions: Quaternions,
     /// Images in which no camera sees the hand.
     pub(crate) hidden: Vec<usize>,
     /// Whether the labels of an image show the object.
@@ -55,6 +55,15 @@ pub(crate) struct Rig {
     pub(crate) calibration: Option<String>,
 }
 
+/// An order of a quaternion's numbers.
+#[derive(Clone, Copy)]
+pub(crate) enum Quaternions {
+    /// The dataset's.
+    Xyzw,
+    /// That of many libraries.
+    Wxyz,
+}
+
 impl Default for Rig {
     fn default() -> Self {
         Self {
@@ -63,7 +72,7 @@ impl Default for Rig {
             wrong: Vec::new(),
             turned_master: true,
             tag: true,
-            swapped: false,
+            quaternions: Quaternions::Xyzw,
             hidden: Vec::new(),
             labels_show_object: true,
             jitter_m: 0.0,
@@ -218,10 +227,9 @@ impl Rig {
             ];
             for pose in &world_from_objects {
                 let (q, t) = (pose.rotation, pose.translation);
-                let turn = if self.swapped {
-                    [q.w, q.i, q.j, q.k]
-                } else {
-                    [q.i, q.j, q.k, q.w]
+                let turn = match self.quaternions {
+                    Quaternions::Xyzw => [q.i, q.j, q.k, q.w],
+                    Quaternions::Wxyz => [q.w, q.i, q.j, q.k],
                 };
                 poses.extend(turn.map(|v| v as f32));
                 poses.extend([t.x, t.y, t.z].map(|v| v as f32));
