@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Plan, PlannedUnit, UnitState};
+use dataflow::{Cause, Plan, PlannedUnit, UnitState};
 use lake::Lake;
 
 use crate::{
@@ -16,7 +16,7 @@ use crate::{
     report,
 };
 
-/// Partitions named in one line of the text.
+/// Partitions, and files among the causes, named in one line of the text.
 const NAMED: usize = 3;
 
 /// Shows what `run` would do, and why, for every variant.
@@ -96,20 +96,35 @@ fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(&'static str, String), Vec<&str>
     for unit in units {
         let key = match &unit.state {
             UnitState::Cached => continue,
-            UnitState::Run { causes } => {
-                let causes: Vec<String> = causes.iter().map(ToString::to_string).collect();
-                ("run", causes.join("; "))
-            }
+            UnitState::Run { causes } => ("run", said(causes).join("; ")),
             UnitState::Perhaps { upstream, causes } => {
                 let upstream: Vec<String> = upstream.iter().map(ToString::to_string).collect();
                 let mut reasons = vec![format!("needs the new {}", upstream.join(", "))];
-                reasons.extend(causes.iter().map(ToString::to_string));
+                reasons.extend(said(causes));
                 ("perhaps", reasons.join("; "))
             }
         };
         groups.entry(key).or_default().push(&unit.partition);
     }
     groups
+}
+
+/// Says the causes; of many files, the first ones and how many more, or only that there are, where
+/// what the listing found out says why: then units with the same cause share a line.
+fn said(causes: &[Cause]) -> Vec<String> {
+    let is_file = |cause: &&Cause| matches!(cause, Cause::File { .. });
+    let (files, others): (Vec<&Cause>, Vec<&Cause>) = causes.iter().partition(is_file);
+    let mut said: Vec<String> = others.iter().map(ToString::to_string).collect();
+    let is_fact = |cause: &&Cause| matches!(cause, Cause::Fact { .. });
+    if files.len() > NAMED && others.iter().any(is_fact) {
+        said.push("other files".to_owned());
+        return said;
+    }
+    said.extend(files.iter().take(NAMED).map(ToString::to_string));
+    if files.len() > NAMED {
+        said.push(format!("{} more files", files.len() - NAMED));
+    }
+    said
 }
 
 fn named(partitions: &[&str]) -> String {
@@ -123,4 +138,37 @@ fn named(partitions: &[&str]) -> String {
         text.push_str(&format!(" and {} more", partitions.len() - NAMED));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use dataflow::{Change, Digest};
+
+    use super::*;
+
+    fn file(number: usize) -> Cause {
+        Cause::File {
+            file: format!("f{number}"),
+            change: Change::Added,
+            old: None,
+            new: Some(Digest::of_bytes(b"f")),
+        }
+    }
+
+    #[test]
+    fn many_files_are_counted_and_follow_what_the_listing_found_out() {
+        let files: Vec<Cause> = (0..50).map(file).collect();
+        assert_eq!(said(&files[..3]).len(), 3);
+        let many = said(&files);
+        assert_eq!(many.len(), 4);
+        assert!(many[0].starts_with("file `f0` added"), "{many:?}");
+        assert_eq!(many[3], "47 more files");
+        let fact = Cause::Fact {
+            fact: "left out".to_owned(),
+            old: Some("left hand".to_owned()),
+            new: None,
+        };
+        let all: Vec<Cause> = files.into_iter().chain([fact]).collect();
+        assert_eq!(said(&all), ["no longer left out", "other files"]);
+    }
 }

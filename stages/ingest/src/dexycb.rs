@@ -10,22 +10,19 @@ mod hand_model;
 mod layout;
 mod poses;
 
-use std::path::Path;
+use std::{collections::BTreeSet, path::Path};
 
 use dataflow::SourceFile;
 use spatial::{Camera, Object, Pose, World};
 
 pub(crate) use self::hand_model::model_file;
-use self::{
-    calibration::Calibration,
-    layout::{SequenceFiles, mesh_name},
-};
+use self::{calibration::Calibration, layout::SequenceFiles};
 use crate::{
     config::{IngestConfig, Landmarks, TableRule},
     error::{IngestError, Unusable},
     fuse,
     labels::LabelReader,
-    reader::{About, Listed, Reader, read},
+    reader::{About, Listed, Reader, mesh_name, read},
     recording::{Ground, Observation, Recording, Standing},
     selection::Cameras,
     yaml::{self, Meta},
@@ -269,6 +266,10 @@ fn meta(files: &SequenceFiles<'_>) -> Result<Meta, Unusable> {
     }
     if meta.serials.len() > MAX_CAMERAS {
         return refuse(format!("{} `serials`", meta.serials.len()));
+    }
+    let mut serials = BTreeSet::new();
+    if let Some(twice) = meta.serials.iter().find(|serial| !serials.insert(*serial)) {
+        return refuse(format!("`serials` has `{twice}` twice"));
     }
     Ok(meta)
 }

@@ -1,6 +1,6 @@
 //! Why a dataset, or one recording of it, could not be used.
 
-use std::{io, path::PathBuf};
+use std::{cmp::Reverse, collections::BTreeMap, io, path::PathBuf};
 
 use dataflow::Advise;
 use demonstrator::DemonstratorError;
@@ -8,6 +8,9 @@ use lake::LakeError;
 use schemas::SchemaError;
 
 use crate::{npz::NpzError, yaml::YamlError};
+
+/// Most reasons that a message lists.
+const NAMED: usize = 3;
 
 /// Why a dataset could not be read.
 #[derive(Debug, thiserror::Error)]
@@ -50,6 +53,25 @@ pub enum IngestError {
         /// Recordings that there are.
         found: usize,
     },
+    /// The options leave out every recording.
+    #[error("the options leave out all {found} recordings: {}", counted(reasons))]
+    NoneChosen {
+        /// Recordings that there are.
+        found: usize,
+        /// How many are left out for each reason.
+        reasons: BTreeMap<String, usize>,
+    },
+    /// Of no recording it can be told what it is about.
+    #[error("none of {found} recordings that the options take says what it is about")]
+    NoneTold {
+        /// Recordings that there are.
+        found: usize,
+        /// What is wrong with the first one.
+        source: Unusable,
+    },
+    /// Landmarks are asked of hand models, but no folder of them is named.
+    #[error("`landmarks` asks for hand models, but `mano_models` names no folder of them")]
+    NoHandModels,
     /// The folder of hand models lacks one, or there is no such folder.
     #[error("no hand model at `{}`", path.display())]
     NoHandModel {
@@ -145,7 +167,7 @@ impl Advise for IngestError {
                  object"
                     .to_owned(),
             ),
-            Self::NoHandModel { .. } => Some(
+            Self::NoHandModels | Self::NoHandModel { .. } => Some(
                 "get MANO's own files from https://mano.is.tue.mpg.de and set `mano_models` to the \
                  folder that holds `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`, or take \
                  `landmarks = \"labels\"`"
@@ -156,11 +178,30 @@ impl Advise for IngestError {
             )),
             Self::Sample { source, .. } => source.hint(),
             Self::Lake(source) => source.hint(),
-            Self::List { .. } | Self::Option { .. } | Self::Schema { .. } | Self::Write { .. } => {
-                None
-            }
+            Self::NoneChosen { .. } => Some(
+                "change `hand`, `subjects`, `objects` or `split`, or take both hands with \
+                 `mirror = true`"
+                    .to_owned(),
+            ),
+            Self::NoneTold { .. }
+            | Self::List { .. }
+            | Self::Option { .. }
+            | Self::Schema { .. }
+            | Self::Write { .. } => None,
         }
     }
+}
+
+/// Says how many there are of each, the most frequent ones first, and of the others that there are some.
+fn counted(reasons: &BTreeMap<String, usize>) -> String {
+    let mut reasons: Vec<_> = reasons.iter().collect();
+    reasons.sort_by_key(|&(_, &n)| Reverse(n));
+    let named = reasons.iter().take(NAMED);
+    let mut said: Vec<String> = named.map(|(reason, n)| format!("{reason} ({n})")).collect();
+    if reasons.len() > NAMED {
+        said.push("and other reasons".to_owned());
+    }
+    said.join(", ")
 }
 
 /// Why one recording or one object could not be used.
@@ -265,8 +306,8 @@ pub enum Unusable {
     NoTable,
     /// Too few objects stand on the table that they would share.
     #[error(
-        "only {found} of the still objects can stand on one table, fewer than {min}, and no tag \
-         marks it"
+        "only {found} of the still objects can stand on one table, fewer than `min_table_objects_n` \
+         = {min}"
     )]
     FewOnTable {
         /// Objects that agree.

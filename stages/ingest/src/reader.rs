@@ -93,6 +93,11 @@ pub(crate) struct About {
     pub(crate) marks_table: bool,
 }
 
+/// Returns where an object's mesh lies, relative to a dataset.
+pub(crate) fn mesh_name(object: &str) -> String {
+    format!("models/{object}/textured_simple.obj")
+}
+
 /// Keys for partitions: unique, and of the characters that a key can hold.
 #[derive(Debug, Default)]
 pub(crate) struct Keys(BTreeSet<String>);
@@ -132,8 +137,9 @@ pub(crate) fn folders(path: &Path) -> Result<Vec<String>, IngestError> {
         .collect())
 }
 
-/// Lists what is in a folder, ordered by name, and whether each is a folder; hidden names and
-/// names that are not UTF-8 are left out, and a folder that does not exist is empty.
+/// Lists the files and folders in a folder, ordered by name, and whether each is a folder; hidden
+/// names, names that are not UTF-8, links to nothing, pipes and devices are left out, and a folder that
+/// does not exist is empty.
 pub(crate) fn names(path: &Path) -> Result<BTreeMap<String, bool>, IngestError> {
     let list_error = |source| IngestError::List {
         path: path.to_owned(),
@@ -153,12 +159,34 @@ pub(crate) fn names(path: &Path) -> Result<BTreeMap<String, bool>, IngestError> 
         if name.starts_with('.') {
             continue;
         }
-        let kind = entry.file_type().map_err(list_error)?;
+        let mut kind = entry.file_type().map_err(list_error)?;
         // Datasets are often assembled from links; only those need a look at their target.
-        let is_folder = kind.is_dir() || (kind.is_symlink() && path.join(&name).is_dir());
-        found.insert(name, is_folder);
+        if kind.is_symlink() {
+            let Ok(target) = fs::metadata(path.join(&name)) else {
+                continue;
+            };
+            kind = target.file_type();
+        }
+        if kind.is_dir() || kind.is_file() {
+            found.insert(name, kind.is_dir());
+        }
     }
     Ok(found)
+}
+
+/// Returns what a listing looks at of a small file: its bytes, none where it cannot be read or has more
+/// than `limit` of them, which is reported when the recording is read.
+pub(crate) fn glance(path: &Path, limit: u64) -> Vec<u8> {
+    let file = SourceFile {
+        name: String::new(),
+        path: path.to_owned(),
+    };
+    // Opening a pipe would wait for somebody to write into it.
+    if path.is_file() {
+        read(&file, limit).unwrap_or_default()
+    } else {
+        Vec::new()
+    }
 }
 
 /// Reads a file of at most `limit` bytes.
@@ -183,4 +211,20 @@ pub(crate) fn read(file: &SourceFile, limit: u64) -> Result<Vec<u8>, Unusable> {
         .read_to_end(&mut bytes)
         .map_err(unreadable)?;
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_listing_looks_at_nothing_large() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("meta.yml");
+        fs::write(&path, "a: 1\n").unwrap();
+        assert_eq!(glance(&path, 5), b"a: 1\n");
+        assert!(glance(&path, 4).is_empty());
+        assert!(glance(folder.path(), 5).is_empty());
+        assert!(glance(&folder.path().join("no"), 5).is_empty());
+    }
 }

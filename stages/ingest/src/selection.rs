@@ -88,6 +88,13 @@ pub(crate) enum Choice {
     Leave(String),
 }
 
+impl Choice {
+    /// Says whether it is read.
+    pub(crate) fn is_taken(&self) -> bool {
+        matches!(self, Self::Take(_))
+    }
+}
+
 /// Decides for every listed recording, in their order.
 ///
 /// One whose description cannot be used is taken, so that it is reported.

@@ -13,7 +13,11 @@ use dataflow::{
 };
 use geometry::TriMesh;
 use nalgebra::{Unit as UnitVector, Vector3};
-use schemas::{SchemaError, demonstrations::Demonstration, objects::Object};
+use schemas::{
+    SchemaError,
+    demonstrations::{Demonstration, Side},
+    objects::Object,
+};
 
 use crate::{
     aftermath::{self, After},
@@ -89,7 +93,7 @@ impl Stage for Ingest {
                 source,
             })?;
         }
-        selection::choose(config, &reader::reader(config).list()?).map(|_| ())
+        check_chosen(config, reader::reader(config).as_ref())
     }
 
     fn units(config: &IngestConfig, output: &str, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
@@ -195,14 +199,7 @@ fn check(config: &IngestConfig) -> Result<(), IngestError> {
             });
         }
     }
-    let models = config.mano_models.as_deref();
-    if config.landmarks == Landmarks::Mano || models.is_some() {
-        let folder = models.unwrap_or_else(|| Path::new("mano_models"));
-        let path = folder.join(dexycb::model_file(config.hand));
-        if !path.is_file() {
-            return Err(IngestError::NoHandModel { path });
-        }
-    }
+    check_hand_models(config)?;
     for (object, mesh) in &config.meshes {
         if !mesh.file.is_file() {
             return Err(IngestError::NoMesh {
@@ -212,6 +209,50 @@ fn check(config: &IngestConfig) -> Result<(), IngestError> {
         }
     }
     Ok(())
+}
+
+/// Refuses to begin without the hand models that the options ask for.
+fn check_hand_models(config: &IngestConfig) -> Result<(), IngestError> {
+    let Some(folder) = &config.mano_models else {
+        return match config.landmarks {
+            Landmarks::Mano => Err(IngestError::NoHandModels),
+            Landmarks::Either | Landmarks::Labels => Ok(()),
+        };
+    };
+    let hands = match (config.mirror, config.hand) {
+        (true, _) => vec![Side::Right, Side::Left],
+        (false, hand) => vec![hand],
+    };
+    let mut paths = hands
+        .into_iter()
+        .map(|hand| folder.join(dexycb::model_file(hand)));
+    match paths.find(|path| !path.is_file()) {
+        Some(path) => Err(IngestError::NoHandModel { path }),
+        None => Ok(()),
+    }
+}
+
+/// Refuses to begin where the options leave out every recording, or none can be told what it is about.
+fn check_chosen(config: &IngestConfig, reader: &dyn Reader) -> Result<(), IngestError> {
+    let chosen = chosen(config, reader)?;
+    let is_told = |(listed, choice): &(Listed, Choice)| listed.about.is_some() && choice.is_taken();
+    if chosen.iter().any(is_told) || !config.meshes.is_empty() {
+        return Ok(());
+    }
+    let found = chosen.len();
+    if let Some((listed, _)) = chosen.iter().find(|(_, choice)| choice.is_taken()) {
+        let files = reader.files(listed, Cameras::ALL)?;
+        if let Err(source) = reader.about(&files) {
+            return Err(IngestError::NoneTold { found, source });
+        }
+    }
+    let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
+    for (_, choice) in chosen {
+        if let Choice::Leave(reason) = choice {
+            *reasons.entry(reason).or_default() += 1;
+        }
+    }
+    Err(IngestError::NoneChosen { found, reasons })
 }
 
 /// The recordings that are listed, each with what becomes of it.
@@ -353,7 +394,7 @@ fn make_shape(
     let mass_kg = inputs.fact(MASS).and_then(|kg| kg.parse().ok());
     let (Some(file), Some(mass_kg)) = (inputs.files().first(), mass_kg) else {
         return Ok(skipped(&Unusable::Missing {
-            file: format!("the mesh of {name}"),
+            file: reader::mesh_name(name),
         }));
     };
     cx.progress(0.0, "convex parts");

@@ -9,7 +9,7 @@
 //! | `keypoints_m` | `(images, 21, 3)` f4 or f8 | the hand's landmarks in the world; all −1 where it is not seen |
 //! | `world_from_object` | `(images, 7)` f4 or f8 | `x y z qx qy qz qw`; all 0 where it is not seen |
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use dataflow::SourceFile;
 use nalgebra::Point3;
@@ -21,7 +21,7 @@ use crate::{
     config::{IngestConfig, TableRule},
     error::{IngestError, Unusable},
     npz::Arrays,
-    reader::{self, About, Keys, Listed, Reader, folders},
+    reader::{self, About, Keys, Listed, Reader, folders, glance, mesh_name},
     recording::{Ground, Observation, Recording},
     selection::Cameras,
     yaml,
@@ -76,8 +76,11 @@ impl Reader for Tracks<'_> {
                 if !path.join(ABOUT).is_file() {
                     continue;
                 }
-                let bytes = fs::read(path.join(ABOUT)).unwrap_or_default();
-                let description = yaml::parse::<Description>(&bytes).ok().map(|d| self.by(d));
+                let bytes = glance(&path.join(ABOUT), MAX_ABOUT_BYTES);
+                let description = yaml::parse::<Description>(&bytes).ok();
+                let description = description
+                    .filter(Description::names_an_object)
+                    .map(|description| self.by(description));
                 listed.push(Listed {
                     key: keys.of(&format!("{subject}-{sequence}")),
                     name: format!("{subject}/{sequence}"),
@@ -104,11 +107,7 @@ impl Reader for Tracks<'_> {
     }
 
     fn mesh(&self, object: &str) -> Option<SourceFile> {
-        // A name that leads elsewhere is no name.
-        if reader::plain(object) != object {
-            return None;
-        }
-        let name = format!("models/{object}/textured_simple.obj");
+        let name = mesh_name(object);
         let path = self.root.join(&name);
         path.is_file().then_some(SourceFile { name, path })
     }
@@ -161,6 +160,11 @@ impl Tracks<'_> {
 }
 
 impl Description {
+    /// Says whether the object's name can be that of a folder and of a partition, and leads nowhere else.
+    fn names_an_object(&self) -> bool {
+        !self.object.is_empty() && reader::plain(&self.object) == self.object
+    }
+
     fn about(&self, subject: &str) -> About {
         About {
             subject: subject.to_owned(),
@@ -185,6 +189,15 @@ fn describe(files: &[SourceFile]) -> Result<(&SourceFile, Description), Unusable
         file: file.name.clone(),
         source,
     })?;
+    if !description.names_an_object() {
+        return Err(Unusable::Value {
+            what: format!(
+                "`object` is `{}`: a name has letters, digits, `_` and `-` only",
+                description.object.escape_debug()
+            ),
+            file: file.name.clone(),
+        });
+    }
     if description.images > MAX_IMAGES {
         return Err(Unusable::Value {
             what: format!("`images` is {}, more than {MAX_IMAGES}", description.images),

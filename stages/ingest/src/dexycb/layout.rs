@@ -3,11 +3,14 @@
 //! Folders are listed; `meta.yml` and the calibrations are read for what a recording is about;
 //! nothing else is opened. Names that are not UTF-8 belong to no recording.
 
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+};
 
 use dataflow::SourceFile;
 
-use super::DexYcb;
+use super::{DexYcb, MAX_YAML_BYTES};
 use crate::{
     config::TableRule,
     dexycb::{
@@ -15,7 +18,7 @@ use crate::{
         hand_model,
     },
     error::IngestError,
-    reader::{About, Keys, Listed, folders, names, plain},
+    reader::{About, Keys, Listed, folders, glance, names, plain},
     selection::Cameras,
     yaml::{self, Extrinsics, Meta},
     ycb,
@@ -41,7 +44,7 @@ pub(super) fn list(root: &Path, table: TableRule) -> Result<Vec<Listed>, IngestE
             if !path.join("meta.yml").is_file() && !path.join("pose.npz").is_file() {
                 continue;
             }
-            let bytes = fs::read(path.join("meta.yml")).unwrap_or_default();
+            let bytes = glance(&path.join("meta.yml"), MAX_YAML_BYTES);
             let about = yaml::parse::<Meta>(&bytes).ok().and_then(|meta| {
                 let marks_table = *tags
                     .entry(meta.extrinsics.clone())
@@ -79,8 +82,11 @@ pub(super) fn about(subject: &str, meta: &Meta, marks_table: bool) -> Option<Abo
 /// Says whether a calibration has the table's tag; one that cannot be read is taken to, and
 /// reported when a recording is read.
 fn has_tag(root: &Path, id: &str) -> bool {
-    let bytes = fs::read(root.join(calibration::extrinsics_name(id))).unwrap_or_default();
-    yaml::parse::<Extrinsics>(&bytes)
+    if plain(id) != id {
+        return true;
+    }
+    let path = root.join(calibration::extrinsics_name(id));
+    yaml::parse::<Extrinsics>(&glance(&path, MAX_YAML_BYTES))
         .map_or(true, |extrinsics| extrinsics.extrinsics.contains_key(TAG))
 }
 
@@ -101,7 +107,7 @@ impl DexYcb<'_> {
         for name in ["meta.yml", "pose.npz"] {
             add(format!("{}/{name}", listed.name), &listed.path.join(name));
         }
-        let bytes = fs::read(listed.path.join("meta.yml")).unwrap_or_default();
+        let bytes = glance(&listed.path.join("meta.yml"), MAX_YAML_BYTES);
         let Ok(meta) = yaml::parse::<Meta>(&bytes) else {
             return Ok(files);
         };
@@ -122,8 +128,10 @@ impl DexYcb<'_> {
             }
         }
         let serials = meta.serials.iter().enumerate();
+        let mut listed_serials = BTreeSet::new();
         for (_, serial) in serials.filter(|&(number, _)| cameras.holds(number)) {
-            if plain(serial) != *serial {
+            // A camera that is named twice is reported when the recording is read.
+            if plain(serial) != *serial || !listed_serials.insert(serial) {
                 continue;
             }
             let camera = listed.path.join(serial);
@@ -138,11 +146,6 @@ impl DexYcb<'_> {
         }
         Ok(files)
     }
-}
-
-/// Returns where an object's mesh lies, relative to the dataset.
-pub(super) fn mesh_name(object: &str) -> String {
-    format!("models/{object}/textured_simple.obj")
 }
 
 /// Returns the image's number of a file `labels_NNNNNN.npz`.

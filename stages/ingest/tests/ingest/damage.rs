@@ -1,6 +1,9 @@
 //! Damaged and missing files of a recording: each is named with what is wrong.
 
-use std::{fs, path::Path};
+use std::{fs, path::Path, process::Command};
+
+use dataflow::Stage;
+use stage_ingest::{Ingest, IngestError};
 
 use crate::{
     bench::{Bench, config},
@@ -8,15 +11,23 @@ use crate::{
     rig::{self, Rig},
 };
 
-/// Asserts that a change makes the recording be skipped, with all of these in the reason.
+/// Asserts that a change makes the recording be skipped, with all of these in the reason; the only
+/// recording, if it does not say what it is about, is refused for the same reason.
 fn check(change: &dyn Fn(&Path), expected: &[&str]) {
     let root = dataset(&Rig {
         cameras: 2,
         ..Rig::default()
     });
     change(root.path());
-    let (word, reason) = Bench::new(config(root.path())).reason();
-    assert_eq!(word, "skipped");
+    let reason = match Bench::until(config(root.path()), "demonstrations") {
+        Ok(bench) => {
+            let (word, reason) = bench.reason();
+            assert_eq!(word, "skipped");
+            reason
+        }
+        Err(IngestError::NoneTold { found: 1, source }) => source.to_string(),
+        Err(err) => panic!("{err}"),
+    };
     for part in expected {
         assert!(reason.contains(part), "`{reason}` lacks `{part}`");
     }
@@ -164,6 +175,10 @@ fn what_is_said_about_a_recording() {
         ],
     );
     check(
+        &meta("- '839512060362'", "- '839512060362'\n- '836212060125'"),
+        &["`serials` has `836212060125` twice", "meta.yml"],
+    );
+    check(
         &meta("mano_sides: [right]", "mano_sides: [both]"),
         &["`mano_sides` is [\"both\"]"],
     );
@@ -235,4 +250,22 @@ fn names_that_are_not_utf8_belong_to_nothing() {
     )
     .unwrap();
     crate::assert_known_answer(&Bench::new(config(root.path())).only());
+}
+
+#[cfg(unix)]
+#[test]
+fn links_to_nothing_and_pipes_are_no_labels() {
+    let root = dataset(&Rig::default());
+    let camera = sequence(root.path(), "836212060125");
+    std::os::unix::fs::symlink("no/such/file", camera.join("labels_000097.npz")).unwrap();
+    let pipe = camera.join("labels_000098.npz");
+    assert!(Command::new("mkfifo").arg(pipe).status().unwrap().success());
+    let units = Ingest::units(
+        &config(root.path()),
+        "demonstrations",
+        &dataflow::Scope::default(),
+    );
+    let files = units.unwrap().remove(0).files;
+    assert!(files.iter().any(|file| file.name.ends_with(NAME)));
+    assert!(!files.iter().any(|file| file.name.contains("labels_00009")));
 }

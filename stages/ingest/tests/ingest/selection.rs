@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use dataflow::{Advise, Outcome, Stage};
 use schemas::demonstrations::Side;
-use stage_ingest::{Ingest, IngestConfig, Split};
+use stage_ingest::{AddedMesh, Ingest, IngestConfig, Split};
 use tempfile::TempDir;
 
 use crate::{
@@ -141,12 +141,23 @@ fn what_is_left_out_is_not_read() {
         ..Rig::default()
     });
     fs::write(Rig::label(root.path(), 5), "damaged").unwrap();
-    let bench = Bench::new(config(root.path()));
+    let mut config = config(root.path());
+    let err = Ingest::prepare(&config).unwrap_err();
+    let expected = "the options leave out all 1 recordings: left hand (1)";
+    assert_eq!(err.to_string(), expected);
+    assert!(err.hint().unwrap().contains("`mirror = true`"));
+    // An object of the user's own is enough to go on.
+    let file = root.path().join("teapot.obj");
+    fs::write(&file, crate::rig::brick([0.1, 0.1, 0.2])).unwrap();
+    let teapot = AddedMesh { file, mass_kg: 0.6 };
+    config.meshes.insert("teapot".to_owned(), teapot);
+    let bench = Bench::new(config);
     assert_eq!(bench.reason(), ("filtered", "left hand".to_owned()));
     let files = &bench.units["demonstrations"][0].files;
     assert_eq!(files.len(), 1);
     assert!(files[0].name.ends_with("meta.yml"));
-    assert!(bench.units["shapes"].is_empty());
+    assert_eq!(bench.units["shapes"][0].partition, "teapot");
+    assert_eq!(bench.units["shapes"].len(), 1);
 }
 
 #[test]

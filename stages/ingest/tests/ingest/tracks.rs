@@ -1,15 +1,25 @@
 //! Plain tracks: the same reach as through `DexYCB`'s layout.
 
-use std::fs;
+use std::{error::Error, fs};
 
 use dataflow::{Advise, Stage};
 use spatial::{Object, Pose, World};
-use stage_ingest::{Format, Ingest};
+use stage_ingest::{Format, Ingest, IngestConfig, IngestError};
 
 use crate::{
     bench::{Bench, config},
     rig::{self, FIRST, IMAGES, LAST, OBJECT, Rig, brick, rows},
 };
+
+/// Says what is wrong with the only recording, which does not say what it is about.
+fn refused(config: &IngestConfig) -> String {
+    let err = Ingest::prepare(config).unwrap_err();
+    assert!(
+        matches!(err, IngestError::NoneTold { found: 1, .. }),
+        "{err}"
+    );
+    err.source().unwrap().to_string()
+}
 
 #[test]
 fn plain_tracks_give_the_known_reach() {
@@ -62,8 +72,15 @@ fn plain_tracks_give_the_known_reach() {
         "{reason}"
     );
     fs::write(folder.join("track.yml"), "object: [").unwrap();
-    let (_, reason) = Bench::new(config.clone()).reason();
+    let reason = refused(&config);
     assert!(reason.contains("track.yml`: "), "{reason}");
+    // A name that would lead elsewhere.
+    for name in ["../mug", "a/b", "''"] {
+        let about = format!("object: {name}\nhand: right\nimages: 1\n");
+        fs::write(folder.join("track.yml"), about).unwrap();
+        let reason = refused(&config);
+        assert!(reason.starts_with("`object` is `"), "{reason}");
+    }
 
     fs::remove_file(folder.join("track.yml")).unwrap();
     let err = Ingest::prepare(&config).unwrap_err();
