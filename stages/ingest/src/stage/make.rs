@@ -1,0 +1,237 @@
+//! How each unit is made.
+
+use std::{collections::BTreeMap, fs::File, io::Write, path::Path};
+
+use dataflow::{Artifact, Context, Inputs, Labels, Made, Outcome, SourceFile};
+use geometry::TriMesh;
+use nalgebra::{Unit as UnitVector, Vector3};
+use schemas::{SchemaError, demonstrations::Demonstration, objects::Object};
+
+use super::{DEMONSTRATIONS, LEFT_OUT, MASS, SHAPES, units::added};
+use crate::{
+    aftermath::{self, After},
+    config::IngestConfig,
+    error::{IngestError, Unusable},
+    film, mirror, objects, reach, reader,
+    recording::Recording,
+    rests, table,
+};
+
+/// Largest accepted mesh file: the dataset's own have 1 MB.
+const MAX_MESH_BYTES: u64 = 256 << 20;
+/// Name of the recording in a demonstration's artifact.
+const FILM: &str = "demonstration.mcap";
+/// Where meshes lie: in the dataset, and by the pipeline file.
+const MESH_FOLDERS: [&str; 2] = ["models/", "meshes/"];
+
+/// Makes what follows from an object's mesh and its mass.
+pub(super) fn shape(
+    config: &IngestConfig,
+    inputs: &Inputs,
+    cx: &Context,
+) -> Result<Outcome, IngestError> {
+    let name = cx.partition();
+    let mass_kg = inputs.fact(MASS).and_then(|kg| kg.parse().ok());
+    let (Some(file), Some(mass_kg)) = (inputs.files().first(), mass_kg) else {
+        return Ok(skipped(&Unusable::Missing {
+            file: reader::mesh_name(name),
+        }));
+    };
+    cx.progress(0.0, "convex parts");
+    let made = reader::read(file, MAX_MESH_BYTES).and_then(|mesh| {
+        objects::shape(&objects::Source {
+            name,
+            mass_kg,
+            mesh_file: &file.name,
+            mesh: &mesh,
+            points_n: config.points_n,
+            max_convex_parts_n: config.max_convex_parts_n,
+            seed: cx.seed(),
+        })
+    });
+    match made {
+        Ok((object, mesh)) => write_object(cx, object, &mesh, added(inputs.files())),
+        Err(unusable) => Ok(skipped(&unusable)),
+    }
+}
+
+/// Makes a demonstration and its film.
+pub(super) fn demonstration(
+    config: &IngestConfig,
+    inputs: &Inputs,
+    cx: &Context,
+) -> Result<Outcome, IngestError> {
+    if let Some(reason) = inputs.fact(LEFT_OUT) {
+        return Ok(Outcome::Filtered {
+            reason: reason.to_owned(),
+        });
+    }
+    let shapes = inputs
+        .artifacts(SHAPES)
+        .iter()
+        .map(read_object)
+        .collect::<Result<Vec<_>, _>>()?;
+    let mesh = mesh_among(inputs.files());
+    let read = reader::reader(config).read(inputs.files());
+    let made = read.and_then(|mut recording| {
+        let made = parts(config, &mut recording, mesh.as_ref(), &shapes, cx)?;
+        Ok((recording, made))
+    });
+    let (recording, (demonstration, after)) = match made {
+        Ok(made) => made,
+        Err(unusable) => return Ok(skipped(&unusable)),
+    };
+    let batch = schemas::demonstrations::to_batch(&demonstration).map_err(|source| {
+        IngestError::Schema {
+            action: "build",
+            partition: cx.partition().to_owned(),
+            source,
+        }
+    })?;
+    lake::table::write(cx.folder(), &batch)?;
+    let film = cx.folder().join(FILM);
+    film::write(&film, &demonstration, &after, mesh.as_ref())?;
+    let bridged = demonstration.steps.iter().filter(|step| step.bridged);
+    let mut metrics = BTreeMap::from([
+        ("steps_n".to_owned(), demonstration.steps.len() as f64),
+        ("bridged_n".to_owned(), bridged.count() as f64),
+    ]);
+    let agreement = recording.agreement.iter();
+    metrics.extend(agreement.map(|&(name, value)| (name.to_owned(), value)));
+    Ok(Outcome::Made(Made {
+        labels: BTreeMap::from([
+            ("object".to_owned(), demonstration.object),
+            ("subject".to_owned(), demonstration.subject),
+        ]),
+        metrics,
+    }))
+}
+
+/// Makes a recording's demonstration, and what is filmed after it.
+fn parts(
+    config: &IngestConfig,
+    recording: &mut Recording,
+    mesh: Option<&TriMesh>,
+    shapes: &[Object],
+    cx: &Context,
+) -> Result<(Demonstration, Vec<After>), Unusable> {
+    let still = reach::still(recording, config)?;
+    let lying = table::lying(
+        recording,
+        &still.world_from_object,
+        shapes,
+        config.min_table_objects_n,
+    )?;
+    recording.agreement.extend(lying.agreement);
+    // A mesh that cannot be used is reported where the shape is made.
+    if let Some(found_m) = mesh.and_then(|mesh| table::lowest_m(mesh, &lying.rest))
+        && found_m.abs() > config.max_table_error_m
+    {
+        return Err(Unusable::OffTable { found_m });
+    }
+    let mut demonstration = reach::reach(cx.partition(), recording, &still, lying.rest, config)?;
+    let mut after = aftermath::after(recording, &still, demonstration.steps.len(), config);
+    if recording.hand != config.hand {
+        let shape = shapes.iter().find(|shape| shape.name == recording.object);
+        let plane = mirror::plane(shape, config.max_mirror_error_m).map_err(|reason| {
+            Unusable::NotMirrored {
+                hand: recording.hand.as_str(),
+                reason,
+            }
+        })?;
+        mirror::mirror(&mut demonstration, &plane, config.hand);
+        for after in &mut after {
+            after.mirror(&plane);
+        }
+    }
+    Ok((demonstration, after))
+}
+
+/// Returns the mesh among the files that a unit reads, if it can be used.
+fn mesh_among(files: &[SourceFile]) -> Option<TriMesh> {
+    let is_mesh = |file: &&SourceFile| MESH_FOLDERS.iter().any(|f| file.name.starts_with(f));
+    let bytes = reader::read(files.iter().find(is_mesh)?, MAX_MESH_BYTES).ok()?;
+    objects::mesh(&bytes).ok()
+}
+
+/// Puts a shape and the orientations in which it was seen to lie together.
+pub(super) fn object(inputs: &Inputs, cx: &Context) -> Result<Outcome, IngestError> {
+    let seen_up = inputs
+        .artifacts(DEMONSTRATIONS)
+        .iter()
+        .map(|artifact| {
+            let batch = lake::table::read(artifact)?;
+            schemas::demonstrations::from_batch(&artifact.key, &batch)
+                .map(|demonstration| demonstration.rest.up_in_object)
+                .map_err(unread(&artifact.key))
+        })
+        .collect::<Result<Vec<UnitVector<Vector3<f64>>>, IngestError>>()?;
+    let Some(shape) = inputs.artifacts(SHAPES).first() else {
+        return Ok(skipped(&Unusable::Missing {
+            file: format!("shape of {}", cx.partition()),
+        }));
+    };
+    let mut object = read_object(shape)?;
+    object.rests = rests::rests(&object, &seen_up);
+    let mesh = TriMesh {
+        vertices_m: object.vertices_m.iter().map(|&v| v.into()).collect(),
+        triangles: object.triangles.clone(),
+    };
+    write_object(cx, object, &mesh, Labels::new())
+}
+
+/// Writes an object's table and its mesh.
+fn write_object(
+    cx: &Context,
+    object: Object,
+    mesh: &TriMesh,
+    mut labels: Labels,
+) -> Result<Outcome, IngestError> {
+    let metrics = BTreeMap::from([
+        ("convex_parts_n".to_owned(), object.parts_m.len() as f64),
+        ("rests_n".to_owned(), object.rests.len() as f64),
+        (
+            "watertight".to_owned(),
+            f64::from(u8::from(object.watertight)),
+        ),
+    ]);
+    labels.insert("object".to_owned(), object.name.clone());
+    let batch = schemas::objects::to_batch(&[object]).map_err(|source| IngestError::Schema {
+        action: "build",
+        partition: cx.partition().to_owned(),
+        source,
+    })?;
+    lake::table::write(cx.folder(), &batch)?;
+    let path = cx.folder().join(schemas::objects::MESH);
+    write(&path, mesh.to_obj().as_bytes())?;
+    Ok(Outcome::Made(Made { labels, metrics }))
+}
+
+fn read_object(artifact: &Artifact) -> Result<Object, IngestError> {
+    let batch = lake::table::read(artifact)?;
+    schemas::objects::from_batch(&artifact.key, &batch).map_err(unread(&artifact.key))
+}
+
+fn unread(partition: &str) -> impl FnOnce(SchemaError) -> IngestError {
+    let partition = partition.to_owned();
+    move |source| IngestError::Schema {
+        action: "read",
+        partition,
+        source,
+    }
+}
+
+fn skipped(unusable: &Unusable) -> Outcome {
+    Outcome::Skipped {
+        reason: unusable.to_string(),
+    }
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), IngestError> {
+    File::create(path)
+        .and_then(|mut file| file.write_all(bytes))
+        .map_err(|source| IngestError::Write {
+            path: path.to_owned(),
+            source,
+        })
+}

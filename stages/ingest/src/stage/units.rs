@@ -1,0 +1,147 @@
+//! Units: what there is to make, and from which files.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use dataflow::{Labels, Scope, SourceFile, Unit};
+
+use super::{ADDED, DEMONSTRATIONS, LEFT_OUT, MASS, SHAPES};
+use crate::{
+    config::IngestConfig,
+    error::IngestError,
+    reader::{self, Listed, Reader},
+    selection::{self, Cameras, Choice},
+    ycb,
+};
+
+/// The recordings that are listed, each with what becomes of it.
+pub(super) fn chosen(
+    config: &IngestConfig,
+    reader: &dyn Reader,
+) -> Result<Vec<(Listed, Choice)>, IngestError> {
+    let listed = reader.list()?;
+    let choices = selection::choose(config, &listed)?;
+    Ok(listed.into_iter().zip(choices).collect())
+}
+
+/// Lists one unit per object that is grasped, that says where a table is, or that the pipeline file
+/// adds.
+pub(super) fn shapes(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
+    let reader = reader::reader(config);
+    let mut names: BTreeSet<String> = config.meshes.keys().cloned().collect();
+    for (listed, choice) in chosen(config, reader.as_ref())? {
+        let (Some(about), Choice::Take(_)) = (listed.about, choice) else {
+            continue;
+        };
+        if !about.marks_table {
+            names.extend(about.scene);
+        }
+        names.insert(about.object);
+    }
+    names
+        .into_iter()
+        .map(|object| {
+            // Said before anything is computed, not after.
+            let mass_kg = mass_kg(config, &object)?;
+            let file = mesh_file(config, reader.as_ref(), &object);
+            let mut unit = Unit::new(object).with_fact(MASS, mass_kg.to_string());
+            unit.files.extend(file);
+            Ok(unit)
+        })
+        .collect()
+}
+
+/// Returns the pipeline file's mesh of an object, or the dataset's.
+fn mesh_file(config: &IngestConfig, reader: &dyn Reader, object: &str) -> Option<SourceFile> {
+    match config.meshes.get(object) {
+        Some(added) => Some(SourceFile {
+            name: format!("meshes/{object}.obj"),
+            path: added.file.clone(),
+        }),
+        None => reader.mesh(object),
+    }
+}
+
+/// The label of a shape whose mesh comes from the pipeline file.
+pub(super) fn added(files: &[SourceFile]) -> Labels {
+    let is_added = files.iter().any(|file| file.name.starts_with("meshes/"));
+    is_added
+        .then(|| (ADDED.to_owned(), "true".to_owned()))
+        .into_iter()
+        .collect()
+}
+
+fn mass_kg(config: &IngestConfig, object: &str) -> Result<f64, IngestError> {
+    let added = config.meshes.get(object).map(|mesh| mesh.mass_kg);
+    added
+        .or_else(|| config.masses_kg.get(object).copied())
+        .or_else(|| ycb::mass_kg(object))
+        .ok_or_else(|| IngestError::UnknownMass {
+            object: object.to_owned(),
+        })
+}
+
+pub(super) fn demonstrations(
+    config: &IngestConfig,
+    scope: &Scope,
+) -> Result<Vec<Unit>, IngestError> {
+    let reader = reader::reader(config);
+    let shapes: BTreeSet<&str> = scope
+        .partitions(SHAPES)
+        .iter()
+        .map(|s| s.key.as_str())
+        .collect();
+    chosen(config, reader.as_ref())?
+        .into_iter()
+        .map(|(listed, choice)| match choice {
+            Choice::Leave(reason) => {
+                // What it is about is all that is read of it.
+                let cameras = Cameras { first: 0, end: 0 };
+                let mut unit = Unit::new(&listed.key).with_fact(LEFT_OUT, reason);
+                unit.files = reader.files(&listed, cameras)?;
+                unit.files.truncate(1);
+                Ok(unit)
+            }
+            Choice::Take(cameras) => {
+                let mut unit = Unit::new(&listed.key);
+                unit.files = reader.files(&listed, cameras)?;
+                let object = listed.about.as_ref().map(|about| about.object.as_str());
+                let mesh = object.and_then(|object| mesh_file(config, reader.as_ref(), object));
+                unit.files.extend(mesh);
+                let read = listed.about.iter().flat_map(|about| {
+                    let scene = about.scene.iter().filter(|_| !about.marks_table);
+                    let mirrored = (about.hand != config.hand).then_some(&about.object);
+                    scene.chain(mirrored).map(String::as_str)
+                });
+                let read: BTreeSet<&str> = read.filter(|name| shapes.contains(name)).collect();
+                Ok(if read.is_empty() {
+                    unit
+                } else {
+                    unit.reading(SHAPES, read)
+                })
+            }
+        })
+        .collect()
+}
+
+/// Lists one unit per shape that is grasped in a demonstration or that the pipeline file adds.
+pub(super) fn objects(scope: &Scope) -> Vec<Unit> {
+    let mut by_object: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for demonstration in scope.partitions(DEMONSTRATIONS) {
+        if let Some(object) = demonstration.label("object") {
+            by_object
+                .entry(object)
+                .or_default()
+                .push(&demonstration.key);
+        }
+    }
+    let shapes = scope.partitions(SHAPES).iter();
+    shapes
+        .filter_map(|shape| {
+            let unit = Unit::new(&shape.key).reading(SHAPES, [&shape.key]);
+            match by_object.remove(shape.key.as_str()) {
+                Some(keys) => Some(unit.reading(DEMONSTRATIONS, keys)),
+                None => shape.label(ADDED).is_some().then_some(unit),
+            }
+        })
+        .collect()
+}
