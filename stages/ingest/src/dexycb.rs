@@ -114,6 +114,14 @@ impl Reader for DexYcb<'_> {
             add_poses(&mut recording, &meta, file, bytes)?;
         }
         let n_images = recording.images.len();
+        let needs_model = match self.landmarks {
+            Landmarks::Mano => true,
+            Landmarks::Either => files.labels.is_empty(),
+            Landmarks::Labels => false,
+        };
+        if needs_model {
+            hand_model::check_files(&files, &meta)?;
+        }
         let modeled = hand_model::keypoints(&files, recording.hand, poses, n_images)?;
         hand_model::combine(&mut recording, modeled, self.landmarks)?;
         Ok(recording)

@@ -19,7 +19,8 @@ use schemas::{
 
 use crate::aftermath::After;
 
-/// Frame of the person's wrist: x out of the palm, y to the thumb's side, z to the fingers.
+/// Frame of the person's wrist: x out of a right hand's palm or a left hand's back, y to the thumb's
+/// side, z to the fingers.
 const WRIST: &str = "wrist";
 /// Topic of the landmarks and the bones between them.
 const HAND: &str = "/hand";

@@ -11,7 +11,7 @@ use crate::{
     npz::Arrays,
     reader::read,
     recording::{Keypoints, Recording},
-    yaml::HandShape,
+    yaml::{HandShape, Meta},
 };
 
 /// Largest accepted hand model: MANO's have 4 MB.
@@ -30,6 +30,24 @@ pub(crate) fn model_file(hand: Side) -> &'static str {
 /// Returns where the shape of a person's hand lies, relative to the dataset.
 pub(super) fn shape_name(id: &str) -> String {
     format!("calibration/mano_{id}/mano.yml")
+}
+
+/// Checks that the files beside a hand model are there, for a recording that cannot do without it.
+///
+/// # Errors
+///
+/// Fails with the name of the one that is missing.
+pub(super) fn check_files(files: &SequenceFiles<'_>, meta: &Meta) -> Result<(), Unusable> {
+    let missing = |file: String| Err(Unusable::Missing { file });
+    match (files.hand_model, files.hand_shape, files.poses) {
+        (Some(_), None, _) => {
+            let id = meta.mano_calib.first();
+            missing(shape_name(id.map_or("ID", String::as_str)))
+        }
+        (Some(_), _, None) => missing("pose.npz".to_owned()),
+        // That there is no model at all is said by others.
+        (None, ..) | (Some(_), Some(_), Some(_)) => Ok(()),
+    }
 }
 
 /// Returns the landmarks in the world, image by image; `None` where the recording's files have no

@@ -75,6 +75,23 @@ fn without_labels_the_hand_model_gives_the_landmarks() {
 }
 
 #[test]
+fn what_a_hand_model_lacks_is_named_where_it_is_needed() {
+    for (file, expected) in [("mano.yml", "mano.yml`"), ("pose.npz", "no `pose.npz`")] {
+        let (root, models) = (dataset(&Rig::default()), models());
+        let path = match file {
+            "mano.yml" => root.path().join("calibration/mano_x/mano.yml"),
+            _ => Rig::sequence(root.path()).join(file),
+        };
+        fs::remove_file(path).unwrap();
+        // The labels do without.
+        assert_known_answer(&bench(root.path(), models.path(), |_| {}).only());
+        without_labels(root.path());
+        let (_, reason) = bench(root.path(), models.path(), |_| {}).reason();
+        assert!(reason.ends_with(expected), "{reason}");
+    }
+}
+
+#[test]
 fn both_routes_are_compared_and_the_chosen_one_is_taken() {
     let (root, models) = (dataset(&Rig::default()), models());
     let difference = |landmarks: Landmarks| {
