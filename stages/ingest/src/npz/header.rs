@@ -5,8 +5,8 @@
 
 /// Bytes of the longest prefix before the text: signature, version and length.
 pub(super) const PREFIX_BYTES: usize = 12;
-/// Most accepted axes, as many as `numpy` has had for long.
-const MAX_AXES: usize = 32;
+/// Most accepted axes; the arrays of this dataset have three.
+const MAX_AXES: usize = 8;
 
 /// What an array file says about its array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -141,9 +141,11 @@ impl<'a> Text<'a> {
         Some(())
     }
 
-    fn is_over(&mut self) -> bool {
-        self.skip_space();
-        self.0.is_empty()
+    /// Returns whether only white space is left: up to 63 spaces, so that many at once are looked
+    /// at.
+    fn is_over(&self) -> bool {
+        let is_other = |byte: &&u8| !matches!(byte, b' ' | b'\n' | b'\t');
+        self.0.iter().filter(is_other).count() == 0
     }
 
     /// Reads a string without escapes.
