@@ -302,7 +302,10 @@ pub fn from_batch(name: &str, batch: &RecordBatch) -> Result<Object, SchemaError
             offset_m,
             error_m,
         }),
-        _ => None,
+        ([], [], []) => None,
+        _ => {
+            return Err(r.invalid("mirror_normal", "more or fewer than one plane".to_owned()));
+        }
     };
     Ok(Object {
         name: name.to_owned(),

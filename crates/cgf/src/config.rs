@@ -100,7 +100,8 @@ pub enum Augmentation {
     None,
     /// About the vertical: gravity stays where it is.
     Vertical,
-    /// By one of eleven rotations that are drawn once for each object, no rotation among them.
+    /// By one of eleven rotations that are drawn once, no rotation among them: for each object as it
+    /// lies, where the released code draws them for each recording.
     Released,
     /// By any rotation: the network does not know where down is.
     Any,

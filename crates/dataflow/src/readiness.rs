@@ -20,10 +20,10 @@ pub struct Readiness {
 /// What a stage finds outside the lake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Outside {
-    /// Units of its first output; `None` for a stage that reads other stages, whose units are only
-    /// known when those have run.
-    pub n_units: Option<usize>,
-    /// Files that these units read.
+    /// Units of the output that has the most of them, and what one of them stands for; `None` for a
+    /// stage that reads other stages, whose units are only known when those have run.
+    pub units: Option<(usize, &'static str)>,
+    /// Files that the units of all its outputs read.
     pub n_files: usize,
 }
 
@@ -44,14 +44,20 @@ pub fn readiness(pipeline: &Pipeline) -> Vec<Readiness> {
 
 fn outside(stage: &StageEntry) -> Result<Outside, Failure> {
     stage.prepare()?;
-    let first = stage.kind.outputs.first();
-    let Some(first) = first.filter(|_| stage.kind.inputs.is_empty()) else {
+    if !stage.kind.inputs.is_empty() {
         return Ok(Outside {
-            n_units: None,
+            units: None,
             n_files: 0,
         });
-    };
-    let units = stage.units(first.artifact, &Scope::default())?;
+    }
+    let (mut units, mut most) = (Vec::new(), (0, ""));
+    for output in stage.kind.outputs {
+        let listed = stage.units(output.artifact, &Scope::default())?;
+        if listed.len() > most.0 {
+            most = (listed.len(), output.partition);
+        }
+        units.extend(listed);
+    }
     let files = units.iter().flat_map(|unit| &unit.files);
     let paths: BTreeSet<&Path> = files.map(|file| file.path.as_path()).collect();
     for path in &paths {
@@ -61,7 +67,7 @@ fn outside(stage: &StageEntry) -> Result<Outside, Failure> {
         })?;
     }
     Ok(Outside {
-        n_units: Some(units.len()),
+        units: Some(most),
         n_files: paths.len(),
     })
 }

@@ -38,11 +38,7 @@ pub(super) fn stages(pipeline: &Pipeline) -> Vec<Check> {
     readiness(pipeline)
         .into_iter()
         .map(|stage| match stage.found {
-            Ok(outside) => Check::new(
-                State::Ok,
-                &stage.stage,
-                found(pipeline, &stage.stage, outside),
-            ),
+            Ok(outside) => Check::new(State::Ok, &stage.stage, found(outside)),
             Err(failure) => {
                 let hint = failure.hint();
                 Check::new(State::Missing, &stage.stage, cause(failure)).with_hint(hint)
@@ -51,14 +47,10 @@ pub(super) fn stages(pipeline: &Pipeline) -> Vec<Check> {
         .collect()
 }
 
-fn found(pipeline: &Pipeline, stage: &str, outside: Outside) -> String {
-    let Some(n_units) = outside.n_units else {
+fn found(outside: Outside) -> String {
+    let Some((n_units, per)) = outside.units else {
         return "its options and what it reads outside the lake can be used".to_owned();
     };
-    let output = pipeline
-        .find(stage)
-        .and_then(|entry| entry.kind.outputs.first());
-    let per = output.map_or("unit", |output| output.partition);
     format!(
         "{n_units} partitions to make, one per {per}, from {} files",
         outside.n_files

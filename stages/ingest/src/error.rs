@@ -78,6 +78,12 @@ pub enum IngestError {
         /// Where it should be.
         path: PathBuf,
     },
+    /// An object of the pipeline file has a name that no partition can have.
+    #[error("`{name}` below `meshes` is no name for an object: letters, digits, `_` and `-` only")]
+    MeshName {
+        /// The name.
+        name: String,
+    },
     /// A mesh of the pipeline file is not there.
     #[error("no mesh of `{object}` at `{}`", path.display())]
     NoMesh {
@@ -184,6 +190,7 @@ impl Advise for IngestError {
                     .to_owned(),
             ),
             Self::NoneTold { .. }
+            | Self::MeshName { .. }
             | Self::List { .. }
             | Self::Option { .. }
             | Self::Schema { .. }

@@ -23,6 +23,7 @@ mod error;
 mod film;
 #[cfg(test)]
 mod fixture;
+mod folders;
 mod fuse;
 mod labels;
 mod mano;

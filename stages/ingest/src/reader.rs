@@ -4,9 +4,8 @@
 //! after it works on [`Recording`].
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
-    fs::{self, File},
-    io::{self, Read},
+    fs::File,
+    io::Read,
     path::{Path, PathBuf},
 };
 
@@ -17,6 +16,7 @@ use crate::{
     config::{Format, IngestConfig},
     dexycb::DexYcb,
     error::{IngestError, Unusable},
+    folders::RecordingFolder,
     recording::Recording,
     selection::Cameras,
     tracks::Tracks,
@@ -73,9 +73,23 @@ pub(crate) struct Listed {
     pub(crate) name: String,
     /// Its folder.
     pub(crate) path: PathBuf,
+    /// Why it cannot be read at all, found out while listing.
+    pub(crate) fault: Option<&'static str>,
     /// What it is about; `None` if the file that says so cannot be used, which is reported when the
     /// recording is read.
     pub(crate) about: Option<About>,
+}
+
+impl Listed {
+    pub(crate) fn new(folder: RecordingFolder, about: Option<About>) -> Self {
+        Self {
+            key: folder.key,
+            name: folder.name,
+            path: folder.path,
+            fault: folder.fault,
+            about,
+        }
+    }
 }
 
 /// What a recording is about.
@@ -96,82 +110,6 @@ pub(crate) struct About {
 /// Returns where an object's mesh lies, relative to a dataset.
 pub(crate) fn mesh_name(object: &str) -> String {
     format!("models/{object}/textured_simple.obj")
-}
-
-/// Keys for partitions: unique, and of the characters that a key can hold.
-#[derive(Debug, Default)]
-pub(crate) struct Keys(BTreeSet<String>);
-
-impl Keys {
-    /// Returns a key that was not given yet, as near to `name` as can be.
-    pub(crate) fn of(&mut self, name: &str) -> String {
-        let stem = plain(name);
-        let mut key = stem.clone();
-        let mut n = 1;
-        while !self.0.insert(key.clone()) {
-            n += 1;
-            key = format!("{stem}-{n}");
-        }
-        key
-    }
-}
-
-/// Returns the text with every character that a partition's key cannot hold replaced by `_`.
-pub(crate) fn plain(text: &str) -> String {
-    text.chars()
-        .map(|c| {
-            if c.is_ascii_alphanumeric() || c == '-' || c == '_' {
-                c
-            } else {
-                '_'
-            }
-        })
-        .collect()
-}
-
-/// Lists the folders in a folder, ordered by name; hidden ones are left out.
-pub(crate) fn folders(path: &Path) -> Result<Vec<String>, IngestError> {
-    Ok(names(path)?
-        .into_iter()
-        .filter_map(|(name, is_folder)| is_folder.then_some(name))
-        .collect())
-}
-
-/// Lists the files and folders in a folder, ordered by name, and whether each is a folder; hidden
-/// names, names that are not UTF-8, links to nothing, pipes and devices are left out, and a folder that
-/// does not exist is empty.
-pub(crate) fn names(path: &Path) -> Result<BTreeMap<String, bool>, IngestError> {
-    let list_error = |source| IngestError::List {
-        path: path.to_owned(),
-        source,
-    };
-    let entries = match fs::read_dir(path) {
-        Ok(entries) => entries,
-        Err(err) if err.kind() == io::ErrorKind::NotFound => return Ok(BTreeMap::new()),
-        Err(err) => return Err(list_error(err)),
-    };
-    let mut found = BTreeMap::new();
-    for entry in entries {
-        let entry = entry.map_err(list_error)?;
-        let Ok(name) = entry.file_name().into_string() else {
-            continue;
-        };
-        if name.starts_with('.') {
-            continue;
-        }
-        let mut kind = entry.file_type().map_err(list_error)?;
-        // Datasets are often assembled from links; only those need a look at their target.
-        if kind.is_symlink() {
-            let Ok(target) = fs::metadata(path.join(&name)) else {
-                continue;
-            };
-            kind = target.file_type();
-        }
-        if kind.is_dir() || kind.is_file() {
-            found.insert(name, kind.is_dir());
-        }
-    }
-    Ok(found)
 }
 
 /// Returns what a listing looks at of a small file: its bytes, none where it cannot be read or has more
@@ -215,6 +153,8 @@ pub(crate) fn read(file: &SourceFile, limit: u64) -> Result<Vec<u8>, Unusable> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

@@ -4,7 +4,7 @@
 //! section 4. The split by objects: Ye et al., *Learning Continuous Grasping Function with a
 //! Dexterous Hand from Human Demonstrations*, 2023, section IV.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use dataflow::nearest;
 use schemars::JsonSchema;
@@ -144,18 +144,19 @@ fn choice(config: &IngestConfig, about: &About, trial: Option<usize>) -> Choice 
 }
 
 fn in_split(split: Split, about: &About, trial: Option<usize>) -> bool {
+    // Numbers begin with 1: who has none is in no part that goes by them.
     let subject = subject_number(&about.subject).unwrap_or(0);
     let object = ycb::number(&about.object).unwrap_or(0);
     let is_last_trial = trial == Some(TRIALS - 1);
     match split {
         Split::All | Split::S2Train | Split::S2Val | Split::S2Test => true,
         Split::S0Train => !is_last_trial,
-        Split::S0Val => is_last_trial && subject <= 2,
+        Split::S0Val => is_last_trial && matches!(subject, 1 | 2),
         Split::S0Test => is_last_trial && subject > 2,
         Split::S1Train => matches!(subject, 1..=6 | 10),
         Split::S1Val => subject == 7,
         Split::S1Test => matches!(subject, 8 | 9),
-        Split::S3Train => !matches!(object, 4 | 8 | 12 | 16 | 21),
+        Split::S3Train => matches!(object, 1..=20) && !matches!(object, 4 | 8 | 12 | 16),
         Split::S3Val => matches!(object, 4 | 21),
         Split::S3Test => matches!(object, 8 | 12 | 16),
         Split::PaperTrain => matches!(object, 1..=9 | 15..=18 | 20 | 21),
@@ -197,32 +198,34 @@ fn trials(listed: &[Listed]) -> Result<BTreeMap<&str, usize>, IngestError> {
 
 /// Refuses subjects and objects that nobody has.
 fn check_names(config: &IngestConfig, listed: &[Listed]) -> Result<(), IngestError> {
-    let abouts = || {
-        listed
+    let distinct = |of: fn(&About) -> &str| -> BTreeSet<&str> {
+        let abouts = listed
             .iter()
-            .filter_map(|recording| recording.about.as_ref())
+            .filter_map(|recording| recording.about.as_ref());
+        abouts.map(of).collect()
     };
-    let check = |key: &'static str, names: &[String], known: Vec<&str>| {
-        let stranger = names.iter().find(|name| !known.contains(&name.as_str()));
-        stranger.map_or(Ok(()), |name| {
-            Err(IngestError::UnknownName {
-                key,
-                name: name.clone(),
-                near: nearest(name, known.iter().copied()).map(str::to_owned),
-                known: known.iter().copied().map(str::to_owned).collect(),
-            })
-        })
-    };
-    let distinct = |of: fn(&About) -> &str| {
-        let mut names: Vec<&str> = abouts().map(of).collect();
-        names.sort_unstable();
-        names.dedup();
-        names
-    };
-    check(
+    check_known(
         "subjects",
         &config.subjects,
-        distinct(|about| &about.subject),
+        &distinct(|about| &about.subject),
     )?;
-    check("objects", &config.objects, distinct(|about| &about.object))
+    check_known("objects", &config.objects, &distinct(|about| &about.object))
+}
+
+/// Refuses the first of an option's names that is not known.
+pub(crate) fn check_known<'a>(
+    key: &'static str,
+    names: impl IntoIterator<Item = &'a String>,
+    known: &BTreeSet<&str>,
+) -> Result<(), IngestError> {
+    let mut names = names.into_iter();
+    match names.find(|name| !known.contains(name.as_str())) {
+        None => Ok(()),
+        Some(name) => Err(IngestError::UnknownName {
+            key,
+            name: name.clone(),
+            near: nearest(name, known.iter().copied()).map(str::to_owned),
+            known: known.iter().copied().map(str::to_owned).collect(),
+        }),
+    }
 }

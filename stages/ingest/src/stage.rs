@@ -16,6 +16,8 @@ const OBJECTS: &str = "objects";
 
 /// Why a recording is left out, found out while listing.
 const LEFT_OUT: &str = "left out";
+/// Why a recording cannot be read, found out while listing.
+const UNREADABLE: &str = "unreadable";
 /// The label of objects that the pipeline file adds.
 const ADDED: &str = "added";
 /// An object's mass in kilograms.

@@ -20,8 +20,9 @@ use spatial::Pose;
 use crate::{
     config::{IngestConfig, TableRule},
     error::{IngestError, Unusable},
+    folders::{plain, recordings},
     npz::Arrays,
-    reader::{self, About, Keys, Listed, Reader, folders, glance, mesh_name},
+    reader::{self, About, Listed, Reader, glance, mesh_name},
     recording::{Ground, Observation, Recording},
     selection::Cameras,
     yaml,
@@ -67,28 +68,17 @@ impl<'a> Tracks<'a> {
 
 impl Reader for Tracks<'_> {
     fn list(&self) -> Result<Vec<Listed>, IngestError> {
-        let mut listed = Vec::new();
-        let mut keys = Keys::default();
-        for subject in folders(self.root)? {
-            let subject_path = self.root.join(&subject);
-            for sequence in folders(&subject_path)? {
-                let path = subject_path.join(&sequence);
-                if !path.join(ABOUT).is_file() {
-                    continue;
-                }
-                let bytes = glance(&path.join(ABOUT), MAX_ABOUT_BYTES);
+        let listed: Vec<Listed> = recordings(self.root, &[ABOUT])?
+            .into_iter()
+            .map(|folder| {
+                let bytes = glance(&folder.path.join(ABOUT), MAX_ABOUT_BYTES);
                 let description = yaml::parse::<Description>(&bytes).ok();
                 let description = description
-                    .filter(Description::names_an_object)
-                    .map(|description| self.by(description));
-                listed.push(Listed {
-                    key: keys.of(&format!("{subject}-{sequence}")),
-                    name: format!("{subject}/{sequence}"),
-                    path,
-                    about: description.map(|description| description.about(&subject)),
-                });
-            }
-        }
+                    .filter(|description| folder.fault.is_none() && description.names_an_object());
+                let about = description.map(|found| self.by(found).about(&folder.subject));
+                Listed::new(folder, about)
+            })
+            .collect();
         if listed.is_empty() {
             return Err(IngestError::NoTracks {
                 root: self.root.to_owned(),
@@ -162,7 +152,7 @@ impl Tracks<'_> {
 impl Description {
     /// Says whether the object's name can be that of a folder and of a partition, and leads nowhere else.
     fn names_an_object(&self) -> bool {
-        !self.object.is_empty() && reader::plain(&self.object) == self.object
+        !self.object.is_empty() && plain(&self.object) == self.object
     }
 
     fn about(&self, subject: &str) -> About {

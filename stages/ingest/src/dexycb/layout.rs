@@ -18,7 +18,8 @@ use crate::{
         hand_model,
     },
     error::IngestError,
-    reader::{About, Keys, Listed, folders, glance, names, plain},
+    folders::{RecordingFolder, names, plain, recordings},
+    reader::{About, Listed, glance},
     selection::Cameras,
     yaml::{self, Extrinsics, Meta},
     ycb,
@@ -31,34 +32,25 @@ const NOT_SUBJECTS: [&str; 2] = ["calibration", "models"];
 
 /// Lists the recordings, ordered by name.
 pub(super) fn list(root: &Path, table: TableRule) -> Result<Vec<Listed>, IngestError> {
-    let mut listed = Vec::new();
-    let mut keys = Keys::default();
     let mut tags = BTreeMap::new();
-    for subject in folders(root)? {
-        if NOT_SUBJECTS.contains(&subject.as_str()) {
-            continue;
-        }
-        let subject_path = root.join(&subject);
-        for sequence in folders(&subject_path)? {
-            let path = subject_path.join(&sequence);
-            if !path.join("meta.yml").is_file() && !path.join("pose.npz").is_file() {
-                continue;
-            }
-            let bytes = glance(&path.join("meta.yml"), MAX_YAML_BYTES);
-            let about = yaml::parse::<Meta>(&bytes).ok().and_then(|meta| {
+    let folders = recordings(root, &["meta.yml", "pose.npz"])?;
+    let is_subject = |folder: &RecordingFolder| !NOT_SUBJECTS.contains(&folder.subject.as_str());
+    let listed: Vec<Listed> = folders
+        .into_iter()
+        .filter(is_subject)
+        .map(|folder| {
+            let bytes = glance(&folder.path.join("meta.yml"), MAX_YAML_BYTES);
+            let meta = yaml::parse::<Meta>(&bytes).ok();
+            let meta = meta.filter(|_| folder.fault.is_none());
+            let about = meta.and_then(|meta| {
                 let marks_table = *tags
                     .entry(meta.extrinsics.clone())
                     .or_insert_with(|| table == TableRule::Tag && has_tag(root, &meta.extrinsics));
-                about(&subject, &meta, marks_table)
+                about(&folder.subject, &meta, marks_table)
             });
-            listed.push(Listed {
-                key: keys.of(&format!("{subject}-{sequence}")),
-                name: format!("{subject}/{sequence}"),
-                path,
-                about,
-            });
-        }
-    }
+            Listed::new(folder, about)
+        })
+        .collect();
     if listed.is_empty() {
         return Err(IngestError::NoSequences {
             root: root.to_owned(),

@@ -1,6 +1,6 @@
 //! What is refused before anything is planned.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use schemas::demonstrations::Side;
 
@@ -9,8 +9,9 @@ use crate::{
     config::{IngestConfig, Landmarks},
     dexycb,
     error::IngestError,
+    folders::plain,
     reader::{Listed, Reader},
-    selection::{Cameras, Choice},
+    selection::{self, Cameras, Choice},
 };
 
 /// Refuses options with which nothing can be made.
@@ -41,6 +42,11 @@ pub(super) fn options(config: &IngestConfig) -> Result<(), IngestError> {
     }
     check_hand_models(config)?;
     for (object, mesh) in &config.meshes {
+        if plain(object) != *object || object.is_empty() {
+            return Err(IngestError::MeshName {
+                name: object.clone(),
+            });
+        }
         if !mesh.file.is_file() {
             return Err(IngestError::NoMesh {
                 object: object.clone(),
@@ -75,6 +81,15 @@ fn check_hand_models(config: &IngestConfig) -> Result<(), IngestError> {
 /// Refuses to begin where the options leave out every recording, or none can be told what it is about.
 pub(super) fn chosen(config: &IngestConfig, reader: &dyn Reader) -> Result<(), IngestError> {
     let chosen = units::chosen(config, reader)?;
+    let scenes = chosen
+        .iter()
+        .filter_map(|(listed, _)| listed.about.as_ref());
+    let known: BTreeSet<&str> = scenes
+        .flat_map(|about| about.scene.iter().chain([&about.object]))
+        .chain(config.meshes.keys())
+        .map(String::as_str)
+        .collect();
+    selection::check_known("masses_kg", config.masses_kg.keys(), &known)?;
     let is_told = |(listed, choice): &(Listed, Choice)| listed.about.is_some() && choice.is_taken();
     if chosen.iter().any(is_told) || !config.meshes.is_empty() {
         return Ok(());

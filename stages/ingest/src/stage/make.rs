@@ -7,7 +7,7 @@ use geometry::TriMesh;
 use nalgebra::{Unit as UnitVector, Vector3};
 use schemas::{SchemaError, demonstrations::Demonstration, objects::Object};
 
-use super::{DEMONSTRATIONS, LEFT_OUT, MASS, SHAPES, units::added};
+use super::{DEMONSTRATIONS, LEFT_OUT, MASS, SHAPES, UNREADABLE, units::added};
 use crate::{
     aftermath::{self, After},
     config::IngestConfig,
@@ -63,6 +63,11 @@ pub(super) fn demonstration(
 ) -> Result<Outcome, IngestError> {
     if let Some(reason) = inputs.fact(LEFT_OUT) {
         return Ok(Outcome::Filtered {
+            reason: reason.to_owned(),
+        });
+    }
+    if let Some(reason) = inputs.fact(UNREADABLE) {
+        return Ok(Outcome::Skipped {
             reason: reason.to_owned(),
         });
     }

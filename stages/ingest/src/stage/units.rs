@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use dataflow::{Labels, Scope, SourceFile, Unit};
 
-use super::{ADDED, DEMONSTRATIONS, LEFT_OUT, MASS, SHAPES};
+use super::{ADDED, DEMONSTRATIONS, LEFT_OUT, MASS, SHAPES, UNREADABLE};
 use crate::{
     config::IngestConfig,
     error::IngestError,
@@ -33,7 +33,9 @@ pub(super) fn shapes(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
             continue;
         };
         if !about.marks_table {
-            names.extend(about.scene);
+            // What only stands there is no loss if nobody knows its shape.
+            let scene = about.scene.into_iter();
+            names.extend(scene.filter(|name| mesh_file(config, reader.as_ref(), name).is_some()));
         }
         names.insert(about.object);
     }
@@ -92,8 +94,9 @@ pub(super) fn demonstrations(
         .collect();
     chosen(config, reader.as_ref())?
         .into_iter()
-        .map(|(listed, choice)| match choice {
-            Choice::Leave(reason) => {
+        .map(|(listed, choice)| match (listed.fault, choice) {
+            (Some(fault), _) => Ok(Unit::new(&listed.key).with_fact(UNREADABLE, fault)),
+            (None, Choice::Leave(reason)) => {
                 // What it is about is all that is read of it.
                 let cameras = Cameras { first: 0, end: 0 };
                 let mut unit = Unit::new(&listed.key).with_fact(LEFT_OUT, reason);
@@ -101,7 +104,7 @@ pub(super) fn demonstrations(
                 unit.files.truncate(1);
                 Ok(unit)
             }
-            Choice::Take(cameras) => {
+            (None, Choice::Take(cameras)) => {
                 let mut unit = Unit::new(&listed.key);
                 unit.files = reader.files(&listed, cameras)?;
                 let object = listed.about.as_ref().map(|about| about.object.as_str());

@@ -234,6 +234,33 @@ fn a_lost_camera_is_missed_by_nobody() {
 
 #[cfg(unix)]
 #[test]
+fn a_recording_in_a_folder_that_cannot_be_named_is_skipped_with_the_reason() {
+    use std::{ffi::OsStr, os::unix::ffi::OsStrExt as _};
+    let root = dataset(&Rig {
+        cameras: 1,
+        ..Rig::default()
+    });
+    let subject = Rig::sequence(root.path()).parent().unwrap().to_owned();
+    let strange = subject.join(OsStr::from_bytes(b"20200709_\xff41754"));
+    fs::rename(Rig::sequence(root.path()), strange).unwrap();
+    let mut config = config(root.path());
+    // An object of the pipeline file, so that there is something to make.
+    config.meshes.insert(
+        "brick".to_owned(),
+        stage_ingest::AddedMesh {
+            file: root
+                .path()
+                .join("models/008_pudding_box/textured_simple.obj"),
+            mass_kg: 0.2,
+        },
+    );
+    let (word, reason) = Bench::new(config).reason();
+    assert_eq!(word, "skipped");
+    assert_eq!(reason, "the name of its folder is not UTF-8: rename it");
+}
+
+#[cfg(unix)]
+#[test]
 fn names_that_are_not_utf8_belong_to_nothing() {
     use std::{ffi::OsStr, os::unix::ffi::OsStrExt as _};
     let root = dataset(&Rig {

@@ -48,6 +48,10 @@ fn an_object_of_unknown_mass_is_refused_with_the_way_out() {
     let err = Ingest::prepare(&config).unwrap_err();
     assert_eq!(err.to_string(), "`masses_kg` must be positive, found 0");
     config.masses_kg.insert("008_pudding_box".to_owned(), 0.2);
+    config.masses_kg.insert("008_puding_box".to_owned(), 0.2);
+    let err = Ingest::prepare(&config).unwrap_err();
+    assert_eq!(err.hint().unwrap(), "did you mean `008_pudding_box`?");
+    config.masses_kg.remove("008_puding_box");
     let bench = Bench::new(config);
     let object = bench.object("objects", OBJECT.0);
     assert!((object.mass_kg - 0.2).abs() < 1e-12);

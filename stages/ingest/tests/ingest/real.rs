@@ -1,6 +1,11 @@
 //! On real recordings, if `PIPELINE_REAL_DATA` names the folder that holds them.
 
-use std::{collections::BTreeMap, fs, path::PathBuf, sync::LazyLock};
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    sync::LazyLock,
+};
 
 use dataflow::{Outcome, SourceFile, Unit};
 use geometry::{SurfaceDistance, TriMesh};
@@ -81,16 +86,38 @@ fn grasped(unit: &Unit) -> usize {
     words(&meta, "ycb_grasp_ind")[0].parse().unwrap()
 }
 
+/// Every `meta.yml` in a folder's folder, with the name of the upper one.
+fn descriptions(root: &Path) -> Vec<(String, PathBuf)> {
+    let folders = |path: &Path| -> Vec<PathBuf> {
+        let entries = fs::read_dir(path)
+            .unwrap()
+            .map(|entry| entry.unwrap().path());
+        entries.filter(|path| path.is_dir()).collect()
+    };
+    let mut found = Vec::new();
+    for subject in folders(root) {
+        let name = subject.file_name().unwrap().to_str().unwrap().to_owned();
+        let metas = folders(&subject)
+            .into_iter()
+            .map(|path| path.join("meta.yml"));
+        found.extend(
+            metas
+                .filter(|meta| meta.is_file())
+                .map(|meta| (name.clone(), meta)),
+        );
+    }
+    found
+}
+
 #[test]
 fn counts_are_those_of_the_recordings_descriptions() {
     let Some(bench) = &*RIGHT else { return };
     // By side, subject and object's number, from the files alone.
     let mut expected: BTreeMap<(String, String, usize), usize> = BTreeMap::new();
-    for unit in &bench.units["demonstrations"] {
-        let meta = file(unit, "meta.yml");
-        let subject = meta.name.split('/').next().unwrap().to_owned();
-        let text = fs::read_to_string(&meta.path).unwrap();
-        let number = words(&text, "ycb_ids")[grasped(unit)].parse().unwrap();
+    for (subject, meta) in descriptions(&bench.config.root) {
+        let text = fs::read_to_string(meta).unwrap();
+        let grasped: usize = words(&text, "ycb_grasp_ind")[0].parse().unwrap();
+        let number = words(&text, "ycb_ids")[grasped].parse().unwrap();
         let side = words(&text, "mano_sides").remove(0);
         *expected.entry((side, subject, number)).or_default() += 1;
     }
