@@ -18,12 +18,17 @@ const DIGITS: usize = 64;
 
 /// Returns the bytes of a sealed file.
 pub(crate) fn seal<T: Serialize>(path: &Path, value: &T) -> Result<Vec<u8>, LakeError> {
-    let body = serde_json::to_vec(value).map_err(|source| LakeError::Json {
+    // The body is written in its place and never copied: one such file may have 100 MB.
+    let mut bytes = [BEFORE, &[b'0'; DIGITS], BETWEEN].concat();
+    let start = bytes.len();
+    serde_json::to_writer(&mut bytes, value).map_err(|source| LakeError::Json {
         path: path.to_owned(),
         source,
     })?;
-    let digest = Digest::of_bytes(&body).to_hex();
-    Ok([BEFORE, digest.as_bytes(), BETWEEN, &body, AFTER].concat())
+    let digest = Digest::of_bytes(&bytes[start..]).to_hex();
+    bytes[BEFORE.len()..][..DIGITS].copy_from_slice(digest.as_bytes());
+    bytes.extend_from_slice(AFTER);
+    Ok(bytes)
 }
 
 /// Returns the body of a sealed file, or `None` if a byte of it is not as it was written.

@@ -108,6 +108,8 @@ impl Sources {
         }
         let _turn = lock::wait_for(locks, "sources", "what it knows of files outside", &|_| {})?;
         let there: Option<HashMap<String, Entry>> = sealed::read_if_whole(&self.file)?;
+        // What is there has it too: of a large dataset nothing is held twice.
+        known.entries = HashMap::new();
         let mut entries = there.unwrap_or_default();
         for (path, entry) in std::mem::take(&mut known.learned) {
             match entry {
