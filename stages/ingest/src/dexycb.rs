@@ -22,7 +22,7 @@ use crate::{
     error::{IngestError, Unusable},
     fuse,
     labels::LabelReader,
-    reader::{About, Listed, Reader, mesh_name, read},
+    reader::{About, Listed, Reader, read},
     recording::{Ground, Observation, Recording, Standing},
     selection::Cameras,
     yaml::{self, Meta},
@@ -65,17 +65,15 @@ impl<'a> DexYcb<'a> {
 
 impl Reader for DexYcb<'_> {
     fn list(&self) -> Result<Vec<Listed>, IngestError> {
-        layout::list(self.root, self.table)
+        self.listed()
     }
 
     fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, IngestError> {
-        self.files_of(listed, cameras)
+        layout::files_of(listed, cameras)
     }
 
-    fn mesh(&self, object: &str) -> Option<SourceFile> {
-        let name = mesh_name(object);
-        let path = self.root.join(&name);
-        path.is_file().then_some(SourceFile { name, path })
+    fn description(&self) -> &'static str {
+        layout::META
     }
 
     fn about(&self, files: &[SourceFile]) -> Result<About, Unusable> {
@@ -256,7 +254,7 @@ fn check_agreement(
 /// Reads `meta.yml`.
 fn meta(files: &SequenceFiles<'_>) -> Result<Meta, Unusable> {
     let file = files.meta.ok_or_else(|| Unusable::Missing {
-        file: "meta.yml".to_owned(),
+        file: layout::META.to_owned(),
     })?;
     let meta: Meta = read_yaml(file)?;
     let refuse = |what: String| {
@@ -301,8 +299,7 @@ fn about(meta: &Meta, files: &SequenceFiles<'_>) -> Result<About, Unusable> {
             meta.mano_sides
         )));
     }
-    layout::about(&files.subject, meta, true)
-        .ok_or_else(|| value(format!("object {number} has no name")))
+    layout::about(&files.subject, meta).ok_or_else(|| value(format!("object {number} has no name")))
 }
 
 fn read_yaml<T: serde::de::DeserializeOwned>(file: &SourceFile) -> Result<T, Unusable> {

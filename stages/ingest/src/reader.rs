@@ -38,8 +38,8 @@ pub(crate) trait Reader {
     /// Fails if a folder cannot be listed.
     fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, IngestError>;
 
-    /// Returns an object's mesh file, if the dataset has one.
-    fn mesh(&self, object: &str) -> Option<SourceFile>;
+    /// Returns the name of the file that says what a recording is about.
+    fn description(&self) -> &'static str;
 
     /// Returns what a recording is about, from its files.
     ///
@@ -78,16 +78,34 @@ pub(crate) struct Listed {
     /// What it is about; `None` if the file that says so cannot be used, which is reported when the
     /// recording is read.
     pub(crate) about: Option<About>,
+    /// Whether something marks the table.
+    pub(crate) marks_table: bool,
+    /// Its cameras' folders, in the recording's order.
+    pub(crate) cameras: Vec<String>,
+    /// Files outside its folder with which it is read, where they are there.
+    pub(crate) beside: Vec<SourceFile>,
 }
 
 impl Listed {
-    pub(crate) fn new(folder: RecordingFolder, about: Option<About>) -> Self {
+    /// Returns a recording of a folder alone.
+    pub(crate) fn new(folder: RecordingFolder, about: Option<About>, marks_table: bool) -> Self {
         Self {
             key: folder.key,
             name: folder.name,
             path: folder.path,
             fault: folder.fault,
             about,
+            marks_table,
+            cameras: Vec::new(),
+            beside: Vec::new(),
+        }
+    }
+
+    /// Names a file of its folder.
+    pub(crate) fn file(&self, name: &str) -> SourceFile {
+        SourceFile {
+            name: format!("{}/{name}", self.name),
+            path: self.path.join(name),
         }
     }
 }
@@ -103,13 +121,14 @@ pub(crate) struct About {
     pub(crate) hand: Side,
     /// Names of all objects in the scene.
     pub(crate) scene: Vec<String>,
-    /// Whether something marks the table.
-    pub(crate) marks_table: bool,
 }
+
+/// Where the datasets' meshes lie.
+pub(crate) const MODELS: &str = "models/";
 
 /// Returns where an object's mesh lies, relative to a dataset.
 pub(crate) fn mesh_name(object: &str) -> String {
-    format!("models/{object}/textured_simple.obj")
+    format!("{MODELS}{object}/textured_simple.obj")
 }
 
 /// Returns what a listing looks at of a small file: its bytes, none where it cannot be read or has more

@@ -14,6 +14,8 @@ const SHAPES: &str = "shapes";
 const DEMONSTRATIONS: &str = "demonstrations";
 const OBJECTS: &str = "objects";
 
+/// Names of the pipeline file's meshes, among the files of a unit, begin so.
+const MESHES: &str = "meshes/";
 /// Why a recording is left out, found out while listing.
 const LEFT_OUT: &str = "left out";
 /// Why a recording cannot be read, found out while listing.

@@ -22,7 +22,7 @@ use crate::{
     error::{IngestError, Unusable},
     folders::{plain, recordings},
     npz::Arrays,
-    reader::{self, About, Listed, Reader, glance, mesh_name},
+    reader::{self, About, Listed, Reader, glance},
     recording::{Ground, Observation, Recording},
     selection::Cameras,
     yaml,
@@ -75,8 +75,11 @@ impl Reader for Tracks<'_> {
                 let description = yaml::parse::<Description>(&bytes).ok();
                 let description = description
                     .filter(|description| folder.fault.is_none() && description.names_an_object());
-                let about = description.map(|found| self.by(found).about(&folder.subject));
-                Listed::new(folder, about)
+                let marks_table = description
+                    .as_ref()
+                    .is_some_and(|description| self.table_of(description).is_some());
+                let about = description.map(|description| description.about(&folder.subject));
+                Listed::new(folder, about, marks_table)
             })
             .collect();
         if listed.is_empty() {
@@ -88,29 +91,22 @@ impl Reader for Tracks<'_> {
     }
 
     fn files(&self, listed: &Listed, _cameras: Cameras) -> Result<Vec<SourceFile>, IngestError> {
-        let found = [ABOUT, TRACK].into_iter().filter_map(|name| {
-            let path = listed.path.join(name);
-            let name = format!("{}/{name}", listed.name);
-            path.is_file().then_some(SourceFile { name, path })
-        });
-        Ok(found.collect())
+        let files = [ABOUT, TRACK].map(|name| listed.file(name)).into_iter();
+        Ok(files.filter(|file| file.path.is_file()).collect())
     }
 
-    fn mesh(&self, object: &str) -> Option<SourceFile> {
-        let name = mesh_name(object);
-        let path = self.root.join(&name);
-        path.is_file().then_some(SourceFile { name, path })
+    fn description(&self) -> &'static str {
+        ABOUT
     }
 
     fn about(&self, files: &[SourceFile]) -> Result<About, Unusable> {
         let (file, description) = describe(files)?;
-        Ok(self.by(description).about(subject(file)))
+        Ok(description.about(subject(file)))
     }
 
     fn read(&self, files: &[SourceFile]) -> Result<Recording, Unusable> {
         let (file, description) = describe(files)?;
-        let description = self.by(description);
-        let ground = match &description.table {
+        let ground = match self.table_of(&description) {
             None => Ground::Standing {
                 others: Vec::new(),
                 above: None,
@@ -140,11 +136,11 @@ impl Reader for Tracks<'_> {
 }
 
 impl Tracks<'_> {
-    /// Forgets the table where it is not to be used.
-    fn by(&self, description: Description) -> Description {
-        Description {
-            table: description.table.filter(|_| self.table == TableRule::Tag),
-            ..description
+    /// Returns the table that the recording marks, unless it is not to be used.
+    fn table_of<'d>(&self, description: &'d Description) -> Option<&'d [f64; 12]> {
+        match self.table {
+            TableRule::Tag => description.table.as_ref(),
+            TableRule::Objects => None,
         }
     }
 }
@@ -161,7 +157,6 @@ impl Description {
             object: self.object.clone(),
             hand: self.hand,
             scene: vec![self.object.clone()],
-            marks_table: self.table.is_some(),
         }
     }
 }

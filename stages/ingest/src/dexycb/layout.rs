@@ -1,7 +1,7 @@
 //! The dataset's folders: which recordings there are and which files belong to each.
 //!
 //! Folders are listed; `meta.yml` and the calibrations are read for what a recording is about;
-//! nothing else is opened. Names that are not UTF-8 belong to no recording.
+//! nothing else is opened.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -25,49 +25,111 @@ use crate::{
     ycb,
 };
 
+/// Says what is in a recording.
+pub(super) const META: &str = "meta.yml";
+/// Holds the poses of a recording's objects and hand.
+const POSES: &str = "pose.npz";
 /// Marks a recording whose `pose_m` holds something else than a hand model's numbers.
 const NOT_MANO: &str = "NOT_MANO.txt";
 /// Folders beside the subjects' ones.
 const NOT_SUBJECTS: [&str; 2] = ["calibration", "models"];
 
-/// Lists the recordings, ordered by name.
-pub(super) fn list(root: &Path, table: TableRule) -> Result<Vec<Listed>, IngestError> {
-    let mut tags = BTreeMap::new();
-    let folders = recordings(root, &["meta.yml", "pose.npz"])?;
-    let is_subject = |folder: &RecordingFolder| !NOT_SUBJECTS.contains(&folder.subject.as_str());
-    let listed: Vec<Listed> = folders
-        .into_iter()
-        .filter(is_subject)
-        .map(|folder| {
-            let bytes = glance(&folder.path.join("meta.yml"), MAX_YAML_BYTES);
-            let meta = yaml::parse::<Meta>(&bytes).ok();
-            let meta = meta.filter(|_| folder.fault.is_none());
-            let about = meta.and_then(|meta| {
-                let marks_table = *tags
-                    .entry(meta.extrinsics.clone())
-                    .or_insert_with(|| table == TableRule::Tag && has_tag(root, &meta.extrinsics));
-                about(&folder.subject, &meta, marks_table)
+impl DexYcb<'_> {
+    /// Lists the recordings, ordered by name.
+    pub(super) fn listed(&self) -> Result<Vec<Listed>, IngestError> {
+        let mut tags = BTreeMap::new();
+        let folders = recordings(self.root, &[META, POSES])?;
+        let is_subject =
+            |folder: &RecordingFolder| !NOT_SUBJECTS.contains(&folder.subject.as_str());
+        let listed: Vec<Listed> = folders
+            .into_iter()
+            .filter(is_subject)
+            .map(|folder| {
+                let bytes = glance(&folder.path.join(META), MAX_YAML_BYTES);
+                let meta = yaml::parse::<Meta>(&bytes).ok();
+                let Some(meta) = meta.filter(|_| folder.fault.is_none()) else {
+                    return Listed::new(folder, None, true);
+                };
+                let marks_table = self.table == TableRule::Tag
+                    && *tags
+                        .entry(meta.extrinsics.clone())
+                        .or_insert_with(|| has_tag(self.root, &meta.extrinsics));
+                let about = about(&folder.subject, &meta);
+                let beside = self.beside(&folder, &meta);
+                Listed {
+                    cameras: meta.serials,
+                    beside,
+                    ..Listed::new(folder, about, marks_table)
+                }
+            })
+            .collect();
+        if listed.is_empty() {
+            return Err(IngestError::NoSequences {
+                root: self.root.to_owned(),
             });
-            Listed::new(folder, about)
-        })
-        .collect();
-    if listed.is_empty() {
-        return Err(IngestError::NoSequences {
-            root: root.to_owned(),
-        });
+        }
+        Ok(listed)
     }
-    Ok(listed)
+
+    /// Names the calibration of a recording's cameras and of its hand, and the hand model.
+    fn beside(&self, folder: &RecordingFolder, meta: &Meta) -> Vec<SourceFile> {
+        let of_dataset = |name: String| SourceFile {
+            path: self.root.join(&name),
+            name,
+        };
+        let mut files = Vec::new();
+        // An id is part of a folder's name; one that leads elsewhere is no id.
+        if plain(&meta.extrinsics) == meta.extrinsics {
+            files.push(of_dataset(calibration::extrinsics_name(&meta.extrinsics)));
+        }
+        if let (Some(models), Some(hand)) = (self.mano_models, meta.hand())
+            // What is made up is marked: its `pose_m` is no hand model's.
+            && !folder.path.join(NOT_MANO).exists()
+        {
+            let file = hand_model::model_file(hand);
+            files.push(SourceFile {
+                name: format!("mano/{file}"),
+                path: models.join(file),
+            });
+            let id = meta.mano_calib.first().filter(|id| plain(id) == **id);
+            files.extend(id.map(|id| of_dataset(hand_model::shape_name(id))));
+        }
+        files
+    }
+}
+
+/// Lists the files that say something about the hand, the object and the cameras.
+pub(super) fn files_of(listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, IngestError> {
+    let own = [META, POSES].map(|name| listed.file(name));
+    let mut files: Vec<SourceFile> = own
+        .into_iter()
+        .chain(listed.beside.iter().cloned())
+        .filter(|file| file.path.is_file())
+        .collect();
+    let serials = listed.cameras.iter().enumerate();
+    let mut taken = BTreeSet::new();
+    for (_, serial) in serials.filter(|&(number, _)| cameras.holds(number)) {
+        // A camera that is named twice is reported when the recording is read.
+        if plain(serial) != *serial || !taken.insert(serial) {
+            continue;
+        }
+        for (label, is_folder) in names(&listed.path.join(serial))? {
+            if !is_folder && image_of_label(&label).is_some() {
+                files.push(listed.file(&format!("{serial}/{label}")));
+            }
+        }
+    }
+    Ok(files)
 }
 
 /// Returns what a recording is about; `None` where `meta.yml` names what there is not.
-pub(super) fn about(subject: &str, meta: &Meta, marks_table: bool) -> Option<About> {
+pub(super) fn about(subject: &str, meta: &Meta) -> Option<About> {
     let name = |number: u32| ycb::name(number).map(str::to_owned);
     Some(About {
         subject: subject.to_owned(),
         object: name(*meta.ycb_ids.get(meta.ycb_grasp_ind)?)?,
         hand: meta.hand()?,
         scene: meta.ycb_ids.iter().filter_map(|&id| name(id)).collect(),
-        marks_table,
     })
 }
 
@@ -82,64 +144,6 @@ fn has_tag(root: &Path, id: &str) -> bool {
         .map_or(true, |extrinsics| extrinsics.extrinsics.contains_key(TAG))
 }
 
-impl DexYcb<'_> {
-    /// Lists the files that say something about the hand, the object and the cameras.
-    pub(super) fn files_of(
-        &self,
-        listed: &Listed,
-        cameras: Cameras,
-    ) -> Result<Vec<SourceFile>, IngestError> {
-        let mut files = Vec::new();
-        let mut add = |name: String, path: &Path| {
-            if path.is_file() {
-                let path = path.to_owned();
-                files.push(SourceFile { name, path });
-            }
-        };
-        for name in ["meta.yml", "pose.npz"] {
-            add(format!("{}/{name}", listed.name), &listed.path.join(name));
-        }
-        let bytes = glance(&listed.path.join("meta.yml"), MAX_YAML_BYTES);
-        let Ok(meta) = yaml::parse::<Meta>(&bytes) else {
-            return Ok(files);
-        };
-        // An id is part of a folder's name; one that leads elsewhere is no id.
-        if plain(&meta.extrinsics) == meta.extrinsics {
-            let name = calibration::extrinsics_name(&meta.extrinsics);
-            add(name.clone(), &self.root.join(&name));
-        }
-        if let (Some(models), Some(hand)) = (self.mano_models, meta.hand())
-            // What is made up is marked: its `pose_m` is no hand model's.
-            && !listed.path.join(NOT_MANO).exists()
-        {
-            let file = hand_model::model_file(hand);
-            add(format!("mano/{file}"), &models.join(file));
-            if let Some(id) = meta.mano_calib.first().filter(|id| plain(id) == **id) {
-                let name = hand_model::shape_name(id);
-                add(name.clone(), &self.root.join(&name));
-            }
-        }
-        let serials = meta.serials.iter().enumerate();
-        let mut listed_serials = BTreeSet::new();
-        for (_, serial) in serials.filter(|&(number, _)| cameras.holds(number)) {
-            // A camera that is named twice is reported when the recording is read.
-            if plain(serial) != *serial || !listed_serials.insert(serial) {
-                continue;
-            }
-            let camera = listed.path.join(serial);
-            for (label, is_folder) in names(&camera)? {
-                if !is_folder && image_of_label(&label).is_some() {
-                    files.push(SourceFile {
-                        name: format!("{}/{serial}/{label}", listed.name),
-                        path: camera.join(&label),
-                    });
-                }
-            }
-        }
-        Ok(files)
-    }
-}
-
 /// Returns the image's number of a file `labels_NNNNNN.npz`.
 fn image_of_label(file: &str) -> Option<u32> {
     let digits = file.strip_prefix("labels_")?.strip_suffix(".npz")?;
@@ -147,7 +151,7 @@ fn image_of_label(file: &str) -> Option<u32> {
     is_number.then(|| digits.parse().ok()).flatten()
 }
 
-/// The files of one recording by what they are, from the names that [`DexYcb::files_of`] gave them.
+/// The files of one recording by what they are, from the names that [`files_of`] gave them.
 #[derive(Debug, Default)]
 pub(super) struct SequenceFiles<'a> {
     /// The subject's folder.
@@ -177,11 +181,11 @@ impl<'a> SequenceFiles<'a> {
                 ["calibration", _, "mano.yml"] => sorted.hand_shape = Some(file),
                 ["mano", _] => sorted.hand_model = Some(file),
                 ["calibration" | "models", ..] => {}
-                [subject, _, "meta.yml"] => {
+                [subject, _, META] => {
                     subject.clone_into(&mut sorted.subject);
                     sorted.meta = Some(file);
                 }
-                [_, _, "pose.npz"] => sorted.poses = Some(file),
+                [_, _, POSES] => sorted.poses = Some(file),
                 [_, _, camera, label] => {
                     if let Some(image) = image_of_label(label) {
                         sorted.labels.entry(camera).or_default().insert(image, file);

@@ -7,12 +7,13 @@ use geometry::TriMesh;
 use nalgebra::{Unit as UnitVector, Vector3};
 use schemas::{SchemaError, demonstrations::Demonstration, objects::Object};
 
-use super::{DEMONSTRATIONS, LEFT_OUT, MASS, SHAPES, UNREADABLE, units::added};
+use super::{DEMONSTRATIONS, LEFT_OUT, MASS, MESHES, SHAPES, UNREADABLE, units::added};
 use crate::{
     aftermath::{self, After},
     config::IngestConfig,
     error::{IngestError, Unusable},
-    film, mirror, objects, reach, reader,
+    film, mirror, objects, reach,
+    reader::{self, MODELS},
     recording::Recording,
     rests, table,
 };
@@ -21,8 +22,6 @@ use crate::{
 const MAX_MESH_BYTES: u64 = 256 << 20;
 /// Name of the recording in a demonstration's artifact.
 const FILM: &str = "demonstration.mcap";
-/// Where meshes lie: in the dataset, and by the pipeline file.
-const MESH_FOLDERS: [&str; 2] = ["models/", "meshes/"];
 
 /// Makes what follows from an object's mesh and its mass.
 pub(super) fn shape(
@@ -154,7 +153,7 @@ fn parts(
 
 /// Returns the mesh among the files that a unit reads, if it can be used.
 fn mesh_among(files: &[SourceFile]) -> Option<TriMesh> {
-    let is_mesh = |file: &&SourceFile| MESH_FOLDERS.iter().any(|f| file.name.starts_with(f));
+    let is_mesh = |file: &&SourceFile| [MODELS, MESHES].iter().any(|f| file.name.starts_with(f));
     let bytes = reader::read(files.iter().find(is_mesh)?, MAX_MESH_BYTES).ok()?;
     objects::mesh(&bytes).ok()
 }

@@ -4,12 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use dataflow::{Labels, Scope, SourceFile, Unit};
 
-use super::{ADDED, DEMONSTRATIONS, LEFT_OUT, MASS, SHAPES, UNREADABLE};
+use super::{ADDED, DEMONSTRATIONS, LEFT_OUT, MASS, MESHES, SHAPES, UNREADABLE};
 use crate::{
     config::IngestConfig,
     error::IngestError,
     reader::{self, Listed, Reader},
-    selection::{self, Cameras, Choice},
+    selection::{self, Choice},
     ycb,
 };
 
@@ -32,10 +32,10 @@ pub(super) fn shapes(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
         let (Some(about), Choice::Take(_)) = (listed.about, choice) else {
             continue;
         };
-        if !about.marks_table {
+        if !listed.marks_table {
             // What only stands there is no loss if nobody knows its shape.
             let scene = about.scene.into_iter();
-            names.extend(scene.filter(|name| mesh_file(config, reader.as_ref(), name).is_some()));
+            names.extend(scene.filter(|name| mesh_file(config, name).is_some()));
         }
         names.insert(about.object);
     }
@@ -44,7 +44,7 @@ pub(super) fn shapes(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
         .map(|object| {
             // Said before anything is computed, not after.
             let mass_kg = mass_kg(config, &object)?;
-            let file = mesh_file(config, reader.as_ref(), &object);
+            let file = mesh_file(config, &object);
             let mut unit = Unit::new(object).with_fact(MASS, mass_kg.to_string());
             unit.files.extend(file);
             Ok(unit)
@@ -52,20 +52,22 @@ pub(super) fn shapes(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
         .collect()
 }
 
-/// Returns the pipeline file's mesh of an object, or the dataset's.
-fn mesh_file(config: &IngestConfig, reader: &dyn Reader, object: &str) -> Option<SourceFile> {
-    match config.meshes.get(object) {
-        Some(added) => Some(SourceFile {
-            name: format!("meshes/{object}.obj"),
+/// Returns the pipeline file's mesh of an object, or the dataset's, if there is one.
+fn mesh_file(config: &IngestConfig, object: &str) -> Option<SourceFile> {
+    if let Some(added) = config.meshes.get(object) {
+        return Some(SourceFile {
+            name: format!("{MESHES}{object}.obj"),
             path: added.file.clone(),
-        }),
-        None => reader.mesh(object),
+        });
     }
+    let name = reader::mesh_name(object);
+    let path = config.root.join(&name);
+    path.is_file().then_some(SourceFile { name, path })
 }
 
 /// The label of a shape whose mesh comes from the pipeline file.
 pub(super) fn added(files: &[SourceFile]) -> Labels {
-    let is_added = files.iter().any(|file| file.name.starts_with("meshes/"));
+    let is_added = files.iter().any(|file| file.name.starts_with(MESHES));
     is_added
         .then(|| (ADDED.to_owned(), "true".to_owned()))
         .into_iter()
@@ -98,20 +100,18 @@ pub(super) fn demonstrations(
             (Some(fault), _) => Ok(Unit::new(&listed.key).with_fact(UNREADABLE, fault)),
             (None, Choice::Leave(reason)) => {
                 // What it is about is all that is read of it.
-                let cameras = Cameras { first: 0, end: 0 };
-                let mut unit = Unit::new(&listed.key).with_fact(LEFT_OUT, reason);
-                unit.files = reader.files(&listed, cameras)?;
-                unit.files.truncate(1);
-                Ok(unit)
+                Ok(Unit::new(&listed.key)
+                    .with_fact(LEFT_OUT, reason)
+                    .with_file(listed.file(reader.description())))
             }
             (None, Choice::Take(cameras)) => {
                 let mut unit = Unit::new(&listed.key);
                 unit.files = reader.files(&listed, cameras)?;
                 let object = listed.about.as_ref().map(|about| about.object.as_str());
-                let mesh = object.and_then(|object| mesh_file(config, reader.as_ref(), object));
+                let mesh = object.and_then(|object| mesh_file(config, object));
                 unit.files.extend(mesh);
                 let read = listed.about.iter().flat_map(|about| {
-                    let scene = about.scene.iter().filter(|_| !about.marks_table);
+                    let scene = about.scene.iter().filter(|_| !listed.marks_table);
                     let mirrored = (about.hand != config.hand).then_some(&about.object);
                     scene.chain(mirrored).map(String::as_str)
                 });
