@@ -12,6 +12,7 @@ use crate::{
     recording::{Keypoints, Recording},
     still::Still,
 };
+
 /// One image after the grasp.
 pub(crate) struct After {
     /// Seconds since the first step of the reach.
