@@ -25,6 +25,7 @@
 //! geometry is a mesh has no collision shape.
 
 mod error;
+mod fingers;
 mod forward;
 mod jacobian;
 mod model;
@@ -32,4 +33,5 @@ mod near;
 mod urdf;
 
 pub use error::{RobotError, WrongDof};
+pub use fingers::Finger;
 pub use model::{Collision, Inertial, Joint, JointKind, Link, RobotModel, Shape};

@@ -17,6 +17,8 @@ pub struct RobotModel {
 pub struct Link {
     /// Its name in the URDF.
     pub name: String,
+    /// Name of the joint that it hangs on, fixed and mimic joints included; `None` for the root.
+    pub joint_name: Option<String>,
     /// The link it hangs on; `None` for the root alone.
     pub parent: Option<usize>,
     /// The joint position that moves it relative to its parent; `None` if it is fixed to it.

@@ -44,6 +44,7 @@ pub(crate) fn parse(xml: &str) -> Result<RobotModel, RobotError> {
         }
         links.push(Link {
             name: link.name.clone(),
+            joint_name: parent_joint.map(|joint| joint.name.clone()),
             parent,
             joint: own_joint,
             kind,
