@@ -24,14 +24,22 @@
 //! This crate opens no file: meshes that a URDF names are never read, and a link whose collision
 //! geometry is a mesh has no collision shape.
 
+mod bodies;
+mod dynamics;
 mod error;
+mod findings;
 mod fingers;
 mod forward;
+mod free_root;
 mod jacobian;
 mod model;
 mod near;
 mod urdf;
 
-pub use error::{RobotError, WrongDof};
+pub use bodies::Bodies;
+pub use dynamics::{Efforts, JointMotion};
+pub use error::{MimicFault, RobotError, WrongDof};
+pub use findings::{Finding, Part, Severity};
 pub use fingers::Finger;
-pub use model::{Collision, Inertial, Joint, JointKind, Link, RobotModel, Shape};
+pub use free_root::{Root, exponential, logarithm};
+pub use model::{Collision, Inertial, Joint, JointKind, Link, Mesh, RobotModel, Shape};
