@@ -203,7 +203,9 @@ impl SpatialInertia {
             .copy_from(&(Matrix3::identity() * self.mass));
         matrix.fixed_view_mut::<3, 3>(0, 3).copy_from(&-moment);
         matrix.fixed_view_mut::<3, 3>(3, 0).copy_from(&moment);
-        matrix.fixed_view_mut::<3, 3>(3, 3).copy_from(&self.inertia);
+        // Turning tensors rounds: the matrix is symmetric to the last bit.
+        let inertia = (self.inertia + self.inertia.transpose()) * 0.5;
+        matrix.fixed_view_mut::<3, 3>(3, 3).copy_from(&inertia);
         matrix
     }
 }
