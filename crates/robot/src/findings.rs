@@ -9,7 +9,7 @@ pub struct Finding {
     pub part: Part,
     /// What is the case, with its numbers: what follows the part's name in a sentence.
     pub problem: String,
-    /// What to do about it.
+    /// What to do about it; empty if there is nothing to be done.
     pub advice: String,
 }
 

@@ -55,12 +55,7 @@ impl RobotModel {
                 has_moving_child[body_of[parent]] = true;
             }
         }
-        let q: Vec<f64> = self
-            .joints()
-            .iter()
-            .map(|joint| 0.0_f64.max(joint.lower).min(joint.upper))
-            .collect();
-        let palm_from_links = self.forward_kinematics(&q).unwrap_or_default();
+        let palm_from_links = self.forward_kinematics(&self.open()).unwrap_or_default();
         let mut fingers = Vec::new();
         for (body, link) in self.links().iter().enumerate() {
             if link.kind.is_none() || has_moving_child[body] {

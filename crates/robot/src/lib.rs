@@ -25,12 +25,14 @@
 //! geometry is a mesh has no collision shape.
 
 mod bodies;
+mod checks;
 mod dynamics;
 mod error;
 mod findings;
 mod fingers;
 mod forward;
 mod free_root;
+mod hand_shape;
 mod jacobian;
 mod model;
 mod near;
@@ -42,4 +44,6 @@ pub use error::{MimicFault, RobotError, WrongDof};
 pub use findings::{Finding, Part, Severity};
 pub use fingers::Finger;
 pub use free_root::{Root, exponential, logarithm};
+pub use hand_shape::HandShape;
 pub use model::{Collision, Inertial, Joint, JointKind, Link, Mesh, RobotModel, Shape};
+pub use urdf::MAX_BYTES as MAX_URDF_BYTES;

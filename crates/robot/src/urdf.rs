@@ -6,6 +6,8 @@ mod parts;
 mod tree;
 mod xml;
 
+pub use self::xml::MAX_BYTES;
+
 use nalgebra::{Isometry3, Vector3};
 
 use self::parts::RawJoint;

@@ -117,7 +117,7 @@ pub(super) fn narrow(
                  {lower:.4} to {upper:.4}",
                 joint.name
             ),
-            advice: "nothing to do, if the hand is so".to_owned(),
+            advice: String::new(),
         });
     }
     (joint.lower, joint.upper) = (lower, upper);

@@ -7,8 +7,8 @@ use quick_xml::{
 
 use crate::RobotError;
 
-/// Longest text that is read, in bytes: a hundred times the longest URDF of a hand with an arm.
-const MAX_BYTES: usize = 16 << 20;
+/// Longest URDF that is read, in bytes: a hundred times that of a hand with an arm.
+pub const MAX_BYTES: usize = 16 << 20;
 /// Most elements that are kept.
 const MAX_ELEMENTS: usize = 200_000;
 /// Most attributes of one element; more are left out.
