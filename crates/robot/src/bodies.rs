@@ -24,6 +24,16 @@ pub(crate) struct Body {
     pub(crate) inertia: SpatialInertia,
 }
 
+impl Body {
+    fn without_mass(parent: usize, joint: Option<BodyJoint>) -> Self {
+        Self {
+            parent,
+            joint,
+            inertia: SpatialInertia::zero(),
+        }
+    }
+}
+
 /// How a body moves relative to its parent, by `multiplier * q + offset`.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct BodyJoint {
@@ -228,32 +238,22 @@ impl Bodies {
                 None => (0, Isometry3::identity()),
             };
             let parent_from_joint = body_from_parent * link.parent_from_joint;
-            let place = match (link.kind, link.joint) {
-                (Some(kind), Some(number)) => {
-                    bodies.push(Body {
-                        parent,
-                        joint: Some(BodyJoint {
-                            number,
-                            multiplier: link.multiplier,
-                            offset: link.offset,
-                            is_turning: kind != JointKind::Prismatic,
-                            parent_from_joint,
-                            axis: link.axis,
-                        }),
-                        inertia: SpatialInertia::zero(),
-                    });
-                    (bodies.len() - 1, Isometry3::identity())
+            let place = if let (Some(kind), Some(number)) = (link.kind, link.joint) {
+                let joint = BodyJoint {
+                    number,
+                    multiplier: link.multiplier,
+                    offset: link.offset,
+                    is_turning: kind != JointKind::Prismatic,
+                    parent_from_joint,
+                    axis: link.axis,
+                };
+                bodies.push(Body::without_mass(parent, Some(joint)));
+                (bodies.len() - 1, Isometry3::identity())
+            } else {
+                if bodies.is_empty() {
+                    bodies.push(Body::without_mass(0, None));
                 }
-                (Some(_) | None, _) => {
-                    if bodies.is_empty() {
-                        bodies.push(Body {
-                            parent: 0,
-                            joint: None,
-                            inertia: SpatialInertia::zero(),
-                        });
-                    }
-                    (parent, parent_from_joint)
-                }
+                (parent, parent_from_joint)
             };
             if let Some(inertial) = &link.inertial {
                 let (body, body_from_link) = &place;

@@ -231,7 +231,7 @@ fn joint(joint: &Joint) -> Vec<Finding> {
         });
     };
     let is_turning = joint.kind != JointKind::Prismatic;
-    if joint.lower == joint.upper {
+    if joint.upper - joint.lower <= 0.0 {
         find(
             Severity::Doubtful,
             format!("is locked: its limits are both {}", joint.lower),

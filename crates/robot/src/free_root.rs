@@ -9,7 +9,7 @@ const SMALL_RAD: f64 = 1e-3;
 ///
 /// A twist has the linear part first and is that of the root link's own origin, along the root
 /// link's own axes: m/s and rad/s. A twist added for a time moves the root to
-/// `world_from_root * exponential(twist * time)`. This is the convention of Pinocchio's free flyer.
+/// `world_from_root * pose_from_twist(twist * time)`. This is the convention of Pinocchio's free flyer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Root {
     /// Pose of the root link in the world.
@@ -32,7 +32,7 @@ impl Root {
 
     /// Returns the root's pose after it has kept its twist for a time in seconds.
     pub fn after(&self, time_s: f64) -> Isometry3<f64> {
-        self.world_from_root * exponential(&(self.velocity * time_s))
+        self.world_from_root * pose_from_twist(&(self.velocity * time_s))
     }
 }
 
@@ -40,7 +40,7 @@ impl Root {
 /// time, from the identity.
 ///
 /// Lynch and Park, *Modern Robotics*, 2017, §3.3.3, proposition 3.25.
-pub fn exponential(twist: &Vector6<f64>) -> Isometry3<f64> {
+pub fn pose_from_twist(twist: &Vector6<f64>) -> Isometry3<f64> {
     let linear: Vector3<f64> = twist.fixed_rows::<3>(0).into_owned();
     let angular: Vector3<f64> = twist.fixed_rows::<3>(3).into_owned();
     let angle_sq = angular.norm_squared();
@@ -66,10 +66,10 @@ pub fn exponential(twist: &Vector6<f64>) -> Isometry3<f64> {
 }
 
 /// Returns the twist (meters and radians, linear part first) that leads from the identity to a pose
-/// in one unit of time, turning by at most π: the inverse of [`exponential`].
+/// in one unit of time, turning by at most π: the inverse of [`pose_from_twist`].
 ///
 /// Lynch and Park, *Modern Robotics*, 2017, §3.3.3, equation 3.92.
-pub fn logarithm(pose: &Isometry3<f64>) -> Vector6<f64> {
+pub fn twist_from_pose(pose: &Isometry3<f64>) -> Vector6<f64> {
     let angular = pose.rotation.scaled_axis();
     let angle_sq = angular.norm_squared();
     let angle = angle_sq.sqrt();

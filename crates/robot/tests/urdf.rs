@@ -116,6 +116,11 @@ fn templates_are_sent_to_xacro() {
     );
 }
 
+/// Returns so many texts in one.
+fn each(n: usize, text: impl Fn(usize) -> String) -> String {
+    (0..n).map(text).collect()
+}
+
 #[test]
 fn huge_and_deep_texts_are_refused_or_read_in_no_time() {
     check_refused(
@@ -128,9 +133,7 @@ fn huge_and_deep_texts_are_refused_or_read_in_no_time() {
         "the URDF has more than 200000 elements",
         "",
     );
-    let many: String = (0..5001)
-        .map(|idx| format!("<link name='{idx}'/>"))
-        .collect();
+    let many = each(5001, |idx| format!("<link name='{idx}'/>"));
     check_refused(
         &format!("<robot>{many}</robot>"),
         "the URDF has more than 5000 links or joints",
@@ -141,9 +144,7 @@ fn huge_and_deep_texts_are_refused_or_read_in_no_time() {
     let xml = format!("<robot name='r'><link name='a'/>{deep}</robot>");
     assert!(RobotModel::from_urdf(&xml).is_ok());
     // A chain of links, as deep as it goes: nothing may call itself once for each.
-    let links: String = (0..5000)
-        .map(|idx| format!("<link name='l{idx}'/>"))
-        .collect();
+    let links = each(5000, |idx| format!("<link name='l{idx}'/>"));
     let joints: String = (0..4999)
         .map(|idx| {
             let follows = if idx == 0 {
@@ -442,11 +443,10 @@ fn published_descriptions_are_read() {
     for (name, xml) in published() {
         let model = RobotModel::from_urdf(&xml).unwrap_or_else(|err| panic!("{name}: {err}"));
         let (dof, n_fingers, thumb) = match name.as_str() {
-            "allegro_hand_free" => (22, 4, "link_15.0_tip"),
+            "allegro_hand_free" | "xarm6_allegro" => (22, 4, "link_15.0_tip"),
             "allegro_hand_left" | "allegro_hand_right" => (16, 4, "link_15.0_tip"),
             "leap_hand_right" => (16, 4, "thumb_tip_head"),
             "shadow_hand_right" => (24, 5, "thtip"),
-            "xarm6_allegro" => (22, 4, "link_15.0_tip"),
             _ => continue,
         };
         assert_eq!(model.dof(), dof, "{name}");

@@ -2,7 +2,7 @@
 //! of a hand's table.
 
 use std::{
-    collections::BTreeMap,
+    collections::BTreeSet,
     fs::File,
     io::{self, Read},
     path::{Path, PathBuf},
@@ -189,16 +189,16 @@ fn names(parts: &[&Part]) -> String {
 
 /// Looks for the meshes that the robot names.
 fn missing_meshes(model: &RobotModel, urdf: &Path) -> Option<Finding> {
-    let mut missing: BTreeMap<&str, ()> = BTreeMap::new();
+    let mut missing: BTreeSet<&str> = BTreeSet::new();
     for mesh in model.links().iter().flat_map(|link| &link.meshes) {
         if !candidates(&mesh.file, urdf)
             .iter()
             .any(|path| path.exists())
         {
-            missing.insert(&mesh.file, ());
+            missing.insert(&mesh.file);
         }
     }
-    let (first, ()) = missing.first_key_value()?;
+    let first = missing.first()?;
     Some(Finding {
         severity: Severity::Note,
         part: Part::Robot,
@@ -301,7 +301,7 @@ fn proposal(model: &RobotModel, hand: &HandShape) -> String {
 fn offset(offset_m: [f64; 3]) -> String {
     // Adding 0 makes the negative zero positive.
     let [x, y, z] = offset_m.map(|number| (number * 1e5).round() / 1e5 + 0.0);
-    if [x, y, z] == [0.0; 3] {
+    if x.abs().max(y.abs()).max(z.abs()) <= 0.0 {
         return String::new();
     }
     format!(", offset_m = [{x:?}, {y:?}, {z:?}]")

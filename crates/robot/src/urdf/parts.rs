@@ -211,13 +211,13 @@ pub(super) fn joint(
     };
     let (parent, child) = (linked("parent")?, linked("child")?);
     let limit = element.first("limit");
-    let range = match (kind, limit) {
-        (Some(JointKind::Continuous) | None, _) => None,
-        (Some(_), Some(limit)) => match (limit.number("lower")?, limit.number("upper")?) {
+    let has_range = matches!(kind, Some(JointKind::Revolute | JointKind::Prismatic));
+    let range = match limit.filter(|_| has_range) {
+        Some(limit) => match (limit.number("lower")?, limit.number("upper")?) {
             (None, None) => None,
             (lower, upper) => Some((lower.unwrap_or(0.0), upper.unwrap_or(0.0))),
         },
-        (Some(_), None) => None,
+        None => None,
     };
     if let Some((lower, upper)) = range
         && lower > upper

@@ -23,7 +23,7 @@ pub(super) struct Element {
     /// Line of the text on which it begins, from 1.
     pub(super) line: usize,
     attributes: Vec<(String, String)>,
-    pub(super) children: Vec<Element>,
+    pub(super) children: Vec<Self>,
 }
 
 impl Element {
@@ -178,7 +178,7 @@ impl<'a> Lines<'a> {
     fn at(&mut self, offset: u64) -> usize {
         let offset = usize::try_from(offset).unwrap_or(usize::MAX);
         if let Some(passed) = self.text.get(self.offset..offset.min(self.text.len())) {
-            self.line += passed.iter().filter(|&&byte| byte == b'\n').count();
+            self.line += passed.split(|&byte| byte == b'\n').count() - 1;
             self.offset += passed.len();
         }
         self.line
