@@ -53,7 +53,10 @@ impl Stage for Replay {
         if trajectories.is_empty() {
             return Err(ReplayError::NoTrajectories);
         }
-        let known: BTreeSet<&str> = trajectories.iter().filter_map(|t| t.label(OBJECT)).collect();
+        let known: BTreeSet<&str> = trajectories
+            .iter()
+            .filter_map(|t| t.label(OBJECT))
+            .collect();
         if let Some(object) = config.objects.iter().find(|o| !known.contains(o.as_str())) {
             return Err(ReplayError::UnknownObject {
                 object: object.clone(),
@@ -86,11 +89,7 @@ impl Stage for Replay {
         Some(Labels::from([(OBJECT.to_owned(), object)]))
     }
 
-    fn run(
-        _config: &ReplayConfig,
-        inputs: &Inputs,
-        cx: &Context,
-    ) -> Result<Outcome, ReplayError> {
+    fn run(_config: &ReplayConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, ReplayError> {
         let object = cx.partition();
         let trajectories: Vec<Trajectory> = inputs
             .artifacts("trajectories")
@@ -225,10 +224,17 @@ mod tests {
         };
         let read = candidates::from_batch("can", &lake::table::read(&made).unwrap()).unwrap();
         assert_eq!(read.joints, ["j"]);
-        let ids: Vec<&str> = read.candidates.iter().map(|c| c.candidate_id.as_str()).collect();
+        let ids: Vec<&str> = read
+            .candidates
+            .iter()
+            .map(|c| c.candidate_id.as_str())
+            .collect();
         assert_eq!(ids, ["can-a", "can-b"]);
         for candidate in &read.candidates {
-            assert_eq!(candidate.table_from_object, shown[0].rest.table_from_object());
+            assert_eq!(
+                candidate.table_from_object,
+                shown[0].rest.table_from_object()
+            );
             for (found, expected) in candidate.steps.iter().zip(&shown[0].steps) {
                 assert_eq!(found.time_s, expected.time_s);
                 assert_eq!(found.object_from_palm, expected.object_from_palm);
@@ -240,18 +246,28 @@ mod tests {
     #[test]
     fn trajectories_of_two_hands_are_refused() {
         let folder = tempfile::tempdir().unwrap();
-        let err = run(&[trajectory("a", &["j"]), trajectory("b", &["k"])], folder.path());
+        let err = run(
+            &[trajectory("a", &["j"]), trajectory("b", &["k"])],
+            folder.path(),
+        );
         assert!(matches!(err, Err(ReplayError::DifferentHands { second, .. }) if second == "b"));
     }
 
     #[test]
     fn one_unit_per_object_reads_its_trajectories() {
         let labeled = |key: &str, object: &str| {
-            Partition::new(key, BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]))
+            Partition::new(
+                key,
+                BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]),
+            )
         };
         let scope = Scope::new(BTreeMap::from([(
             "trajectories".to_owned(),
-            vec![labeled("a", "can"), labeled("b", "box"), labeled("c", "can")],
+            vec![
+                labeled("a", "can"),
+                labeled("b", "box"),
+                labeled("c", "can"),
+            ],
         )]));
         let units = |objects: &[&str]| {
             let objects = objects.iter().map(|&name| name.to_owned()).collect();
