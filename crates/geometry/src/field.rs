@@ -212,6 +212,8 @@ impl DistanceField {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::OnceLock;
+
     use proptest::prelude::*;
 
     use super::*;
@@ -227,10 +229,12 @@ mod tests {
         TriMesh::from_obj(&text).unwrap()
     }
 
-    fn field() -> (TriMesh, DistanceField) {
-        let mesh = cuboid([0.03, 0.04, 0.05]);
-        let field = DistanceField::new(&mesh, 0.0025, 0.025).unwrap().unwrap();
-        (mesh, field)
+    fn field() -> &'static DistanceField {
+        static FIELD: OnceLock<DistanceField> = OnceLock::new();
+        FIELD.get_or_init(|| {
+            let mesh = cuboid([0.03, 0.04, 0.05]);
+            DistanceField::new(&mesh, 0.0025, 0.025).unwrap().unwrap()
+        })
     }
 
     /// The signed distance of a box, in closed form.
@@ -247,7 +251,7 @@ mod tests {
         /// The field is within a spacing's eighth of the truth, and outside much nearer to it.
         #[test]
         fn distances_of_a_box_are_right(x in -0.05..0.05, y in -0.06..0.06, z in -0.07..0.07) {
-            let (_, field) = field();
+            let field = field();
             let point = Point3::new(x, y, z);
             let (found, _) = field.distance(&point);
             let off = (found - exact(&point)).abs();
@@ -258,7 +262,7 @@ mod tests {
         /// The gradient is the derivative of the distance.
         #[test]
         fn gradient_is_the_slope(at in prop::array::uniform3(-0.08..0.08)) {
-            let (_, field) = field();
+            let field = field();
             let point = Point3::from(at);
             let (_, gradient) = field.distance(&point);
             for axis in 0..3 {
@@ -276,9 +280,9 @@ mod tests {
 
     #[test]
     fn bytes_come_back_as_the_field_and_nothing_else_does() {
-        let (_, field) = field();
+        let field = field();
         let bytes = field.to_bytes();
-        assert_eq!(DistanceField::from_bytes(&bytes), Some(field));
+        assert_eq!(DistanceField::from_bytes(&bytes), Some(field.clone()));
         assert_eq!(DistanceField::from_bytes(&bytes[..bytes.len() - 1]), None);
         assert_eq!(DistanceField::from_bytes(b"sdfield1"), None);
         let mut huge = bytes;

@@ -171,13 +171,15 @@ mod tests {
             time_s,
             object_from_palm: Pose::new(Isometry3::translation(time_s, 0.0, 0.1)),
             q_rad: joints.iter().map(|_| time_s).collect(),
-            keypoint_error_m: 0.0,
-            fingertip_error_m: 0.0,
+            rates: trajectories::Rates::still(joints.len()),
+            tracking: trajectories::Tracking::default(),
         };
         Trajectory {
             sequence: sequence.to_owned(),
             object: "can".to_owned(),
             joints: joints.iter().map(|&name| name.to_owned()).collect(),
+            keypoints: Vec::new(),
+            tips: Vec::new(),
             rest: Rest {
                 up_in_object: UnitVector::new_normalize(Vector3::x()),
                 height_m: 0.03,
