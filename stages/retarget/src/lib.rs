@@ -25,7 +25,7 @@ mod objective;
 mod recording;
 mod scene;
 mod settle;
-mod solver;
+pub mod solver;
 mod stage;
 mod start;
 mod track;
