@@ -19,6 +19,8 @@ mod minimize;
 mod moments;
 mod posture;
 mod task;
+#[cfg(test)]
+mod tests;
 mod trig;
 
 pub(crate) use boxed::minimize;
