@@ -28,7 +28,7 @@ mod recording;
 mod scene;
 mod settle;
 mod smoothing;
-mod solver;
+pub mod solver;
 mod stage;
 mod start;
 mod track;
