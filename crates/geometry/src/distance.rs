@@ -158,6 +158,24 @@ impl SurfaceDistance {
         }
     }
 
+    /// Says whether there is no surface to be near to.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.tree.is_none()
+    }
+
+    /// Returns the distance to the nearest surface point where that is known to be at most `bound`,
+    /// in meters, on whichever side it lies; the bound itself if there is no surface.
+    pub(crate) fn unsigned_distance(&self, point: &Point3<f64>, bound: f64) -> f64 {
+        let Some(tree) = &self.tree else { return bound };
+        // What single precision loses must not hide the nearest triangle.
+        #[expect(clippy::cast_possible_truncation, reason = "widened before")]
+        let reach = (1.001 * bound + 1e-6).min(f64::from(f32::MAX)) as f32;
+        let nearest = tree
+            .project_local_point_and_get_location_with_max_dist(single(point), false, reach)
+            .and_then(|(_, (idx, _))| self.faces.get(idx as usize));
+        nearest.map_or(bound, |face| (point - face.nearest(point).0).norm())
+    }
+
     /// Says whether most rays from a point first hit the inner side of the surface.
     fn most_rays_leave(&self, point: &Point3<f64>) -> bool {
         let Some(tree) = &self.tree else { return false };

@@ -66,7 +66,7 @@ pub(crate) fn goal(
             let keypoint = keypoints_m
                 .get(point.keypoint)
                 .map_or(wrist, |&xyz| Point3::from(xyz));
-            let landmark = wrist + (keypoint - wrist) * config.hand_scale;
+            let landmark = wrist + (keypoint - wrist) * hand.scale;
             let mut goal = PointGoal {
                 landmark,
                 weight: point.weight,

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use robot::{JointKind, RobotError, RobotModel};
 
 use crate::{
-    RetargetConfig,
+    HandTable,
     balls::{Ball, fill},
 };
 
@@ -16,7 +16,9 @@ const CONTINUOUS_REACH_RAD: f64 = 100.0 * std::f64::consts::TAU;
 pub(crate) struct Hand {
     /// Its tree of links.
     pub(crate) model: RobotModel,
-    /// The points that follow landmarks, in the order of the configuration.
+    /// Its size relative to the person's.
+    pub(crate) scale: f64,
+    /// The points that follow landmarks, in the order of the table.
     pub(crate) points: Vec<HandPoint>,
     /// The balls that must stay out of things.
     pub(crate) balls: Vec<Ball>,
@@ -42,20 +44,21 @@ pub(crate) struct HandPoint {
 }
 
 impl Hand {
-    /// Prepares a robot for these correspondences.
+    /// Prepares a robot for the points of its table.
     ///
     /// # Errors
     ///
     /// Fails if the robot lacks a link that is named.
-    pub(crate) fn new(model: RobotModel, config: &RetargetConfig) -> Result<Self, RobotError> {
-        let mut points = Vec::with_capacity(config.correspondences.len());
-        for correspondence in &config.correspondences {
+    pub(crate) fn new(model: RobotModel, table: &HandTable) -> Result<Self, RobotError> {
+        let mut points = Vec::with_capacity(table.points.len());
+        for point in &table.points {
             points.push(HandPoint {
-                keypoint: correspondence.keypoint,
-                link: model.require_link(&correspondence.link)?,
-                point_in_link: Point3::from(correspondence.offset_m),
-                weight: correspondence.weight,
-                tip_radius_m: correspondence.tip_radius_m,
+                // A table is checked when it is read.
+                keypoint: point.keypoint_idx().unwrap_or(0),
+                link: model.require_link(&point.link)?,
+                point_in_link: Point3::from(point.offset_m),
+                weight: point.weight,
+                tip_radius_m: point.tip_radius_m,
             });
         }
         let balls = model
@@ -69,12 +72,22 @@ impl Hand {
             JointKind::Revolute | JointKind::Prismatic => bound,
         };
         Ok(Self {
+            scale: table.scale,
             points,
             balls,
             lower: model.joints().iter().map(|j| limit(j, j.lower)).collect(),
             upper: model.joints().iter().map(|j| limit(j, j.upper)).collect(),
             model,
         })
+    }
+
+    /// Returns the least distance of a joint to one of its limits, in radians (meters if prismatic);
+    /// a full turn if none is limited.
+    pub(crate) fn limit_margin(&self, q: &[f64]) -> f64 {
+        q.iter()
+            .zip(self.lower.iter().zip(&self.upper))
+            .map(|(q, (lower, upper))| (q - lower).min(upper - q))
+            .fold(std::f64::consts::TAU, f64::min)
     }
 
     /// Returns where every link is in the object frame.

@@ -360,7 +360,7 @@ mod tests {
         fn gradient_is_the_derivative(posture in posture()) {
             const STEP: f64 = 1e-7;
             let config = fixture::config();
-            let hand = fixture::hand(&config);
+            let hand = fixture::hand();
             let scene = fixture::scene();
             let goal = goal(0.008);
             let mid_range = hand.model.mid_range();
@@ -397,7 +397,7 @@ mod tests {
         #[test]
         fn memory_does_not_change_the_value(before in posture(), now in posture()) {
             let config = fixture::config();
-            let hand = fixture::hand(&config);
+            let hand = fixture::hand();
             let scene = fixture::scene();
             let goal = goal(0.008);
             let mid_range = hand.model.mid_range();

@@ -1,6 +1,11 @@
 //! A whole demonstration, step by step, backward from the grasp.
 
-use schemas::{demonstrations::Demonstration, trajectories};
+use std::collections::BTreeMap;
+
+use schemas::{
+    demonstrations::Demonstration,
+    trajectories::{self, Rates, Tracking},
+};
 use spatial::Pose;
 
 use crate::{
@@ -9,6 +14,7 @@ use crate::{
     hand::{Hand, Posture},
     objective::{Evaluation, Memory, Objective},
     scene::Scene,
+    smoothing::smoothed,
     solver::minimize,
     start::{laid_on, starts},
 };
@@ -28,22 +34,43 @@ const APPROACH: [usize; 5] = [16, 11, 7, 4, 2];
 
 /// What a demonstration became.
 pub(crate) struct Tracked {
-    /// The steps in time order.
+    /// The steps in time order, without their rates.
     pub(crate) steps: Vec<trajectories::Step>,
-    /// Mean over the steps of the keypoint error, in meters.
-    pub(crate) keypoint_error_m: f64,
     /// Keypoint error at the grasp, in meters.
     pub(crate) grasp_keypoint_error_m: f64,
-    /// Largest distance of a finger tip to its landmark at the grasp, in meters.
-    pub(crate) fingertip_error_m: f64,
-    /// Greatest depth of a link inside the object at the grasp, in meters.
-    pub(crate) penetration_m: f64,
-    /// Greatest depth of a link below the table over all steps, in meters.
-    pub(crate) table_penetration_m: f64,
-    /// Mean distance between the surface and the finger tips that should touch it, in meters.
-    pub(crate) tip_gap_m: f64,
     /// Number of steps that were searched afresh and found a better minimum.
     pub(crate) restarts_n: usize,
+}
+
+impl Tracked {
+    /// Returns the figures of the trajectory.
+    pub(crate) fn metrics(&self) -> BTreeMap<String, f64> {
+        let tracking = || self.steps.iter().map(|step| &step.tracking);
+        let keypoint_errors: f64 = tracking().map(Tracking::keypoint_error_m).sum();
+        let still = Tracking::default();
+        let grasp = tracking().next_back().unwrap_or(&still);
+        let gaps = grasp.contact_gaps_m.iter().map(|gap| gap.abs());
+        let contacts_n = grasp.contact_gaps_m.len().max(1) as f64;
+        [
+            ("steps_n", self.steps.len() as f64),
+            (
+                "keypoint_error_m",
+                keypoint_errors / self.steps.len().max(1) as f64,
+            ),
+            ("fingertip_error_m", grasp.fingertip_error_m()),
+            ("penetration_m", grasp.penetration_m),
+            (
+                "table_penetration_m",
+                tracking()
+                    .map(|t| t.table_penetration_m)
+                    .fold(0.0, f64::max),
+            ),
+            ("tip_gap_m", gaps.sum::<f64>() / contacts_n),
+            ("restarts_n", self.restarts_n as f64),
+        ]
+        .map(|(name, value)| (name.to_owned(), value))
+        .into()
+    }
 }
 
 /// Retargets a demonstration; `None` if it has no step.
@@ -57,7 +84,8 @@ pub(crate) fn track(
     let goals: Vec<Goal> = demonstration
         .steps
         .iter()
-        .map(|step| goal(hand, scene, config, &step.keypoints_m, end_s - step.time_s))
+        .zip(smoothed(&demonstration.steps, config.smoothing_s))
+        .map(|(step, keypoints_m)| goal(hand, scene, config, &keypoints_m, end_s - step.time_s))
         .collect();
     let tracker = Tracker {
         hand,
@@ -86,14 +114,20 @@ pub(crate) fn track(
         solved.push(best);
     }
     solved.reverse();
-    Some(summarize(
-        hand,
-        scene,
-        demonstration,
-        &goals,
-        &solved,
+    let steps = demonstration.steps.iter().zip(&goals).zip(&solved);
+    Some(Tracked {
+        steps: steps
+            .map(|((shown, goal), solved)| trajectories::Step {
+                time_s: shown.time_s,
+                object_from_palm: Pose::new(solved.posture.object_from_palm),
+                q_rad: solved.posture.q.clone(),
+                rates: Rates::still(solved.posture.q.len()),
+                tracking: tracking(hand, scene, goal, solved),
+            })
+            .collect(),
+        grasp_keypoint_error_m: grasp_error_m,
         restarts_n,
-    ))
+    })
 }
 
 /// What does not change from step to step.
@@ -203,49 +237,27 @@ fn errors(hand: &Hand, solved: &Evaluation, goal: &Goal) -> (f64, f64) {
     ((sum / hand.points.len() as f64).sqrt(), worst_tip)
 }
 
-/// Gathers the steps and what is said about them.
-fn summarize(
-    hand: &Hand,
-    scene: &Scene,
-    demonstration: &Demonstration,
-    goals: &[Goal],
-    solved: &[Evaluation],
-    restarts_n: usize,
-) -> Tracked {
-    let mut steps = Vec::with_capacity(solved.len());
-    let mut table_penetration_m = 0.0_f64;
-    for ((step, goal), solved) in demonstration.steps.iter().zip(goals).zip(solved) {
-        let (keypoint_error_m, fingertip_error_m) = errors(hand, solved, goal);
-        table_penetration_m = table_penetration_m.max(solved.table_depth_m(scene, hand));
-        steps.push(trajectories::Step {
-            time_s: step.time_s,
-            object_from_palm: Pose::new(solved.posture.object_from_palm),
-            q_rad: solved.posture.q.clone(),
-            keypoint_error_m,
-            fingertip_error_m,
-        });
-    }
-    let sum: f64 = steps.iter().map(|step| step.keypoint_error_m).sum();
-    let (mut tip_gaps_m, mut penetration_m) = (Vec::new(), 0.0);
-    if let (Some(grasp), Some(goal)) = (solved.last(), goals.last()) {
-        penetration_m = grasp.object_depth_m(scene, hand);
-        for ((point, goal), at) in hand.points.iter().zip(&goal.points).zip(&grasp.points) {
-            if let (Some(radius_m), Some(_)) = (point.tip_radius_m, goal.contact) {
-                tip_gaps_m.push((scene.gap(at).distance_m - radius_m).abs());
+/// Returns how well a step follows, and what it keeps from.
+fn tracking(hand: &Hand, scene: &Scene, goal: &Goal, solved: &Evaluation) -> Tracking {
+    let mut tracking = Tracking {
+        limit_margin_rad: hand.limit_margin(&solved.posture.q),
+        penetration_m: solved.object_depth_m(scene, hand),
+        table_penetration_m: solved.table_depth_m(scene, hand),
+        ..Tracking::default()
+    };
+    for ((point, goal), found) in hand.points.iter().zip(&goal.points).zip(&solved.points) {
+        let distance = (found - goal.landmark).norm();
+        tracking.keypoint_errors_m.push(distance);
+        if let Some(radius_m) = point.tip_radius_m {
+            tracking.tip_errors_m.push(distance);
+            if goal.contact.is_some() {
+                tracking
+                    .contact_gaps_m
+                    .push(scene.gap(found).distance_m - radius_m);
             }
         }
     }
-    let grasp = steps.last();
-    Tracked {
-        keypoint_error_m: sum / steps.len().max(1) as f64,
-        grasp_keypoint_error_m: grasp.map_or(0.0, |step| step.keypoint_error_m),
-        fingertip_error_m: grasp.map_or(0.0, |step| step.fingertip_error_m),
-        penetration_m,
-        table_penetration_m,
-        tip_gap_m: tip_gaps_m.iter().sum::<f64>() / tip_gaps_m.len().max(1) as f64,
-        restarts_n,
-        steps,
-    }
+    tracking
 }
 
 #[cfg(test)]
@@ -292,14 +304,14 @@ mod tests {
     }
 
     fn run(config: &RetargetConfig, keypoints: Vec<[[f64; 3]; KEYPOINTS]>) -> (Hand, Tracked) {
-        let hand = fixture::hand(config);
+        let hand = fixture::hand();
         let tracked = track(&hand, &fixture::scene(), config, &demonstration(keypoints)).unwrap();
         (hand, tracked)
     }
 
     /// Returns a posture with its palm turned to the box from the side, `bend` between the limits.
     fn reaching(config: &RetargetConfig, x: f64, bend: f64) -> Posture {
-        let hand = fixture::hand(config);
+        let hand = fixture::hand();
         let between = |(lower, upper): (&f64, &f64)| lower + bend * (upper - lower);
         Posture {
             object_from_palm: Isometry3::new(
@@ -320,7 +332,7 @@ mod tests {
             turn in prop::array::uniform3(-2.0..2.0),
         ) {
             let config = fixture::following_only();
-            let hand = fixture::hand(&config);
+            let hand = fixture::hand();
             let mut posture = reaching(&config, -0.3, 0.5);
             for ((q, share), (lower, upper)) in posture.q.iter_mut().zip(q).zip(hand.lower.iter().zip(&hand.upper)) {
                 *q = lower + share * (upper - lower);
@@ -350,14 +362,16 @@ mod tests {
     #[test]
     fn links_are_pushed_out_of_the_object() {
         let shown = |config: &RetargetConfig| {
-            let hand = fixture::hand(config);
+            let hand = fixture::hand();
             // The palm is shown inside the box.
             run(
                 config,
                 vec![own_points(&hand, &reaching(config, -0.02, 0.3))],
             )
             .1
-            .penetration_m
+            .steps[0]
+                .tracking
+                .penetration_m
         };
         let without = shown(&fixture::following_only());
         let with = shown(&RetargetConfig {
@@ -373,11 +387,11 @@ mod tests {
     #[test]
     fn links_are_lifted_off_the_table() {
         let shown = |config: &RetargetConfig| {
-            let hand = fixture::hand(config);
+            let hand = fixture::hand();
             let mut posture = reaching(config, -0.3, 0.3);
             posture.object_from_palm.translation.z = -0.06;
-            run(config, vec![own_points(&hand, &posture)])
-                .1
+            run(config, vec![own_points(&hand, &posture)]).1.steps[0]
+                .tracking
                 .table_penetration_m
         };
         let without = shown(&fixture::following_only());
@@ -394,7 +408,7 @@ mod tests {
             contact_weight: 0.0,
             ..fixture::config()
         };
-        let hand = fixture::hand(&config);
+        let hand = fixture::hand();
         // The palm rests against a side of the box.
         let grasp = own_points(&hand, &reaching(&config, -0.042, 0.2));
         let (hand, tracked) = run(&config, vec![grasp; 31]);
@@ -430,7 +444,7 @@ mod tests {
     #[test]
     fn tips_near_the_surface_touch_it() {
         let config = fixture::config();
-        let hand = fixture::hand(&config);
+        let hand = fixture::hand();
         let mut keypoints = own_points(&hand, &reaching(&config, -0.07, 0.5));
         let [x, y, _] = fixture::BOX_HALF_M;
         // Finger tips 5 mm off the far side, the thumb's off a near one.
@@ -439,6 +453,9 @@ mod tests {
         }
         keypoints[4] = [-0.01, y + 0.005, 0.0];
         let (_, tracked) = run(&config, vec![keypoints]);
-        assert!(tracked.tip_gap_m < 0.004, "{} m", tracked.tip_gap_m);
+        let gaps = &tracked.steps[0].tracking.contact_gaps_m;
+        assert_eq!(gaps.len(), 4);
+        let gap = gaps.iter().map(|gap| gap.abs()).sum::<f64>() / 4.0;
+        assert!(gap < 0.004, "{gaps:?} m");
     }
 }

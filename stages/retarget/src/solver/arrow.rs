@@ -1,0 +1,247 @@
+//! Solves the normal equations, finger by finger and then the trunk.
+
+use super::layout::Layout;
+
+/// A pivot below this share of its diagonal element counts as not positive.
+const LEAST_PIVOT: f64 = 1e-9;
+
+/// The normal equations with some unknowns held.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct System<'a> {
+    pub(super) layout: &'a Layout,
+    /// Second derivatives, as [`Layout`] says.
+    pub(super) hessian: &'a [f64],
+    /// Minus the slopes, less what the held unknowns' steps make of them.
+    pub(super) right: &'a [f64],
+    /// Added to the diagonal.
+    pub(super) damping: &'a [f64],
+    /// 1 for free unknowns, 0 for held ones.
+    pub(super) free: &'a [f64],
+}
+
+/// Memory to solve systems of one layout.
+pub(super) trait Eliminate: std::fmt::Debug + Send {
+    /// Writes the steps of the free unknowns and 0 for the held ones; returns false, with `step`
+    /// in any state, if the matrix is not positive definite.
+    fn solve(&mut self, system: &System<'_>, step: &mut [f64]) -> bool;
+}
+
+/// Returns memory for systems of this layout.
+pub(super) fn eliminator(layout: &Layout) -> Box<dyn Eliminate> {
+    let finger = layout.stride - layout.n_trunk;
+    match (finger, layout.n_trunk) {
+        (0..=4, 0..=6) => Box::new(Arrow::<4, 6>::new(layout)),
+        (0..=5, 0..=6) => Box::new(Arrow::<5, 6>::new(layout)),
+        (0..=5, 0..=8) => Box::new(Arrow::<5, 8>::new(layout)),
+        (0..=8, 0..=12) => Box::new(Arrow::<8, 12>::new(layout)),
+        (0..=16, 0..=24) => Box::new(Arrow::<16, 24>::new(layout)),
+        _ => Box::new(Arrow::<64, 64>::new(layout)),
+    }
+}
+
+/// The matrix of a finger's unknowns, with rows filled up to `F` and `T` numbers.
+#[derive(Debug, Clone)]
+struct Arrow<const F: usize, const T: usize> {
+    fingers: Vec<[FingerRow<F, T>; F]>,
+    trunk: Box<[TrunkRow<T>; T]>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct FingerRow<const F: usize, const T: usize> {
+    finger: [f64; F],
+    trunk: [f64; T],
+    right: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct TrunkRow<const T: usize> {
+    trunk: [f64; T],
+    right: f64,
+}
+
+impl<const F: usize, const T: usize> Arrow<F, T> {
+    fn new(layout: &Layout) -> Self {
+        let finger = FingerRow {
+            finger: [0.0; F],
+            trunk: [0.0; T],
+            right: 0.0,
+        };
+        let trunk = TrunkRow {
+            trunk: [0.0; T],
+            right: 0.0,
+        };
+        Self {
+            fingers: vec![[finger; F]; layout.fingers.len()],
+            trunk: Box::new([trunk; T]),
+        }
+    }
+}
+
+impl<const F: usize, const T: usize> Eliminate for Arrow<F, T> {
+    fn solve(&mut self, system: &System<'_>, step: &mut [f64]) -> bool {
+        load_trunk(system, &mut self.trunk);
+        for (rows, &(first, len)) in self.fingers.iter_mut().zip(&system.layout.fingers) {
+            load_finger(system, first, len, rows);
+            if !eliminate_finger(rows, &mut self.trunk) {
+                return false;
+            }
+        }
+        let Some(trunk) = solve_trunk(&mut self.trunk) else {
+            return false;
+        };
+        let n_trunk = system.layout.n_trunk;
+        step[..n_trunk].copy_from_slice(&trunk[..n_trunk]);
+        for (rows, &(first, len)) in self.fingers.iter().zip(&system.layout.fingers) {
+            let finger = solve_finger(rows, &trunk);
+            step[first..first + len].copy_from_slice(&finger[..len]);
+        }
+        true
+    }
+}
+
+fn load_trunk<const T: usize>(system: &System<'_>, rows: &mut [TrunkRow<T>; T]) {
+    let (n, stride) = (system.layout.n_trunk, system.layout.stride);
+    for (a, row) in rows.iter_mut().enumerate() {
+        if a >= n {
+            row.trunk = [0.0; T];
+            row.trunk[a] = 1.0;
+            row.right = 0.0;
+            continue;
+        }
+        let free = system.free[a];
+        for (b, value) in row.trunk.iter_mut().enumerate() {
+            *value = if b >= a && b < n {
+                system.hessian[b * stride + a] * free * system.free[b]
+            } else {
+                0.0
+            };
+        }
+        row.trunk[a] += system.damping[a] * free + (1.0 - free);
+        row.right = system.right[a] * free;
+    }
+}
+
+fn load_finger<const F: usize, const T: usize>(
+    system: &System<'_>,
+    first: usize,
+    len: usize,
+    rows: &mut [FingerRow<F, T>; F],
+) {
+    let (n_trunk, stride) = (system.layout.n_trunk, system.layout.stride);
+    let free_trunk = &system.free[..n_trunk];
+    let free_finger = &system.free[first..first + len];
+    for (i, row) in rows.iter_mut().enumerate() {
+        if i >= len {
+            row.finger = [0.0; F];
+            row.finger[i] = 1.0;
+            row.trunk = [0.0; T];
+            row.right = 0.0;
+            continue;
+        }
+        let free = free_finger[i];
+        let from = &system.hessian[(first + i) * stride..(first + i + 1) * stride];
+        let (from_trunk, from_finger) = from.split_at(n_trunk);
+        for ((to, from), other) in row.trunk.iter_mut().zip(from_trunk).zip(free_trunk) {
+            *to = from * free * other;
+        }
+        for ((to, from), other) in row.finger.iter_mut().zip(from_finger).zip(free_finger) {
+            *to = from * free * other;
+        }
+        row.finger[i] += system.damping[first + i] * free + (1.0 - free);
+        row.right = system.right[first + i] * free;
+    }
+}
+
+/// Eliminates a finger's unknowns from its own rows and the trunk's (Schur complement). Each row's
+/// diagonal is left as its inverse.
+#[inline]
+fn eliminate_finger<const F: usize, const T: usize>(
+    rows: &mut [FingerRow<F, T>; F],
+    trunk: &mut [TrunkRow<T>; T],
+) -> bool {
+    let mut is_positive = true;
+    let mut least = [0.0; F];
+    for k in 0..F {
+        least[k] = LEAST_PIVOT * rows[k].finger[k].abs();
+    }
+    for k in 0..F {
+        let row = rows[k];
+        let pivot = row.finger[k];
+        is_positive &= pivot > least[k];
+        let inverse = 1.0 / pivot;
+        for i in k + 1..F {
+            let factor = row.finger[i] * inverse;
+            let lower = &mut rows[i];
+            for j in i..F {
+                lower.finger[j] -= factor * row.finger[j];
+            }
+            for j in 0..T {
+                lower.trunk[j] -= factor * row.trunk[j];
+            }
+            lower.right -= factor * row.right;
+        }
+        for a in 0..T {
+            let factor = row.trunk[a] * inverse;
+            let lower = &mut trunk[a];
+            for b in a..T {
+                lower.trunk[b] -= factor * row.trunk[b];
+            }
+            lower.right -= factor * row.right;
+        }
+        rows[k].finger[k] = inverse;
+    }
+    is_positive
+}
+
+#[inline]
+fn solve_trunk<const T: usize>(rows: &mut [TrunkRow<T>; T]) -> Option<[f64; T]> {
+    let mut is_positive = true;
+    for a in 0..T {
+        let row = rows[a];
+        let pivot = row.trunk[a];
+        is_positive &= pivot > 0.0;
+        let inverse = 1.0 / pivot;
+        for b in a + 1..T {
+            let factor = row.trunk[b] * inverse;
+            let lower = &mut rows[b];
+            for c in b..T {
+                lower.trunk[c] -= factor * row.trunk[c];
+            }
+            lower.right -= factor * row.right;
+        }
+        rows[a].trunk[a] = inverse;
+    }
+    if !is_positive {
+        return None;
+    }
+    let mut step = [0.0; T];
+    for a in (0..T).rev() {
+        let row = &rows[a];
+        let mut sum = row.right;
+        for b in a + 1..T {
+            sum -= row.trunk[b] * step[b];
+        }
+        step[a] = sum * row.trunk[a];
+    }
+    Some(step)
+}
+
+#[inline]
+fn solve_finger<const F: usize, const T: usize>(
+    rows: &[FingerRow<F, T>; F],
+    trunk: &[f64; T],
+) -> [f64; F] {
+    let mut step = [0.0; F];
+    for k in (0..F).rev() {
+        let row = &rows[k];
+        let mut sum = row.right;
+        for b in 0..T {
+            sum -= row.trunk[b] * trunk[b];
+        }
+        for i in k + 1..F {
+            sum -= row.finger[i] * step[i];
+        }
+        step[k] = sum * row.finger[k];
+    }
+    step
+}

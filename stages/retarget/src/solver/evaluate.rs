@@ -1,0 +1,416 @@
+//! The cost at a posture, and its first two derivatives.
+
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use super::{
+    compiled::{CompiledHand, Root},
+    moments::{Moments, Order, Twist},
+    posture::{RootPose, logarithm},
+    task::{Residual, Task, Terms},
+    trig::sin_cos,
+};
+
+/// A posture in the order of the unknowns.
+#[derive(Debug, Clone)]
+pub(super) struct State {
+    pub(super) root: RootPose,
+    /// The joints' positions.
+    pub(super) q: Vec<f64>,
+}
+
+/// Where a body is: its orientation, and its origin relative to the root's, along the world's axes.
+#[derive(Debug, Clone, Copy)]
+struct Frame {
+    rotation: Matrix3<f64>,
+    origin: Vector3<f64>,
+}
+
+/// A targeted point's say in the cost.
+#[derive(Debug, Clone, Copy)]
+struct Pull {
+    body: usize,
+    /// The point, relative to the root's origin.
+    r: Vector3<f64>,
+    slope: Vector3<f64>,
+    /// Along the axes: exact, and of parabolas that lie above.
+    curvature: Vector3<f64>,
+    convex: Vector3<f64>,
+}
+
+/// The bodies at a posture, with memory for all that is computed from them.
+#[derive(Debug)]
+pub(super) struct Evaluation<'a> {
+    pub(super) hand: &'a CompiledHand,
+    frames: Vec<Frame>,
+    root: RootPose,
+    positions: Vec<f64>,
+    sines: Vec<f64>,
+    cosines: Vec<f64>,
+    pulls: Vec<Pull>,
+    residuals: Vec<Residual>,
+    moments: Vec<Moments>,
+    twists: Vec<Twist>,
+    /// First derivatives by the unknowns.
+    pub(super) gradient: Vec<f64>,
+    /// Second derivatives, as [`super::layout::Layout`] says.
+    pub(super) hessian: Vec<f64>,
+}
+
+/// A hand at a posture.
+#[derive(Debug, Clone, Copy)]
+pub struct Posed<'a> {
+    hand: &'a CompiledHand,
+    frames: &'a [Frame],
+    root: &'a RootPose,
+}
+
+impl Posed<'_> {
+    /// Returns where an attached point is in the world, in meters; `None` if there is none of this
+    /// number.
+    #[inline]
+    pub fn point(&self, point: usize) -> Option<Point3<f64>> {
+        let point = self.hand.points.get(point)?;
+        let frame = self.frames.get(point.body)?;
+        let r = frame.origin + frame.rotation * point.offset;
+        Some(Point3::from(self.root.translation + r))
+    }
+
+    /// Returns the pose of a link in the world; `None` if there is none of this number.
+    pub fn world_from_link(&self, link: usize) -> Option<Isometry3<f64>> {
+        let (body, body_from_link) = self.hand.link(link)?;
+        let frame = self.frames.get(*body)?;
+        let rotation = Rotation3::from_matrix_unchecked(frame.rotation);
+        let world_from_body = Isometry3::from_parts(
+            Translation3::from(self.root.translation + frame.origin),
+            UnitQuaternion::from_rotation_matrix(&rotation),
+        );
+        Some(world_from_body * body_from_link)
+    }
+}
+
+impl<'a> Evaluation<'a> {
+    pub(super) fn new(hand: &'a CompiledHand) -> Self {
+        let n_bodies = hand.bodies.len();
+        let zero = Twist {
+            velocity: Vector3::zeros(),
+            turn: Vector3::zeros(),
+        };
+        Self {
+            hand,
+            frames: vec![
+                Frame {
+                    rotation: Matrix3::identity(),
+                    origin: Vector3::zeros(),
+                };
+                n_bodies
+            ],
+            root: RootPose::identity(),
+            positions: vec![0.0; n_bodies],
+            sines: vec![0.0; n_bodies],
+            cosines: vec![1.0; n_bodies],
+            pulls: Vec::new(),
+            residuals: Vec::new(),
+            moments: vec![Moments::ZERO; n_bodies],
+            twists: vec![zero; n_bodies],
+            gradient: vec![0.0; hand.layout.n],
+            hessian: vec![0.0; hand.layout.n * hand.layout.stride],
+        }
+    }
+
+    /// Returns the hand where it was last placed.
+    pub(super) fn posed(&self) -> Posed<'_> {
+        Posed {
+            hand: self.hand,
+            frames: &self.frames,
+            root: &self.root,
+        }
+    }
+
+    /// Places the bodies and returns the cost.
+    pub(super) fn cost<T: Terms>(&mut self, state: &State, task: &Task<'_>, terms: &mut T) -> f64 {
+        self.place(state);
+        let mut cost = self.pull(task) + self.springs_cost(state, task);
+        self.residuals.clear();
+        let posed = Posed {
+            hand: self.hand,
+            frames: &self.frames,
+            root: &self.root,
+        };
+        terms.residuals(&posed, &mut self.residuals);
+        for residual in &self.residuals {
+            cost += (residual.weight * residual.residual).powi(2);
+        }
+        cost
+    }
+
+    fn place(&mut self, state: &State) {
+        self.root = state.root;
+        let bodies = &self.hand.bodies;
+        let (n_root, unknowns) = (self.hand.layout.n_root, &self.hand.layout.unknowns);
+        for (idx, body) in bodies.iter().enumerate().skip(1) {
+            let q = state.q[unknowns[idx] - n_root];
+            self.positions[idx] = body.multiplier * q + body.offset;
+        }
+        sin_cos(&self.positions, &mut self.sines, &mut self.cosines);
+        self.frames[0].rotation = state.root.rotation;
+        for (idx, body) in bodies.iter().enumerate().skip(1) {
+            let parent = &self.frames[body.parent];
+            let mut origin = parent.origin + parent.rotation * body.translation;
+            let at_zero = parent.rotation * body.rotation;
+            let (x, y, z) = (at_zero.column(0), at_zero.column(1), at_zero.column(2));
+            let rotation = if body.is_prismatic {
+                origin += z * self.positions[idx];
+                at_zero
+            } else {
+                let (s, c) = (self.sines[idx], self.cosines[idx]);
+                Matrix3::from_columns(&[x * c + y * s, y * c - x * s, z.into_owned()])
+            };
+            self.frames[idx] = Frame { rotation, origin };
+        }
+    }
+
+    /// Notes what the targets and the points' smoothness say, and returns their cost.
+    fn pull(&mut self, task: &Task<'_>) -> f64 {
+        self.pulls.clear();
+        let mut cost = 0.0;
+        for (idx, target) in task.targets.iter().enumerate() {
+            let point = &self.hand.points[target.point];
+            let frame = &self.frames[point.body];
+            let r = frame.origin + frame.rotation * point.offset;
+            let at = self.root.translation + r;
+            let difference = at - target.at.coords;
+            let mut pull = Pull {
+                body: point.body,
+                r,
+                slope: Vector3::zeros(),
+                curvature: Vector3::zeros(),
+                convex: Vector3::zeros(),
+            };
+            for axis in 0..3 {
+                let [loss, slope, curvature, convex] = task.loss.at(difference[axis]);
+                cost += target.weight * loss;
+                pull.slope[axis] = target.weight * slope;
+                pull.curvature[axis] = target.weight * curvature;
+                pull.convex[axis] = target.weight * convex;
+            }
+            if let Some(smoothness) = &task.smoothness
+                && smoothness.point_weight > 0.0
+            {
+                let moved = at - smoothness.points[idx].coords;
+                let weight = smoothness.point_weight;
+                cost += weight * moved.norm_squared();
+                pull.slope += moved * (2.0 * weight);
+                pull.curvature.add_scalar_mut(2.0 * weight);
+                pull.convex.add_scalar_mut(2.0 * weight);
+            }
+            self.pulls.push(pull);
+        }
+        cost
+    }
+
+    /// Returns the cost of motion against the posture before, and of distance from rest.
+    fn springs_cost(&self, state: &State, task: &Task<'_>) -> f64 {
+        let mut cost = 0.0;
+        let joints = &self.hand.layout.joints;
+        if let Some(smoothness) = &task.smoothness {
+            if smoothness.joint_weight > 0.0 {
+                let mut sum = 0.0;
+                for (q, &joint) in state.q.iter().zip(joints) {
+                    sum += (q - smoothness.posture.q[joint]).powi(2);
+                }
+                cost += smoothness.joint_weight * sum;
+            }
+            if smoothness.root_weight > 0.0 && self.hand.layout.n_root > 0 {
+                let (along, turned) = self.root_motion(&state.root, &smoothness.posture.root);
+                cost += smoothness.root_weight * (along.norm_squared() + turned.norm_squared());
+            }
+        }
+        if let Some(rest) = &task.rest {
+            let mut sum = 0.0;
+            for (q, &joint) in state.q.iter().zip(joints) {
+                sum += (q - rest.q[joint]).powi(2);
+            }
+            cost += rest.weight * sum;
+        }
+        cost
+    }
+
+    /// Returns how far the root moved along and turned, in the coordinates of its unknowns.
+    fn root_motion(&self, root: &RootPose, before: &RootPose) -> (Vector3<f64>, Vector3<f64>) {
+        let along = root.translation - before.translation;
+        let turned = match self.hand.root {
+            Root::Angles => root.angles - before.angles,
+            Root::Free | Root::Fixed => logarithm(&(root.rotation * before.rotation.transpose())),
+        };
+        (along, turned)
+    }
+
+    /// Computes the derivatives at the posture whose cost was last computed, which is `state`.
+    pub(super) fn differentiate(&mut self, state: &State, task: &Task<'_>, order: Order) {
+        self.gradient.fill(0.0);
+        self.hessian.fill(0.0);
+        self.gather(order);
+        self.joints(order);
+        if self.hand.layout.n_root > 0 {
+            self.root_block(state, task);
+        }
+        self.springs(state, task);
+    }
+
+    /// Gathers the moments of each body with all that hangs on it, from the tips to the root.
+    fn gather(&mut self, order: Order) {
+        self.moments.fill(Moments::ZERO);
+        for pull in &self.pulls {
+            let curvature = match order {
+                Order::Exact => &pull.curvature,
+                Order::Convex => &pull.convex,
+            };
+            self.moments[pull.body].add_point(&pull.r, &pull.slope, curvature, order);
+        }
+        for residual in &self.residuals {
+            let Some(point) = self.hand.points.get(residual.point) else {
+                continue;
+            };
+            let frame = &self.frames[point.body];
+            let r = frame.origin + frame.rotation * point.offset;
+            let curvature = 2.0 * residual.weight * residual.weight;
+            self.moments[point.body].add_line(
+                &r,
+                &residual.direction,
+                curvature * residual.residual,
+                curvature,
+                order,
+            );
+        }
+        for idx in (1..self.moments.len()).rev() {
+            let (above, below) = self.moments.split_at_mut(idx);
+            above[self.hand.bodies[idx].parent].add(&below[0]);
+        }
+    }
+
+    /// Adds what every joint and pair of joints says.
+    fn joints(&mut self, order: Order) {
+        let hand = self.hand;
+        let layout = &hand.layout;
+        let turns = self.root_turns();
+        for (idx, body) in hand.bodies.iter().enumerate().skip(1) {
+            let frame = &self.frames[idx];
+            let axis: Vector3<f64> = frame.rotation.column(2).into_owned();
+            let twist = if body.is_prismatic {
+                Twist {
+                    velocity: axis,
+                    turn: Vector3::zeros(),
+                }
+            } else {
+                Twist {
+                    velocity: frame.origin.cross(&axis),
+                    turn: axis,
+                }
+            };
+            self.twists[idx] = twist;
+            let moments = &self.moments[idx];
+            let unknown = layout.unknowns[idx];
+            self.gradient[unknown] += body.multiplier * moments.slope(&twist);
+            let change = moments.curvature(&twist, order);
+            if layout.n_root > 0 {
+                let turn = match &turns {
+                    Some(turns) => turns.tr_mul(&change.turn),
+                    None => change.turn,
+                };
+                let row = &mut self.hessian[unknown * layout.stride..][..6];
+                for axis in 0..3 {
+                    row[axis] += body.multiplier * change.velocity[axis];
+                    row[3 + axis] += body.multiplier * turn[axis];
+                }
+            }
+            let (first, last) = layout.pairs_of[idx];
+            for pair in &layout.pairs[first..last] {
+                self.hessian[pair.place] += pair.factor * self.twists[pair.above].dot(&change);
+            }
+        }
+    }
+
+    /// Returns the axes of the root's three angles, in the world; `None` where it has none.
+    fn root_turns(&self) -> Option<Matrix3<f64>> {
+        if self.hand.root != Root::Angles {
+            return None;
+        }
+        // The third axis is the root's own z; the second one is the new y after the first turn.
+        let third: Vector3<f64> = self.frames[0].rotation.column(2).into_owned();
+        let (mut sine, mut cosine) = ([0.0], [0.0]);
+        sin_cos(&[self.root.angles.x], &mut sine, &mut cosine);
+        let second = Vector3::new(0.0, cosine[0], sine[0]);
+        Some(Matrix3::from_columns(&[Vector3::x(), second, third]))
+    }
+
+    /// Adds what the root's own six unknowns say.
+    fn root_block(&mut self, state: &State, task: &Task<'_>) {
+        let moments = &self.moments[0];
+        let (linear, mixed, mut angular) = moments.root();
+        let mut moment = moments.moment;
+        let mut mixed = *mixed;
+        if let Some(turns) = self.root_turns() {
+            moment = turns.tr_mul(&moment);
+            mixed *= turns;
+            // The earlier axis is above the later one.
+            let upper = turns.tr_mul(&(moments.angular() * turns));
+            for (a, b) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)] {
+                angular[(a, b)] = upper[(a, b)];
+                angular[(b, a)] = upper[(a, b)];
+            }
+        }
+        let stride = self.hand.layout.stride;
+        for a in 0..3 {
+            self.gradient[a] += moments.force[a];
+            self.gradient[3 + a] += moment[a];
+            for b in 0..=a {
+                self.hessian[a * stride + b] += linear[(a, b)];
+                self.hessian[(3 + a) * stride + 3 + b] += angular[(a, b)];
+            }
+            for b in 0..3 {
+                self.hessian[(3 + a) * stride + b] += mixed[(b, a)];
+            }
+        }
+        let Some(smoothness) = &task.smoothness else {
+            return;
+        };
+        if smoothness.root_weight > 0.0 {
+            let weight = 2.0 * smoothness.root_weight;
+            let (along, turned) = self.root_motion(&state.root, &smoothness.posture.root);
+            let bend = match self.hand.root {
+                // The logarithm's second derivative, to second order in the angle.
+                Root::Free => turned.cross_matrix() * turned.cross_matrix() / 12.0,
+                Root::Angles | Root::Fixed => Matrix3::zeros(),
+            };
+            for a in 0..3 {
+                self.gradient[a] += weight * along[a];
+                self.gradient[3 + a] += weight * turned[a];
+                self.hessian[a * stride + a] += weight;
+                self.hessian[(3 + a) * stride + 3 + a] += weight;
+                for b in 0..=a {
+                    self.hessian[(3 + a) * stride + 3 + b] += weight * bend[(a, b)];
+                }
+            }
+        }
+    }
+
+    /// Adds what joints say of their motion and their distance from rest.
+    fn springs(&mut self, state: &State, task: &Task<'_>) {
+        let layout = &self.hand.layout;
+        let mut add = |before: &[f64], weight: f64| {
+            for (slot, (q, &joint)) in state.q.iter().zip(&layout.joints).enumerate() {
+                let unknown = layout.n_root + slot;
+                self.gradient[unknown] += 2.0 * weight * (q - before[joint]);
+                self.hessian[layout.diagonal[unknown]] += 2.0 * weight;
+            }
+        };
+        if let Some(smoothness) = &task.smoothness
+            && smoothness.joint_weight > 0.0
+        {
+            add(&smoothness.posture.q, smoothness.joint_weight);
+        }
+        if let Some(rest) = &task.rest {
+            add(rest.q, rest.weight);
+        }
+    }
+}
