@@ -2,6 +2,8 @@
 
 use std::{fs, net::TcpListener};
 
+use stage_retarget::HandTable;
+
 use crate::{
     bench::{Bench, put, stderr, stdout},
     commands::{done, pipeline},
@@ -124,16 +126,12 @@ fn doctor_describes_a_robot_and_proposes_its_hand() {
         assert!(report.contains(says), "{says}: {report}");
     }
     let (_, table) = report.split_once("\n\n").unwrap();
-    let table: toml_edit::DocumentMut = table.parse().unwrap();
-    assert_eq!(table["side"].as_str(), Some("left"));
-    let points = table["points"].as_array().unwrap();
-    let followed: Vec<(&str, &str)> = points
+    let table: HandTable = table.parse().unwrap();
+    assert_eq!(table.side.as_str(), "left");
+    let followed: Vec<(&str, &str)> = table
+        .points
         .iter()
-        .map(|point| point.as_inline_table().unwrap())
-        .map(|point| {
-            let text = |key: &str| point[key].as_str().unwrap();
-            (text("keypoint"), text("link"))
-        })
+        .map(|point| (point.keypoint.as_str(), point.link.as_str()))
         .collect();
     assert_eq!(
         followed,
@@ -149,6 +147,12 @@ fn doctor_describes_a_robot_and_proposes_its_hand() {
             ("wrist", "base_link"),
         ]
     );
+    // Those are the points of the table that comes with the project.
+    let ours: HandTable = include_str!("../../data/hands/allegro_left.toml")
+        .parse()
+        .unwrap();
+    assert_eq!(table.points, ours.points);
+    assert!((table.scale - ours.scale).abs() < 0.1);
 }
 
 #[test]
