@@ -16,8 +16,6 @@ pub(crate) struct Goal {
     pub(crate) points: Vec<PointGoal>,
     /// Distance that links keep from the object, in meters.
     pub(crate) clearance_m: f64,
-    /// What the step solved before found.
-    pub(crate) previous: Option<Previous>,
 }
 
 /// Where one point of the hand should be.
@@ -38,15 +36,6 @@ pub(crate) struct ContactGoal {
     pub(crate) distance_m: f64,
     /// Weight of the difference.
     pub(crate) weight: f64,
-}
-
-/// The outcome of the step solved before.
-#[derive(Debug, Clone)]
-pub(crate) struct Previous {
-    /// Where the hand's points were, in the object frame.
-    pub(crate) points: Vec<Point3<f64>>,
-    /// The joint positions.
-    pub(crate) q: Vec<f64>,
 }
 
 /// Returns what a step asks of the hand, `to_grasp_s` seconds before the grasp.
@@ -91,7 +80,6 @@ pub(crate) fn goal(
     Goal {
         points,
         clearance_m,
-        previous: None,
     }
 }
 

@@ -19,10 +19,10 @@ mod config;
 mod error;
 #[cfg(test)]
 mod fixture;
+mod follow;
 mod goal;
 mod hand;
 mod hand_table;
-mod objective;
 mod rates;
 mod recording;
 mod scene;
@@ -30,7 +30,7 @@ mod settle;
 mod smoothing;
 pub mod solver;
 mod stage;
-mod start;
+mod terms;
 mod track;
 
 pub use config::{Loss, RetargetConfig, Wrist};
