@@ -173,6 +173,9 @@ impl<'a> Follower<'a> {
             ..Tracking::default()
         };
         for ((point, goal), found) in self.asks.hand.points.iter().zip(&goal.points).zip(&points) {
+            if point.weight == 0.0 {
+                continue;
+            }
             let distance = (found - goal.landmark).norm();
             tracking.keypoint_errors_m.push(distance);
             if let Some(radius_m) = point.tip_radius_m {

@@ -61,13 +61,13 @@ pub(crate) fn goal(
                 weight: point.weight,
                 contact: None,
             };
-            if let Some(radius_m) = point.tip_radius_m
-                && config.contact_weight > 0.0
-            {
+            if let Some(radius_m) = point.tip_radius_m {
                 // The person's tip tells, at the person's own scale.
                 let share = touch(scene.gap(&keypoint).distance_m, config.contact_distance_m);
                 if share > 0.0 {
-                    goal.weight *= 1.0 - share * (1.0 - config.contact_position_factor);
+                    if config.contact_weight > 0.0 {
+                        goal.weight *= 1.0 - share * (1.0 - config.contact_position_factor);
+                    }
                     goal.contact = Some(ContactGoal {
                         distance_m: radius_m + clearance_m,
                         weight: share * config.contact_weight,

@@ -23,6 +23,8 @@ mod follow;
 mod goal;
 mod hand;
 mod hand_table;
+#[cfg(test)]
+mod other_hands;
 mod rates;
 mod recording;
 mod scene;

@@ -479,12 +479,30 @@ mod tests {
     }
 
     #[test]
+    fn a_fixed_wrist_needs_points_on_the_palm() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut config = fixture::config();
+        config.wrist = Wrist::Fixed;
+        Retarget::prepare(&config).unwrap();
+        let cut = "    { keypoint = \"ring_mcp\"";
+        config.hand_table = with_table(folder.path(), cut, "    # {");
+        Retarget::prepare(&config).unwrap();
+        let text = fs::read_to_string(&config.hand_table).unwrap();
+        let text = text.replace("    { keypoint = \"middle_mcp\"", "    # {");
+        fs::write(&config.hand_table, text).unwrap();
+        let err = Retarget::prepare(&config).unwrap_err();
+        assert!(err.to_string().contains("2"), "{err}");
+        assert!(err.hint().unwrap().contains("`index_mcp`"));
+    }
+
+    #[test]
     fn options_without_sense_are_refused() {
         let refused = |change: fn(&mut RetargetConfig)| {
             let mut config = fixture::config();
             change(&mut config);
             Retarget::prepare(&config).unwrap_err().to_string()
         };
+        assert!(refused(|c| c.smooth_l1_beta_m = 0.0).contains("`smooth_l1_beta_m`"));
         assert!(refused(|c| c.field_spacing_m = 0.0).contains("`field_spacing_m`"));
         assert!(refused(|c| c.object_weight = f64::NAN).contains("`object_weight`"));
         assert!(refused(|c| c.smoothing_s = -1.0).contains("`smoothing_s`"));

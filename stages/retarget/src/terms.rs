@@ -24,8 +24,10 @@ pub(crate) struct Surroundings<'a> {
 
 impl Terms for Surroundings<'_> {
     fn residuals(&mut self, posed: &Posed<'_>, residuals: &mut Vec<Residual>) {
-        self.contacts(posed, residuals);
         let config = self.config;
+        if config.contact_weight > 0.0 {
+            self.contacts(posed, residuals);
+        }
         if config.table_weight > 0.0 {
             let up = self.scene.up();
             self.each_near_ball(

@@ -134,11 +134,11 @@ pub(crate) fn track(
 mod tests {
     use nalgebra::{Isometry3, UnitQuaternion, Vector3};
     use proptest::prelude::*;
-    use schemas::demonstrations::{KEYPOINTS, Side, Step};
+    use schemas::demonstrations::KEYPOINTS;
 
     use super::*;
     use crate::{
-        fixture,
+        Wrist, fixture,
         solver::{Loss, NoTerms, Posture, RootPose, Solver, Task},
     };
 
@@ -159,35 +159,16 @@ mod tests {
         keypoints
     }
 
-    fn demonstration(keypoints: Vec<[[f64; 3]; KEYPOINTS]>) -> Demonstration {
-        Demonstration {
-            sequence: "s".to_owned(),
-            object: "box".to_owned(),
-            subject: "p".to_owned(),
-            hand: Side::Right,
-            mirrored: false,
-            start_reason: String::new(),
-            end_reason: String::new(),
-            rest: fixture::rest(),
-            steps: keypoints
-                .into_iter()
-                .zip(0_u32..)
-                .map(|(keypoints_m, image)| Step {
-                    image,
-                    time_s: f64::from(image) / 30.0,
-                    cameras_n: 1,
-                    bridged: false,
-                    keypoints_m,
-                })
-                .collect(),
-        }
-    }
-
     fn run(config: &RetargetConfig, keypoints: Vec<[[f64; 3]; KEYPOINTS]>) -> (Hand, Tracked) {
         let hand = fixture::hand();
-        let tracked = track(&hand, &fixture::scene(), config, &demonstration(keypoints))
-            .unwrap()
-            .unwrap();
+        let tracked = track(
+            &hand,
+            &fixture::scene(),
+            config,
+            &fixture::demonstration(keypoints),
+        )
+        .unwrap()
+        .unwrap();
         (hand, tracked)
     }
 
@@ -336,5 +317,58 @@ mod tests {
         assert_eq!(gaps.len(), 4);
         let gap = gaps.iter().map(|gap| gap.abs()).sum::<f64>() / 4.0;
         assert!(gap < 0.004, "{gaps:?} m");
+    }
+
+    #[test]
+    fn a_fixed_wrist_follows_the_palm_alone() {
+        let hand = fixture::hand();
+        let posture = reaching(-0.3, 0.4);
+        let mut keypoints = own_points(&hand, &posture);
+        // Fingers that no posture reaches must not draw the palm along.
+        for keypoint in [4, 8, 12, 16] {
+            keypoints[keypoint][0] += 0.1;
+        }
+        let config = RetargetConfig {
+            wrist: Wrist::Fixed,
+            ..fixture::following_only()
+        };
+        let off = |config: &RetargetConfig| {
+            let (_, tracked) = run(config, vec![keypoints; 2]);
+            let poses = tracked
+                .steps
+                .iter()
+                .map(|step| *step.object_from_palm.isometry());
+            poses
+                .map(|pose| {
+                    (pose.inverse() * posture.root.isometry())
+                        .translation
+                        .vector
+                        .norm()
+                })
+                .fold(0.0, f64::max)
+        };
+        assert!(off(&config) < 1e-9, "{} m", off(&config));
+        assert!(off(&fixture::following_only()) > 0.01);
+    }
+
+    #[test]
+    fn both_losses_follow_and_the_linear_one_heeds_outliers_less() {
+        let hand = fixture::hand();
+        let mut keypoints = own_points(&hand, &reaching(-0.3, 0.4));
+        keypoints[4][2] += 0.15;
+        let error = |loss| {
+            let config = RetargetConfig {
+                loss,
+                ..fixture::following_only()
+            };
+            let (_, tracked) = run(&config, vec![keypoints]);
+            // Of the finger tips but the one that is shown elsewhere.
+            tracked.steps[0].tracking.tip_errors_m[1..]
+                .iter()
+                .sum::<f64>()
+                / 3.0
+        };
+        let (squared, linear) = (error(crate::Loss::Squared), error(crate::Loss::SmoothL1));
+        assert!(linear < 0.8 * squared, "{linear} m, {squared} m");
     }
 }

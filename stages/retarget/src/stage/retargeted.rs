@@ -60,6 +60,7 @@ pub(super) fn make(
     let of_tips = |is_tip: bool| {
         let points = table.points.iter();
         points
+            .filter(|point| point.weight > 0.0)
             .filter(|point| !is_tip || point.tip_radius_m.is_some())
             .map(|point| point.keypoint.clone())
             .collect()
