@@ -15,8 +15,12 @@ use crate::{
 /// Iterations at the grasp relative to other steps: it starts from nothing.
 const GRASP_ITERATIONS: usize = 3;
 
-/// Steps, counted from the grasp, at which the approach is tried as another start for the grasp.
-const APPROACH: [usize; 5] = [16, 11, 7, 4, 2];
+/// Steps before the grasp from which the approach is followed, as another way to the grasp.
+const APPROACH: usize = 24;
+
+/// Factor on the object's weight on the way from a hand that knows of no object to one that keeps
+/// out of it: at once, it would be pushed out on whichever side is nearest.
+const SOFT: f64 = 0.1;
 
 /// Weight that draws joints without any other say to the middle of their range, in m/rad: far below
 /// what a landmark says, enough to make the answer unique.
@@ -85,30 +89,28 @@ impl<'a> Follower<'a> {
         let Some(afresh) = self.afresh(goal, None)? else {
             return Ok(None);
         };
-        let mut along: Option<Posture> = None;
-        for back in APPROACH {
-            let at = before.len().checked_sub(back);
-            let Some(goal) = at.and_then(|idx| before.get(idx)) else {
-                continue;
-            };
-            let q = along.map_or_else(|| self.asks.hand.mid_range.clone(), |posture| posture.q);
-            let start = self.laid_on(goal, q)?;
-            along = Some(
-                self.search(goal, None, start, self.asks.config.max_iterations)?
-                    .posture,
-            );
-        }
-        Ok(Some(match along {
-            Some(start) => {
-                let iterations = GRASP_ITERATIONS * self.asks.config.max_iterations;
-                cheaper(afresh, self.search(goal, None, start, iterations)?)
-            }
+        let iterations = GRASP_ITERATIONS * self.asks.config.max_iterations;
+        Ok(Some(match self.approach(before)? {
+            Some(start) => cheaper(afresh, self.search(goal, None, start, iterations)?),
             None => afresh,
         }))
     }
 
+    /// Follows the last steps before the grasp forward in time, and returns the last one's posture.
+    fn approach(&mut self, before: &[Goal]) -> Result<Option<Posture>, RetargetError> {
+        let from = before.len().saturating_sub(APPROACH);
+        let mut last: Option<Solved> = None;
+        for goal in before.get(from..).unwrap_or(&[]) {
+            last = match last {
+                Some(last) => Some(self.step(goal, &last)?),
+                None => self.afresh(goal, None)?,
+            };
+        }
+        Ok(last.map(|last| last.posture))
+    }
+
     /// Searches a step from several starts: first as if the object and the table were not there,
-    /// then with them.
+    /// then with a soft object, then with all as it is.
     pub(crate) fn afresh(
         &mut self,
         goal: &Goal,
@@ -127,7 +129,11 @@ impl<'a> Follower<'a> {
         }
         let iterations = GRASP_ITERATIONS * self.asks.config.max_iterations;
         let mut best: Option<Solved> = None;
-        for start in starts {
+        for mut start in starts {
+            let mut soft = self.asks.terms(goal, SOFT);
+            let task = self.asks.task(&targets, before);
+            self.solver
+                .minimize(&task, &mut start, &options, &mut soft)?;
             let found = self.search(goal, before, start, iterations)?;
             best = Some(match best {
                 Some(best) => cheaper(best, found),
@@ -151,12 +157,7 @@ impl<'a> Follower<'a> {
         };
         let targets = self.asks.targets(goal);
         let task = self.asks.task(&targets, before);
-        let mut terms = Surroundings {
-            hand: self.asks.hand,
-            scene: self.asks.scene,
-            config: self.asks.config,
-            goal,
-        };
+        let mut terms = self.asks.terms(goal, 1.0);
         let options = self.asks.options(iterations);
         let outcome = self
             .solver
@@ -261,6 +262,20 @@ impl<'a> Asks<'a> {
                 q: &self.hand.mid_range,
                 weight: TIE_BREAK_WEIGHT.powi(2),
             }),
+        }
+    }
+
+    /// Returns what the object and the table ask, the object as firmly as this.
+    fn terms<'t>(self, goal: &'t Goal, firmness: f64) -> Surroundings<'t>
+    where
+        'a: 't,
+    {
+        Surroundings {
+            hand: self.hand,
+            scene: self.scene,
+            config: self.config,
+            goal,
+            firmness,
         }
     }
 

@@ -20,6 +20,8 @@ pub(crate) struct Surroundings<'a> {
     pub(crate) scene: &'a Scene,
     pub(crate) config: &'a RetargetConfig,
     pub(crate) goal: &'a Goal,
+    /// Factor on the object's weight.
+    pub(crate) firmness: f64,
 }
 
 impl Terms for Surroundings<'_> {
@@ -58,7 +60,7 @@ impl Terms for Surroundings<'_> {
                         point,
                         direction: gap.away,
                         residual: gap.distance_m - needed,
-                        weight: config.object_weight,
+                        weight: self.firmness * config.object_weight,
                     });
                 },
             );
