@@ -83,13 +83,21 @@ impl DistanceField {
             distances: Vec::with_capacity(counts.iter().product()),
         };
         let inside = inside(mesh, &least, spacing_m, counts);
+        // The nearest triangle of each node of the layer below and, up to the present node, of this
+        // one.
+        let mut nearest = vec![0_u32; counts[0] * counts[1]];
         for z in 0..counts[2] {
             for y in 0..counts[1] {
-                // A distance changes by no more than the way gone.
-                let mut bound = f64::INFINITY;
                 for x in 0..counts[0] {
-                    let distance = surface.unsigned_distance(&field.node([x, y, z]), bound);
-                    bound = distance + spacing_m;
+                    let at = x + counts[0] * y;
+                    let beside = [Some(at), at.checked_sub(1), at.checked_sub(counts[0])];
+                    let hints = beside.map(|at| at.and_then(|at| nearest.get(at)).copied());
+                    let node = field.node([x, y, z]);
+                    let found = surface.nearest_face(&node, hints.into_iter().flatten());
+                    let (face, distance) = found.unwrap_or((0, f64::MAX));
+                    if let Some(nearest) = nearest.get_mut(at) {
+                        *nearest = face;
+                    }
                     let is_inside = inside.get(field.distances.len()).is_some_and(|&is| is);
                     let signed = if is_inside { -distance } else { distance };
                     #[expect(clippy::cast_possible_truncation, reason = "1e-8 m is lost")]

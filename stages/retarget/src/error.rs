@@ -7,6 +7,8 @@ use lake::LakeError;
 use robot::RobotError;
 use schemas::SchemaError;
 
+use crate::solver::SolverError;
+
 /// Why demonstrations could not be retargeted.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -37,13 +39,27 @@ pub enum RetargetError {
         /// Why it failed.
         source: io::Error,
     },
-    /// The hand's URDF cannot be used, or lacks a link that the configuration names.
+    /// The hand's URDF cannot be used, or lacks a link that its table names.
     #[error("cannot use the hand's URDF `{}`: {source}", path.display())]
     Hand {
         /// The file.
         path: PathBuf,
         /// What is wrong with it.
-        source: RobotError,
+        source: Box<RetargetError>,
+    },
+    /// The robot is not what is needed.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// The solver cannot work on the robot.
+    #[error(transparent)]
+    Solver(#[from] SolverError),
+    /// The wrist is to be fixed, but too few points say where it is.
+    #[error(
+        "`wrist = \"fixed\"` needs at least 3 points on the palm, the hand's table has {found}"
+    )]
+    TooFewPalmPoints {
+        /// How many there are.
+        found: usize,
     },
     /// The text is not a hand's table.
     #[error("this is not a hand's table: {problem}")]
@@ -128,6 +144,13 @@ impl Advise for RetargetError {
             Self::Hand { source, .. } => source.hint().or_else(|| {
                 Some("the Allegro hand's URDF is `data/robots/allegro_right.urdf`".to_owned())
             }),
+            Self::Robot(err) => err.hint(),
+            Self::TooFewPalmPoints { .. } => Some(
+                "add points on the root link to the hand's table, e.g. where the fingers begin, \
+                 for `index_mcp`, `middle_mcp` and `ring_mcp`; their weight may be 0"
+                    .to_owned(),
+            ),
+            Self::Solver(_) => None,
             Self::NoDemonstrations | Self::NoObjects => Some(
                 "see what ingest left out with `pipeline inspect ingest.demonstrations --skipped`"
                     .to_owned(),

@@ -5,7 +5,10 @@ use std::sync::OnceLock;
 use geometry::{DistanceField, TriMesh};
 use nalgebra::{Point3, Vector3};
 use robot::RobotModel;
-use schemas::distance_fields::FieldInfo;
+use schemas::{
+    demonstrations::{Demonstration, KEYPOINTS, Side, Step},
+    distance_fields::FieldInfo,
+};
 use spatial::Rest;
 
 use crate::{
@@ -120,4 +123,29 @@ pub(crate) fn scene() -> Scene {
     static SURVEYED: OnceLock<(DistanceField, FieldInfo)> = OnceLock::new();
     let (field, info) = SURVEYED.get_or_init(|| survey(&mesh(), 0.0025).unwrap().unwrap());
     Scene::new(field.clone(), info, &rest())
+}
+
+/// Returns a demonstration towards the box that shows these landmarks, 30 times per second.
+pub(crate) fn demonstration(keypoints: Vec<[[f64; 3]; KEYPOINTS]>) -> Demonstration {
+    Demonstration {
+        sequence: "s".to_owned(),
+        object: "box".to_owned(),
+        subject: "p".to_owned(),
+        hand: Side::Right,
+        mirrored: false,
+        start_reason: String::new(),
+        end_reason: String::new(),
+        rest: rest(),
+        steps: keypoints
+            .into_iter()
+            .zip(0_u32..)
+            .map(|(keypoints_m, image)| Step {
+                image,
+                time_s: f64::from(image) / 30.0,
+                cameras_n: 1,
+                bridged: false,
+                keypoints_m,
+            })
+            .collect(),
+    }
 }

@@ -45,7 +45,7 @@ pub struct FollowedPoint {
     #[serde(default)]
     pub offset_m: [f64; 3],
     /// Weight of the distance between the point and the landmark; it multiplies the distance before
-    /// it is squared.
+    /// it is squared. A point of weight 0 on the palm says where a fixed wrist is, and no more.
     pub weight: f64,
     /// Marks a finger tip and gives the radius of the ball about the point, in meters.
     #[serde(default, skip_serializing_if = "Option::is_none")]

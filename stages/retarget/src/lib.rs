@@ -19,10 +19,12 @@ mod config;
 mod error;
 #[cfg(test)]
 mod fixture;
+mod follow;
 mod goal;
 mod hand;
 mod hand_table;
-mod objective;
+#[cfg(test)]
+mod other_hands;
 mod rates;
 mod recording;
 mod scene;
@@ -30,7 +32,7 @@ mod settle;
 mod smoothing;
 pub mod solver;
 mod stage;
-mod start;
+mod terms;
 mod track;
 
 pub use config::{Loss, RetargetConfig, Wrist};

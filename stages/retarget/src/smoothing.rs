@@ -5,6 +5,8 @@ use schemas::demonstrations::{KEYPOINTS, Step};
 
 /// Standard deviations of the kernel beyond which nothing counts.
 const REACH: f64 = 3.0;
+/// Times this near to the reach are within it, in seconds: the same number on both sides.
+const SAME_TIME_S: f64 = 1e-6;
 
 /// Returns the landmarks of each step, smoothed over time by a Gaussian kernel of this standard
 /// deviation; as they are if it is 0.
@@ -24,7 +26,7 @@ pub(crate) fn smoothed(steps: &[Step], deviation_s: f64) -> Vec<[[f64; 3]; KEYPO
             .map_or_else(Point3::origin, |&xyz| Point3::from(xyz))
     };
     let weight = |dt_s: f64| (-0.5 * (dt_s / deviation_s).powi(2)).exp();
-    let reach_s = REACH * deviation_s;
+    let reach_s = REACH * deviation_s + SAME_TIME_S;
     steps
         .iter()
         .map(|step| {

@@ -9,7 +9,6 @@
 //! finger bordered by what moves all fingers.
 
 mod arrow;
-mod boxed;
 mod check;
 mod compiled;
 mod error;
@@ -18,12 +17,12 @@ mod layout;
 mod minimize;
 mod moments;
 mod posture;
+mod starts;
 mod task;
 #[cfg(test)]
 mod tests;
 mod trig;
 
-pub(crate) use boxed::minimize;
 pub use compiled::{CompiledHand, Root};
 pub use error::SolverError;
 pub use evaluate::Posed;

@@ -12,7 +12,7 @@ use dataflow::{
 use robot::RobotModel;
 use schemas::{distance_fields, objects, tracking, trajectories};
 
-use crate::{HandTable, RetargetConfig, RetargetError, hand::Hand};
+use crate::{HandTable, RetargetConfig, RetargetError, Wrist, hand::Hand};
 
 /// Moves human demonstrations onto a robot hand.
 pub enum Retarget {}
@@ -65,7 +65,8 @@ impl Stage for Retarget {
     /// Checks the options and that the hand has every link that its table names.
     fn prepare(config: &RetargetConfig) -> Result<(), RetargetError> {
         config.check()?;
-        load_hand(&config.hand, &config.hand_table).map(|_| ())
+        let LoadedHand { hand, .. } = load_hand(&config.hand, &config.hand_table)?;
+        check_wrist(config, &hand)
     }
 
     fn units(
@@ -209,22 +210,27 @@ fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<LoadedHand, Retarget
         })
     };
     let urdf = read(urdf_path, "URDF")?;
-    let model = RobotModel::from_urdf(&urdf).map_err(|source| RetargetError::Hand {
+    let of_urdf = |err: RetargetError| RetargetError::Hand {
         path: urdf_path.to_owned(),
-        source,
-    })?;
+        source: Box::new(err),
+    };
+    let model = RobotModel::from_urdf(&urdf).map_err(|err| of_urdf(err.into()))?;
     let in_table = |err: RetargetError| RetargetError::InHandTable {
         path: table_path.to_owned(),
         source: Box::new(err),
     };
     let table: HandTable = read(table_path, "table")?.parse().map_err(in_table)?;
-    let hand = Hand::new(model, &table)
-        .map_err(|source| RetargetError::Hand {
-            path: urdf_path.to_owned(),
-            source,
-        })
-        .map_err(in_table)?;
+    let hand = Hand::new(model, &table).map_err(|err| in_table(of_urdf(err)))?;
     Ok(LoadedHand { urdf, hand, table })
+}
+
+/// Checks that a wrist that is to be fixed can be placed.
+fn check_wrist(config: &RetargetConfig, hand: &Hand) -> Result<(), RetargetError> {
+    let found = hand.palm_points.len();
+    match config.wrist {
+        Wrist::Fixed if found < 3 => Err(RetargetError::TooFewPalmPoints { found }),
+        Wrist::Fixed | Wrist::Free => Ok(()),
+    }
 }
 
 /// Returns the error of a unit that was not given what it needs: the plan is not this stage's.
@@ -473,12 +479,30 @@ mod tests {
     }
 
     #[test]
+    fn a_fixed_wrist_needs_points_on_the_palm() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut config = fixture::config();
+        config.wrist = Wrist::Fixed;
+        Retarget::prepare(&config).unwrap();
+        let cut = "    { keypoint = \"ring_mcp\"";
+        config.hand_table = with_table(folder.path(), cut, "    # {");
+        Retarget::prepare(&config).unwrap();
+        let text = fs::read_to_string(&config.hand_table).unwrap();
+        let text = text.replace("    { keypoint = \"middle_mcp\"", "    # {");
+        fs::write(&config.hand_table, text).unwrap();
+        let err = Retarget::prepare(&config).unwrap_err();
+        assert!(err.to_string().contains("2"), "{err}");
+        assert!(err.hint().unwrap().contains("`index_mcp`"));
+    }
+
+    #[test]
     fn options_without_sense_are_refused() {
         let refused = |change: fn(&mut RetargetConfig)| {
             let mut config = fixture::config();
             change(&mut config);
             Retarget::prepare(&config).unwrap_err().to_string()
         };
+        assert!(refused(|c| c.smooth_l1_beta_m = 0.0).contains("`smooth_l1_beta_m`"));
         assert!(refused(|c| c.field_spacing_m = 0.0).contains("`field_spacing_m`"));
         assert!(refused(|c| c.object_weight = f64::NAN).contains("`object_weight`"));
         assert!(refused(|c| c.smoothing_s = -1.0).contains("`smoothing_s`"));

@@ -43,7 +43,7 @@ pub(super) fn make(
         Err(reason) => return Ok(skipped(reason)),
     };
     let scene = read_scene(field, &demonstration, cx)?;
-    let Some(mut tracked) = track(&hand, &scene, config, &demonstration) else {
+    let Some(mut tracked) = track(&hand, &scene, config, &demonstration)? else {
         return Ok(skipped("it has no step"));
     };
     if tracked.grasp_keypoint_error_m > config.max_keypoint_error_m {
@@ -60,6 +60,7 @@ pub(super) fn make(
     let of_tips = |is_tip: bool| {
         let points = table.points.iter();
         points
+            .filter(|point| point.weight > 0.0)
             .filter(|point| !is_tip || point.tip_radius_m.is_some())
             .map(|point| point.keypoint.clone())
             .collect()
