@@ -123,7 +123,7 @@ impl HandTable {
     /// Returns the table as TOML, one point per line.
     pub fn to_toml(&self) -> String {
         let point = |point: &FollowedPoint| {
-            let offset = if point.offset_m == [0.0; 3] {
+            let offset = if point.offset_m.iter().all(|x| x.abs() <= 0.0) {
                 String::new()
             } else {
                 let [x, y, z] = point.offset_m;
