@@ -1,8 +1,6 @@
 //! `pipeline doctor --robot`: what a URDF describes, what is unphysical in it, and a first proposal
 //! of a hand's table.
 
-mod proposal;
-
 use std::{
     collections::BTreeSet,
     fs::File,
@@ -11,6 +9,7 @@ use std::{
 };
 
 use robot::{Bodies, Finding, MAX_URDF_BYTES, Part, RobotModel, Severity};
+use stage_retarget::HandTable;
 
 use crate::{
     outcome::{Outcome, Trouble},
@@ -37,9 +36,12 @@ pub(super) fn check(path: &Path) -> Result<Outcome, Trouble> {
     findings.extend(missing_meshes(&model, path));
     let mut rows = summary(&model);
     rows.extend(findings_by_kind(&findings));
-    report::data(report::columns(&rows, &[]).as_bytes());
-    if let Some(hand) = model.hand_shape() {
-        report::data(format!("\n{}", proposal::table(&model, &hand)).as_bytes());
+    // The table is for a file, what is said about the robot for a person.
+    report::line(report::columns(&rows, &[]).trim_end());
+    if let Some(table) = HandTable::proposed(&model) {
+        let head = "# A first proposal of a hand's table, from the tree alone: look it over, above all its \
+                    side and scale.\n";
+        report::data(format!("{head}{}", table.to_toml()).as_bytes());
     }
     let mut hints: Vec<&str> = Vec::new();
     for finding in &findings {
