@@ -50,7 +50,7 @@ fn a_profile_replaces_values_and_an_unknown_one_names_those_there_are() {
         &["--profile", "paper", "--until", "retarget"],
     );
     assert!(
-        plan.contains("`hand_scale` changed from 1.2 to 1"),
+        plan.contains("`object_weight` changed from 3.0 to 0.0"),
         "{plan}"
     );
     let unknown = finished().command("plan", &["--profile", "papre"]);
@@ -71,7 +71,14 @@ fn only_goes_through_one_stage_and_refuses_when_what_it_reads_is_not_there() {
     assert!(text.contains("hint: make it first with"), "{text}");
     bench.run_well(&["--until", "ingest"]);
     bench.run_well(&["--only", "retarget"]);
-    assert_eq!(made(&bench), ["retarget.trajectories"]);
+    assert_eq!(
+        made(&bench),
+        [
+            "retarget.distance_fields",
+            "retarget.tracking",
+            "retarget.trajectories"
+        ]
+    );
     // What follows is not touched, and the stage itself is up to date.
     let plan = done(&bench, "plan", &["--only", "retarget"]);
     assert_eq!(plan, "cached   everything; nothing to run\n");
@@ -93,7 +100,7 @@ fn units_are_made_by_name_checked_and_collected() {
     let partition = {
         let plan = done(&bench, "plan", &["--until", "retarget", "--format", "json"]);
         let plan: Value = serde_json::from_str(&plan).unwrap();
-        let unit = &plan["nodes"][3]["units"][0];
+        let unit = &plan["nodes"][4]["units"][0];
         assert_eq!(unit["state"], "run");
         assert_eq!(unit["causes"][0]["key"], "smoothness_weight");
         assert_eq!(unit["causes"][0]["old"], 0.3);
@@ -126,6 +133,8 @@ fn until_stops_and_fresh_makes_again_what_is_named_or_everything() {
         "ingest.demonstrations",
         "ingest.objects",
         "ingest.shapes",
+        "retarget.distance_fields",
+        "retarget.tracking",
         "retarget.trajectories",
     ];
     assert_eq!(made(&bench), all);
@@ -168,8 +177,12 @@ fn the_graph_lists_what_each_stage_reads_and_makes_and_how_many_partitions_there
         lines[stage + 1],
         "  reads  ingest.demonstrations, ingest.objects"
     );
-    assert!(lines[stage + 2].contains("makes  retarget.trajectories"));
-    assert!(lines[stage + 2].contains(" partitions, one per sequence"));
+    let makes = |output: &str| {
+        let made = format!("makes  {output}");
+        lines[stage..].iter().find(|line| line.contains(&made)).unwrap().to_string()
+    };
+    assert!(makes("retarget.trajectories").contains(" partitions, one per sequence"));
+    assert!(makes("retarget.tracking").contains(" partitions, one per object"));
     assert!(text.contains("from its demonstrations"), "{text}");
     assert!(text.contains("dispatch.executions"), "{text}");
 }

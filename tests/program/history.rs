@@ -14,7 +14,7 @@ fn lake() -> &'static Bench {
         let bench = Bench::new();
         let until = ["--until", "retarget"];
         bench.run_well(&until);
-        bench.run_well(&[&until[..], &["--set", "retarget.hand_scale=1.1"]].concat());
+        bench.run_well(&[&until[..], &["--set", "retarget.clearance_m=0.01"]].concat());
         bench.run_well(&until);
         let nowhere = ["--set", "train.held_out_objects=[\"999_nowhere\"]"];
         let failed = bench.run(&[&["--until", "train"][..], &nowhere].concat());
@@ -68,7 +68,7 @@ fn runs_are_listed_with_their_values_counts_and_ends() {
         (&json!(0), &json!(n_units))
     );
     let overrides = runs[1]["overrides"].as_array().unwrap();
-    assert_eq!(overrides.last().unwrap(), "retarget.hand_scale=1.1");
+    assert_eq!(overrides.last().unwrap(), "retarget.clearance_m=0.01");
 
     let text = done(lake(), &["runs", "--last", "2"]);
     let lines: Vec<&str> = text.lines().collect();
@@ -135,7 +135,7 @@ fn a_difference_names_what_differs_and_nothing_else() {
         .map(|line| line.split_whitespace().collect())
         .collect();
     assert_eq!(words[0], ["values"]);
-    assert_eq!(words[1], ["retarget.hand_scale", "1.2", "→", "1.1"]);
+    assert_eq!(words[1], ["retarget.clearance_m", "0.008", "→", "0.01"]);
     assert_eq!(words[2], ["figures"]);
     assert_eq!(
         words[3][..3],
@@ -143,10 +143,11 @@ fn a_difference_names_what_differs_and_nothing_else() {
     );
 
     let difference = json_of(lake(), &["diff", "1", "2"]);
-    let values = json!([{"key": "retarget.hand_scale", "old": 1.2, "new": 1.1}]);
+    let values = json!([{"key": "retarget.clearance_m", "old": 0.008, "new": 0.01}]);
     assert_eq!(difference["values"], values);
     let outputs = difference["outputs"].as_array().unwrap();
-    assert_eq!(outputs.len(), 1);
+    // The trajectories, and the report on them.
+    assert_eq!(outputs.len(), 2);
     assert_eq!(outputs[0]["added"], json!([]));
     assert!(outputs[0]["changed"].as_array().unwrap().len() > 5);
     let figures = outputs[0]["figures"].as_array().unwrap();
@@ -216,10 +217,10 @@ fn lineage_leads_to_the_files_outside_and_to_what_was_made() {
     assert!(overview.contains("─ ingest.demonstrations"), "{overview}");
     assert!(overview.contains("filtered"), "{overview}");
     let readers = done(lake(), &["lineage", "ingest.objects", "--down"]);
-    assert!(readers.contains("└─ retarget.trajectories"), "{readers}");
+    assert!(readers.contains("─ retarget.trajectories"), "{readers}");
 
     let all = json_of(lake(), &["lineage", "retarget.trajectories"]);
-    assert_eq!(all["members"].as_array().unwrap().len(), 4);
+    assert_eq!(all["members"].as_array().unwrap().len(), 5);
 
     let sql = "select min(sequence) as sequence from trajectories";
     let answer = done(lake(), &["query", sql, "--format", "csv"]);

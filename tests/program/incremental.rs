@@ -82,6 +82,7 @@ fn one_changed_recording_reruns_its_own_units_and_what_gathers_them() {
     let expected = counts(&[
         ("ingest.demonstrations", 1),
         ("ingest.objects", 1),
+        ("retarget.tracking", 1),
         ("retarget.trajectories", 1),
         ("train.checkpoint", 1),
     ]);
@@ -152,7 +153,10 @@ fn a_damaged_artifact_is_noticed_before_use_and_made_again() {
     let plan = stdout(&{ plan }.output().unwrap());
     assert!(plan.contains("missing or damaged in the lake"), "{plan}");
     bench.run_well(&["--until", "train"]);
-    let expected = counts(&[("retarget.trajectories", 1), ("train.checkpoint", 1)]);
+    let expected = counts(&[
+        ("retarget.trajectories", 1),
+        ("train.checkpoint", 1),
+    ]);
     assert_eq!(bench.made_by_newest_run(), expected);
     let again = bench.run_well(&["--until", "train"]);
     assert!(

@@ -123,7 +123,8 @@ impl Stage for Retarget {
         match output {
             FIELDS => format!("{} objects → distance fields", summary.n_made),
             TRACKING => format!(
-                "{} objects, finger tips {:.1} mm from their landmarks",
+                "{} trajectories towards {} objects, finger tips {:.1} mm from their landmarks",
+                summary.total("trajectories_n"),
                 summary.n_made,
                 mean_mm("tip_error_sum_m", summary.total("tips_n"))
             ),

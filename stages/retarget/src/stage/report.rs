@@ -33,6 +33,7 @@ pub(super) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, RetargetErr
         .map(|step| step.tracking.tip_errors_m.len())
         .sum::<usize>() as f64;
     let metrics = [
+        ("trajectories_n", trajectories.len() as f64),
         ("tips_n", tips_n),
         ("tip_error_sum_m", tips_n * report.tip_error_mean_m),
     ];
