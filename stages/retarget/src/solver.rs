@@ -18,6 +18,7 @@ mod layout;
 mod minimize;
 mod moments;
 mod posture;
+mod starts;
 mod task;
 #[cfg(test)]
 mod tests;

@@ -128,6 +128,38 @@ impl<'a> Solver<'a> {
         Ok(self.evaluation.cost(&self.state, task, terms))
     }
 
+    /// Places the hand at a posture, within its limits or not, writes the cost's derivatives by the
+    /// root's unknowns and then the joints in the model's order, and returns the cost.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the task, the posture or the gradient's length does not fit the hand.
+    pub fn gradient<T: Terms>(
+        &mut self,
+        task: &Task<'_>,
+        posture: &Posture,
+        terms: &mut T,
+        gradient: &mut [f64],
+    ) -> Result<f64, SolverError> {
+        let cost = self.place(task, posture, terms)?;
+        let evaluation = &mut self.evaluation;
+        if gradient.len() != evaluation.gradient.len() {
+            return Err(SolverError::WrongLength {
+                what: "derivatives",
+                found: gradient.len(),
+                expected: evaluation.gradient.len(),
+            });
+        }
+        evaluation.differentiate(&self.state, task, Order::Exact);
+        let layout = &evaluation.hand.layout;
+        let (root, joints) = gradient.split_at_mut(layout.n_root);
+        root.copy_from_slice(&evaluation.gradient[..layout.n_root]);
+        for (slot, &joint) in layout.joints.iter().enumerate() {
+            joints[joint] = evaluation.gradient[layout.n_root + slot];
+        }
+        Ok(cost)
+    }
+
     /// Moves `posture` to a minimum of the task near it, with every joint within its limits from
     /// the first posture tried to the last.
     ///

@@ -1,0 +1,148 @@
+//! Where to search from when nothing is known, and how not to stay in a poor minimum.
+
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+
+use super::{
+    SolverError,
+    minimize::{Options, Outcome, Solver},
+    posture::{Posture, RootPose},
+    task::{NoTerms, Task, Terms},
+};
+
+/// How far between its limits each joint stands in the starts tried: the paper's mid-range, an open
+/// and a closed hand.
+const BENDS: [f64; 3] = [0.5, 0.25, 0.75];
+/// Reach of joints without limits about 0 in the starts tried, in radians.
+const REACH_RAD: f64 = 1.0;
+
+impl Solver<'_> {
+    /// Returns postures from which to search when nothing is known: all joints at three bends, with
+    /// the root laid so that the points come nearest to their targets.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the task does not fit the hand.
+    pub fn starts(&mut self, task: &Task<'_>) -> Result<Vec<Posture>, SolverError> {
+        let hand = self.hand();
+        let bends = BENDS.iter().map(|bend| {
+            let mut q = vec![0.0; hand.dof()];
+            for (slot, &joint) in hand.layout.joints.iter().enumerate() {
+                let lower = hand.lower[slot].max(-REACH_RAD);
+                let upper = hand.upper[slot].min(REACH_RAD.max(lower));
+                q[joint] = lower + bend * (upper - lower);
+            }
+            let posture = Posture {
+                root: RootPose::identity(),
+                q,
+            };
+            self.laid_on(task, posture)
+        });
+        bends.collect()
+    }
+
+    /// Returns the posture with its root laid so that the points come nearest to their targets; as
+    /// it is if the root is fixed.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the task or the posture does not fit the hand.
+    pub fn laid_on(&mut self, task: &Task<'_>, posture: Posture) -> Result<Posture, SolverError> {
+        self.place(task, &posture, &mut NoTerms)?;
+        if self.hand().layout.n_root == 0 {
+            return Ok(posture);
+        }
+        let posed = self.posed();
+        let pairs: Vec<(Vector3<f64>, Vector3<f64>, f64)> = task
+            .targets
+            .iter()
+            .filter_map(|target| {
+                let from = posed.point(target.point)?;
+                Some((from.coords, target.at.coords, target.weight))
+            })
+            .collect();
+        let (rotation, along) = align(&pairs);
+        let old = posture.root.isometry();
+        let moved = nalgebra::Isometry3::from_parts(along.into(), rotation) * old;
+        Ok(Posture::new(&moved, posture.q))
+    }
+
+    /// Minimizes from each start and returns the best posture found; `None` without starts.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the task or a start does not fit the hand.
+    pub fn best_of<T: Terms>(
+        &mut self,
+        task: &Task<'_>,
+        starts: impl IntoIterator<Item = Posture>,
+        options: &Options,
+        terms: &mut T,
+    ) -> Result<Option<(Posture, Outcome)>, SolverError> {
+        let mut best: Option<(Posture, Outcome)> = None;
+        for mut posture in starts {
+            let outcome = self.minimize(task, &mut posture, options, terms)?;
+            if best
+                .as_ref()
+                .is_none_or(|(_, best)| outcome.cost < best.cost)
+            {
+                best = Some((posture, outcome));
+            }
+        }
+        Ok(best)
+    }
+}
+
+/// Returns the turn and then the shift that take the first points nearest to the second ones, by
+/// weight (Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976).
+fn align(pairs: &[(Vector3<f64>, Vector3<f64>, f64)]) -> (UnitQuaternion<f64>, Vector3<f64>) {
+    let total: f64 = pairs.iter().map(|(_, _, weight)| weight).sum();
+    if total <= 0.0 {
+        return (UnitQuaternion::identity(), Vector3::zeros());
+    }
+    let (mut from_mean, mut to_mean) = (Vector3::zeros(), Vector3::zeros());
+    for (from, to, weight) in pairs {
+        from_mean += from * (weight / total);
+        to_mean += to * (weight / total);
+    }
+    let mut covariance = Matrix3::zeros();
+    for (from, to, weight) in pairs {
+        covariance += (to - to_mean) * (from - from_mean).transpose() * *weight;
+    }
+    let svd = covariance.svd(true, true);
+    let rotation = match (svd.u, svd.v_t) {
+        (Some(u), Some(v_t)) => {
+            // A mirror image is not a rotation: turn the least certain direction around.
+            let sign = (u * v_t).determinant().signum();
+            let rotation = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
+            UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation))
+        }
+        _ => UnitQuaternion::identity(),
+    };
+    (rotation, to_mean - rotation * from_mean)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn alignment_finds_the_transform_of_moved_points() {
+        let (along, turn) = (
+            Vector3::new(0.3, -0.2, 0.1),
+            UnitQuaternion::new(Vector3::new(1.0, 2.0, -1.5)),
+        );
+        let points = [
+            [0.1, 0.0, 0.0],
+            [0.0, 0.1, 0.02],
+            [0.0, 0.0, 0.1],
+            [0.05, 0.05, 0.0],
+        ];
+        let pairs: Vec<_> = points
+            .into_iter()
+            .map(|p| (Vector3::from(p), turn * Vector3::from(p) + along, 0.3))
+            .collect();
+        let (found_turn, found_along) = align(&pairs);
+        assert!((found_along - along).norm() < 1e-12);
+        assert!(found_turn.angle_to(&turn) < 1e-9);
+    }
+}
