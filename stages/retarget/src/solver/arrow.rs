@@ -24,6 +24,10 @@ pub(super) trait Eliminate: std::fmt::Debug + Send {
     /// Writes the steps of the free unknowns and 0 for the held ones; returns false, with `step`
     /// in any state, if the matrix is not positive definite.
     fn solve(&mut self, system: &System<'_>, step: &mut [f64]) -> bool;
+
+    /// Writes the steps for another right side with the matrix solved last, 0 for the unknowns
+    /// held then.
+    fn solve_again(&mut self, layout: &Layout, right: &[f64], free: &[f64], step: &mut [f64]);
 }
 
 /// Returns memory for systems of this layout.
@@ -86,16 +90,56 @@ impl<const F: usize, const T: usize> Eliminate for Arrow<F, T> {
                 return false;
             }
         }
-        let Some(trunk) = solve_trunk(&mut self.trunk) else {
+        if !eliminate_trunk(&mut self.trunk) {
             return false;
-        };
-        let n_trunk = system.layout.n_trunk;
+        }
+        self.substitute(system.layout, step);
+        true
+    }
+
+    fn solve_again(&mut self, layout: &Layout, right: &[f64], free: &[f64], step: &mut [f64]) {
+        for (u, row) in self.trunk.iter_mut().enumerate() {
+            row.right = if u < layout.n_trunk {
+                right[u] * free[u]
+            } else {
+                0.0
+            };
+        }
+        for (rows, &(first, len)) in self.fingers.iter_mut().zip(&layout.fingers) {
+            for (i, row) in rows.iter_mut().enumerate() {
+                let u = first + i;
+                row.right = if i < len { right[u] * free[u] } else { 0.0 };
+            }
+            for k in 0..F {
+                let scaled = rows[k].right * rows[k].finger[k];
+                for i in k + 1..F {
+                    rows[i].right -= rows[k].finger[i] * scaled;
+                }
+                for (a, row) in self.trunk.iter_mut().enumerate() {
+                    row.right -= rows[k].trunk[a] * scaled;
+                }
+            }
+        }
+        for a in 0..T {
+            let scaled = self.trunk[a].right * self.trunk[a].trunk[a];
+            for b in a + 1..T {
+                self.trunk[b].right -= self.trunk[a].trunk[b] * scaled;
+            }
+        }
+        self.substitute(layout, step);
+    }
+}
+
+impl<const F: usize, const T: usize> Arrow<F, T> {
+    /// Substitutes back, the trunk first.
+    fn substitute(&self, layout: &Layout, step: &mut [f64]) {
+        let trunk = substitute_trunk(&self.trunk);
+        let n_trunk = layout.n_trunk;
         step[..n_trunk].copy_from_slice(&trunk[..n_trunk]);
-        for (rows, &(first, len)) in self.fingers.iter().zip(&system.layout.fingers) {
-            let finger = solve_finger(rows, &trunk);
+        for (rows, &(first, len)) in self.fingers.iter().zip(&layout.fingers) {
+            let finger = substitute_finger(rows, &trunk);
             step[first..first + len].copy_from_slice(&finger[..len]);
         }
-        true
     }
 }
 
@@ -194,7 +238,7 @@ fn eliminate_finger<const F: usize, const T: usize>(
 }
 
 #[inline]
-fn solve_trunk<const T: usize>(rows: &mut [TrunkRow<T>; T]) -> Option<[f64; T]> {
+fn eliminate_trunk<const T: usize>(rows: &mut [TrunkRow<T>; T]) -> bool {
     let mut is_positive = true;
     for a in 0..T {
         let row = rows[a];
@@ -211,9 +255,11 @@ fn solve_trunk<const T: usize>(rows: &mut [TrunkRow<T>; T]) -> Option<[f64; T]> 
         }
         rows[a].trunk[a] = inverse;
     }
-    if !is_positive {
-        return None;
-    }
+    is_positive
+}
+
+#[inline]
+fn substitute_trunk<const T: usize>(rows: &[TrunkRow<T>; T]) -> [f64; T] {
     let mut step = [0.0; T];
     for a in (0..T).rev() {
         let row = &rows[a];
@@ -223,11 +269,11 @@ fn solve_trunk<const T: usize>(rows: &mut [TrunkRow<T>; T]) -> Option<[f64; T]> 
         }
         step[a] = sum * row.trunk[a];
     }
-    Some(step)
+    step
 }
 
 #[inline]
-fn solve_finger<const F: usize, const T: usize>(
+fn substitute_finger<const F: usize, const T: usize>(
     rows: &[FingerRow<F, T>; F],
     trunk: &[f64; T],
 ) -> [f64; F] {

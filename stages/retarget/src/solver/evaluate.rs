@@ -7,7 +7,7 @@ use super::{
     moments::{Moments, Order, Twist},
     posture::{RootPose, logarithm},
     task::{Residual, Task, Terms},
-    trig::sin_cos,
+    trig::{LANES, sin_cos},
 };
 
 /// A posture in the order of the unknowns.
@@ -23,6 +23,24 @@ pub(super) struct State {
 struct Frame {
     rotation: Matrix3<f64>,
     origin: Vector3<f64>,
+}
+
+impl Frame {
+    /// Returns how the body moves with its joint.
+    #[inline]
+    fn twist(&self, is_prismatic: bool) -> Twist {
+        let [_, _, axis] = columns(&self.rotation);
+        if is_prismatic {
+            return Twist {
+                velocity: axis,
+                turn: Vector3::zeros(),
+            };
+        }
+        Twist {
+            velocity: self.origin.cross(&axis),
+            turn: axis,
+        }
+    }
 }
 
 /// A targeted point's say in the cost.
@@ -43,6 +61,9 @@ pub(super) struct Evaluation<'a> {
     pub(super) hand: &'a CompiledHand,
     frames: Vec<Frame>,
     root: RootPose,
+    /// The joints' positions where the bodies are; not numbers before they are placed.
+    q: Vec<f64>,
+    /// Each body's own position, filled up so that sines are computed in whole groups.
     positions: Vec<f64>,
     sines: Vec<f64>,
     cosines: Vec<f64>,
@@ -50,6 +71,8 @@ pub(super) struct Evaluation<'a> {
     residuals: Vec<Residual>,
     moments: Vec<Moments>,
     twists: Vec<Twist>,
+    /// Forces and moments alone.
+    wrenches: Vec<Twist>,
     /// First derivatives by the unknowns.
     pub(super) gradient: Vec<f64>,
     /// Second derivatives, as [`super::layout::Layout`] says.
@@ -91,10 +114,6 @@ impl Posed<'_> {
 impl<'a> Evaluation<'a> {
     pub(super) fn new(hand: &'a CompiledHand) -> Self {
         let n_bodies = hand.bodies.len();
-        let zero = Twist {
-            velocity: Vector3::zeros(),
-            turn: Vector3::zeros(),
-        };
         Self {
             hand,
             frames: vec![
@@ -105,13 +124,15 @@ impl<'a> Evaluation<'a> {
                 n_bodies
             ],
             root: RootPose::identity(),
-            positions: vec![0.0; n_bodies],
-            sines: vec![0.0; n_bodies],
-            cosines: vec![1.0; n_bodies],
+            q: vec![f64::NAN; hand.dof()],
+            positions: vec![0.0; n_bodies.next_multiple_of(LANES)],
+            sines: vec![0.0; n_bodies.next_multiple_of(LANES)],
+            cosines: vec![1.0; n_bodies.next_multiple_of(LANES)],
             pulls: Vec::new(),
             residuals: Vec::new(),
             moments: vec![Moments::ZERO; n_bodies],
-            twists: vec![zero; n_bodies],
+            twists: vec![Twist::ZERO; n_bodies],
+            wrenches: vec![Twist::ZERO; n_bodies],
             gradient: vec![0.0; hand.layout.n],
             hessian: vec![0.0; hand.layout.n * hand.layout.stride],
         }
@@ -143,8 +164,13 @@ impl<'a> Evaluation<'a> {
         cost
     }
 
-    fn place(&mut self, state: &State) {
+    pub(super) fn place(&mut self, state: &State) {
+        // A search begins where the one before ended: then the bodies are there already.
+        if self.root == state.root && self.q == state.q && self.hand.dof() > 0 {
+            return;
+        }
         self.root = state.root;
+        self.q.copy_from_slice(&state.q);
         let bodies = &self.hand.bodies;
         let (n_root, unknowns) = (self.hand.layout.n_root, &self.hand.layout.unknowns);
         for (idx, body) in bodies.iter().enumerate().skip(1) {
@@ -155,15 +181,17 @@ impl<'a> Evaluation<'a> {
         self.frames[0].rotation = state.root.rotation;
         for (idx, body) in bodies.iter().enumerate().skip(1) {
             let parent = &self.frames[body.parent];
-            let mut origin = parent.origin + parent.rotation * body.translation;
-            let at_zero = parent.rotation * body.rotation;
-            let (x, y, z) = (at_zero.column(0), at_zero.column(1), at_zero.column(2));
+            let [x, y, z] = columns(&parent.rotation);
+            let t = &body.translation;
+            let mut origin = parent.origin + (x * t.x + y * t.y + z * t.z);
+            // Column by column: nalgebra's general product is several times slower.
+            let [u, v, w] = columns(&body.rotation).map(|c| x * c.x + y * c.y + z * c.z);
             let rotation = if body.is_prismatic {
-                origin += z * self.positions[idx];
-                at_zero
+                origin += w * self.positions[idx];
+                Matrix3::from_columns(&[u, v, w])
             } else {
                 let (s, c) = (self.sines[idx], self.cosines[idx]);
-                Matrix3::from_columns(&[x * c + y * s, y * c - x * s, z.into_owned()])
+                Matrix3::from_columns(&[u * c + v * s, v * c - u * s, w])
             };
             self.frames[idx] = Frame { rotation, origin };
         }
@@ -257,8 +285,70 @@ impl<'a> Evaluation<'a> {
         self.springs(state, task);
     }
 
+    /// Computes the gradient alone, at the posture whose cost was last computed, which is `state`.
+    pub(super) fn slopes(&mut self, state: &State, task: &Task<'_>) {
+        let hand = self.hand;
+        let layout = &hand.layout;
+        self.gradient.fill(0.0);
+        self.wrenches.fill(Twist::ZERO);
+        for pull in &self.pulls {
+            self.wrenches[pull.body].add_force(&pull.r, &pull.slope);
+        }
+        for residual in &self.residuals {
+            let Some(point) = hand.points.get(residual.point) else {
+                continue;
+            };
+            let frame = &self.frames[point.body];
+            let r = frame.origin + frame.rotation * point.offset;
+            let slope = 2.0 * residual.weight * residual.weight * residual.residual;
+            self.wrenches[point.body].add_force(&r, &(residual.direction * slope));
+        }
+        for (idx, body) in hand.bodies.iter().enumerate().skip(1).rev() {
+            let wrench = self.wrenches[idx];
+            let twist = self.frames[idx].twist(body.is_prismatic);
+            self.gradient[layout.unknowns[idx]] += body.multiplier * wrench.dot(&twist);
+            self.wrenches[body.parent].add(&wrench);
+        }
+        if layout.n_root > 0 {
+            let wrench = self.wrenches[0];
+            let turn = match self.root_turns() {
+                Some(turns) => turns.tr_mul(&wrench.turn),
+                None => wrench.turn,
+            };
+            for a in 0..3 {
+                self.gradient[a] += wrench.velocity[a];
+                self.gradient[3 + a] += turn[a];
+            }
+            if let Some(smoothness) = &task.smoothness
+                && smoothness.root_weight > 0.0
+            {
+                let weight = 2.0 * smoothness.root_weight;
+                let (along, turned) = self.root_motion(&state.root, &smoothness.posture.root);
+                for a in 0..3 {
+                    self.gradient[a] += weight * along[a];
+                    self.gradient[3 + a] += weight * turned[a];
+                }
+            }
+        }
+        let joints = &layout.joints;
+        let gradient = &mut self.gradient[layout.n_root..];
+        let mut add = |before: &[f64], weight: f64| {
+            for ((slope, q), &joint) in gradient.iter_mut().zip(&state.q).zip(joints) {
+                *slope += 2.0 * weight * (q - before[joint]);
+            }
+        };
+        if let Some(smoothness) = &task.smoothness
+            && smoothness.joint_weight > 0.0
+        {
+            add(&smoothness.posture.q, smoothness.joint_weight);
+        }
+        if let Some(rest) = &task.rest {
+            add(rest.q, rest.weight);
+        }
+    }
+
     /// Gathers the moments of each body with all that hangs on it, from the tips to the root.
-    fn gather(&mut self, order: Order) {
+    pub(super) fn gather(&mut self, order: Order) {
         self.moments.fill(Moments::ZERO);
         for pull in &self.pulls {
             let curvature = match order {
@@ -289,24 +379,12 @@ impl<'a> Evaluation<'a> {
     }
 
     /// Adds what every joint and pair of joints says.
-    fn joints(&mut self, order: Order) {
+    pub(super) fn joints(&mut self, order: Order) {
         let hand = self.hand;
         let layout = &hand.layout;
         let turns = self.root_turns();
         for (idx, body) in hand.bodies.iter().enumerate().skip(1) {
-            let frame = &self.frames[idx];
-            let axis: Vector3<f64> = frame.rotation.column(2).into_owned();
-            let twist = if body.is_prismatic {
-                Twist {
-                    velocity: axis,
-                    turn: Vector3::zeros(),
-                }
-            } else {
-                Twist {
-                    velocity: frame.origin.cross(&axis),
-                    turn: axis,
-                }
-            };
+            let twist = self.frames[idx].twist(body.is_prismatic);
             self.twists[idx] = twist;
             let moments = &self.moments[idx];
             let unknown = layout.unknowns[idx];
@@ -413,4 +491,15 @@ impl<'a> Evaluation<'a> {
             add(rest.q, rest.weight);
         }
     }
+}
+
+/// Returns a matrix's columns.
+#[inline]
+fn columns(matrix: &Matrix3<f64>) -> [Vector3<f64>; 3] {
+    let m = &matrix.data.0;
+    [
+        Vector3::from(m[0]),
+        Vector3::from(m[1]),
+        Vector3::from(m[2]),
+    ]
 }

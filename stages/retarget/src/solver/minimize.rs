@@ -20,6 +20,8 @@ const LEAST_DAMPING: f64 = 1e-4;
 const MOST_DAMPING: f64 = 1e10;
 /// Share of the predicted decrease that a step must bring.
 const LEAST_SHARE: f64 = 1e-4;
+/// How near to 1 the share must be for the expansion to be believed for one more step.
+const NEAR: f64 = 0.3;
 /// Turns of the search for the limits that hold.
 const MOST_TURNS: usize = 12;
 
@@ -241,6 +243,16 @@ impl<'a> Solver<'a> {
                         damping = 0.0;
                     }
                 }
+                // Near the end the Hessian hardly changes, and the one at hand tells.
+                let is_near = order == Order::Exact && damping == 0.0 && (share - 1.0).abs() < NEAR;
+                if is_near
+                    && let Some(to_gain) = self.left_to_gain(task)
+                    && to_gain <= options.tolerance * cost + options.least_decrease
+                {
+                    outcome.to_gain = to_gain;
+                    outcome.converged = true;
+                    break;
+                }
                 order = Order::Exact;
                 self.evaluation.differentiate(&self.state, task, order);
             } else {
@@ -288,32 +300,18 @@ impl<'a> Solver<'a> {
     /// Computes the step to the minimum of the damped expansion within the limits, and returns the
     /// decrease that the undamped one predicts; `None` if there is no such minimum.
     fn boxed_step(&mut self, damping: f64, wrist: Wrist) -> Option<f64> {
-        let layout = &self.evaluation.hand.layout;
+        self.hold(damping, wrist);
         let hand = self.evaluation.hand;
+        let layout = &hand.layout;
         let (n, n_root) = (layout.n, layout.n_root);
+        let hessian = &self.evaluation.hessian;
         let gradient = &self.evaluation.gradient;
-        let mut any_held = false;
-        for u in 0..n {
-            let curvature = self.evaluation.hessian[layout.diagonal[u]];
-            self.damping[u] = damping * curvature.abs();
-            self.held[u] = 0.0;
-            let is_held = if u < n_root {
-                wrist == Wrist::Held
-            } else {
-                let (slot, slope) = (u - n_root, gradient[u]);
-                let q = self.state.q[slot];
-                (q <= hand.lower[slot] && slope > 0.0)
-                    || (q >= hand.upper[slot] && slope < 0.0)
-                    || (curvature == 0.0 && slope == 0.0)
-            };
-            self.free[u] = if is_held { 0.0 } else { 1.0 };
-            self.right[u] = -gradient[u];
-            any_held |= is_held;
-        }
+        // Whether some unknown is held away from where it is.
+        let mut is_shifted = false;
         for turn in 0..MOST_TURNS {
             let system = System {
                 layout,
-                hessian: &self.evaluation.hessian,
+                hessian,
                 right: &self.right,
                 damping: &self.damping,
                 free: &self.free,
@@ -321,14 +319,12 @@ impl<'a> Solver<'a> {
             if !self.eliminator.solve(&system, &mut self.step) {
                 return None;
             }
-            for u in 0..n {
-                self.step[u] += self.held[u];
-            }
-            if any_held {
-                layout.product(&self.evaluation.hessian, &self.step, &mut self.product);
+            if is_shifted {
+                for u in n_root..n {
+                    self.step[u] += self.held[u];
+                }
             }
             let mut changed = false;
-            let is_last = turn + 2 >= MOST_TURNS;
             for u in n_root..n {
                 let slot = u - n_root;
                 let q = self.state.q[slot];
@@ -340,11 +336,12 @@ impl<'a> Solver<'a> {
                         self.held[u] = inside;
                         changed = true;
                     }
-                } else if any_held && !is_last {
-                    let slope = gradient[u] + self.product[u];
-                    let pushes_out = (self.held[u] <= below && slope >= 0.0)
+                } else if turn + 2 < MOST_TURNS {
+                    // Held only as long as it would leave otherwise.
+                    let slope = gradient[u] + layout.product_at(hessian, &self.step, u);
+                    let would_leave = (self.held[u] <= below && slope >= 0.0)
                         || (self.held[u] >= above && slope <= 0.0);
-                    if !pushes_out {
+                    if !would_leave {
                         self.free[u] = 1.0;
                         self.held[u] = 0.0;
                         changed = true;
@@ -354,20 +351,236 @@ impl<'a> Solver<'a> {
             if !changed {
                 break;
             }
-            any_held = true;
-            layout.product(&self.evaluation.hessian, &self.held, &mut self.product);
+            is_shifted = self.held.iter().any(|&held| held != 0.0);
+            if is_shifted {
+                layout.product(hessian, &self.held, &mut self.product);
+            } else {
+                self.product.fill(0.0);
+            }
             for u in 0..n {
                 self.right[u] = -gradient[u] - self.product[u];
             }
         }
-        if !any_held {
-            layout.product(&self.evaluation.hessian, &self.step, &mut self.product);
-        }
         let mut predicted = 0.0;
-        for u in 0..n {
-            predicted -= self.step[u] * (gradient[u] + 0.5 * self.product[u]);
+        if is_shifted {
+            layout.product(hessian, &self.step, &mut self.product);
+            for u in 0..n {
+                predicted -= self.step[u] * (gradient[u] + 0.5 * self.product[u]);
+            }
+        } else {
+            // The damped matrix times the step is minus the gradient, or the step is 0.
+            for u in 0..n {
+                predicted -= 0.5 * self.step[u] * (gradient[u] - self.damping[u] * self.step[u]);
+            }
         }
         // NaN is no prediction either.
         (predicted >= 0.0 && predicted.is_finite()).then_some(predicted)
+    }
+
+    /// Holds the unknowns that would leave their limits at once, or nothing has a say in.
+    fn hold(&mut self, damping: f64, wrist: Wrist) {
+        let hand = self.evaluation.hand;
+        let layout = &hand.layout;
+        for u in 0..layout.n {
+            let slope = self.evaluation.gradient[u];
+            let curvature = self.evaluation.hessian[layout.diagonal[u]];
+            self.damping[u] = damping * curvature.abs();
+            self.held[u] = 0.0;
+            self.right[u] = -slope;
+            let is_held = match u.checked_sub(layout.n_root) {
+                None => wrist == Wrist::Held,
+                Some(slot) => {
+                    let q = self.state.q[slot];
+                    (q <= hand.lower[slot] && slope > 0.0)
+                        || (q >= hand.upper[slot] && slope < 0.0)
+                        || (curvature == 0.0 && slope == 0.0)
+                }
+            };
+            self.free[u] = if is_held { 0.0 } else { 1.0 };
+        }
+    }
+
+    /// Returns what is left to gain at a new state, by its own gradient and the Hessian of the
+    /// state before, with what was held there; `None` if some of that is to be let go.
+    fn left_to_gain(&mut self, task: &Task<'_>) -> Option<f64> {
+        self.evaluation.slopes(&self.state, task);
+        let hand = self.evaluation.hand;
+        let layout = &hand.layout;
+        let gradient = &self.evaluation.gradient;
+        for u in 0..layout.n {
+            self.right[u] = -gradient[u];
+            if u >= layout.n_root && self.free[u] == 0.0 {
+                let slot = u - layout.n_root;
+                let q = self.state.q[slot];
+                let stays = (q <= hand.lower[slot] && gradient[u] >= 0.0)
+                    || (q >= hand.upper[slot] && gradient[u] <= 0.0)
+                    || gradient[u] == 0.0;
+                if !stays {
+                    return None;
+                }
+            }
+        }
+        let (free, step) = (&self.free, &mut self.step);
+        self.eliminator.solve_again(layout, &self.right, free, step);
+        let gained: f64 = step
+            .iter()
+            .zip(&self.right)
+            .map(|(step, right)| step * right)
+            .sum();
+        Some(0.5 * gained)
+    }
+}
+
+#[cfg(test)]
+mod profile {
+    use super::*;
+    use crate::solver::*;
+    use nalgebra::Point3;
+    #[test]
+    fn profile_parts() {
+        let Ok(dir) = std::env::var("PROFILE_URDF") else {
+            return;
+        };
+        for (file, tips) in [
+            (
+                "allegro_hand_right.urdf",
+                vec![
+                    "link_15.0_tip",
+                    "link_3.0_tip",
+                    "link_7.0_tip",
+                    "link_11.0_tip",
+                    "link_14.0",
+                    "link_2.0",
+                    "link_6.0",
+                    "link_10.0",
+                ],
+            ),
+            (
+                "shadow_hand_right.urdf",
+                vec![
+                    "thtip", "fftip", "mftip", "rftip", "lftip", "thmiddle", "ffmiddle",
+                    "mfmiddle", "rfmiddle", "lfmiddle",
+                ],
+            ),
+        ] {
+            let model = robot::RobotModel::from_urdf(
+                &std::fs::read_to_string(format!("{dir}/{file}")).unwrap(),
+            )
+            .unwrap();
+            let pts: Vec<_> = tips
+                .iter()
+                .map(|t| (model.require_link(t).unwrap(), Point3::origin()))
+                .collect();
+            let hand = CompiledHand::new(&model, Root::Angles, &pts).unwrap();
+            let mut s = Solver::new(&hand);
+            let before = Posture::new(&nalgebra::Isometry3::identity(), model.mid_range());
+            let points = vec![Point3::origin(); pts.len()];
+            s.place(
+                &Task {
+                    targets: &[],
+                    loss: Loss::Squared,
+                    smoothness: None,
+                    rest: None,
+                },
+                &before,
+                &mut NoTerms,
+            )
+            .unwrap();
+            let targets: Vec<Target> = (0..pts.len())
+                .map(|i| Target {
+                    point: i,
+                    at: s.posed().point(i).unwrap() + Vector3::new(0.01, 0.005 * i as f64, -0.008),
+                    weight: 1.0 / (3 * pts.len()) as f64,
+                })
+                .collect();
+            let task = Task {
+                targets: &targets,
+                loss: Loss::SmoothL1 { beta_m: 0.02 },
+                smoothness: Some(Smoothness {
+                    points: &points,
+                    point_weight: 0.0,
+                    posture: &before,
+                    joint_weight: 4e-3,
+                    root_weight: 4e-3,
+                }),
+                rest: None,
+            };
+            s.load(&before).unwrap();
+            const N: usize = 20000;
+            let mut best = [f64::INFINITY; 10];
+            for _ in 0..20 {
+                let mut i = 0;
+                let mut t = |s: &mut Solver<'_>, f: &mut dyn FnMut(&mut Solver<'_>)| {
+                    let t = std::time::Instant::now();
+                    for _ in 0..N {
+                        f(std::hint::black_box(s));
+                    }
+                    let ns = t.elapsed().as_secs_f64() * 1e9 / N as f64;
+                    best[i] = ns.min(best[i]);
+                    i += 1;
+                };
+                t(&mut s, &mut |s| {
+                    let st = s.state.clone();
+                    s.evaluation.place(&st);
+                });
+                let (a, mut b2, mut c2) = ([0.3; 17], [0.0; 17], [0.0; 17]);
+                t(&mut s, &mut |_| {
+                    crate::solver::trig::sin_cos(std::hint::black_box(&a), &mut b2, &mut c2);
+                    std::hint::black_box((&b2, &c2));
+                });
+                t(&mut s, &mut |s| {
+                    let st = s.state.clone();
+                    s.evaluation.cost(&st, &task, &mut NoTerms);
+                });
+                t(&mut s, &mut |s| {
+                    s.evaluation.gather(Order::Exact);
+                });
+                t(&mut s, &mut |s| {
+                    s.evaluation.joints(Order::Exact);
+                });
+                t(&mut s, &mut |s| {
+                    let st = s.state.clone();
+                    s.evaluation.differentiate(&st, &task, Order::Exact);
+                });
+                t(&mut s, &mut |s| {
+                    s.boxed_step(0.0, Wrist::Moves);
+                });
+                t(&mut s, &mut |s| {
+                    s.make_trial();
+                });
+                t(&mut s, &mut |s| {
+                    task.check(s.evaluation.hand).unwrap();
+                    s.load(&before).unwrap();
+                });
+                t(&mut s, &mut |s| {
+                    let mut p = before.clone();
+                    s.minimize(
+                        &task,
+                        &mut p,
+                        &Options {
+                            tolerance: 1e-3,
+                            least_decrease: 1e-9,
+                            max_iterations: 60,
+                            wrist: Wrist::Moves,
+                        },
+                        &mut NoTerms,
+                    )
+                    .unwrap();
+                });
+            }
+            println!(
+                "{file}: place {:.0} sincos {:.0} cost {:.0} gather {:.0} joints {:.0} differentiate {:.0} step {:.0} trial {:.0} check {:.0} minimize {:.0}",
+                best[0],
+                best[1],
+                best[2],
+                best[3],
+                best[4],
+                best[5],
+                best[6],
+                best[7],
+                best[8],
+                best[9]
+            );
+        }
     }
 }
