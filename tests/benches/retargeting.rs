@@ -306,9 +306,13 @@ fn minima(problem: &Problem, objective: Objective) {
     for frame in 0..problem.targets.len() {
         let points = points_at(&mut solver, n_points, &before);
         let task = objective.task(problem, frame, &before, &points);
-        let outcome = solver
-            .minimize(&task, &mut posture, &FAST, &mut NoTerms)
-            .unwrap();
+        let outcome = match objective {
+            Objective::Peer => solver.minimize(&task, &mut posture, &FAST, &mut NoTerms),
+            Objective::Paper(_) => {
+                solver.minimize_and_unbend(&task, &mut posture, &FAST, &mut NoTerms)
+            }
+        };
+        let outcome = outcome.unwrap();
         let least = true_minimum(problem, &mut solver, &task, &[&before, &posture], &mut rng);
         excess.push(outcome.cost / least - 1.0);
         iterations.push(outcome.iterations as f64);

@@ -2,9 +2,6 @@
 
 use super::layout::Layout;
 
-/// A pivot below this share of its diagonal element counts as not positive.
-const LEAST_PIVOT: f64 = 1e-9;
-
 /// The normal equations with some unknowns held.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct System<'a> {
@@ -17,6 +14,8 @@ pub(super) struct System<'a> {
     pub(super) damping: &'a [f64],
     /// 1 for free unknowns, 0 for held ones.
     pub(super) free: &'a [f64],
+    /// What every pivot must exceed.
+    pub(super) least_pivot: f64,
 }
 
 /// Memory to solve systems of one layout.
@@ -86,11 +85,11 @@ impl<const F: usize, const T: usize> Eliminate for Arrow<F, T> {
         load_trunk(system, &mut self.trunk);
         for (rows, &(first, len)) in self.fingers.iter_mut().zip(&system.layout.fingers) {
             load_finger(system, first, len, rows);
-            if !eliminate_finger(rows, &mut self.trunk) {
+            if !eliminate_finger(rows, &mut self.trunk, system.least_pivot) {
                 return false;
             }
         }
-        if !eliminate_trunk(&mut self.trunk) {
+        if !eliminate_trunk(&mut self.trunk, system.least_pivot) {
             return false;
         }
         self.substitute(system.layout, step);
@@ -202,16 +201,13 @@ fn load_finger<const F: usize, const T: usize>(
 fn eliminate_finger<const F: usize, const T: usize>(
     rows: &mut [FingerRow<F, T>; F],
     trunk: &mut [TrunkRow<T>; T],
+    least_pivot: f64,
 ) -> bool {
     let mut is_positive = true;
-    let mut least = [0.0; F];
-    for k in 0..F {
-        least[k] = LEAST_PIVOT * rows[k].finger[k].abs();
-    }
     for k in 0..F {
         let row = rows[k];
         let pivot = row.finger[k];
-        is_positive &= pivot > least[k];
+        is_positive &= pivot > least_pivot;
         let inverse = 1.0 / pivot;
         for i in k + 1..F {
             let factor = row.finger[i] * inverse;
@@ -238,12 +234,12 @@ fn eliminate_finger<const F: usize, const T: usize>(
 }
 
 #[inline]
-fn eliminate_trunk<const T: usize>(rows: &mut [TrunkRow<T>; T]) -> bool {
+fn eliminate_trunk<const T: usize>(rows: &mut [TrunkRow<T>; T], least_pivot: f64) -> bool {
     let mut is_positive = true;
     for a in 0..T {
         let row = rows[a];
         let pivot = row.trunk[a];
-        is_positive &= pivot > 0.0;
+        is_positive &= pivot > least_pivot;
         let inverse = 1.0 / pivot;
         for b in a + 1..T {
             let factor = row.trunk[b] * inverse;

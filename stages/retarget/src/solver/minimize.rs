@@ -20,6 +20,11 @@ const LEAST_DAMPING: f64 = 1e-4;
 const MOST_DAMPING: f64 = 1e10;
 /// Share of the predicted decrease that a step must bring.
 const LEAST_SHARE: f64 = 1e-4;
+/// Added to every diagonal element, relative to the largest one: keeps what nothing has a say in,
+/// such as a turn of the wrist against one of a free root, where it is.
+const FLOOR: f64 = 1e-12;
+/// Share of that which every pivot must keep for the matrix to count as positive definite.
+const LEAST_PIVOT: f64 = 0.1;
 /// How near to 1 the share must be for the expansion to be believed for one more step.
 const NEAR: f64 = 0.3;
 /// Turns of the search for the limits that hold.
@@ -300,7 +305,7 @@ impl<'a> Solver<'a> {
     /// Computes the step to the minimum of the damped expansion within the limits, and returns the
     /// decrease that the undamped one predicts; `None` if there is no such minimum.
     fn boxed_step(&mut self, damping: f64, wrist: Wrist) -> Option<f64> {
-        self.hold(damping, wrist);
+        let floor = self.hold(damping, wrist);
         let hand = self.evaluation.hand;
         let layout = &hand.layout;
         let (n, n_root) = (layout.n, layout.n_root);
@@ -315,6 +320,7 @@ impl<'a> Solver<'a> {
                 right: &self.right,
                 damping: &self.damping,
                 free: &self.free,
+                least_pivot: LEAST_PIVOT * floor,
             };
             if !self.eliminator.solve(&system, &mut self.step) {
                 return None;
@@ -377,14 +383,21 @@ impl<'a> Solver<'a> {
         (predicted >= 0.0 && predicted.is_finite()).then_some(predicted)
     }
 
-    /// Holds the unknowns that would leave their limits at once, or nothing has a say in.
-    fn hold(&mut self, damping: f64, wrist: Wrist) {
+    /// Holds the unknowns that would leave their limits at once, or nothing has a say in, and returns
+    /// what is added to every diagonal element.
+    fn hold(&mut self, damping: f64, wrist: Wrist) -> f64 {
         let hand = self.evaluation.hand;
         let layout = &hand.layout;
+        let hessian = &self.evaluation.hessian;
+        let largest = layout
+            .diagonal
+            .iter()
+            .fold(0.0, |most: f64, &place| most.max(hessian[place]));
+        let floor = FLOOR * largest;
         for u in 0..layout.n {
             let slope = self.evaluation.gradient[u];
             let curvature = self.evaluation.hessian[layout.diagonal[u]];
-            self.damping[u] = damping * curvature.abs();
+            self.damping[u] = damping * (curvature.abs() + floor) + floor;
             self.held[u] = 0.0;
             self.right[u] = -slope;
             let is_held = match u.checked_sub(layout.n_root) {
@@ -398,6 +411,7 @@ impl<'a> Solver<'a> {
             };
             self.free[u] = if is_held { 0.0 } else { 1.0 };
         }
+        floor
     }
 
     /// Returns what is left to gain at a new state, by its own gradient and the Hessian of the
@@ -428,159 +442,5 @@ impl<'a> Solver<'a> {
             .map(|(step, right)| step * right)
             .sum();
         Some(0.5 * gained)
-    }
-}
-
-#[cfg(test)]
-mod profile {
-    use super::*;
-    use crate::solver::*;
-    use nalgebra::Point3;
-    #[test]
-    fn profile_parts() {
-        let Ok(dir) = std::env::var("PROFILE_URDF") else {
-            return;
-        };
-        for (file, tips) in [
-            (
-                "allegro_hand_right.urdf",
-                vec![
-                    "link_15.0_tip",
-                    "link_3.0_tip",
-                    "link_7.0_tip",
-                    "link_11.0_tip",
-                    "link_14.0",
-                    "link_2.0",
-                    "link_6.0",
-                    "link_10.0",
-                ],
-            ),
-            (
-                "shadow_hand_right.urdf",
-                vec![
-                    "thtip", "fftip", "mftip", "rftip", "lftip", "thmiddle", "ffmiddle",
-                    "mfmiddle", "rfmiddle", "lfmiddle",
-                ],
-            ),
-        ] {
-            let model = robot::RobotModel::from_urdf(
-                &std::fs::read_to_string(format!("{dir}/{file}")).unwrap(),
-            )
-            .unwrap();
-            let pts: Vec<_> = tips
-                .iter()
-                .map(|t| (model.require_link(t).unwrap(), Point3::origin()))
-                .collect();
-            let hand = CompiledHand::new(&model, Root::Angles, &pts).unwrap();
-            let mut s = Solver::new(&hand);
-            let before = Posture::new(&nalgebra::Isometry3::identity(), model.mid_range());
-            let points = vec![Point3::origin(); pts.len()];
-            s.place(
-                &Task {
-                    targets: &[],
-                    loss: Loss::Squared,
-                    smoothness: None,
-                    rest: None,
-                },
-                &before,
-                &mut NoTerms,
-            )
-            .unwrap();
-            let targets: Vec<Target> = (0..pts.len())
-                .map(|i| Target {
-                    point: i,
-                    at: s.posed().point(i).unwrap() + Vector3::new(0.01, 0.005 * i as f64, -0.008),
-                    weight: 1.0 / (3 * pts.len()) as f64,
-                })
-                .collect();
-            let task = Task {
-                targets: &targets,
-                loss: Loss::SmoothL1 { beta_m: 0.02 },
-                smoothness: Some(Smoothness {
-                    points: &points,
-                    point_weight: 0.0,
-                    posture: &before,
-                    joint_weight: 4e-3,
-                    root_weight: 4e-3,
-                }),
-                rest: None,
-            };
-            s.load(&before).unwrap();
-            const N: usize = 20000;
-            let mut best = [f64::INFINITY; 10];
-            for _ in 0..20 {
-                let mut i = 0;
-                let mut t = |s: &mut Solver<'_>, f: &mut dyn FnMut(&mut Solver<'_>)| {
-                    let t = std::time::Instant::now();
-                    for _ in 0..N {
-                        f(std::hint::black_box(s));
-                    }
-                    let ns = t.elapsed().as_secs_f64() * 1e9 / N as f64;
-                    best[i] = ns.min(best[i]);
-                    i += 1;
-                };
-                t(&mut s, &mut |s| {
-                    let st = s.state.clone();
-                    s.evaluation.place(&st);
-                });
-                let (a, mut b2, mut c2) = ([0.3; 17], [0.0; 17], [0.0; 17]);
-                t(&mut s, &mut |_| {
-                    crate::solver::trig::sin_cos(std::hint::black_box(&a), &mut b2, &mut c2);
-                    std::hint::black_box((&b2, &c2));
-                });
-                t(&mut s, &mut |s| {
-                    let st = s.state.clone();
-                    s.evaluation.cost(&st, &task, &mut NoTerms);
-                });
-                t(&mut s, &mut |s| {
-                    s.evaluation.gather(Order::Exact);
-                });
-                t(&mut s, &mut |s| {
-                    s.evaluation.joints(Order::Exact);
-                });
-                t(&mut s, &mut |s| {
-                    let st = s.state.clone();
-                    s.evaluation.differentiate(&st, &task, Order::Exact);
-                });
-                t(&mut s, &mut |s| {
-                    s.boxed_step(0.0, Wrist::Moves);
-                });
-                t(&mut s, &mut |s| {
-                    s.make_trial();
-                });
-                t(&mut s, &mut |s| {
-                    task.check(s.evaluation.hand).unwrap();
-                    s.load(&before).unwrap();
-                });
-                t(&mut s, &mut |s| {
-                    let mut p = before.clone();
-                    s.minimize(
-                        &task,
-                        &mut p,
-                        &Options {
-                            tolerance: 1e-3,
-                            least_decrease: 1e-9,
-                            max_iterations: 60,
-                            wrist: Wrist::Moves,
-                        },
-                        &mut NoTerms,
-                    )
-                    .unwrap();
-                });
-            }
-            println!(
-                "{file}: place {:.0} sincos {:.0} cost {:.0} gather {:.0} joints {:.0} differentiate {:.0} step {:.0} trial {:.0} check {:.0} minimize {:.0}",
-                best[0],
-                best[1],
-                best[2],
-                best[3],
-                best[4],
-                best[5],
-                best[6],
-                best[7],
-                best[8],
-                best[9]
-            );
-        }
     }
 }
