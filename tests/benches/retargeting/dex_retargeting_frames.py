@@ -1,7 +1,7 @@
 """Retargets frames with dex_retargeting, chunk by chunk, as stdin asks.
 
-The first line is one JSON object: the URDF, the links that follow, the landmark of each. Each later
-line is a list of frames, each a list of points. The answer to each is one JSON object: the thread
+The first line is one JSON object: the URDF and the links that follow. Each later line is a list of
+frames, each a list of points, one per link. The answer to each is one JSON object: the thread
 CPU time of each frame in seconds, and its coordinates.
 """
 
@@ -37,12 +37,8 @@ def answer(value):
 
 answer({"joints": retargeting.joint_names})
 for line in sys.stdin:
-    chunk = json.loads(line)
-    if chunk == "again":
-        retargeting.reset()
-        continue
     seconds, coordinates = [], []
-    for frame in chunk:
+    for frame in json.loads(line):
         frame = numpy.array(frame)
         started = time.thread_time()
         found = retargeting.retarget(frame)

@@ -61,11 +61,6 @@ impl Peer {
         ))
     }
 
-    /// Forgets the answers so far.
-    pub(crate) fn again(&mut self) {
-        self.say(&json!("again"));
-    }
-
     /// Retargets frames after those asked before, and returns each frame's thread CPU time in
     /// microseconds and answer.
     pub(crate) fn retarget(

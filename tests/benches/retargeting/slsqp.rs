@@ -13,6 +13,12 @@ const VALUE_TOLERANCE: f64 = 1e-5;
 /// The peer's bounds of the root: meters, then radians.
 const ROOT_BOUNDS: [f64; 2] = [5.0, TAU];
 
+/// Postures tried at most; the peer sets no such limit, and neither comes near.
+const MOST_EVALUATIONS: usize = 1000;
+
+/// A constraint beside the bounds; there is none.
+type Constraint = fn(&[f64], Option<&mut [f64]>, &mut ()) -> f64;
+
 /// What the objective tells the minimizer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Value {
@@ -77,20 +83,19 @@ pub(crate) fn retarget(
         ftol_abs: VALUE_TOLERANCE,
         ..StopTols::default()
     };
-    let no_constraints: [fn(&[f64], Option<&mut [f64]>, &mut ()) -> f64; 0] = [];
-    match minimize(
+    let no_constraints: [Constraint; 0] = [];
+    let found = minimize(
         objective,
         &start,
         &bounds,
         &no_constraints,
         (),
-        1000,
+        MOST_EVALUATIONS,
         Some(tolerances),
-    ) {
-        Ok((_, found, _)) => posture_of(&found),
-        // It says so too when rounding keeps it from going on.
-        Err((_, found, _)) => posture_of(&found),
-    }
+    );
+    // It fails where rounding keeps it from going on, and is then as near as it gets.
+    let x = found.map_or_else(|(_, x, _)| x, |(_, x, _)| x);
+    posture_of(&x)
 }
 
 fn unknowns(posture: &Posture) -> Vec<f64> {

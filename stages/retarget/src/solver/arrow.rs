@@ -1,5 +1,10 @@
 //! Solves the normal equations, finger by finger and then the trunk.
 
+#![expect(
+    clippy::needless_range_loop,
+    reason = "indices below a constant size read like the formulas, and unroll"
+)]
+
 use super::layout::Layout;
 
 /// The normal equations with some unknowns held.
@@ -144,23 +149,19 @@ impl<const F: usize, const T: usize> Arrow<F, T> {
 
 fn load_trunk<const T: usize>(system: &System<'_>, rows: &mut [TrunkRow<T>; T]) {
     let (n, stride) = (system.layout.n_trunk, system.layout.stride);
+    let free = filled::<T>(&system.free[..n]);
     for (a, row) in rows.iter_mut().enumerate() {
+        row.trunk = [0.0; T];
         if a >= n {
-            row.trunk = [0.0; T];
             row.trunk[a] = 1.0;
             row.right = 0.0;
             continue;
         }
-        let free = system.free[a];
-        for (b, value) in row.trunk.iter_mut().enumerate() {
-            *value = if b >= a && b < n {
-                system.hessian[b * stride + a] * free * system.free[b]
-            } else {
-                0.0
-            };
+        for b in a..n {
+            row.trunk[b] = system.hessian[b * stride + a] * free[a] * free[b];
         }
-        row.trunk[a] += system.damping[a] * free + (1.0 - free);
-        row.right = system.right[a] * free;
+        row.trunk[a] += system.damping[a] * free[a] + (1.0 - free[a]);
+        row.right = system.right[a] * free[a];
     }
 }
 
@@ -171,28 +172,42 @@ fn load_finger<const F: usize, const T: usize>(
     rows: &mut [FingerRow<F, T>; F],
 ) {
     let (n_trunk, stride) = (system.layout.n_trunk, system.layout.stride);
-    let free_trunk = &system.free[..n_trunk];
-    let free_finger = &system.free[first..first + len];
+    let free_trunk = filled::<T>(&system.free[..n_trunk]);
+    let free_finger = filled::<F>(&system.free[first..first + len]);
+    let damping = filled::<F>(&system.damping[first..first + len]);
+    let right = filled::<F>(&system.right[first..first + len]);
     for (i, row) in rows.iter_mut().enumerate() {
-        if i >= len {
-            row.finger = [0.0; F];
-            row.finger[i] = 1.0;
-            row.trunk = [0.0; T];
-            row.right = 0.0;
-            continue;
-        }
         let free = free_finger[i];
-        let from = &system.hessian[(first + i) * stride..(first + i + 1) * stride];
-        let (from_trunk, from_finger) = from.split_at(n_trunk);
-        for ((to, from), other) in row.trunk.iter_mut().zip(from_trunk).zip(free_trunk) {
-            *to = from * free * other;
+        if i < len {
+            let from = &system.hessian[(first + i) * stride..(first + i + 1) * stride];
+            let (trunk, finger) = from.split_at(n_trunk);
+            row.trunk = filled(trunk);
+            row.finger = filled(&finger[..len]);
+        } else {
+            row.trunk = [0.0; T];
+            row.finger = [0.0; F];
         }
-        for ((to, from), other) in row.finger.iter_mut().zip(from_finger).zip(free_finger) {
-            *to = from * free * other;
+        for a in 0..T {
+            row.trunk[a] *= free * free_trunk[a];
         }
-        row.finger[i] += system.damping[first + i] * free + (1.0 - free);
-        row.right = system.right[first + i] * free;
+        for j in 0..F {
+            row.finger[j] *= free * free_finger[j];
+        }
+        // A held unknown's row, and one that only fills up, says that its step is 0.
+        row.finger[i] += damping[i] * free + (1.0 - free);
+        row.right = right[i] * free;
     }
+}
+
+/// Returns the values, filled up with zeros to `N` of them.
+#[inline]
+fn filled<const N: usize>(values: &[f64]) -> [f64; N] {
+    if let Ok(whole) = values.try_into() {
+        return whole;
+    }
+    let mut filled = [0.0; N];
+    filled[..values.len()].copy_from_slice(values);
+    filled
 }
 
 /// Eliminates a finger's unknowns from its own rows and the trunk's (Schur complement). Each row's

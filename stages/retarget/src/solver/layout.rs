@@ -210,8 +210,7 @@ fn groups(bodies: &[Body], points: &[BodyPoint], dof: usize) -> Vec<Option<usize
         carries[point.body] = true;
     }
     for idx in (1..bodies.len()).rev() {
-        let carried = carries[idx];
-        carries[bodies[idx].parent] |= carried;
+        carries[bodies[idx].parent] |= carries[idx];
     }
     let carries = &carries;
     let below = |parent: usize| {
