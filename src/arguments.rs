@@ -251,6 +251,10 @@ pub(crate) struct DoctorArgs {
     pub(crate) file: PathBuf,
     #[command(flatten)]
     pub(crate) values: ValueArgs,
+    /// Check this robot instead: what its URDF describes, what is unphysical in it, and a first
+    /// proposal of a hand's table [default: the pipeline file is checked]
+    #[arg(long, value_name = "URDF", conflicts_with_all = ["file", "profile", "overrides"])]
+    pub(crate) robot: Option<PathBuf>,
 }
 
 #[derive(Args)]

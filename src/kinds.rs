@@ -7,6 +7,7 @@ pub fn kinds() -> Vec<Kind> {
     vec![
         Kind::of::<stage_ingest::Ingest>(),
         Kind::of::<stage_retarget::Retarget>(),
+        Kind::of::<stage_replay::Replay>(),
         Kind::of::<stage_train::Train>(),
         Kind::of::<stage_sample::Sample>(),
         Kind::of::<stage_screen::Screen>(),

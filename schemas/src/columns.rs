@@ -103,6 +103,12 @@ impl Columns {
         self
     }
 
+    /// Notes a list of names that the rows' lists follow.
+    pub(crate) fn with_names(mut self, key: &str, names: &[String]) -> Self {
+        self.metadata.insert(key.to_owned(), names.join(","));
+        self
+    }
+
     pub(crate) fn utf8(&mut self, name: &str, about: &str, values: impl Iterator<Item = String>) {
         let array = StringArray::from_iter_values(values);
         self.push(name, None, about, Arc::new(array));
@@ -351,6 +357,21 @@ impl<'a> Reader<'a> {
             return Err(self.invalid(JOINTS_KEY, "the metadata names no joints".to_owned()));
         }
         Ok(joints)
+    }
+
+    /// Returns a list of names from the metadata; none if they are not noted.
+    pub(crate) fn names(&self, key: &str) -> Vec<String> {
+        let names = self.batch.schema_ref().metadata().get(key);
+        names
+            .map(|names| {
+                names
+                    .split(',')
+                    .filter(|name| !name.is_empty())
+                    .map(str::to_owned)
+            })
+            .into_iter()
+            .flatten()
+            .collect()
     }
 
     pub(crate) fn utf8(&self, name: &str, row: usize) -> Result<&'a str, SchemaError> {

@@ -33,6 +33,31 @@ pub const VERSION: &str = "demonstrations/2";
 /// Number of landmarks of a hand.
 pub const KEYPOINTS: usize = 21;
 
+/// Names of the landmarks in their order.
+pub const KEYPOINT_NAMES: [&str; KEYPOINTS] = [
+    "wrist",
+    "thumb_mcp",
+    "thumb_pip",
+    "thumb_dip",
+    "thumb_tip",
+    "index_mcp",
+    "index_pip",
+    "index_dip",
+    "index_tip",
+    "middle_mcp",
+    "middle_pip",
+    "middle_dip",
+    "middle_tip",
+    "ring_mcp",
+    "ring_pip",
+    "ring_dip",
+    "ring_tip",
+    "little_mcp",
+    "little_pip",
+    "little_dip",
+    "little_tip",
+];
+
 /// Side of a hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

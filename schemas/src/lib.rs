@@ -8,10 +8,12 @@ pub mod candidates;
 pub mod checkpoint;
 mod columns;
 pub mod demonstrations;
+pub mod distance_fields;
 pub mod executions;
 pub mod objects;
 pub mod rollouts;
 pub mod ros2;
+pub mod tracking;
 pub mod trajectories;
 
 pub use columns::SchemaError;

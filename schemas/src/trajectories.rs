@@ -1,17 +1,27 @@
 //! `trajectories`: demonstrations retargeted to a robot hand, one partition per sequence, one row
 //! per step.
 //!
-//! | column                  | type        | unit | meaning                                               |
-//! |-------------------------|-------------|------|-------------------------------------------------------|
-//! | `object`                | utf8        |      | name of the grasped object                            |
-//! | `step`                  | i64         |      | number of the row, from 0                             |
-//! | `time_s`                | f64         | s    | since the first step                                  |
-//! | `object_from_palm`      | f64 × 7     | m, 1 | palm pose in the object frame: `xyz`, `xyzw`          |
-//! | `q_rad`                 | list of f64 | rad  | joint positions, in the order of metadata `joints`    |
-//! | `keypoint_error_m`      | f64         | m    | root mean square distance to the landmarks followed   |
-//! | `fingertip_error_m`     | f64         | m    | the largest distance of a finger tip to its landmark  |
-//! | `rest_up`               | f64 × 3     | 1    | unit vector against gravity, object frame             |
-//! | `rest_height_m`         | f64         | m    | height of the object's origin above the table         |
+//! | column                      | type        | unit      | meaning                                        |
+//! |-----------------------------|-------------|-----------|------------------------------------------------|
+//! | `object`                    | utf8        |           | name of the grasped object                     |
+//! | `step`                      | i64         |           | number of the row, from 0                      |
+//! | `time_s`                    | f64         | s         | since the first step                           |
+//! | `object_from_palm`          | f64 × 7     | m, 1      | palm pose in the object frame: `xyz`, `xyzw`   |
+//! | `q_rad`                     | list of f64 | rad       | joint positions, order of metadata `joints`    |
+//! | `palm_velocity`             | f64 × 6     | m/s rad/s | the palm's velocity and spin, object frame     |
+//! | `q_velocity_rad_per_s`      | list of f64 | rad/s     | joint velocities                               |
+//! | `q_acceleration_rad_per_s2` | list of f64 | rad/s²    | joint accelerations                            |
+//! | `keypoint_errors_m`         | list of f64 | m         | distance to each landmark, order of metadata `keypoints` |
+//! | `keypoint_error_m`          | f64         | m         | their root mean square                         |
+//! | `tip_errors_m`              | list of f64 | m         | those of finger tips, order of metadata `tips` |
+//! | `contact_gaps_m`            | list of f64 | m         | signed distance from the surface of each tip that should touch it |
+//! | `limit_margin_rad`          | f64         | rad       | least distance of a joint to its limit         |
+//! | `penetration_m`             | f64         | m         | greatest depth of a link inside the object     |
+//! | `table_penetration_m`       | f64         | m         | greatest depth of a link below the table       |
+//! | `rest_up`                   | f64 × 3     | 1         | unit vector against gravity, object frame      |
+//! | `rest_height_m`             | f64         | m         | height of the object's origin above the table  |
+//!
+//! Positions of prismatic joints are in meters, and so are their margins.
 
 use arrow::{datatypes::Schema, record_batch::RecordBatch};
 use spatial::{Object, Palm, Pose, Rest};
@@ -19,7 +29,12 @@ use spatial::{Object, Palm, Pose, Rest};
 use crate::columns::{Columns, Reader, SchemaError, count};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "trajectories/1";
+pub const VERSION: &str = "trajectories/2";
+
+/// Key of the followed landmarks' names in the metadata.
+const KEYPOINTS_KEY: &str = "keypoints";
+/// Key of the names of those that are finger tips.
+const TIPS_KEY: &str = "tips";
 
 /// One motion of a robot hand that follows a demonstration.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +45,10 @@ pub struct Trajectory {
     pub object: String,
     /// Names of the hand's joints, in the order of [`Step::q_rad`].
     pub joints: Vec<String>,
+    /// Names of the landmarks that are followed, in the order of [`Tracking::keypoint_errors_m`].
+    pub keypoints: Vec<String>,
+    /// Names of those that are finger tips, in the order of [`Tracking::tip_errors_m`].
+    pub tips: Vec<String>,
     /// How the object lay.
     pub rest: Rest,
     /// The steps in time order; the last one is the grasp.
@@ -45,36 +64,110 @@ pub struct Step {
     pub object_from_palm: Pose<Object, Palm>,
     /// Joint positions in radians.
     pub q_rad: Vec<f64>,
-    /// Root mean square distance between the robot's points and the landmarks, in meters.
-    pub keypoint_error_m: f64,
-    /// Largest distance between a finger tip and its landmark, in meters.
-    pub fingertip_error_m: f64,
+    /// How fast it moves.
+    pub rates: Rates,
+    /// How well it follows.
+    pub tracking: Tracking,
 }
 
-/// Returns the Arrow schema for a hand with these joints.
-pub fn schema(joints: &[String]) -> Schema {
-    columns(joints, &[]).schema()
+/// How fast the hand moves at a step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rates {
+    /// Velocity of the palm's origin (m/s), then its angular velocity (rad/s), both along the
+    /// object's axes.
+    pub palm_velocity: [f64; 6],
+    /// Joint velocities in rad/s.
+    pub q_velocity_rad_per_s: Vec<f64>,
+    /// Joint accelerations in rad/s².
+    pub q_acceleration_rad_per_s2: Vec<f64>,
 }
 
-fn columns(joints: &[String], trajectories: &[&Trajectory]) -> Columns {
-    let rows = || {
-        trajectories.iter().flat_map(|d| {
-            d.steps
-                .iter()
-                .enumerate()
-                .map(move |(step, s)| (*d, step, s))
-        })
-    };
-    let mut c = Columns::new(VERSION).with_joints(joints);
+impl Rates {
+    /// Returns the rates of a hand of `dof` joints that does not move.
+    pub fn still(dof: usize) -> Self {
+        Self {
+            palm_velocity: [0.0; 6],
+            q_velocity_rad_per_s: vec![0.0; dof],
+            q_acceleration_rad_per_s2: vec![0.0; dof],
+        }
+    }
+}
+
+/// How well the hand follows the demonstration at a step, and what it keeps from.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Tracking {
+    /// Distance of each point of the robot to its landmark, in meters.
+    pub keypoint_errors_m: Vec<f64>,
+    /// Those of finger tips.
+    pub tip_errors_m: Vec<f64>,
+    /// Signed distance from the object's surface of each finger tip that should touch it, in meters.
+    pub contact_gaps_m: Vec<f64>,
+    /// Least distance of a joint to one of its limits, in radians.
+    pub limit_margin_rad: f64,
+    /// Greatest depth of a link inside the object, in meters.
+    pub penetration_m: f64,
+    /// Greatest depth of a link below the table, in meters.
+    pub table_penetration_m: f64,
+}
+
+impl Tracking {
+    /// Returns the root mean square distance of the points to their landmarks, in meters.
+    pub fn keypoint_error_m(&self) -> f64 {
+        let squares: f64 = self
+            .keypoint_errors_m
+            .iter()
+            .map(|error| error.powi(2))
+            .sum();
+        (squares / self.keypoint_errors_m.len().max(1) as f64).sqrt()
+    }
+
+    /// Returns the largest distance of a finger tip to its landmark, in meters.
+    pub fn fingertip_error_m(&self) -> f64 {
+        self.tip_errors_m.iter().copied().fold(0.0, f64::max)
+    }
+}
+
+/// Returns the Arrow schema for a hand with these joints that follows these landmarks.
+pub fn schema(joints: &[String], keypoints: &[String], tips: &[String]) -> Schema {
+    named(joints, keypoints, tips, &[]).schema()
+}
+
+fn named(
+    joints: &[String],
+    keypoints: &[String],
+    tips: &[String],
+    trajectories: &[&Trajectory],
+) -> Columns {
+    let mut c = Columns::new(VERSION)
+        .with_joints(joints)
+        .with_names(KEYPOINTS_KEY, keypoints)
+        .with_names(TIPS_KEY, tips);
+    motion(&mut c, trajectories);
+    tracking(&mut c, trajectories);
+    c
+}
+
+/// Returns the steps of all, each with its trajectory and number.
+fn rows<'a>(
+    trajectories: &'a [&'a Trajectory],
+) -> impl Iterator<Item = (&'a Trajectory, usize, &'a Step)> + Clone {
+    trajectories.iter().flat_map(|&trajectory| {
+        let steps = trajectory.steps.iter().enumerate();
+        steps.map(move |(idx, step)| (trajectory, idx, step))
+    })
+}
+
+fn motion(c: &mut Columns, trajectories: &[&Trajectory]) {
+    let rows = || rows(trajectories);
     c.utf8(
         "object",
         "name of the grasped object",
-        rows().map(|(d, _, _)| d.object.clone()),
+        rows().map(|(t, _, _)| t.object.clone()),
     );
     c.i64(
         "step",
         "number of the row, from 0",
-        rows().map(|(_, step, _)| count(step)),
+        rows().map(|(_, idx, _)| count(idx)),
     );
     c.f64(
         "time_s",
@@ -94,20 +187,74 @@ fn columns(joints: &[String], trajectories: &[&Trajectory]) -> Columns {
         "joint positions, in the order of metadata `joints`",
         rows().map(|(_, _, s)| s.q_rad.clone()),
     );
+    c.f64_array(
+        "palm_velocity",
+        "m/s, rad/s",
+        "the palm's velocity and angular velocity along the object's axes",
+        rows().map(|(_, _, s)| s.rates.palm_velocity),
+    );
+    c.f64_list(
+        "q_velocity_rad_per_s",
+        "rad/s",
+        "joint velocities",
+        rows().map(|(_, _, s)| s.rates.q_velocity_rad_per_s.clone()),
+    );
+    c.f64_list(
+        "q_acceleration_rad_per_s2",
+        "rad/s²",
+        "joint accelerations",
+        rows().map(|(_, _, s)| s.rates.q_acceleration_rad_per_s2.clone()),
+    );
+}
+
+fn tracking(c: &mut Columns, trajectories: &[&Trajectory]) {
+    let tracking = || rows(trajectories).map(|(_, _, s)| &s.tracking);
+    c.f64_list(
+        "keypoint_errors_m",
+        "m",
+        "distance to each landmark, in the order of metadata `keypoints`",
+        tracking().map(|t| t.keypoint_errors_m.clone()),
+    );
     c.f64(
         "keypoint_error_m",
         "m",
         "root mean square distance to the landmarks followed",
-        rows().map(|(_, _, s)| s.keypoint_error_m),
+        tracking().map(Tracking::keypoint_error_m),
     );
-    c.f64(
-        "fingertip_error_m",
+    c.f64_list(
+        "tip_errors_m",
         "m",
-        "largest distance of a finger tip to its landmark",
-        rows().map(|(_, _, s)| s.fingertip_error_m),
+        "distance of each finger tip to its landmark, in the order of metadata `tips`",
+        tracking().map(|t| t.tip_errors_m.clone()),
     );
-    c.rest(rows().map(|(d, _, _)| d.rest));
-    c
+    c.f64_list(
+        "contact_gaps_m",
+        "m",
+        "signed distance from the surface of each finger tip that should touch it",
+        tracking().map(|t| t.contact_gaps_m.clone()),
+    );
+    let mut number = |name: &str, unit: &str, about: &str, value: fn(&Tracking) -> f64| {
+        c.f64(name, unit, about, tracking().map(value));
+    };
+    number(
+        "limit_margin_rad",
+        "rad",
+        "least distance of a joint to one of its limits",
+        |t| t.limit_margin_rad,
+    );
+    number(
+        "penetration_m",
+        "m",
+        "greatest depth of a link inside the object",
+        |t| t.penetration_m,
+    );
+    number(
+        "table_penetration_m",
+        "m",
+        "greatest depth of a link below the table",
+        |t| t.table_penetration_m,
+    );
+    c.rest(rows(trajectories).map(|(t, _, _)| t.rest));
 }
 
 /// Returns one row per step; the sequence is the partition, not a column.
@@ -116,7 +263,13 @@ fn columns(joints: &[String], trajectories: &[&Trajectory]) -> Columns {
 ///
 /// Fails if a number is not finite.
 pub fn to_batch(trajectory: &Trajectory) -> Result<RecordBatch, SchemaError> {
-    columns(&trajectory.joints, &[trajectory]).into_batch()
+    let Trajectory {
+        joints,
+        keypoints,
+        tips,
+        ..
+    } = trajectory;
+    named(joints, keypoints, tips, &[trajectory]).into_batch()
 }
 
 /// Reads what [`to_batch`] wrote for `sequence`.
@@ -131,17 +284,31 @@ pub fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Trajectory, Sch
     let joints = r.joints()?;
     let mut steps = Vec::with_capacity(r.rows());
     for row in 0..r.rows() {
+        let of_joints = |name: &str| r.joint_positions(name, row, joints.len());
         steps.push(Step {
             time_s: r.f64("time_s", row)?,
             object_from_palm: r.pose("object_from_palm", r.f64_array("object_from_palm", row)?)?,
-            q_rad: r.joint_positions("q_rad", row, joints.len())?,
-            keypoint_error_m: r.f64("keypoint_error_m", row)?,
-            fingertip_error_m: r.f64("fingertip_error_m", row)?,
+            q_rad: of_joints("q_rad")?,
+            rates: Rates {
+                palm_velocity: r.f64_array("palm_velocity", row)?,
+                q_velocity_rad_per_s: of_joints("q_velocity_rad_per_s")?,
+                q_acceleration_rad_per_s2: of_joints("q_acceleration_rad_per_s2")?,
+            },
+            tracking: Tracking {
+                keypoint_errors_m: r.f64_list("keypoint_errors_m", row)?,
+                tip_errors_m: r.f64_list("tip_errors_m", row)?,
+                contact_gaps_m: r.f64_list("contact_gaps_m", row)?,
+                limit_margin_rad: r.f64("limit_margin_rad", row)?,
+                penetration_m: r.f64("penetration_m", row)?,
+                table_penetration_m: r.f64("table_penetration_m", row)?,
+            },
         });
     }
     Ok(Trajectory {
         sequence: sequence.to_owned(),
         object: r.utf8("object", 0)?.to_owned(),
+        keypoints: r.names(KEYPOINTS_KEY),
+        tips: r.names(TIPS_KEY),
         joints,
         rest: r.rest(0)?,
         steps,

@@ -2,7 +2,8 @@
 
 use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
-    SchemaError, candidates, demonstrations, executions, objects, rollouts, trajectories,
+    SchemaError, candidates, demonstrations, distance_fields, executions, objects, rollouts,
+    tracking, trajectories,
 };
 use spatial::{Pose, Rest};
 
@@ -53,13 +54,26 @@ fn trajectory() -> trajectories::Trajectory {
         sequence: "a".to_owned(),
         object: "can".to_owned(),
         joints: joints(),
+        keypoints: vec!["thumb_tip".to_owned(), "wrist".to_owned()],
+        tips: vec!["thumb_tip".to_owned()],
         rest: rest(),
         steps: vec![trajectories::Step {
             time_s: 0.1,
             object_from_palm: pose(0.1),
             q_rad: vec![0.3, 0.4],
-            keypoint_error_m: 0.01,
-            fingertip_error_m: 0.02,
+            rates: trajectories::Rates {
+                palm_velocity: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6],
+                q_velocity_rad_per_s: vec![1.0, 2.0],
+                q_acceleration_rad_per_s2: vec![3.0, 4.0],
+            },
+            tracking: trajectories::Tracking {
+                keypoint_errors_m: vec![0.03, 0.04],
+                tip_errors_m: vec![0.03],
+                contact_gaps_m: vec![-0.001],
+                limit_margin_rad: 0.1,
+                penetration_m: 0.002,
+                table_penetration_m: 0.001,
+            },
         }],
     }
 }
@@ -72,6 +86,42 @@ fn objects_read_back() {
         object()
     );
     assert_eq!(batch.schema().as_ref(), &objects::schema());
+}
+
+#[test]
+fn distance_fields_read_back() {
+    let field = distance_fields::FieldInfo {
+        spacing_m: 0.0025,
+        margin_m: 0.025,
+        center_of_mass_m: [0.1, 0.2, 0.3],
+        hull_m: vec![[0.0; 3], [1.0, 2.0, 3.0]],
+    };
+    let batch = distance_fields::to_batch(&field).unwrap();
+    assert_eq!(distance_fields::from_batch(&batch).unwrap(), field);
+    assert_eq!(batch.schema().as_ref(), &distance_fields::schema());
+}
+
+#[test]
+fn tracking_reads_back() {
+    let report = tracking::TrackingReport {
+        trajectories_n: 18,
+        steps_n: 600,
+        tip_error_mean_m: 1.0,
+        tip_error_median_m: 2.0,
+        tip_error_p95_m: 3.0,
+        limit_margin_least_rad: 4.0,
+        contacts_n: 70,
+        contact_gap_median_m: 5.0,
+        contact_gap_p90_m: 6.0,
+        penetration_median_m: 7.0,
+        penetration_p90_m: 8.0,
+        below_table_share: 9.0,
+        q_velocity_p95_rad_per_s: 10.0,
+        q_acceleration_p95_rad_per_s2: 11.0,
+    };
+    let batch = tracking::to_batch(&report).unwrap();
+    assert_eq!(tracking::from_batch(&batch).unwrap(), report);
+    assert_eq!(batch.schema().as_ref(), &tracking::schema());
 }
 
 #[test]
@@ -203,7 +253,7 @@ fn every_number_has_a_unit_and_every_column_a_meaning() {
     let schemas = [
         objects::schema(),
         demonstrations::schema(),
-        trajectories::schema(&joints()),
+        trajectories::schema(&joints(), &trajectory().keypoints, &trajectory().tips),
         candidates::schema(&joints()),
         rollouts::schema(),
         executions::schema(),

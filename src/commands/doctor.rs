@@ -2,6 +2,7 @@
 
 mod checks;
 mod lake_folder;
+mod robot;
 
 use dataflow::Pipeline;
 
@@ -59,8 +60,11 @@ impl Check {
     }
 }
 
-/// Checks that the lake, what a pipeline file names and the robot cell are ready.
+/// Checks that the lake, what a pipeline file names and the robot cell are ready; or a robot alone.
 pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<Outcome, Trouble> {
+    if let Some(urdf) = &args.robot {
+        return robot::check(urdf);
+    }
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
     let found = all(program, &pipeline);
     let rows: Vec<Vec<String>> = found

@@ -2,8 +2,8 @@
 //! beside the same algorithm, SLSQP, without Python.
 //!
 //! `PIPELINE_PEER_DATA` names the folder of the three recorded problems, `HAND_position.npz`;
-//! `PIPELINE_REAL_URDF` the folder of the hands' URDFs; `PIPELINE_PYTHON` the Python that has
-//! `dex_retargeting` 0.5.0, `python3` where it is not set. What is missing is skipped.
+//! `PIPELINE_REAL_DATA` the folder with the hands' URDFs in `urdf`; `PIPELINE_PYTHON` the Python that
+//! has `dex_retargeting` 0.5.0, `python3` where it is not set. What is missing is skipped.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]

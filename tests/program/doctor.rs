@@ -1,6 +1,6 @@
 //! `pipeline doctor` says what is ready and what is missing.
 
-use std::net::TcpListener;
+use std::{fs, net::TcpListener};
 
 use crate::{
     bench::{Bench, put, stderr, stdout},
@@ -107,4 +107,126 @@ fn doctor_reports_a_wrong_file_as_every_command_does() {
         "{}",
         stderr(&several)
     );
+}
+
+#[test]
+fn doctor_describes_a_robot_and_proposes_its_hand() {
+    let output = pipeline(&["doctor", "--robot", "data/robots/allegro_left.urdf"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let report = stdout(&output);
+    for says in [
+        "`allegro_left`, root link `base_link`",
+        "16 independent ones",
+        "21 in 17 moving bodies, 0.973 kg together",
+        "to `link_15.0_tip`, 160 mm: joint_12.0, joint_13.0, joint_14.0, joint_15.0",
+        "cannot be at 0: its limits are 0.263 and 1.396",
+    ] {
+        assert!(report.contains(says), "{says}: {report}");
+    }
+    let (_, table) = report.split_once("\n\n").unwrap();
+    let table: toml_edit::DocumentMut = table.parse().unwrap();
+    assert_eq!(table["side"].as_str(), Some("left"));
+    let points = table["points"].as_array().unwrap();
+    let followed: Vec<(&str, &str)> = points
+        .iter()
+        .map(|point| point.as_inline_table().unwrap())
+        .map(|point| {
+            let text = |key: &str| point[key].as_str().unwrap();
+            (text("keypoint"), text("link"))
+        })
+        .collect();
+    assert_eq!(
+        followed,
+        [
+            ("thumb_tip", "link_15.0_tip"),
+            ("index_tip", "link_3.0_tip"),
+            ("middle_tip", "link_7.0_tip"),
+            ("ring_tip", "link_11.0_tip"),
+            ("thumb_pip", "link_14.0"),
+            ("index_pip", "link_2.0"),
+            ("middle_pip", "link_6.0"),
+            ("ring_pip", "link_10.0"),
+            ("wrist", "base_link"),
+        ]
+    );
+}
+
+#[test]
+fn doctor_says_what_is_unphysical_in_a_robot() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let path = folder.path().join("hand.urdf");
+    let urdf = path.to_str().unwrap();
+    put(
+        &path,
+        r#"<robot name="r"><link name="palm"><visual><geometry><mesh filename="package://hand/palm.stl"/></geometry></visual></link>
+        <link name="a"><inertial><mass value="1"/><inertia ixx="1e-4" iyy="1e-4" izz="3e-4"/></inertial></link>
+        <joint name="j" type="revolute"><parent link="palm"/><child link="a"/><axis xyz="0 0 1"/><limit lower="0" upper="0"/></joint></robot>"#,
+    );
+    let output = pipeline(&["doctor", "--robot", urdf]);
+    assert_eq!(output.status.code(), Some(1));
+    let report = stdout(&output);
+    let rows: Vec<(&str, &str)> = report
+        .lines()
+        .filter_map(|line| line.split_once("  "))
+        .map(|(word, rest)| (word, rest.trim_start()))
+        .collect();
+    for (word, says) in [
+        ("wrong", "has an inertia that no body has"),
+        ("doubtful", "is locked: its limits are both 0"),
+        ("doubtful", "has no effort limit: 0 Nm"),
+        (
+            "note",
+            "names a mesh that is not there: `package://hand/palm.stl`",
+        ),
+        ("note", "has mass and nothing to collide with"),
+    ] {
+        let is_said = rows.iter().any(|row| row.0 == word && row.1.contains(says));
+        assert!(is_said, "{word} {says}: {report}");
+    }
+    let hints = stderr(&output);
+    assert!(hints.contains("hint: give it its range"), "{hints}");
+    assert!(
+        hints.contains("describes what cannot be, in 1 place"),
+        "{hints}"
+    );
+    // A mesh in the package's own folder, above the URDF, is found.
+    fs::create_dir(folder.path().join("hand")).unwrap();
+    put(&folder.path().join("hand/palm.stl"), "solid");
+    let report = stdout(&pipeline(&["doctor", "--robot", urdf]));
+    assert!(!report.contains("palm.stl"), "{report}");
+}
+
+#[test]
+fn doctor_says_why_a_robot_cannot_be_read() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let path = folder.path().join("hand.urdf");
+    let urdf = path.to_str().unwrap();
+    let refused = |says: &str, hint: &str| {
+        let output = pipeline(&["doctor", "--robot", urdf]);
+        assert_eq!(output.status.code(), Some(1), "{says}");
+        assert_eq!(stdout(&output), "");
+        assert!(
+            stderr(&output).contains(says),
+            "{says}: {}",
+            stderr(&output)
+        );
+        assert!(
+            stderr(&output).contains(hint),
+            "{hint}: {}",
+            stderr(&output)
+        );
+    };
+    refused("cannot read `", "hint: give the path of a URDF");
+    put(
+        &path,
+        "<!DOCTYPE robot><robot name='r'><link name='a'/></robot>",
+    );
+    refused("document type declaration", "hint: remove `<!DOCTYPE …>`");
+    put(
+        &path,
+        "<robot name='r'><link name='a'/><link name='b'/></robot>",
+    );
+    refused("both have no parent", "hint: connect them by a joint");
+    let both = pipeline(&["doctor", "pipelines/cgf.toml", "--robot", urdf]);
+    assert_eq!(both.status.code(), Some(2));
 }

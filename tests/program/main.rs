@@ -8,4 +8,5 @@ mod history;
 mod incremental;
 mod questions;
 mod repeatable;
+mod retargeting;
 mod sweeps;

@@ -158,6 +158,45 @@ impl SurfaceDistance {
         }
     }
 
+    /// Says whether there is no surface to be near to.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.tree.is_none()
+    }
+
+    /// Returns the triangle nearest to a point and the distance to it, on whichever side, in meters,
+    /// right to a ten-thousandth; `None` if there is no surface.
+    ///
+    /// `hints` are triangles that may be the nearest one, e.g. those nearest to neighboring points:
+    /// the search then has only to show that there is none nearer.
+    pub(crate) fn nearest_face(
+        &self,
+        point: &Point3<f64>,
+        hints: impl IntoIterator<Item = u32>,
+    ) -> Option<(u32, f64)> {
+        let tree = self.tree.as_ref()?;
+        let to_face = |idx: u32| {
+            let face = self.faces.get(idx as usize)?;
+            Some((idx, (point - face.nearest(point).0).norm()))
+        };
+        let mut best: Option<(u32, f64)> = None;
+        for hint in hints {
+            if best.is_none_or(|(idx, _)| idx != hint)
+                && let Some(found) = to_face(hint)
+                && best.is_none_or(|(_, distance)| found.1 < distance)
+            {
+                best = Some(found);
+            }
+        }
+        // Only what is nearer by more than single precision can tell is worth finding.
+        #[expect(clippy::cast_possible_truncation, reason = "made a little smaller")]
+        let reach = best.map_or(f32::MAX, |(_, distance)| {
+            (0.9999 * distance - 1e-7).max(0.0) as f32
+        });
+        let nearer =
+            tree.project_local_point_and_get_location_with_max_dist(single(point), false, reach);
+        nearer.and_then(|(_, (idx, _))| to_face(idx)).or(best)
+    }
+
     /// Says whether most rays from a point first hit the inner side of the surface.
     fn most_rays_leave(&self, point: &Point3<f64>) -> bool {
         let Some(tree) = &self.tree else { return false };

@@ -1,7 +1,7 @@
 //! Why a mesh could not be used.
 
 /// Why a mesh could not be used.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GeometryError {
     /// A number in the text cannot be read or is not finite.
@@ -55,6 +55,16 @@ pub enum GeometryError {
         /// How many points there were.
         points: usize,
     },
+    /// The grid of a distance field would be empty or enormous.
+    #[error(
+        "a grid of {spacing_m} m between nodes and {margin_m} m around the mesh cannot be made"
+    )]
+    BadGrid {
+        /// Distance between neighboring nodes, in meters.
+        spacing_m: f64,
+        /// Room around the mesh's bounds, in meters.
+        margin_m: f64,
+    },
 }
 
 impl GeometryError {
@@ -69,6 +79,10 @@ impl GeometryError {
                 Some("the file may be cut off: copy it from its source again".to_owned())
             }
             Self::NoTriangles => Some("export the mesh with its faces".to_owned()),
+            Self::BadGrid { .. } => Some(
+                "the spacing must be about a hundredth of the object; is the mesh in meters?"
+                    .to_owned(),
+            ),
             Self::NoHull { .. } => None,
         }
     }

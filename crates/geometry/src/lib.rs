@@ -19,6 +19,7 @@
 
 mod distance;
 mod error;
+mod field;
 mod hull;
 mod mass;
 mod mesh;
@@ -29,9 +30,11 @@ mod rests;
 mod sample;
 mod single;
 mod table;
+mod winding;
 
 pub use distance::{SurfaceDistance, SurfacePoint};
 pub use error::GeometryError;
+pub use field::DistanceField;
 pub use mass::{MassProperties, mass_properties};
 pub use mesh::TriMesh;
 pub use mirror::{MirrorPlane, mirror_plane};

@@ -372,6 +372,7 @@ mod tests {
             stamp_ns(q),
             &["a".to_owned(), "b".to_owned()],
             &[q, q.sin()],
+            &[1.0, q.cos()],
         )
     }
 

@@ -4,11 +4,75 @@
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RobotError {
-    /// The text is not XML in the form of a URDF.
-    #[error("the text is not a URDF")]
-    NotUrdf {
+    /// The bytes are not UTF-8.
+    #[error("the URDF is not UTF-8 from byte {} on", source.valid_up_to())]
+    NotText {
+        /// Where it stops.
+        source: std::str::Utf8Error,
+    },
+    /// The text is not XML.
+    #[error("line {line} of the URDF is not XML")]
+    NotXml {
+        /// The line, from 1.
+        line: usize,
         /// What the parser says.
-        source: urdf_rs::UrdfError,
+        source: quick_xml::Error,
+    },
+    /// The text ends inside of an element.
+    #[error("the URDF ends before `<{name}>` of line {line} is closed")]
+    Unclosed {
+        /// The line, from 1.
+        line: usize,
+        /// The element.
+        name: String,
+    },
+    /// The text has a document type declaration.
+    #[error("line {line} of the URDF is a document type declaration, which is never read")]
+    DocumentType {
+        /// The line, from 1.
+        line: usize,
+    },
+    /// The text has not one root element `<robot>`.
+    #[error("the text is not one `<robot>`{}", found.as_ref().map(|found| format!(": `<{found}>` stands there")).unwrap_or_default())]
+    NoRobot {
+        /// What stands there instead or beside it, if anything does.
+        found: Option<String>,
+    },
+    /// There is far more of something than a robot has.
+    #[error("the URDF has more than {limit} {what}")]
+    TooLarge {
+        /// Of what.
+        what: &'static str,
+        /// How much is read.
+        limit: usize,
+    },
+    /// The text is a template from which `xacro` makes a URDF.
+    #[error("`<{element}>` on line {line} is an instruction for xacro")]
+    Xacro {
+        /// The element.
+        element: String,
+        /// Its line, from 1.
+        line: usize,
+    },
+    /// An attribute that cannot be left out is not there.
+    #[error("`<{element}>` on line {line} has no `{attribute}`")]
+    MissingAttribute {
+        /// The element.
+        element: String,
+        /// The attribute.
+        attribute: &'static str,
+        /// The element's line, from 1.
+        line: usize,
+    },
+    /// A joint does not say what it connects.
+    #[error("joint `{joint}` on line {line} has no `<{role} link=…>`")]
+    Unlinked {
+        /// The joint.
+        joint: String,
+        /// `parent` or `child`.
+        role: &'static str,
+        /// The joint's line, from 1.
+        line: usize,
     },
     /// There is no link at all.
     #[error("the URDF has no link")]
@@ -58,22 +122,35 @@ pub enum RobotError {
         link: String,
     },
     /// A joint of a kind that a hand does not have.
-    #[error("joint `{joint}` is {kind}, expected revolute, continuous, prismatic or fixed")]
+    #[error(
+        "joint `{joint}` on line {line} is `{kind}`, expected revolute, continuous, prismatic or \
+         fixed"
+    )]
     UnsupportedJoint {
         /// The joint.
         joint: String,
         /// Its kind.
-        kind: &'static str,
+        kind: String,
+        /// Its line, from 1.
+        line: usize,
     },
-    /// A joint's limits are missing, both zero, infinite or in the wrong order.
-    #[error("joint `{joint}` has no usable limits: lower {lower}, upper {upper}")]
+    /// A joint's limits are in the wrong order.
+    #[error("the limits of joint `{joint}` are swapped: lower {lower}, upper {upper}")]
     BadLimits {
         /// The joint.
         joint: String,
-        /// Lower limit as read; 0 where it is missing.
+        /// Lower limit as read.
         lower: f64,
-        /// Upper limit as read; 0 where it is missing.
+        /// Upper limit as read.
         upper: f64,
+    },
+    /// A joint slides, and nobody says how far.
+    #[error("prismatic joint `{joint}` on line {line} has no limits")]
+    NoLimits {
+        /// The joint.
+        joint: String,
+        /// Its line, from 1.
+        line: usize,
     },
     /// A joint's axis has no direction.
     #[error("the axis of joint `{joint}` is zero")]
@@ -81,21 +158,65 @@ pub enum RobotError {
         /// The joint.
         joint: String,
     },
-    /// A joint mimics one that does not exist, cannot move, or mimics it in turn.
-    #[error("joint `{joint}` mimics `{master}`, which is not an independent movable joint")]
+    /// A joint mimics one that it cannot follow.
+    #[error("joint `{joint}` mimics `{master}`, which {fault}")]
     BadMimic {
         /// The joint.
         joint: String,
-        /// The joint it names.
+        /// The joint it names, itself or through others.
         master: String,
+        /// Why that one cannot be followed.
+        fault: MimicFault,
     },
-    /// A number is NaN, infinite, or negative where it cannot be.
-    #[error("{what} of `{name}` is not a usable number")]
+    /// A link weighs less than nothing.
+    #[error("link `{link}` has a mass of {mass_kg} kg")]
+    NegativeMass {
+        /// The link.
+        link: String,
+        /// Its mass.
+        mass_kg: f64,
+    },
+    /// A number is none, not finite, larger than any in a robot, or negative where it cannot be.
+    #[error("`{attribute}` of `<{element}>` on line {line} is `{text}`, not a usable number")]
     BadNumber {
-        /// Which number.
-        what: &'static str,
-        /// The link or joint.
-        name: String,
+        /// The element.
+        element: String,
+        /// Its attribute.
+        attribute: &'static str,
+        /// What stands there.
+        text: String,
+        /// The element's line, from 1.
+        line: usize,
+    },
+    /// An attribute does not hold three numbers.
+    #[error("`{attribute}` of `<{element}>` on line {line} is `{text}`, not three usable numbers")]
+    BadTriple {
+        /// The element.
+        element: String,
+        /// Its attribute.
+        attribute: &'static str,
+        /// What stands there.
+        text: String,
+        /// The element's line, from 1.
+        line: usize,
+    },
+    /// A collision shape of a kind that is not known.
+    #[error(
+        "`<{shape}>` on line {line} is no shape, expected box, sphere, cylinder, capsule or mesh"
+    )]
+    UnknownShape {
+        /// The element.
+        shape: String,
+        /// Its line, from 1.
+        line: usize,
+    },
+    /// A collision shape has a side or radius that is not positive.
+    #[error("`<{shape}>` on line {line} has no volume")]
+    NoVolume {
+        /// The element.
+        shape: String,
+        /// Its line, from 1.
+        line: usize,
     },
     /// A joint that was asked for does not exist.
     #[error("robot `{robot}` has no joint `{joint}`")]
@@ -119,40 +240,111 @@ pub enum RobotError {
     },
 }
 
+/// Why a joint cannot be followed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum MimicFault {
+    /// It does not exist.
+    Unknown {
+        /// Joints spelled nearly so.
+        near: Vec<String>,
+    },
+    /// It cannot move.
+    Fixed,
+    /// It follows the joint in turn.
+    Loop,
+    /// Multipliers along the way make its position infinite.
+    NotFinite,
+}
+
+impl std::fmt::Display for MimicFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Unknown { .. } => "does not exist",
+            Self::Fixed => "is fixed",
+            Self::Loop => "follows it in turn",
+            Self::NotFinite => "is multiplied beyond every number",
+        })
+    }
+}
+
 impl RobotError {
     /// Says what to do next, if that is known.
     pub fn hint(&self) -> Option<String> {
-        match self {
-            Self::NotUrdf { source } => {
-                let text = source.to_string();
-                text.contains("duplicate field").then(|| {
-                    "an element that may stand once, such as `<inertial>`, stands twice in a link \
-                     or joint: remove one"
-                        .to_owned()
-                })
-            }
-            Self::NoLink => Some("give the URDF's text after xacro has expanded it".to_owned()),
+        let hint = match self {
             Self::UnknownLink { near, .. }
             | Self::MissingJoint { near, .. }
-            | Self::MissingLink { near, .. } => did_you_mean(near),
-            Self::BadLimits { joint, .. } => Some(format!(
-                "give joint `{joint}` a `<limit lower=… upper=…>` in radians, or make its type \
-                 `continuous`"
-            )),
-            Self::UnsupportedJoint { .. } => Some(
-                "describe the hand alone: its root moves freely without a joint that says so"
-                    .to_owned(),
-            ),
+            | Self::MissingLink { near, .. }
+            | Self::BadMimic {
+                fault: MimicFault::Unknown { near },
+                ..
+            } => return did_you_mean(near),
+            Self::BadTriple { text, .. } | Self::BadNumber { text, .. }
+                if text.contains("${") || text.contains("$(") =>
+            {
+                EXPAND
+            }
+            Self::Xacro { .. } => EXPAND,
+            Self::NotText { .. } => {
+                "convert it, e.g. `iconv -f UTF-16 -t UTF-8 robot.urdf`, or give the URDF itself \
+                 instead of a mesh or an archive"
+            }
+            Self::NoLink | Self::NoRobot { .. } => {
+                "give a URDF: `<robot name=…>` with its links and joints; SDF and MJCF are not read"
+            }
+            Self::DocumentType { .. } => "remove `<!DOCTYPE …>` and write out what it declares",
+            Self::TooLarge { .. } => "give one robot alone, with its meshes in files of their own",
+            Self::BadLimits {
+                joint,
+                lower,
+                upper,
+            } => {
+                return Some(format!(
+                    "give joint `{joint}` `<limit lower=\"{upper}\" upper=\"{lower}\" …/>`, if that \
+                     is what is meant"
+                ));
+            }
+            Self::NoLimits { joint, .. } => {
+                return Some(format!(
+                    "give joint `{joint}` a `<limit lower=… upper=…/>` in meters"
+                ));
+            }
+            Self::UnsupportedJoint { .. } => {
+                "describe the robot alone: its root moves freely without a joint that says so"
+            }
+            Self::TwoRoots { first, second } => {
+                return Some(format!(
+                    "connect them by a joint, or remove the one that is no part of the robot: a \
+                     joint whose child is `{first}` or `{second}` is missing"
+                ));
+            }
+            Self::ZeroAxis { joint } => {
+                return Some(format!(
+                    "give joint `{joint}` an `<axis xyz=…/>` that is not zero"
+                ));
+            }
+            Self::TwoParents { .. } | Self::Loop { .. } => {
+                "a URDF is a tree: open a closed linkage, and let a joint follow another with \
+                 `<mimic>`"
+            }
+            Self::BadMimic { .. } => "let it follow a joint that moves and follows none itself",
             Self::Duplicate { .. }
-            | Self::TwoParents { .. }
-            | Self::TwoRoots { .. }
-            | Self::Loop { .. }
-            | Self::ZeroAxis { .. }
-            | Self::BadMimic { .. }
-            | Self::BadNumber { .. } => None,
-        }
+            | Self::NotXml { .. }
+            | Self::Unclosed { .. }
+            | Self::MissingAttribute { .. }
+            | Self::Unlinked { .. }
+            | Self::NegativeMass { .. }
+            | Self::BadTriple { .. }
+            | Self::BadNumber { .. }
+            | Self::UnknownShape { .. }
+            | Self::NoVolume { .. } => return None,
+        };
+        Some(hint.to_owned())
     }
 }
+
+/// What to do with a file that xacro has not gone through.
+const EXPAND: &str = "expand it first: `xacro robot.urdf.xacro > robot.urdf`";
 
 /// Phrases a question about near names; none if there are none.
 fn did_you_mean(near: &[String]) -> Option<String> {

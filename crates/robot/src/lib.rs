@@ -1,4 +1,5 @@
-//! Robot hands from their URDF: joints, kinematics, Jacobians, collision primitives.
+//! Robots from their URDF: joints, kinematics and its derivatives, dynamics, collision primitives,
+//! fingers, and what is doubtful about the description.
 //!
 //! ```
 //! let urdf = r#"<robot name="finger">
@@ -18,18 +19,35 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Links are ordered parents first, and link 0, the root, is the palm. Joints are the independent
-//! movable ones, in the order in which a depth-first walk meets them: address them by name.
+//! Links are ordered parents first, and link 0, the root, is called the palm: of a hand alone it is.
+//! Joints are the independent movable ones, in the order in which a depth-first walk meets them:
+//! address them by name. Joints that mimic others move with them and have no position of their own.
 //! Lengths are in meters, angles in radians, masses in kilograms.
+//! A root that moves freely has a pose and a twist ([`Root`]) and never angles; [`Bodies`] computes
+//! with or without it. Kinematics and dynamics agree with Pinocchio (`tests/golden`).
 //! This crate opens no file: meshes that a URDF names are never read, and a link whose collision
 //! geometry is a mesh has no collision shape.
 
+mod bodies;
+mod checks;
+mod dynamics;
 mod error;
+mod findings;
+mod fingers;
 mod forward;
+mod free_root;
+mod hand_shape;
 mod jacobian;
 mod model;
 mod near;
 mod urdf;
 
-pub use error::{RobotError, WrongDof};
-pub use model::{Collision, Inertial, Joint, JointKind, Link, RobotModel, Shape};
+pub use bodies::Bodies;
+pub use dynamics::{Efforts, JointMotion};
+pub use error::{MimicFault, RobotError, WrongDof};
+pub use findings::{Finding, Part, Severity};
+pub use fingers::Finger;
+pub use free_root::{Root, pose_from_twist, twist_from_pose};
+pub use hand_shape::HandShape;
+pub use model::{Collision, Inertial, Joint, JointKind, Link, Mesh, RobotModel, Shape};
+pub use urdf::MAX_BYTES as MAX_URDF_BYTES;

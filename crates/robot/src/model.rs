@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 
-use crate::{RobotError, near::near_names, urdf};
+use crate::{Finding, RobotError, near::near_names, urdf};
 
 /// A robot hand: links in a tree, moved by joints.
 #[derive(Debug, Clone, PartialEq)]
@@ -10,6 +10,8 @@ pub struct RobotModel {
     pub(crate) name: String,
     pub(crate) links: Vec<Link>,
     pub(crate) joints: Vec<Joint>,
+    /// What was assumed or passed over while reading.
+    pub(crate) findings: Vec<Finding>,
 }
 
 /// A rigid body of the hand.
@@ -17,6 +19,8 @@ pub struct RobotModel {
 pub struct Link {
     /// Its name in the URDF.
     pub name: String,
+    /// Name of the joint that it hangs on, fixed and mimic joints included; `None` for the root.
+    pub joint_name: Option<String>,
     /// The link it hangs on; `None` for the root alone.
     pub parent: Option<usize>,
     /// The joint position that moves it relative to its parent; `None` if it is fixed to it.
@@ -32,10 +36,21 @@ pub struct Link {
     pub parent_from_joint: Isometry3<f64>,
     /// Direction about or along which it moves, in the joint's frame (and its own).
     pub axis: Unit<Vector3<f64>>,
-    /// Mass properties; `None` if the URDF gives none.
+    /// Mass properties; `None` if the URDF gives none, or no mass.
     pub inertial: Option<Inertial>,
     /// Collision primitives.
     pub collisions: Vec<Collision>,
+    /// Meshes that it names; they are never opened.
+    pub meshes: Vec<Mesh>,
+}
+
+/// A mesh that a link names.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Mesh {
+    /// The file as the URDF names it, e.g. `package://hand/meshes/palm.stl`.
+    pub file: String,
+    /// Is it what the link collides with, rather than what is drawn of it?
+    pub is_collision: bool,
 }
 
 /// Mass properties of a link.
@@ -96,9 +111,11 @@ pub struct Joint {
     pub kind: JointKind,
     /// The link it moves.
     pub link: usize,
-    /// Least position, in radians (meters if prismatic); −∞ if continuous.
+    /// Least position, in radians (meters if prismatic); −∞ if continuous. Joints that follow this
+    /// one are inside their own limits, too, as long as it is inside these.
     pub lower: f64,
-    /// Greatest position, in radians (meters if prismatic); ∞ if continuous.
+    /// Greatest position, in radians (meters if prismatic); ∞ if continuous. Equal to
+    /// [`Joint::lower`] where the joint is locked.
     pub upper: f64,
     /// Largest torque in Nm (force in N if prismatic), as the URDF says: 0 means that it does not.
     pub effort: f64,
@@ -120,11 +137,29 @@ pub enum JointKind {
 impl RobotModel {
     /// Reads a robot from the text of its URDF.
     ///
+    /// What can be understood in one way only is read, whatever the order of links and joints:
+    /// links without mass or shape weigh and touch nothing, the first of several `<inertial>`
+    /// elements counts, a revolute joint without limits turns without end, one whose limits are
+    /// equal is locked, and meshes are named but never opened. [`RobotModel::findings`] lists what
+    /// was assumed.
+    ///
     /// # Errors
     ///
-    /// Fails if the text is not a URDF, its links are not one tree, a number is not finite, or a
-    /// joint lacks limits.
+    /// Fails if the text is not XML or not a URDF, has a document type declaration, still needs
+    /// xacro, or is too large; if its links are not one tree; if a number is none, not finite or
+    /// beyond 10⁹; and if a joint's limits are swapped, missing where it is prismatic, or it mimics
+    /// what cannot be followed.
     pub fn from_urdf(xml: &str) -> Result<Self, RobotError> {
+        urdf::parse(xml)
+    }
+
+    /// Reads a robot from the bytes of its URDF, as [`RobotModel::from_urdf`].
+    ///
+    /// # Errors
+    ///
+    /// Fails as that does, and if the bytes are not UTF-8.
+    pub fn from_urdf_bytes(bytes: &[u8]) -> Result<Self, RobotError> {
+        let xml = std::str::from_utf8(bytes).map_err(|source| RobotError::NotText { source })?;
         urdf::parse(xml)
     }
 
@@ -141,6 +176,11 @@ impl RobotModel {
     /// Returns the independent movable joints, in the order of every joint position vector.
     pub fn joints(&self) -> &[Joint] {
         &self.joints
+    }
+
+    /// Returns what was assumed or passed over while reading the URDF, in its order.
+    pub fn findings(&self) -> &[Finding] {
+        &self.findings
     }
 
     /// Returns the number of joints.

@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use robot::{RobotModel, Shape};
 
 const URDF: &str = include_str!("../../../data/robots/allegro_right.urdf");
+const LEFT: &str = include_str!("../../../data/robots/allegro_left.urdf");
 const TIPS: [&str; 4] = [
     "link_3.0_tip",
     "link_7.0_tip",
@@ -18,15 +19,20 @@ fn hand() -> RobotModel {
 
 /// Compares the tip centers, index to thumb, with millimeters that were rounded to 0.1.
 fn check_tips(q: &[f64], expected_mm: [[f64; 3]; 4]) {
-    let hand = hand();
-    let palm_from_links = hand.forward_kinematics(q).unwrap();
-    for (tip, expected) in TIPS.iter().zip(expected_mm) {
-        let found = palm_from_links[hand.link(tip).unwrap()].translation.vector * 1000.0;
-        for (found, expected) in found.iter().zip(expected) {
-            assert!(
-                (found - expected).abs() < 0.1,
-                "{tip}: {found:.2} mm, expected {expected} mm"
-            );
+    // The left hand is the mirror image.
+    for (urdf, side) in [(URDF, 1.0), (LEFT, -1.0)] {
+        let hand = RobotModel::from_urdf(urdf).unwrap();
+        let palm_from_links = hand.forward_kinematics(q).unwrap();
+        for (tip, expected) in TIPS.iter().zip(expected_mm) {
+            let found = palm_from_links[hand.link(tip).unwrap()].translation.vector * 1000.0;
+            let expected = [expected[0], side * expected[1], expected[2]];
+            for (found, expected) in found.iter().zip(expected) {
+                assert!(
+                    (found - expected).abs() < 0.1,
+                    "{} {tip}: {found:.2} mm, expected {expected} mm",
+                    hand.name()
+                );
+            }
         }
     }
 }
@@ -87,6 +93,33 @@ fn every_link_has_mass_and_shape() {
     }
     assert_eq!(hand.links().len(), 21);
     assert!((total_kg - 0.974).abs() < 0.001, "{total_kg} kg");
+}
+
+/// Every link of the left hand is where the right one's is in a mirror, in any pose: the mirror
+/// turns the fingers' spread about.
+#[test]
+fn left_hand_is_the_mirror_image() {
+    let (right, left) = (hand(), RobotModel::from_urdf(LEFT).unwrap());
+    assert_eq!(right.joint_names(), left.joint_names());
+    let q: Vec<f64> = (0..16).map(|idx| 0.1 + 0.05 * f64::from(idx)).collect();
+    let mut mirrored = q.clone();
+    for spread in [0, 4, 8] {
+        mirrored[spread] = -q[spread];
+    }
+    let palm_from_right = right.forward_kinematics(&q).unwrap();
+    let palm_from_left = left.forward_kinematics(&mirrored).unwrap();
+    for (idx, link) in right.links().iter().enumerate() {
+        let center = link.inertial.as_ref().unwrap().center_of_mass_m;
+        let expected = palm_from_right[idx] * center;
+        let center = left.links()[idx]
+            .inertial
+            .as_ref()
+            .unwrap()
+            .center_of_mass_m;
+        let found = palm_from_left[idx] * center;
+        let difference = found - Point3::new(expected.x, -expected.y, expected.z);
+        assert!(difference.norm() < 1e-6, "{}: {difference}", link.name);
+    }
 }
 
 #[test]

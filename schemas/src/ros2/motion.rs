@@ -78,12 +78,19 @@ pub fn header(time_ns: i64, frame: &str) -> Header {
     }
 }
 
-/// Returns positions of joints, in radians, for [`JOINT_STATES`].
-pub fn joint_state(time_ns: i64, joints: &[String], q_rad: &[f64]) -> JointState {
+/// Returns positions of joints, in radians, and their velocities, in rad/s or none if not known, for
+/// [`JOINT_STATES`].
+pub fn joint_state(
+    time_ns: i64,
+    joints: &[String],
+    q_rad: &[f64],
+    q_velocity_rad_per_s: &[f64],
+) -> JointState {
     JointState {
         header: header(time_ns, ""),
         name: joints.to_vec(),
         position: q_rad.to_vec(),
+        velocity: q_velocity_rad_per_s.to_vec(),
         ..JointState::default()
     }
 }

@@ -95,6 +95,7 @@ pub(crate) fn record(
                 table_from_object: *sample.table_from_object.isometry(),
                 palm_from_links: &link_poses(&sample.q_rad)?,
                 q_rad: &sample.q_rad,
+                q_velocity_rad_per_s: &[],
             },
         )?;
     }

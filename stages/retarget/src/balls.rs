@@ -1,6 +1,6 @@
 //! Collision shapes as balls: what a distance field can answer for.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 use robot::{Collision, Shape};
 
 /// Radius of the balls that line a box, in meters: what they cut off its edges, at most
@@ -13,8 +13,6 @@ const SPACING_M: f64 = 0.011;
 /// A ball fixed to a link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Ball {
-    /// The link.
-    pub(crate) link: usize,
     /// Center in the link's frame, in meters.
     pub(crate) center_in_link: Point3<f64>,
     /// Radius in meters.
@@ -22,9 +20,8 @@ pub(crate) struct Ball {
 }
 
 /// Returns balls inside the collision shape that reach its surface about everywhere.
-pub(crate) fn fill(link: usize, collision: &Collision) -> Vec<Ball> {
+pub(crate) fn fill(collision: &Collision) -> Vec<Ball> {
     let place = |center: Vector3<f64>, radius_m: f64| Ball {
-        link,
         center_in_link: collision.link_from_shape * Point3::from(center),
         radius_m,
     };
@@ -82,15 +79,28 @@ fn line(half: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Returns a ball's center where its link now is.
-pub(crate) fn center(ball: &Ball, frame_from_links: &[Isometry3<f64>]) -> Option<Point3<f64>> {
-    frame_from_links
-        .get(ball.link)
-        .map(|frame_from_link| frame_from_link * ball.center_in_link)
+/// Returns a ball about all of these, not much larger than need be; `None` if there are none.
+pub(crate) fn enclosing(balls: &[Ball]) -> Option<Ball> {
+    let low = balls
+        .iter()
+        .map(|ball| ball.center_in_link.coords)
+        .reduce(|a, b| a.inf(&b))?;
+    let high = balls
+        .iter()
+        .map(|ball| ball.center_in_link.coords)
+        .reduce(|a, b| a.sup(&b))?;
+    let center_in_link = Point3::from((low + high) / 2.0);
+    let reach = |ball: &Ball| (ball.center_in_link - center_in_link).norm() + ball.radius_m;
+    Some(Ball {
+        center_in_link,
+        radius_m: balls.iter().map(reach).fold(0.0, f64::max),
+    })
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Isometry3;
+
     use super::*;
 
     #[test]
@@ -102,7 +112,7 @@ mod tests {
                 half_extents_m: half,
             },
         };
-        let balls = fill(3, &collision);
+        let balls = fill(&collision);
         let mut top = f64::MIN;
         for ball in &balls {
             let center = ball.center_in_link - Vector3::new(0.0, 0.0, 0.027);
@@ -113,5 +123,16 @@ mod tests {
         }
         assert!((top - 0.054).abs() < 1e-12, "{top}");
         assert!((20..100).contains(&balls.len()), "{}", balls.len());
+    }
+
+    #[test]
+    fn a_ball_encloses_the_others() {
+        let ball = |x: f64, radius_m: f64| Ball {
+            center_in_link: Point3::new(x, 0.0, 0.01),
+            radius_m,
+        };
+        let around = enclosing(&[ball(0.0, 0.01), ball(0.04, 0.02), ball(0.01, 0.0)]).unwrap();
+        assert_eq!((around.center_in_link.x, around.radius_m), (0.02, 0.04));
+        assert_eq!(enclosing(&[]), None);
     }
 }

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
-use schemas::demonstrations::{KEYPOINTS, Side};
 use serde::{Deserialize, Serialize};
 
 use crate::RetargetError;
@@ -17,12 +16,19 @@ pub struct RetargetConfig {
     /// URDF of the robot hand; its root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// Side of the robot hand; demonstrations of the other hand are skipped.
-    pub side: Side,
-    /// Which landmark of the human hand each point of the robot follows.
-    pub correspondences: Vec<Correspondence>,
-    /// Size of the robot hand relative to the person's: landmarks are scaled by it about the wrist (1).
-    pub hand_scale: f64,
+    /// The hand's table: its side, its size, and which landmark each of its points follows.
+    #[serde(skip_serializing)]
+    pub hand_table: PathBuf,
+    /// Whether the palm is placed so that the fingers reach their landmarks, or follows the person's
+    /// palm alone.
+    pub wrist: Wrist,
+    /// How a point's distance to its landmark counts.
+    pub loss: Loss,
+    /// Distance up to which `smooth_l1` counts squares, per coordinate (m).
+    pub smooth_l1_beta_m: f64,
+    /// Standard deviation of the smoothing of landmarks over time, 0 for none; the grasp stays as
+    /// it is (s).
+    pub smoothing_s: f64,
     /// Weight of a point's distance to where it was in the step solved before, the paper's √λ (1).
     pub smoothness_weight: f64,
     /// Weight of a joint's change against the step solved before (m/rad).
@@ -43,28 +49,33 @@ pub struct RetargetConfig {
     pub contact_distance_m: f64,
     /// Factor on the position weight of a finger tip that is drawn to the surface (1).
     pub contact_position_factor: f64,
+    /// Distance between the points at which an object's surface distance is computed (m).
+    pub field_spacing_m: f64,
     /// Largest number of iterations for one step; the grasp gets more (1).
     pub max_iterations: usize,
     /// Mean keypoint error at the grasp above which a sequence is left out (m).
     pub max_keypoint_error_m: f64,
 }
 
-/// A point of the robot and the landmark that it follows.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Correspondence {
-    /// Landmark, 0 to 20: the wrist, then thumb, index, middle, ring and little finger from base to tip.
-    pub keypoint: usize,
-    /// Link of the robot.
-    pub link: String,
-    /// The point in the link's frame, xyz (m).
-    #[serde(default)]
-    pub offset_m: [f64; 3],
-    /// Weight of the distance between the point and the landmark (1).
-    pub weight: f64,
-    /// Marks a finger tip and gives the radius of the ball about the point (m).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub tip_radius_m: Option<f64>,
+/// How the palm is placed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Wrist {
+    /// With the joints, so that all points reach their landmarks as well as they can.
+    Free,
+    /// Where the points on the palm alone lie nearest to their landmarks, at least three of them.
+    Fixed,
+}
+
+/// How a point's distance to its landmark counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Loss {
+    /// Squared, as in the paper.
+    Squared,
+    /// Squared up to `smooth_l1_beta_m` per coordinate, and in proportion beyond: far landmarks pull
+    /// less.
+    SmoothL1,
 }
 
 impl RetargetConfig {
@@ -81,7 +92,7 @@ impl RetargetConfig {
             })
         };
         let numbers = [
-            ("hand_scale", self.hand_scale),
+            ("smoothing_s", self.smoothing_s),
             ("smoothness_weight", self.smoothness_weight),
             ("joint_smoothness_weight", self.joint_smoothness_weight),
             ("object_weight", self.object_weight),
@@ -99,41 +110,12 @@ impl RetargetConfig {
                 return bad(key, format!("{number} is not a number of at least 0"));
             }
         }
-        if self.hand_scale == 0.0 {
-            return bad("hand_scale", "0 leaves no hand".to_owned());
-        }
-        if self.correspondences.len() < 3 {
-            return bad(
-                "correspondences",
-                format!(
-                    "{} points cannot fix a hand, expected at least 3",
-                    self.correspondences.len()
-                ),
-            );
-        }
-        for (idx, c) in self.correspondences.iter().enumerate() {
-            let key = format!("correspondences[{idx}]");
-            if c.keypoint >= KEYPOINTS {
-                return bad(
-                    &key,
-                    format!(
-                        "`keypoint = {}`, expected 0 to {}",
-                        c.keypoint,
-                        KEYPOINTS - 1
-                    ),
-                );
-            }
-            if !c.weight.is_finite() || c.weight < 0.0 || !c.offset_m.iter().all(|x| x.is_finite())
-            {
-                return bad(
-                    &key,
-                    "weight and offset must be finite, the weight at least 0".to_owned(),
-                );
-            }
-            if c.tip_radius_m
-                .is_some_and(|radius| !radius.is_finite() || radius < 0.0)
-            {
-                return bad(&key, "`tip_radius_m` must be at least 0".to_owned());
+        for (key, number) in [
+            ("smooth_l1_beta_m", self.smooth_l1_beta_m),
+            ("field_spacing_m", self.field_spacing_m),
+        ] {
+            if !number.is_finite() || number <= 0.0 {
+                return bad(key, format!("{number} is not a number above 0"));
             }
         }
         Ok(())

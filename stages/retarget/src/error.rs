@@ -7,6 +7,8 @@ use lake::LakeError;
 use robot::RobotError;
 use schemas::SchemaError;
 
+use crate::solver::SolverError;
+
 /// Why demonstrations could not be retargeted.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -19,9 +21,11 @@ pub enum RetargetError {
         /// What is wrong.
         problem: String,
     },
-    /// The hand's URDF cannot be read.
-    #[error("cannot read the hand's URDF `{}`", path.display())]
+    /// The hand's URDF or its table cannot be read.
+    #[error("cannot read the hand's {what} `{}`", path.display())]
     ReadHand {
+        /// `URDF` or `table`.
+        what: &'static str,
         /// The file.
         path: PathBuf,
         /// Why it failed.
@@ -35,13 +39,63 @@ pub enum RetargetError {
         /// Why it failed.
         source: io::Error,
     },
-    /// The hand's URDF cannot be used, or lacks a link that the configuration names.
+    /// The hand's URDF cannot be used, or lacks a link that its table names.
     #[error("cannot use the hand's URDF `{}`: {source}", path.display())]
     Hand {
         /// The file.
         path: PathBuf,
         /// What is wrong with it.
-        source: RobotError,
+        source: Box<RetargetError>,
+    },
+    /// The robot is not what is needed.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// The solver cannot work on the robot.
+    #[error(transparent)]
+    Solver(#[from] SolverError),
+    /// The wrist is to be fixed, but too few points say where it is.
+    #[error(
+        "`wrist = \"fixed\"` needs at least 3 points on the palm, the hand's table has {found}"
+    )]
+    TooFewPalmPoints {
+        /// How many there are.
+        found: usize,
+    },
+    /// The text is not a hand's table.
+    #[error("this is not a hand's table: {problem}")]
+    NotAHandTable {
+        /// Where and what is wrong.
+        problem: String,
+    },
+    /// A value of a hand's table makes no sense.
+    #[error("`{key}` cannot be used: {problem}")]
+    BadHandTable {
+        /// The key.
+        key: String,
+        /// What is wrong.
+        problem: String,
+    },
+    /// The hand's table cannot be used, or not with this hand.
+    #[error("cannot use the hand's table `{}`: {source}", path.display())]
+    InHandTable {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: Box<RetargetError>,
+    },
+    /// An object's distance field cannot be written.
+    #[error("cannot write the distance field of object `{object}`")]
+    WriteField {
+        /// The object's name.
+        object: String,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// What lies in the lake is no distance field.
+    #[error("the distance field of object `{object}` is not one")]
+    BadField {
+        /// The object's name.
+        object: String,
     },
     /// There is no demonstration at all.
     #[error("there are no demonstrations to retarget")]
@@ -76,20 +130,36 @@ impl Advise for RetargetError {
             Self::BadOption { .. } => {
                 Some("`pipeline stages retarget` lists every option with its unit".to_owned())
             }
-            Self::ReadHand { path, .. } => Some(format!(
-                "set `hand` to the URDF of a robot hand; `{}` is read relative to the current \
+            Self::ReadHand { what, path, .. } => Some(format!(
+                "set `{}` to the {what} of a robot hand; `{}` is read relative to the current \
                  directory",
+                if *what == "URDF" { "hand" } else { "hand_table" },
                 path.display()
             )),
+            Self::NotAHandTable { .. } | Self::BadHandTable { .. } => Some(
+                "`pipeline doctor --robot URDF` proposes a table; those in `data/hands` are examples"
+                    .to_owned(),
+            ),
+            Self::InHandTable { source, .. } => source.hint(),
             Self::Hand { source, .. } => source.hint().or_else(|| {
                 Some("the Allegro hand's URDF is `data/robots/allegro_right.urdf`".to_owned())
             }),
+            Self::Robot(err) => err.hint(),
+            Self::TooFewPalmPoints { .. } => Some(
+                "add points on the root link to the hand's table, e.g. where the fingers begin, \
+                 for `index_mcp`, `middle_mcp` and `ring_mcp`; their weight may be 0"
+                    .to_owned(),
+            ),
+            Self::Solver(_) => None,
             Self::NoDemonstrations | Self::NoObjects => Some(
                 "see what ingest left out with `pipeline inspect ingest.demonstrations --skipped`"
                     .to_owned(),
             ),
             Self::Lake(err) => err.hint(),
-            Self::ReadMesh { .. } | Self::MissingInput { .. } | Self::Schema { .. } => None,
+            Self::BadField { .. } => {
+                Some("make it again with `pipeline run FILE --fresh`".to_owned())
+            }
+            Self::ReadMesh { .. } | Self::WriteField { .. } | Self::MissingInput { .. } | Self::Schema { .. } => None,
         }
     }
 }

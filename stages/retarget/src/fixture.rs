@@ -1,12 +1,21 @@
 //! What the tests share: the Allegro hand, its correspondences and a box on a table.
 
-use geometry::TriMesh;
+use std::sync::OnceLock;
+
+use geometry::{DistanceField, TriMesh};
 use nalgebra::{Point3, Vector3};
 use robot::RobotModel;
-use schemas::demonstrations::Side;
+use schemas::{
+    demonstrations::{Demonstration, KEYPOINTS, Side, Step},
+    distance_fields::FieldInfo,
+};
 use spatial::Rest;
 
-use crate::{Correspondence, RetargetConfig, hand::Hand, scene::Scene};
+use crate::{
+    HandTable, Loss, RetargetConfig, Wrist,
+    hand::Hand,
+    scene::{Scene, survey},
+};
 
 /// Half of the box's sides, in meters.
 pub(crate) const BOX_HALF_M: [f64; 3] = [0.03, 0.04, 0.05];
@@ -17,34 +26,21 @@ pub(crate) const URDF: &str = concat!(
     "/../../data/robots/allegro_right.urdf"
 );
 
+/// Path of its table, from this crate.
+pub(crate) const TABLE: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../../data/hands/allegro_right.toml"
+);
+
 /// Returns options with every term on.
 pub(crate) fn config() -> RetargetConfig {
-    let pair = |keypoint, link: &str, weight, tip_radius_m| Correspondence {
-        keypoint,
-        link: link.to_owned(),
-        offset_m: [0.0; 3],
-        weight,
-        tip_radius_m,
-    };
-    let mut correspondences = vec![
-        pair(4, "link_15.0_tip", 1.0, Some(0.012)),
-        pair(8, "link_3.0_tip", 1.0, Some(0.012)),
-        pair(12, "link_7.0_tip", 1.0, Some(0.012)),
-        pair(16, "link_11.0_tip", 1.0, Some(0.012)),
-        pair(2, "link_14.0", 0.3, None),
-        pair(6, "link_2.0", 0.3, None),
-        pair(10, "link_6.0", 0.3, None),
-        pair(14, "link_10.0", 0.3, None),
-        pair(0, "base_link", 0.3, None),
-    ];
-    if let Some(wrist) = correspondences.last_mut() {
-        wrist.offset_m = [0.0, 0.0, -0.095];
-    }
     RetargetConfig {
         hand: URDF.into(),
-        side: Side::Right,
-        correspondences,
-        hand_scale: 1.0,
+        hand_table: TABLE.into(),
+        wrist: Wrist::Free,
+        loss: Loss::Squared,
+        smooth_l1_beta_m: 0.02,
+        smoothing_s: 0.0,
         smoothness_weight: 0.2,
         joint_smoothness_weight: 0.02,
         object_weight: 3.0,
@@ -55,6 +51,7 @@ pub(crate) fn config() -> RetargetConfig {
         contact_weight: 3.0,
         contact_distance_m: 0.015,
         contact_position_factor: 0.3,
+        field_spacing_m: 0.0025,
         max_iterations: 40,
         max_keypoint_error_m: 0.05,
     }
@@ -72,10 +69,19 @@ pub(crate) fn following_only() -> RetargetConfig {
     }
 }
 
+/// Returns the table of the Allegro hand, at the person's size.
+pub(crate) fn table() -> HandTable {
+    let table: HandTable = std::fs::read_to_string(TABLE).unwrap().parse().unwrap();
+    HandTable {
+        scale: 1.0,
+        ..table
+    }
+}
+
 /// Returns the Allegro hand.
-pub(crate) fn hand(config: &RetargetConfig) -> Hand {
+pub(crate) fn hand() -> Hand {
     let model = RobotModel::from_urdf(&std::fs::read_to_string(URDF).unwrap()).unwrap();
-    Hand::new(model, config).unwrap()
+    Hand::new(model, &table()).unwrap()
 }
 
 /// Returns a box about the origin.
@@ -114,5 +120,32 @@ pub(crate) fn rest() -> Rest {
 
 /// Returns the box on its table.
 pub(crate) fn scene() -> Scene {
-    Scene::new(mesh(), &rest()).unwrap()
+    static SURVEYED: OnceLock<(DistanceField, FieldInfo)> = OnceLock::new();
+    let (field, info) = SURVEYED.get_or_init(|| survey(&mesh(), 0.0025).unwrap().unwrap());
+    Scene::new(field.clone(), info, &rest())
+}
+
+/// Returns a demonstration towards the box that shows these landmarks, 30 times per second.
+pub(crate) fn demonstration(keypoints: Vec<[[f64; 3]; KEYPOINTS]>) -> Demonstration {
+    Demonstration {
+        sequence: "s".to_owned(),
+        object: "box".to_owned(),
+        subject: "p".to_owned(),
+        hand: Side::Right,
+        mirrored: false,
+        start_reason: String::new(),
+        end_reason: String::new(),
+        rest: rest(),
+        steps: keypoints
+            .into_iter()
+            .zip(0_u32..)
+            .map(|(keypoints_m, image)| Step {
+                image,
+                time_s: f64::from(image) / 30.0,
+                cameras_n: 1,
+                bridged: false,
+                keypoints_m,
+            })
+            .collect(),
+    }
 }

@@ -16,8 +16,6 @@ pub(crate) struct Goal {
     pub(crate) points: Vec<PointGoal>,
     /// Distance that links keep from the object, in meters.
     pub(crate) clearance_m: f64,
-    /// What the step solved before found.
-    pub(crate) previous: Option<Previous>,
 }
 
 /// Where one point of the hand should be.
@@ -40,15 +38,6 @@ pub(crate) struct ContactGoal {
     pub(crate) weight: f64,
 }
 
-/// The outcome of the step solved before.
-#[derive(Debug, Clone)]
-pub(crate) struct Previous {
-    /// Where the hand's points were, in the object frame.
-    pub(crate) points: Vec<Point3<f64>>,
-    /// The joint positions.
-    pub(crate) q: Vec<f64>,
-}
-
 /// Returns what a step asks of the hand, `to_grasp_s` seconds before the grasp.
 pub(crate) fn goal(
     hand: &Hand,
@@ -66,19 +55,19 @@ pub(crate) fn goal(
             let keypoint = keypoints_m
                 .get(point.keypoint)
                 .map_or(wrist, |&xyz| Point3::from(xyz));
-            let landmark = wrist + (keypoint - wrist) * config.hand_scale;
+            let landmark = wrist + (keypoint - wrist) * hand.scale;
             let mut goal = PointGoal {
                 landmark,
                 weight: point.weight,
                 contact: None,
             };
-            if let Some(radius_m) = point.tip_radius_m
-                && config.contact_weight > 0.0
-            {
+            if let Some(radius_m) = point.tip_radius_m {
                 // The person's tip tells, at the person's own scale.
                 let share = touch(scene.gap(&keypoint).distance_m, config.contact_distance_m);
                 if share > 0.0 {
-                    goal.weight *= 1.0 - share * (1.0 - config.contact_position_factor);
+                    if config.contact_weight > 0.0 {
+                        goal.weight *= 1.0 - share * (1.0 - config.contact_position_factor);
+                    }
                     goal.contact = Some(ContactGoal {
                         distance_m: radius_m + clearance_m,
                         weight: share * config.contact_weight,
@@ -91,7 +80,6 @@ pub(crate) fn goal(
     Goal {
         points,
         clearance_m,
-        previous: None,
     }
 }
 

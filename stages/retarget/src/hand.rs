@@ -1,29 +1,36 @@
 //! The robot hand as retargeting sees it: points that follow landmarks, balls that take up room.
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use robot::{JointKind, RobotError, RobotModel};
+use std::ops::Range;
+
+use nalgebra::Point3;
+use robot::RobotModel;
 
 use crate::{
-    RetargetConfig,
-    balls::{Ball, fill},
+    HandTable, RetargetError,
+    balls::{Ball, enclosing, fill},
+    solver::{CompiledHand, Root},
 };
-
-/// Reach of joints without limits about 0, in radians.
-const CONTINUOUS_REACH_RAD: f64 = 100.0 * std::f64::consts::TAU;
 
 /// A robot hand with the points that follow landmarks and the balls that take up room.
 #[derive(Debug, Clone)]
 pub(crate) struct Hand {
     /// Its tree of links.
     pub(crate) model: RobotModel,
-    /// The points that follow landmarks, in the order of the configuration.
+    /// The hand as the solver knows it. Its points are first [`Hand::points`], then those of the
+    /// balls, then those of the clusters.
+    pub(crate) compiled: CompiledHand,
+    /// The middle of each joint's range.
+    pub(crate) mid_range: Vec<f64>,
+    /// Its size relative to the person's.
+    pub(crate) scale: f64,
+    /// The points that follow landmarks, in the order of the table.
     pub(crate) points: Vec<HandPoint>,
-    /// The balls that must stay out of things.
-    pub(crate) balls: Vec<Ball>,
-    /// Least position of each joint.
-    pub(crate) lower: Vec<f64>,
-    /// Greatest position of each joint.
-    pub(crate) upper: Vec<f64>,
+    /// Those of them that are on the palm, by index.
+    pub(crate) palm_points: Vec<usize>,
+    /// Radii of the balls that must stay out of things, in meters, link by link.
+    pub(crate) radii_m: Vec<f64>,
+    /// The balls of each link.
+    pub(crate) clusters: Vec<Cluster>,
 }
 
 /// A point of the robot that follows a landmark.
@@ -31,102 +38,100 @@ pub(crate) struct Hand {
 pub(crate) struct HandPoint {
     /// The landmark.
     pub(crate) keypoint: usize,
-    /// The link.
-    pub(crate) link: usize,
-    /// The point in the link's frame, in meters.
-    pub(crate) point_in_link: Point3<f64>,
     /// Weight of its distance to the landmark.
     pub(crate) weight: f64,
     /// Radius of the ball about it, if it is a finger tip.
     pub(crate) tip_radius_m: Option<f64>,
 }
 
+/// The balls of one link, and a ball about them all.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Cluster {
+    /// Which balls.
+    pub(crate) balls: Range<usize>,
+    /// Radius of the ball about them, in meters.
+    pub(crate) radius_m: f64,
+}
+
 impl Hand {
-    /// Prepares a robot for these correspondences.
+    /// Prepares a robot for the points of its table.
     ///
     /// # Errors
     ///
-    /// Fails if the robot lacks a link that is named.
-    pub(crate) fn new(model: RobotModel, config: &RetargetConfig) -> Result<Self, RobotError> {
-        let mut points = Vec::with_capacity(config.correspondences.len());
-        for correspondence in &config.correspondences {
+    /// Fails if the robot lacks a link that is named, or has more joints than the solver was made
+    /// for.
+    pub(crate) fn new(model: RobotModel, table: &HandTable) -> Result<Self, RetargetError> {
+        let (mut points, mut places) = (Vec::new(), Vec::new());
+        let mut palm_points = Vec::new();
+        for (idx, point) in table.points.iter().enumerate() {
+            let link = model.require_link(&point.link)?;
+            if is_palm(&model, link) {
+                palm_points.push(idx);
+            }
             points.push(HandPoint {
-                keypoint: correspondence.keypoint,
-                link: model.require_link(&correspondence.link)?,
-                point_in_link: Point3::from(correspondence.offset_m),
-                weight: correspondence.weight,
-                tip_radius_m: correspondence.tip_radius_m,
+                // A table is checked when it is read.
+                keypoint: point.keypoint_idx().unwrap_or(0),
+                weight: point.weight,
+                tip_radius_m: point.tip_radius_m,
             });
+            places.push((link, Point3::from(point.offset_m)));
         }
-        let balls = model
-            .links()
-            .iter()
-            .enumerate()
-            .flat_map(|(idx, link)| link.collisions.iter().flat_map(move |c| fill(idx, c)))
-            .collect();
-        let limit = |joint: &robot::Joint, bound: f64| match joint.kind {
-            JointKind::Continuous => CONTINUOUS_REACH_RAD.copysign(bound),
-            JointKind::Revolute | JointKind::Prismatic => bound,
-        };
+        let (mut clusters, mut radii_m, mut centers) = (Vec::new(), Vec::new(), Vec::new());
+        for (idx, link) in model.links().iter().enumerate() {
+            let balls: Vec<Ball> = link.collisions.iter().flat_map(fill).collect();
+            let Some(around) = enclosing(&balls) else {
+                continue;
+            };
+            let first = radii_m.len();
+            radii_m.extend(balls.iter().map(|ball| ball.radius_m));
+            places.extend(balls.iter().map(|ball| (idx, ball.center_in_link)));
+            clusters.push(Cluster {
+                balls: first..radii_m.len(),
+                radius_m: around.radius_m,
+            });
+            centers.push((idx, around.center_in_link));
+        }
+        places.extend(centers);
         Ok(Self {
+            compiled: CompiledHand::new(&model, Root::Free, &places)?,
+            mid_range: model.mid_range(),
+            scale: table.scale,
             points,
-            balls,
-            lower: model.joints().iter().map(|j| limit(j, j.lower)).collect(),
-            upper: model.joints().iter().map(|j| limit(j, j.upper)).collect(),
+            palm_points,
+            radii_m,
+            clusters,
             model,
         })
     }
 
-    /// Returns where every link is in the object frame.
-    pub(crate) fn object_from_links(&self, posture: &Posture) -> Vec<Isometry3<f64>> {
-        let mut links = self
-            .model
-            .forward_kinematics(&posture.q)
-            .unwrap_or_else(|err| unreachable!("postures are made for this hand: {err}"));
-        for link in &mut links {
-            *link = posture.object_from_palm * *link;
-        }
-        links
+    /// Returns the number of a ball among the solver's points.
+    pub(crate) fn ball_point(&self, ball: usize) -> usize {
+        self.points.len() + ball
+    }
+
+    /// Returns the number of a cluster's center among the solver's points.
+    pub(crate) fn cluster_point(&self, cluster: usize) -> usize {
+        self.points.len() + self.radii_m.len() + cluster
+    }
+
+    /// Returns the least distance of a joint to one of its limits, in radians (meters if prismatic);
+    /// a full turn if none is limited.
+    pub(crate) fn limit_margin(&self, q: &[f64]) -> f64 {
+        q.iter()
+            .zip(self.model.joints())
+            .map(|(q, joint)| (q - joint.lower).min(joint.upper - q))
+            .fold(std::f64::consts::TAU, f64::min)
     }
 }
 
-/// Where the palm is and how the joints stand.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Posture {
-    /// Pose of the palm in the object frame.
-    pub(crate) object_from_palm: Isometry3<f64>,
-    /// Joint positions in radians.
-    pub(crate) q: Vec<f64>,
-}
-
-impl Posture {
-    /// Returns the posture moved by an increment: three numbers move the palm along the object's
-    /// axes (m), three turn it about them in place (rad), the rest go to the joints, which stay
-    /// between `lower` and `upper`.
-    ///
-    /// The turn is the exponential map at the palm's orientation, so that no orientation is special.
-    pub(crate) fn moved(&self, step: &[f64], lower: &[f64], upper: &[f64]) -> Self {
-        let (root, joints) = step.split_at(step.len().min(6));
-        let part = |at: usize| {
-            let number = |i: usize| root.get(at + i).copied().unwrap_or(0.0);
-            Vector3::new(number(0), number(1), number(2))
-        };
-        let old = &self.object_from_palm;
-        let rotation = UnitQuaternion::new(part(3)) * old.rotation;
-        let object_from_palm = Isometry3::from_parts(
-            Translation3::from(old.translation.vector + part(0)),
-            UnitQuaternion::new_normalize(rotation.into_inner()),
-        );
-        let q = self
-            .q
-            .iter()
-            .zip(joints)
-            .zip(lower.iter().zip(upper))
-            .map(|((&q, &change), (&lower, &upper))| (q + change).clamp(lower, upper))
-            .collect();
-        Self {
-            object_from_palm,
-            q,
+/// Says whether a link is fixed to the root.
+fn is_palm(model: &RobotModel, link: usize) -> bool {
+    let mut next = Some(link);
+    while let Some(link) = next.and_then(|idx| model.links().get(idx)) {
+        if link.kind.is_some() {
+            return false;
         }
+        next = link.parent;
     }
+    true
 }

@@ -19,17 +19,23 @@ mod config;
 mod error;
 #[cfg(test)]
 mod fixture;
+mod follow;
 mod goal;
 mod hand;
-mod objective;
+mod hand_table;
+#[cfg(test)]
+mod other_hands;
+mod rates;
 mod recording;
 mod scene;
 mod settle;
+mod smoothing;
 pub mod solver;
 mod stage;
-mod start;
+mod terms;
 mod track;
 
-pub use config::{Correspondence, RetargetConfig};
+pub use config::{Loss, RetargetConfig, Wrist};
 pub use error::RetargetError;
+pub use hand_table::{FollowedPoint, HandTable};
 pub use stage::Retarget;

@@ -63,6 +63,7 @@ pub(crate) fn record(
                 table_from_object: object_on_table,
                 palm_from_links: &link_poses(&step.q_rad),
                 q_rad: &step.q_rad,
+                q_velocity_rad_per_s: &step.rates.q_velocity_rad_per_s,
             },
         )?;
     }

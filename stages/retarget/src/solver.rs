@@ -9,7 +9,6 @@
 //! finger bordered by what moves all fingers.
 
 mod arrow;
-mod boxed;
 mod check;
 mod compiled;
 mod differentiate;
@@ -26,7 +25,6 @@ mod task;
 mod tests;
 mod trig;
 
-pub(crate) use boxed::minimize;
 pub use compiled::{CompiledHand, Root};
 pub use error::SolverError;
 pub use evaluate::Posed;

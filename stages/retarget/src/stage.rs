@@ -1,19 +1,28 @@
-//! The stage: one trajectory per demonstration.
+//! The stage: a distance field per object, a trajectory per demonstration, a report per object.
+
+mod fields;
+mod report;
+mod retargeted;
 
 use std::{collections::BTreeMap, fs, path::Path};
 
 use dataflow::{
-    Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, SourceFile, Stage, Summary,
-    Unit,
+    Code, Context, Input, Inputs, Labels, Outcome, Output, Scope, SourceFile, Stage, Summary, Unit,
 };
-use geometry::TriMesh;
 use robot::RobotModel;
-use schemas::{demonstrations, objects, trajectories};
+use schemas::{distance_fields, objects, tracking, trajectories};
 
-use crate::{RetargetConfig, RetargetError, hand::Hand, recording, scene::Scene, track::track};
+use crate::{HandTable, RetargetConfig, RetargetError, Wrist, hand::Hand};
 
 /// Moves human demonstrations onto a robot hand.
 pub enum Retarget {}
+
+/// The artifact of an object's distances.
+const FIELDS: &str = "distance_fields";
+/// The artifact of a demonstration's motion.
+const TRAJECTORIES: &str = "trajectories";
+/// The artifact of an object's report.
+const TRACKING: &str = "tracking";
 
 impl Stage for Retarget {
     type Config = RetargetConfig;
@@ -32,60 +41,69 @@ impl Stage for Retarget {
             artifact: "objects",
         },
     ];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: "trajectories",
-        schema: trajectories::VERSION,
-        partition: "sequence",
-        parallel: true,
-    }];
+    const OUTPUTS: &'static [Output] = &[
+        Output {
+            artifact: FIELDS,
+            schema: distance_fields::VERSION,
+            partition: "object",
+            parallel: true,
+        },
+        Output {
+            artifact: TRAJECTORIES,
+            schema: trajectories::VERSION,
+            partition: "sequence",
+            parallel: true,
+        },
+        Output {
+            artifact: TRACKING,
+            schema: tracking::VERSION,
+            partition: "object",
+            parallel: true,
+        },
+    ];
 
-    /// Checks the options and that the hand has every link that they name.
+    /// Checks the options and that the hand has every link that its table names.
     fn prepare(config: &RetargetConfig) -> Result<(), RetargetError> {
         config.check()?;
-        load_hand(config, &config.hand).map(|_| ())
+        let LoadedHand { hand, .. } = load_hand(&config.hand, &config.hand_table)?;
+        check_wrist(config, &hand)
     }
 
     fn units(
         config: &RetargetConfig,
-        _output: &str,
+        output: &str,
         scope: &Scope,
     ) -> Result<Vec<Unit>, RetargetError> {
-        let demonstrations = scope.partitions("demonstrations");
-        if demonstrations.is_empty() {
-            return Err(RetargetError::NoDemonstrations);
+        match output {
+            FIELDS => fields(scope),
+            TRACKING => Ok(reports(scope)),
+            _ => retargeted(config, scope),
         }
-        let objects = scope.partitions("objects");
-        if objects.is_empty() {
-            return Err(RetargetError::NoObjects);
-        }
-        Ok(demonstrations
-            .iter()
-            .map(|demonstration| {
-                // A demonstration whose object is missing is planned without it, and skipped.
-                let object = demonstration
-                    .label("object")
-                    .filter(|name| objects.iter().any(|object| object.key == *name));
-                Unit::new(&demonstration.key)
-                    .reading("demonstrations", [&demonstration.key])
-                    .reading("objects", object)
-                    .only_files("objects", [objects::MESH])
-                    .with_file(SourceFile::named_by_file(&config.hand))
-            })
-            .collect())
     }
 
     fn foretell(
         _config: &RetargetConfig,
-        _output: &str,
+        output: &str,
         unit: &Unit,
         scope: &Scope,
     ) -> Option<Labels> {
+        let label = |object: &str| Labels::from([("object".to_owned(), object.to_owned())]);
+        if output != TRAJECTORIES {
+            return Some(label(&unit.partition));
+        }
         let demonstrations = scope.partitions("demonstrations");
         let moved = demonstrations
             .iter()
             .find(|demonstration| demonstration.key == unit.partition)?;
-        let object = moved.label("object")?;
-        Some(Labels::from([("object".to_owned(), object.to_owned())]))
+        moved.label("object").map(label)
+    }
+
+    fn decides(option: &str, output: &str) -> bool {
+        match output {
+            FIELDS => option == "field_spacing_m",
+            TRACKING => false,
+            _ => option != "field_spacing_m",
+        }
     }
 
     fn run(
@@ -93,130 +111,148 @@ impl Stage for Retarget {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome, RetargetError> {
-        let missing = |what| RetargetError::MissingInput {
-            partition: cx.partition().to_owned(),
-            what,
-        };
-        let schema = |source| RetargetError::Schema {
-            partition: cx.partition().to_owned(),
-            source,
-        };
-        config.check()?;
-        let urdf = inputs
-            .files()
-            .first()
-            .ok_or_else(|| missing("URDF of a hand"))?;
-        let hand = load_hand(config, &urdf.path)?;
-        let artifact = inputs
-            .artifacts("demonstrations")
-            .first()
-            .ok_or_else(|| missing("demonstration"))?;
-        let demonstration =
-            demonstrations::from_batch(&artifact.key, &lake::table::read(artifact)?)
-                .map_err(schema)?;
-        if demonstration.hand != config.side {
-            return Ok(Outcome::Skipped {
-                reason: format!(
-                    "a {} hand's reach, but `side` says that the robot's is a {} hand",
-                    demonstration.hand.as_str(),
-                    config.side.as_str()
-                ),
-            });
+        match cx.output() {
+            FIELDS => fields::make(config, inputs, cx),
+            TRACKING => report::make(inputs, cx),
+            _ => retargeted::make(config, inputs, cx),
         }
-        let Some(artifact) = inputs.artifacts("objects").first() else {
-            return Ok(Outcome::Skipped {
-                reason: format!(
-                    "its object `{}` is not among the objects",
-                    demonstration.object
-                ),
-            });
-        };
-        let mesh_path = artifact
-            .file(objects::MESH)
-            .ok_or_else(|| missing("mesh of an object"))?;
-        let text = fs::read_to_string(mesh_path).map_err(|source| RetargetError::ReadMesh {
-            object: artifact.key.clone(),
-            source,
-        })?;
-        let mesh = match TriMesh::from_obj(&text) {
-            Ok(mesh) => mesh,
-            Err(err) => {
-                return Ok(Outcome::Skipped {
-                    reason: format!("the mesh of its object `{}`: {err}", artifact.key),
-                });
-            }
-        };
-        let Some(scene) = Scene::new(mesh, &demonstration.rest) else {
-            return Ok(Outcome::Skipped {
-                reason: format!("the mesh of its object `{}` has no surface", artifact.key),
-            });
-        };
-        let Some(tracked) = track(&hand, &scene, config, &demonstration) else {
-            return Ok(Outcome::Skipped {
-                reason: "it has no step".to_owned(),
-            });
-        };
-        if tracked.grasp_keypoint_error_m > config.max_keypoint_error_m {
-            return Ok(Outcome::Filtered {
-                reason: format!(
-                    "the hand stays {:.0} mm from the landmarks at the grasp, more than \
-                     `max_keypoint_error_m`",
-                    1000.0 * tracked.grasp_keypoint_error_m
-                ),
-            });
-        }
-        let metrics = [
-            ("steps_n", tracked.steps.len() as f64),
-            ("keypoint_error_m", tracked.keypoint_error_m),
-            ("fingertip_error_m", tracked.fingertip_error_m),
-            ("penetration_m", tracked.penetration_m),
-            ("table_penetration_m", tracked.table_penetration_m),
-            ("tip_gap_m", tracked.tip_gap_m),
-            ("restarts_n", tracked.restarts_n as f64),
-        ];
-        let trajectory = trajectories::Trajectory {
-            sequence: demonstration.sequence,
-            object: demonstration.object,
-            joints: hand.model.joint_names(),
-            rest: scene.rest(),
-            steps: tracked.steps,
-        };
-        let batch = trajectories::to_batch(&trajectory).map_err(schema)?;
-        lake::table::write(cx.folder(), &batch)?;
-        let urdf = fs::read_to_string(&urdf.path).map_err(|source| RetargetError::ReadHand {
-            path: urdf.path.clone(),
-            source,
-        })?;
-        recording::record(&urdf, &hand.model, scene.mesh(), &trajectory, cx.folder())?;
-        Ok(Outcome::Made(Made {
-            labels: BTreeMap::from([("object".to_owned(), trajectory.object)]),
-            metrics: metrics.map(|(name, value)| (name.to_owned(), value)).into(),
-        }))
     }
 
-    fn describe(_output: &str, summary: &Summary) -> String {
-        let n_read = summary.n_made + summary.n_skipped + summary.n_filtered;
-        let mean_mm = |metric| 1000.0 * summary.total(metric) / summary.n_made.max(1) as f64;
-        format!(
-            "{n_read} demonstrations → {} trajectories, {:.0} mm from the landmarks",
-            summary.n_made,
-            mean_mm("keypoint_error_m")
-        )
+    fn describe(output: &str, summary: &Summary) -> String {
+        let mean_mm = |metric, n: f64| 1000.0 * summary.total(metric) / n.max(1.0);
+        match output {
+            FIELDS => format!("{} objects → distance fields", summary.n_made),
+            TRACKING => format!(
+                "{} objects, finger tips {:.1} mm from their landmarks",
+                summary.n_made,
+                mean_mm("tip_error_sum_m", summary.total("tips_n"))
+            ),
+            _ => {
+                let n_read = summary.n_made + summary.n_skipped + summary.n_filtered;
+                format!(
+                    "{n_read} demonstrations → {} trajectories, {:.0} mm from the landmarks",
+                    summary.n_made,
+                    mean_mm("keypoint_error_m", summary.n_made as f64)
+                )
+            }
+        }
     }
 }
 
-/// Reads the hand and finds every link that the configuration names.
-fn load_hand(config: &RetargetConfig, path: &Path) -> Result<Hand, RetargetError> {
-    let xml = fs::read_to_string(path).map_err(|source| RetargetError::ReadHand {
-        path: path.to_owned(),
-        source,
-    })?;
-    RobotModel::from_urdf(&xml)
-        .and_then(|model| Hand::new(model, config))
-        .map_err(|source| RetargetError::Hand {
+/// Returns the units of distance fields.
+fn fields(scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
+    let objects = scope.partitions("objects");
+    if objects.is_empty() {
+        return Err(RetargetError::NoObjects);
+    }
+    let unit = |object: &str| {
+        Unit::new(object)
+            .reading("objects", [object])
+            .only_files("objects", [objects::MESH])
+    };
+    Ok(objects.iter().map(|object| unit(&object.key)).collect())
+}
+
+/// Returns the units of trajectories.
+fn retargeted(config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
+    let demonstrations = scope.partitions("demonstrations");
+    if demonstrations.is_empty() {
+        return Err(RetargetError::NoDemonstrations);
+    }
+    let (objects, fields) = (scope.partitions("objects"), scope.partitions(FIELDS));
+    Ok(demonstrations
+        .iter()
+        .map(|demonstration| {
+            // A demonstration whose object or field is missing is planned without, and skipped.
+            let object = demonstration.label("object");
+            let among = |known: &[dataflow::Partition]| {
+                object.filter(|name| known.iter().any(|one| one.key == *name))
+            };
+            Unit::new(&demonstration.key)
+                .reading("demonstrations", [&demonstration.key])
+                .reading("objects", among(objects))
+                .reading(FIELDS, among(fields))
+                .only_files("objects", [objects::MESH])
+                .with_file(SourceFile::named_by_file(&config.hand))
+                .with_file(SourceFile::named_by_file(&config.hand_table))
+        })
+        .collect())
+}
+
+/// Returns the units of reports.
+fn reports(scope: &Scope) -> Vec<Unit> {
+    let mut by_object: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for trajectory in scope.partitions(TRAJECTORIES) {
+        if let Some(object) = trajectory.label("object") {
+            by_object.entry(object).or_default().push(&trajectory.key);
+        }
+    }
+    by_object
+        .into_iter()
+        .map(|(object, keys)| Unit::new(object).reading(TRAJECTORIES, keys))
+        .collect()
+}
+
+/// A hand with the text of its URDF.
+struct LoadedHand {
+    urdf: String,
+    hand: Hand,
+    table: HandTable,
+}
+
+/// Reads a hand and its table, and finds every link that the table names.
+fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<LoadedHand, RetargetError> {
+    let read = |path: &Path, what| {
+        fs::read_to_string(path).map_err(|source| RetargetError::ReadHand {
+            what,
             path: path.to_owned(),
             source,
         })
+    };
+    let urdf = read(urdf_path, "URDF")?;
+    let of_urdf = |err: RetargetError| RetargetError::Hand {
+        path: urdf_path.to_owned(),
+        source: Box::new(err),
+    };
+    let model = RobotModel::from_urdf(&urdf).map_err(|err| of_urdf(err.into()))?;
+    let in_table = |err: RetargetError| RetargetError::InHandTable {
+        path: table_path.to_owned(),
+        source: Box::new(err),
+    };
+    let table: HandTable = read(table_path, "table")?.parse().map_err(in_table)?;
+    let hand = Hand::new(model, &table).map_err(|err| in_table(of_urdf(err)))?;
+    Ok(LoadedHand { urdf, hand, table })
+}
+
+/// Checks that a wrist that is to be fixed can be placed.
+fn check_wrist(config: &RetargetConfig, hand: &Hand) -> Result<(), RetargetError> {
+    let found = hand.palm_points.len();
+    match config.wrist {
+        Wrist::Fixed if found < 3 => Err(RetargetError::TooFewPalmPoints { found }),
+        Wrist::Fixed | Wrist::Free => Ok(()),
+    }
+}
+
+/// Returns the error of a unit that was not given what it needs: the plan is not this stage's.
+fn missing(cx: &Context, what: &'static str) -> RetargetError {
+    RetargetError::MissingInput {
+        partition: cx.partition().to_owned(),
+        what,
+    }
+}
+
+/// Returns the error of a table that does not follow its schema.
+fn schema(cx: &Context) -> impl Fn(schemas::SchemaError) -> RetargetError + Copy {
+    |source| RetargetError::Schema {
+        partition: cx.partition().to_owned(),
+        source,
+    }
+}
+
+fn skipped(reason: impl Into<String>) -> Outcome {
+    Outcome::Skipped {
+        reason: reason.into(),
+    }
 }
 
 #[cfg(test)]
@@ -224,10 +260,10 @@ mod tests {
     use std::{io::Write, path::PathBuf};
 
     use dataflow::{Advise, Artifact, Partition};
-    use schemas::demonstrations::{Demonstration, KEYPOINTS, Side, Step};
+    use schemas::demonstrations::{self, Demonstration, KEYPOINTS, Side, Step};
 
     use super::*;
-    use crate::fixture;
+    use crate::{fixture, recording};
 
     fn scope(object: &str) -> Scope {
         Scope::new(BTreeMap::from([
@@ -240,6 +276,10 @@ mod tests {
             ),
             (
                 "objects".to_owned(),
+                vec![Partition::new("box", BTreeMap::new())],
+            ),
+            (
+                FIELDS.to_owned(),
                 vec![Partition::new("box", BTreeMap::new())],
             ),
         ]))
@@ -290,6 +330,7 @@ mod tests {
         }
     }
 
+    /// Retargets one demonstration, after its object's field was made.
     fn run(config: &RetargetConfig, unit: &Unit, folder: &Path) -> Outcome {
         let (out, _) = place(folder, "out");
         let (path, shown) = place(folder, "s");
@@ -305,7 +346,19 @@ mod tests {
             let mut file = fs::File::create_new(&mesh).unwrap();
             file.write_all(fixture::mesh().to_obj().as_bytes()).unwrap();
             object.files = BTreeMap::from([(objects::MESH.to_owned(), mesh)]);
+            let made = place(folder, "field").0;
+            let cx = Context::detached(FIELDS, "box", 0, &made);
+            let read = BTreeMap::from([("objects".to_owned(), vec![object.clone()])]);
+            let outcome = Retarget::run(config, &Inputs::new(read, Vec::new()), &cx).unwrap();
+            assert!(matches!(outcome, Outcome::Made(_)));
+            let names = [lake::table::FILE, distance_fields::FIELD];
+            let field = Artifact {
+                key: "box".to_owned(),
+                labels: BTreeMap::new(),
+                files: names.map(|name| (name.to_owned(), made.join(name))).into(),
+            };
             artifacts.insert("objects".to_owned(), vec![object]);
+            artifacts.insert(FIELDS.to_owned(), vec![field]);
         }
         let inputs = Inputs::new(artifacts, unit.files.clone());
         Retarget::run(
@@ -332,6 +385,14 @@ mod tests {
         let trajectory = trajectories::from_batch("s", &batch).unwrap();
         assert_eq!((trajectory.steps.len(), trajectory.joints.len()), (3, 16));
         assert_eq!(trajectory.object, "box");
+        assert_eq!((trajectory.keypoints.len(), trajectory.tips.len()), (9, 4));
+        let grasp = &trajectory.steps[2];
+        assert_eq!(grasp.tracking.keypoint_errors_m.len(), 9);
+        assert_eq!(
+            grasp.tracking.tip_errors_m,
+            grasp.tracking.keypoint_errors_m[..4]
+        );
+        assert!(grasp.tracking.limit_margin_rad >= 0.0);
         let recording = folder.path().join("out").join(recording::FILE);
         let contents = lake::recording::read(&recording).unwrap();
         assert_eq!(contents.topic("/joint_states").count(), 3);
@@ -350,23 +411,43 @@ mod tests {
     fn the_reach_of_the_other_hand_is_skipped() {
         let folder = tempfile::tempdir().unwrap();
         let mut config = fixture::config();
-        config.side = Side::Left;
+        config.hand_table = with_table(folder.path(), "\"right\"", "\"left\"");
         let units = Retarget::units(&config, "trajectories", &scope("box")).unwrap();
         let outcome = run(&config, &units[0], folder.path());
-        let expected = "a right hand's reach, but `side` says that the robot's is a left hand";
+        let expected =
+            "a right hand's reach, but the hand's table says that the robot's is a left hand";
         assert!(matches!(outcome, Outcome::Skipped { reason } if reason == expected));
     }
 
     #[test]
-    fn a_missing_link_is_named_with_the_file_and_near_names() {
+    fn a_landmark_that_is_no_number_is_told() {
+        let mut shown = demonstration();
+        let table = fixture::table();
+        assert_eq!(retargeted::unusable(&shown, &table), None);
+        shown.steps[1].keypoints_m[7][2] = f64::NAN;
+        let reason = retargeted::unusable(&shown, &table).unwrap();
+        assert!(reason.contains("step 1"), "{reason}");
+    }
+
+    /// Writes the Allegro hand's table with a part of it replaced.
+    fn with_table(folder: &Path, from: &str, to: &str) -> PathBuf {
+        let text = fs::read_to_string(fixture::TABLE).unwrap();
+        assert!(text.contains(from));
+        let path = folder.join("hand.toml");
+        fs::write(&path, text.replacen(from, to, 1)).unwrap();
+        path
+    }
+
+    #[test]
+    fn a_missing_link_is_named_with_the_files_and_near_names() {
+        let folder = tempfile::tempdir().unwrap();
         let mut config = fixture::config();
-        config.correspondences[0].link = "link_15.0_top".to_owned();
+        config.hand_table = with_table(folder.path(), "link_15.0_tip", "link_15.0_top");
         let err = Retarget::prepare(&config).unwrap_err();
         let message = err.to_string();
-        assert!(
-            message.contains("allegro_right.urdf") && message.contains("`link_15.0_top`"),
-            "{message}"
-        );
+        for part in ["allegro_right.urdf", "hand.toml", "`link_15.0_top`"] {
+            assert!(message.contains(part), "{message}");
+        }
         assert!(
             err.hint().unwrap().contains("`link_15.0_tip`"),
             "{:?}",
@@ -378,15 +459,52 @@ mod tests {
     }
 
     #[test]
+    fn a_table_that_is_none_is_told_with_its_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut config = fixture::config();
+        config.hand_table = with_table(folder.path(), "scale =", "size =");
+        let err = Retarget::prepare(&config).unwrap_err();
+        let message = err.to_string();
+        assert!(
+            message.contains("hand.toml") && message.contains("`size`"),
+            "{message}"
+        );
+        assert!(err.hint().unwrap().contains("doctor --robot"));
+        config.hand_table = with_table(folder.path(), "thumb_tip", "thumb_top");
+        let message = Retarget::prepare(&config).unwrap_err().to_string();
+        assert!(
+            message.contains("`thumb_top`") && message.contains("thumb_tip"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn a_fixed_wrist_needs_points_on_the_palm() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut config = fixture::config();
+        config.wrist = Wrist::Fixed;
+        Retarget::prepare(&config).unwrap();
+        let cut = "    { keypoint = \"ring_mcp\"";
+        config.hand_table = with_table(folder.path(), cut, "    # {");
+        Retarget::prepare(&config).unwrap();
+        let text = fs::read_to_string(&config.hand_table).unwrap();
+        let text = text.replace("    { keypoint = \"middle_mcp\"", "    # {");
+        fs::write(&config.hand_table, text).unwrap();
+        let err = Retarget::prepare(&config).unwrap_err();
+        assert!(err.to_string().contains("2"), "{err}");
+        assert!(err.hint().unwrap().contains("`index_mcp`"));
+    }
+
+    #[test]
     fn options_without_sense_are_refused() {
         let refused = |change: fn(&mut RetargetConfig)| {
             let mut config = fixture::config();
             change(&mut config);
             Retarget::prepare(&config).unwrap_err().to_string()
         };
-        assert!(refused(|c| c.hand_scale = 0.0).contains("`hand_scale`"));
+        assert!(refused(|c| c.smooth_l1_beta_m = 0.0).contains("`smooth_l1_beta_m`"));
+        assert!(refused(|c| c.field_spacing_m = 0.0).contains("`field_spacing_m`"));
         assert!(refused(|c| c.object_weight = f64::NAN).contains("`object_weight`"));
-        assert!(refused(|c| c.correspondences[2].keypoint = 21).contains("`correspondences[2]`"));
-        assert!(refused(|c| c.correspondences.truncate(2)).contains("`correspondences`"));
+        assert!(refused(|c| c.smoothing_s = -1.0).contains("`smoothing_s`"));
     }
 }

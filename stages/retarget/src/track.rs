@@ -1,20 +1,21 @@
 //! A whole demonstration, step by step, backward from the grasp.
 
-use schemas::{demonstrations::Demonstration, trajectories};
+use std::collections::BTreeMap;
+
+use schemas::{
+    demonstrations::Demonstration,
+    trajectories::{self, Rates, Tracking},
+};
 use spatial::Pose;
 
 use crate::{
-    RetargetConfig,
-    goal::{Goal, Previous, goal},
-    hand::{Hand, Posture},
-    objective::{Evaluation, Memory, Objective},
+    RetargetConfig, RetargetError,
+    follow::{Follower, Solved},
+    goal::{Goal, goal},
+    hand::Hand,
     scene::Scene,
-    solver::minimize,
-    start::{laid_on, starts},
+    smoothing::smoothed,
 };
-
-/// Iterations at the grasp relative to other steps: it starts from nothing.
-const GRASP_ITERATIONS: usize = 3;
 
 /// A step whose mean error exceeds that of the grasp by this much, in meters, is searched afresh:
 /// the search may have stayed behind in a poor minimum.
@@ -23,62 +24,88 @@ const SUSPICIOUS_ERROR_M: f64 = 0.010;
 /// Share of the old cost that a fresh search must reach to replace what follows its neighbor.
 const WORTH_A_JUMP: f64 = 0.7;
 
-/// Steps, counted from the grasp, at which the approach is tried as another start for the grasp.
-const APPROACH: [usize; 5] = [16, 11, 7, 4, 2];
-
 /// What a demonstration became.
 pub(crate) struct Tracked {
-    /// The steps in time order.
+    /// The steps in time order, without their rates.
     pub(crate) steps: Vec<trajectories::Step>,
-    /// Mean over the steps of the keypoint error, in meters.
-    pub(crate) keypoint_error_m: f64,
     /// Keypoint error at the grasp, in meters.
     pub(crate) grasp_keypoint_error_m: f64,
-    /// Largest distance of a finger tip to its landmark at the grasp, in meters.
-    pub(crate) fingertip_error_m: f64,
-    /// Greatest depth of a link inside the object at the grasp, in meters.
-    pub(crate) penetration_m: f64,
-    /// Greatest depth of a link below the table over all steps, in meters.
-    pub(crate) table_penetration_m: f64,
-    /// Mean distance between the surface and the finger tips that should touch it, in meters.
-    pub(crate) tip_gap_m: f64,
     /// Number of steps that were searched afresh and found a better minimum.
     pub(crate) restarts_n: usize,
+    /// Postures that were tried, over all steps.
+    pub(crate) iterations_n: usize,
+}
+
+impl Tracked {
+    /// Returns the figures of the trajectory.
+    pub(crate) fn metrics(&self) -> BTreeMap<String, f64> {
+        let tracking = || self.steps.iter().map(|step| &step.tracking);
+        let keypoint_errors: f64 = tracking().map(Tracking::keypoint_error_m).sum();
+        let still = Tracking::default();
+        let grasp = tracking().next_back().unwrap_or(&still);
+        let gaps = grasp.contact_gaps_m.iter().map(|gap| gap.abs());
+        let contacts_n = grasp.contact_gaps_m.len().max(1) as f64;
+        [
+            ("steps_n", self.steps.len() as f64),
+            (
+                "keypoint_error_m",
+                keypoint_errors / self.steps.len().max(1) as f64,
+            ),
+            ("fingertip_error_m", grasp.fingertip_error_m()),
+            ("penetration_m", grasp.penetration_m),
+            (
+                "table_penetration_m",
+                tracking()
+                    .map(|t| t.table_penetration_m)
+                    .fold(0.0, f64::max),
+            ),
+            ("tip_gap_m", gaps.sum::<f64>() / contacts_n),
+            ("restarts_n", self.restarts_n as f64),
+            ("iterations_n", self.iterations_n as f64),
+        ]
+        .map(|(name, value)| (name.to_owned(), value))
+        .into()
+    }
 }
 
 /// Retargets a demonstration; `None` if it has no step.
+///
+/// # Errors
+///
+/// Fails if the hand and the configuration do not fit together.
 pub(crate) fn track(
     hand: &Hand,
     scene: &Scene,
     config: &RetargetConfig,
     demonstration: &Demonstration,
-) -> Option<Tracked> {
-    let end_s = demonstration.steps.last()?.time_s;
+) -> Result<Option<Tracked>, RetargetError> {
+    let Some(end) = demonstration.steps.last() else {
+        return Ok(None);
+    };
     let goals: Vec<Goal> = demonstration
         .steps
         .iter()
-        .map(|step| goal(hand, scene, config, &step.keypoints_m, end_s - step.time_s))
+        .zip(smoothed(&demonstration.steps, config.smoothing_s))
+        .map(|(step, keypoints_m)| {
+            goal(hand, scene, config, &keypoints_m, end.time_s - step.time_s)
+        })
         .collect();
-    let tracker = Tracker {
-        hand,
-        scene,
-        config,
-        mid_range: hand.model.mid_range(),
+    let mut follower = Follower::new(hand, scene, config);
+    let Some(grasp) = follower.grasp(&goals)? else {
+        return Ok(None);
     };
-    let mut memory = Memory::default();
-    let grasp = tracker.grasp(&goals, &mut memory)?;
-    let grasp_error_m = errors(hand, &grasp, goals.last()?).0;
-
-    let mut restarts_n = 0;
-    let mut solved: Vec<Evaluation> = vec![grasp.clone()];
+    let grasp_error_m = grasp.tracking.keypoint_error_m();
+    let (mut restarts_n, mut iterations_n) = (0, grasp.iterations);
+    let mut solved: Vec<Solved> = vec![grasp];
     for goal in goals.iter().rev().skip(1) {
-        let after = solved.last().unwrap_or(&grasp);
-        let mut goal = goal.clone();
-        goal.previous = Some(previous(after));
-        let mut best = tracker.step(&goal, &after.posture, config.max_iterations, &mut memory);
-        if errors(hand, &best, &goal).0 > grasp_error_m + SUSPICIOUS_ERROR_M {
-            let fresh = tracker.afresh(&goal, &mut memory);
-            if let Some(fresh) = fresh.filter(|fresh| fresh.cost < WORTH_A_JUMP * best.cost) {
+        let Some(after) = solved.last() else { break };
+        let mut best = follower.step(goal, after)?;
+        iterations_n += best.iterations;
+        if best.tracking.keypoint_error_m() > grasp_error_m + SUSPICIOUS_ERROR_M
+            && let Some(fresh) = follower.afresh(goal, Some(after))?
+        {
+            iterations_n += fresh.iterations;
+            if fresh.cost < WORTH_A_JUMP * best.cost {
                 best = fresh;
                 restarts_n += 1;
             }
@@ -86,228 +113,74 @@ pub(crate) fn track(
         solved.push(best);
     }
     solved.reverse();
-    Some(summarize(
-        hand,
-        scene,
-        demonstration,
-        &goals,
-        &solved,
-        restarts_n,
-    ))
-}
-
-/// What does not change from step to step.
-struct Tracker<'a> {
-    hand: &'a Hand,
-    scene: &'a Scene,
-    config: &'a RetargetConfig,
-    mid_range: Vec<f64>,
-}
-
-impl Tracker<'_> {
-    /// Searches one step from a posture.
-    fn step(
-        &self,
-        goal: &Goal,
-        start: &Posture,
-        iterations: usize,
-        memory: &mut Memory,
-    ) -> Evaluation {
-        let objective = Objective {
-            hand: self.hand,
-            scene: Some(self.scene),
-            config: self.config,
-            goal,
-            mid_range: &self.mid_range,
-        };
-        minimize(&objective, start, iterations, memory)
-    }
-
-    /// Searches one step without knowledge of its neighbors: first as if the object and the table
-    /// were not there, then with them, from several starts.
-    fn afresh(&self, goal: &Goal, memory: &mut Memory) -> Option<Evaluation> {
-        let iterations = GRASP_ITERATIONS * self.config.max_iterations;
-        let free = Objective {
-            hand: self.hand,
-            scene: None,
-            config: self.config,
-            goal,
-            mid_range: &self.mid_range,
-        };
-        starts(self.hand, goal)
-            .iter()
-            .map(|start| {
-                let followed = minimize(&free, start, self.config.max_iterations, memory);
-                self.step(goal, &followed.posture, iterations, memory)
+    let steps = demonstration.steps.iter().zip(solved);
+    Ok(Some(Tracked {
+        steps: steps
+            .map(|(shown, solved)| trajectories::Step {
+                time_s: shown.time_s,
+                object_from_palm: Pose::new(solved.posture.root.isometry()),
+                rates: Rates::still(solved.posture.q.len()),
+                q_rad: solved.posture.q,
+                tracking: solved.tracking,
             })
-            .reduce(cheaper)
-    }
-
-    /// Searches the grasp, the last step: afresh, and along the approach, where the fingers come
-    /// from outside and so end on the right side of thin things.
-    fn grasp(&self, goals: &[Goal], memory: &mut Memory) -> Option<Evaluation> {
-        let (goal, before) = goals.split_last()?;
-        let afresh = self.afresh(goal, memory)?;
-        let mut along: Option<Posture> = None;
-        for back in APPROACH {
-            let Some(goal) = before
-                .len()
-                .checked_sub(back)
-                .and_then(|idx| before.get(idx))
-            else {
-                continue;
-            };
-            let start = match along {
-                Some(posture) => laid_on(self.hand, posture.q, goal),
-                None => laid_on(self.hand, self.mid_range.clone(), goal),
-            };
-            along = Some(
-                self.step(goal, &start, self.config.max_iterations, memory)
-                    .posture,
-            );
-        }
-        Some(match along {
-            Some(start) => {
-                let iterations = GRASP_ITERATIONS * self.config.max_iterations;
-                cheaper(afresh, self.step(goal, &start, iterations, memory))
-            }
-            None => afresh,
-        })
-    }
-}
-
-/// Returns the one of lower cost, the first if they are equal.
-fn cheaper(a: Evaluation, b: Evaluation) -> Evaluation {
-    if b.cost < a.cost { b } else { a }
-}
-
-/// Returns what the next step is to stay near.
-fn previous(solved: &Evaluation) -> Previous {
-    Previous {
-        points: solved.points.clone(),
-        q: solved.posture.q.clone(),
-    }
-}
-
-/// Returns the root mean square distance of the points to their landmarks, and the largest distance
-/// of a finger tip to its own, in meters.
-fn errors(hand: &Hand, solved: &Evaluation, goal: &Goal) -> (f64, f64) {
-    let (mut sum, mut worst_tip) = (0.0, 0.0_f64);
-    for ((point, goal), found) in hand.points.iter().zip(&goal.points).zip(&solved.points) {
-        let distance = (found - goal.landmark).norm();
-        sum += distance * distance;
-        if point.tip_radius_m.is_some() {
-            worst_tip = worst_tip.max(distance);
-        }
-    }
-    ((sum / hand.points.len() as f64).sqrt(), worst_tip)
-}
-
-/// Gathers the steps and what is said about them.
-fn summarize(
-    hand: &Hand,
-    scene: &Scene,
-    demonstration: &Demonstration,
-    goals: &[Goal],
-    solved: &[Evaluation],
-    restarts_n: usize,
-) -> Tracked {
-    let mut steps = Vec::with_capacity(solved.len());
-    let mut table_penetration_m = 0.0_f64;
-    for ((step, goal), solved) in demonstration.steps.iter().zip(goals).zip(solved) {
-        let (keypoint_error_m, fingertip_error_m) = errors(hand, solved, goal);
-        table_penetration_m = table_penetration_m.max(solved.table_depth_m(scene, hand));
-        steps.push(trajectories::Step {
-            time_s: step.time_s,
-            object_from_palm: Pose::new(solved.posture.object_from_palm),
-            q_rad: solved.posture.q.clone(),
-            keypoint_error_m,
-            fingertip_error_m,
-        });
-    }
-    let sum: f64 = steps.iter().map(|step| step.keypoint_error_m).sum();
-    let (mut tip_gaps_m, mut penetration_m) = (Vec::new(), 0.0);
-    if let (Some(grasp), Some(goal)) = (solved.last(), goals.last()) {
-        penetration_m = grasp.object_depth_m(scene, hand);
-        for ((point, goal), at) in hand.points.iter().zip(&goal.points).zip(&grasp.points) {
-            if let (Some(radius_m), Some(_)) = (point.tip_radius_m, goal.contact) {
-                tip_gaps_m.push((scene.gap(at).distance_m - radius_m).abs());
-            }
-        }
-    }
-    let grasp = steps.last();
-    Tracked {
-        keypoint_error_m: sum / steps.len().max(1) as f64,
-        grasp_keypoint_error_m: grasp.map_or(0.0, |step| step.keypoint_error_m),
-        fingertip_error_m: grasp.map_or(0.0, |step| step.fingertip_error_m),
-        penetration_m,
-        table_penetration_m,
-        tip_gap_m: tip_gaps_m.iter().sum::<f64>() / tip_gaps_m.len().max(1) as f64,
+            .collect(),
+        grasp_keypoint_error_m: grasp_error_m,
         restarts_n,
-        steps,
-    }
+        iterations_n,
+    }))
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Isometry3, Vector3};
+    use nalgebra::{Isometry3, UnitQuaternion, Vector3};
     use proptest::prelude::*;
-    use schemas::demonstrations::{KEYPOINTS, Side, Step};
+    use schemas::demonstrations::KEYPOINTS;
 
     use super::*;
-    use crate::fixture;
+    use crate::{
+        Wrist, fixture,
+        solver::{Loss, NoTerms, Posture, RootPose, Solver, Task},
+    };
 
     /// A posture and what a person's landmarks would be if the person had the robot's hand.
     fn own_points(hand: &Hand, posture: &Posture) -> [[f64; 3]; KEYPOINTS] {
-        let links = hand.object_from_links(posture);
+        let mut solver = Solver::new(&hand.compiled);
+        let nothing = Task {
+            targets: &[],
+            loss: Loss::Squared,
+            smoothness: None,
+            rest: None,
+        };
+        solver.place(&nothing, posture, &mut NoTerms).unwrap();
         let mut keypoints = [[0.0; 3]; KEYPOINTS];
-        for point in &hand.points {
-            keypoints[point.keypoint] = (links[point.link] * point.point_in_link).into();
+        for (idx, point) in hand.points.iter().enumerate() {
+            keypoints[point.keypoint] = solver.posed().point(idx).unwrap().into();
         }
         keypoints
     }
 
-    fn demonstration(keypoints: Vec<[[f64; 3]; KEYPOINTS]>) -> Demonstration {
-        Demonstration {
-            sequence: "s".to_owned(),
-            object: "box".to_owned(),
-            subject: "p".to_owned(),
-            hand: Side::Right,
-            mirrored: false,
-            start_reason: String::new(),
-            end_reason: String::new(),
-            rest: fixture::rest(),
-            steps: keypoints
-                .into_iter()
-                .zip(0_u32..)
-                .map(|(keypoints_m, image)| Step {
-                    image,
-                    time_s: f64::from(image) / 30.0,
-                    cameras_n: 1,
-                    bridged: false,
-                    keypoints_m,
-                })
-                .collect(),
-        }
-    }
-
     fn run(config: &RetargetConfig, keypoints: Vec<[[f64; 3]; KEYPOINTS]>) -> (Hand, Tracked) {
-        let hand = fixture::hand(config);
-        let tracked = track(&hand, &fixture::scene(), config, &demonstration(keypoints)).unwrap();
+        let hand = fixture::hand();
+        let tracked = track(
+            &hand,
+            &fixture::scene(),
+            config,
+            &fixture::demonstration(keypoints),
+        )
+        .unwrap()
+        .unwrap();
         (hand, tracked)
     }
 
     /// Returns a posture with its palm turned to the box from the side, `bend` between the limits.
-    fn reaching(config: &RetargetConfig, x: f64, bend: f64) -> Posture {
-        let hand = fixture::hand(config);
-        let between = |(lower, upper): (&f64, &f64)| lower + bend * (upper - lower);
-        Posture {
-            object_from_palm: Isometry3::new(
-                Vector3::new(x, 0.0, 0.05),
-                Vector3::new(0.1, 0.2, 0.0),
-            ),
-            q: hand.lower.iter().zip(&hand.upper).map(between).collect(),
-        }
+    fn reaching(x: f64, bend: f64) -> Posture {
+        let hand = fixture::hand();
+        let joints = hand.model.joints().iter();
+        let q = joints.map(|joint| joint.lower + bend * (joint.upper - joint.lower));
+        Posture::new(
+            &Isometry3::new(Vector3::new(x, 0.0, 0.05), Vector3::new(0.1, 0.2, 0.0)),
+            q.collect(),
+        )
     }
 
     proptest! {
@@ -320,12 +193,13 @@ mod tests {
             turn in prop::array::uniform3(-2.0..2.0),
         ) {
             let config = fixture::following_only();
-            let hand = fixture::hand(&config);
-            let mut posture = reaching(&config, -0.3, 0.5);
-            for ((q, share), (lower, upper)) in posture.q.iter_mut().zip(q).zip(hand.lower.iter().zip(&hand.upper)) {
-                *q = lower + share * (upper - lower);
+            let hand = fixture::hand();
+            let mut posture = reaching(-0.3, 0.5);
+            for ((q, share), joint) in posture.q.iter_mut().zip(q).zip(hand.model.joints()) {
+                *q = joint.lower + share * (joint.upper - joint.lower);
             }
-            posture.object_from_palm *= nalgebra::UnitQuaternion::new(Vector3::from(turn));
+            let turned = posture.root.isometry() * UnitQuaternion::new(Vector3::from(turn));
+            posture.root = RootPose::from_isometry(&turned);
             let (_, tracked) = run(&config, vec![own_points(&hand, &posture)]);
             prop_assert!(tracked.grasp_keypoint_error_m < 1e-3, "{} m", tracked.grasp_keypoint_error_m);
         }
@@ -340,8 +214,8 @@ mod tests {
             later.reverse();
             let (hand, tracked) = run(&config, vec![keypoints, later]);
             for step in &tracked.steps {
-                for (q, (lower, upper)) in step.q_rad.iter().zip(hand.lower.iter().zip(&hand.upper)) {
-                    prop_assert!((lower..=upper).contains(&q), "{q} outside {lower} to {upper}");
+                for (q, joint) in step.q_rad.iter().zip(hand.model.joints()) {
+                    prop_assert!((joint.lower..=joint.upper).contains(q), "{q} outside {joint:?}");
                 }
             }
         }
@@ -350,14 +224,13 @@ mod tests {
     #[test]
     fn links_are_pushed_out_of_the_object() {
         let shown = |config: &RetargetConfig| {
-            let hand = fixture::hand(config);
+            let hand = fixture::hand();
             // The palm is shown inside the box.
-            run(
-                config,
-                vec![own_points(&hand, &reaching(config, -0.02, 0.3))],
-            )
-            .1
-            .penetration_m
+            run(config, vec![own_points(&hand, &reaching(-0.02, 0.3))])
+                .1
+                .steps[0]
+                .tracking
+                .penetration_m
         };
         let without = shown(&fixture::following_only());
         let with = shown(&RetargetConfig {
@@ -373,11 +246,12 @@ mod tests {
     #[test]
     fn links_are_lifted_off_the_table() {
         let shown = |config: &RetargetConfig| {
-            let hand = fixture::hand(config);
-            let mut posture = reaching(config, -0.3, 0.3);
-            posture.object_from_palm.translation.z = -0.06;
-            run(config, vec![own_points(&hand, &posture)])
-                .1
+            let hand = fixture::hand();
+            let mut pose = reaching(-0.3, 0.3).root.isometry();
+            pose.translation.z = -0.06;
+            let posture = Posture::new(&pose, reaching(-0.3, 0.3).q);
+            run(config, vec![own_points(&hand, &posture)]).1.steps[0]
+                .tracking
                 .table_penetration_m
         };
         let without = shown(&fixture::following_only());
@@ -394,25 +268,25 @@ mod tests {
             contact_weight: 0.0,
             ..fixture::config()
         };
-        let hand = fixture::hand(&config);
+        let hand = fixture::hand();
         // The palm rests against a side of the box.
-        let grasp = own_points(&hand, &reaching(&config, -0.042, 0.2));
+        let grasp = own_points(&hand, &reaching(-0.042, 0.2));
         let (hand, tracked) = run(&config, vec![grasp; 31]);
         let scene = fixture::scene();
         let gap = |step: &trajectories::Step| {
-            let posture = Posture {
-                object_from_palm: *step.object_from_palm.isometry(),
-                q: step.q_rad.clone(),
-            };
-            let links = hand.object_from_links(&posture);
-            hand.balls
+            let links = hand.model.forward_kinematics(&step.q_rad).unwrap();
+            let object_from_palm = step.object_from_palm.isometry();
+            let balls = hand
+                .model
+                .links()
                 .iter()
-                .map(|ball| {
-                    scene
-                        .gap(&(links[ball.link] * ball.center_in_link))
-                        .distance_m
-                        - ball.radius_m
-                })
+                .zip(links)
+                .flat_map(|(link, pose)| {
+                    let balls = link.collisions.iter().flat_map(crate::balls::fill);
+                    balls.map(move |ball| (pose * ball.center_in_link, ball.radius_m))
+                });
+            balls
+                .map(|(center, radius)| scene.gap(&(object_from_palm * center)).distance_m - radius)
                 .fold(f64::MAX, f64::min)
         };
         assert!(
@@ -430,8 +304,8 @@ mod tests {
     #[test]
     fn tips_near_the_surface_touch_it() {
         let config = fixture::config();
-        let hand = fixture::hand(&config);
-        let mut keypoints = own_points(&hand, &reaching(&config, -0.07, 0.5));
+        let hand = fixture::hand();
+        let mut keypoints = own_points(&hand, &reaching(-0.07, 0.5));
         let [x, y, _] = fixture::BOX_HALF_M;
         // Finger tips 5 mm off the far side, the thumb's off a near one.
         for (finger, keypoint) in [8, 12, 16].into_iter().enumerate() {
@@ -439,6 +313,62 @@ mod tests {
         }
         keypoints[4] = [-0.01, y + 0.005, 0.0];
         let (_, tracked) = run(&config, vec![keypoints]);
-        assert!(tracked.tip_gap_m < 0.004, "{} m", tracked.tip_gap_m);
+        let gaps = &tracked.steps[0].tracking.contact_gaps_m;
+        assert_eq!(gaps.len(), 4);
+        let gap = gaps.iter().map(|gap| gap.abs()).sum::<f64>() / 4.0;
+        assert!(gap < 0.004, "{gaps:?} m");
+    }
+
+    #[test]
+    fn a_fixed_wrist_follows_the_palm_alone() {
+        let hand = fixture::hand();
+        let posture = reaching(-0.3, 0.4);
+        let mut keypoints = own_points(&hand, &posture);
+        // Fingers that no posture reaches must not draw the palm along.
+        for keypoint in [4, 8, 12, 16] {
+            keypoints[keypoint][0] += 0.1;
+        }
+        let config = RetargetConfig {
+            wrist: Wrist::Fixed,
+            ..fixture::following_only()
+        };
+        let off = |config: &RetargetConfig| {
+            let (_, tracked) = run(config, vec![keypoints; 2]);
+            let poses = tracked
+                .steps
+                .iter()
+                .map(|step| *step.object_from_palm.isometry());
+            poses
+                .map(|pose| {
+                    (pose.inverse() * posture.root.isometry())
+                        .translation
+                        .vector
+                        .norm()
+                })
+                .fold(0.0, f64::max)
+        };
+        assert!(off(&config) < 1e-9, "{} m", off(&config));
+        assert!(off(&fixture::following_only()) > 0.01);
+    }
+
+    #[test]
+    fn both_losses_follow_and_the_linear_one_heeds_outliers_less() {
+        let hand = fixture::hand();
+        let mut keypoints = own_points(&hand, &reaching(-0.3, 0.4));
+        keypoints[4][2] += 0.15;
+        let error = |loss| {
+            let config = RetargetConfig {
+                loss,
+                ..fixture::following_only()
+            };
+            let (_, tracked) = run(&config, vec![keypoints]);
+            // Of the finger tips but the one that is shown elsewhere.
+            tracked.steps[0].tracking.tip_errors_m[1..]
+                .iter()
+                .sum::<f64>()
+                / 3.0
+        };
+        let (squared, linear) = (error(crate::Loss::Squared), error(crate::Loss::SmoothL1));
+        assert!(linear < 0.8 * squared, "{linear} m, {squared} m");
     }
 }

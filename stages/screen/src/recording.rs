@@ -74,6 +74,7 @@ pub(crate) fn record(
                 table_from_object: step.table_from_object,
                 palm_from_links: &link_poses(&step.q),
                 q_rad: &step.q,
+                q_velocity_rad_per_s: &[],
             },
         )?;
     }

@@ -11,7 +11,7 @@ use schemas::{
     checkpoint, objects,
     objects::{Object, RestingOrientation},
     trajectories,
-    trajectories::{Step, Trajectory},
+    trajectories::{Rates, Step, Tracking, Trajectory},
 };
 use spatial::{Pose, Rest};
 use stage_train::{Train, TrainConfig, TrainError};
@@ -103,14 +103,16 @@ fn trajectory(sequence: &str, object: &str, up: Vector3<f64>) -> Trajectory {
         time_s: f64::from(k) / 30.0,
         object_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, 0.3 - f64::from(k) * 0.01)),
         q_rad: vec![0.3; JOINTS],
-        keypoint_error_m: 0.01,
-        fingertip_error_m: 0.01,
+        rates: Rates::still(JOINTS),
+        tracking: Tracking::default(),
     });
     Trajectory {
         sequence: sequence.to_owned(),
         object: object.to_owned(),
         // The order of the URDF turned around: positions are found by name.
         joints: (0..JOINTS).rev().map(|k| format!("joint_{k}.0")).collect(),
+        keypoints: Vec::new(),
+        tips: Vec::new(),
         rest: rest(up),
         steps: steps.collect(),
     }

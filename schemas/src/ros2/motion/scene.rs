@@ -35,6 +35,8 @@ pub struct SceneStep<'a> {
     pub palm_from_links: &'a [Isometry3<f64>],
     /// Joint positions in radians, in the order of [`Scene::joints`].
     pub q_rad: &'a [f64],
+    /// Joint velocities in rad/s; empty if not known.
+    pub q_velocity_rad_per_s: &'a [f64],
 }
 
 impl SceneStep<'_> {
@@ -68,7 +70,12 @@ impl Scene<'_> {
 
     /// Returns the joint positions, for [`super::JOINT_STATES`].
     pub fn state(&self, step: &SceneStep<'_>) -> JointState {
-        super::joint_state(step.time_ns(), self.joints, step.q_rad)
+        super::joint_state(
+            step.time_ns(),
+            self.joints,
+            step.q_rad,
+            step.q_velocity_rad_per_s,
+        )
     }
 
     /// Returns the poses of the hand's links and of the object, for [`super::TF`].

@@ -1,0 +1,339 @@
+//! Signed distance to a surface, sampled on a grid: answers in nanoseconds.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::{GeometryError, SurfaceDistance, TriMesh, winding::inside};
+
+/// Signed distance to a closed mesh at the nodes of a grid, and between them by interpolation.
+///
+/// Within the grid the answer is trilinear in the eight nodes about a point: exact along flat
+/// surfaces, and off by at most an eighth of the squared spacing times the curvature of the
+/// distance elsewhere, which is 0.1 mm for a spacing of 3 mm one centimeter from an edge, and twice
+/// that from a corner.
+/// Walls thinner than two spacings read thinner than they are.
+/// Whether a node is inside is decided by how often the surface winds around it, so that scanned
+/// surfaces that fold over themselves are no trouble.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DistanceField {
+    /// The node of the least coordinates, in meters.
+    least: Point3<f64>,
+    /// Distance between neighboring nodes along each axis, in meters.
+    spacing_m: f64,
+    /// Number of nodes along x, y and z, each at least 2.
+    counts: [usize; 3],
+    /// Distances in meters, negative inside; x runs fastest, then y.
+    distances: Vec<f32>,
+}
+
+/// Greatest number of nodes: 256 MiB.
+const MAX_NODES: usize = 1 << 26;
+/// Where nodes lie relative to the mesh, as a share of the spacing: such that the round coordinates
+/// of made shapes fall between them.
+const SHIFT: f64 = 0.381_966;
+/// What a written field begins with.
+const MAGIC: &[u8; 8] = b"sdfield1";
+/// Bytes before the distances: the mark, the least node, the spacing and the counts.
+const HEADER: usize = 8 + 8 * 7;
+
+impl DistanceField {
+    /// Samples a mesh and the space about it up to `margin_m` from its bounds; `None` if it has no
+    /// surface.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the spacing or the margin is not a positive length, or the mesh is so large that
+    /// the grid would have more than 2²⁶ nodes.
+    pub fn new(
+        mesh: &TriMesh,
+        spacing_m: f64,
+        margin_m: f64,
+    ) -> Result<Option<Self>, GeometryError> {
+        let is_length = |length: f64| length.is_finite() && length > 0.0;
+        if !is_length(spacing_m) || !is_length(margin_m) {
+            return Err(GeometryError::BadGrid {
+                spacing_m,
+                margin_m,
+            });
+        }
+        let surface = SurfaceDistance::new(mesh);
+        if surface.is_empty() {
+            return Ok(None);
+        }
+        let (low, high) = mesh.bounds();
+        let least = low - Vector3::repeat(margin_m + SHIFT * spacing_m);
+        let room = (high - least) + Vector3::repeat(margin_m);
+        let along = |length: f64| (length / spacing_m).ceil() + 1.0;
+        let nodes = along(room.x) * along(room.y) * along(room.z);
+        if !(nodes <= MAX_NODES as f64) {
+            return Err(GeometryError::BadGrid {
+                spacing_m,
+                margin_m,
+            });
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "checked against the greatest number of nodes"
+        )]
+        let counts = [room.x, room.y, room.z].map(|length| along(length) as usize);
+        let mut field = Self {
+            least,
+            spacing_m,
+            counts,
+            distances: Vec::with_capacity(counts.iter().product()),
+        };
+        let inside = inside(mesh, &least, spacing_m, counts);
+        // The nearest triangle of each node of the layer below and, up to the present node, of this
+        // one.
+        let mut nearest = vec![0_u32; counts[0] * counts[1]];
+        for z in 0..counts[2] {
+            for y in 0..counts[1] {
+                for x in 0..counts[0] {
+                    let at = x + counts[0] * y;
+                    let beside = [Some(at), at.checked_sub(1), at.checked_sub(counts[0])];
+                    let hints = beside.map(|at| at.and_then(|at| nearest.get(at)).copied());
+                    let node = field.node([x, y, z]);
+                    let found = surface.nearest_face(&node, hints.into_iter().flatten());
+                    let (face, distance) = found.unwrap_or((0, f64::MAX));
+                    if let Some(nearest) = nearest.get_mut(at) {
+                        *nearest = face;
+                    }
+                    let is_inside = inside.get(field.distances.len()).is_some_and(|&is| is);
+                    let signed = if is_inside { -distance } else { distance };
+                    #[expect(clippy::cast_possible_truncation, reason = "1e-8 m is lost")]
+                    field.distances.push(signed as f32);
+                }
+            }
+        }
+        Ok(Some(field))
+    }
+
+    /// Returns the distance between neighboring nodes, in meters.
+    pub fn spacing_m(&self) -> f64 {
+        self.spacing_m
+    }
+
+    /// Returns the signed distance at a point, negative inside, in meters, and its gradient there.
+    ///
+    /// The gradient is that of the interpolation, about of length 1. Beyond the grid the way to it is
+    /// added: never less than the true distance.
+    pub fn distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
+        let mut cell = [0; 3];
+        let mut share = [0.0; 3];
+        let mut beyond = Vector3::zeros();
+        for axis in 0..3 {
+            let at = (point[axis] - self.least[axis]) / self.spacing_m;
+            let last = (self.counts[axis] - 1) as f64;
+            let within = at.clamp(0.0, last);
+            beyond[axis] = (at - within) * self.spacing_m;
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "clamped to the grid; what is no number becomes the first node"
+            )]
+            let node = (within as usize).min(self.counts[axis] - 2);
+            cell[axis] = node;
+            share[axis] = within - node as f64;
+        }
+        let [nx, ny, _] = self.counts;
+        let first = cell[0] + nx * (cell[1] + ny * cell[2]);
+        let along_x = |offset: usize| {
+            let from = first + offset;
+            match self.distances.get(from..from + 2) {
+                Some(&[a, b]) => (f64::from(a), f64::from(b) - f64::from(a)),
+                _ => (0.0, 0.0),
+            }
+        };
+        let [u, v, w] = share;
+        let [a, b, c, d] = [0, nx, nx * ny, nx * ny + nx].map(along_x);
+        let [a_at, b_at, c_at, d_at] = [a, b, c, d].map(|(value, slope)| value + u * slope);
+        let near = a_at + v * (b_at - a_at);
+        let far = c_at + v * (d_at - c_at);
+        let between = |p: f64, q: f64, share: f64| p + share * (q - p);
+        let gradient = Vector3::new(
+            between(between(a.1, b.1, v), between(c.1, d.1, v), w),
+            between(b_at - a_at, d_at - c_at, w),
+            far - near,
+        ) / self.spacing_m;
+        let distance = near + w * (far - near);
+        let way = beyond.norm();
+        if way > 0.0 {
+            let along =
+                gradient.zip_map(&beyond, |slope, way| if way == 0.0 { slope } else { 0.0 });
+            return (distance + way, along + beyond / way);
+        }
+        (distance, gradient)
+    }
+
+    /// Returns the place of a node.
+    fn node(&self, at: [usize; 3]) -> Point3<f64> {
+        self.least + Vector3::from(at.map(|count| count as f64)) * self.spacing_m
+    }
+
+    /// Returns the field as bytes, the same on every machine.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(HEADER + 4 * self.distances.len());
+        bytes.extend_from_slice(MAGIC);
+        for number in self.least.iter().chain([&self.spacing_m]) {
+            bytes.extend_from_slice(&number.to_le_bytes());
+        }
+        for count in self.counts {
+            bytes.extend_from_slice(&(count as u64).to_le_bytes());
+        }
+        for distance in &self.distances {
+            bytes.extend_from_slice(&distance.to_le_bytes());
+        }
+        bytes
+    }
+
+    /// Reads what [`DistanceField::to_bytes`] wrote; `None` if it is something else.
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (header, rest) = bytes.split_at_checked(HEADER)?;
+        let (magic, header) = header.split_at_checked(MAGIC.len())?;
+        if magic != MAGIC {
+            return None;
+        }
+        let (words, _) = header.as_chunks::<8>();
+        let &[x, y, z, spacing, nx, ny, nz] = words else {
+            return None;
+        };
+        let [x, y, z, spacing_m] = [x, y, z, spacing].map(f64::from_le_bytes);
+        let counts = [nx, ny, nz].map(|count| usize::try_from(u64::from_le_bytes(count)).ok());
+        let [Some(nx), Some(ny), Some(nz)] = counts else {
+            return None;
+        };
+        let nodes = nx.checked_mul(ny)?.checked_mul(nz)?;
+        let is_whole = nodes <= MAX_NODES
+            && [nx, ny, nz].iter().all(|&count| count >= 2)
+            && rest.len() == 4 * nodes
+            && spacing_m > 0.0
+            && [x, y, z, spacing_m].iter().all(|number| number.is_finite());
+        let (words, _) = rest.as_chunks::<4>();
+        is_whole.then(|| Self {
+            least: Point3::new(x, y, z),
+            spacing_m,
+            counts: [nx, ny, nz],
+            distances: words.iter().map(|&word| f32::from_le_bytes(word)).collect(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::OnceLock;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// A box of these half sides about the origin.
+    fn cuboid(half: [f64; 3]) -> TriMesh {
+        let text = format!(
+            "v -{0} -{1} -{2}\nv {0} -{1} -{2}\nv {0} {1} -{2}\nv -{0} {1} -{2}\n\
+             v -{0} -{1} {2}\nv {0} -{1} {2}\nv {0} {1} {2}\nv -{0} {1} {2}\n\
+             f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n",
+            half[0], half[1], half[2]
+        );
+        TriMesh::from_obj(&text).unwrap()
+    }
+
+    fn field() -> &'static DistanceField {
+        static FIELD: OnceLock<DistanceField> = OnceLock::new();
+        FIELD.get_or_init(|| {
+            let mesh = cuboid([0.03, 0.04, 0.05]);
+            DistanceField::new(&mesh, 0.0025, 0.025).unwrap().unwrap()
+        })
+    }
+
+    /// The signed distance of a box, in closed form.
+    fn exact(point: &Point3<f64>) -> f64 {
+        let q = Vector3::new(
+            point.x.abs() - 0.03,
+            point.y.abs() - 0.04,
+            point.z.abs() - 0.05,
+        );
+        q.map(|side| side.max(0.0)).norm() + q.max().min(0.0)
+    }
+
+    proptest! {
+        /// The field is within a spacing's eighth of the truth, and outside much nearer to it.
+        #[test]
+        fn distances_of_a_box_are_right(x in -0.05..0.05, y in -0.06..0.06, z in -0.07..0.07) {
+            let field = field();
+            let point = Point3::new(x, y, z);
+            let (found, _) = field.distance(&point);
+            let off = (found - exact(&point)).abs();
+            let bound = if exact(&point) > 0.01 { 2e-4 } else { 9e-4 };
+            prop_assert!(off < bound, "{off} at {point}");
+        }
+
+        /// The gradient is the derivative of the distance.
+        #[test]
+        fn gradient_is_the_slope(at in prop::array::uniform3(-0.08..0.08)) {
+            let field = field();
+            let point = Point3::from(at);
+            let (_, gradient) = field.distance(&point);
+            for axis in 0..3 {
+                let mut step = Vector3::zeros();
+                step[axis] = 1e-9;
+                let slope = (field.distance(&(point + step)).0 - field.distance(&(point - step)).0) / 2e-9;
+                let ahead = (field.distance(&(point + step)).0 - field.distance(&point).0) / 1e-9;
+                let behind = (field.distance(&point).0 - field.distance(&(point - step)).0) / 1e-9;
+                // On the faces between cells the slope has two values.
+                prop_assume!((ahead - behind).abs() < 1e-4);
+                prop_assert!((slope - gradient[axis]).abs() < 1e-4, "{slope} {gradient}");
+            }
+        }
+    }
+
+    #[test]
+    fn bytes_come_back_as_the_field_and_nothing_else_does() {
+        let field = field();
+        let bytes = field.to_bytes();
+        assert_eq!(DistanceField::from_bytes(&bytes), Some(field.clone()));
+        assert_eq!(DistanceField::from_bytes(&bytes[..bytes.len() - 1]), None);
+        assert_eq!(DistanceField::from_bytes(b"sdfield1"), None);
+        let mut huge = bytes;
+        huge[40..48].copy_from_slice(&u64::MAX.to_le_bytes());
+        assert_eq!(DistanceField::from_bytes(&huge), None);
+    }
+
+    #[test]
+    fn a_wall_that_cuts_through_itself_has_one_inside() {
+        // A thin plate whose front is dented through its back: where the dent comes out, the
+        // nearest triangle faces away from those who look at it.
+        let mut mesh = cuboid([0.004, 0.04, 0.05]);
+        let right = |triangle: &[u32; 3]| {
+            triangle
+                .iter()
+                .all(|&idx| mesh.vertices_m[idx as usize].x > 0.0)
+        };
+        let at = mesh.triangles.iter().position(right).unwrap();
+        let front = mesh.triangles.remove(at);
+        let dent = u32::try_from(mesh.vertices_m.len()).unwrap();
+        let center = mesh
+            .corners(front)
+            .iter()
+            .fold(Vector3::zeros(), |sum, c| sum + c.coords / 3.0);
+        mesh.vertices_m.push(Point3::new(-0.02, center.y, center.z));
+        for (from, to) in [(0, 1), (1, 2), (2, 0)] {
+            mesh.triangles.push([front[from], front[to], dent]);
+        }
+        let field = DistanceField::new(&mesh, 0.002, 0.03).unwrap().unwrap();
+        let behind = Point3::new(-0.026, center.y, center.z);
+        assert!(field.distance(&behind).0 > 0.004);
+    }
+
+    #[test]
+    fn senseless_grids_are_refused() {
+        let mesh = cuboid([0.03, 0.04, 0.05]);
+        for (spacing_m, margin_m) in [(0.0, 0.02), (0.002, f64::NAN), (1e-6, 0.02), (0.002, 1e9)] {
+            assert!(DistanceField::new(&mesh, spacing_m, margin_m).is_err());
+        }
+        let empty = TriMesh {
+            vertices_m: Vec::new(),
+            triangles: Vec::new(),
+        };
+        assert_eq!(DistanceField::new(&empty, 0.002, 0.02).unwrap(), None);
+    }
+}

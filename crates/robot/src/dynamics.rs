@@ -1,0 +1,209 @@
+//! Forces and motion: inverse dynamics, mass matrix, gravity, energy.
+//!
+//! Featherstone, *Rigid Body Dynamics Algorithms*, 2008, with the linear part of a spatial vector
+//! first, and every quantity in its body's own frame.
+//! A joint that mimics another adds what it does to that one's row, times its multiplier: with
+//! positions `G q + o` of all joints, torques are `Gᵀ τ` and the mass matrix is `Gᵀ M G`.
+
+use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector3, Vector6};
+
+use crate::{
+    Bodies, Root, WrongDof,
+    bodies::{Spatial, SpatialInertia},
+};
+
+/// How the independent joints move; each slice holds one number per joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointMotion<'a> {
+    /// Positions, in radians (meters if prismatic).
+    pub q: &'a [f64],
+    /// Velocities, in rad/s (m/s).
+    pub velocity: &'a [f64],
+    /// Accelerations, in rad/s² (m/s²).
+    pub acceleration: &'a [f64],
+}
+
+/// What acts on a robot from outside and in its joints.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Efforts {
+    /// Force in N, then torque in Nm, on the root link at its origin, along its axes: what holds it
+    /// if it is held, and what has to act if it is free.
+    pub root: Vector6<f64>,
+    /// Torque in Nm (force in N if prismatic) of each independent joint.
+    pub joints: DVector<f64>,
+}
+
+impl Bodies {
+    /// Returns what has to act for the robot to move so, by the recursive Newton–Euler algorithm
+    /// (Featherstone 2008, table 5.1).
+    ///
+    /// `gravity` is the acceleration of a falling body in the world's frame, in m/s².
+    /// Friction and the rotors of the motors are not part of the model.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a slice does not hold exactly one number per joint.
+    pub fn inverse_dynamics(
+        &self,
+        root: &Root,
+        motion: &JointMotion<'_>,
+        gravity: &Vector3<f64>,
+    ) -> Result<Efforts, WrongDof> {
+        let parent_from_bodies = self.parent_from_bodies(motion.q)?;
+        self.check(motion.velocity)?;
+        self.check(motion.acceleration)?;
+        let n = self.bodies.len();
+        let mut velocities = vec![Spatial::zero(); n];
+        let mut accelerations = vec![Spatial::zero(); n];
+        let mut forces = vec![Spatial::zero(); n];
+        for (idx, (body, parent_from_body)) in
+            self.bodies.iter().zip(&parent_from_bodies).enumerate()
+        {
+            let (velocity, acceleration) = match &body.joint {
+                None => {
+                    // Gravity is the same as the world's accelerating upward.
+                    let mut acceleration = Spatial::from_vector(&root.acceleration);
+                    acceleration.linear -= root.world_from_root.rotation.inverse() * gravity;
+                    (Spatial::from_vector(&root.velocity), acceleration)
+                }
+                Some(joint) => {
+                    let unit = joint.unit_motion().times(joint.multiplier);
+                    let own = unit.times(motion.velocity[joint.number]);
+                    let velocity = velocities[body.parent]
+                        .motion_in_child(parent_from_body)
+                        .plus(own);
+                    let acceleration = accelerations[body.parent]
+                        .motion_in_child(parent_from_body)
+                        .plus(unit.times(motion.acceleration[joint.number]))
+                        .plus(velocity.cross_motion(&own));
+                    (velocity, acceleration)
+                }
+            };
+            let momentum = body.inertia.times(&velocity);
+            forces[idx] = body
+                .inertia
+                .times(&acceleration)
+                .plus(velocity.cross_force(&momentum));
+            velocities[idx] = velocity;
+            accelerations[idx] = acceleration;
+        }
+        let mut joints = DVector::zeros(self.dof);
+        for idx in (0..n).rev() {
+            let body = &self.bodies[idx];
+            if let Some(joint) = &body.joint {
+                joints[joint.number] += joint.multiplier * joint.unit_motion().dot(&forces[idx]);
+                let on_parent = forces[idx].force_in_parent(&parent_from_bodies[idx]);
+                forces[body.parent] = forces[body.parent].plus(on_parent);
+            }
+        }
+        Ok(Efforts {
+            root: forces.first().map_or_else(Vector6::zeros, Spatial::vector),
+            joints,
+        })
+    }
+
+    /// Returns what holds the robot still against gravity.
+    ///
+    /// `gravity` is the acceleration of a falling body in the world's frame, in m/s².
+    ///
+    /// # Errors
+    ///
+    /// Fails if `q` does not hold exactly one number per joint.
+    pub fn gravity_efforts(
+        &self,
+        world_from_root: &Isometry3<f64>,
+        q: &[f64],
+        gravity: &Vector3<f64>,
+    ) -> Result<Efforts, WrongDof> {
+        let zeros = vec![0.0; self.dof];
+        let motion = JointMotion {
+            q,
+            velocity: &zeros,
+            acceleration: &zeros,
+        };
+        self.inverse_dynamics(&Root::still(*world_from_root), &motion, gravity)
+    }
+
+    /// Returns the mass matrix of a robot whose root is held: `(dof, dof)`, in kg m² where both
+    /// joints turn.
+    ///
+    /// # Errors
+    ///
+    /// Fails if `q` does not hold exactly one number per joint.
+    pub fn mass_matrix(&self, q: &[f64]) -> Result<DMatrix<f64>, WrongDof> {
+        let whole = self.free_mass_matrix(q)?;
+        Ok(whole.view((6, 6), (self.dof, self.dof)).into_owned())
+    }
+
+    /// Returns the mass matrix of a robot whose root is free: `(6 + dof, 6 + dof)`, with the root's
+    /// twist before the joints. It does not depend on where the root is.
+    ///
+    /// The composite rigid body algorithm (Featherstone 2008, table 6.2, and §9.4 for the root).
+    ///
+    /// # Errors
+    ///
+    /// Fails if `q` does not hold exactly one number per joint.
+    pub fn free_mass_matrix(&self, q: &[f64]) -> Result<DMatrix<f64>, WrongDof> {
+        const ROOT: usize = 6;
+        let parent_from_bodies = self.parent_from_bodies(q)?;
+        let composites = self.composites(&parent_from_bodies);
+        let mut matrix = DMatrix::zeros(ROOT + self.dof, ROOT + self.dof);
+        let whole = composites
+            .first()
+            .map_or_else(nalgebra::Matrix6::zeros, SpatialInertia::matrix);
+        matrix.view_mut((0, 0), (ROOT, ROOT)).copy_from(&whole);
+        for (idx, body) in self.bodies.iter().enumerate() {
+            let Some(joint) = &body.joint else { continue };
+            let row = ROOT + joint.number;
+            let unit = joint.unit_motion();
+            let mut force = composites[idx].times(&unit).times(joint.multiplier);
+            matrix[(row, row)] += joint.multiplier * unit.dot(&force);
+            let mut current = idx;
+            while let Some(_joint) = &self.bodies[current].joint {
+                force = force.force_in_parent(&parent_from_bodies[current]);
+                current = self.bodies[current].parent;
+                if let Some(above) = &self.bodies[current].joint {
+                    let column = ROOT + above.number;
+                    let entry = above.multiplier * above.unit_motion().dot(&force);
+                    // Both entries, which are one and the same if one joint moves both bodies.
+                    matrix[(row, column)] += entry;
+                    matrix[(column, row)] += entry;
+                }
+            }
+            for (column, entry) in force.vector().iter().enumerate() {
+                matrix[(row, column)] += entry;
+                matrix[(column, row)] += entry;
+            }
+        }
+        Ok(matrix)
+    }
+
+    /// Returns the center of mass of all bodies in the root link's frame, in meters; its origin if
+    /// nothing has mass.
+    ///
+    /// # Errors
+    ///
+    /// Fails if `q` does not hold exactly one number per joint.
+    pub fn center_of_mass(&self, q: &[f64]) -> Result<Point3<f64>, WrongDof> {
+        let composites = self.composites(&self.parent_from_bodies(q)?);
+        let center = composites
+            .first()
+            .filter(|whole| whole.mass > 0.0)
+            .map_or_else(Vector3::zeros, |whole| whole.moment / whole.mass);
+        Ok(Point3::from(center))
+    }
+
+    /// Returns the inertia of each body with all that hangs on it, in its frame.
+    fn composites(&self, parent_from_bodies: &[Isometry3<f64>]) -> Vec<SpatialInertia> {
+        let mut composites: Vec<SpatialInertia> =
+            self.bodies.iter().map(|body| body.inertia).collect();
+        for idx in (0..composites.len()).rev() {
+            let body = &self.bodies[idx];
+            if body.joint.is_some() {
+                let in_parent = composites[idx].in_parent(&parent_from_bodies[idx]);
+                composites[body.parent].add(&in_parent);
+            }
+        }
+        composites
+    }
+}

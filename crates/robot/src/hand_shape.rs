@@ -1,0 +1,148 @@
+//! How a hand is built: side, palm, wrist and which finger is which; a guess from the tree.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+
+use crate::{Finger, RobotModel, Shape};
+
+/// A hand as its tree suggests it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HandShape {
+    /// Is it likely to be a left hand?
+    pub is_left: bool,
+    /// The link on which the fingers hang.
+    pub palm: usize,
+    /// Where the wrist is in that link's frame, in meters.
+    pub wrist_offset_m: Vector3<f64>,
+    /// The thumb, if one of the fingers is one.
+    pub thumb: Option<Finger>,
+    /// The other fingers, the one beside the thumb first.
+    pub fingers: Vec<Finger>,
+    /// From the wrist to the farthest tip of those fingers, in meters.
+    pub length_m: f64,
+}
+
+impl RobotModel {
+    /// Guesses how the hand is built; `None` if the robot has no finger beside a thumb.
+    ///
+    /// Every joint is taken as near to 0 as its limits allow. Fingers are ordered along the line
+    /// between the two tips that are farthest apart, from the end at which the thumb begins. The
+    /// wrist is the end of the palm's collision shapes away from the fingers, or the joint on which the
+    /// palm turns where most of the palm is on the fingers' side of it. A hand is a right one if little finger to index, then wrist to tips,
+    /// then the way in which the tips go when the fingers bend are axes of a right-handed frame.
+    pub fn hand_shape(&self) -> Option<HandShape> {
+        let (thumbs, mut fingers): (Vec<Finger>, Vec<Finger>) = self
+            .fingers()
+            .into_iter()
+            .partition(|finger| finger.is_thumb);
+        let thumb = thumbs.into_iter().next();
+        let q = self.open();
+        let open = self.forward_kinematics(&q).ok()?;
+        let palm = fingers.first()?.palm;
+        // In the palm's own frame, wherever an arm or a wrist has put it.
+        let tip = |finger: &Finger, root_from_links: &[Isometry3<f64>]| {
+            let in_root = root_from_links[finger.tip_link] * Point3::from(finger.tip_offset_m);
+            root_from_links[palm].inverse_transform_point(&in_root)
+        };
+        let base = |finger: &Finger| {
+            let in_root = Point3::from(open[finger.links[0]].translation.vector);
+            open[palm].inverse_transform_point(&in_root)
+        };
+        let tips: Vec<Point3<f64>> = fingers.iter().map(|finger| tip(finger, &open)).collect();
+        let mut across = farthest_apart(&tips);
+        if let Some(thumb) = &thumb {
+            let middle = center(&tips);
+            if (base(thumb) - middle).dot(&across) < 0.0 {
+                across = -across;
+            }
+        }
+        fingers.sort_by(|a, b| {
+            let along = |finger: &Finger| tip(finger, &open).coords.dot(&across);
+            along(b).total_cmp(&along(a))
+        });
+        let bases: Vec<Point3<f64>> = fingers.iter().map(base).collect();
+        let forward = center(&tips) - center(&bases);
+        let bent = self.forward_kinematics(&self.bent(&q)).ok()?;
+        let bending: Vector3<f64> = fingers
+            .iter()
+            .map(|finger| tip(finger, &bent) - tip(finger, &open))
+            .sum();
+        let wrist_offset_m = self.wrist(palm, &forward, &center(&bases));
+        let length_m = tips
+            .iter()
+            .map(|tip| (tip.coords - wrist_offset_m).norm())
+            .fold(0.0, f64::max);
+        Some(HandShape {
+            is_left: across.cross(&forward).dot(&bending) < 0.0,
+            palm,
+            wrist_offset_m,
+            thumb,
+            fingers,
+            length_m,
+        })
+    }
+
+    /// Returns the radius of the finger's end, in meters: that of the ball, cylinder or capsule that
+    /// its last link has, or half of a box's shortest side; `None` if it has no shape.
+    pub fn tip_radius_m(&self, finger: &Finger) -> Option<f64> {
+        let link = self.links().get(finger.tip_link)?;
+        link.collisions
+            .iter()
+            .map(|collision| match collision.shape {
+                Shape::Box { half_extents_m } => half_extents_m.min(),
+                Shape::Sphere { radius_m }
+                | Shape::Cylinder { radius_m, .. }
+                | Shape::Capsule { radius_m, .. } => radius_m,
+            })
+            .reduce(f64::min)
+    }
+
+    /// Returns the joint positions that are nearest to 0.
+    pub(crate) fn open(&self) -> Vec<f64> {
+        self.joints()
+            .iter()
+            .map(|joint| 0.0_f64.max(joint.lower).min(joint.upper))
+            .collect()
+    }
+
+    /// Returns joint positions a little nearer to the middle of the limits than `q`.
+    fn bent(&self, q: &[f64]) -> Vec<f64> {
+        const SHARE: f64 = 0.3;
+        q.iter()
+            .zip(self.mid_range())
+            .map(|(q, middle)| q + SHARE * (middle - q))
+            .collect()
+    }
+
+    /// Returns where the wrist is in the palm's frame.
+    fn wrist(&self, palm: usize, forward: &Vector3<f64>, knuckles: &Point3<f64>) -> Vector3<f64> {
+        let link = &self.links()[palm];
+        let Some(back) = (-forward).try_normalize(1e-9) else {
+            return Vector3::zeros();
+        };
+        let reaches = link.collisions.iter().map(|shape| shape.reach(&back));
+        let reach = reaches.fold(0.0, f64::max);
+        // The palm begins at the joint that it turns on, if most of it is on the fingers' side.
+        if link.kind.is_some() && reach < -knuckles.coords.dot(&back) {
+            return Vector3::zeros();
+        }
+        back * reach
+    }
+}
+
+/// Returns the direction between the two points that are farthest apart; zero if there are no two.
+fn farthest_apart(points: &[Point3<f64>]) -> Vector3<f64> {
+    let mut farthest = Vector3::zeros();
+    for (idx, a) in points.iter().enumerate() {
+        for b in points.iter().skip(idx + 1) {
+            if (b - a).norm() > farthest.norm() {
+                farthest = b - a;
+            }
+        }
+    }
+    farthest.try_normalize(1e-9).unwrap_or_else(Vector3::zeros)
+}
+
+fn center(points: &[Point3<f64>]) -> Point3<f64> {
+    let sum: Vector3<f64> = points.iter().map(|point| point.coords).sum();
+    Point3::from(sum / points.len().max(1) as f64)
+}

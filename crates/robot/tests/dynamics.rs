@@ -1,0 +1,342 @@
+//! What must hold of kinematics and dynamics whatever the robot: derivatives, energy, symmetry.
+
+use nalgebra::{
+    DMatrix, DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector3, Vector6,
+};
+use proptest::prelude::*;
+use robot::{Bodies, JointMotion, RobotModel, Root, pose_from_twist, twist_from_pose};
+
+/// Joints that turn, slide and follow others; axes askew; masses on fixed links.
+const ROBOTS: [&str; 3] = [
+    include_str!("golden/odd_arm.urdf"),
+    include_str!("golden/mimic_hand.urdf"),
+    include_str!("../../../data/robots/xarm6_allegro.urdf"),
+];
+
+const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
+
+/// The most degrees of freedom of those, and a root's.
+const MOST: usize = 28;
+
+fn robots() -> impl Iterator<Item = RobotModel> {
+    ROBOTS.iter().map(|xml| RobotModel::from_urdf(xml).unwrap())
+}
+
+fn six() -> impl Strategy<Value = Vector6<f64>> {
+    prop::array::uniform6(-2.0..2.0).prop_map(Vector6::from)
+}
+
+fn numbers() -> impl Strategy<Value = Vec<f64>> {
+    prop::collection::vec(-1.5..1.5, MOST)
+}
+
+fn pose() -> impl Strategy<Value = Isometry3<f64>> {
+    six().prop_map(|twist| pose_from_twist(&twist))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Central differences of positions of points, in the world, with a free root.
+    #[test]
+    fn jacobian_is_the_derivative_of_the_pose(
+        world_from_root in pose(),
+        q in numbers(),
+        point in prop::array::uniform3(-0.1..0.1),
+        which in 0_usize..1000,
+    ) {
+        const STEP: f64 = 1e-6;
+        for model in robots() {
+            let q = &q[..model.dof()];
+            let link = which % model.links().len();
+            let at = |step: &DVector<f64>| {
+                let twist: Vector6<f64> = step.fixed_rows::<6>(0).into_owned();
+                let moved: Vec<f64> = q.iter().zip(step.iter().skip(6)).map(|(q, d)| q + d).collect();
+                world_from_root
+                    * pose_from_twist(&twist)
+                    * model.forward_kinematics(&moved).unwrap()[link]
+            };
+            let still = DVector::zeros(6 + model.dof());
+            let root_from_links = model.forward_kinematics(q).unwrap();
+            let point_in_root = root_from_links[link] * Point3::from(point);
+            let jacobian =
+                model.free_jacobian(&world_from_root, &root_from_links, link, &point_in_root);
+            let held = model.geometric_jacobian(&root_from_links, link, &point_in_root);
+            let of_point = model.point_jacobian(&root_from_links, link, &point_in_root);
+            for column in 0..6 + model.dof() {
+                let mut step = still.clone();
+                step[column] = STEP;
+                let (more, less) = (at(&step), at(&-step));
+                let moved = (more * Point3::from(point) - less * Point3::from(point)) / (2.0 * STEP);
+                let turned = (more.rotation * less.rotation.inverse()).scaled_axis() / (2.0 * STEP);
+                let analytic = jacobian.column(column);
+                prop_assert!((analytic.fixed_rows::<3>(0) - moved).norm() < 1e-7);
+                prop_assert!((analytic.fixed_rows::<3>(3) - turned).norm() < 1e-7);
+                if column >= 6 {
+                    let in_root = held.column(column - 6);
+                    let linear: Vector3<f64> = in_root.fixed_rows::<3>(0).into_owned();
+                    prop_assert_eq!(linear, of_point.column(column - 6).into_owned());
+                    let world = world_from_root.rotation * linear;
+                    prop_assert!((world - analytic.fixed_rows::<3>(0)).norm() < 1e-12);
+                }
+            }
+        }
+    }
+
+    /// Central differences of the Jacobian.
+    #[test]
+    fn hessian_is_the_derivative_of_the_jacobian(
+        q in numbers(),
+        point in prop::array::uniform3(-0.1..0.1),
+        which in 0_usize..1000,
+    ) {
+        const STEP: f64 = 1e-6;
+        for model in robots() {
+            let mut q = q[..model.dof()].to_vec();
+            let link = which % model.links().len();
+            let jacobian = |q: &[f64]| {
+                let root_from_links = model.forward_kinematics(q).unwrap();
+                let point_in_root = root_from_links[link] * Point3::from(point);
+                model.point_jacobian(&root_from_links, link, &point_in_root)
+            };
+            let root_from_links = model.forward_kinematics(&q).unwrap();
+            let point_in_root = root_from_links[link] * Point3::from(point);
+            let hessian = model.point_hessian(&root_from_links, link, &point_in_root);
+            for joint in 0..model.dof() {
+                let at = q[joint];
+                q[joint] = at + STEP;
+                let more = jacobian(&q);
+                q[joint] = at - STEP;
+                let less = jacobian(&q);
+                q[joint] = at;
+                let numeric = (more - less) / (2.0 * STEP);
+                for (row, matrix) in hessian.iter().enumerate() {
+                    prop_assert!((matrix - matrix.transpose()).amax() == 0.0);
+                    let difference = matrix.row(joint) - numeric.row(row);
+                    prop_assert!(difference.amax() < 1e-7, "{difference}");
+                }
+            }
+        }
+    }
+
+    /// One algorithm gives forces for accelerations, the other the matrix between them.
+    #[test]
+    fn inverse_dynamics_is_mass_times_acceleration_and_bias(
+        world_from_root in pose(),
+        q in numbers(),
+        velocity in numbers(),
+        acceleration in numbers(),
+    ) {
+        for model in robots() {
+            let n = model.dof();
+            let bodies = Bodies::new(&model);
+            let efforts = |acceleration: &[f64]| {
+                let root = Root {
+                    world_from_root,
+                    velocity: Vector6::from_column_slice(&velocity[..6]),
+                    acceleration: Vector6::from_column_slice(&acceleration[..6]),
+                };
+                let motion = JointMotion {
+                    q: &q[..n],
+                    velocity: &velocity[6..6 + n],
+                    acceleration: &acceleration[6..6 + n],
+                };
+                let efforts = bodies.inverse_dynamics(&root, &motion, &GRAVITY).unwrap();
+                let all = efforts.root.iter().chain(&efforts.joints).copied();
+                DVector::from_iterator(6 + n, all)
+            };
+            let mass = bodies.free_mass_matrix(&q[..n]).unwrap();
+            let bias = efforts(&[0.0; MOST]);
+            let product = &mass * DVector::from_column_slice(&acceleration[..6 + n]);
+            let difference = efforts(&acceleration) - bias - &product;
+            prop_assert!(difference.amax() < 1e-12 * (1.0 + product.amax()), "{difference}");
+        }
+    }
+
+    /// Where every joint moves some mass.
+    #[test]
+    fn mass_matrix_is_symmetric_and_positive_definite(q in numbers()) {
+        for model in robots() {
+            let bodies = Bodies::new(&model);
+            let mass = bodies.free_mass_matrix(&q[..model.dof()]).unwrap();
+            prop_assert_eq!(&mass, &mass.transpose());
+            // The last link of the odd arm has none.
+            let massless: Vec<usize> = (0..mass.nrows()).filter(|&idx| mass[(idx, idx)] == 0.0).collect();
+            prop_assert_eq!(massless.len(), usize::from(model.name() == "odd_arm"));
+            let mass: DMatrix<f64> = mass.remove_rows_at(&massless).remove_columns_at(&massless);
+            prop_assert!(mass.cholesky().is_some());
+        }
+    }
+
+    /// There and back again, from any pose that a twist of less than half a turn leads to.
+    #[test]
+    fn logarithm_undoes_the_exponential(twist in six(), size in 0.0..1.0) {
+        for scale in [size, size * 1e-4, size * 1e-8] {
+            let twist = twist * (0.75 * scale);
+            let difference = twist_from_pose(&pose_from_twist(&twist)) - twist;
+            prop_assert!(difference.norm() < 1e-12 + 1e-10 * scale, "{difference}");
+        }
+    }
+
+    /// A twist kept for two times is the same as kept for their sum.
+    #[test]
+    fn exponentials_of_one_twist_compose(twist in six(), a in -1.0..1.0, b in -1.0..1.0) {
+        let composed = pose_from_twist(&(twist * a)) * pose_from_twist(&(twist * b));
+        let at_once = pose_from_twist(&(twist * (a + b)));
+        prop_assert!((composed.inverse() * at_once).translation.vector.norm() < 1e-12);
+        prop_assert!(composed.rotation.angle_to(&at_once.rotation) < 1e-7);
+    }
+}
+
+/// Returns the accelerations of a robot on which nothing but gravity acts, with a held root.
+fn falling(bodies: &Bodies, q: &[f64], velocity: &[f64]) -> DVector<f64> {
+    let still = vec![0.0; q.len()];
+    let motion = JointMotion {
+        q,
+        velocity,
+        acceleration: &still,
+    };
+    let root = Root::still(Isometry3::identity());
+    let bias = bodies.inverse_dynamics(&root, &motion, &GRAVITY).unwrap();
+    let mass = bodies.mass_matrix(q).unwrap();
+    mass.cholesky().unwrap().solve(&-bias.joints)
+}
+
+/// Returns kinetic and potential energy in joules.
+fn energy(bodies: &Bodies, q: &[f64], velocity: &[f64]) -> f64 {
+    let velocity = DVector::from_column_slice(velocity);
+    let kinetic = 0.5 * velocity.dot(&(bodies.mass_matrix(q).unwrap() * &velocity));
+    let center = bodies.center_of_mass(q).unwrap();
+    kinetic - bodies.mass_kg() * GRAVITY.dot(&center.coords)
+}
+
+/// Moves a falling robot on by the method of Runge and Kutta of fourth order.
+fn swing(bodies: &Bodies, q: &mut DVector<f64>, velocity: &mut DVector<f64>, step_s: f64) {
+    let rate = |q: &DVector<f64>, v: &DVector<f64>| falling(bodies, q.as_slice(), v.as_slice());
+    let half = step_s / 2.0;
+    let (v1, a1) = (velocity.clone(), rate(q, velocity));
+    let v2 = &*velocity + &a1 * half;
+    let a2 = rate(&(&*q + &v1 * half), &v2);
+    let v3 = &*velocity + &a2 * half;
+    let a3 = rate(&(&*q + &v2 * half), &v3);
+    let v4 = &*velocity + &a3 * step_s;
+    let a4 = rate(&(&*q + &v3 * step_s), &v4);
+    *q += (v1 + v2 * 2.0 + v3 * 2.0 + v4) * (step_s / 6.0);
+    *velocity += (a1 + a2 * 2.0 + a3 * 2.0 + a4) * (step_s / 6.0);
+}
+
+#[test]
+fn swinging_chain_keeps_its_energy() {
+    // A chain of three links, and the hand whose fingers follow each other.
+    let mut chain = r#"<robot name="chain"><link name="l0"/>"#.to_owned();
+    for idx in 1..4 {
+        chain += &format!(
+            r#"<link name="l{idx}"><inertial><origin xyz="0.1 0 -0.02"/><mass value="0.5"/><inertia ixx="1e-4" ixy="2e-5" ixz="0" iyy="2e-3" iyz="0" izz="2e-3"/></inertial></link><joint name="j{idx}" type="continuous"><origin xyz="0.2 0.03 0" rpy="0.4 0 0"/><parent link="l{}"/><child link="l{idx}"/><axis xyz="0 1 0"/></joint>"#,
+            idx - 1
+        );
+    }
+    for (xml, step_s, most_j) in [
+        (chain + "</robot>", 1e-4, 1e-11),
+        (ROBOTS[1].to_owned(), 5e-5, 1e-11),
+    ] {
+        let model = RobotModel::from_urdf(&xml).unwrap();
+        let bodies = Bodies::new(&model);
+        let mut q = DVector::from_element(model.dof(), 0.3);
+        let mut velocity = DVector::from_element(model.dof(), 0.5);
+        let before = energy(&bodies, q.as_slice(), velocity.as_slice());
+        let start = q.clone();
+        let (mut most_kinetic, mut worst) = (0.0_f64, 0.0_f64);
+        for _ in 0..5000 {
+            swing(&bodies, &mut q, &mut velocity, step_s);
+            let now = energy(&bodies, q.as_slice(), velocity.as_slice());
+            worst = worst.max((now - before).abs());
+            let mass = bodies.mass_matrix(q.as_slice()).unwrap();
+            most_kinetic = most_kinetic.max(0.5 * velocity.dot(&(mass * &velocity)));
+        }
+        println!(
+            "{}: {worst:.1e} J lost or won, {most_kinetic:.1e} J at most",
+            model.name()
+        );
+        assert!((q - start).amax() > 0.5, "{} hardly moved", model.name());
+        assert!(worst < most_j, "{}: {worst:e} J", model.name());
+        assert!(most_kinetic > 1e9 * most_j, "{}", model.name());
+    }
+}
+
+#[test]
+fn free_robot_in_free_fall_keeps_its_momentum() {
+    let model = RobotModel::from_urdf(ROBOTS[0]).unwrap();
+    let bodies = Bodies::new(&model);
+    let n = model.dof();
+    let mut q = vec![0.2; n];
+    // Nothing acts on it: from the bias and the mass matrix comes its acceleration.
+    let mut root = Root::still(Isometry3::from_parts(
+        Translation3::new(0.3, -0.2, 0.5),
+        UnitQuaternion::from_euler_angles(0.3, 0.8, -0.4),
+    ));
+    root.velocity = Vector6::new(0.2, 0.1, -0.3, 0.5, -0.4, 0.7);
+    let mut velocity: Vec<f64> = (0..n).map(|idx| 0.4 - 0.1 * idx as f64).collect();
+    // The frame without mass does not move on its own.
+    let massless = model.joint("pan_joint").unwrap();
+    velocity[massless] = 0.0;
+    let momentum = |root: &Root, q: &[f64], velocity: &[f64]| {
+        let all: Vec<f64> = root.velocity.iter().chain(velocity).copied().collect();
+        let mass = bodies.free_mass_matrix(q).unwrap();
+        let in_root = mass.rows(0, 6) * DVector::from_vec(all);
+        root.world_from_root.rotation * in_root.fixed_rows::<3>(0)
+    };
+    let before = momentum(&root, &q, &velocity);
+    let step_s = 1e-4;
+    for _ in 0..2000 {
+        let zeros = vec![0.0; n];
+        let motion = JointMotion {
+            q: &q,
+            velocity: &velocity,
+            acceleration: &zeros,
+        };
+        let bias = bodies
+            .inverse_dynamics(&root, &motion, &Vector3::zeros())
+            .unwrap();
+        let all = bias.root.iter().chain(&bias.joints).copied();
+        let bias = DVector::from_iterator(6 + n, all).remove_row(6 + massless);
+        let mass = bodies.free_mass_matrix(&q).unwrap();
+        let mass = mass.remove_row(6 + massless).remove_column(6 + massless);
+        let acceleration = mass
+            .cholesky()
+            .unwrap()
+            .solve(&-bias)
+            .insert_row(6 + massless, 0.0);
+        root.velocity += acceleration.fixed_rows::<6>(0) * step_s;
+        for idx in 0..n {
+            velocity[idx] += acceleration[6 + idx] * step_s;
+            q[idx] += velocity[idx] * step_s;
+        }
+        root.world_from_root = root.after(step_s);
+    }
+    let drift = (momentum(&root, &q, &velocity) - before).norm() / before.norm();
+    assert!(drift < 1e-3, "{drift}");
+    assert!(before.norm() > 0.1);
+}
+
+#[test]
+fn rejects_wrong_dof_everywhere() {
+    let model = RobotModel::from_urdf(ROBOTS[0]).unwrap();
+    let bodies = Bodies::new(&model);
+    let right = vec![0.0; model.dof()];
+    let wrong = vec![0.0; model.dof() + 1];
+    assert!(bodies.mass_matrix(&wrong).is_err());
+    assert!(bodies.center_of_mass(&wrong).is_err());
+    for (q, velocity, acceleration) in [
+        (&wrong, &right, &right),
+        (&right, &wrong, &right),
+        (&right, &right, &wrong),
+    ] {
+        let motion = JointMotion {
+            q,
+            velocity,
+            acceleration,
+        };
+        let root = Root::still(Isometry3::identity());
+        assert!(bodies.inverse_dynamics(&root, &motion, &GRAVITY).is_err());
+    }
+}

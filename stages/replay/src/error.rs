@@ -1,0 +1,58 @@
+//! Why trajectories could not be offered.
+
+use dataflow::Advise;
+use lake::LakeError;
+use schemas::SchemaError;
+
+/// Why trajectories could not be offered.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReplayError {
+    /// There is nothing to offer.
+    #[error("there are no trajectories")]
+    NoTrajectories,
+    /// A name in the configuration is the object of no trajectory.
+    #[error("there is no trajectory towards an object `{object}`")]
+    UnknownObject {
+        /// The name.
+        object: String,
+        /// The objects of trajectories.
+        known: Vec<String>,
+    },
+    /// The trajectories of one object are of hands with different joints.
+    #[error("the trajectories of `{object}` are of different hands: `{first}` and `{second}`")]
+    DifferentHands {
+        /// The object.
+        object: String,
+        /// A sequence.
+        first: String,
+        /// A sequence whose hand has other joints.
+        second: String,
+    },
+    /// An artifact cannot be read or written.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    /// An artifact does not follow its schema.
+    #[error("cannot use `{key}`")]
+    Schema {
+        /// The artifact's key.
+        key: String,
+        /// How it differs.
+        source: SchemaError,
+    },
+}
+
+impl Advise for ReplayError {
+    fn hint(&self) -> Option<String> {
+        match self {
+            Self::NoTrajectories => {
+                Some("see why with `pipeline inspect retarget.trajectories --skipped`".to_owned())
+            }
+            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::DifferentHands { .. } | Self::Schema { .. } => {
+                Some("make them again with `pipeline run FILE --fresh`".to_owned())
+            }
+            Self::Lake(err) => err.hint(),
+        }
+    }
+}

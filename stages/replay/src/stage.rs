@@ -1,0 +1,285 @@
+//! The stage: one unit per object.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use dataflow::{
+    Artifact, Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Summary,
+    Unit,
+};
+use schemas::{
+    candidates::{self, Candidate, Candidates},
+    trajectories::{self, Trajectory},
+};
+
+use crate::{ReplayConfig, ReplayError};
+
+/// Offers retargeted demonstrations as candidates.
+pub enum Replay {}
+
+/// What the candidates say drew them.
+const GENERATOR: &str = "demonstration";
+
+/// The label of a trajectory that names its object.
+const OBJECT: &str = "object";
+
+impl Stage for Replay {
+    type Config = ReplayConfig;
+    type Error = ReplayError;
+
+    const KIND: &'static str = "replay";
+    const ABOUT: &'static str = "Offers retargeted demonstrations as candidates";
+    const CODE: Code = dataflow::code!();
+    const INPUTS: &'static [Input] = &[Input {
+        name: "trajectories",
+        artifact: "trajectories",
+    }];
+    const OUTPUTS: &'static [Output] = &[Output {
+        artifact: "candidates",
+        schema: candidates::VERSION,
+        partition: "object",
+        parallel: true,
+    }];
+
+    fn prepare(_config: &ReplayConfig) -> Result<(), ReplayError> {
+        Ok(())
+    }
+
+    fn units(
+        config: &ReplayConfig,
+        _output: &str,
+        scope: &Scope,
+    ) -> Result<Vec<Unit>, ReplayError> {
+        let trajectories = scope.partitions("trajectories");
+        if trajectories.is_empty() {
+            return Err(ReplayError::NoTrajectories);
+        }
+        let known: BTreeSet<&str> = trajectories
+            .iter()
+            .filter_map(|t| t.label(OBJECT))
+            .collect();
+        if let Some(object) = config.objects.iter().find(|o| !known.contains(o.as_str())) {
+            return Err(ReplayError::UnknownObject {
+                object: object.clone(),
+                known: known.into_iter().map(str::to_owned).collect(),
+            });
+        }
+        let chosen = |object: &&str| {
+            config.objects.is_empty() || config.objects.iter().any(|name| name == object)
+        };
+        Ok(known
+            .into_iter()
+            .filter(chosen)
+            .map(|object| {
+                let of_object = trajectories
+                    .iter()
+                    .filter(|trajectory| trajectory.label(OBJECT) == Some(object))
+                    .map(|trajectory| trajectory.key.as_str());
+                Unit::new(object).reading("trajectories", of_object)
+            })
+            .collect())
+    }
+
+    fn foretell(
+        _config: &ReplayConfig,
+        _output: &str,
+        unit: &Unit,
+        _scope: &Scope,
+    ) -> Option<Labels> {
+        let object = unit.partition.clone();
+        Some(Labels::from([(OBJECT.to_owned(), object)]))
+    }
+
+    fn run(_config: &ReplayConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, ReplayError> {
+        let object = cx.partition();
+        let trajectories: Vec<Trajectory> = inputs
+            .artifacts("trajectories")
+            .iter()
+            .map(read)
+            .collect::<Result<_, _>>()?;
+        let first = trajectories.first().ok_or(ReplayError::NoTrajectories)?;
+        if let Some(other) = trajectories.iter().find(|t| t.joints != first.joints) {
+            return Err(ReplayError::DifferentHands {
+                object: object.to_owned(),
+                first: first.sequence.clone(),
+                second: other.sequence.clone(),
+            });
+        }
+        let candidates = Candidates {
+            object: object.to_owned(),
+            joints: first.joints.clone(),
+            candidates: trajectories.iter().map(candidate).collect(),
+        };
+        let batch = candidates::to_batch(&candidates).map_err(|source| ReplayError::Schema {
+            key: object.to_owned(),
+            source,
+        })?;
+        lake::table::write(cx.folder(), &batch)?;
+        let n = trajectories.len() as f64;
+        Ok(Outcome::Made(Made {
+            labels: BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]),
+            metrics: BTreeMap::from([("candidates".to_owned(), n)]),
+        }))
+    }
+
+    fn describe(_output: &str, summary: &Summary) -> String {
+        format!(
+            "{} objects → {} candidates",
+            summary.n_made,
+            summary.total("candidates")
+        )
+    }
+}
+
+fn read(artifact: &Artifact) -> Result<Trajectory, ReplayError> {
+    trajectories::from_batch(&artifact.key, &lake::table::read(artifact)?).map_err(|source| {
+        ReplayError::Schema {
+            key: artifact.key.clone(),
+            source,
+        }
+    })
+}
+
+/// Returns a trajectory as the motion that it is.
+fn candidate(trajectory: &Trajectory) -> Candidate {
+    Candidate {
+        candidate_id: format!("{}-{}", trajectory.object, trajectory.sequence),
+        generator: GENERATOR.to_owned(),
+        latent: Vec::new(),
+        table_from_object: trajectory.rest.table_from_object(),
+        steps: trajectory
+            .steps
+            .iter()
+            .map(|step| candidates::Step {
+                time_s: step.time_s,
+                object_from_palm: step.object_from_palm,
+                q_rad: step.q_rad.clone(),
+            })
+            .collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use dataflow::Partition;
+    use nalgebra::{Isometry3, Unit as UnitVector, Vector3};
+    use spatial::{Pose, Rest};
+
+    use super::*;
+
+    fn trajectory(sequence: &str, joints: &[&str]) -> Trajectory {
+        let step = |time_s: f64| trajectories::Step {
+            time_s,
+            object_from_palm: Pose::new(Isometry3::translation(time_s, 0.0, 0.1)),
+            q_rad: joints.iter().map(|_| time_s).collect(),
+            rates: trajectories::Rates::still(joints.len()),
+            tracking: trajectories::Tracking::default(),
+        };
+        Trajectory {
+            sequence: sequence.to_owned(),
+            object: "can".to_owned(),
+            joints: joints.iter().map(|&name| name.to_owned()).collect(),
+            keypoints: Vec::new(),
+            tips: Vec::new(),
+            rest: Rest {
+                up_in_object: UnitVector::new_normalize(Vector3::x()),
+                height_m: 0.03,
+            },
+            steps: vec![step(0.0), step(0.1)],
+        }
+    }
+
+    /// Runs the stage on these trajectories in `folder`.
+    fn run(trajectories: &[Trajectory], folder: &std::path::Path) -> Result<Outcome, ReplayError> {
+        let artifacts = trajectories
+            .iter()
+            .map(|trajectory| {
+                let folder = folder.join(&trajectory.sequence);
+                std::fs::create_dir_all(&folder).unwrap();
+                let batch = trajectories::to_batch(trajectory).unwrap();
+                lake::table::write(&folder, &batch).unwrap();
+                let file = lake::table::FILE;
+                Artifact {
+                    key: trajectory.sequence.clone(),
+                    labels: BTreeMap::new(),
+                    files: BTreeMap::from([(file.to_owned(), folder.join(file))]),
+                }
+            })
+            .collect();
+        let inputs = Inputs::new(
+            BTreeMap::from([("trajectories".to_owned(), artifacts)]),
+            Vec::new(),
+        );
+        let cx = Context::detached("candidates", "can", 0, folder);
+        Replay::run(&ReplayConfig::default(), &inputs, &cx)
+    }
+
+    #[test]
+    fn each_trajectory_is_one_candidate_as_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let shown = [trajectory("a", &["j"]), trajectory("b", &["j"])];
+        assert!(matches!(run(&shown, folder.path()), Ok(Outcome::Made(_))));
+        let file = lake::table::FILE;
+        let made = Artifact {
+            key: "can".to_owned(),
+            labels: BTreeMap::new(),
+            files: BTreeMap::from([(file.to_owned(), folder.path().join(file))]),
+        };
+        let read = candidates::from_batch("can", &lake::table::read(&made).unwrap()).unwrap();
+        assert_eq!(read.joints, ["j"]);
+        let ids: Vec<&str> = read
+            .candidates
+            .iter()
+            .map(|c| c.candidate_id.as_str())
+            .collect();
+        assert_eq!(ids, ["can-a", "can-b"]);
+        for candidate in &read.candidates {
+            assert_eq!(
+                candidate.table_from_object,
+                shown[0].rest.table_from_object()
+            );
+            for (found, expected) in candidate.steps.iter().zip(&shown[0].steps) {
+                assert_eq!(found.time_s, expected.time_s);
+                assert_eq!(found.object_from_palm, expected.object_from_palm);
+                assert_eq!(found.q_rad, expected.q_rad);
+            }
+        }
+    }
+
+    #[test]
+    fn trajectories_of_two_hands_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let err = run(
+            &[trajectory("a", &["j"]), trajectory("b", &["k"])],
+            folder.path(),
+        );
+        assert!(matches!(err, Err(ReplayError::DifferentHands { second, .. }) if second == "b"));
+    }
+
+    #[test]
+    fn one_unit_per_object_reads_its_trajectories() {
+        let labeled = |key: &str, object: &str| {
+            Partition::new(
+                key,
+                BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]),
+            )
+        };
+        let scope = Scope::new(BTreeMap::from([(
+            "trajectories".to_owned(),
+            vec![
+                labeled("a", "can"),
+                labeled("b", "box"),
+                labeled("c", "can"),
+            ],
+        )]));
+        let units = |objects: &[&str]| {
+            let objects = objects.iter().map(|&name| name.to_owned()).collect();
+            Replay::units(&ReplayConfig { objects }, "candidates", &scope)
+        };
+        let all = units(&[]).unwrap();
+        assert_eq!(all.len(), 2);
+        assert_eq!(all[1].partition, "can");
+        assert_eq!(all[1].reads["trajectories"], ["a", "c"]);
+        assert_eq!(units(&["box"]).unwrap().len(), 1);
+        assert!(units(&["cup"]).unwrap_err().to_string().contains("`cup`"));
+    }
+}

@@ -1,0 +1,298 @@
+//! One step of a demonstration: from what it asks to the posture that answers.
+
+use nalgebra::Point3;
+use schemas::trajectories::Tracking;
+
+use crate::{
+    Loss, RetargetConfig, RetargetError, Wrist,
+    goal::Goal,
+    hand::Hand,
+    scene::Scene,
+    solver::{self, NoTerms, Options, Posture, Rest, Smoothness, Solver, Target, Task},
+    terms::Surroundings,
+};
+
+/// Iterations at the grasp relative to other steps: it starts from nothing.
+const GRASP_ITERATIONS: usize = 3;
+
+/// Steps before the grasp from which the approach is followed, as another way to the grasp.
+const APPROACH: usize = 24;
+
+/// Factor on the object's weight on the way from a hand that knows of no object to one that keeps
+/// out of it: at once, it would be pushed out on whichever side is nearest.
+const SOFT: f64 = 0.1;
+
+/// Weight that draws joints without any other say to the middle of their range, in m/rad: far below
+/// what a landmark says, enough to make the answer unique.
+const TIE_BREAK_WEIGHT: f64 = 1e-3;
+
+/// Share of the cost that a further iteration may still bring when the search ends.
+const TOLERANCE: f64 = 1e-5;
+
+/// Decrease in m² below which nothing visible is left to find: a hundredth of a millimeter.
+const LEAST_DECREASE_M2: f64 = 1e-10;
+
+/// A step that was solved.
+#[derive(Debug, Clone)]
+pub(crate) struct Solved {
+    /// The posture.
+    pub(crate) posture: Posture,
+    /// Where the followed points are, in the object frame.
+    pub(crate) points: Vec<Point3<f64>>,
+    /// The cost of all terms, in m².
+    pub(crate) cost: f64,
+    /// Postures that were tried.
+    pub(crate) iterations: usize,
+    /// How well it follows, and what it keeps from.
+    pub(crate) tracking: Tracking,
+}
+
+/// Searches the steps of one demonstration.
+pub(crate) struct Follower<'a> {
+    asks: Asks<'a>,
+    solver: Solver<'a>,
+}
+
+/// What does not change from step to step.
+#[derive(Clone, Copy)]
+struct Asks<'a> {
+    hand: &'a Hand,
+    scene: &'a Scene,
+    config: &'a RetargetConfig,
+}
+
+impl<'a> Follower<'a> {
+    /// Returns a follower for a hand among these things.
+    pub(crate) fn new(hand: &'a Hand, scene: &'a Scene, config: &'a RetargetConfig) -> Self {
+        Self {
+            asks: Asks {
+                hand,
+                scene,
+                config,
+            },
+            solver: Solver::new(&hand.compiled),
+        }
+    }
+
+    /// Searches a step from the one solved before it.
+    pub(crate) fn step(&mut self, goal: &Goal, before: &Solved) -> Result<Solved, RetargetError> {
+        let start = before.posture.clone();
+        self.search(goal, Some(before), start, self.asks.config.max_iterations)
+    }
+
+    /// Searches the grasp, the last step: afresh, and along the approach, where the fingers come
+    /// from outside and so end on the right side of thin things.
+    pub(crate) fn grasp(&mut self, goals: &[Goal]) -> Result<Option<Solved>, RetargetError> {
+        let Some((goal, before)) = goals.split_last() else {
+            return Ok(None);
+        };
+        let Some(afresh) = self.afresh(goal, None)? else {
+            return Ok(None);
+        };
+        let iterations = GRASP_ITERATIONS * self.asks.config.max_iterations;
+        Ok(Some(match self.approach(before)? {
+            Some(start) => cheaper(afresh, self.search(goal, None, start, iterations)?),
+            None => afresh,
+        }))
+    }
+
+    /// Follows the last steps before the grasp forward in time, and returns the last one's posture.
+    fn approach(&mut self, before: &[Goal]) -> Result<Option<Posture>, RetargetError> {
+        let from = before.len().saturating_sub(APPROACH);
+        let mut last: Option<Solved> = None;
+        for goal in before.get(from..).unwrap_or(&[]) {
+            last = match last {
+                Some(last) => Some(self.step(goal, &last)?),
+                None => self.afresh(goal, None)?,
+            };
+        }
+        Ok(last.map(|last| last.posture))
+    }
+
+    /// Searches a step from several starts: first as if the object and the table were not there,
+    /// then with a soft object, then with all as it is.
+    pub(crate) fn afresh(
+        &mut self,
+        goal: &Goal,
+        before: Option<&Solved>,
+    ) -> Result<Option<Solved>, RetargetError> {
+        let targets = self.asks.targets(goal);
+        let task = self.asks.task(&targets, before);
+        let mut starts = self.solver.starts(&task)?;
+        let options = self.asks.options(self.asks.config.max_iterations);
+        for start in &mut starts {
+            if self.asks.config.wrist == Wrist::Fixed {
+                *start = self.laid_on(goal, start.q.clone())?;
+            }
+            let task = self.asks.task(&targets, before);
+            self.solver.minimize(&task, start, &options, &mut NoTerms)?;
+        }
+        let iterations = GRASP_ITERATIONS * self.asks.config.max_iterations;
+        let mut best: Option<Solved> = None;
+        for mut start in starts {
+            let mut soft = self.asks.terms(goal, SOFT);
+            let task = self.asks.task(&targets, before);
+            self.solver
+                .minimize(&task, &mut start, &options, &mut soft)?;
+            let found = self.search(goal, before, start, iterations)?;
+            best = Some(match best {
+                Some(best) => cheaper(best, found),
+                None => found,
+            });
+        }
+        Ok(best)
+    }
+
+    /// Searches a step from a posture.
+    fn search(
+        &mut self,
+        goal: &Goal,
+        before: Option<&Solved>,
+        start: Posture,
+        iterations: usize,
+    ) -> Result<Solved, RetargetError> {
+        let mut posture = match self.asks.config.wrist {
+            Wrist::Free => start,
+            Wrist::Fixed => self.laid_on(goal, start.q)?,
+        };
+        let targets = self.asks.targets(goal);
+        let task = self.asks.task(&targets, before);
+        let mut terms = self.asks.terms(goal, 1.0);
+        let options = self.asks.options(iterations);
+        let outcome = self
+            .solver
+            .minimize(&task, &mut posture, &options, &mut terms)?;
+        let cost = self.solver.place(&task, &posture, &mut terms)?;
+        let posed = self.solver.posed();
+        let points = (0..self.asks.hand.points.len())
+            .filter_map(|idx| posed.point(idx))
+            .collect::<Vec<_>>();
+        let mut tracking = Tracking {
+            limit_margin_rad: self.asks.hand.limit_margin(&posture.q),
+            penetration_m: terms.object_depth_m(&posed),
+            table_penetration_m: terms.table_depth_m(&posed),
+            ..Tracking::default()
+        };
+        for ((point, goal), found) in self.asks.hand.points.iter().zip(&goal.points).zip(&points) {
+            if point.weight == 0.0 {
+                continue;
+            }
+            let distance = (found - goal.landmark).norm();
+            tracking.keypoint_errors_m.push(distance);
+            if let Some(radius_m) = point.tip_radius_m {
+                tracking.tip_errors_m.push(distance);
+                if goal.contact.is_some() {
+                    let gap = self.asks.scene.gap(found).distance_m - radius_m;
+                    tracking.contact_gaps_m.push(gap);
+                }
+            }
+        }
+        Ok(Solved {
+            posture,
+            points,
+            cost,
+            iterations: outcome.iterations,
+            tracking,
+        })
+    }
+
+    /// Returns the posture with these joint positions whose points lie nearest to the landmarks;
+    /// those on the palm alone, if the wrist is fixed.
+    fn laid_on(&mut self, goal: &Goal, q: Vec<f64>) -> Result<Posture, RetargetError> {
+        let posture = Posture::new(&nalgebra::Isometry3::identity(), q);
+        let mut targets = self.asks.targets(goal);
+        if self.asks.config.wrist == Wrist::Fixed {
+            targets.retain(|target| self.asks.hand.palm_points.contains(&target.point));
+            for target in &mut targets {
+                target.weight = 1.0;
+            }
+        }
+        let task = Task {
+            targets: &targets,
+            loss: solver::Loss::Squared,
+            smoothness: None,
+            rest: None,
+        };
+        Ok(self.solver.laid_on(&task, posture)?)
+    }
+}
+
+impl<'a> Asks<'a> {
+    /// Returns where the followed points should be.
+    fn targets(self, goal: &Goal) -> Vec<Target> {
+        // So that both losses are the squared distance where it is small.
+        let unit = match self.config.loss {
+            Loss::Squared => 1.0,
+            Loss::SmoothL1 => 2.0 * self.config.smooth_l1_beta_m,
+        };
+        goal.points
+            .iter()
+            .enumerate()
+            .map(|(point, goal)| Target {
+                point,
+                at: goal.landmark,
+                weight: unit * goal.weight.powi(2),
+            })
+            .collect()
+    }
+
+    /// Returns what is asked of the hand alone.
+    fn task<'t>(self, targets: &'t [Target], before: Option<&'t Solved>) -> Task<'t>
+    where
+        'a: 't,
+    {
+        let config = self.config;
+        let joint_weight = config.joint_smoothness_weight.powi(2);
+        Task {
+            targets,
+            loss: match config.loss {
+                Loss::Squared => solver::Loss::Squared,
+                Loss::SmoothL1 => solver::Loss::SmoothL1 {
+                    beta_m: config.smooth_l1_beta_m,
+                },
+            },
+            smoothness: before.map(|before| Smoothness {
+                points: &before.points,
+                point_weight: config.smoothness_weight.powi(2),
+                posture: &before.posture,
+                joint_weight,
+                root_weight: 0.0,
+            }),
+            rest: (before.is_none() || joint_weight == 0.0).then_some(Rest {
+                q: &self.hand.mid_range,
+                weight: TIE_BREAK_WEIGHT.powi(2),
+            }),
+        }
+    }
+
+    /// Returns what the object and the table ask, the object as firmly as this.
+    fn terms<'t>(self, goal: &'t Goal, firmness: f64) -> Surroundings<'t>
+    where
+        'a: 't,
+    {
+        Surroundings {
+            hand: self.hand,
+            scene: self.scene,
+            config: self.config,
+            goal,
+            firmness,
+        }
+    }
+
+    fn options(self, max_iterations: usize) -> Options {
+        Options {
+            tolerance: TOLERANCE,
+            least_decrease: LEAST_DECREASE_M2,
+            max_iterations,
+            wrist: match self.config.wrist {
+                Wrist::Free => solver::Wrist::Moves,
+                Wrist::Fixed => solver::Wrist::Held,
+            },
+        }
+    }
+}
+
+/// Returns the one of lower cost, the first if they are equal.
+fn cheaper(a: Solved, b: Solved) -> Solved {
+    if b.cost < a.cost { b } else { a }
+}

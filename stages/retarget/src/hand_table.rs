@@ -1,0 +1,208 @@
+//! A hand's table: which landmark each point of the robot follows, as TOML.
+
+use std::str::FromStr;
+
+use schemas::demonstrations::{KEYPOINT_NAMES, Side};
+use serde::{Deserialize, Serialize};
+
+use crate::RetargetError;
+
+/// Which landmarks the points of a robot hand follow.
+///
+/// ```
+/// let table: stage_retarget::HandTable = r#"
+///     side = "right"
+///     scale = 1.2
+///     points = [
+///         { keypoint = "thumb_tip", link = "link_15.0_tip", weight = 1.0, tip_radius_m = 0.012 },
+///         { keypoint = "index_tip", link = "link_3.0_tip", weight = 1.0, tip_radius_m = 0.012 },
+///         { keypoint = "wrist", link = "base_link", offset_m = [0.0, 0.0, -0.095], weight = 0.3 },
+///     ]
+/// "#.parse()?;
+/// assert_eq!(table.points[2].offset_m[2], -0.095);
+/// # Ok::<(), stage_retarget::RetargetError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HandTable {
+    /// Side of the robot hand; demonstrations of the other hand are skipped.
+    pub side: Side,
+    /// Size of the robot hand relative to the person's: landmarks are scaled by it about the wrist.
+    pub scale: f64,
+    /// The points, at least three.
+    pub points: Vec<FollowedPoint>,
+}
+
+/// A point of the robot and the landmark that it follows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FollowedPoint {
+    /// Name of the landmark, one of [`KEYPOINT_NAMES`].
+    pub keypoint: String,
+    /// Link of the robot.
+    pub link: String,
+    /// The point in the link's frame, xyz in meters.
+    #[serde(default)]
+    pub offset_m: [f64; 3],
+    /// Weight of the distance between the point and the landmark; it multiplies the distance before
+    /// it is squared. A point of weight 0 on the palm says where a fixed wrist is, and no more.
+    pub weight: f64,
+    /// Marks a finger tip and gives the radius of the ball about the point, in meters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tip_radius_m: Option<f64>,
+}
+
+impl FollowedPoint {
+    /// Returns the landmark's index among the 21; none if no landmark has its name.
+    pub fn keypoint_idx(&self) -> Option<usize> {
+        KEYPOINT_NAMES
+            .iter()
+            .position(|name| *name == self.keypoint)
+    }
+}
+
+impl FromStr for HandTable {
+    type Err = RetargetError;
+
+    /// Reads and checks a table.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the text is not such a table, fewer than three points are given, a landmark is
+    /// unknown, or a number makes no sense.
+    fn from_str(text: &str) -> Result<Self, RetargetError> {
+        let table: Self =
+            toml_edit::de::from_str(text).map_err(|source| RetargetError::NotAHandTable {
+                problem: source.to_string(),
+            })?;
+        table.check()?;
+        Ok(table)
+    }
+}
+
+impl HandTable {
+    /// Checks what types cannot say.
+    fn check(&self) -> Result<(), RetargetError> {
+        let bad = |key: String, problem: String| Err(RetargetError::BadHandTable { key, problem });
+        if !(self.scale.is_finite() && self.scale > 0.0) {
+            let problem = format!("{} is no size, expected more than 0", self.scale);
+            return bad("scale".to_owned(), problem);
+        }
+        if self.points.len() < 3 {
+            let problem = format!(
+                "{} points cannot fix a hand, expected at least 3",
+                self.points.len()
+            );
+            return bad("points".to_owned(), problem);
+        }
+        for (idx, point) in self.points.iter().enumerate() {
+            let key = format!("points[{idx}]");
+            if point.keypoint_idx().is_none() {
+                let problem = format!(
+                    "there is no keypoint `{}`, expected one of: {}",
+                    point.keypoint,
+                    KEYPOINT_NAMES.join(", ")
+                );
+                return bad(key, problem);
+            }
+            let is_size = |number: f64| number.is_finite() && number >= 0.0;
+            if !is_size(point.weight) || !point.offset_m.iter().all(|x| x.is_finite()) {
+                let problem = "`weight` and `offset_m` must be finite, the weight at least 0";
+                return bad(key, problem.to_owned());
+            }
+            if point.tip_radius_m.is_some_and(|radius| !is_size(radius)) {
+                return bad(key, "`tip_radius_m` must be at least 0".to_owned());
+            }
+        }
+        if self.points.iter().all(|point| point.weight == 0.0) {
+            return bad("points".to_owned(), "every weight is 0".to_owned());
+        }
+        Ok(())
+    }
+
+    /// Returns the table as TOML, one point per line.
+    pub fn to_toml(&self) -> String {
+        let point = |point: &FollowedPoint| {
+            let offset = if point.offset_m == [0.0; 3] {
+                String::new()
+            } else {
+                let [x, y, z] = point.offset_m;
+                format!(", offset_m = [{x:?}, {y:?}, {z:?}]")
+            };
+            let tip = point
+                .tip_radius_m
+                .map(|radius| format!(", tip_radius_m = {radius:?}"))
+                .unwrap_or_default();
+            format!(
+                "    {{ keypoint = {:?}, link = {:?}{offset}, weight = {:?}{tip} }},\n",
+                point.keypoint, point.link, point.weight
+            )
+        };
+        let points: String = self.points.iter().map(point).collect();
+        format!(
+            "side = {:?}\nscale = {:?}\npoints = [\n{points}]\n",
+            self.side.as_str(),
+            self.scale
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TABLE: &str = r#"
+        side = "left"
+        scale = 1.5
+        points = [
+            { keypoint = "thumb_tip", link = "t", weight = 1.0, tip_radius_m = 0.01 },
+            { keypoint = "index_tip", link = "i", weight = 1.0 },
+            { keypoint = "wrist", link = "p", offset_m = [0.0, 1e-3, -0.1], weight = 0.3 },
+        ]
+    "#;
+
+    #[test]
+    fn a_table_is_written_as_it_is_read() {
+        let table: HandTable = TABLE.parse().unwrap();
+        assert_eq!((table.side, table.scale), (Side::Left, 1.5));
+        assert_eq!(table.points[0].keypoint_idx(), Some(4));
+        assert_eq!(table.to_toml().parse::<HandTable>().unwrap(), table);
+    }
+
+    #[test]
+    fn tables_without_sense_are_refused() {
+        let refused = |from: &str, to: &str| {
+            assert!(TABLE.contains(from));
+            let err = TABLE.replacen(from, to, 1).parse::<HandTable>();
+            err.unwrap_err().to_string()
+        };
+        assert!(refused("1.5", "0.0").contains("`scale`"));
+        assert!(refused("1.5", "nan").contains("`scale`"));
+        assert!(refused("index_tip", "toe").contains("`toe`"));
+        assert!(refused("weight = 0.3", "weight = -1.0").contains("`points[2]`"));
+        assert!(refused("0.01 }", "inf }").contains("`points[0]`"));
+        assert!(refused("scale", "size").contains("`size`"));
+        let one = "side = \"left\"\nscale = 1.0\npoints = []\n".parse::<HandTable>();
+        assert!(one.unwrap_err().to_string().contains("at least 3"));
+    }
+
+    #[test]
+    fn the_hands_that_come_with_the_project_are_tables() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/hands");
+        let mut n = 0;
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path
+                .extension()
+                .is_some_and(|extension| extension == "toml")
+            {
+                let text = std::fs::read_to_string(&path).unwrap();
+                let table: HandTable = text.parse().unwrap();
+                let is_left = path.to_string_lossy().contains("left");
+                assert_eq!(table.side == Side::Left, is_left, "{}", path.display());
+                n += 1;
+            }
+        }
+        assert!(n >= 5);
+    }
+}

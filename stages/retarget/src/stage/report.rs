@@ -1,0 +1,181 @@
+//! How well the trajectories of one object follow.
+
+use std::collections::BTreeMap;
+
+use dataflow::{Context, Inputs, Made, Outcome};
+use schemas::{
+    tracking::{self, TrackingReport},
+    trajectories::{self, Trajectory},
+};
+
+use super::{TRAJECTORIES, schema, skipped};
+use crate::RetargetError;
+
+/// Depth below the table, in meters, that is more than measurement and thin objects explain.
+const BELOW_TABLE_M: f64 = 0.003;
+
+/// Makes the report on one object's trajectories.
+pub(super) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, RetargetError> {
+    let mut trajectories = Vec::new();
+    for artifact in inputs.artifacts(TRAJECTORIES) {
+        let batch = lake::table::read(artifact)?;
+        trajectories.push(trajectories::from_batch(&artifact.key, &batch).map_err(schema(cx))?);
+    }
+    if trajectories.is_empty() {
+        return Ok(skipped("it has no trajectory"));
+    }
+    let report = report(&trajectories);
+    let batch = tracking::to_batch(&report).map_err(schema(cx))?;
+    lake::table::write(cx.folder(), &batch)?;
+    let tips_n = trajectories
+        .iter()
+        .flat_map(|trajectory| &trajectory.steps)
+        .map(|step| step.tracking.tip_errors_m.len())
+        .sum::<usize>() as f64;
+    let metrics = [
+        ("tips_n", tips_n),
+        ("tip_error_sum_m", tips_n * report.tip_error_mean_m),
+    ];
+    Ok(Outcome::Made(Made {
+        labels: BTreeMap::from([("object".to_owned(), cx.partition().to_owned())]),
+        metrics: metrics.map(|(name, value)| (name.to_owned(), value)).into(),
+    }))
+}
+
+/// Sums up the trajectories of one object.
+fn report(trajectories: &[Trajectory]) -> TrackingReport {
+    let steps = || trajectories.iter().flat_map(|trajectory| &trajectory.steps);
+    let grasps = || {
+        trajectories
+            .iter()
+            .filter_map(|trajectory| Some(&trajectory.steps.last()?.tracking))
+    };
+    let tips = Spread::of(steps().flat_map(|step| step.tracking.tip_errors_m.iter().copied()));
+    let gaps = Spread::of(grasps().flat_map(|grasp| grasp.contact_gaps_m.iter().map(|g| g.abs())));
+    let depths = Spread::of(grasps().map(|grasp| grasp.penetration_m));
+    let speeds =
+        Spread::of(steps().flat_map(|s| s.rates.q_velocity_rad_per_s.iter().map(|v| v.abs())));
+    let accelerations =
+        Spread::of(steps().flat_map(|s| s.rates.q_acceleration_rad_per_s2.iter().map(|a| a.abs())));
+    let below = Spread::of(grasps().map(|grasp| {
+        if grasp.table_penetration_m > BELOW_TABLE_M {
+            1.0
+        } else {
+            0.0
+        }
+    }));
+    let margins = Spread::of(steps().map(|step| step.tracking.limit_margin_rad));
+    TrackingReport {
+        trajectories_n: count(trajectories.len()),
+        steps_n: count(steps().count()),
+        tip_error_mean_m: tips.mean(),
+        tip_error_median_m: tips.quantile(0.5),
+        tip_error_p95_m: tips.quantile(0.95),
+        limit_margin_least_rad: margins.quantile(0.0),
+        contacts_n: count(gaps.sorted.len()),
+        contact_gap_median_m: gaps.quantile(0.5),
+        contact_gap_p90_m: gaps.quantile(0.9),
+        penetration_median_m: depths.quantile(0.5),
+        penetration_p90_m: depths.quantile(0.9),
+        below_table_share: below.mean(),
+        q_velocity_p95_rad_per_s: speeds.quantile(0.95),
+        q_acceleration_p95_rad_per_s2: accelerations.quantile(0.95),
+    }
+}
+
+fn count(n: usize) -> i64 {
+    i64::try_from(n).unwrap_or(i64::MAX)
+}
+
+/// Numbers in ascending order.
+struct Spread {
+    sorted: Vec<f64>,
+}
+
+impl Spread {
+    fn of(numbers: impl Iterator<Item = f64>) -> Self {
+        let mut sorted: Vec<f64> = numbers.collect();
+        sorted.sort_by(f64::total_cmp);
+        Self { sorted }
+    }
+
+    /// Returns the mean; 0 of nothing.
+    fn mean(&self) -> f64 {
+        self.sorted.iter().sum::<f64>() / self.sorted.len().max(1) as f64
+    }
+
+    /// Returns the least number that this share of all do not exceed; 0 of nothing.
+    fn quantile(&self, share: f64) -> f64 {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a share of a count"
+        )]
+        let at = (share * self.sorted.len() as f64).ceil() as usize;
+        self.sorted
+            .get(at.saturating_sub(1))
+            .copied()
+            .unwrap_or(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Isometry3;
+    use schemas::trajectories::{Rates, Step, Tracking};
+    use spatial::Pose;
+
+    use super::*;
+    use crate::fixture;
+
+    #[test]
+    fn a_report_sums_up_steps_and_grasps() {
+        let step = |tip: f64, depth: f64| Step {
+            time_s: 0.0,
+            object_from_palm: Pose::new(Isometry3::identity()),
+            q_rad: vec![0.0],
+            rates: Rates {
+                q_velocity_rad_per_s: vec![-tip],
+                ..Rates::still(1)
+            },
+            tracking: Tracking {
+                tip_errors_m: vec![tip, 2.0 * tip],
+                contact_gaps_m: vec![-depth],
+                limit_margin_rad: tip,
+                penetration_m: depth,
+                table_penetration_m: depth,
+                ..Tracking::default()
+            },
+        };
+        let trajectory = |depth: f64| Trajectory {
+            sequence: "s".to_owned(),
+            object: "box".to_owned(),
+            joints: vec!["j".to_owned()],
+            keypoints: Vec::new(),
+            tips: Vec::new(),
+            rest: fixture::rest(),
+            // What is deep before the grasp does not count.
+            steps: vec![step(0.01, 1.0), step(0.03, depth)],
+        };
+        let report = report(&[trajectory(0.002), trajectory(0.004)]);
+        assert_eq!(
+            (report.trajectories_n, report.steps_n, report.contacts_n),
+            (2, 4, 2)
+        );
+        assert!((report.tip_error_mean_m - 0.03).abs() < 1e-12);
+        assert_eq!(
+            (report.tip_error_median_m, report.tip_error_p95_m),
+            (0.02, 0.06)
+        );
+        assert_eq!(report.limit_margin_least_rad, 0.01);
+        assert_eq!(
+            (report.penetration_median_m, report.penetration_p90_m),
+            (0.002, 0.004)
+        );
+        assert_eq!(
+            (report.contact_gap_median_m, report.below_table_share),
+            (0.002, 0.5)
+        );
+        assert_eq!(report.q_velocity_p95_rad_per_s, 0.03);
+    }
+}

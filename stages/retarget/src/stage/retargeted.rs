@@ -1,0 +1,137 @@
+//! One demonstration's trajectory.
+
+use std::{collections::BTreeMap, fs};
+
+use dataflow::{Artifact, Context, Inputs, Made, Outcome};
+use geometry::DistanceField;
+use schemas::{
+    demonstrations::{self, Demonstration},
+    distance_fields, trajectories,
+};
+
+use super::{FIELDS, LoadedHand, fields::read_mesh, load_hand, missing, schema, skipped};
+use crate::{
+    RetargetConfig, RetargetError, rates::fill_rates, recording, scene::Scene, track::track,
+};
+
+/// Makes the trajectory of one demonstration.
+pub(super) fn make(
+    config: &RetargetConfig,
+    inputs: &Inputs,
+    cx: &Context,
+) -> Result<Outcome, RetargetError> {
+    config.check()?;
+    let [urdf, table] = inputs.files() else {
+        return Err(missing(cx, "URDF and table of a hand"));
+    };
+    let LoadedHand { urdf, hand, table } = load_hand(&urdf.path, &table.path)?;
+    let demonstration = read_demonstration(inputs, cx)?;
+    if let Some(reason) = unusable(&demonstration, &table) {
+        return Ok(skipped(reason));
+    }
+    let (Some(object), Some(field)) = (
+        inputs.artifacts("objects").first(),
+        inputs.artifacts(FIELDS).first(),
+    ) else {
+        return Ok(skipped(format!(
+            "its object `{}` is not among the objects with a surface",
+            demonstration.object
+        )));
+    };
+    let mesh = match read_mesh(object, cx)? {
+        Ok(mesh) => mesh,
+        Err(reason) => return Ok(skipped(reason)),
+    };
+    let scene = read_scene(field, &demonstration, cx)?;
+    let Some(mut tracked) = track(&hand, &scene, config, &demonstration)? else {
+        return Ok(skipped("it has no step"));
+    };
+    if tracked.grasp_keypoint_error_m > config.max_keypoint_error_m {
+        return Ok(Outcome::Filtered {
+            reason: format!(
+                "the hand stays {:.0} mm from the landmarks at the grasp, more than \
+                 `max_keypoint_error_m`",
+                1000.0 * tracked.grasp_keypoint_error_m
+            ),
+        });
+    }
+    fill_rates(&mut tracked.steps);
+    let metrics = tracked.metrics();
+    let of_tips = |is_tip: bool| {
+        let points = table.points.iter();
+        points
+            .filter(|point| point.weight > 0.0)
+            .filter(|point| !is_tip || point.tip_radius_m.is_some())
+            .map(|point| point.keypoint.clone())
+            .collect()
+    };
+    let trajectory = trajectories::Trajectory {
+        sequence: demonstration.sequence,
+        object: demonstration.object,
+        joints: hand.model.joint_names(),
+        keypoints: of_tips(false),
+        tips: of_tips(true),
+        rest: scene.rest(),
+        steps: tracked.steps,
+    };
+    let batch = trajectories::to_batch(&trajectory).map_err(schema(cx))?;
+    lake::table::write(cx.folder(), &batch)?;
+    recording::record(&urdf, &hand.model, &mesh, &trajectory, cx.folder())?;
+    Ok(Outcome::Made(Made {
+        labels: BTreeMap::from([("object".to_owned(), trajectory.object)]),
+        metrics,
+    }))
+}
+
+fn read_demonstration(inputs: &Inputs, cx: &Context) -> Result<Demonstration, RetargetError> {
+    let artifact = inputs
+        .artifacts("demonstrations")
+        .first()
+        .ok_or_else(|| missing(cx, "demonstration"))?;
+    let batch = lake::table::read(artifact)?;
+    demonstrations::from_batch(&artifact.key, &batch).map_err(schema(cx))
+}
+
+/// Returns why a demonstration cannot be retargeted to this hand, if it cannot.
+pub(super) fn unusable(demonstration: &Demonstration, table: &crate::HandTable) -> Option<String> {
+    if demonstration.hand != table.side {
+        return Some(format!(
+            "a {} hand's reach, but the hand's table says that the robot's is a {} hand",
+            demonstration.hand.as_str(),
+            table.side.as_str()
+        ));
+    }
+    let is_finite = |step: &demonstrations::Step| {
+        step.keypoints_m
+            .as_flattened()
+            .iter()
+            .all(|x| x.is_finite())
+            && step.time_s.is_finite()
+    };
+    let broken = demonstration
+        .steps
+        .iter()
+        .position(|step| !is_finite(step))?;
+    Some(format!(
+        "step {broken} has a landmark or a time that is not finite"
+    ))
+}
+
+fn read_scene(
+    field: &Artifact,
+    demonstration: &Demonstration,
+    cx: &Context,
+) -> Result<Scene, RetargetError> {
+    let info = distance_fields::from_batch(&lake::table::read(field)?).map_err(schema(cx))?;
+    let path = field
+        .file(distance_fields::FIELD)
+        .ok_or_else(|| missing(cx, "distance field of an object"))?;
+    let bytes = fs::read(path).map_err(|source| RetargetError::ReadMesh {
+        object: field.key.clone(),
+        source,
+    })?;
+    let grid = DistanceField::from_bytes(&bytes).ok_or_else(|| RetargetError::BadField {
+        object: field.key.clone(),
+    })?;
+    Ok(Scene::new(grid, &info, &demonstration.rest))
+}

@@ -1,0 +1,210 @@
+//! Retargeting as a user runs it: other hands, and real recordings.
+
+use std::{collections::BTreeMap, path::PathBuf, process::Command};
+
+use serde_json::Value;
+use toml_edit::DocumentMut;
+
+use crate::bench::{Bench, stderr};
+
+/// Returns the folder of real data of this name; nothing, and says so, if there is none.
+fn real(name: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("PIPELINE_REAL_DATA").map(|root| PathBuf::from(root).join(name));
+    let found = folder.filter(|folder| folder.is_dir());
+    if found.is_none() {
+        eprintln!("skipped: `PIPELINE_REAL_DATA` holds no `{name}`");
+    }
+    found
+}
+
+/// Asks the lake in SQL.
+fn ask(bench: &Bench, sql: &str) -> Vec<Value> {
+    let answer = bench.ask(&["query", sql, "--format", "json"]);
+    assert!(answer.status.success(), "{}", stderr(&answer));
+    let rows = serde_json::Deserializer::from_slice(&answer.stdout).into_iter();
+    rows.collect::<Result<_, _>>().unwrap()
+}
+
+/// The number that this share of the others do not exceed.
+fn quantile(numbers: &mut [f64], share: f64) -> f64 {
+    numbers.sort_by(f64::total_cmp);
+    let last = numbers.len() - 1;
+    numbers[(share * last as f64).round() as usize]
+}
+
+/// Compares every joint position of the lake's trajectories with the hand's limits.
+fn check_limits(bench: &Bench, urdf: &str) {
+    let path = format!("{}/data/robots/{urdf}", env!("CARGO_MANIFEST_DIR"));
+    let model = robot::RobotModel::from_urdf(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let mut n = 0;
+    for row in ask(bench, "select q_rad, limit_margin_rad from trajectories") {
+        let q: Vec<f64> = serde_json::from_value(row["q_rad"].clone()).unwrap();
+        assert_eq!(q.len(), model.dof());
+        let margins = q.iter().zip(model.joints()).map(|(q, joint)| {
+            assert!(
+                joint.lower <= *q && *q <= joint.upper,
+                "{}: {q}",
+                joint.name
+            );
+            (q - joint.lower).min(joint.upper - q)
+        });
+        let least = margins.fold(f64::INFINITY, f64::min);
+        assert!((least - row["limit_margin_rad"].as_f64().unwrap()).abs() < 1e-12);
+        n += 1;
+    }
+    assert!(n > 0);
+}
+
+#[test]
+fn both_pipelines_say_the_same_where_they_share_stages() {
+    let read = |name: &str| -> DocumentMut {
+        let path = format!("{}/pipelines/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        std::fs::read_to_string(path).unwrap().parse().unwrap()
+    };
+    let (whole, replay) = (read("cgf"), read("replay"));
+    assert_eq!(whole["seed"].as_integer(), replay["seed"].as_integer());
+    for stage in ["ingest", "retarget", "screen"] {
+        let [mut a, mut b] = [&whole, &replay].map(|file| file["stages"][stage].clone());
+        for table in [&mut a, &mut b] {
+            table.as_table_like_mut().unwrap().remove("inputs");
+        }
+        assert_eq!(a.to_string(), b.to_string(), "{stage}");
+    }
+}
+
+#[test]
+fn a_left_hand_takes_the_reaches_of_left_hands() {
+    let bench = Bench::new();
+    let set = |key: &str, value: &str| ["--set".to_owned(), format!("{key}={value}")];
+    let arguments: Vec<String> = [
+        set("ingest.hand", "left"),
+        set("retarget.hand", "data/robots/allegro_left.urdf"),
+        set("retarget.hand_table", "data/hands/allegro_left.toml"),
+    ]
+    .concat();
+    let mut arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    arguments.extend(["--until", "retarget"]);
+    bench.run_well(&arguments);
+    check_limits(&bench, "allegro_left.urdf");
+    let rows = ask(&bench, "select keypoint_error_m from trajectories");
+    for row in rows {
+        assert!(row["keypoint_error_m"].as_f64().unwrap() < 0.04);
+    }
+}
+
+#[test]
+fn a_hand_with_a_table_of_another_is_refused() {
+    let bench = Bench::new();
+    let ran = bench.run(&[
+        "--until",
+        "retarget",
+        "--set",
+        "retarget.hand_table=data/hands/shadow_right.toml",
+    ]);
+    assert_eq!(ran.status.code(), Some(1), "{}", stderr(&ran));
+    for part in ["shadow_right.toml", "allegro_right.urdf", "`thtip`"] {
+        assert!(stderr(&ran).contains(part), "{}", stderr(&ran));
+    }
+}
+
+/// What is claimed for the defaults, on all right-handed sequences.
+#[test]
+fn real_recordings_are_followed_within_limits() {
+    let Some(root) = real("dexycb-right") else {
+        return;
+    };
+    let bench = Bench::on(root);
+    let ran = bench.run(&["--until", "retarget"]);
+    assert!(matches!(ran.status.code(), Some(0 | 3)), "{}", stderr(&ran));
+    check_limits(&bench, "allegro_right.urdf");
+
+    let report = ask(&bench, "select * from tracking");
+    assert_eq!(report.len(), 20);
+    let number = |row: &Value, key: &str| row[key].as_f64().unwrap();
+    let sum = |key: &str, by: &str| -> f64 {
+        report
+            .iter()
+            .map(|row| number(row, key) * number(row, by))
+            .sum()
+    };
+    let n: f64 = report.iter().map(|row| number(row, "trajectories_n")).sum();
+    assert!(n >= 355.0, "{n} of 361");
+    let steps: f64 = report.iter().map(|row| number(row, "steps_n")).sum();
+    let tips = sum("tip_error_mean_m", "steps_n") / steps;
+    assert!(tips < 0.0051, "{tips} m");
+    let below = sum("below_table_share", "trajectories_n") / n;
+    assert!(below <= 0.03, "{below}");
+
+    // The grasp is the last row of its sequence.
+    let mut grasps: BTreeMap<String, (f64, f64)> = BTreeMap::new();
+    for row in ask(
+        &bench,
+        "select sequence, time_s, penetration_m from trajectories",
+    ) {
+        let sequence = row["sequence"].as_str().unwrap().to_owned();
+        let (time_s, depth_m) = (number(&row, "time_s"), number(&row, "penetration_m"));
+        let grasp = grasps.entry(sequence).or_insert((time_s, depth_m));
+        if time_s >= grasp.0 {
+            *grasp = (time_s, depth_m);
+        }
+    }
+    let mut depths: Vec<f64> = grasps.into_values().map(|(_, depth)| depth).collect();
+    assert!(quantile(&mut depths, 0.5) < 0.001);
+    assert!(quantile(&mut depths, 0.9) < 0.003);
+}
+
+/// Hands whose URDFs are not the project's own, by their tables alone.
+#[test]
+fn published_hands_are_driven_by_their_tables() {
+    let (Some(root), Some(urdfs)) = (real("dexmv-mustard"), real("urdf")) else {
+        return;
+    };
+    for (urdf, table) in [
+        ("allegro_hand_right", "allegro_right"),
+        ("leap_hand_right", "leap_right"),
+        ("shadow_hand_right", "shadow_right"),
+    ] {
+        let bench = Bench::on(root.clone());
+        let hand = urdfs.join(format!("{urdf}.urdf"));
+        let ran = bench.run(&[
+            "--until",
+            "retarget",
+            // Its tag is not on the table, and no other object is.
+            "--set",
+            "ingest.table=objects",
+            "--set",
+            "ingest.min_table_objects_n=1",
+            "--set",
+            &format!("retarget.hand={}", hand.display()),
+            "--set",
+            &format!("retarget.hand_table=data/hands/{table}.toml"),
+        ]);
+        assert!(matches!(ran.status.code(), Some(0 | 3)), "{}", stderr(&ran));
+        let report = ask(&bench, "select * from tracking");
+        assert_eq!(report.len(), 1, "{urdf}");
+        let tips = report[0]["tip_error_mean_m"].as_f64().unwrap();
+        assert!(tips < 0.02, "{urdf}: {tips} m");
+        let margin = report[0]["limit_margin_least_rad"].as_f64().unwrap();
+        assert!(margin >= 0.0, "{urdf}: {margin} rad");
+    }
+}
+
+/// The proposal that `doctor` prints is a table that retargets.
+#[test]
+fn what_doctor_proposes_retargets() {
+    let bench = Bench::new();
+    let urdf = format!(
+        "{}/data/robots/allegro_right.urdf",
+        env!("CARGO_MANIFEST_DIR")
+    );
+    let proposed = Command::new(env!("CARGO_BIN_EXE_pipeline"))
+        .args(["doctor", "--robot", &urdf])
+        .output()
+        .unwrap();
+    let text = String::from_utf8(proposed.stdout).unwrap();
+    let table = &text[text.find("side =").unwrap()..];
+    let path = bench.lake().with_file_name("hand.toml");
+    std::fs::write(&path, table).unwrap();
+    let table = format!("retarget.hand_table={}", path.display());
+    bench.run_well(&["--until", "retarget", "--set", &table]);
+}
