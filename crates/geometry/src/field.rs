@@ -64,7 +64,7 @@ impl DistanceField {
         let room = (high - least) + Vector3::repeat(margin_m);
         let along = |length: f64| (length / spacing_m).ceil() + 1.0;
         let nodes = along(room.x) * along(room.y) * along(room.z);
-        if !(nodes <= MAX_NODES as f64) {
+        if nodes.is_nan() || nodes > MAX_NODES as f64 {
             return Err(GeometryError::BadGrid {
                 spacing_m,
                 margin_m,

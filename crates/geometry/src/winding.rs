@@ -75,13 +75,13 @@ fn crossings(
                 .copied()
                 .fold(f64::NEG_INFINITY, f64::max)
                 .floor();
-            let last = (counts[axis] - 1) as f64;
+            let end = (counts[axis] - 1) as f64;
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
                 reason = "clamped to the grid"
             )]
-            let nodes = low.clamp(0.0, last) as usize..=high.clamp(0.0, last) as usize;
+            let nodes = low.clamp(0.0, end) as usize..=high.clamp(0.0, end) as usize;
             nodes
         };
         for v in range(1, up) {

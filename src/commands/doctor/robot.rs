@@ -8,7 +8,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use robot::{Bodies, Finding, HandShape, MAX_URDF_BYTES, Part, RobotModel, Severity};
+use robot::{Bodies, Finding, MAX_URDF_BYTES, Part, RobotModel, Severity};
+use stage_retarget::HandTable;
 
 use crate::{
     outcome::{Outcome, Trouble},
@@ -35,9 +36,12 @@ pub(super) fn check(path: &Path) -> Result<Outcome, Trouble> {
     findings.extend(missing_meshes(&model, path));
     let mut rows = summary(&model);
     rows.extend(findings_by_kind(&findings));
-    report::data(report::columns(&rows, &[]).as_bytes());
-    if let Some(hand) = model.hand_shape() {
-        report::data(format!("\n{}", proposal(&model, &hand)).as_bytes());
+    // The table is for a file, what is said about the robot for a person.
+    report::line(report::columns(&rows, &[]).trim_end());
+    if let Some(table) = HandTable::proposed(&model) {
+        let head = "# A first proposal of a hand's table, from the tree alone: look it over, above all its \
+                    side and scale.\n";
+        report::data(format!("{head}{}", table.to_toml()).as_bytes());
     }
     let mut hints: Vec<&str> = Vec::new();
     for finding in &findings {
@@ -235,74 +239,4 @@ fn candidates(file: &str, urdf: &Path) -> Vec<PathBuf> {
             std::iter::once(with_name).chain(without)
         })
         .collect()
-}
-
-/// Proposes a hand's table: which landmark of a person's hand each point of the robot follows.
-fn proposal(model: &RobotModel, hand: &HandShape) -> String {
-    /// From the wrist to the tip of the middle finger of a person's hand, in meters: the mean of men and
-    /// women (Garrett, *The adult human hand: some anthropometric and biomechanical
-    /// considerations*, 1971).
-    const PERSON_M: f64 = 0.187;
-    /// How much the knuckles and the wrist count beside the tips.
-    const BESIDE_TIPS: f64 = 0.3;
-    let link = |idx: usize| model.links().get(idx).map_or("", |link| link.name.as_str());
-    let thumb = hand.thumb.iter().map(|finger| ("thumb", finger));
-    let others = ["index", "middle", "ring", "little"]
-        .into_iter()
-        .zip(&hand.fingers);
-    let named: Vec<_> = thumb.chain(others).collect();
-    let mut points = String::new();
-    for (name, finger) in &named {
-        let radius = model.tip_radius_m(finger).unwrap_or(0.0);
-        points += &format!(
-            "    {{ keypoint = \"{name}_tip\", link = {:?}{}, weight = 1.0, tip_radius_m = {radius:?} }},\n",
-            link(finger.tip_link),
-            offset(finger.tip_offset_m.into())
-        );
-    }
-    for (name, finger) in &named {
-        let moving: Vec<usize> = finger
-            .links
-            .iter()
-            .copied()
-            .filter(|&idx| {
-                model
-                    .links()
-                    .get(idx)
-                    .is_some_and(|link| link.kind.is_some())
-            })
-            .collect();
-        // The last joint but one, or the only one beyond the knuckle.
-        let middle = match moving.as_slice() {
-            [.., _, middle, _] | [_, middle] => *middle,
-            [] | [_] => continue,
-        };
-        points += &format!(
-            "    {{ keypoint = \"{name}_pip\", link = {:?}, weight = {BESIDE_TIPS:?} }},\n",
-            link(middle)
-        );
-    }
-    points += &format!(
-        "    {{ keypoint = \"wrist\", link = {:?}{}, weight = {BESIDE_TIPS:?} }},\n",
-        link(hand.palm),
-        offset(hand.wrist_offset_m.into())
-    );
-    let scale = (hand.length_m / PERSON_M * 20.0).round().max(1.0) / 20.0;
-    let side = if hand.is_left { "left" } else { "right" };
-    format!(
-        "# A first proposal of a hand's table, from the tree alone: check it, then save it beside\n\
-         # those in `data/hands`. The hand seems to be a {side} one, {:.0} mm from wrist to tips.\n\
-         side = \"{side}\"\nscale = {scale:?}\npoints = [\n{points}]\n",
-        hand.length_m * 1000.0
-    )
-}
-
-/// An offset as it stands in a table, to a hundredth of a millimeter; nothing where it is zero.
-fn offset(offset_m: [f64; 3]) -> String {
-    // Adding 0 makes the negative zero positive.
-    let [x, y, z] = offset_m.map(|number| (number * 1e5).round() / 1e5 + 0.0);
-    if x.abs().max(y.abs()).max(z.abs()) <= 0.0 {
-        return String::new();
-    }
-    format!(", offset_m = [{x:?}, {y:?}, {z:?}]")
 }

@@ -45,7 +45,7 @@ pub enum RetargetError {
         /// The file.
         path: PathBuf,
         /// What is wrong with it.
-        source: Box<RetargetError>,
+        source: Box<Self>,
     },
     /// The robot is not what is needed.
     #[error(transparent)]
@@ -81,7 +81,7 @@ pub enum RetargetError {
         /// The file.
         path: PathBuf,
         /// What is wrong with it.
-        source: Box<RetargetError>,
+        source: Box<Self>,
     },
     /// An object's distance field cannot be written.
     #[error("cannot write the distance field of object `{object}`")]
@@ -150,7 +150,6 @@ impl Advise for RetargetError {
                  for `index_mcp`, `middle_mcp` and `ring_mcp`; their weight may be 0"
                     .to_owned(),
             ),
-            Self::Solver(_) => None,
             Self::NoDemonstrations | Self::NoObjects => Some(
                 "see what ingest left out with `pipeline inspect ingest.demonstrations --skipped`"
                     .to_owned(),
@@ -159,7 +158,7 @@ impl Advise for RetargetError {
             Self::BadField { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
-            Self::ReadMesh { .. } | Self::WriteField { .. } | Self::MissingInput { .. } | Self::Schema { .. } => None,
+            Self::Solver(_) | Self::ReadMesh { .. } | Self::WriteField { .. } | Self::MissingInput { .. } | Self::Schema { .. } => None,
         }
     }
 }

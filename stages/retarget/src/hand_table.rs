@@ -12,7 +12,7 @@ use crate::RetargetError;
 /// ```
 /// let table: stage_retarget::HandTable = r#"
 ///     side = "right"
-///     scale = 1.2
+///     scale = 1.1
 ///     points = [
 ///         { keypoint = "thumb_tip", link = "link_15.0_tip", weight = 1.0, tip_radius_m = 0.012 },
 ///         { keypoint = "index_tip", link = "link_3.0_tip", weight = 1.0, tip_radius_m = 0.012 },
@@ -123,7 +123,7 @@ impl HandTable {
     /// Returns the table as TOML, one point per line.
     pub fn to_toml(&self) -> String {
         let point = |point: &FollowedPoint| {
-            let offset = if point.offset_m == [0.0; 3] {
+            let offset = if point.offset_m.iter().all(|x| x.abs() <= 0.0) {
                 String::new()
             } else {
                 let [x, y, z] = point.offset_m;

@@ -25,6 +25,7 @@ mod hand;
 mod hand_table;
 #[cfg(test)]
 mod other_hands;
+mod propose;
 mod rates;
 mod recording;
 mod scene;

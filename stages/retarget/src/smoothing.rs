@@ -44,7 +44,7 @@ pub(crate) fn smoothed(steps: &[Step], deviation_s: f64) -> Vec<[[f64; 3]; KEYPO
                     let place = at(other, keypoint);
                     add(other.time_s, place);
                     for end in [first, last] {
-                        if other.time_s != end.time_s {
+                        if other.image != end.image {
                             let center = at(end, keypoint);
                             add(2.0 * end.time_s - other.time_s, center + (center - place));
                         }

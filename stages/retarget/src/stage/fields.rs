@@ -1,6 +1,10 @@
 //! One object's distances.
 
-use std::{collections::BTreeMap, fs};
+use std::{
+    collections::BTreeMap,
+    fs::{self, File},
+    io::Write,
+};
 
 use dataflow::{Artifact, Context, Inputs, Made, Outcome};
 use geometry::TriMesh;
@@ -32,7 +36,8 @@ pub(super) fn make(
     let batch = distance_fields::to_batch(&info).map_err(schema(cx))?;
     lake::table::write(cx.folder(), &batch)?;
     let path = cx.folder().join(distance_fields::FIELD);
-    fs::write(&path, field.to_bytes()).map_err(|source| RetargetError::WriteField {
+    let written = File::create_new(&path).and_then(|mut file| file.write_all(&field.to_bytes()));
+    written.map_err(|source| RetargetError::WriteField {
         object: object.key.clone(),
         source,
     })?;
