@@ -200,24 +200,6 @@ pub enum RobotError {
         /// The element's line, from 1.
         line: usize,
     },
-    /// A collision shape of a kind that is not known.
-    #[error(
-        "`<{shape}>` on line {line} is no shape, expected box, sphere, cylinder, capsule or mesh"
-    )]
-    UnknownShape {
-        /// The element.
-        shape: String,
-        /// Its line, from 1.
-        line: usize,
-    },
-    /// A collision shape has a side or radius that is not positive.
-    #[error("`<{shape}>` on line {line} has no volume")]
-    NoVolume {
-        /// The element.
-        shape: String,
-        /// Its line, from 1.
-        line: usize,
-    },
     /// A joint that was asked for does not exist.
     #[error("robot `{robot}` has no joint `{joint}`")]
     MissingJoint {
@@ -335,9 +317,7 @@ impl RobotError {
             | Self::Unlinked { .. }
             | Self::NegativeMass { .. }
             | Self::BadTriple { .. }
-            | Self::BadNumber { .. }
-            | Self::UnknownShape { .. }
-            | Self::NoVolume { .. } => return None,
+            | Self::BadNumber { .. } => return None,
         };
         Some(hint.to_owned())
     }

@@ -88,7 +88,10 @@ pub(crate) fn parse(text: &str) -> Result<RobotModel, RobotError> {
                 link.kind = raw.kind;
                 link.parent_from_joint = raw.parent_from_joint;
                 link.axis = raw.axis;
-                link.joint = number_of_joint[joint];
+                if let Some(number) = number_of_joint[joint] {
+                    link.joint = Some(number);
+                    link.kind = Some(joints[number].kind);
+                }
                 if let Some(follower) = followers[joint] {
                     link.joint = number_of_joint[follower.master];
                     link.multiplier = follower.multiplier;

@@ -265,7 +265,7 @@ fn check(golden: &Golden, robot: &GoldenRobot, xml: &str) -> f64 {
             xyzw[3],
             Vector3::new(xyzw[0], xyzw[1], xyzw[2]),
         ));
-        let root = Root {
+        let moving = Root {
             world_from_root: Isometry3::from_parts(
                 Translation3::new(place[0], place[1], place[2]),
                 rotation,
@@ -278,9 +278,9 @@ fn check(golden: &Golden, robot: &GoldenRobot, xml: &str) -> f64 {
             &velocity.as_slice()[6..],
             &acceleration.as_slice()[6..],
         ];
-        for (name, root) in [("fixed", None), ("free", Some(&root))] {
+        for (name, free) in [("fixed", None), ("free", Some(&moving))] {
             compare.at = format!("{}, state {state}, {name} root", robot.name);
-            ready.check(&mut compare, root, joints, state == 0);
+            ready.check(&mut compare, free, joints, state == 0);
         }
     }
     assert_eq!(compare.numbers.next(), None, "{}", robot.name);

@@ -376,6 +376,18 @@ fn masters_stay_where_their_followers_are_inside_their_limits() {
     );
     assert_eq!(pair(-1.0, 0.0).0, -1.0);
     assert_eq!(pair(-1.0, 0.0).1, 0.0);
+    // One that turns without end gets limits.
+    let mimic = r#"<limit lower="0" upper="1"/><mimic joint="j" multiplier="2"/>"#;
+    let xml = robot(
+        &(joint("j", "continuous", ["palm", "a"], "") + &joint("k", "revolute", ["a", "b"], mimic)),
+    );
+    let model = RobotModel::from_urdf(&xml).unwrap();
+    let master = &model.joints()[0];
+    assert_eq!(
+        (master.kind, master.lower, master.upper),
+        (JointKind::Revolute, 0.0, 0.5)
+    );
+    assert_eq!(model.links()[master.link].kind, Some(JointKind::Revolute));
     // One that cannot be inside its own limits does not stop its master.
     let (lower, upper, findings) = pair(1.0, 10.0);
     assert_eq!((lower, upper), (-1.0, 2.0));
@@ -403,6 +415,35 @@ fn mimic_joints_follow_their_master() {
     let jacobian = model.point_jacobian(&links, b, &(palm_from_b(0.2) * point));
     let numeric = (palm_from_b(0.2 + 1e-6) * point - palm_from_b(0.2 - 1e-6) * point) / 2e-6;
     assert!((jacobian.column(0) - numeric).norm() < 1e-6);
+}
+
+#[test]
+fn shapes_that_are_none_are_passed_over() {
+    let shapes = [
+        "<box size='0 0 0'/>",
+        "<sphere radius='-1'/>",
+        "<drake:ellipsoid a='1'/>",
+    ];
+    for shape in shapes {
+        let xml = format!(
+            "<robot name='r'><link name='a'><collision><geometry>{shape}</geometry></collision>\
+             <collision><geometry><capsule radius='1' length='0'/></geometry></collision></link></robot>"
+        );
+        let model = RobotModel::from_urdf(&xml).unwrap();
+        assert_eq!(model.links()[0].collisions.len(), 1, "{shape}");
+        let (name, _) = shape[1..].split_once(' ').unwrap();
+        assert_eq!(
+            found(&model),
+            [format!(
+                "link `a` has a `<{name}>` on line 1 that is no shape with a volume; it is passed over"
+            )]
+        );
+    }
+    check_refused(
+        "<robot name='r'><link name='a'><collision><geometry><sphere/></geometry></collision></link></robot>",
+        "`<sphere>` on line 1 has no `radius`",
+        "",
+    );
 }
 
 #[test]

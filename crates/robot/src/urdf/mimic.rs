@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::parts::RawJoint;
 use crate::{
-    Finding, Joint, MimicFault, RobotError,
+    Finding, Joint, JointKind, MimicFault, RobotError,
     findings::{Part, Severity},
     near::near_names,
 };
@@ -75,7 +75,8 @@ fn follow(
     Err(bad(last, MimicFault::Loop))
 }
 
-/// Narrows a joint's limits to where one that follows it stays inside its own.
+/// Narrows a joint's limits to where one that follows it stays inside its own; one that turns without
+/// end is revolute if it gets limits so.
 pub(super) fn narrow(
     joint: &mut Joint,
     follower: &RawJoint,
@@ -121,4 +122,7 @@ pub(super) fn narrow(
         });
     }
     (joint.lower, joint.upper) = (lower, upper);
+    if joint.kind == JointKind::Continuous && lower.is_finite() && upper.is_finite() {
+        joint.kind = JointKind::Revolute;
+    }
 }

@@ -71,11 +71,26 @@ pub(super) fn link(element: &Element, findings: &mut Vec<Finding>) -> Result<Raw
                     file: mesh.attribute("filename").unwrap_or_default().to_owned(),
                     is_collision,
                 });
-            } else if is_collision && let Some(shape) = geometry.children.first() {
-                collisions.push(Collision {
-                    link_from_shape: drawn.origin()?,
-                    shape: self::shape(shape)?,
-                });
+            } else if is_collision && let Some(written) = geometry.children.first() {
+                match shape(written)? {
+                    Some(shape) => collisions.push(Collision {
+                        link_from_shape: drawn.origin()?,
+                        shape,
+                    }),
+                    None => findings.push(Finding {
+                        severity: Severity::Doubtful,
+                        part: Part::Link(name.clone()),
+                        problem: format!(
+                            "has a `<{}>` on line {} that is no shape with a volume; it is passed \
+                             over",
+                            written.name, written.line
+                        ),
+                        advice:
+                            "write shapes as `<box>`, `<sphere>`, `<cylinder>`, `<capsule>` or \
+                                 `<mesh>`, and lengths greater than 0"
+                                .to_owned(),
+                    }),
+                }
             }
         }
     }
@@ -135,8 +150,8 @@ fn inertial(
     }))
 }
 
-/// Reads what stands in a `<geometry>` other than a mesh.
-fn shape(element: &Element) -> Result<Shape, RobotError> {
+/// Reads what stands in a `<geometry>` other than a mesh; `None` if it is no shape or has no volume.
+fn shape(element: &Element) -> Result<Option<Shape>, RobotError> {
     let shape = match element.name.as_str() {
         "box" => Shape::Box {
             half_extents_m: Vector3::from(element.triple("size")?.unwrap_or_default()) / 2.0,
@@ -152,12 +167,7 @@ fn shape(element: &Element) -> Result<Shape, RobotError> {
             radius_m: element.needed_number("radius")?,
             half_length_m: element.needed_number("length")? / 2.0,
         },
-        _ => {
-            return Err(RobotError::UnknownShape {
-                shape: element.name.clone(),
-                line: element.line,
-            });
-        }
+        _ => return Ok(None),
     };
     let has_volume = match shape {
         Shape::Box { half_extents_m } => half_extents_m.min() > 0.0,
@@ -172,14 +182,7 @@ fn shape(element: &Element) -> Result<Shape, RobotError> {
             half_length_m,
         } => radius_m > 0.0 && half_length_m >= 0.0,
     };
-    if has_volume {
-        Ok(shape)
-    } else {
-        Err(RobotError::NoVolume {
-            shape: element.name.clone(),
-            line: element.line,
-        })
-    }
+    Ok(has_volume.then_some(shape))
 }
 
 /// Reads a `<joint>`.
