@@ -1,168 +1,373 @@
-//! How fast the retargeting solver is and how good its answers are.
+//! How fast the retargeting solver is and how good its answers are, beside `dex_retargeting` and
+//! beside the same algorithm, SLSQP, without Python.
+//!
+//! `PIPELINE_PEER_DATA` names the folder of the three recorded problems, `HAND_position.npz`;
+//! `PIPELINE_REAL_DATA` the folder with the hands' URDFs in `urdf`; `PIPELINE_PYTHON` the Python that
+//! has `dex_retargeting` 0.5.0, `python3` where it is not set. What is missing is skipped.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
 
+#[path = "retargeting/ours.rs"]
+mod ours;
+#[path = "retargeting/peer.rs"]
+mod peer;
 #[path = "retargeting/problem.rs"]
 mod problem;
+#[path = "retargeting/slsqp.rs"]
+mod slsqp;
 
-use std::time::Instant;
+use std::{cell::RefCell, fs, thread, time::Instant};
 
 use nalgebra::Point3;
-use problem::{HANDS, MOTION_WEIGHT, Problem};
-use stage_retarget::solver::{NoTerms, Options, Outcome, Posture, Smoothness, Solver, Task, Wrist};
+use ours::{FAST, Objective, TIGHT, points_at, true_minimum};
+use peer::Peer;
+use problem::{HANDS, Problem};
+use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
+use stage_retarget::solver::{NoTerms, Options, Posture, Solver};
+
+/// Frames that one side does before it is the other's turn.
+const CHUNK: usize = 27;
+/// Times that our side does each chunk; the first finds cold caches, and counts too.
+const REPEATS: usize = 5;
+/// λ of the paper's objective, which does not state it.
+const LAMBDA: f64 = 0.04;
 
 fn main() {
     for (name, urdf, least) in HANDS {
         match Problem::read(name, urdf) {
-            Ok(problem) => run(&problem, least),
+            Ok(problem) => {
+                race(&problem, least);
+                minima(&problem, Objective::Peer);
+                minima(&problem, Objective::Paper(LAMBDA));
+            }
             Err(reason) => println!("{name}: skipped, {reason}"),
         }
     }
 }
 
-fn task<'a>(
-    problem: &'a Problem,
-    frame: usize,
-    before: &'a Posture,
-    points: &'a [Point3<f64>],
-) -> Task<'a> {
-    Task {
-        targets: &problem.targets[frame],
-        loss: Problem::loss(),
-        smoothness: Some(Smoothness {
-            points,
-            point_weight: 0.0,
-            posture: before,
-            joint_weight: MOTION_WEIGHT,
-            root_weight: MOTION_WEIGHT,
-        }),
-        rest: None,
+/// One way to retarget: what it found and what it took.
+#[derive(Default)]
+struct Lane {
+    us: Vec<f64>,
+    cpu_us: f64,
+    path: Vec<Posture>,
+}
+
+/// Runs all ways over the frames, chunk by chunk in turn, and prints what they took and found.
+fn race(problem: &Problem, least: f64) {
+    let mut peer = Peer::start(problem);
+    let n = problem.targets.len();
+    println!("\n{}, {n} frames", problem.name);
+    reproduce(problem);
+    let mut solver = Solver::new(&problem.hand);
+    let other = RefCell::new(Solver::new(&problem.hand));
+    let start = problem.hand.within_limits(&problem.peer_before[0]);
+    let [mut ours, mut tight, mut theirs, mut whole, mut as_peer] =
+        [(); 5].map(|()| Lane::default());
+    let mut iterations = Vec::new();
+    for first in (0..n).step_by(CHUNK) {
+        let frames = first..(first + CHUNK).min(n);
+        if let Ok(peer) = &mut peer {
+            for (us, posture) in peer.retarget(problem, &problem.targets[frames.clone()]) {
+                theirs.us.push(us);
+                theirs.cpu_us += us;
+                theirs.path.push(posture);
+            }
+        }
+        for repeat in 0..REPEATS {
+            let cpu_us = thread_cpu_us();
+            let mut found = sequence(
+                problem,
+                &mut solver,
+                frames.clone(),
+                ours.path.last().unwrap_or(&start),
+                &FAST,
+            );
+            ours.cpu_us += (thread_cpu_us() - cpu_us) / REPEATS as f64;
+            ours.us.append(&mut found.us);
+            if repeat + 1 == REPEATS {
+                ours.path.append(&mut found.path);
+                iterations.append(&mut found.iterations);
+            }
+        }
+        let mut found = sequence(
+            problem,
+            &mut solver,
+            frames.clone(),
+            tight.path.last().unwrap_or(&start),
+            &TIGHT,
+        );
+        tight.us.append(&mut found.us);
+        tight.path.append(&mut found.path);
+        for (lane, value) in [
+            (&mut as_peer, slsqp::Value::AsThePeer),
+            (&mut whole, slsqp::Value::Whole),
+        ] {
+            for frame in frames.clone() {
+                let before = lane.path.last().unwrap_or(&start).clone();
+                let started = Instant::now();
+                let found = slsqp::retarget(problem, &other, frame, &before, value);
+                lane.us.push(started.elapsed().as_secs_f64() * 1e6);
+                lane.path.push(found);
+            }
+        }
     }
+    tight.cpu_us = tight.us.iter().sum();
+    as_peer.cpu_us = as_peer.us.iter().sum();
+    whole.cpu_us = whole.us.iter().sum();
+    println!(
+        "{:<36} {:>10} {:>10} {:>10} {:>10} {:>10} {:>8} {:>8} {:>12}",
+        "",
+        "us median",
+        "us mean",
+        "us p95",
+        "times",
+        "times mean",
+        "mean F",
+        "|ddq|",
+        "over limits"
+    );
+    let reference = &theirs;
+    for (name, lane) in [
+        ("solver", &ours),
+        ("solver, full convergence", &tight),
+        ("SLSQP in Rust, stops as the peer", &as_peer),
+        ("SLSQP in Rust, whole value", &whole),
+        ("dex_retargeting", &theirs),
+    ] {
+        if lane.path.is_empty() {
+            println!("{name:<36} skipped, {}", peer.as_ref().err().unwrap());
+            continue;
+        }
+        report(problem, &mut solver, name, lane, reference, &start);
+    }
+    println!("{:<36} {:>10} {:>10} {least:>10.0}", "  at least", "", "");
+    show_iterations(&mut iterations);
+    frame_by_frame(problem, &mut solver);
 }
 
-const FAST: Options = Options {
-    tolerance: 1e-3,
-    least_decrease: 1e-9,
-    max_iterations: 60,
-    wrist: Wrist::Moves,
-};
-const TIGHT: Options = Options {
-    tolerance: 1e-12,
-    least_decrease: 1e-18,
-    max_iterations: 500,
-    wrist: Wrist::Moves,
-};
-
-fn median(v: &mut [f64]) -> f64 {
-    v.sort_by(f64::total_cmp);
-    v[v.len() / 2]
+fn report(
+    problem: &Problem,
+    solver: &mut Solver<'_>,
+    name: &str,
+    lane: &Lane,
+    reference: &Lane,
+    start: &Posture,
+) {
+    let points = vec![Point3::origin(); problem.links.len()];
+    let mut costs = Vec::new();
+    for (frame, posture) in lane.path.iter().enumerate() {
+        let before = frame
+            .checked_sub(1)
+            .map_or(start, |frame| &lane.path[frame]);
+        let task = Objective::Peer.task(problem, frame, before, &points);
+        costs.push(solver.place(&task, posture, &mut NoTerms).unwrap());
+    }
+    let path: Vec<Vec<f64>> = lane
+        .path
+        .iter()
+        .map(|posture| problem.coordinates(posture))
+        .collect();
+    let bends: Vec<f64> = path
+        .windows(3)
+        .map(|w| {
+            let bend = w[0]
+                .iter()
+                .zip(&w[1])
+                .zip(&w[2])
+                .map(|((a, b), c)| (a - 2.0 * b + c).powi(2));
+            bend.sum::<f64>().sqrt()
+        })
+        .collect();
+    let excess = lane
+        .path
+        .iter()
+        .map(|posture| problem.excess_rad(posture))
+        .fold(0.0, f64::max);
+    let (median_us, mean_us) = (
+        quantile(&lane.us, 0.5),
+        lane.cpu_us / lane.path.len() as f64,
+    );
+    println!(
+        "{name:<36} {median_us:>10.2} {mean_us:>10.2} {:>10.2} {:>10.1} {:>10.1} {:>8.6} {:>8.4} {excess:>8.1e} rad",
+        quantile(&lane.us, 0.95),
+        quantile(&reference.us, 0.5) / median_us,
+        reference.cpu_us / lane.path.len() as f64 / mean_us,
+        mean(&costs),
+        mean(&bends),
+    );
 }
-fn mean(v: &[f64]) -> f64 {
-    v.iter().sum::<f64>() / v.len() as f64
+
+/// What our side found on some frames.
+struct Found {
+    us: Vec<f64>,
+    path: Vec<Posture>,
+    iterations: Vec<f64>,
 }
 
-fn run(p: &Problem, _least: f64) {
-    let points = vec![Point3::origin(); p.links.len()];
-    let mut solver = Solver::new(&p.hand);
-    let n = p.targets.len();
-    let mut worst: f64 = 0.0;
-    for i in 0..n {
-        let f = solver
-            .place(
-                &task(p, i, &p.peer_before[i], &points),
-                &p.peer[i],
-                &mut NoTerms,
-            )
+/// Retargets frames one after another, each from the answer before.
+fn sequence(
+    problem: &Problem,
+    solver: &mut Solver<'_>,
+    frames: std::ops::Range<usize>,
+    start: &Posture,
+    options: &Options,
+) -> Found {
+    let points = vec![Point3::origin(); problem.links.len()];
+    let mut found = Found {
+        us: Vec::new(),
+        path: Vec::new(),
+        iterations: Vec::new(),
+    };
+    let mut before = start.clone();
+    for frame in frames {
+        let mut posture = before.clone();
+        let started = Instant::now();
+        let task = Objective::Peer.task(problem, frame, &before, &points);
+        let outcome = solver
+            .minimize(&task, &mut posture, options, &mut NoTerms)
             .unwrap();
-        let _ = f;
-        let unclamped = f - p.peer_objective[i];
-        worst = worst.max(unclamped.abs());
+        found.us.push(started.elapsed().as_secs_f64() * 1e6);
+        found.iterations.push(outcome.iterations as f64);
+        before.clone_from(&posture);
+        found.path.push(posture);
+    }
+    found
+}
+
+/// Compares our objective with the recorded one at the peer's recorded answers.
+fn reproduce(problem: &Problem) {
+    let points = vec![Point3::origin(); problem.links.len()];
+    let mut solver = Solver::new(&problem.hand);
+    let mut worst: f64 = 0.0;
+    for (frame, (before, answer)) in problem.peer_before.iter().zip(&problem.peer).enumerate() {
+        let task = Objective::Peer.task(problem, frame, before, &points);
+        let cost = solver.place(&task, answer, &mut NoTerms).unwrap();
+        worst = worst.max((cost - problem.peer_objective[frame]).abs());
     }
     println!(
-        "{}: reproduces F within {worst:e}; peer mean {:.6}",
-        p.name,
-        mean(&p.peer_objective)
+        "{:<36} {worst:>10.1e} of {:.6} on average",
+        "recorded F reproduced within",
+        mean(&problem.peer_objective)
     );
-    // frame by frame from the peer's last
-    for (label, options) in [("fast", FAST), ("tight", TIGHT)] {
-        let mut f = vec![];
-        let mut its: Vec<f64> = vec![];
-        let mut bad = 0;
-        for i in 0..n {
-            let before = &p.peer_before[i];
-            let mut x = before.clone();
-            let o: Outcome = solver
-                .minimize(&task(p, i, before, &points), &mut x, &options, &mut NoTerms)
-                .unwrap();
-            f.push(o.cost);
-            its.push(o.iterations as f64);
-            if !o.converged {
-                bad += 1;
-            }
-        }
-        println!(
-            "  from peer's last, {label}: mean F {:.7} iterations mean {:.2} median {} max {} unconverged {bad}",
-            mean(&f),
-            mean(&its),
-            median(&mut its.clone()),
-            its.iter().copied().fold(0.0, f64::max)
-        );
+}
+
+/// Compares answers to the very questions that the peer was asked.
+fn frame_by_frame(problem: &Problem, solver: &mut Solver<'_>) {
+    let points = vec![Point3::origin(); problem.links.len()];
+    let costs = [FAST, TIGHT].map(|options| {
+        let costs = problem
+            .peer_before
+            .iter()
+            .enumerate()
+            .map(|(frame, before)| {
+                let task = Objective::Peer.task(problem, frame, before, &points);
+                let mut posture = before.clone();
+                solver
+                    .minimize(&task, &mut posture, &options, &mut NoTerms)
+                    .unwrap()
+                    .cost
+            });
+        mean(&costs.collect::<Vec<f64>>())
+    });
+    println!(
+        "{:<36} solver {:.6}, full convergence {:.6}, recorded {:.6}",
+        "mean F, from the peer's own frames",
+        costs[0],
+        costs[1],
+        mean(&problem.peer_objective)
+    );
+}
+
+/// Compares the answers of a sequence with the best of many starts for each frame.
+fn minima(problem: &Problem, objective: Objective) {
+    let n_points = problem.links.len();
+    let mut solver = Solver::new(&problem.hand);
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut before = problem.hand.within_limits(&problem.peer_before[0]);
+    let (mut excess, mut iterations) = (Vec::new(), Vec::new());
+    let (mut ours, mut best) = (Vec::new(), Vec::new());
+    let first = objective.task(problem, 0, &before, &[]);
+    let first = stage_retarget::solver::Task {
+        smoothness: None,
+        ..first
+    };
+    let mut posture = before.clone();
+    if objective != Objective::Peer {
+        let starts = solver.starts(&first).unwrap();
+        posture = solver
+            .best_of(&first, starts, &FAST, &mut NoTerms)
+            .unwrap()
+            .unwrap()
+            .0;
+        before = posture.clone();
     }
-    for (label, options) in [("fast", FAST), ("tight", TIGHT)] {
-        let mut f = vec![];
-        let mut its: Vec<f64> = vec![];
-        let mut us = vec![];
-        let mut excess: f64 = 0.0;
-        let mut path = vec![];
-        for rep in 0..5 {
-            let mut before = p.hand.within_limits(&p.peer_before[0]);
-            f.clear();
-            its.clear();
-            path.clear();
-            for i in 0..n {
-                let mut x = before.clone();
-                let t = Instant::now();
-                let o = solver
-                    .minimize(
-                        &task(p, i, &before, &points),
-                        &mut x,
-                        &options,
-                        &mut NoTerms,
-                    )
-                    .unwrap();
-                let dt = t.elapsed().as_secs_f64() * 1e6;
-                if rep > 0 {
-                    us.push(dt);
-                }
-                f.push(o.cost);
-                its.push(o.iterations as f64);
-                excess = excess.max(p.excess_rad(&x));
-                path.push(p.coordinates(&x));
-                before = x;
+    for frame in 0..problem.targets.len() {
+        let points = points_at(&mut solver, n_points, &before);
+        let task = objective.task(problem, frame, &before, &points);
+        let outcome = match objective {
+            Objective::Peer => solver.minimize(&task, &mut posture, &FAST, &mut NoTerms),
+            Objective::Paper(_) => {
+                solver.minimize_and_unbend(&task, &mut posture, &FAST, &mut NoTerms)
             }
-        }
-        let ddq: Vec<f64> = path
-            .windows(3)
-            .map(|w| {
-                (0..w[0].len())
-                    .map(|k| (w[2][k] - 2.0 * w[1][k] + w[0][k]).powi(2))
-                    .sum::<f64>()
-                    .sqrt()
-            })
-            .collect();
-        its.sort_by(f64::total_cmp);
-        println!(
-            "  sequence, {label}: mean F {:.7} us median {:.2} mean {:.2} iterations median {} mean {:.2} p95 {} p99 {} max {} excess {excess:e} ddq {:.4}",
-            mean(&f),
-            median(&mut us.clone()),
-            mean(&us),
-            its[n / 2],
-            mean(&its),
-            its[n * 95 / 100],
-            its[n * 99 / 100],
-            its[n - 1],
-            mean(&ddq)
-        );
+        };
+        let outcome = outcome.unwrap();
+        let least = true_minimum(problem, &mut solver, &task, &[&before, &posture], &mut rng);
+        excess.push(outcome.cost / least - 1.0);
+        iterations.push(outcome.iterations as f64);
+        ours.push(outcome.cost);
+        best.push(least);
+        before.clone_from(&posture);
     }
+    let agree = excess.iter().filter(|&&excess| excess < 0.01).count();
+    println!(
+        "{:<36} {:.2} % of frames within 1 % of the best of many starts, worst {:.1} %, mean cost {:.3e} of {:.3e}",
+        format!("minima, {objective:?}"),
+        100.0 * agree as f64 / excess.len() as f64,
+        100.0 * excess.iter().copied().fold(0.0, f64::max),
+        mean(&ours),
+        mean(&best),
+    );
+    show_iterations(&mut iterations);
+}
+
+fn show_iterations(iterations: &mut [f64]) {
+    println!(
+        "{:<36} median {}, p95 {}, p99 {}, most {}",
+        "  postures tried for a frame",
+        quantile(iterations, 0.5),
+        quantile(iterations, 0.95),
+        quantile(iterations, 0.99),
+        quantile(iterations, 1.0)
+    );
+}
+
+/// Returns the CPU time of this thread in microseconds.
+fn thread_cpu_us() -> f64 {
+    // The scheduler writes the time down when the thread lets go.
+    thread::yield_now();
+    let text = fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    let ns = text
+        .split_whitespace()
+        .next()
+        .and_then(|ns| ns.parse().ok());
+    ns.unwrap_or(f64::NAN) / 1e3
+}
+
+fn quantile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().saturating_sub(1);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "an index"
+    )]
+    let idx = (share * last as f64).round() as usize;
+    sorted.get(idx).copied().unwrap_or(f64::NAN)
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
 }

@@ -11,9 +11,11 @@
 mod arrow;
 mod check;
 mod compiled;
+mod differentiate;
 mod error;
 mod evaluate;
 mod layout;
+mod limits;
 mod minimize;
 mod moments;
 mod posture;

@@ -47,7 +47,7 @@ impl Problem {
     /// Reads a problem; an error says what is missing.
     pub(crate) fn read(name: &'static str, urdf: &str) -> Result<Self, String> {
         let data = folder("PIPELINE_PEER_DATA")?.join(format!("{name}_position.npz"));
-        let urdf = folder("PIPELINE_REAL_URDF")?.join(urdf);
+        let urdf = folder("PIPELINE_REAL_DATA")?.join("urdf").join(urdf);
         let xml = fs::read_to_string(&urdf).map_err(|err| format!("{}: {err}", urdf.display()))?;
         let model = RobotModel::from_urdf(&xml).map_err(|err| format!("{name}: {err}"))?;
         let arrays = arrays(&data)?;

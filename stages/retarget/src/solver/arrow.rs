@@ -1,9 +1,11 @@
 //! Solves the normal equations, finger by finger and then the trunk.
 
-use super::layout::Layout;
+#![expect(
+    clippy::needless_range_loop,
+    reason = "indices below a constant size read like the formulas, and unroll"
+)]
 
-/// A pivot below this share of its diagonal element counts as not positive.
-const LEAST_PIVOT: f64 = 1e-9;
+use super::layout::Layout;
 
 /// The normal equations with some unknowns held.
 #[derive(Debug, Clone, Copy)]
@@ -17,6 +19,8 @@ pub(super) struct System<'a> {
     pub(super) damping: &'a [f64],
     /// 1 for free unknowns, 0 for held ones.
     pub(super) free: &'a [f64],
+    /// What every pivot must exceed.
+    pub(super) least_pivot: f64,
 }
 
 /// Memory to solve systems of one layout.
@@ -24,6 +28,10 @@ pub(super) trait Eliminate: std::fmt::Debug + Send {
     /// Writes the steps of the free unknowns and 0 for the held ones; returns false, with `step`
     /// in any state, if the matrix is not positive definite.
     fn solve(&mut self, system: &System<'_>, step: &mut [f64]) -> bool;
+
+    /// Writes the steps for another right side with the matrix solved last, 0 for the unknowns
+    /// held then.
+    fn solve_again(&mut self, layout: &Layout, right: &[f64], free: &[f64], step: &mut [f64]);
 }
 
 /// Returns memory for systems of this layout.
@@ -82,42 +90,78 @@ impl<const F: usize, const T: usize> Eliminate for Arrow<F, T> {
         load_trunk(system, &mut self.trunk);
         for (rows, &(first, len)) in self.fingers.iter_mut().zip(&system.layout.fingers) {
             load_finger(system, first, len, rows);
-            if !eliminate_finger(rows, &mut self.trunk) {
+            if !eliminate_finger(rows, &mut self.trunk, system.least_pivot) {
                 return false;
             }
         }
-        let Some(trunk) = solve_trunk(&mut self.trunk) else {
+        if !eliminate_trunk(&mut self.trunk, system.least_pivot) {
             return false;
-        };
-        let n_trunk = system.layout.n_trunk;
+        }
+        self.substitute(system.layout, step);
+        true
+    }
+
+    fn solve_again(&mut self, layout: &Layout, right: &[f64], free: &[f64], step: &mut [f64]) {
+        for (u, row) in self.trunk.iter_mut().enumerate() {
+            row.right = if u < layout.n_trunk {
+                right[u] * free[u]
+            } else {
+                0.0
+            };
+        }
+        for (rows, &(first, len)) in self.fingers.iter_mut().zip(&layout.fingers) {
+            for (i, row) in rows.iter_mut().enumerate() {
+                let u = first + i;
+                row.right = if i < len { right[u] * free[u] } else { 0.0 };
+            }
+            for k in 0..F {
+                let scaled = rows[k].right * rows[k].finger[k];
+                for i in k + 1..F {
+                    rows[i].right -= rows[k].finger[i] * scaled;
+                }
+                for (a, row) in self.trunk.iter_mut().enumerate() {
+                    row.right -= rows[k].trunk[a] * scaled;
+                }
+            }
+        }
+        for a in 0..T {
+            let scaled = self.trunk[a].right * self.trunk[a].trunk[a];
+            for b in a + 1..T {
+                self.trunk[b].right -= self.trunk[a].trunk[b] * scaled;
+            }
+        }
+        self.substitute(layout, step);
+    }
+}
+
+impl<const F: usize, const T: usize> Arrow<F, T> {
+    /// Substitutes back, the trunk first.
+    fn substitute(&self, layout: &Layout, step: &mut [f64]) {
+        let trunk = substitute_trunk(&self.trunk);
+        let n_trunk = layout.n_trunk;
         step[..n_trunk].copy_from_slice(&trunk[..n_trunk]);
-        for (rows, &(first, len)) in self.fingers.iter().zip(&system.layout.fingers) {
-            let finger = solve_finger(rows, &trunk);
+        for (rows, &(first, len)) in self.fingers.iter().zip(&layout.fingers) {
+            let finger = substitute_finger(rows, &trunk);
             step[first..first + len].copy_from_slice(&finger[..len]);
         }
-        true
     }
 }
 
 fn load_trunk<const T: usize>(system: &System<'_>, rows: &mut [TrunkRow<T>; T]) {
     let (n, stride) = (system.layout.n_trunk, system.layout.stride);
+    let free = filled::<T>(&system.free[..n]);
     for (a, row) in rows.iter_mut().enumerate() {
+        row.trunk = [0.0; T];
         if a >= n {
-            row.trunk = [0.0; T];
             row.trunk[a] = 1.0;
             row.right = 0.0;
             continue;
         }
-        let free = system.free[a];
-        for (b, value) in row.trunk.iter_mut().enumerate() {
-            *value = if b >= a && b < n {
-                system.hessian[b * stride + a] * free * system.free[b]
-            } else {
-                0.0
-            };
+        for b in a..n {
+            row.trunk[b] = system.hessian[b * stride + a] * free[a] * free[b];
         }
-        row.trunk[a] += system.damping[a] * free + (1.0 - free);
-        row.right = system.right[a] * free;
+        row.trunk[a] += system.damping[a] * free[a] + (1.0 - free[a]);
+        row.right = system.right[a] * free[a];
     }
 }
 
@@ -128,28 +172,42 @@ fn load_finger<const F: usize, const T: usize>(
     rows: &mut [FingerRow<F, T>; F],
 ) {
     let (n_trunk, stride) = (system.layout.n_trunk, system.layout.stride);
-    let free_trunk = &system.free[..n_trunk];
-    let free_finger = &system.free[first..first + len];
+    let free_trunk = filled::<T>(&system.free[..n_trunk]);
+    let free_finger = filled::<F>(&system.free[first..first + len]);
+    let damping = filled::<F>(&system.damping[first..first + len]);
+    let right = filled::<F>(&system.right[first..first + len]);
     for (i, row) in rows.iter_mut().enumerate() {
-        if i >= len {
-            row.finger = [0.0; F];
-            row.finger[i] = 1.0;
-            row.trunk = [0.0; T];
-            row.right = 0.0;
-            continue;
-        }
         let free = free_finger[i];
-        let from = &system.hessian[(first + i) * stride..(first + i + 1) * stride];
-        let (from_trunk, from_finger) = from.split_at(n_trunk);
-        for ((to, from), other) in row.trunk.iter_mut().zip(from_trunk).zip(free_trunk) {
-            *to = from * free * other;
+        if i < len {
+            let from = &system.hessian[(first + i) * stride..(first + i + 1) * stride];
+            let (trunk, finger) = from.split_at(n_trunk);
+            row.trunk = filled(trunk);
+            row.finger = filled(&finger[..len]);
+        } else {
+            row.trunk = [0.0; T];
+            row.finger = [0.0; F];
         }
-        for ((to, from), other) in row.finger.iter_mut().zip(from_finger).zip(free_finger) {
-            *to = from * free * other;
+        for a in 0..T {
+            row.trunk[a] *= free * free_trunk[a];
         }
-        row.finger[i] += system.damping[first + i] * free + (1.0 - free);
-        row.right = system.right[first + i] * free;
+        for j in 0..F {
+            row.finger[j] *= free * free_finger[j];
+        }
+        // A held unknown's row, and one that only fills up, says that its step is 0.
+        row.finger[i] += damping[i] * free + (1.0 - free);
+        row.right = right[i] * free;
     }
+}
+
+/// Returns the values, filled up with zeros to `N` of them.
+#[inline]
+fn filled<const N: usize>(values: &[f64]) -> [f64; N] {
+    if let Ok(whole) = values.try_into() {
+        return whole;
+    }
+    let mut filled = [0.0; N];
+    filled[..values.len()].copy_from_slice(values);
+    filled
 }
 
 /// Eliminates a finger's unknowns from its own rows and the trunk's (Schur complement). Each row's
@@ -158,16 +216,13 @@ fn load_finger<const F: usize, const T: usize>(
 fn eliminate_finger<const F: usize, const T: usize>(
     rows: &mut [FingerRow<F, T>; F],
     trunk: &mut [TrunkRow<T>; T],
+    least_pivot: f64,
 ) -> bool {
     let mut is_positive = true;
-    let mut least = [0.0; F];
-    for k in 0..F {
-        least[k] = LEAST_PIVOT * rows[k].finger[k].abs();
-    }
     for k in 0..F {
         let row = rows[k];
         let pivot = row.finger[k];
-        is_positive &= pivot > least[k];
+        is_positive &= pivot > least_pivot;
         let inverse = 1.0 / pivot;
         for i in k + 1..F {
             let factor = row.finger[i] * inverse;
@@ -194,12 +249,12 @@ fn eliminate_finger<const F: usize, const T: usize>(
 }
 
 #[inline]
-fn solve_trunk<const T: usize>(rows: &mut [TrunkRow<T>; T]) -> Option<[f64; T]> {
+fn eliminate_trunk<const T: usize>(rows: &mut [TrunkRow<T>; T], least_pivot: f64) -> bool {
     let mut is_positive = true;
     for a in 0..T {
         let row = rows[a];
         let pivot = row.trunk[a];
-        is_positive &= pivot > 0.0;
+        is_positive &= pivot > least_pivot;
         let inverse = 1.0 / pivot;
         for b in a + 1..T {
             let factor = row.trunk[b] * inverse;
@@ -211,9 +266,11 @@ fn solve_trunk<const T: usize>(rows: &mut [TrunkRow<T>; T]) -> Option<[f64; T]> 
         }
         rows[a].trunk[a] = inverse;
     }
-    if !is_positive {
-        return None;
-    }
+    is_positive
+}
+
+#[inline]
+fn substitute_trunk<const T: usize>(rows: &[TrunkRow<T>; T]) -> [f64; T] {
     let mut step = [0.0; T];
     for a in (0..T).rev() {
         let row = &rows[a];
@@ -223,11 +280,11 @@ fn solve_trunk<const T: usize>(rows: &mut [TrunkRow<T>; T]) -> Option<[f64; T]> 
         }
         step[a] = sum * row.trunk[a];
     }
-    Some(step)
+    step
 }
 
 #[inline]
-fn solve_finger<const F: usize, const T: usize>(
+fn substitute_finger<const F: usize, const T: usize>(
     rows: &[FingerRow<F, T>; F],
     trunk: &[f64; T],
 ) -> [f64; F] {

@@ -4,11 +4,14 @@ use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaterni
 
 use super::{
     compiled::{CompiledHand, Root},
-    moments::{Moments, Order, Twist},
+    moments::{Moments, Twist},
     posture::{RootPose, logarithm},
     task::{Residual, Task, Terms},
-    trig::sin_cos,
+    trig::{LANES, sin_cos},
 };
+
+/// The carrier of no moments.
+pub(super) const NOBODY: usize = usize::MAX;
 
 /// A posture in the order of the unknowns.
 #[derive(Debug, Clone)]
@@ -20,36 +23,61 @@ pub(super) struct State {
 
 /// Where a body is: its orientation, and its origin relative to the root's, along the world's axes.
 #[derive(Debug, Clone, Copy)]
-struct Frame {
-    rotation: Matrix3<f64>,
-    origin: Vector3<f64>,
+pub(super) struct Frame {
+    pub(super) rotation: Matrix3<f64>,
+    pub(super) origin: Vector3<f64>,
+}
+
+impl Frame {
+    /// Returns how the body moves with its joint.
+    #[inline]
+    pub(super) fn twist(&self, is_prismatic: bool) -> Twist {
+        let [_, _, axis] = columns(&self.rotation);
+        if is_prismatic {
+            return Twist {
+                velocity: axis,
+                turn: Vector3::zeros(),
+            };
+        }
+        Twist {
+            velocity: self.origin.cross(&axis),
+            turn: axis,
+        }
+    }
 }
 
 /// A targeted point's say in the cost.
 #[derive(Debug, Clone, Copy)]
-struct Pull {
-    body: usize,
+pub(super) struct Pull {
+    pub(super) body: usize,
     /// The point, relative to the root's origin.
-    r: Vector3<f64>,
-    slope: Vector3<f64>,
+    pub(super) r: Vector3<f64>,
+    pub(super) slope: Vector3<f64>,
     /// Along the axes: exact, and of parabolas that lie above.
-    curvature: Vector3<f64>,
-    convex: Vector3<f64>,
+    pub(super) curvature: Vector3<f64>,
+    pub(super) convex: Vector3<f64>,
 }
 
 /// The bodies at a posture, with memory for all that is computed from them.
 #[derive(Debug)]
 pub(super) struct Evaluation<'a> {
     pub(super) hand: &'a CompiledHand,
-    frames: Vec<Frame>,
-    root: RootPose,
-    positions: Vec<f64>,
-    sines: Vec<f64>,
-    cosines: Vec<f64>,
-    pulls: Vec<Pull>,
-    residuals: Vec<Residual>,
-    moments: Vec<Moments>,
-    twists: Vec<Twist>,
+    pub(super) frames: Vec<Frame>,
+    pub(super) root: RootPose,
+    /// The joints' positions where the bodies are; not numbers before they are placed.
+    pub(super) q: Vec<f64>,
+    /// Each body's own position, filled up so that sines are computed in whole groups.
+    pub(super) positions: Vec<f64>,
+    pub(super) sines: Vec<f64>,
+    pub(super) cosines: Vec<f64>,
+    pub(super) pulls: Vec<Pull>,
+    pub(super) residuals: Vec<Residual>,
+    pub(super) moments: Vec<Moments>,
+    /// Whose memory holds each body's moments; [`NOBODY`]'s where there are none.
+    pub(super) carriers: Vec<usize>,
+    pub(super) twists: Vec<Twist>,
+    /// Forces and moments alone.
+    pub(super) wrenches: Vec<Twist>,
     /// First derivatives by the unknowns.
     pub(super) gradient: Vec<f64>,
     /// Second derivatives, as [`super::layout::Layout`] says.
@@ -91,10 +119,6 @@ impl Posed<'_> {
 impl<'a> Evaluation<'a> {
     pub(super) fn new(hand: &'a CompiledHand) -> Self {
         let n_bodies = hand.bodies.len();
-        let zero = Twist {
-            velocity: Vector3::zeros(),
-            turn: Vector3::zeros(),
-        };
         Self {
             hand,
             frames: vec![
@@ -105,13 +129,16 @@ impl<'a> Evaluation<'a> {
                 n_bodies
             ],
             root: RootPose::identity(),
-            positions: vec![0.0; n_bodies],
-            sines: vec![0.0; n_bodies],
-            cosines: vec![1.0; n_bodies],
+            q: vec![f64::NAN; hand.dof()],
+            positions: vec![0.0; n_bodies.next_multiple_of(LANES)],
+            sines: vec![0.0; n_bodies.next_multiple_of(LANES)],
+            cosines: vec![1.0; n_bodies.next_multiple_of(LANES)],
             pulls: Vec::new(),
             residuals: Vec::new(),
             moments: vec![Moments::ZERO; n_bodies],
-            twists: vec![zero; n_bodies],
+            carriers: vec![NOBODY; n_bodies],
+            twists: vec![Twist::ZERO; n_bodies],
+            wrenches: vec![Twist::ZERO; n_bodies],
             gradient: vec![0.0; hand.layout.n],
             hessian: vec![0.0; hand.layout.n * hand.layout.stride],
         }
@@ -144,7 +171,12 @@ impl<'a> Evaluation<'a> {
     }
 
     fn place(&mut self, state: &State) {
+        // A search begins where the one before ended: then the bodies are there already.
+        if self.root == state.root && self.q == state.q && self.hand.dof() > 0 {
+            return;
+        }
         self.root = state.root;
+        self.q.copy_from_slice(&state.q);
         let bodies = &self.hand.bodies;
         let (n_root, unknowns) = (self.hand.layout.n_root, &self.hand.layout.unknowns);
         for (idx, body) in bodies.iter().enumerate().skip(1) {
@@ -155,15 +187,17 @@ impl<'a> Evaluation<'a> {
         self.frames[0].rotation = state.root.rotation;
         for (idx, body) in bodies.iter().enumerate().skip(1) {
             let parent = &self.frames[body.parent];
-            let mut origin = parent.origin + parent.rotation * body.translation;
-            let at_zero = parent.rotation * body.rotation;
-            let (x, y, z) = (at_zero.column(0), at_zero.column(1), at_zero.column(2));
+            let [x, y, z] = columns(&parent.rotation);
+            let t = &body.translation;
+            let mut origin = parent.origin + (x * t.x + y * t.y + z * t.z);
+            // Column by column: nalgebra's general product is several times slower.
+            let [u, v, w] = columns(&body.rotation).map(|c| x * c.x + y * c.y + z * c.z);
             let rotation = if body.is_prismatic {
-                origin += z * self.positions[idx];
-                at_zero
+                origin += w * self.positions[idx];
+                Matrix3::from_columns(&[u, v, w])
             } else {
                 let (s, c) = (self.sines[idx], self.cosines[idx]);
-                Matrix3::from_columns(&[x * c + y * s, y * c - x * s, z.into_owned()])
+                Matrix3::from_columns(&[u * c + v * s, v * c - u * s, w])
             };
             self.frames[idx] = Frame { rotation, origin };
         }
@@ -236,7 +270,11 @@ impl<'a> Evaluation<'a> {
     }
 
     /// Returns how far the root moved along and turned, in the coordinates of its unknowns.
-    fn root_motion(&self, root: &RootPose, before: &RootPose) -> (Vector3<f64>, Vector3<f64>) {
+    pub(super) fn root_motion(
+        &self,
+        root: &RootPose,
+        before: &RootPose,
+    ) -> (Vector3<f64>, Vector3<f64>) {
         let along = root.translation - before.translation;
         let turned = match self.hand.root {
             Root::Angles => root.angles - before.angles,
@@ -244,173 +282,15 @@ impl<'a> Evaluation<'a> {
         };
         (along, turned)
     }
+}
 
-    /// Computes the derivatives at the posture whose cost was last computed, which is `state`.
-    pub(super) fn differentiate(&mut self, state: &State, task: &Task<'_>, order: Order) {
-        self.gradient.fill(0.0);
-        self.hessian.fill(0.0);
-        self.gather(order);
-        self.joints(order);
-        if self.hand.layout.n_root > 0 {
-            self.root_block(state, task);
-        }
-        self.springs(state, task);
-    }
-
-    /// Gathers the moments of each body with all that hangs on it, from the tips to the root.
-    fn gather(&mut self, order: Order) {
-        self.moments.fill(Moments::ZERO);
-        for pull in &self.pulls {
-            let curvature = match order {
-                Order::Exact => &pull.curvature,
-                Order::Convex => &pull.convex,
-            };
-            self.moments[pull.body].add_point(&pull.r, &pull.slope, curvature, order);
-        }
-        for residual in &self.residuals {
-            let Some(point) = self.hand.points.get(residual.point) else {
-                continue;
-            };
-            let frame = &self.frames[point.body];
-            let r = frame.origin + frame.rotation * point.offset;
-            let curvature = 2.0 * residual.weight * residual.weight;
-            self.moments[point.body].add_line(
-                &r,
-                &residual.direction,
-                curvature * residual.residual,
-                curvature,
-                order,
-            );
-        }
-        for idx in (1..self.moments.len()).rev() {
-            let (above, below) = self.moments.split_at_mut(idx);
-            above[self.hand.bodies[idx].parent].add(&below[0]);
-        }
-    }
-
-    /// Adds what every joint and pair of joints says.
-    fn joints(&mut self, order: Order) {
-        let hand = self.hand;
-        let layout = &hand.layout;
-        let turns = self.root_turns();
-        for (idx, body) in hand.bodies.iter().enumerate().skip(1) {
-            let frame = &self.frames[idx];
-            let axis: Vector3<f64> = frame.rotation.column(2).into_owned();
-            let twist = if body.is_prismatic {
-                Twist {
-                    velocity: axis,
-                    turn: Vector3::zeros(),
-                }
-            } else {
-                Twist {
-                    velocity: frame.origin.cross(&axis),
-                    turn: axis,
-                }
-            };
-            self.twists[idx] = twist;
-            let moments = &self.moments[idx];
-            let unknown = layout.unknowns[idx];
-            self.gradient[unknown] += body.multiplier * moments.slope(&twist);
-            let change = moments.curvature(&twist, order);
-            if layout.n_root > 0 {
-                let turn = match &turns {
-                    Some(turns) => turns.tr_mul(&change.turn),
-                    None => change.turn,
-                };
-                let row = &mut self.hessian[unknown * layout.stride..][..6];
-                for axis in 0..3 {
-                    row[axis] += body.multiplier * change.velocity[axis];
-                    row[3 + axis] += body.multiplier * turn[axis];
-                }
-            }
-            let (first, last) = layout.pairs_of[idx];
-            for pair in &layout.pairs[first..last] {
-                self.hessian[pair.place] += pair.factor * self.twists[pair.above].dot(&change);
-            }
-        }
-    }
-
-    /// Returns the axes of the root's three angles, in the world; `None` where it has none.
-    fn root_turns(&self) -> Option<Matrix3<f64>> {
-        if self.hand.root != Root::Angles {
-            return None;
-        }
-        // The third axis is the root's own z; the second one is the new y after the first turn.
-        let third: Vector3<f64> = self.frames[0].rotation.column(2).into_owned();
-        let (mut sine, mut cosine) = ([0.0], [0.0]);
-        sin_cos(&[self.root.angles.x], &mut sine, &mut cosine);
-        let second = Vector3::new(0.0, cosine[0], sine[0]);
-        Some(Matrix3::from_columns(&[Vector3::x(), second, third]))
-    }
-
-    /// Adds what the root's own six unknowns say.
-    fn root_block(&mut self, state: &State, task: &Task<'_>) {
-        let moments = &self.moments[0];
-        let (linear, mixed, mut angular) = moments.root();
-        let mut moment = moments.moment;
-        let mut mixed = *mixed;
-        if let Some(turns) = self.root_turns() {
-            moment = turns.tr_mul(&moment);
-            mixed *= turns;
-            // The earlier axis is above the later one.
-            let upper = turns.tr_mul(&(moments.angular() * turns));
-            for (a, b) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)] {
-                angular[(a, b)] = upper[(a, b)];
-                angular[(b, a)] = upper[(a, b)];
-            }
-        }
-        let stride = self.hand.layout.stride;
-        for a in 0..3 {
-            self.gradient[a] += moments.force[a];
-            self.gradient[3 + a] += moment[a];
-            for b in 0..=a {
-                self.hessian[a * stride + b] += linear[(a, b)];
-                self.hessian[(3 + a) * stride + 3 + b] += angular[(a, b)];
-            }
-            for b in 0..3 {
-                self.hessian[(3 + a) * stride + b] += mixed[(b, a)];
-            }
-        }
-        let Some(smoothness) = &task.smoothness else {
-            return;
-        };
-        if smoothness.root_weight > 0.0 {
-            let weight = 2.0 * smoothness.root_weight;
-            let (along, turned) = self.root_motion(&state.root, &smoothness.posture.root);
-            let bend = match self.hand.root {
-                // The logarithm's second derivative, to second order in the angle.
-                Root::Free => turned.cross_matrix() * turned.cross_matrix() / 12.0,
-                Root::Angles | Root::Fixed => Matrix3::zeros(),
-            };
-            for a in 0..3 {
-                self.gradient[a] += weight * along[a];
-                self.gradient[3 + a] += weight * turned[a];
-                self.hessian[a * stride + a] += weight;
-                self.hessian[(3 + a) * stride + 3 + a] += weight;
-                for b in 0..=a {
-                    self.hessian[(3 + a) * stride + 3 + b] += weight * bend[(a, b)];
-                }
-            }
-        }
-    }
-
-    /// Adds what joints say of their motion and their distance from rest.
-    fn springs(&mut self, state: &State, task: &Task<'_>) {
-        let layout = &self.hand.layout;
-        let mut add = |before: &[f64], weight: f64| {
-            for (slot, (q, &joint)) in state.q.iter().zip(&layout.joints).enumerate() {
-                let unknown = layout.n_root + slot;
-                self.gradient[unknown] += 2.0 * weight * (q - before[joint]);
-                self.hessian[layout.diagonal[unknown]] += 2.0 * weight;
-            }
-        };
-        if let Some(smoothness) = &task.smoothness
-            && smoothness.joint_weight > 0.0
-        {
-            add(&smoothness.posture.q, smoothness.joint_weight);
-        }
-        if let Some(rest) = &task.rest {
-            add(rest.q, rest.weight);
-        }
-    }
+/// Returns a matrix's columns.
+#[inline]
+pub(super) fn columns(matrix: &Matrix3<f64>) -> [Vector3<f64>; 3] {
+    let m = &matrix.data.0;
+    [
+        Vector3::from(m[0]),
+        Vector3::from(m[1]),
+        Vector3::from(m[2]),
+    ]
 }

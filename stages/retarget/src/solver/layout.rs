@@ -160,6 +160,25 @@ impl Layout {
         }
     }
 
+    /// Returns one element of the matrix times a vector.
+    pub(super) fn product_at(&self, hessian: &[f64], vector: &[f64], u: usize) -> f64 {
+        let row = &hessian[u * self.stride..][..self.stride];
+        let (trunk, finger) = row.split_at(self.n_trunk);
+        let Some((f, i)) = self.finger(u) else {
+            let trunk =
+                (0..self.n_trunk).map(|b| hessian[u.max(b) * self.stride + u.min(b)] * vector[b]);
+            let fingers = (self.n_trunk..self.n).map(|v| hessian[v * self.stride + u] * vector[v]);
+            return trunk.chain(fingers).sum();
+        };
+        let (first, len) = self.fingers[f];
+        let mut sum: f64 = trunk.iter().zip(vector).map(|(a, b)| a * b).sum();
+        for (j, value) in vector[first..first + len].iter().enumerate() {
+            let place = (first + i.min(j)) * self.stride + self.n_trunk + i.max(j);
+            sum += value * if j < i { hessian[place] } else { finger[j] };
+        }
+        sum
+    }
+
     fn pair(&mut self, bodies: &[Body]) {
         for (idx, body) in bodies.iter().enumerate() {
             let first = self.pairs.len();
@@ -191,8 +210,7 @@ fn groups(bodies: &[Body], points: &[BodyPoint], dof: usize) -> Vec<Option<usize
         carries[point.body] = true;
     }
     for idx in (1..bodies.len()).rev() {
-        let carried = carries[idx];
-        carries[bodies[idx].parent] |= carried;
+        carries[bodies[idx].parent] |= carries[idx];
     }
     let carries = &carries;
     let below = |parent: usize| {

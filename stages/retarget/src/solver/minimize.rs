@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::{
     SolverError,
-    arrow::{Eliminate, System, eliminator},
+    arrow::{Eliminate, eliminator},
     compiled::{CompiledHand, Root},
     evaluate::{Evaluation, Posed, State},
     moments::Order,
@@ -20,8 +20,8 @@ const LEAST_DAMPING: f64 = 1e-4;
 const MOST_DAMPING: f64 = 1e10;
 /// Share of the predicted decrease that a step must bring.
 const LEAST_SHARE: f64 = 1e-4;
-/// Turns of the search for the limits that hold.
-const MOST_TURNS: usize = 12;
+/// How near to 1 the share must be for the expansion to be believed for one more step.
+const NEAR: f64 = 0.3;
 
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,18 +61,18 @@ pub struct Outcome {
 /// A minimizer with its memory, which it uses anew at each call.
 #[derive(Debug)]
 pub struct Solver<'a> {
-    evaluation: Evaluation<'a>,
-    eliminator: Box<dyn Eliminate>,
-    state: State,
-    trial: State,
-    step: Vec<f64>,
+    pub(super) evaluation: Evaluation<'a>,
+    pub(super) eliminator: Box<dyn Eliminate>,
+    pub(super) state: State,
+    pub(super) trial: State,
+    pub(super) step: Vec<f64>,
     /// The Hessian times the step.
-    product: Vec<f64>,
-    right: Vec<f64>,
-    damping: Vec<f64>,
-    free: Vec<f64>,
+    pub(super) product: Vec<f64>,
+    pub(super) right: Vec<f64>,
+    pub(super) damping: Vec<f64>,
+    pub(super) free: Vec<f64>,
     /// The held unknowns' part of the step.
-    held: Vec<f64>,
+    pub(super) held: Vec<f64>,
 }
 
 impl<'a> Solver<'a> {
@@ -126,6 +126,38 @@ impl<'a> Solver<'a> {
             *q = posture.q[joint];
         }
         Ok(self.evaluation.cost(&self.state, task, terms))
+    }
+
+    /// Places the hand at a posture, within its limits or not, writes the cost's derivatives by the
+    /// root's unknowns and then the joints in the model's order, and returns the cost.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the task, the posture or the gradient's length does not fit the hand.
+    pub fn gradient<T: Terms>(
+        &mut self,
+        task: &Task<'_>,
+        posture: &Posture,
+        terms: &mut T,
+        gradient: &mut [f64],
+    ) -> Result<f64, SolverError> {
+        let cost = self.place(task, posture, terms)?;
+        let evaluation = &mut self.evaluation;
+        if gradient.len() != evaluation.gradient.len() {
+            return Err(SolverError::WrongLength {
+                what: "derivatives",
+                found: gradient.len(),
+                expected: evaluation.gradient.len(),
+            });
+        }
+        evaluation.differentiate(&self.state, task, Order::Exact);
+        let layout = &evaluation.hand.layout;
+        let (root, joints) = gradient.split_at_mut(layout.n_root);
+        root.copy_from_slice(&evaluation.gradient[..layout.n_root]);
+        for (slot, &joint) in layout.joints.iter().enumerate() {
+            joints[joint] = evaluation.gradient[layout.n_root + slot];
+        }
+        Ok(cost)
     }
 
     /// Moves `posture` to a minimum of the task near it, with every joint within its limits from
@@ -209,6 +241,16 @@ impl<'a> Solver<'a> {
                         damping = 0.0;
                     }
                 }
+                // Near the end the Hessian hardly changes, and the one at hand tells.
+                let is_near = order == Order::Exact && damping == 0.0 && (share - 1.0).abs() < NEAR;
+                if is_near
+                    && let Some(to_gain) = self.left_to_gain(task)
+                    && to_gain <= options.tolerance * cost + options.least_decrease
+                {
+                    outcome.to_gain = to_gain;
+                    outcome.converged = true;
+                    break;
+                }
                 order = Order::Exact;
                 self.evaluation.differentiate(&self.state, task, order);
             } else {
@@ -251,91 +293,5 @@ impl<'a> Solver<'a> {
                 .max(hand.lower[slot])
                 .min(hand.upper[slot]);
         }
-    }
-
-    /// Computes the step to the minimum of the damped expansion within the limits, and returns the
-    /// decrease that the undamped one predicts; `None` if there is no such minimum.
-    fn boxed_step(&mut self, damping: f64, wrist: Wrist) -> Option<f64> {
-        let layout = &self.evaluation.hand.layout;
-        let hand = self.evaluation.hand;
-        let (n, n_root) = (layout.n, layout.n_root);
-        let gradient = &self.evaluation.gradient;
-        let mut any_held = false;
-        for u in 0..n {
-            let curvature = self.evaluation.hessian[layout.diagonal[u]];
-            self.damping[u] = damping * curvature.abs();
-            self.held[u] = 0.0;
-            let is_held = if u < n_root {
-                wrist == Wrist::Held
-            } else {
-                let (slot, slope) = (u - n_root, gradient[u]);
-                let q = self.state.q[slot];
-                (q <= hand.lower[slot] && slope > 0.0)
-                    || (q >= hand.upper[slot] && slope < 0.0)
-                    || (curvature == 0.0 && slope == 0.0)
-            };
-            self.free[u] = if is_held { 0.0 } else { 1.0 };
-            self.right[u] = -gradient[u];
-            any_held |= is_held;
-        }
-        for turn in 0..MOST_TURNS {
-            let system = System {
-                layout,
-                hessian: &self.evaluation.hessian,
-                right: &self.right,
-                damping: &self.damping,
-                free: &self.free,
-            };
-            if !self.eliminator.solve(&system, &mut self.step) {
-                return None;
-            }
-            for u in 0..n {
-                self.step[u] += self.held[u];
-            }
-            if any_held {
-                layout.product(&self.evaluation.hessian, &self.step, &mut self.product);
-            }
-            let mut changed = false;
-            let is_last = turn + 2 >= MOST_TURNS;
-            for u in n_root..n {
-                let slot = u - n_root;
-                let q = self.state.q[slot];
-                let (below, above) = (hand.lower[slot] - q, hand.upper[slot] - q);
-                if self.free[u] > 0.0 {
-                    let inside = self.step[u].max(below).min(above);
-                    if inside != self.step[u] {
-                        self.free[u] = 0.0;
-                        self.held[u] = inside;
-                        changed = true;
-                    }
-                } else if any_held && !is_last {
-                    let slope = gradient[u] + self.product[u];
-                    let pushes_out = (self.held[u] <= below && slope >= 0.0)
-                        || (self.held[u] >= above && slope <= 0.0);
-                    if !pushes_out {
-                        self.free[u] = 1.0;
-                        self.held[u] = 0.0;
-                        changed = true;
-                    }
-                }
-            }
-            if !changed {
-                break;
-            }
-            any_held = true;
-            layout.product(&self.evaluation.hessian, &self.held, &mut self.product);
-            for u in 0..n {
-                self.right[u] = -gradient[u] - self.product[u];
-            }
-        }
-        if !any_held {
-            layout.product(&self.evaluation.hessian, &self.step, &mut self.product);
-        }
-        let mut predicted = 0.0;
-        for u in 0..n {
-            predicted -= self.step[u] * (gradient[u] + 0.5 * self.product[u]);
-        }
-        // NaN is no prediction either.
-        (predicted >= 0.0 && predicted.is_finite()).then_some(predicted)
     }
 }

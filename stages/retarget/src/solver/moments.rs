@@ -23,7 +23,8 @@ pub(super) struct Moments {
     pub(super) moment: Vector3<f64>,
 }
 
-/// A body's motion: its velocity at the root's origin, and its turn.
+/// A body's motion: its velocity at the root's origin, and its turn. Or what resists one: a force,
+/// and its moment about the root's origin.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Twist {
     pub(super) velocity: Vector3<f64>,
@@ -156,6 +157,26 @@ impl Moments {
 }
 
 impl Twist {
+    /// None.
+    pub(super) const ZERO: Self = Self {
+        velocity: Vector3::new(0.0, 0.0, 0.0),
+        turn: Vector3::new(0.0, 0.0, 0.0),
+    };
+
+    /// Adds a force at a point.
+    #[inline]
+    pub(super) fn add_force(&mut self, r: &Vector3<f64>, force: &Vector3<f64>) {
+        self.velocity += force;
+        self.turn += r.cross(force);
+    }
+
+    /// Adds another one.
+    #[inline]
+    pub(super) fn add(&mut self, other: &Self) {
+        self.velocity += other.velocity;
+        self.turn += other.turn;
+    }
+
     /// Returns the power of a motion against this force and moment.
     #[inline]
     pub(super) fn dot(&self, other: &Self) -> f64 {

@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::trig::sin_cos;
+use super::trig::{LANES, sin_cos};
 
 /// Where the hand's root is and how its joints stand.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,6 +20,8 @@ pub struct RootPose {
     pub(super) rotation: Matrix3<f64>,
     /// Turns about x, then the new y, then the new z. Kept by [`super::Root::Angles`] alone.
     pub(super) angles: Vector3<f64>,
+    /// The second angle's axis: y after the first turn.
+    pub(super) second_axis: Vector3<f64>,
 }
 
 impl Posture {
@@ -39,6 +41,7 @@ impl RootPose {
             translation: Vector3::zeros(),
             rotation: Matrix3::identity(),
             angles: Vector3::zeros(),
+            second_axis: Vector3::y(),
         }
     }
 
@@ -46,25 +49,43 @@ impl RootPose {
     /// quarter turn.
     pub fn from_isometry(world_from_root: &Isometry3<f64>) -> Self {
         let rotation = world_from_root.rotation.to_rotation_matrix().into_inner();
+        let first = (-rotation[(1, 2)]).atan2(rotation[(2, 2)]);
         let middle = rotation[(0, 2)].clamp(-1.0, 1.0).asin();
+        let last = (-rotation[(0, 1)]).atan2(rotation[(0, 0)]);
         Self {
             translation: world_from_root.translation.vector,
             rotation,
-            angles: Vector3::new(
-                (-rotation[(1, 2)]).atan2(rotation[(2, 2)]),
-                middle,
-                (-rotation[(0, 1)]).atan2(rotation[(0, 0)]),
-            ),
+            angles: Vector3::new(first, middle, last),
+            second_axis: Vector3::new(0.0, first.cos(), first.sin()),
         }
     }
 
     /// Returns the root pose at a translation (m), turned about x, then about the new y, then about
     /// the new z (rad).
     pub fn from_angles(translation: Vector3<f64>, angles: Vector3<f64>) -> Self {
+        let (mut sines, mut cosines) = ([0.0; LANES], [0.0; LANES]);
+        sin_cos(
+            &[angles.x, angles.y, angles.z, 0.0],
+            &mut sines,
+            &mut cosines,
+        );
+        let ([sa, sb, sc, _], [ca, cb, cc, _]) = (sines, cosines);
+        let rotation = Matrix3::new(
+            cb * cc,
+            -cb * sc,
+            sb,
+            ca * sc + sa * sb * cc,
+            ca * cc - sa * sb * sc,
+            -sa * cb,
+            sa * sc - ca * sb * cc,
+            sa * cc + ca * sb * sc,
+            ca * cb,
+        );
         Self {
             translation,
-            rotation: rotation_of(&angles),
+            rotation,
             angles,
+            second_axis: Vector3::new(0.0, ca, sa),
         }
     }
 
@@ -98,26 +119,9 @@ impl RootPose {
             translation: self.translation + along,
             rotation: orthonormal(&rotation),
             angles: self.angles,
+            second_axis: self.second_axis,
         }
     }
-}
-
-/// Returns the rotation about x, then the new y, then the new z.
-fn rotation_of(angles: &Vector3<f64>) -> Matrix3<f64> {
-    let (mut sines, mut cosines) = ([0.0; 3], [0.0; 3]);
-    sin_cos(angles.as_slice(), &mut sines, &mut cosines);
-    let ([sa, sb, sc], [ca, cb, cc]) = (sines, cosines);
-    Matrix3::new(
-        cb * cc,
-        -cb * sc,
-        sb,
-        ca * sc + sa * sb * cc,
-        ca * cc - sa * sb * sc,
-        -sa * cb,
-        sa * sc - ca * sb * cc,
-        sa * cc + ca * sb * sc,
-        ca * cb,
-    )
 }
 
 /// Returns the rotation by a vector's length about its direction (Rodrigues).

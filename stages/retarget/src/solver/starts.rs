@@ -15,6 +15,11 @@ const BENDS: [f64; 3] = [0.5, 0.25, 0.75];
 /// Reach of joints without limits about 0 in the starts tried, in radians.
 const REACH_RAD: f64 = 1.0;
 
+/// How far toward its other limit a joint is set to search from there.
+const FAR_SIDE: f64 = 0.8;
+/// Share of the cost below which another minimum replaces the one that follows the motion.
+const WORTH_A_JUMP: f64 = 0.995;
+
 impl Solver<'_> {
     /// Returns postures from which to search when nothing is known: all joints at three bends, with
     /// the root laid so that the points come nearest to their targets.
@@ -64,6 +69,56 @@ impl Solver<'_> {
         let old = posture.root.isometry();
         let moved = nalgebra::Isometry3::from_parts(along.into(), rotation) * old;
         Ok(Posture::new(&moved, posture.q))
+    }
+
+    /// Searches from a posture like [`Solver::minimize`], and then from the other side of each
+    /// finger that ended at a limit; keeps what is better.
+    ///
+    /// Two neighboring joints reach nearly the same place bent either way, as an elbow does. A search
+    /// that follows a motion can be left with the worse bend, and then has a joint at its limit.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the task or the posture does not fit the hand.
+    pub fn minimize_and_unbend<T: Terms>(
+        &mut self,
+        task: &Task<'_>,
+        posture: &mut Posture,
+        options: &Options,
+        terms: &mut T,
+    ) -> Result<Outcome, SolverError> {
+        let mut best = self.minimize(task, posture, options, terms)?;
+        let hand = self.hand();
+        let layout = &hand.layout;
+        let mut trial = posture.clone();
+        for &(first, len) in &layout.fingers {
+            trial.clone_from(posture);
+            let mut is_bent = false;
+            for slot in first - layout.n_root..first - layout.n_root + len {
+                let (joint, lower, upper) =
+                    (layout.joints[slot], hand.lower[slot], hand.upper[slot]);
+                let q = posture.q[joint];
+                if q <= lower || q >= upper {
+                    let near = if q <= lower { lower } else { upper };
+                    trial.q[joint] = near + FAR_SIDE * (lower + upper - 2.0 * near);
+                    is_bent = true;
+                }
+            }
+            if !is_bent {
+                continue;
+            }
+            let outcome = self.minimize(task, &mut trial, options, terms)?;
+            best.iterations += outcome.iterations;
+            if outcome.cost < WORTH_A_JUMP * best.cost {
+                let iterations = best.iterations;
+                best = Outcome {
+                    iterations,
+                    ..outcome
+                };
+                posture.clone_from(&trial);
+            }
+        }
+        Ok(best)
     }
 
     /// Minimizes from each start and returns the best posture found; `None` without starts.

@@ -465,6 +465,52 @@ fn fingers_are_blocks_and_what_crosses_them_is_the_trunk() {
     assert_eq!(lengths, [1, 2, 4]);
 }
 
+/// A finger that is bent the wrong way, with its last joint at a limit, finds the other bend.
+#[test]
+fn the_better_bend_is_found() {
+    let joint = |n: usize, z: f64| {
+        format!(
+            "<link name=\"l{n}\"/><joint name=\"j{n}\" type=\"revolute\"><origin xyz=\"0 0 {z}\"/>\
+             <parent link=\"l{}\"/><child link=\"l{n}\"/><axis xyz=\"0 1 0\"/>\
+             <limit lower=\"-0.2\" upper=\"1.6\" effort=\"1\" velocity=\"1\"/></joint>",
+            n - 1
+        )
+    };
+    let xml = format!(
+        "<robot name=\"finger\"><link name=\"l0\"/>{}{}</robot>",
+        joint(1, 0.0),
+        joint(2, 0.05)
+    );
+    let model = RobotModel::from_urdf(&xml).unwrap();
+    let hand = CompiledHand::new(&model, Root::Fixed, &[(2, Point3::new(0.0, 0.0, 0.04))]).unwrap();
+    let mut solver = Solver::new(&hand);
+    let reached = Posture::new(&Isometry3::identity(), vec![0.1, 1.2]);
+    solver.place(&NOTHING, &reached, &mut NoTerms).unwrap();
+    let target = Target {
+        point: 0,
+        at: solver.posed().point(0).unwrap(),
+        weight: 1.0,
+    };
+    let task = Task {
+        targets: &[target],
+        ..NOTHING
+    };
+    let start = Posture::new(&Isometry3::identity(), vec![1.4, -0.2]);
+    let mut stuck = start.clone();
+    let poor = solver
+        .minimize(&task, &mut stuck, &OPTIONS, &mut NoTerms)
+        .unwrap();
+    assert!(poor.cost > 1e-5 && stuck.q[1] == -0.2, "{poor:?} {stuck:?}");
+    let mut found = start;
+    let outcome = solver
+        .minimize_and_unbend(&task, &mut found, &OPTIONS, &mut NoTerms)
+        .unwrap();
+    assert!(
+        outcome.cost < 1e-12 && (found.q[1] - 1.2).abs() < 1e-5,
+        "{outcome:?} {found:?}"
+    );
+}
+
 #[test]
 fn refuses_what_does_not_fit() {
     let model = made_up();

@@ -9,35 +9,69 @@ const LARGEST: f64 = 1e5;
 /// π/2 in three parts, the first two with trailing zeros, so that small multiples are exact (Cody
 /// and Waite, *Software Manual for the Elementary Functions*, 1980, §8.1; the parts are fdlibm's).
 const HALF_PI: [f64; 3] = [
-    1.570_796_326_734_125_614_17,
-    6.077_100_506_303_965_976_6e-11,
-    2.022_266_248_795_950_630_91e-21,
+    1.570_796_326_734_125_6,
+    6.077_100_506_303_966e-11,
+    2.022_266_248_795_950_6e-21,
 ];
 /// Minimax polynomials of sine and cosine on ±π/4, from fdlibm's `k_sin.c` and `k_cos.c` (Sun
 /// Microsystems, 1993), highest power last.
 const SINE: [f64; 6] = [
-    -1.666_666_666_666_663_243_48e-1,
-    8.333_333_333_322_489_461_24e-3,
-    -1.984_126_982_985_794_931_34e-4,
-    2.755_731_370_707_006_767_89e-6,
-    -2.505_076_025_340_686_341_95e-8,
-    1.589_690_995_211_550_102_21e-10,
+    -0.166_666_666_666_666_32,
+    0.008_333_333_333_322_49,
+    -0.000_198_412_698_298_579_5,
+    2.755_731_370_707_006_8e-6,
+    -2.505_076_025_340_686_3e-8,
+    1.589_690_995_211_55e-10,
 ];
 const COSINE: [f64; 6] = [
-    4.166_666_666_666_660_190_37e-2,
-    -1.388_888_888_887_410_957_49e-3,
-    2.480_158_728_947_672_941_78e-5,
-    -2.755_731_435_139_066_330_35e-7,
-    2.087_572_321_298_174_827_90e-9,
-    -1.135_964_755_778_819_482_65e-11,
+    0.041_666_666_666_666_6,
+    -0.001_388_888_888_887_411,
+    2.480_158_728_947_673e-5,
+    -2.755_731_435_139_066_3e-7,
+    2.087_572_321_298_175e-9,
+    -1.135_964_755_778_819_5e-11,
 ];
+
+/// Angles that are worked on at once.
+pub(super) const LANES: usize = 4;
 
 /// Writes the sine and cosine of each angle (rad), right to two units in the last place.
 ///
-/// The loop has no branch, so that the compiler works on several angles at once, and it does not
-/// call the platform's library, so that every machine gets the same bits.
+/// The work has no branch, so that the compiler does several angles at once, and it does not call
+/// the platform's library, so that every machine gets the same bits.
 pub(super) fn sin_cos(angles: &[f64], sines: &mut [f64], cosines: &mut [f64]) {
-    for ((&angle, sine), cosine) in angles.iter().zip(sines.iter_mut()).zip(cosines.iter_mut()) {
+    let (mut angle_chunks, mut sine_chunks) =
+        (angles.chunks_exact(LANES), sines.chunks_exact_mut(LANES));
+    let mut cosine_chunks = cosines.chunks_exact_mut(LANES);
+    for ((angles, sines), cosines) in (&mut angle_chunks)
+        .zip(&mut sine_chunks)
+        .zip(&mut cosine_chunks)
+    {
+        let (s, c) = lanes([angles[0], angles[1], angles[2], angles[3]]);
+        sines.copy_from_slice(&s);
+        cosines.copy_from_slice(&c);
+    }
+    let rest = angle_chunks.remainder();
+    if !rest.is_empty() {
+        let mut padded = [0.0; LANES];
+        padded[..rest.len()].copy_from_slice(rest);
+        let (s, c) = lanes(padded);
+        sine_chunks
+            .into_remainder()
+            .copy_from_slice(&s[..rest.len()]);
+        cosine_chunks
+            .into_remainder()
+            .copy_from_slice(&c[..rest.len()]);
+    }
+}
+
+#[inline]
+fn lanes(angles: [f64; LANES]) -> ([f64; LANES], [f64; LANES]) {
+    let (mut sines, mut cosines) = ([0.0; LANES], [0.0; LANES]);
+    let mut largest: f64 = 0.0;
+    for lane in 0..LANES {
+        let angle = angles[lane];
+        largest = largest.max(angle.abs());
         let shifted = angle * FRAC_2_PI + ROUND;
         let turns = shifted - ROUND;
         let x = ((angle - turns * HALF_PI[0]) - turns * HALF_PI[1]) - turns * HALF_PI[2];
@@ -54,14 +88,15 @@ pub(super) fn sin_cos(angles: &[f64], sines: &mut [f64], cosines: &mut [f64]) {
         let (s_bits, c_bits) = (s.to_bits(), c.to_bits());
         let sine_bits = (s_bits & !swap) | (c_bits & swap);
         let cosine_bits = (c_bits & !swap) | (s_bits & swap);
-        *sine = f64::from_bits(sine_bits ^ ((quarter & 2) << 62));
-        *cosine = f64::from_bits(cosine_bits ^ ((quarter.wrapping_add(1) & 2) << 62));
+        sines[lane] = f64::from_bits(sine_bits ^ ((quarter & 2) << 62));
+        cosines[lane] = f64::from_bits(cosine_bits ^ ((quarter.wrapping_add(1) & 2) << 62));
     }
-    for ((&angle, sine), cosine) in angles.iter().zip(sines).zip(cosines) {
-        if angle.abs() > LARGEST {
-            (*sine, *cosine) = angle.sin_cos();
+    if largest > LARGEST {
+        for lane in 0..LANES {
+            (sines[lane], cosines[lane]) = angles[lane].sin_cos();
         }
     }
+    (sines, cosines)
 }
 
 #[cfg(test)]

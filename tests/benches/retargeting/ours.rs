@@ -1,0 +1,108 @@
+//! Our solver on the peer's problems and on the paper's objective.
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use rand::Rng;
+use stage_retarget::solver::{
+    NoTerms, Options, Outcome, Posture, RootPose, Smoothness, Solver, Task, Wrist,
+};
+
+use crate::problem::{MOTION_WEIGHT, Problem};
+
+/// As the race is run: what is left to gain is a thousandth.
+pub(crate) const FAST: Options = Options {
+    tolerance: 1e-3,
+    least_decrease: 1e-9,
+    max_iterations: 60,
+    wrist: Wrist::Moves,
+};
+/// Full convergence.
+pub(crate) const TIGHT: Options = Options {
+    tolerance: 1e-12,
+    least_decrease: 1e-18,
+    max_iterations: 500,
+    wrist: Wrist::Moves,
+};
+/// Random starts of each frame for what is taken as its true minimum.
+const N_STARTS: usize = 24;
+
+/// Which function is minimized.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Objective {
+    /// The peer's: smooth-L1 and joint motion.
+    Peer,
+    /// The paper's: squared distances and the points' squared motion, times this λ.
+    Paper(f64),
+}
+
+impl Objective {
+    /// Returns the task of a frame, after a frame's posture and points.
+    pub(crate) fn task<'a>(
+        self,
+        problem: &'a Problem,
+        frame: usize,
+        before: &'a Posture,
+        points: &'a [Point3<f64>],
+    ) -> Task<'a> {
+        let (loss, point_weight, motion_weight) = match self {
+            Self::Peer => (Problem::loss(), 0.0, MOTION_WEIGHT),
+            Self::Paper(lambda) => (stage_retarget::solver::Loss::Squared, lambda, 0.0),
+        };
+        Task {
+            targets: &problem.targets[frame],
+            loss,
+            smoothness: Some(Smoothness {
+                points,
+                point_weight,
+                posture: before,
+                joint_weight: motion_weight,
+                root_weight: motion_weight,
+            }),
+            rest: None,
+        }
+    }
+}
+
+/// Returns where the points that follow are at a posture.
+pub(crate) fn points_at(solver: &mut Solver<'_>, n: usize, posture: &Posture) -> Vec<Point3<f64>> {
+    let nothing = Task {
+        targets: &[],
+        loss: Problem::loss(),
+        smoothness: None,
+        rest: None,
+    };
+    solver.place(&nothing, posture, &mut NoTerms).unwrap();
+    (0..n)
+        .map(|point| solver.posed().point(point).unwrap())
+        .collect()
+}
+
+/// Returns the least cost found from many starts: `near`, its root with random joints, and random
+/// turns of it.
+pub(crate) fn true_minimum(
+    problem: &Problem,
+    solver: &mut Solver<'_>,
+    task: &Task<'_>,
+    near: &[&Posture],
+    rng: &mut impl Rng,
+) -> f64 {
+    let mut starts: Vec<Posture> = near.iter().map(|&posture| posture.clone()).collect();
+    for _ in 0..N_STARTS {
+        let q = problem.model.joints().iter();
+        let q = q
+            .map(|joint| rng.random_range(joint.lower..=joint.upper))
+            .collect();
+        let reach = if rng.random_bool(0.5) { 0.3 } else { 1.5 };
+        let turn = Vector3::from_fn(|_, _| rng.random_range(-reach..reach));
+        let root = near[0].root.isometry();
+        let rotation = UnitQuaternion::new(turn) * root.rotation;
+        let root = Isometry3::from_parts(Translation3::from(root.translation.vector), rotation);
+        starts.push(Posture {
+            root: RootPose::from_isometry(&root),
+            q,
+        });
+    }
+    starts.extend(solver.starts(task).unwrap());
+    let found: Option<(Posture, Outcome)> =
+        solver.best_of(task, starts, &TIGHT, &mut NoTerms).unwrap();
+    found.map_or(f64::INFINITY, |(_, outcome)| outcome.cost)
+}

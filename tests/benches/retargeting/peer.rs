@@ -1,0 +1,112 @@
+//! The peer, `dex_retargeting`, in a Python process that is asked chunk by chunk.
+
+use std::{
+    env,
+    io::{BufRead, BufReader, Write},
+    path::{Path, PathBuf},
+    process::{Child, ChildStdin, ChildStdout, Command, Stdio},
+};
+
+use serde_json::{Value, json};
+use stage_retarget::solver::{Posture, Target};
+
+use crate::problem::{Problem, posture};
+
+/// The running peer.
+pub(crate) struct Peer {
+    process: Child,
+    input: ChildStdin,
+    output: BufReader<ChildStdout>,
+}
+
+impl Peer {
+    /// Starts the peer on a problem; an error says why it cannot be.
+    pub(crate) fn start(problem: &Problem) -> Result<Self, String> {
+        let python = env::var_os("PIPELINE_PYTHON").map_or_else(|| "python3".into(), PathBuf::from);
+        let script = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("tests/benches/retargeting/dex_retargeting_frames.py");
+        let mut process = Command::new(&python)
+            .arg(script)
+            .env("OMP_NUM_THREADS", "1")
+            .env("OPENBLAS_NUM_THREADS", "1")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .map_err(|err| format!("cannot start `{}`: {err}", python.display()))?;
+        let mut peer = Self {
+            input: process.stdin.take().unwrap(),
+            output: BufReader::new(process.stdout.take().unwrap()),
+            process,
+        };
+        peer.say(&json!({ "urdf": problem.urdf, "links": problem.links }));
+        let said = peer.answer();
+        let names: Vec<&str> = said["joints"]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .filter_map(Value::as_str)
+            .collect();
+        let ours: Vec<&str> = problem
+            .joints
+            .iter()
+            .map(|&j| problem.model.joints()[j].name.as_str())
+            .collect();
+        if names.get(6..) == Some(&ours[..]) {
+            return Ok(peer);
+        }
+        Err(format!(
+            "`{}` has no `dex_retargeting`, or one with other joints",
+            python.display()
+        ))
+    }
+
+    /// Retargets frames after those asked before, and returns each frame's thread CPU time in
+    /// microseconds and answer.
+    pub(crate) fn retarget(
+        &mut self,
+        problem: &Problem,
+        frames: &[Vec<Target>],
+    ) -> Vec<(f64, Posture)> {
+        let frames: Vec<Vec<[f64; 3]>> = frames
+            .iter()
+            .map(|frame| frame.iter().map(|target| target.at.coords.into()).collect())
+            .collect();
+        self.say(&json!(frames));
+        let said = self.answer();
+        let numbers = |value: &Value| -> Vec<f64> {
+            value
+                .as_array()
+                .into_iter()
+                .flatten()
+                .filter_map(Value::as_f64)
+                .collect()
+        };
+        let seconds = numbers(&said["seconds"]);
+        let answers = said["coordinates"].as_array().unwrap();
+        seconds
+            .into_iter()
+            .zip(answers)
+            .map(|(s, answer)| (s * 1e6, posture(&numbers(answer), &problem.joints)))
+            .collect()
+    }
+
+    fn say(&mut self, value: &Value) {
+        // It fails where the process has ended; the answer is then missing.
+        let _ = writeln!(self.input, "{value}");
+        let _ = self.input.flush();
+    }
+
+    fn answer(&mut self) -> Value {
+        let mut line = String::new();
+        self.output.read_line(&mut line).unwrap();
+        serde_json::from_str(&line).unwrap_or(Value::Null)
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
