@@ -179,7 +179,11 @@ fn the_graph_lists_what_each_stage_reads_and_makes_and_how_many_partitions_there
     );
     let makes = |output: &str| {
         let made = format!("makes  {output}");
-        lines[stage..].iter().find(|line| line.contains(&made)).unwrap().to_string()
+        lines[stage..]
+            .iter()
+            .find(|line| line.contains(&made))
+            .unwrap()
+            .to_string()
     };
     assert!(makes("retarget.trajectories").contains(" partitions, one per sequence"));
     assert!(makes("retarget.tracking").contains(" partitions, one per object"));

@@ -153,10 +153,7 @@ fn a_damaged_artifact_is_noticed_before_use_and_made_again() {
     let plan = stdout(&{ plan }.output().unwrap());
     assert!(plan.contains("missing or damaged in the lake"), "{plan}");
     bench.run_well(&["--until", "train"]);
-    let expected = counts(&[
-        ("retarget.trajectories", 1),
-        ("train.checkpoint", 1),
-    ]);
+    let expected = counts(&[("retarget.trajectories", 1), ("train.checkpoint", 1)]);
     assert_eq!(bench.made_by_newest_run(), expected);
     let again = bench.run_well(&["--until", "train"]);
     assert!(
