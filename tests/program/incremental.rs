@@ -61,7 +61,9 @@ fn a_changed_value_reruns_its_stage_and_what_follows_and_plan_names_it() {
     let states = |node: usize| plan["nodes"][node]["units"][0]["state"].as_str().unwrap();
     assert_eq!(
         [0, 1, 2, 3, 4, 5].map(states),
-        ["cached", "cached", "cached", "cached", "run", "perhaps"]
+        [
+            "cached", "cached", "cached", "cached", "cached", "cached", "run", "perhaps"
+        ]
     );
 
     bench.run_well(&change);

@@ -167,11 +167,13 @@ impl SurfaceDistance {
     /// right to a ten-thousandth; `None` if there is no surface.
     ///
     /// `hints` are triangles that may be the nearest one, e.g. those nearest to neighboring points:
-    /// the search then has only to show that there is none nearer.
+    /// the search then has only to show that there is none nearer. It is left out where the best of
+    /// them is farther than `sure_m`.
     pub(crate) fn nearest_face(
         &self,
         point: &Point3<f64>,
         hints: impl IntoIterator<Item = u32>,
+        sure_m: f64,
     ) -> Option<(u32, f64)> {
         let tree = self.tree.as_ref()?;
         let to_face = |idx: u32| {
@@ -186,6 +188,9 @@ impl SurfaceDistance {
             {
                 best = Some(found);
             }
+        }
+        if best.is_some_and(|(_, distance)| distance > sure_m) {
+            return best;
         }
         // Only what is nearer by more than single precision can tell is worth finding.
         #[expect(clippy::cast_possible_truncation, reason = "made a little smaller")]

@@ -19,6 +19,10 @@ pub const FILE: &str = "part.parquet";
 /// Rows per row group: memory of a reader grows with this, not with the file.
 const ROW_GROUP_ROWS: usize = 131_072;
 
+/// Tables of fewer bytes are not compressed: to start and stop a compressor for each of their columns
+/// takes longer than all else that is done with them.
+const COMPRESSED_BYTES: usize = 1 << 16;
+
 /// Writes `batch` as the table of the artifact in `folder`.
 ///
 /// # Errors
@@ -37,7 +41,7 @@ pub fn write(folder: &Path, batch: &RecordBatch) -> Result<(), LakeError> {
         source,
     };
     let properties = WriterProperties::builder()
-        .set_compression(Compression::ZSTD(ZstdLevel::default()))
+        .set_compression(compression(batch))
         .set_max_row_group_row_count(Some(ROW_GROUP_ROWS))
         .set_created_by(concat!("pipeline ", env!("CARGO_PKG_VERSION")).to_owned())
         .build();
@@ -46,6 +50,24 @@ pub fn write(folder: &Path, batch: &RecordBatch) -> Result<(), LakeError> {
     writer.write(batch).map_err(parquet)?;
     writer.close().map_err(parquet)?;
     Ok(())
+}
+
+/// Returns how a table is compressed, by its content alone.
+fn compression(batch: &RecordBatch) -> Compression {
+    let columns = batch.columns().iter();
+    let bytes: usize = columns
+        .map(|column| {
+            column
+                .to_data()
+                .get_slice_memory_size()
+                .unwrap_or(COMPRESSED_BYTES)
+        })
+        .sum();
+    if bytes < COMPRESSED_BYTES {
+        Compression::UNCOMPRESSED
+    } else {
+        Compression::ZSTD(ZstdLevel::default())
+    }
 }
 
 /// Reads the table of an artifact.

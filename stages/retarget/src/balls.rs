@@ -79,6 +79,25 @@ fn line(half: f64) -> Vec<f64> {
         .collect()
 }
 
+/// Most balls in one group.
+const GROUP: usize = 12;
+
+/// Parts balls into groups of neighbors.
+pub(crate) fn groups(mut balls: Vec<Ball>) -> Vec<Vec<Ball>> {
+    if balls.len() <= GROUP {
+        return vec![balls];
+    }
+    let centers = || balls.iter().map(|ball| ball.center_in_link.coords);
+    let low = centers().fold(Vector3::repeat(f64::INFINITY), |a, b| a.inf(&b));
+    let high = centers().fold(Vector3::repeat(f64::NEG_INFINITY), |a, b| a.sup(&b));
+    let longest = (high - low).imax();
+    balls.sort_by(|a, b| a.center_in_link[longest].total_cmp(&b.center_in_link[longest]));
+    let rest = balls.split_off(balls.len() / 2);
+    let mut all = groups(balls);
+    all.extend(groups(rest));
+    all
+}
+
 /// Returns a ball about all of these, not much larger than need be; `None` if there are none.
 pub(crate) fn enclosing(balls: &[Ball]) -> Option<Ball> {
     let low = balls
@@ -134,5 +153,27 @@ mod tests {
         let around = enclosing(&[ball(0.0, 0.01), ball(0.04, 0.02), ball(0.01, 0.0)]).unwrap();
         assert_eq!((around.center_in_link.x, around.radius_m), (0.02, 0.04));
         assert_eq!(enclosing(&[]), None);
+    }
+
+    #[test]
+    fn groups_hold_every_ball_once_and_are_small() {
+        let collision = Collision {
+            link_from_shape: Isometry3::identity(),
+            shape: Shape::Box {
+                half_extents_m: Vector3::new(0.02, 0.056, 0.0475),
+            },
+        };
+        let balls = fill(&collision);
+        let groups = groups(balls.clone());
+        assert_eq!(groups.iter().map(Vec::len).sum::<usize>(), balls.len());
+        assert!(
+            balls
+                .iter()
+                .all(|ball| groups.iter().flatten().any(|one| one == ball))
+        );
+        for group in &groups {
+            assert!(group.len() <= GROUP);
+            assert!(enclosing(group).unwrap().radius_m < 0.04);
+        }
     }
 }

@@ -16,7 +16,7 @@ use crate::{
 const GRASP_ITERATIONS: usize = 3;
 
 /// Steps before the grasp from which the approach is followed, as another way to the grasp.
-const APPROACH: usize = 24;
+const APPROACH: usize = 16;
 
 /// Factor on the object's weight on the way from a hand that knows of no object to one that keeps
 /// out of it: at once, it would be pushed out on whichever side is nearest.

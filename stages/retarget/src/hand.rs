@@ -7,7 +7,7 @@ use robot::RobotModel;
 
 use crate::{
     HandTable, RetargetError,
-    balls::{Ball, enclosing, fill},
+    balls::{Ball, enclosing, fill, groups},
     solver::{CompiledHand, Root},
 };
 
@@ -29,7 +29,7 @@ pub(crate) struct Hand {
     pub(crate) palm_points: Vec<usize>,
     /// Radii of the balls that must stay out of things, in meters, link by link.
     pub(crate) radii_m: Vec<f64>,
-    /// The balls of each link.
+    /// Those balls in groups of neighbors.
     pub(crate) clusters: Vec<Cluster>,
 }
 
@@ -44,7 +44,7 @@ pub(crate) struct HandPoint {
     pub(crate) tip_radius_m: Option<f64>,
 }
 
-/// The balls of one link, and a ball about them all.
+/// Neighboring balls of one link, and a ball about them all.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Cluster {
     /// Which balls.
@@ -79,17 +79,19 @@ impl Hand {
         let (mut clusters, mut radii_m, mut centers) = (Vec::new(), Vec::new(), Vec::new());
         for (idx, link) in model.links().iter().enumerate() {
             let balls: Vec<Ball> = link.collisions.iter().flat_map(fill).collect();
-            let Some(around) = enclosing(&balls) else {
-                continue;
-            };
-            let first = radii_m.len();
-            radii_m.extend(balls.iter().map(|ball| ball.radius_m));
-            places.extend(balls.iter().map(|ball| (idx, ball.center_in_link)));
-            clusters.push(Cluster {
-                balls: first..radii_m.len(),
-                radius_m: around.radius_m,
-            });
-            centers.push((idx, around.center_in_link));
+            for group in groups(balls) {
+                let Some(around) = enclosing(&group) else {
+                    continue;
+                };
+                let first = radii_m.len();
+                radii_m.extend(group.iter().map(|ball| ball.radius_m));
+                places.extend(group.iter().map(|ball| (idx, ball.center_in_link)));
+                clusters.push(Cluster {
+                    balls: first..radii_m.len(),
+                    radius_m: around.radius_m,
+                });
+                centers.push((idx, around.center_in_link));
+            }
         }
         places.extend(centers);
         Ok(Self {

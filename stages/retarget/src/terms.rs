@@ -6,7 +6,7 @@ use crate::{
     RetargetConfig,
     goal::Goal,
     hand::Hand,
-    scene::Scene,
+    scene::{Gap, Scene},
     solver::{Posed, Residual, Terms},
 };
 
@@ -30,39 +30,29 @@ impl Terms for Surroundings<'_> {
         if config.contact_weight > 0.0 {
             self.contacts(posed, residuals);
         }
+        let mut keep_out = |weight: f64, point: usize, gap: Gap, needed_m: f64| {
+            residuals.push(Residual {
+                point,
+                direction: gap.away,
+                residual: gap.distance_m - needed_m,
+                weight,
+            });
+        };
         if config.table_weight > 0.0 {
-            let up = self.scene.up();
             self.each_near_ball(
                 posed,
-                |center| self.scene.height_m(center),
+                |center| self.table_gap(center),
                 config.table_margin_m,
-                |point, height, needed| {
-                    residuals.push(Residual {
-                        point,
-                        direction: up,
-                        residual: height - needed,
-                        weight: config.table_weight,
-                    });
-                },
+                |point, gap, needed_m| keep_out(config.table_weight, point, gap, needed_m),
             );
         }
         if config.object_weight > 0.0 {
+            let weight = self.firmness * config.object_weight;
             self.each_near_ball(
                 posed,
-                |center| self.scene.gap(center).distance_m,
+                |center| self.scene.gap(center),
                 self.goal.clearance_m,
-                |point, _, needed| {
-                    let Some(center) = posed.point(point) else {
-                        return;
-                    };
-                    let gap = self.scene.gap(&center);
-                    residuals.push(Residual {
-                        point,
-                        direction: gap.away,
-                        residual: gap.distance_m - needed,
-                        weight: self.firmness * config.object_weight,
-                    });
-                },
+                |point, gap, needed_m| keep_out(weight, point, gap, needed_m),
             );
         }
     }
@@ -84,14 +74,22 @@ impl Surroundings<'_> {
         }
     }
 
-    /// Calls `found` with each ball's number among the solver's points whose distance, as `distance`
-    /// measures its center's, is less than its radius and `margin_m`, with that distance and the sum.
+    /// Returns how far a point is from the table.
+    fn table_gap(&self, point: &Point3<f64>) -> Gap {
+        Gap {
+            distance_m: self.scene.height_m(point),
+            away: self.scene.up(),
+        }
+    }
+
+    /// Calls `found` with each ball's number among the solver's points whose center's gap is less
+    /// than its radius and `margin_m`, with that gap and the sum.
     fn each_near_ball(
         &self,
         posed: &Posed<'_>,
-        distance: impl Fn(&Point3<f64>) -> f64,
+        gap: impl Fn(&Point3<f64>) -> Gap,
         margin_m: f64,
-        mut found: impl FnMut(usize, f64, f64),
+        mut found: impl FnMut(usize, Gap, f64),
     ) {
         let hand = self.hand;
         for (idx, cluster) in hand.clusters.iter().enumerate() {
@@ -99,7 +97,7 @@ impl Surroundings<'_> {
                 continue;
             };
             // A distance changes by no more than the way gone.
-            if distance(&center) > SLACK * cluster.radius_m + margin_m {
+            if gap(&center).distance_m > SLACK * cluster.radius_m + margin_m {
                 continue;
             }
             for ball in cluster.balls.clone() {
@@ -108,9 +106,9 @@ impl Surroundings<'_> {
                 else {
                     continue;
                 };
-                let (found_m, needed_m) = (distance(&center), radius_m + margin_m);
-                if found_m < needed_m {
-                    found(point, found_m, needed_m);
+                let (gap, needed_m) = (gap(&center), radius_m + margin_m);
+                if gap.distance_m < needed_m {
+                    found(point, gap, needed_m);
                 }
             }
         }
@@ -118,25 +116,19 @@ impl Surroundings<'_> {
 
     /// Returns the greatest depth of a link inside the object, in meters.
     pub(crate) fn object_depth_m(&self, posed: &Posed<'_>) -> f64 {
-        let mut depth_m = 0.0_f64;
-        self.each_near_ball(
-            posed,
-            |center| self.scene.gap(center).distance_m,
-            0.0,
-            |_, distance, needed| depth_m = depth_m.max(needed - distance),
-        );
-        depth_m
+        self.depth_m(posed, |center| self.scene.gap(center))
     }
 
     /// Returns the greatest depth of a link below the table, in meters.
     pub(crate) fn table_depth_m(&self, posed: &Posed<'_>) -> f64 {
+        self.depth_m(posed, |center| self.table_gap(center))
+    }
+
+    fn depth_m(&self, posed: &Posed<'_>, gap: impl Fn(&Point3<f64>) -> Gap) -> f64 {
         let mut depth_m = 0.0_f64;
-        self.each_near_ball(
-            posed,
-            |center| self.scene.height_m(center),
-            0.0,
-            |_, height, needed| depth_m = depth_m.max(needed - height),
-        );
+        self.each_near_ball(posed, gap, 0.0, |_, gap, radius_m| {
+            depth_m = depth_m.max(radius_m - gap.distance_m);
+        });
         depth_m
     }
 }
