@@ -9,10 +9,10 @@ use super::{
     task::{NoTerms, Task, Terms},
 };
 
-/// How far between its limits each joint stands in the starts tried: the paper's mid-range, an open
-/// and a closed hand.
+/// How far between the ends of its reach each joint stands in the starts tried: in the middle, as in
+/// the paper, an open and a closed hand.
 const BENDS: [f64; 3] = [0.5, 0.25, 0.75];
-/// Reach of joints without limits about 0 in the starts tried, in radians.
+/// Reach of joints about 0 in the starts tried, in radians, where their limits do not end it before.
 const REACH_RAD: f64 = 1.0;
 
 /// How far toward its other limit a joint is set to search from there.
