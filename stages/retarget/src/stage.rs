@@ -230,6 +230,7 @@ fn check_wrist(config: &RetargetConfig, hand: &Hand) -> Result<(), RetargetError
     let found = hand.palm_points.len();
     match config.wrist {
         Wrist::Fixed if found < 3 => Err(RetargetError::TooFewPalmPoints { found }),
+        Wrist::Fixed if hand.is_palm_a_line() => Err(RetargetError::PalmPointsInLine { found }),
         Wrist::Fixed | Wrist::Free => Ok(()),
     }
 }
@@ -428,6 +429,9 @@ mod tests {
         shown.steps[1].keypoints_m[7][2] = f64::NAN;
         let reason = retargeted::unusable(&shown, &table).unwrap();
         assert!(reason.contains("step 1"), "{reason}");
+        // Its square is no number.
+        shown.steps[1].keypoints_m[7][2] = 1e200;
+        assert_eq!(retargeted::unusable(&shown, &table), Some(reason));
     }
 
     /// Writes the Allegro hand's table with a part of it replaced.
@@ -494,6 +498,16 @@ mod tests {
         let err = Retarget::prepare(&config).unwrap_err();
         assert!(err.to_string().contains("2"), "{err}");
         assert!(err.hint().unwrap().contains("`index_mcp`"));
+        // The knuckles alone are a line, about which the palm could turn.
+        let knuckle = "offset_m = [0.0, 0.0, 0.0007]";
+        config.hand_table = with_table(folder.path(), knuckle, "offset_m = [0.0, 0.0, -0.0015]");
+        let text = fs::read_to_string(&config.hand_table).unwrap();
+        let wrist = "    { keypoint = \"wrist\"";
+        assert!(text.contains(wrist));
+        fs::write(&config.hand_table, text.replace(wrist, "    # {")).unwrap();
+        let err = Retarget::prepare(&config).unwrap_err();
+        assert!(err.to_string().contains("line"), "{err}");
+        assert!(err.hint().unwrap().contains("`wrist`"));
     }
 
     #[test]
@@ -506,6 +520,9 @@ mod tests {
         assert!(refused(|c| c.smooth_l1_beta_m = 0.0).contains("`smooth_l1_beta_m`"));
         assert!(refused(|c| c.field_spacing_m = 0.0).contains("`field_spacing_m`"));
         assert!(refused(|c| c.object_weight = f64::NAN).contains("`object_weight`"));
+        assert!(refused(|c| c.field_spacing_m = 5.0).contains("`field_spacing_m`"));
+        assert!(refused(|c| c.object_weight = 1e200).contains("`object_weight`"));
         assert!(refused(|c| c.smoothing_s = -1.0).contains("`smoothing_s`"));
+        assert!(refused(|c| c.max_iterations = 0).contains("`max_iterations`"));
     }
 }
