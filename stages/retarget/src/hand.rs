@@ -59,15 +59,13 @@ pub(crate) struct Cluster {
 }
 
 impl Hand {
-    /// Prepares a robot for the points of its table.
+    /// Prepares a robot that passed [`check`] for the points of its table.
     ///
     /// # Errors
     ///
-    /// Fails if the robot lacks a link that is named, has no joint, a joint whose name cannot be
-    /// written, collision shapes far larger than a hand's, or more joints than the solver was made
+    /// Fails if the robot lacks a link that is named, or has more joints than the solver was made
     /// for.
     pub(crate) fn new(model: RobotModel, table: &HandTable) -> Result<Self, RetargetError> {
-        check(&model)?;
         let (mut points, mut places) = (Vec::new(), Vec::new());
         let mut palm_points = Vec::new();
         let mid_range = model.mid_range();
@@ -160,8 +158,13 @@ impl Hand {
     }
 }
 
-/// Checks that a robot can be retargeted to and its motions written.
-fn check(model: &RobotModel) -> Result<(), RetargetError> {
+/// Checks that a robot can be retargeted to and its motions written, whatever its table.
+///
+/// # Errors
+///
+/// Fails if it has no joint, a joint whose name cannot be written, or collision shapes far larger
+/// than a hand's.
+pub(crate) fn check(model: &RobotModel) -> Result<(), RetargetError> {
     if model.dof() == 0 {
         return Err(RetargetError::NoJoint);
     }
@@ -206,9 +209,10 @@ mod tests {
     #[test]
     fn robots_that_cannot_be_used_are_refused() {
         let urdf = std::fs::read_to_string(fixture::URDF).unwrap();
+        assert!(check(&RobotModel::from_urdf(&urdf).unwrap()).is_ok());
         let refused = |urdf: &str| {
             let model = RobotModel::from_urdf(urdf).unwrap();
-            Hand::new(model, &fixture::table()).unwrap_err()
+            check(&model).unwrap_err()
         };
         // A file in millimeters: as many balls would fill the memory.
         let size = "0.0408 0.113 0.095";

@@ -94,7 +94,7 @@ impl HandTable {
         let bad = |key: String, problem: String| Err(RetargetError::BadHandTable { key, problem });
         if !(self.scale > 0.0 && self.scale <= LARGEST_SCALE) {
             let problem = format!(
-                "{} is no size, expected more than 0 and at most {LARGEST_SCALE}",
+                "{:?} is no size, expected more than 0 and at most {LARGEST_SCALE}",
                 self.scale
             );
             return bad("scale".to_owned(), problem);

@@ -12,7 +12,10 @@ use dataflow::{
 use robot::RobotModel;
 use schemas::{distance_fields, objects, tracking, trajectories};
 
-use crate::{HandTable, RetargetConfig, RetargetError, Wrist, hand::Hand};
+use crate::{
+    HandTable, RetargetConfig, RetargetError, Wrist,
+    hand::{self, Hand},
+};
 
 /// Moves human demonstrations onto a robot hand.
 pub enum Retarget {}
@@ -216,6 +219,7 @@ fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<LoadedHand, Retarget
         source: Box::new(err),
     };
     let model = RobotModel::from_urdf(&urdf).map_err(|err| of_urdf(err.into()))?;
+    hand::check(&model).map_err(of_urdf)?;
     let in_table = |err: RetargetError| RetargetError::InHandTable {
         path: table_path.to_owned(),
         source: Box::new(err),
