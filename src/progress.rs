@@ -154,8 +154,9 @@ impl Observer for Screen {
             } else {
                 report::duration(report.seconds)
             };
+            let width = state.n_outputs.to_string().len();
             let line = format!(
-                "  {}/{}  {:<9} {:<58} {time:>9}",
+                "  {:>width$}/{}  {:<9} {:<58} {time:>9}",
                 state.n_done, state.n_outputs, report.node.stage, report.description
             );
             if report.n_made_now == 0 {

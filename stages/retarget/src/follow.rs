@@ -159,9 +159,15 @@ impl<'a> Follower<'a> {
         let task = self.asks.task(&targets, before);
         let mut terms = self.asks.terms(goal, 1.0);
         let options = self.asks.options(iterations);
-        let outcome = self
-            .solver
-            .minimize(&task, &mut posture, &options, &mut terms)?;
+        // Fingers alone in the world are tried the other way round at every step; what else is there
+        // makes that dear, and the grasp, from which all other steps follow, is what matters.
+        let outcome = if before.is_none() || self.asks.is_alone() {
+            self.solver
+                .minimize_and_unbend(&task, &mut posture, &options, &mut terms)?
+        } else {
+            self.solver
+                .minimize(&task, &mut posture, &options, &mut terms)?
+        };
         let cost = self.solver.place(&task, &posture, &mut terms)?;
         let posed = self.solver.posed();
         let points = (0..self.asks.hand.points.len())
@@ -263,6 +269,17 @@ impl<'a> Asks<'a> {
                 weight: TIE_BREAK_WEIGHT.powi(2),
             }),
         }
+    }
+
+    /// Says whether nothing but the landmarks has a say.
+    fn is_alone(self) -> bool {
+        let config = self.config;
+        let weights = [
+            config.object_weight,
+            config.table_weight,
+            config.contact_weight,
+        ];
+        weights.iter().all(|weight| *weight <= 0.0)
     }
 
     /// Returns what the object and the table ask, the object as firmly as this.

@@ -500,7 +500,7 @@ mod tests {
         let text = text.replace("    { keypoint = \"middle_mcp\"", "    # {");
         fs::write(&config.hand_table, text).unwrap();
         let err = Retarget::prepare(&config).unwrap_err();
-        assert!(err.to_string().contains("2"), "{err}");
+        assert!(err.to_string().contains('2'), "{err}");
         assert!(err.hint().unwrap().contains("`index_mcp`"));
         // The knuckles alone are a line, about which the palm could turn.
         let knuckle = "offset_m = [0.0, 0.0, 0.0007]";
