@@ -98,7 +98,9 @@ impl Solver<'_> {
                 let (joint, lower, upper) =
                     (layout.joints[slot], hand.lower[slot], hand.upper[slot]);
                 let q = posture.q[joint];
-                if q <= lower || q >= upper {
+                // A locked joint has no other side, and one that is free that way no end of it.
+                let range = upper - lower;
+                if (q <= lower || q >= upper) && range > 0.0 && range.is_finite() {
                     let near = if q <= lower { lower } else { upper };
                     trial.q[joint] = near + FAR_SIDE * (lower + upper - 2.0 * near);
                     is_bent = true;
