@@ -179,6 +179,7 @@ fn doctor_says_what_is_unphysical_in_a_robot() {
             "names a mesh that is not there: `package://hand/palm.stl`",
         ),
         ("note", "has mass and nothing to collide with"),
+        ("note", "has too few fingers and links"),
     ] {
         let is_said = rows.iter().any(|row| row.0 == word && row.1.contains(says));
         assert!(is_said, "{word} {says}: {report}");

@@ -10,7 +10,7 @@ const ROUNDED: f64 = 1e-3;
 const OUTSIDE: f64 = 0.1;
 /// How many times as far from the center of mass as the shapes reach a link's mass may seem to be.
 const SPREAD: f64 = 1.5;
-/// Longest way from a joint to the next, in meters: more is a file in millimeters.
+/// Longest way from a joint to the next, or across a link, in meters: more is a file in millimeters.
 const LONGEST_M: f64 = 10.0;
 /// Largest limit of a joint that turns, in radians: more is a file in degrees.
 const MOST_RAD: f64 = 30.0;
@@ -57,6 +57,7 @@ impl RobotModel {
                 ));
             }
         }
+        findings.extend(self.links().iter().filter_map(oversized));
         for joint in self.joints() {
             findings.extend(self::joint(joint));
         }
@@ -204,6 +205,18 @@ fn bounds(link: &Link) -> Option<(Vector3<f64>, Vector3<f64>)> {
         ))
     };
     Some((along(-1.0)?, along(1.0)?))
+}
+
+/// What is odd about how far a link's shapes reach.
+fn oversized(link: &Link) -> Option<Finding> {
+    let (lower, upper) = bounds(link)?;
+    let across = (upper - lower).norm();
+    (across > LONGEST_M).then(|| Finding {
+        severity: Severity::Doubtful,
+        part: Part::Link(link.name.clone()),
+        problem: format!("has shapes that are {across:.1} m across"),
+        advice: "write lengths in meters".to_owned(),
+    })
 }
 
 /// What is odd about where a link's center of mass is.

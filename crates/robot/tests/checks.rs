@@ -118,6 +118,24 @@ fn masses_in_odd_places_are_doubtful() {
 }
 
 #[test]
+fn shapes_in_millimeters_are_doubtful() {
+    let shape = r#"<collision><geometry><box size="40 113 95"/></geometry></collision>"#;
+    check(
+        &robot(shape, LIMIT),
+        &[
+            (
+                Severity::Doubtful,
+                "link `a` has shapes that are 153.0 m across",
+            ),
+            (
+                Severity::Doubtful,
+                "robot weighs nothing: no link has a mass",
+            ),
+        ],
+    );
+}
+
+#[test]
 fn limits_that_are_placeholders_are_doubtful() {
     use Severity::{Doubtful, Note};
     for (limit, expected) in [

@@ -34,11 +34,20 @@ pub(super) fn check(path: &Path) -> Result<Outcome, Trouble> {
     })?;
     let mut findings = model.examine();
     findings.extend(missing_meshes(&model, path));
+    let table = HandTable::proposed(&model);
+    if table.is_none() {
+        findings.push(Finding {
+            severity: Severity::Note,
+            part: Part::Robot,
+            problem: "has too few fingers and links to propose a hand's table from".to_owned(),
+            advice: String::new(),
+        });
+    }
     let mut rows = summary(&model);
     rows.extend(findings_by_kind(&findings));
     // The table is for a file, what is said about the robot for a person.
     report::line(report::columns(&rows, &[]).trim_end());
-    if let Some(table) = HandTable::proposed(&model) {
+    if let Some(table) = table {
         let head = "# A first proposal of a hand's table, from the tree alone: look it over, above all its \
                     side and scale.\n";
         report::data(format!("{head}{}", table.to_toml()).as_bytes());

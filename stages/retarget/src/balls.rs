@@ -19,7 +19,28 @@ pub(crate) struct Ball {
     pub(crate) radius_m: f64,
 }
 
+/// Returns about how many balls [`fill`] makes of a collision shape, at most twice as many.
+pub(crate) fn count(collision: &Collision) -> f64 {
+    let along = |half: f64| 1.0 + (2.0 * half.max(0.0) / SPACING_M).ceil();
+    match collision.shape {
+        Shape::Sphere { .. } => 1.0,
+        Shape::Capsule { half_length_m, .. } => along(half_length_m),
+        Shape::Cylinder {
+            radius_m,
+            half_length_m,
+        } => along(half_length_m - radius_m).max(along(radius_m - half_length_m).powi(2)),
+        Shape::Box { half_extents_m } => {
+            let radius = LINING_RADIUS_M.min(half_extents_m.min());
+            let ns = half_extents_m.map(|half| along(half - radius));
+            let inner = ns.map(|n| (n - 2.0).max(0.0));
+            ns.product() - inner.product()
+        }
+    }
+}
+
 /// Returns balls inside the collision shape that reach its surface about everywhere.
+///
+/// Their number and the time that it takes grow with the shape: see [`count`].
 pub(crate) fn fill(collision: &Collision) -> Vec<Ball> {
     let place = |center: Vector3<f64>, radius_m: f64| Ball {
         center_in_link: collision.link_from_shape * Point3::from(center),
@@ -38,10 +59,16 @@ pub(crate) fn fill(collision: &Collision) -> Vec<Ball> {
             radius_m,
             half_length_m,
         } => {
-            let radius = radius_m.min(half_length_m);
-            line(half_length_m - radius)
+            if radius_m > half_length_m {
+                // Flat: balls as thick as it is, out to its rim.
+                return disc(radius_m - half_length_m)
+                    .into_iter()
+                    .map(|[x, y]| place(Vector3::new(x, y, 0.0), half_length_m))
+                    .collect();
+            }
+            line(half_length_m - radius_m)
                 .into_iter()
-                .map(|z| place(Vector3::z() * z, radius))
+                .map(|z| place(Vector3::z() * z, radius_m))
                 .collect()
         }
         Shape::Box { half_extents_m } => {
@@ -77,6 +104,26 @@ fn line(half: f64) -> Vec<f64> {
     (0..=n)
         .map(|i| half * (2.0 * f64::from(i) / f64::from(n) - 1.0))
         .collect()
+}
+
+/// Returns places on a disc about the origin, on its rim and in rings inside it, about
+/// [`SPACING_M`] apart at most.
+fn disc(radius: f64) -> Vec<[f64; 2]> {
+    let mut places = Vec::new();
+    for ring in line(radius).into_iter().filter(|&ring| ring >= 0.0) {
+        // As many as on a line as long as the ring, whose last place is its first one.
+        let around = line(std::f64::consts::PI * ring);
+        let n = around.len().saturating_sub(1).max(1);
+        for at in around.iter().take(n) {
+            let (sine, cosine) = if ring > 0.0 {
+                (at / ring).sin_cos()
+            } else {
+                (0.0, 1.0)
+            };
+            places.push([ring * cosine, ring * sine]);
+        }
+    }
+    places
 }
 
 /// Most balls in one group.
@@ -142,6 +189,77 @@ mod tests {
         }
         assert!((top - 0.054).abs() < 1e-12, "{top}");
         assert!((20..100).contains(&balls.len()), "{}", balls.len());
+    }
+
+    #[test]
+    fn balls_fill_a_flat_cylinder_out_to_its_rim() {
+        let (radius_m, half_length_m) = (0.045, 0.01);
+        let collision = Collision {
+            link_from_shape: Isometry3::identity(),
+            shape: Shape::Cylinder {
+                radius_m,
+                half_length_m,
+            },
+        };
+        let balls = fill(&collision);
+        for ball in &balls {
+            let across = ball.center_in_link.coords.xy().norm() + ball.radius_m;
+            assert!(across < radius_m + 1e-12, "{ball:?}");
+            assert!(ball.center_in_link.z.abs() + ball.radius_m < half_length_m + 1e-12);
+        }
+        // Whatever comes in from any side at half height is met within a millimeter or so.
+        for turn in 0..360 {
+            let (sine, cosine) = f64::from(turn).to_radians().sin_cos();
+            let at = Point3::new(radius_m * cosine, radius_m * sine, 0.0);
+            let gap = balls
+                .iter()
+                .map(|ball| (ball.center_in_link - at).norm() - ball.radius_m)
+                .fold(f64::MAX, f64::min);
+            assert!(gap < 0.002, "{gap} m at {turn} degrees");
+        }
+        // And what comes from above, too.
+        for share in 0..10 {
+            let at = Point3::new(0.0, radius_m * f64::from(share) / 10.0, half_length_m);
+            let gap = balls
+                .iter()
+                .map(|ball| (ball.center_in_link - at).norm() - ball.radius_m)
+                .fold(f64::MAX, f64::min);
+            assert!(gap < 0.004, "{gap} m at {share}");
+        }
+    }
+
+    #[test]
+    fn the_number_of_balls_is_foretold() {
+        let half = |x: f64, y: f64, z: f64| Shape::Box {
+            half_extents_m: Vector3::new(x, y, z),
+        };
+        let cylinder = |radius_m, half_length_m| Shape::Cylinder {
+            radius_m,
+            half_length_m,
+        };
+        let capsule = Shape::Capsule {
+            radius_m: 0.01,
+            half_length_m: 0.2,
+        };
+        for shape in [
+            half(0.02, 0.056, 0.0475),
+            half(0.5, 0.5, 0.01),
+            half(0.001, 0.001, 0.3),
+            cylinder(0.2, 0.01),
+            cylinder(0.01, 0.3),
+            capsule,
+            Shape::Sphere { radius_m: 0.3 },
+        ] {
+            let collision = Collision {
+                link_from_shape: Isometry3::identity(),
+                shape,
+            };
+            let (made, foretold) = (fill(&collision).len() as f64, count(&collision));
+            assert!(
+                made <= foretold && foretold <= 2.0 * made + 10.0,
+                "{made}, not {foretold}: {shape:?}"
+            );
+        }
     }
 
     #[test]

@@ -7,6 +7,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::RetargetError;
 
+/// Greatest weight, length or time that makes sense: squares of it are still exact enough to add up.
+const MOST: f64 = 1e6;
+/// Greatest distance between an object's distances, in meters: farther apart they know nothing of a
+/// thing that a hand holds.
+const COARSEST_M: f64 = 0.1;
+
 /// Options of `kind = "retarget"`.
 ///
 /// A weight multiplies its residual before it is squared; 0 switches a term off.
@@ -53,7 +59,7 @@ pub struct RetargetConfig {
     pub field_spacing_m: f64,
     /// Largest number of iterations for one step; the grasp gets more (1).
     pub max_iterations: usize,
-    /// Mean keypoint error at the grasp above which a sequence is left out (m).
+    /// Root mean square keypoint error at the grasp above which a sequence is left out (m).
     pub max_keypoint_error_m: f64,
 }
 
@@ -106,17 +112,22 @@ impl RetargetConfig {
             ("max_keypoint_error_m", self.max_keypoint_error_m),
         ];
         for (key, number) in numbers {
-            if !number.is_finite() || number < 0.0 {
-                return bad(key, format!("{number} is not a number of at least 0"));
+            if !(0.0..=MOST).contains(&number) {
+                let problem = format!("{number} is not a number of at least 0 and at most {MOST}");
+                return bad(key, problem);
             }
         }
-        for (key, number) in [
-            ("smooth_l1_beta_m", self.smooth_l1_beta_m),
-            ("field_spacing_m", self.field_spacing_m),
+        for (key, number, most) in [
+            ("smooth_l1_beta_m", self.smooth_l1_beta_m, MOST),
+            ("field_spacing_m", self.field_spacing_m, COARSEST_M),
         ] {
-            if !number.is_finite() || number <= 0.0 {
-                return bad(key, format!("{number} is not a number above 0"));
+            if !(number > 0.0 && number <= most) {
+                let problem = format!("{number} is not a number above 0 and at most {most}");
+                return bad(key, problem);
             }
+        }
+        if self.max_iterations == 0 {
+            return bad("max_iterations", "nothing is searched with 0".to_owned());
         }
         Ok(())
     }

@@ -50,6 +50,21 @@ pub enum RetargetError {
     /// The robot is not what is needed.
     #[error(transparent)]
     Robot(#[from] RobotError),
+    /// Nothing of the robot moves.
+    #[error("the robot has no joint that moves")]
+    NoJoint,
+    /// A joint's name cannot be written in a list with commas.
+    #[error("joint `{joint}` has a name that is empty or has a comma")]
+    JointName {
+        /// Its name.
+        joint: String,
+    },
+    /// The collision shapes are far larger than a hand's.
+    #[error("the collision shapes up to those of link `{link}` are far larger than a hand")]
+    LargeShapes {
+        /// The link at which they became too large.
+        link: String,
+    },
     /// The solver cannot work on the robot.
     #[error(transparent)]
     Solver(#[from] SolverError),
@@ -58,6 +73,15 @@ pub enum RetargetError {
         "`wrist = \"fixed\"` needs at least 3 points on the palm, the hand's table has {found}"
     )]
     TooFewPalmPoints {
+        /// How many there are.
+        found: usize,
+    },
+    /// The wrist is to be fixed, but the points that say where it is let it turn.
+    #[error(
+        "`wrist = \"fixed\"` needs points on the palm that do not lie on one line, and the {found} in \
+         the hand's table do"
+    )]
+    PalmPointsInLine {
         /// How many there are.
         found: usize,
     },
@@ -145,10 +169,21 @@ impl Advise for RetargetError {
                 Some("the Allegro hand's URDF is `data/robots/allegro_right.urdf`".to_owned())
             }),
             Self::Robot(err) => err.hint(),
+            Self::NoJoint => Some(
+                "give its joints a type that moves: revolute, continuous or prismatic".to_owned(),
+            ),
+            Self::JointName { .. } => Some("give it another name in the URDF".to_owned()),
+            Self::LargeShapes { .. } => Some(
+                "write lengths in meters, and leave out what is no part of the hand, e.g. a table"
+                    .to_owned(),
+            ),
             Self::TooFewPalmPoints { .. } => Some(
                 "add points on the root link to the hand's table, e.g. where the fingers begin, \
                  for `index_mcp`, `middle_mcp` and `ring_mcp`; their weight may be 0"
                     .to_owned(),
+            ),
+            Self::PalmPointsInLine { .. } => Some(
+                "add a point on the root link beside that line, e.g. for `wrist`".to_owned(),
             ),
             Self::NoDemonstrations | Self::NoObjects => Some(
                 "see what ingest left out with `pipeline inspect ingest.demonstrations --skipped`"

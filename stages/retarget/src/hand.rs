@@ -7,9 +7,12 @@ use robot::RobotModel;
 
 use crate::{
     HandTable, RetargetError,
-    balls::{Ball, enclosing, fill, groups},
+    balls::{Ball, count, enclosing, fill, groups},
     solver::{CompiledHand, Root},
 };
+
+/// Most balls of a hand: those of all sides of a box of one meter, three times.
+const MOST_BALLS: f64 = 150_000.0;
 
 /// A robot hand with the points that follow landmarks and the balls that take up room.
 #[derive(Debug, Clone)]
@@ -27,6 +30,8 @@ pub(crate) struct Hand {
     pub(crate) points: Vec<HandPoint>,
     /// Those of them that are on the palm, by index.
     pub(crate) palm_points: Vec<usize>,
+    /// Where the points are in the root link's frame when every joint is at the middle of its range.
+    in_palm: Vec<Point3<f64>>,
     /// Radii of the balls that must stay out of things, in meters, link by link.
     pub(crate) radii_m: Vec<f64>,
     /// Those balls in groups of neighbors.
@@ -54,7 +59,7 @@ pub(crate) struct Cluster {
 }
 
 impl Hand {
-    /// Prepares a robot for the points of its table.
+    /// Prepares a robot that passed [`check`] for the points of its table.
     ///
     /// # Errors
     ///
@@ -63,6 +68,7 @@ impl Hand {
     pub(crate) fn new(model: RobotModel, table: &HandTable) -> Result<Self, RetargetError> {
         let (mut points, mut places) = (Vec::new(), Vec::new());
         let mut palm_points = Vec::new();
+        let mid_range = model.mid_range();
         for (idx, point) in table.points.iter().enumerate() {
             let link = model.require_link(&point.link)?;
             if is_palm(&model, link) {
@@ -76,6 +82,11 @@ impl Hand {
             });
             places.push((link, Point3::from(point.offset_m)));
         }
+        let palm_from_links = model.forward_kinematics(&mid_range).unwrap_or_default();
+        let in_palm = places
+            .iter()
+            .filter_map(|(link, point)| Some(palm_from_links.get(*link)? * point))
+            .collect();
         let (mut clusters, mut radii_m, mut centers) = (Vec::new(), Vec::new(), Vec::new());
         for (idx, link) in model.links().iter().enumerate() {
             let balls: Vec<Ball> = link.collisions.iter().flat_map(fill).collect();
@@ -96,7 +107,8 @@ impl Hand {
         places.extend(centers);
         Ok(Self {
             compiled: CompiledHand::new(&model, Root::Free, &places)?,
-            mid_range: model.mid_range(),
+            mid_range,
+            in_palm,
             scale: table.scale,
             points,
             palm_points,
@@ -104,6 +116,26 @@ impl Hand {
             clusters,
             model,
         })
+    }
+
+    /// Says whether the points on the palm lie on one line, to half a millimeter: the palm could turn
+    /// about it.
+    pub(crate) fn is_palm_a_line(&self) -> bool {
+        const NEAR_M: f64 = 5e-4;
+        let points = || {
+            self.palm_points
+                .iter()
+                .filter_map(|&idx| self.in_palm.get(idx))
+        };
+        let Some(&first) = points().next() else {
+            return true;
+        };
+        let from_first = || points().map(|point| point - first);
+        let farthest = from_first().max_by(|a, b| a.norm().total_cmp(&b.norm()));
+        let Some(along) = farthest.and_then(|far| far.try_normalize(NEAR_M)) else {
+            return true;
+        };
+        from_first().all(|way| way.cross(&along).norm() < NEAR_M)
     }
 
     /// Returns the number of a ball among the solver's points.
@@ -126,6 +158,35 @@ impl Hand {
     }
 }
 
+/// Checks that a robot can be retargeted to and its motions written, whatever its table.
+///
+/// # Errors
+///
+/// Fails if it has no joint, a joint whose name cannot be written, or collision shapes far larger
+/// than a hand's.
+pub(crate) fn check(model: &RobotModel) -> Result<(), RetargetError> {
+    if model.dof() == 0 {
+        return Err(RetargetError::NoJoint);
+    }
+    // Tables note the joints' names with commas between them.
+    let unwritable = |name: &&String| name.is_empty() || name.contains(',');
+    if let Some(joint) = model.joint_names().iter().find(unwritable) {
+        return Err(RetargetError::JointName {
+            joint: joint.clone(),
+        });
+    }
+    let mut balls_n = 0.0;
+    for link in model.links() {
+        balls_n += link.collisions.iter().map(count).sum::<f64>();
+        if balls_n > MOST_BALLS {
+            return Err(RetargetError::LargeShapes {
+                link: link.name.clone(),
+            });
+        }
+    }
+    Ok(())
+}
+
 /// Says whether a link is fixed to the root.
 fn is_palm(model: &RobotModel, link: usize) -> bool {
     let mut next = Some(link);
@@ -136,4 +197,32 @@ fn is_palm(model: &RobotModel, link: usize) -> bool {
         next = link.parent;
     }
     true
+}
+
+#[cfg(test)]
+mod tests {
+    use dataflow::Advise;
+
+    use super::*;
+    use crate::fixture;
+
+    #[test]
+    fn robots_that_cannot_be_used_are_refused() {
+        let urdf = std::fs::read_to_string(fixture::URDF).unwrap();
+        assert!(check(&RobotModel::from_urdf(&urdf).unwrap()).is_ok());
+        let refused = |urdf: &str| {
+            let model = RobotModel::from_urdf(urdf).unwrap();
+            check(&model).unwrap_err()
+        };
+        // A file in millimeters: as many balls would fill the memory.
+        let size = "0.0408 0.113 0.095";
+        assert!(urdf.contains(size));
+        let err = refused(&urdf.replace(size, "40.8 113 95"));
+        assert!(err.to_string().contains("`base_link`"), "{err}");
+        assert!(err.hint().unwrap().contains("meters"));
+        let err = refused(&urdf.replace("joint_13.0", "joint,13"));
+        assert!(err.to_string().contains("`joint,13`"), "{err}");
+        let err = refused(&urdf.replace("\"revolute\"", "\"fixed\""));
+        assert!(err.to_string().contains("no joint"), "{err}");
+    }
 }

@@ -7,6 +7,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::RetargetError;
 
+/// Largest size of a robot hand relative to a person's.
+const LARGEST_SCALE: f64 = 100.0;
+/// Greatest weight of a point.
+const HEAVIEST: f64 = 1e6;
+/// Greatest distance of a point from its link's frame along an axis, and largest finger tip, in
+/// meters.
+const FARTHEST_M: f64 = 10.0;
+
 /// Which landmarks the points of a robot hand follow.
 ///
 /// ```
@@ -84,8 +92,11 @@ impl HandTable {
     /// Checks what types cannot say.
     fn check(&self) -> Result<(), RetargetError> {
         let bad = |key: String, problem: String| Err(RetargetError::BadHandTable { key, problem });
-        if !(self.scale.is_finite() && self.scale > 0.0) {
-            let problem = format!("{} is no size, expected more than 0", self.scale);
+        if !(self.scale > 0.0 && self.scale <= LARGEST_SCALE) {
+            let problem = format!(
+                "{:?} is no size, expected more than 0 and at most {LARGEST_SCALE}",
+                self.scale
+            );
             return bad("scale".to_owned(), problem);
         }
         if self.points.len() < 3 {
@@ -105,13 +116,18 @@ impl HandTable {
                 );
                 return bad(key, problem);
             }
-            let is_size = |number: f64| number.is_finite() && number >= 0.0;
-            if !is_size(point.weight) || !point.offset_m.iter().all(|x| x.is_finite()) {
-                let problem = "`weight` and `offset_m` must be finite, the weight at least 0";
-                return bad(key, problem.to_owned());
+            if !(0.0..=HEAVIEST).contains(&point.weight) {
+                let problem = format!("`weight` must be at least 0 and at most {HEAVIEST}");
+                return bad(key, problem);
             }
-            if point.tip_radius_m.is_some_and(|radius| !is_size(radius)) {
-                return bad(key, "`tip_radius_m` must be at least 0".to_owned());
+            if !point.offset_m.iter().all(|x| x.abs() <= FARTHEST_M) {
+                let problem = format!("`offset_m` must be at most {FARTHEST_M} m along each axis");
+                return bad(key, problem);
+            }
+            let is_radius = |radius| (0.0..=FARTHEST_M).contains(&radius);
+            if point.tip_radius_m.is_some_and(|radius| !is_radius(radius)) {
+                let problem = format!("`tip_radius_m` must be at least 0 and at most {FARTHEST_M}");
+                return bad(key, problem);
             }
         }
         if self.points.iter().all(|point| point.weight == 0.0) {
@@ -133,9 +149,10 @@ impl HandTable {
                 .tip_radius_m
                 .map(|radius| format!(", tip_radius_m = {radius:?}"))
                 .unwrap_or_default();
+            let [keypoint, link] = [&point.keypoint, &point.link].map(toml_edit::Value::from);
+            let weight = point.weight;
             format!(
-                "    {{ keypoint = {:?}, link = {:?}{offset}, weight = {:?}{tip} }},\n",
-                point.keypoint, point.link, point.weight
+                "    {{ keypoint = {keypoint}, link = {link}{offset}, weight = {weight:?}{tip} }},\n"
             )
         };
         let points: String = self.points.iter().map(point).collect();
@@ -170,6 +187,25 @@ mod tests {
     }
 
     #[test]
+    fn any_link_name_is_written_as_it_is_read() {
+        let mut table: HandTable = TABLE.parse().unwrap();
+        for name in [
+            "",
+            "a\"b",
+            "it's",
+            "a\\b\nc",
+            "\u{1}\u{7f}",
+            "t\u{301}",
+            "指",
+        ] {
+            table.points[1].link = name.to_owned();
+            let written = table.to_toml();
+            let read = written.parse::<HandTable>();
+            assert_eq!(read.unwrap(), table, "{written}");
+        }
+    }
+
+    #[test]
     fn tables_without_sense_are_refused() {
         let refused = |from: &str, to: &str| {
             assert!(TABLE.contains(from));
@@ -181,6 +217,9 @@ mod tests {
         assert!(refused("index_tip", "toe").contains("`toe`"));
         assert!(refused("weight = 0.3", "weight = -1.0").contains("`points[2]`"));
         assert!(refused("0.01 }", "inf }").contains("`points[0]`"));
+        assert!(refused("1e-3", "1e200").contains("`points[2]`"));
+        assert!(refused("1e-3", "nan").contains("`points[2]`"));
+        assert!(refused("weight = 0.3", "weight = 1e200").contains("`points[2]`"));
         assert!(refused("scale", "size").contains("`size`"));
         let one = "side = \"left\"\nscale = 1.0\npoints = []\n".parse::<HandTable>();
         assert!(one.unwrap_err().to_string().contains("at least 3"));

@@ -16,7 +16,8 @@ const FINGERS: [&str; 4] = ["index", "middle", "ring", "little"];
 
 impl HandTable {
     /// Proposes a table for a robot: tips follow tips, the middle of each finger its counterpart,
-    /// the wrist the wrist; `None` if the robot has no two fingers.
+    /// the wrist the wrist; `None` if the robot has no finger beside a thumb, or too few links for
+    /// three points.
     ///
     /// It is a guess for people to check.
     pub fn proposed(model: &RobotModel) -> Option<Self> {

@@ -12,7 +12,8 @@ const SAME_TIME_S: f64 = 1e-6;
 /// deviation; as they are if it is 0.
 ///
 /// Beyond either end the path goes on as its own point reflection in that end, so that the first
-/// step and the grasp stay exactly where they are.
+/// step and the grasp stay exactly where they are. The kernel reaches no farther than the path is
+/// long, where that reflection ends.
 pub(crate) fn smoothed(steps: &[Step], deviation_s: f64) -> Vec<[[f64; 3]; KEYPOINTS]> {
     if deviation_s <= 0.0 {
         return steps.iter().map(|step| step.keypoints_m).collect();
@@ -26,7 +27,7 @@ pub(crate) fn smoothed(steps: &[Step], deviation_s: f64) -> Vec<[[f64; 3]; KEYPO
             .map_or_else(Point3::origin, |&xyz| Point3::from(xyz))
     };
     let weight = |dt_s: f64| (-0.5 * (dt_s / deviation_s).powi(2)).exp();
-    let reach_s = REACH * deviation_s + SAME_TIME_S;
+    let reach_s = (REACH * deviation_s).min(last.time_s - first.time_s) + SAME_TIME_S;
     steps
         .iter()
         .map(|step| {
@@ -105,6 +106,19 @@ mod tests {
         // Both ends are kept to the last bit of what matters.
         assert!((after[0] - before[0]).abs() < 1e-12);
         assert!((after[39] - before[39]).abs() < 1e-12);
+    }
+
+    #[test]
+    fn both_ends_stay_however_wide_the_kernel_is() {
+        let shown = steps(|t| t * t);
+        for deviation_s in [0.3, 0.6, 100.0] {
+            let smooth = smoothed(&shown, deviation_s);
+            for end in [0, 39] {
+                let off = smooth[end][7][0] - shown[end].keypoints_m[7][0];
+                assert!(off.abs() < 1e-12, "{off} m at {end} with {deviation_s} s");
+            }
+        }
+        assert_eq!(smoothed(&shown[..1], 0.1)[0], shown[0].keypoints_m);
     }
 
     #[test]

@@ -12,7 +12,10 @@ use dataflow::{
 use robot::RobotModel;
 use schemas::{distance_fields, objects, tracking, trajectories};
 
-use crate::{HandTable, RetargetConfig, RetargetError, Wrist, hand::Hand};
+use crate::{
+    HandTable, RetargetConfig, RetargetError, Wrist,
+    hand::{self, Hand},
+};
 
 /// Moves human demonstrations onto a robot hand.
 pub enum Retarget {}
@@ -216,6 +219,7 @@ fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<LoadedHand, Retarget
         source: Box::new(err),
     };
     let model = RobotModel::from_urdf(&urdf).map_err(|err| of_urdf(err.into()))?;
+    hand::check(&model).map_err(of_urdf)?;
     let in_table = |err: RetargetError| RetargetError::InHandTable {
         path: table_path.to_owned(),
         source: Box::new(err),
@@ -230,6 +234,7 @@ fn check_wrist(config: &RetargetConfig, hand: &Hand) -> Result<(), RetargetError
     let found = hand.palm_points.len();
     match config.wrist {
         Wrist::Fixed if found < 3 => Err(RetargetError::TooFewPalmPoints { found }),
+        Wrist::Fixed if hand.is_palm_a_line() => Err(RetargetError::PalmPointsInLine { found }),
         Wrist::Fixed | Wrist::Free => Ok(()),
     }
 }
@@ -257,255 +262,4 @@ fn skipped(reason: impl Into<String>) -> Outcome {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::{io::Write, path::PathBuf};
-
-    use dataflow::{Advise, Artifact, Partition};
-    use schemas::demonstrations::{self, Demonstration, KEYPOINTS, Side, Step};
-
-    use super::*;
-    use crate::{fixture, recording};
-
-    fn scope(object: &str) -> Scope {
-        Scope::new(BTreeMap::from([
-            (
-                "demonstrations".to_owned(),
-                vec![Partition::new(
-                    "s",
-                    BTreeMap::from([("object".to_owned(), object.to_owned())]),
-                )],
-            ),
-            (
-                "objects".to_owned(),
-                vec![Partition::new("box", BTreeMap::new())],
-            ),
-            (
-                FIELDS.to_owned(),
-                vec![Partition::new("box", BTreeMap::new())],
-            ),
-        ]))
-    }
-
-    /// Makes the folder of an artifact that holds a table.
-    fn place(folder: &Path, key: &str) -> (PathBuf, Artifact) {
-        let folder = folder.join(key);
-        fs::create_dir_all(&folder).unwrap();
-        let table = folder.join(lake::table::FILE);
-        let artifact = Artifact {
-            key: key.to_owned(),
-            labels: BTreeMap::new(),
-            files: BTreeMap::from([(lake::table::FILE.to_owned(), table)]),
-        };
-        (folder, artifact)
-    }
-
-    fn demonstration() -> Demonstration {
-        let mut keypoints_m = [[0.0; 3]; KEYPOINTS];
-        for (idx, keypoint) in keypoints_m.iter_mut().enumerate() {
-            let finger = idx.saturating_sub(1) / 4;
-            let along = if idx == 0 {
-                0.0
-            } else {
-                0.06 + 0.03 * ((idx - 1) % 4) as f64
-            };
-            *keypoint = [-0.1, 0.04 - 0.02 * finger as f64, along];
-        }
-        Demonstration {
-            sequence: "s".to_owned(),
-            object: "box".to_owned(),
-            subject: "p".to_owned(),
-            hand: Side::Right,
-            mirrored: false,
-            start_reason: String::new(),
-            end_reason: String::new(),
-            rest: fixture::rest(),
-            steps: (0..3_u32)
-                .map(|image| Step {
-                    image,
-                    time_s: f64::from(image) / 30.0,
-                    cameras_n: 1,
-                    bridged: false,
-                    keypoints_m,
-                })
-                .collect(),
-        }
-    }
-
-    /// Retargets one demonstration, after its object's field was made.
-    fn run(config: &RetargetConfig, unit: &Unit, folder: &Path) -> Outcome {
-        let (out, _) = place(folder, "out");
-        let (path, shown) = place(folder, "s");
-        lake::table::write(&path, &demonstrations::to_batch(&demonstration()).unwrap()).unwrap();
-        let mut artifacts = BTreeMap::from([("demonstrations".to_owned(), vec![shown])]);
-        if unit
-            .reads
-            .get("objects")
-            .is_some_and(|keys| !keys.is_empty())
-        {
-            let (path, mut object) = place(folder, "box");
-            let mesh = path.join(objects::MESH);
-            let mut file = fs::File::create_new(&mesh).unwrap();
-            file.write_all(fixture::mesh().to_obj().as_bytes()).unwrap();
-            object.files = BTreeMap::from([(objects::MESH.to_owned(), mesh)]);
-            let made = place(folder, "field").0;
-            let cx = Context::detached(FIELDS, "box", 0, &made);
-            let read = BTreeMap::from([("objects".to_owned(), vec![object.clone()])]);
-            let outcome = Retarget::run(config, &Inputs::new(read, Vec::new()), &cx).unwrap();
-            assert!(matches!(outcome, Outcome::Made(_)));
-            let names = [lake::table::FILE, distance_fields::FIELD];
-            let field = Artifact {
-                key: "box".to_owned(),
-                labels: BTreeMap::new(),
-                files: names.map(|name| (name.to_owned(), made.join(name))).into(),
-            };
-            artifacts.insert("objects".to_owned(), vec![object]);
-            artifacts.insert(FIELDS.to_owned(), vec![field]);
-        }
-        let inputs = Inputs::new(artifacts, unit.files.clone());
-        Retarget::run(
-            config,
-            &inputs,
-            &Context::detached("trajectories", "s", 0, &out),
-        )
-        .unwrap()
-    }
-
-    #[test]
-    fn a_demonstration_becomes_a_trajectory() {
-        let folder = tempfile::tempdir().unwrap();
-        let config = fixture::config();
-        Retarget::prepare(&config).unwrap();
-        let units = Retarget::units(&config, "trajectories", &scope("box")).unwrap();
-        let Outcome::Made(made) = run(&config, &units[0], folder.path()) else {
-            panic!("nothing was made");
-        };
-        assert_eq!(made.labels["object"], "box");
-        assert_eq!(made.metrics["steps_n"], 3.0);
-        let (_, artifact) = place(folder.path(), "out");
-        let batch = lake::table::read(&artifact).unwrap();
-        let trajectory = trajectories::from_batch("s", &batch).unwrap();
-        assert_eq!((trajectory.steps.len(), trajectory.joints.len()), (3, 16));
-        assert_eq!(trajectory.object, "box");
-        assert_eq!((trajectory.keypoints.len(), trajectory.tips.len()), (9, 4));
-        let grasp = &trajectory.steps[2];
-        assert_eq!(grasp.tracking.keypoint_errors_m.len(), 9);
-        assert_eq!(
-            grasp.tracking.tip_errors_m,
-            grasp.tracking.keypoint_errors_m[..4]
-        );
-        assert!(grasp.tracking.limit_margin_rad >= 0.0);
-        let recording = folder.path().join("out").join(recording::FILE);
-        let contents = lake::recording::read(&recording).unwrap();
-        assert_eq!(contents.topic("/joint_states").count(), 3);
-    }
-
-    #[test]
-    fn a_demonstration_without_its_object_is_skipped() {
-        let folder = tempfile::tempdir().unwrap();
-        let config = fixture::config();
-        let units = Retarget::units(&config, "trajectories", &scope("bottle")).unwrap();
-        let outcome = run(&config, &units[0], folder.path());
-        assert!(matches!(outcome, Outcome::Skipped { reason } if reason.contains("`box`")));
-    }
-
-    #[test]
-    fn the_reach_of_the_other_hand_is_skipped() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut config = fixture::config();
-        config.hand_table = with_table(folder.path(), "\"right\"", "\"left\"");
-        let units = Retarget::units(&config, "trajectories", &scope("box")).unwrap();
-        let outcome = run(&config, &units[0], folder.path());
-        let expected =
-            "a right hand's reach, but the hand's table says that the robot's is a left hand";
-        assert!(matches!(outcome, Outcome::Skipped { reason } if reason == expected));
-    }
-
-    #[test]
-    fn a_landmark_that_is_no_number_is_told() {
-        let mut shown = demonstration();
-        let table = fixture::table();
-        assert_eq!(retargeted::unusable(&shown, &table), None);
-        shown.steps[1].keypoints_m[7][2] = f64::NAN;
-        let reason = retargeted::unusable(&shown, &table).unwrap();
-        assert!(reason.contains("step 1"), "{reason}");
-    }
-
-    /// Writes the Allegro hand's table with a part of it replaced.
-    fn with_table(folder: &Path, from: &str, to: &str) -> PathBuf {
-        let text = fs::read_to_string(fixture::TABLE).unwrap();
-        assert!(text.contains(from));
-        let path = folder.join("hand.toml");
-        fs::write(&path, text.replacen(from, to, 1)).unwrap();
-        path
-    }
-
-    #[test]
-    fn a_missing_link_is_named_with_the_files_and_near_names() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut config = fixture::config();
-        config.hand_table = with_table(folder.path(), "link_15.0_tip", "link_15.0_top");
-        let err = Retarget::prepare(&config).unwrap_err();
-        let message = err.to_string();
-        for part in ["allegro_right.urdf", "hand.toml", "`link_15.0_top`"] {
-            assert!(message.contains(part), "{message}");
-        }
-        assert!(
-            err.hint().unwrap().contains("`link_15.0_tip`"),
-            "{:?}",
-            err.hint()
-        );
-        config.hand = PathBuf::from("nowhere.urdf");
-        let err = Retarget::prepare(&config).unwrap_err();
-        assert!(err.to_string().contains("`nowhere.urdf`"), "{err}");
-    }
-
-    #[test]
-    fn a_table_that_is_none_is_told_with_its_line() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut config = fixture::config();
-        config.hand_table = with_table(folder.path(), "scale =", "size =");
-        let err = Retarget::prepare(&config).unwrap_err();
-        let message = err.to_string();
-        assert!(
-            message.contains("hand.toml") && message.contains("`size`"),
-            "{message}"
-        );
-        assert!(err.hint().unwrap().contains("doctor --robot"));
-        config.hand_table = with_table(folder.path(), "thumb_tip", "thumb_top");
-        let message = Retarget::prepare(&config).unwrap_err().to_string();
-        assert!(
-            message.contains("`thumb_top`") && message.contains("thumb_tip"),
-            "{message}"
-        );
-    }
-
-    #[test]
-    fn a_fixed_wrist_needs_points_on_the_palm() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut config = fixture::config();
-        config.wrist = Wrist::Fixed;
-        Retarget::prepare(&config).unwrap();
-        let cut = "    { keypoint = \"ring_mcp\"";
-        config.hand_table = with_table(folder.path(), cut, "    # {");
-        Retarget::prepare(&config).unwrap();
-        let text = fs::read_to_string(&config.hand_table).unwrap();
-        let text = text.replace("    { keypoint = \"middle_mcp\"", "    # {");
-        fs::write(&config.hand_table, text).unwrap();
-        let err = Retarget::prepare(&config).unwrap_err();
-        assert!(err.to_string().contains('2'), "{err}");
-        assert!(err.hint().unwrap().contains("`index_mcp`"));
-    }
-
-    #[test]
-    fn options_without_sense_are_refused() {
-        let refused = |change: fn(&mut RetargetConfig)| {
-            let mut config = fixture::config();
-            change(&mut config);
-            Retarget::prepare(&config).unwrap_err().to_string()
-        };
-        assert!(refused(|c| c.smooth_l1_beta_m = 0.0).contains("`smooth_l1_beta_m`"));
-        assert!(refused(|c| c.field_spacing_m = 0.0).contains("`field_spacing_m`"));
-        assert!(refused(|c| c.object_weight = f64::NAN).contains("`object_weight`"));
-        assert!(refused(|c| c.smoothing_s = -1.0).contains("`smoothing_s`"));
-    }
-}
+mod tests;

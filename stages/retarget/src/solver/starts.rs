@@ -9,10 +9,10 @@ use super::{
     task::{NoTerms, Task, Terms},
 };
 
-/// How far between its limits each joint stands in the starts tried: the paper's mid-range, an open
-/// and a closed hand.
+/// How far between the ends of its reach each joint stands in the starts tried: in the middle, as in
+/// the paper, an open and a closed hand.
 const BENDS: [f64; 3] = [0.5, 0.25, 0.75];
-/// Reach of joints without limits about 0 in the starts tried, in radians.
+/// Reach of joints about 0 in the starts tried, in radians, where their limits do not end it before.
 const REACH_RAD: f64 = 1.0;
 
 /// How far toward its other limit a joint is set to search from there.
@@ -98,7 +98,9 @@ impl Solver<'_> {
                 let (joint, lower, upper) =
                     (layout.joints[slot], hand.lower[slot], hand.upper[slot]);
                 let q = posture.q[joint];
-                if q <= lower || q >= upper {
+                // A locked joint has no other side, and one that is free that way no end of it.
+                let range = upper - lower;
+                if (q <= lower || q >= upper) && range > 0.0 && range.is_finite() {
                     let near = if q <= lower { lower } else { upper };
                     trial.q[joint] = near + FAR_SIDE * (lower + upper - 2.0 * near);
                     is_bent = true;

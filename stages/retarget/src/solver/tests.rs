@@ -512,6 +512,44 @@ fn the_better_bend_is_found() {
 }
 
 #[test]
+fn fingers_without_another_side_are_searched_once() {
+    // One joint is locked, one has a single limit: it follows a joint by next to nothing.
+    let xml = r#"<robot name="finger"><link name="l0"/><link name="l1"/><link name="l2"/><link name="l3"/>
+        <joint name="locked" type="revolute"><parent link="l0"/><child link="l1"/><axis xyz="0 1 0"/>
+            <limit lower="0" upper="0" effort="1" velocity="1"/></joint>
+        <joint name="half" type="continuous"><origin xyz="0 0 0.05"/><parent link="l1"/><child link="l2"/>
+            <axis xyz="0 1 0"/></joint>
+        <joint name="follower" type="revolute"><parent link="l0"/><child link="l3"/><axis xyz="0 1 0"/>
+            <limit lower="0" upper="1" effort="1" velocity="1"/><mimic joint="half" multiplier="1e-320"/></joint>
+        </robot>"#;
+    let model = RobotModel::from_urdf(xml).unwrap();
+    let half = &model.joints()[1];
+    assert_eq!((half.lower, half.upper), (0.0, f64::INFINITY));
+    let hand = CompiledHand::new(&model, Root::Fixed, &[(2, Point3::new(0.0, 0.0, 0.04))]).unwrap();
+    let mut solver = Solver::new(&hand);
+    let target = Target {
+        point: 0,
+        at: Point3::new(-0.02, 0.0, 0.08),
+        weight: 1.0,
+    };
+    let task = Task {
+        targets: &[target],
+        ..NOTHING
+    };
+    let start = Posture::new(&Isometry3::identity(), vec![0.0, 0.3]);
+    let mut once = start.clone();
+    let searched = solver
+        .minimize(&task, &mut once, &OPTIONS, &mut NoTerms)
+        .unwrap();
+    assert_eq!(once.q, [0.0, 0.0]);
+    let mut unbent = start;
+    let outcome = solver
+        .minimize_and_unbend(&task, &mut unbent, &OPTIONS, &mut NoTerms)
+        .unwrap();
+    assert_eq!((unbent, outcome), (once, searched));
+}
+
+#[test]
 fn refuses_what_does_not_fit() {
     let model = made_up();
     let hand = CompiledHand::new(&model, Root::Free, &attached(&model)).unwrap();

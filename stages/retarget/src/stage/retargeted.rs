@@ -14,6 +14,9 @@ use crate::{
     RetargetConfig, RetargetError, rates::fill_rates, recording, scene::Scene, track::track,
 };
 
+/// Greatest coordinate of a landmark in the object frame, in meters.
+const FARTHEST_M: f64 = 1000.0;
+
 /// Makes the trajectory of one demonstration.
 pub(super) fn make(
     config: &RetargetConfig,
@@ -101,19 +104,17 @@ pub(super) fn unusable(demonstration: &Demonstration, table: &crate::HandTable) 
             table.side.as_str()
         ));
     }
-    let is_finite = |step: &demonstrations::Step| {
-        step.keypoints_m
-            .as_flattened()
-            .iter()
-            .all(|x| x.is_finite())
-            && step.time_s.is_finite()
+    let is_sound = |step: &demonstrations::Step| {
+        let mut coordinates = step.keypoints_m.as_flattened().iter();
+        coordinates.all(|x| x.abs() <= FARTHEST_M) && step.time_s.is_finite()
     };
     let broken = demonstration
         .steps
         .iter()
-        .position(|step| !is_finite(step))?;
+        .position(|step| !is_sound(step))?;
     Some(format!(
-        "step {broken} has a landmark or a time that is not finite"
+        "step {broken} has a time that is not finite, or a landmark that is not within \
+         {FARTHEST_M} m"
     ))
 }
 
