@@ -19,8 +19,8 @@ pub const FILE: &str = "part.parquet";
 /// Rows per row group: memory of a reader grows with this, not with the file.
 const ROW_GROUP_ROWS: usize = 131_072;
 
-/// Tables of fewer bytes are not compressed: to start and stop a compressor for each of their columns
-/// takes longer than all else that is done with them.
+/// Tables of fewer bytes are written as they are: to start and stop a compressor for each of their
+/// columns, or to look for values that repeat, takes longer than all else that is done with them.
 const COMPRESSED_BYTES: usize = 1 << 16;
 
 /// Writes `batch` as the table of the artifact in `folder`.
@@ -41,7 +41,12 @@ pub fn write(folder: &Path, batch: &RecordBatch) -> Result<(), LakeError> {
         source,
     };
     let properties = WriterProperties::builder()
-        .set_compression(compression(batch))
+        .set_compression(if is_small(batch) {
+            Compression::UNCOMPRESSED
+        } else {
+            Compression::ZSTD(ZstdLevel::default())
+        })
+        .set_dictionary_enabled(!is_small(batch))
         .set_max_row_group_row_count(Some(ROW_GROUP_ROWS))
         .set_created_by(concat!("pipeline ", env!("CARGO_PKG_VERSION")).to_owned())
         .build();
@@ -52,22 +57,16 @@ pub fn write(folder: &Path, batch: &RecordBatch) -> Result<(), LakeError> {
     Ok(())
 }
 
-/// Returns how a table is compressed, by its content alone.
-fn compression(batch: &RecordBatch) -> Compression {
+/// Says whether a table is small, by its content alone.
+fn is_small(batch: &RecordBatch) -> bool {
     let columns = batch.columns().iter();
     let bytes: usize = columns
         .map(|column| {
-            column
-                .to_data()
-                .get_slice_memory_size()
-                .unwrap_or(COMPRESSED_BYTES)
+            let size = column.to_data().get_slice_memory_size();
+            size.unwrap_or(COMPRESSED_BYTES)
         })
         .sum();
-    if bytes < COMPRESSED_BYTES {
-        Compression::UNCOMPRESSED
-    } else {
-        Compression::ZSTD(ZstdLevel::default())
-    }
+    bytes < COMPRESSED_BYTES
 }
 
 /// Reads the table of an artifact.

@@ -27,10 +27,10 @@ const SOFT: f64 = 0.1;
 const TIE_BREAK_WEIGHT: f64 = 1e-3;
 
 /// Share of the cost that a further iteration may still bring when the search ends.
-const TOLERANCE: f64 = 1e-5;
+const TOLERANCE: f64 = 1e-4;
 
-/// Decrease in m² below which nothing visible is left to find: a hundredth of a millimeter.
-const LEAST_DECREASE_M2: f64 = 1e-10;
+/// Decrease in m² below which nothing visible is left to find: a thirtieth of a millimeter.
+const LEAST_DECREASE_M2: f64 = 1e-9;
 
 /// A step that was solved.
 #[derive(Debug, Clone)]
@@ -51,6 +51,15 @@ pub(crate) struct Solved {
 pub(crate) struct Follower<'a> {
     asks: Asks<'a>,
     solver: Solver<'a>,
+}
+
+/// Which way fingers that end at a limit are bent.
+#[derive(Clone, Copy)]
+enum Fingers {
+    /// As the search that follows the motion leaves them.
+    AsTheyCome,
+    /// The other way, too, if that is better.
+    TriedBothWays,
 }
 
 /// What does not change from step to step.
@@ -90,10 +99,14 @@ impl<'a> Follower<'a> {
             return Ok(None);
         };
         let iterations = GRASP_ITERATIONS * self.asks.config.max_iterations;
-        Ok(Some(match self.approach(before)? {
+        let best = match self.approach(before)? {
             Some(start) => cheaper(afresh, self.search(goal, None, start, iterations)?),
             None => afresh,
-        }))
+        };
+        // All other steps follow from this one.
+        let fingers = Fingers::TriedBothWays;
+        let turned = self.search_with(goal, None, best.posture.clone(), iterations, fingers)?;
+        Ok(Some(cheaper(best, turned)))
     }
 
     /// Follows the last steps before the grasp forward in time, and returns the last one's posture.
@@ -103,7 +116,10 @@ impl<'a> Follower<'a> {
         for goal in before.get(from..).unwrap_or(&[]) {
             last = match last {
                 Some(last) => Some(self.step(goal, &last)?),
-                None => self.afresh(goal, None)?,
+                None => {
+                    let start = self.laid_on(goal, self.asks.hand.mid_range.clone())?;
+                    Some(self.search(goal, None, start, self.asks.config.max_iterations)?)
+                }
             };
         }
         Ok(last.map(|last| last.posture))
@@ -151,6 +167,24 @@ impl<'a> Follower<'a> {
         start: Posture,
         iterations: usize,
     ) -> Result<Solved, RetargetError> {
+        // Landmarks alone are cheap enough for it at every step.
+        let fingers = if self.asks.is_alone() {
+            Fingers::TriedBothWays
+        } else {
+            Fingers::AsTheyCome
+        };
+        self.search_with(goal, before, start, iterations, fingers)
+    }
+
+    /// Searches a step from a posture, and perhaps from that with fingers bent the other way.
+    fn search_with(
+        &mut self,
+        goal: &Goal,
+        before: Option<&Solved>,
+        start: Posture,
+        iterations: usize,
+        fingers: Fingers,
+    ) -> Result<Solved, RetargetError> {
         let mut posture = match self.asks.config.wrist {
             Wrist::Free => start,
             Wrist::Fixed => self.laid_on(goal, start.q)?,
@@ -159,14 +193,12 @@ impl<'a> Follower<'a> {
         let task = self.asks.task(&targets, before);
         let mut terms = self.asks.terms(goal, 1.0);
         let options = self.asks.options(iterations);
-        // Fingers alone in the world are tried the other way round at every step; what else is there
-        // makes that dear, and the grasp, from which all other steps follow, is what matters.
-        let outcome = if before.is_none() || self.asks.is_alone() {
-            self.solver
-                .minimize_and_unbend(&task, &mut posture, &options, &mut terms)?
-        } else {
-            self.solver
-                .minimize(&task, &mut posture, &options, &mut terms)?
+        let solver = &mut self.solver;
+        let outcome = match fingers {
+            Fingers::AsTheyCome => solver.minimize(&task, &mut posture, &options, &mut terms)?,
+            Fingers::TriedBothWays => {
+                solver.minimize_and_unbend(&task, &mut posture, &options, &mut terms)?
+            }
         };
         let cost = self.solver.place(&task, &posture, &mut terms)?;
         let posed = self.solver.posed();
@@ -183,7 +215,7 @@ impl<'a> Follower<'a> {
             if point.weight == 0.0 {
                 continue;
             }
-            let distance = (found - goal.landmark).norm();
+            let distance = (found - goal.shown).norm();
             tracking.keypoint_errors_m.push(distance);
             if let Some(radius_m) = point.tip_radius_m {
                 tracking.tip_errors_m.push(distance);

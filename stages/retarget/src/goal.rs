@@ -21,8 +21,11 @@ pub(crate) struct Goal {
 /// Where one point of the hand should be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PointGoal {
-    /// The scaled landmark in the object frame.
+    /// The scaled landmark in the object frame, smoothed over time if that is asked for: what the
+    /// point is drawn to.
     pub(crate) landmark: Point3<f64>,
+    /// The scaled landmark as it was shown: what errors are measured to.
+    pub(crate) shown: Point3<f64>,
     /// Weight of the distance to it.
     pub(crate) weight: f64,
     /// How far from the surface it should be, and with which weight.
@@ -38,26 +41,33 @@ pub(crate) struct ContactGoal {
     pub(crate) weight: f64,
 }
 
-/// Returns what a step asks of the hand, `to_grasp_s` seconds before the grasp.
+/// Returns what a step asks of the hand, `to_grasp_s` seconds before the grasp: `shown_m` are the
+/// landmarks as they were shown, `keypoints_m` those that are followed.
 pub(crate) fn goal(
     hand: &Hand,
     scene: &Scene,
     config: &RetargetConfig,
+    shown_m: &[[f64; 3]; KEYPOINTS],
     keypoints_m: &[[f64; 3]; KEYPOINTS],
     to_grasp_s: f64,
 ) -> Goal {
     let clearance_m = config.clearance_m * openness(to_grasp_s, config.closing_time_s);
-    let wrist = Point3::from(keypoints_m[0]);
+    let place = |keypoints_m: &[[f64; 3]; KEYPOINTS], keypoint: usize| {
+        let xyz = keypoints_m.get(keypoint).unwrap_or(&keypoints_m[0]);
+        Point3::from(*xyz)
+    };
+    let scaled = |keypoints_m: &[[f64; 3]; KEYPOINTS], keypoint: usize| {
+        let wrist = place(keypoints_m, 0);
+        wrist + (place(keypoints_m, keypoint) - wrist) * hand.scale
+    };
     let points = hand
         .points
         .iter()
         .map(|point| {
-            let keypoint = keypoints_m
-                .get(point.keypoint)
-                .map_or(wrist, |&xyz| Point3::from(xyz));
-            let landmark = wrist + (keypoint - wrist) * hand.scale;
+            let keypoint = place(keypoints_m, point.keypoint);
             let mut goal = PointGoal {
-                landmark,
+                landmark: scaled(keypoints_m, point.keypoint),
+                shown: scaled(shown_m, point.keypoint),
                 weight: point.weight,
                 contact: None,
             };

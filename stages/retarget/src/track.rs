@@ -87,7 +87,15 @@ pub(crate) fn track(
         .iter()
         .zip(smoothed(&demonstration.steps, config.smoothing_s))
         .map(|(step, keypoints_m)| {
-            goal(hand, scene, config, &keypoints_m, end.time_s - step.time_s)
+            let to_grasp_s = end.time_s - step.time_s;
+            goal(
+                hand,
+                scene,
+                config,
+                &step.keypoints_m,
+                &keypoints_m,
+                to_grasp_s,
+            )
         })
         .collect();
     let mut follower = Follower::new(hand, scene, config);

@@ -12,7 +12,8 @@ use super::{
 /// How far between the ends of its reach each joint stands in the starts tried: in the middle, as in
 /// the paper, an open and a closed hand.
 const BENDS: [f64; 3] = [0.5, 0.25, 0.75];
-/// Reach of joints about 0 in the starts tried, in radians, where their limits do not end it before.
+/// Reach of a joint without limits about 0 in the starts tried, in radians; that of a joint with one
+/// limit begins there.
 const REACH_RAD: f64 = 1.0;
 
 /// How far toward its other limit a joint is set to search from there.
@@ -32,8 +33,7 @@ impl Solver<'_> {
         let bends = BENDS.iter().map(|bend| {
             let mut q = vec![0.0; hand.dof()];
             for (slot, &joint) in hand.layout.joints.iter().enumerate() {
-                let lower = hand.lower[slot].max(-REACH_RAD);
-                let upper = hand.upper[slot].min(REACH_RAD.max(lower));
+                let (lower, upper) = reach(hand.lower[slot], hand.upper[slot]);
                 q[joint] = lower + bend * (upper - lower);
             }
             let posture = Posture {
@@ -146,6 +146,16 @@ impl Solver<'_> {
             }
         }
         Ok(best)
+    }
+}
+
+/// Returns the range of a joint's positions in the starts tried.
+fn reach(lower: f64, upper: f64) -> (f64, f64) {
+    match (lower.is_finite(), upper.is_finite()) {
+        (true, true) => (lower, upper),
+        (true, false) => (lower, lower + 2.0 * REACH_RAD),
+        (false, true) => (upper - 2.0 * REACH_RAD, upper),
+        (false, false) => (-REACH_RAD, REACH_RAD),
     }
 }
 
