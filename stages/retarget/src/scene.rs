@@ -96,7 +96,7 @@ mod tests {
         for (at, distance_m) in [(x + 0.02, 0.02), (x - 0.01, -0.01)] {
             let gap = scene.gap(&Point3::new(at, 0.0, 0.0));
             assert!((gap.distance_m - distance_m).abs() < 1e-6, "{gap:?}");
-            assert!((gap.away - Vector3::x()).norm() < 1e-4, "{gap:?}");
+            assert!((gap.away - Vector3::x()).norm() < 1e-3, "{gap:?}");
         }
     }
 }

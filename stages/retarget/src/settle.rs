@@ -8,10 +8,10 @@ use spatial::Rest;
 const MAX_TILT_RAD: f64 = 0.26;
 /// First step of the descent, in radians: 0.4 degrees, below the angle between a can's facets.
 const FIRST_STEP_RAD: f64 = 0.007;
-/// Each step relative to the one before: all together reach 27 degrees, on a way that zigzags.
-const SHRINK: f64 = 0.985;
-/// Number of steps: the last one is 8 µrad.
-const STEPS: i32 = 450;
+/// Each step relative to the one before: all together reach 40 degrees, on a way that zigzags.
+const SHRINK: f64 = 0.99;
+/// Number of steps: the last one is 10 µrad.
+const STEPS: i32 = 650;
 
 /// Returns the stable orientation into which an object tips from the recorded one, with its lowest
 /// point on the table.
