@@ -379,7 +379,14 @@ fn is_unchanged(reports: &[NodeReport], newest: &[NewestUnit]) -> bool {
 }
 
 /// Says what became of an output.
-fn report(node: &Node, stage: &StageEntry, units: Vec<UnitReport>, started: Instant) -> NodeReport {
+fn report(
+    node: &Node,
+    stage: &StageEntry,
+    mut units: Vec<UnitReport>,
+    started: Instant,
+) -> NodeReport {
+    // Units end in any order, and sums of rounded numbers depend on it.
+    units.sort_by(|a, b| a.partition.cmp(&b.partition));
     let mut summary = Summary::default();
     for unit in &units {
         match &*unit.outcome {
