@@ -114,13 +114,12 @@ impl<'a> Follower<'a> {
         let from = before.len().saturating_sub(APPROACH);
         let mut last: Option<Solved> = None;
         for goal in before.get(from..).unwrap_or(&[]) {
-            last = match last {
-                Some(last) => Some(self.step(goal, &last)?),
-                None => {
-                    let start = self.laid_on(goal, self.asks.hand.mid_range.clone())?;
-                    Some(self.search(goal, None, start, self.asks.config.max_iterations)?)
-                }
-            };
+            last = Some(if let Some(last) = last {
+                self.step(goal, &last)?
+            } else {
+                let start = self.laid_on(goal, self.asks.hand.mid_range.clone())?;
+                self.search(goal, None, start, self.asks.config.max_iterations)?
+            });
         }
         Ok(last.map(|last| last.posture))
     }
