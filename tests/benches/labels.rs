@@ -9,16 +9,17 @@
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
 
+mod python;
 #[path = "labels/recordings.rs"]
 mod recordings;
 
 use std::{
     collections::BTreeMap,
-    env, fs,
+    fs,
     fs::File,
     io::{Read, Write},
-    path::{Path, PathBuf},
-    process::{Command, Stdio},
+    path::Path,
+    process::Stdio,
     time::Instant,
 };
 
@@ -132,17 +133,7 @@ fn run_stage(config: &IngestConfig, units: &[Unit], artifacts: &Path) {
 
 /// Returns how many microseconds `numpy` takes for one file, or why that cannot be said.
 fn numpy_us(labels: &[&SourceFile]) -> Result<f64, String> {
-    let python = env::var_os("PIPELINE_PYTHON").map_or_else(|| "python3".into(), PathBuf::from);
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/benches/labels/numpy_reads.py");
-    let mut process = Command::new(&python)
-        .arg(script)
-        .env("OMP_NUM_THREADS", "1")
-        .env("OPENBLAS_NUM_THREADS", "1")
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .map_err(|err| format!("cannot start `{}`: {err}", python.display()))?;
+    let mut process = python::start("labels/numpy_reads.py", Stdio::piped())?;
     let step = labels.len().div_ceil(N_FOR_NUMPY);
     let mut input = process.stdin.take().unwrap();
     for label in labels.iter().step_by(step) {
@@ -156,7 +147,7 @@ fn numpy_us(labels: &[&SourceFile]) -> Result<f64, String> {
     String::from_utf8_lossy(&output.stdout)
         .trim()
         .parse()
-        .map_err(|_no_number| format!("`{}`: {said}", python.display()))
+        .map_err(|_no_number| format!("`{}`: {said}", python::name().display()))
 }
 
 /// Microseconds for one file.

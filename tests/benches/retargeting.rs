@@ -14,6 +14,7 @@ mod ours;
 mod peer;
 #[path = "retargeting/problem.rs"]
 mod problem;
+mod python;
 #[path = "retargeting/slsqp.rs"]
 mod slsqp;
 

@@ -15,6 +15,7 @@ use crate::{
     HandTable, Loss, RetargetConfig, Wrist,
     hand::Hand,
     scene::{Scene, survey},
+    solver::{self, NoTerms, Posture, Solver, Task},
 };
 
 /// Half of the box's sides, in meters.
@@ -123,6 +124,23 @@ pub(crate) fn scene() -> Scene {
     static SURVEYED: OnceLock<(DistanceField, FieldInfo)> = OnceLock::new();
     let (field, info) = SURVEYED.get_or_init(|| survey(&mesh(), 0.0025).unwrap().unwrap());
     Scene::new(field.clone(), info, &rest())
+}
+
+/// Returns what a person's landmarks would be if the person had the robot's hand at a posture.
+pub(crate) fn own_points(hand: &Hand, posture: &Posture) -> [[f64; 3]; KEYPOINTS] {
+    let mut solver = Solver::new(&hand.compiled);
+    let nothing = Task {
+        targets: &[],
+        loss: solver::Loss::Squared,
+        smoothness: None,
+        rest: None,
+    };
+    solver.place(&nothing, posture, &mut NoTerms).unwrap();
+    let mut keypoints = [[0.0; 3]; KEYPOINTS];
+    for (idx, point) in hand.points.iter().enumerate() {
+        keypoints[point.keypoint] = solver.posed().point(idx).unwrap().into();
+    }
+    keypoints
 }
 
 /// Returns a demonstration towards the box that shows these landmarks, 30 times per second.

@@ -3,12 +3,11 @@
 use nalgebra::{Isometry3, Vector3};
 use proptest::prelude::*;
 use robot::RobotModel;
-use schemas::demonstrations::KEYPOINTS;
 
 use crate::{
     HandTable, fixture,
     hand::Hand,
-    solver::{Loss, NoTerms, Posture, Solver, Task},
+    solver::Posture,
     track::{Tracked, track},
 };
 
@@ -135,18 +134,7 @@ const TABLE: &str = r#"
 fn shown_itself(posture: &Posture) -> (Hand, Tracked) {
     let table: HandTable = TABLE.parse().unwrap();
     let hand = Hand::new(six_motors(), &table).unwrap();
-    let mut solver = Solver::new(&hand.compiled);
-    let nothing = Task {
-        targets: &[],
-        loss: Loss::Squared,
-        smoothness: None,
-        rest: None,
-    };
-    solver.place(&nothing, posture, &mut NoTerms).unwrap();
-    let mut keypoints = [[0.0; 3]; KEYPOINTS];
-    for (idx, point) in hand.points.iter().enumerate() {
-        keypoints[point.keypoint] = solver.posed().point(idx).unwrap().into();
-    }
+    let keypoints = fixture::own_points(&hand, posture);
     let shown = fixture::demonstration(vec![keypoints; 3]);
     let tracked = track(&hand, &fixture::scene(), &fixture::following_only(), &shown);
     (hand, tracked.unwrap().unwrap())

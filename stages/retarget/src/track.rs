@@ -32,7 +32,8 @@ pub(crate) struct Tracked {
     pub(crate) grasp_keypoint_error_m: f64,
     /// Number of steps that were searched afresh and found a better minimum.
     pub(crate) restarts_n: usize,
-    /// Postures that were tried, over all steps.
+    /// Postures that were tried on the way from step to step, by the searches that lead to the answer
+    /// and those made afresh.
     pub(crate) iterations_n: usize,
 }
 
@@ -147,25 +148,8 @@ mod tests {
     use super::*;
     use crate::{
         Wrist, fixture,
-        solver::{Loss, NoTerms, Posture, RootPose, Solver, Task},
+        solver::{Posture, RootPose},
     };
-
-    /// A posture and what a person's landmarks would be if the person had the robot's hand.
-    fn own_points(hand: &Hand, posture: &Posture) -> [[f64; 3]; KEYPOINTS] {
-        let mut solver = Solver::new(&hand.compiled);
-        let nothing = Task {
-            targets: &[],
-            loss: Loss::Squared,
-            smoothness: None,
-            rest: None,
-        };
-        solver.place(&nothing, posture, &mut NoTerms).unwrap();
-        let mut keypoints = [[0.0; 3]; KEYPOINTS];
-        for (idx, point) in hand.points.iter().enumerate() {
-            keypoints[point.keypoint] = solver.posed().point(idx).unwrap().into();
-        }
-        keypoints
-    }
 
     fn run(config: &RetargetConfig, keypoints: Vec<[[f64; 3]; KEYPOINTS]>) -> (Hand, Tracked) {
         let hand = fixture::hand();
@@ -208,7 +192,7 @@ mod tests {
             }
             let turned = posture.root.isometry() * UnitQuaternion::new(Vector3::from(turn));
             posture.root = RootPose::from_isometry(&turned);
-            let (_, tracked) = run(&config, vec![own_points(&hand, &posture)]);
+            let (_, tracked) = run(&config, vec![fixture::own_points(&hand, &posture)]);
             prop_assert!(tracked.grasp_keypoint_error_m < 1e-3, "{} m", tracked.grasp_keypoint_error_m);
         }
 
@@ -234,9 +218,12 @@ mod tests {
         let shown = |config: &RetargetConfig| {
             let hand = fixture::hand();
             // The palm is shown inside the box.
-            run(config, vec![own_points(&hand, &reaching(-0.02, 0.3))])
-                .1
-                .steps[0]
+            run(
+                config,
+                vec![fixture::own_points(&hand, &reaching(-0.02, 0.3))],
+            )
+            .1
+            .steps[0]
                 .tracking
                 .penetration_m
         };
@@ -258,7 +245,9 @@ mod tests {
             let mut pose = reaching(-0.3, 0.3).root.isometry();
             pose.translation.z = -0.06;
             let posture = Posture::new(&pose, reaching(-0.3, 0.3).q);
-            run(config, vec![own_points(&hand, &posture)]).1.steps[0]
+            run(config, vec![fixture::own_points(&hand, &posture)])
+                .1
+                .steps[0]
                 .tracking
                 .table_penetration_m
         };
@@ -278,7 +267,7 @@ mod tests {
         };
         let hand = fixture::hand();
         // The palm rests against a side of the box.
-        let grasp = own_points(&hand, &reaching(-0.042, 0.2));
+        let grasp = fixture::own_points(&hand, &reaching(-0.042, 0.2));
         let (hand, tracked) = run(&config, vec![grasp; 31]);
         let scene = fixture::scene();
         let gap = |step: &trajectories::Step| {
@@ -313,7 +302,7 @@ mod tests {
     fn tips_near_the_surface_touch_it() {
         let config = fixture::config();
         let hand = fixture::hand();
-        let mut keypoints = own_points(&hand, &reaching(-0.07, 0.5));
+        let mut keypoints = fixture::own_points(&hand, &reaching(-0.07, 0.5));
         let [x, y, _] = fixture::BOX_HALF_M;
         // Finger tips 5 mm off the far side, the thumb's off a near one.
         for (finger, keypoint) in [8, 12, 16].into_iter().enumerate() {
@@ -331,7 +320,7 @@ mod tests {
     fn a_fixed_wrist_follows_the_palm_alone() {
         let hand = fixture::hand();
         let posture = reaching(-0.3, 0.4);
-        let mut keypoints = own_points(&hand, &posture);
+        let mut keypoints = fixture::own_points(&hand, &posture);
         // Fingers that no posture reaches must not draw the palm along.
         for keypoint in [4, 8, 12, 16] {
             keypoints[keypoint][0] += 0.1;
@@ -362,7 +351,7 @@ mod tests {
     #[test]
     fn both_losses_follow_and_the_linear_one_heeds_outliers_less() {
         let hand = fixture::hand();
-        let mut keypoints = own_points(&hand, &reaching(-0.3, 0.4));
+        let mut keypoints = fixture::own_points(&hand, &reaching(-0.3, 0.4));
         keypoints[4][2] += 0.15;
         let error = |loss| {
             let config = RetargetConfig {

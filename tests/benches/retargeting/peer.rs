@@ -1,16 +1,17 @@
 //! The peer, `dex_retargeting`, in a Python process that is asked chunk by chunk.
 
 use std::{
-    env,
     io::{BufRead, BufReader, Write},
-    path::{Path, PathBuf},
-    process::{Child, ChildStdin, ChildStdout, Command, Stdio},
+    process::{Child, ChildStdin, ChildStdout, Stdio},
 };
 
 use serde_json::{Value, json};
 use stage_retarget::solver::{Posture, Target};
 
-use crate::problem::{Problem, posture};
+use crate::{
+    problem::{Problem, posture},
+    python,
+};
 
 /// The running peer.
 pub(crate) struct Peer {
@@ -22,18 +23,8 @@ pub(crate) struct Peer {
 impl Peer {
     /// Starts the peer on a problem; an error says why it cannot be.
     pub(crate) fn start(problem: &Problem) -> Result<Self, String> {
-        let python = env::var_os("PIPELINE_PYTHON").map_or_else(|| "python3".into(), PathBuf::from);
-        let script = Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("tests/benches/retargeting/dex_retargeting_frames.py");
-        let mut process = Command::new(&python)
-            .arg(script)
-            .env("OMP_NUM_THREADS", "1")
-            .env("OPENBLAS_NUM_THREADS", "1")
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .map_err(|err| format!("cannot start `{}`: {err}", python.display()))?;
+        let script = "retargeting/dex_retargeting_frames.py";
+        let mut process = python::start(script, Stdio::null())?;
         let mut peer = Self {
             input: process.stdin.take().unwrap(),
             output: BufReader::new(process.stdout.take().unwrap()),
@@ -57,7 +48,7 @@ impl Peer {
         }
         Err(format!(
             "`{}` has no `dex_retargeting`, or one with other joints",
-            python.display()
+            python::name().display()
         ))
     }
 

@@ -3,7 +3,7 @@
 use std::{io::Write, path::PathBuf};
 
 use dataflow::{Advise, Artifact, Partition};
-use schemas::demonstrations::{self, Demonstration, KEYPOINTS, Side, Step};
+use schemas::demonstrations::{self, Demonstration, KEYPOINTS};
 
 use super::*;
 use crate::{fixture, recording};
@@ -52,25 +52,7 @@ fn demonstration() -> Demonstration {
         };
         *keypoint = [-0.1, 0.04 - 0.02 * finger as f64, along];
     }
-    Demonstration {
-        sequence: "s".to_owned(),
-        object: "box".to_owned(),
-        subject: "p".to_owned(),
-        hand: Side::Right,
-        mirrored: false,
-        start_reason: String::new(),
-        end_reason: String::new(),
-        rest: fixture::rest(),
-        steps: (0..3_u32)
-            .map(|image| Step {
-                image,
-                time_s: f64::from(image) / 30.0,
-                cameras_n: 1,
-                bridged: false,
-                keypoints_m,
-            })
-            .collect(),
-    }
+    fixture::demonstration(vec![keypoints_m; 3])
 }
 
 /// Retargets one demonstration, after its object's field was made.
