@@ -161,7 +161,7 @@ impl Cgf {
         let cloud = scene.cloud(config.points, &UnitQuaternion::identity())?;
         let net = PointNet::new(&self.weights, config.point_widths.len())?;
         Ok(ObjectFeature(
-            net.forward(&cloud, Statistics::Stored)?.features,
+            net.forward(&cloud, Statistics::Stored).features,
         ))
     }
 

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use candle_core::{Tensor, Var};
+use candle_core::{Device, Tensor};
 use nalgebra::{Point3, UnitQuaternion};
 use robot::RobotModel;
 
@@ -17,7 +17,7 @@ use crate::{
     loss,
     model::{Curve, Description, JointRange, VERSION},
     network::{self, Network, constant},
-    point_net::{self, Clouds, Pass, PointNet, Statistics},
+    point_net::{self, Clouds, PointNet, Statistics},
     precision::{narrow, narrow_all, row_index},
     random::Random,
     weights::Weights,
@@ -101,7 +101,7 @@ struct Trainer<'a> {
 struct Batch {
     size: usize,
     /// The object clouds, one for each scene of the batch, and their surfaces.
-    clouds: Clouds,
+    clouds: Arc<Clouds>,
     surfaces: Vec<Vec<Point3<f64>>>,
     /// Which of them each motion has.
     scenes: Vec<u32>,
@@ -177,7 +177,7 @@ impl<'a> Trainer<'a> {
     fn center_features(&mut self) -> Result<(), CgfError> {
         let net = PointNet::new(&self.weights, self.network.point_widths.len())?;
         let features = net
-            .forward(&self.all_clouds()?, Statistics::Measured)?
+            .forward(&self.all_clouds()?, Statistics::Measured)
             .features;
         let width = features.len() / self.set.scenes.len();
         let mut shift = vec![0.0; width];
@@ -226,8 +226,8 @@ impl<'a> Trainer<'a> {
     /// Measures the point network's statistics over all scenes, once and for all.
     fn fix_statistics(&mut self) -> Result<(), CgfError> {
         let net = PointNet::new(&self.weights, self.network.point_widths.len())?;
-        let pass = net.forward(&self.all_clouds()?, Statistics::Measured)?;
-        PointNet::store(&pass, 1.0, &mut self.weights)?;
+        let pass = net.forward(&self.all_clouds()?, Statistics::Measured);
+        pass.store(1.0, &mut self.weights)?;
         self.statistics = Statistics::Stored;
         Ok(())
     }
@@ -243,10 +243,7 @@ impl<'a> Trainer<'a> {
         let points = self.network.points;
         let mut batch = Batch {
             size: tracks.len(),
-            clouds: Clouds {
-                points,
-                xyz: Vec::new(),
-            },
+            clouds: Arc::default(),
             surfaces: Vec::new(),
             scenes: Vec::new(),
             motions: Vec::new(),
@@ -255,11 +252,14 @@ impl<'a> Trainer<'a> {
             targets: Vec::new(),
             noise: Vec::new(),
         };
+        let mut clouds = Clouds {
+            points,
+            xyz: Vec::new(),
+        };
         let mut rotations = Vec::with_capacity(used.len());
         for &scene in &used {
             let rotation = self.rotations.draw(scene, &mut self.random);
-            batch
-                .clouds
+            clouds
                 .xyz
                 .extend(set.scenes[scene].cloud(points, &rotation)?.xyz);
             let surface = self.surfaces[scene].iter();
@@ -268,6 +268,7 @@ impl<'a> Trainer<'a> {
                 .push(surface.map(|point| rotation * point).collect());
             rotations.push(rotation);
         }
+        batch.clouds = Arc::new(clouds);
         for &track in tracks {
             let track = &set.tracks[track];
             let scene = used.partition_point(|&scene| scene < track.scene);
@@ -297,17 +298,18 @@ impl<'a> Trainer<'a> {
     }
 
     fn step(&mut self, batch: &Batch, learning_rate: f64) -> Result<Losses, CgfError> {
-        let net = PointNet::new(&self.weights, self.network.point_widths.len())?;
-        let pass = net.forward(&batch.clouds, self.statistics)?;
-        let n_scenes = batch.surfaces.len();
-        let width = pass.features.len() / n_scenes;
-        let features = Var::from_tensor(&constant(pass.features.clone(), &[n_scenes, width])?)?;
-        let leaves = self.weights.variables()?;
+        let leaves = self.weights.variables(&Device::Cpu)?;
+        let (features, measured) = point_net::features(
+            &leaves,
+            self.network.point_widths.len(),
+            &batch.clouds,
+            self.statistics,
+        )?;
         let tape = Network {
             config: self.network,
             leaves: &leaves,
         };
-        let (total, losses) = self.losses(batch, &tape, features.as_tensor())?;
+        let (total, losses) = self.losses(batch, &tape, &features)?;
         if !losses.total.is_finite() {
             return Ok(losses);
         }
@@ -318,30 +320,14 @@ impl<'a> Trainer<'a> {
                 gradients.insert(name.clone(), gradient.flatten_all()?.to_vec1()?);
             }
         }
-        if let Some(by_features) = by.get(&features) {
-            let by_features = by_features.flatten_all()?.to_vec1()?;
-            Self::point_gradients(&net, &pass, &by_features, &mut gradients)?;
-        }
         if let Some(max_norm) = self.training.max_gradient_norm {
             adam::shorten(&mut gradients, max_norm);
         }
         self.adam.step(&mut self.weights, &gradients, learning_rate);
         if self.statistics == Statistics::Measured {
-            PointNet::store(&pass, MOMENTUM, &mut self.weights)?;
+            point_net::store(&measured, MOMENTUM, &mut self.weights)?;
         }
         Ok(losses)
-    }
-
-    fn point_gradients(
-        net: &PointNet,
-        pass: &Pass,
-        by_features: &[f32],
-        gradients: &mut BTreeMap<String, Vec<f32>>,
-    ) -> Result<(), CgfError> {
-        for (layer, by_layer) in net.backward(pass, by_features)?.into_iter().enumerate() {
-            gradients.extend(point_net::names(layer).into_iter().zip(by_layer));
-        }
-        Ok(())
     }
 
     fn losses(
