@@ -19,3 +19,4 @@ mod meanwhile;
 mod memory;
 mod plan_equals_run;
 mod precision;
+mod resume;

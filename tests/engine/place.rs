@@ -279,12 +279,22 @@ impl Running {
 
     /// Waits until a unit of this partition is being made.
     pub(crate) fn wait_for(&mut self, place: &Place, partition: &str) {
+        self.wait_for_log(place, partition, |made| made.partition == partition);
+    }
+
+    /// Waits until the stages have noted something that is `wanted`.
+    pub(crate) fn wait_for_log(
+        &mut self,
+        place: &Place,
+        about: &str,
+        wanted: impl Fn(&Execution) -> bool,
+    ) {
         let until = Instant::now() + LONG;
-        while !place.log().iter().any(|made| made.partition == partition) {
+        while !place.log().iter().any(&wanted) {
             let ended = self.child.try_wait().unwrap();
             assert!(
                 ended.is_none() && Instant::now() < until,
-                "`{partition}` was not made ({ended:?}): {}",
+                "`{about}` was not made ({ended:?}): {}",
                 self.lines.try_iter().collect::<Vec<_>>().join("\n")
             );
             thread::park_timeout(Duration::from_millis(2));

@@ -12,13 +12,13 @@ const LOOK_EVERY: Duration = Duration::from_millis(2);
 /// Notes that a unit is being made, then holds it for as long as a test asks for.
 pub(crate) fn started(kind: &str, cx: &Context) -> Result<(), OwnError> {
     note(kind, cx)?;
-    hold(cx);
+    hold(cx.partition());
     Ok(())
 }
 
 /// Appends `kind output partition process seed` to the file `OWN_STAGES_LOG` in one piece. The seed
 /// tells stages of one kind apart.
-fn note(kind: &str, cx: &Context) -> Result<(), OwnError> {
+pub(crate) fn note(kind: &str, cx: &Context) -> Result<(), OwnError> {
     let Some(path) = env::var_os("OWN_STAGES_LOG") else {
         return Ok(());
     };
@@ -29,14 +29,22 @@ fn note(kind: &str, cx: &Context) -> Result<(), OwnError> {
         .map_err(OwnError::at(Path::new(&path)))
 }
 
-/// Waits until the folder `OWN_STAGES_GATE` holds a file `PARTITION.go`, or is gone.
-fn hold(cx: &Context) {
+/// Waits until the folder `OWN_STAGES_GATE` holds a file `NAME.go`, or is gone.
+pub(crate) fn hold(name: &str) {
     let Some(gate) = env::var_os("OWN_STAGES_GATE") else {
         return;
     };
     let gate = Path::new(&gate);
-    let go = gate.join(format!("{}.go", cx.partition()));
+    let go = gate.join(format!("{name}.go"));
     while gate.exists() && !go.exists() {
         thread::park_timeout(LOOK_EVERY);
+    }
+}
+
+/// Fails if `OWN_STAGES_FAIL` names this moment.
+pub(crate) fn fail(moment: &str) -> Result<(), OwnError> {
+    match env::var("OWN_STAGES_FAIL") {
+        Ok(named) if named == moment => Err(OwnError::Asked(named)),
+        _ => Ok(()),
     }
 }

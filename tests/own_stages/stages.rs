@@ -1,5 +1,6 @@
-//! Four small kinds of stages: one that reads files outside the lake, one that maps partition by
-//! partition, one that gathers every partition, one that gathers by a label.
+//! Five small kinds of stages: one that reads files outside the lake, one that maps partition by
+//! partition, one that gathers every partition, one that gathers by a label, and one that goes on where
+//! it was interrupted.
 //!
 //! A kind is a type that implements [`dataflow::Stage`]. Most need two functions: `units` lists what
 //! there is to make and what each unit reads, `run` makes one unit. Everything else (what is up to
@@ -11,6 +12,7 @@ mod group;
 mod hooks;
 mod map;
 mod split;
+mod steps;
 
 use std::{
     io,
@@ -20,7 +22,7 @@ use std::{
 use dataflow::{Advise, Code, Kind};
 use lake::LakeError;
 
-use self::{gather::Gather, group::Group, map::Map, split::Split};
+use self::{gather::Gather, group::Group, map::Map, split::Split, steps::Steps};
 
 /// Why one of these stages cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -47,6 +49,9 @@ pub(crate) enum OwnError {
         /// The file's name.
         file: &'static str,
     },
+    /// A test asks for it.
+    #[error("fails at `{0}`, as asked for")]
+    Asked(String),
 }
 
 impl OwnError {
@@ -61,7 +66,7 @@ impl Advise for OwnError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::Lake(err) => err.hint(),
-            Self::Io { .. } | Self::Table(_) | Self::MissingFile { .. } => None,
+            Self::Io { .. } | Self::Table(_) | Self::MissingFile { .. } | Self::Asked(_) => None,
         }
     }
 }
@@ -85,6 +90,7 @@ pub(crate) fn kinds_with(version: impl Fn(&str) -> u8) -> Vec<Kind> {
         [Kind::of::<Map<1>>(), Kind::of::<Map<2>>()],
         [Kind::of::<Gather<1>>(), Kind::of::<Gather<2>>()],
         [Kind::of::<Group<1>>(), Kind::of::<Group<2>>()],
+        [Kind::of::<Steps<1>>(), Kind::of::<Steps<2>>()],
     ];
     let choose = |[first, second]: [Kind; 2]| match version(first.name) {
         1 => first,

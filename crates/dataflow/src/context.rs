@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeMap,
+    fs,
     path::{Path, PathBuf},
 };
 
@@ -20,18 +21,22 @@ pub struct Context<'a> {
     pub(crate) seed: u64,
     /// Empty folder for this unit's files.
     pub(crate) folder: PathBuf,
+    /// Folder for what an interrupted unit goes on from; it may not be there yet.
+    pub(crate) resume_folder: PathBuf,
     /// Where progress goes.
     pub(crate) progress: &'a Progress<'a>,
 }
 
 impl Context<'_> {
-    /// Returns a context for trying a stage outside a run, as tests do.
+    /// Returns a context for trying a stage outside a run, as tests do. Its folder to resume from is
+    /// `resume` in `folder`: a second context of the same folder goes on where the first one stopped.
     pub fn detached(output: &str, partition: &str, seed: u64, folder: &Path) -> Self {
         Self {
             output: output.to_owned(),
             partition: partition.to_owned(),
             seed,
             folder: folder.to_owned(),
+            resume_folder: folder.join("resume"),
             progress: &|_, _| {},
         }
     }
@@ -54,6 +59,20 @@ impl Context<'_> {
     /// An empty folder: every file that lies in it at the end belongs to the artifact.
     pub fn folder(&self) -> &Path {
         &self.folder
+    }
+
+    /// A folder that outlives this attempt: what a stage leaves in it is there again when the same
+    /// unit, of the same fingerprint, is made after it failed, was interrupted or was killed.
+    ///
+    /// It is empty at the first attempt, nobody else uses it meanwhile, nothing in it belongs to the
+    /// artifact, and it is gone when the unit's result is kept or is asked for anew (`--fresh`). A
+    /// program may be killed between any two writes: write files whole (`lake::write_whole`), and
+    /// check what is read back. The result must not depend on how often the unit was interrupted.
+    pub fn resume_folder(&self) -> &Path {
+        // Made here, so that units that never ask leave nothing behind. Where it cannot be made, the
+        // first write to it fails and says so.
+        let _made = fs::create_dir_all(&self.resume_folder);
+        &self.resume_folder
     }
 
     /// Shows how far the unit is, as a fraction in 0..=1, and what it is doing.
@@ -117,5 +136,20 @@ impl Artifact {
     /// Returns where the file of this name lies, if the artifact has it.
     pub fn file(&self, name: &str) -> Option<&Path> {
         self.files.get(name).map(PathBuf::as_path)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_to_resume_from_is_there_when_it_is_asked_for_and_not_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = Context::detached("sum", "all", 7, folder.path());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        fs::create_dir(first.resume_folder().join("left")).unwrap();
+        let second = Context::detached("sum", "all", 7, folder.path());
+        assert!(second.resume_folder().join("left").is_dir());
     }
 }

@@ -98,12 +98,16 @@ impl<'a> Maker<'a> {
                 made_now: false,
             });
         }
+        if forced == Forced::Yes {
+            making.start_over()?;
+        }
         let inputs = self.inputs(known, node, unit)?;
         let cx = Context {
             output: node.output.artifact.to_owned(),
             partition: unit.partition.clone(),
             seed: unit_seed(self.pipeline.seed, stage, &unit.partition),
             folder: making.folder().to_owned(),
+            resume_folder: making.resume_folder().to_owned(),
             progress: &|fraction, message| {
                 self.observer
                     .unit_progress(node, &unit.partition, fraction, message);
@@ -123,7 +127,11 @@ impl<'a> Maker<'a> {
                 partition: Some(unit.partition.clone()),
                 source,
             })?;
-        self.check_unchanged(unit, &fingerprint)?;
+        if let Err(err) = self.check_unchanged(unit, &fingerprint) {
+            // What was left to go on from may come of the changed files.
+            making.start_over()?;
+            return Err(err);
+        }
         let record = making.commit(Unkept {
             fingerprint,
             outcome,

@@ -154,6 +154,17 @@ pub trait Making {
     /// Where the unit's files go.
     fn folder(&self) -> &Path;
 
+    /// Where the unit leaves what it goes on from if it is interrupted: kept until the unit's result
+    /// is kept. Made by who writes to it.
+    fn resume_folder(&self) -> &Path;
+
+    /// Removes what an earlier attempt left to go on from.
+    ///
+    /// # Errors
+    ///
+    /// Fails if it cannot be removed.
+    fn start_over(&self) -> Result<(), Advised>;
+
     /// Keeps the files of the folder and the result, whole or not at all.
     ///
     /// # Errors

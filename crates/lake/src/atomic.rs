@@ -22,6 +22,20 @@ static STARTED: LazyLock<u128> = LazyLock::new(|| {
     since.unwrap_or_default().as_nanos()
 });
 
+/// Writes a file whole or not at all: beside it, synced, then renamed. Whoever reads it, also after
+/// the program or the machine died, finds the old bytes or the new ones. Makes the folders above it.
+///
+/// # Errors
+///
+/// Fails if the file cannot be written; then what was there before is still there.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), LakeError> {
+    make_parent(path)?;
+    let folder = path.parent().unwrap_or(path);
+    write(folder, path, bytes)?;
+    let synced = File::open(folder).and_then(|folder| folder.sync_all());
+    synced.map_err(io_error("write", path))
+}
+
 /// Writes `bytes` to `path` by way of a file in `staging`, synced before it is renamed.
 pub(crate) fn write(staging: &Path, path: &Path, bytes: &[u8]) -> Result<(), LakeError> {
     let beside = temporary_name(staging);
@@ -103,5 +117,32 @@ pub(crate) fn io_error(
         action,
         path,
         source,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_whole_file_replaces_the_old_one_and_leaves_nothing_beside() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("state/epoch.bin");
+        for bytes in [&b"first"[..], b"a longer second", b""] {
+            write_whole(&path, bytes).unwrap();
+            assert_eq!(fs::read(&path).unwrap(), bytes);
+        }
+        let beside = fs::read_dir(path.parent().unwrap()).unwrap();
+        assert_eq!(beside.count(), 1);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_leaves_nothing_beside() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a_folder");
+        fs::create_dir(&path).unwrap();
+        let failed = write_whole(&path, b"bytes").unwrap_err();
+        assert!(failed.to_string().contains("a_folder"), "{failed}");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! Kept are the units of tagged runs, of the newest runs of every pipeline, everything that a
 //! pipeline's newest state shows, what the caller names, and everything that was made or taken into
-//! use since the oldest living process began. Records of runs and their tables always stay.
+//! use since the oldest living process began. Records of runs and their tables always stay. So does
+//! what an interrupted unit goes on from, until nobody has come back to it for a while.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -28,6 +29,9 @@ use crate::{
     store::COLLECTING,
     verify::files_below,
 };
+
+/// How long what an interrupted unit goes on from waits for it.
+const RESUMED_WITHIN: Duration = Duration::from_secs(7 * 24 * 3600);
 
 /// What is collected, and whether it is done or only said.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -119,6 +123,7 @@ impl Lake {
         self.collect_tables(&gone, collecting)?;
         self.collect_recipes(&recipes, since, collecting)?;
         self.collect_blobs(&blobs, since, collecting, &mut collected)?;
+        self.collect_resumable(collecting, &mut collected)?;
         self.collect_leftovers(collecting, &mut collected)?;
         if collecting == Collecting::Remove && !gone.is_empty() {
             self.forget(&gone)?;
@@ -286,6 +291,37 @@ impl Lake {
                 // A lock is removed by letting go of it.
                 drop(lock::try_take(&locks, &name, "nothing")?);
             }
+        }
+        Ok(())
+    }
+
+    /// Removes what interrupted units would go on from that are kept by now, or that nobody has come
+    /// back to for long.
+    fn collect_resumable(
+        &self,
+        collecting: Collecting,
+        collected: &mut Collected,
+    ) -> Result<(), LakeError> {
+        let locks = self.locks();
+        let long_ago = now().checked_sub(RESUMED_WITHIN).unwrap_or(UNIX_EPOCH);
+        for name in names_in(&self.resume())? {
+            let folder = self.resume().join(&name);
+            let record = name.parse().map(|unit| self.records().path(&unit));
+            let is_kept = record.is_ok_and(|record| record.exists());
+            let mut files = files_below(&folder)?;
+            files.push(folder.clone());
+            let is_recent = files.iter().any(|path| is_newer(path, long_ago));
+            if lock::is_held(&locks, &name) || (is_recent && !is_kept) {
+                continue;
+            }
+            if collecting == Collecting::Remove {
+                // Nobody begins to make the unit meanwhile.
+                let Some(_lock) = lock::try_take(&locks, &name, "nothing")? else {
+                    continue;
+                };
+                fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))?;
+            }
+            collected.n_leftovers += 1;
         }
         Ok(())
     }

@@ -100,6 +100,11 @@ impl Lake {
         self.root.join("staging")
     }
 
+    /// Where units leave what they go on from when they are interrupted, by fingerprint.
+    pub(crate) fn resume(&self) -> PathBuf {
+        self.root.join("resume")
+    }
+
     pub(crate) fn locks(&self) -> PathBuf {
         self.root.join("locks")
     }

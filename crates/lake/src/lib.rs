@@ -18,6 +18,7 @@
 //! newest/PIPELINE.cache    a cache: the newest state of every unit of a pipeline
 //! sources.json             a cache: digests of files outside, by size, times and inode
 //! staging/, locks/         units in the making
+//! resume/abcd…/            what a unit goes on from that was interrupted, until its result is kept
 //! ```
 //!
 //! Invariants: what stands under its final name is whole (written beside, synced, renamed); every file
@@ -50,6 +51,7 @@ mod tags;
 mod verify;
 mod views;
 
+pub use atomic::write_whole;
 pub use collect::{Collected, CollectedUnits, Collecting};
 pub use error::LakeError;
 pub use folder::{Lake, NewestTable};

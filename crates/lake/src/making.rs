@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    fs,
+    fs, io,
     path::{Path, PathBuf},
     time::{Duration, SystemTime},
 };
@@ -23,6 +23,7 @@ use crate::{
 pub(crate) struct UnitInTheMaking<'a> {
     lake: &'a Lake,
     folder: PathBuf,
+    resume_folder: PathBuf,
     started: SystemTime,
     /// Held until the unit is kept or given up.
     _lock: Lock,
@@ -38,7 +39,7 @@ impl<'a> UnitInTheMaking<'a> {
     ) -> Result<Self, LakeError> {
         let name = fingerprint.to_hex();
         let lock = lock::wait_for(&lake.locks(), &name, unit, waiting)?;
-        let folder = lake.staging().join(name);
+        let folder = lake.staging().join(&name);
         if folder.exists() {
             fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))?;
         }
@@ -47,6 +48,7 @@ impl<'a> UnitInTheMaking<'a> {
         Ok(Self {
             lake,
             folder,
+            resume_folder: lake.resume().join(name),
             started: now(),
             _lock: lock,
         })
@@ -97,7 +99,18 @@ impl<'a> UnitInTheMaking<'a> {
             threads: std::thread::available_parallelism().map_or(0, usize::from),
         };
         self.lake.records().keep(self.lake, &record, provenance)?;
+        // What is left all the same goes with the next collection.
+        let _left = self.remove_resume_folder();
         Ok(record)
+    }
+
+    fn remove_resume_folder(&self) -> Result<(), LakeError> {
+        match fs::remove_dir_all(&self.resume_folder) {
+            Err(err) if err.kind() != io::ErrorKind::NotFound => {
+                Err(io_error("remove", &self.resume_folder)(err))
+            }
+            _ => Ok(()),
+        }
     }
 }
 
@@ -116,6 +129,14 @@ fn files_of(folder: &Path) -> Result<Vec<PathBuf>, LakeError> {
 impl Making for UnitInTheMaking<'_> {
     fn folder(&self) -> &Path {
         &self.folder
+    }
+
+    fn resume_folder(&self) -> &Path {
+        &self.resume_folder
+    }
+
+    fn start_over(&self) -> Result<(), Advised> {
+        Ok(self.remove_resume_folder()?)
     }
 
     fn commit(self: Box<Self>, result: Unkept) -> Result<Record, Advised> {

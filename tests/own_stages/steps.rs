@@ -1,0 +1,89 @@
+//! `steps`: many steps, each from the one before, that go on where they were interrupted.
+
+use std::{fs, io, path::Path};
+
+use dataflow::{Code, Context, Input, Inputs, Made, Outcome, Output, Scope, Stage, Summary, Unit};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    OwnError,
+    bytes::{self, Tally},
+    code, hooks,
+};
+
+/// Adds up the numbers of steps.
+pub(crate) enum Steps<const VERSION: u8> {}
+
+/// Options of `kind = "steps"`.
+#[derive(Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct StepsConfig {
+    /// Number of steps.
+    count: u64,
+}
+
+/// How far the steps are.
+#[derive(Debug, Default, Deserialize, Serialize)]
+struct State {
+    done: u64,
+    sum: u64,
+}
+
+impl State {
+    /// Reads how far an earlier attempt came.
+    fn read(path: &Path) -> Result<Self, OwnError> {
+        match fs::read(path) {
+            Ok(bytes) => serde_json::from_slice(&bytes)
+                .map_err(|err| OwnError::at(path)(io::Error::other(err))),
+            Err(err) if err.kind() == io::ErrorKind::NotFound => Ok(Self::default()),
+            Err(err) => Err(OwnError::at(path)(err)),
+        }
+    }
+}
+
+impl<const VERSION: u8> Stage for Steps<VERSION> {
+    type Config = StepsConfig;
+    type Error = OwnError;
+
+    const KIND: &'static str = "steps";
+    const ABOUT: &'static str = "Adds up the numbers of steps";
+    const CODE: Code = code(VERSION);
+    const INPUTS: &'static [Input] = &[];
+    const OUTPUTS: &'static [Output] = &[Output {
+        artifact: "sum",
+        schema: "sum/1",
+        partition: "of",
+        parallel: true,
+    }];
+
+    fn units(_config: &StepsConfig, _output: &str, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+        Ok(vec![Unit::new("steps")])
+    }
+
+    fn run(config: &StepsConfig, _inputs: &Inputs, cx: &Context) -> Result<Outcome, OwnError> {
+        let path = cx.resume_folder().join("state.json");
+        let mut state = State::read(&path)?;
+        while state.done < config.count {
+            let moment = format!("step{}", state.done);
+            hooks::note(&moment, cx)?;
+            hooks::hold(&moment);
+            hooks::fail(&moment)?;
+            state.sum += state.done;
+            state.done += 1;
+            lake::write_whole(&path, format!("{}", serde_json::json!(state)).as_bytes())?;
+        }
+        let tally = Tally {
+            name: cx.partition().to_owned(),
+            bytes: state.done,
+            sum: state.sum,
+        };
+        bytes::write_table(cx.folder(), &[tally])?;
+        hooks::fail("end")?;
+        Ok(Outcome::Made(Made::default()))
+    }
+
+    fn describe(_output: &str, summary: &Summary) -> String {
+        format!("{} sum of steps", summary.n_made)
+    }
+}
