@@ -4,7 +4,7 @@
 //! | column                  | type | unit | meaning                                                  |
 //! |-------------------------|------|------|----------------------------------------------------------|
 //! | `candidate_id`          | utf8 |      | the motion                                               |
-//! | `within_limits`         | bool |      | no joint was drawn outside its limits                    |
+//! | `within_limits`         | bool |      | no joint was drawn farther outside its limits than 0.05 rad |
 //! | `limit_excess_rad`      | f64  | rad  | farthest that one was, before it was put back            |
 //! | `approach_depth_m`      | f64  | m    | deepest that the hand is in the object before the grasp  |
 //! | `approach_depth_time_s` | f64  | s    | when: since the first step; 0 if it never is             |
@@ -26,6 +26,10 @@ use crate::columns::{Columns, Reader, SchemaError};
 
 /// Bump on any change to the columns; readers reject every other version.
 pub const VERSION: &str = "sampling/1";
+
+/// How far outside its limits a joint may be drawn, in radians, to count as within them: demonstrations
+/// often lie on a limit, and about them something is drawn on either side.
+pub const LIMIT_TOLERANCE_RAD: f64 = 0.05;
 
 /// How plausible a motion is and how far from others.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,9 +65,9 @@ pub struct GraspDistance {
 }
 
 impl Sampled {
-    /// Says whether no joint was drawn outside its limits.
+    /// Says whether no joint was drawn farther outside its limits than [`LIMIT_TOLERANCE_RAD`].
     pub fn within_limits(&self) -> bool {
-        self.limit_excess_rad <= 0.0
+        self.limit_excess_rad <= LIMIT_TOLERANCE_RAD
     }
 }
 
@@ -82,7 +86,7 @@ fn columns(sampled: &[Sampled]) -> Columns {
     );
     c.bool(
         "within_limits",
-        "no joint was drawn outside its limits",
+        "no joint was drawn farther outside its limits than 0.05 rad",
         rows().map(Sampled::within_limits),
     );
     numbers(

@@ -205,10 +205,10 @@ fn sampling_reads_back() {
         approach_depth_time_s: 5.0,
         grasp_depth_m: 6.0,
         table_depth_m: 7.0,
-        demonstration: (limit_excess_rad > 0.0).then(|| ("a".to_owned(), distance(0.1))),
+        demonstration: (limit_excess_rad > 0.1).then(|| ("a".to_owned(), distance(0.1))),
         from_mean: distance(0.3),
     };
-    let motions = [sampled("can-0", 0.0), sampled("can-1", 0.2)];
+    let motions = [sampled("can-0", 0.049), sampled("can-1", 0.2)];
     assert_eq!(motions.each_ref().map(|m| m.within_limits()), [true, false]);
     let batch = sampling::to_batch(&motions).unwrap();
     assert_eq!(sampling::from_batch(&batch).unwrap(), motions);

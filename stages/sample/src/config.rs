@@ -34,7 +34,7 @@ pub struct SampleConfig {
     /// Factor on the standard deviation of what is drawn; paper: 1
     pub spread: f64,
     /// Names of two demonstrations: instead of drawing, latent codes go from the one's mean to the
-    /// other's in equal steps; empty: they are drawn
+    /// other's in equal steps, the object lying as in the first; empty: they are drawn
     #[serde(default)]
     pub path: Vec<String>,
     /// Which resting orientations the object is put in

@@ -669,7 +669,7 @@ fn motions_are_measured_against_object_table_and_demonstrations() {
         // The tip is a ball of 1 cm within 15 cm of the palm.
         assert!(motion.approach_depth_m < 0.06 && motion.grasp_depth_m < 0.06);
         assert!((0.0..2.0).contains(&motion.approach_depth_time_s));
-        assert_eq!(motion.within_limits(), motion.limit_excess_rad == 0.0);
+        assert_eq!(motion.within_limits(), motion.limit_excess_rad <= 0.05);
     }
     let metric = |name: &str| made.metrics[name];
     let count = |is_one: &dyn Fn(&Sampled) -> bool| sampled.iter().filter(|s| is_one(s)).count();

@@ -7,7 +7,7 @@ use geometry::DistanceField;
 use schemas::{
     candidates::{self, Step},
     distance_fields, sampling,
-    sampling::Sampled,
+    sampling::{LIMIT_TOLERANCE_RAD, Sampled},
     trajectories,
 };
 
@@ -112,7 +112,7 @@ pub(super) fn describe(summary: &Summary) -> String {
     let percent = |metric| 100.0 * summary.total(metric) / candidates.max(1.0);
     let mean = |metric| summary.total(metric) / (summary.n_made as f64).max(1.0);
     let mut line = format!(
-        "{candidates} candidates: {:.0} % within limits, {:.0} % with no hand point deeper than \
+        "{candidates} candidates: {:.0} % within limits to {LIMIT_TOLERANCE_RAD} rad, {:.0} % with no hand point deeper than \
          {:.0} mm before the grasp; spread {:.0} mm, {:.0}° and {:.2} rad",
         percent("within_limits_n"),
         percent("clear_n"),
