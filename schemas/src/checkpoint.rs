@@ -1,14 +1,29 @@
 //! `checkpoint`: the trained grasping function, one partition.
 //!
-//! Two files: `checkpoint.safetensors` (weights, `f32`) and `checkpoint.json` (everything needed to
-//! use them: widths, normalization, hand, joint names, training curve). `crates/cgf` reads and
-//! writes both.
+//! Two files each of the best and of the last epoch: weights (safetensors, `f32`) and everything
+//! needed to use them (JSON: widths, normalization, hand, joint names, training curve). `crates/cgf`
+//! reads and writes both.
 
 /// Bump on any change to the names or shapes of the tensors or to the JSON's keys.
-pub const VERSION: &str = "checkpoint/1";
+pub const VERSION: &str = "checkpoint/2";
 
-/// File name of the weights.
-pub const WEIGHTS: &str = "checkpoint.safetensors";
+/// File names of the weights and of their description.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Files {
+    /// The weights.
+    pub weights: &'static str,
+    /// Everything else.
+    pub description: &'static str,
+}
 
-/// File name of the description.
-pub const DESCRIPTION: &str = "checkpoint.json";
+/// After the epoch with the least loss on held-out motions.
+pub const BEST: Files = Files {
+    weights: "best.safetensors",
+    description: "best.json",
+};
+
+/// After the last epoch.
+pub const LAST: Files = Files {
+    weights: "last.safetensors",
+    description: "last.json",
+};

@@ -16,7 +16,7 @@ fn lake() -> &'static Bench {
         bench.run_well(&until);
         bench.run_well(&[&until[..], &["--set", "retarget.clearance_m=0.01"]].concat());
         bench.run_well(&until);
-        let nowhere = ["--set", "train.held_out_objects=[\"999_nowhere\"]"];
+        let nowhere = ["--set", "train.unseen_objects=[\"999_nowhere\"]"];
         let failed = bench.run(&[&["--until", "train"][..], &nowhere].concat());
         assert_eq!(failed.status.code(), Some(1), "{}", stderr(&failed));
         bench

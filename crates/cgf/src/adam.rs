@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::{precision::narrow, weights::Weights};
+use crate::{CgfError, precision::narrow, weights::Weights};
 
 const BETA_1: f64 = 0.9;
 const BETA_2: f64 = 0.999;
@@ -16,6 +16,48 @@ pub(crate) struct Adam {
 }
 
 impl Adam {
+    /// Returns how many steps it has made.
+    pub(crate) fn steps(&self) -> i32 {
+        self.step
+    }
+
+    /// Returns the running means of the gradients and of their squares, under the arrays' names.
+    pub(crate) fn moments(&self) -> [Weights; 2] {
+        [0, 1].map(|which| {
+            let mut moments = Weights::default();
+            for (name, values) in &self.moments {
+                let values: Vec<f32> = values.iter().map(|pair| pair[which]).collect();
+                moments.set(name, &[values.len()], values);
+            }
+            moments
+        })
+    }
+
+    /// Goes on after so many steps with these moments of arrays like `weights`.
+    pub(crate) fn restore(
+        &mut self,
+        step: i32,
+        [first, second]: [Weights; 2],
+        weights: &Weights,
+    ) -> Result<(), CgfError> {
+        let mut moments = BTreeMap::new();
+        for (name, array) in first.iter() {
+            let (first, second) = (&array.values, &second.array(name)?.values);
+            let expected = weights.array(name)?.values.len();
+            if first.len() != expected || second.len() != expected {
+                return Err(CgfError::Tensor {
+                    name: name.to_owned(),
+                    found: format!("{} and {} moments", first.len(), second.len()),
+                    expected: format!("{expected} each"),
+                });
+            }
+            let pairs = first.iter().zip(second).map(|(&m, &v)| [m, v]);
+            moments.insert(name.to_owned(), pairs.collect());
+        }
+        *self = Self { step, moments };
+        Ok(())
+    }
+
     /// Moves every learned array that has a gradient.
     pub(crate) fn step(
         &mut self,

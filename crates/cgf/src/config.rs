@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::CgfError;
+use crate::{CgfError, grasp::ROOT};
 
 /// Widths and shapes of the network (section III-B of the paper; `README.md` names the tensors).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -25,6 +25,42 @@ pub struct NetworkConfig {
     pub decoder_widths: Vec<usize>,
     /// Activation of encoder and decoder; paper: "relu", which has no second derivative in time
     pub activation: Activation,
+    /// Frame in which the network sees object and hand; paper: "object"
+    pub frame: Frame,
+    /// Which steps of a motion the encoder sees; released code: "recorded"
+    pub encoder_times: EncoderTimes,
+    /// How the encoder sees the palm's rotation; released code: "`axis_angle`"
+    pub encoder_rotation: EncoderRotation,
+}
+
+/// The frame in which the network sees object and hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Frame {
+    /// The table under the object as it lies, z against gravity: the network knows where the table is.
+    Resting,
+    /// The object's own: equal motions about an object are equal however it lies.
+    Object,
+}
+
+/// Which steps of a motion the encoder sees.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum EncoderTimes {
+    /// Steps at equal times from the first to the grasp.
+    Equal,
+    /// Recorded ones, drawn once for each motion.
+    Recorded,
+}
+
+/// How the encoder sees the palm's rotation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum EncoderRotation {
+    /// As the first two columns of its matrix.
+    Columns,
+    /// As axis times angle, which jumps at a half turn.
+    AxisAngle,
 }
 
 /// What stands between two layers.
@@ -43,6 +79,8 @@ pub enum Activation {
 pub struct TrainingConfig {
     /// Passes over all trajectories; paper: 1000
     pub epochs: usize,
+    /// Epochs between two measurements of held-out motions; the last epoch always measures
+    pub validation_epochs: usize,
     /// Trajectories per step of the optimizer; paper: 32
     pub batch: usize,
     /// Adam's learning rate at the start; paper: 5e-4
@@ -60,19 +98,33 @@ pub struct TrainingConfig {
     pub grasp_weight: f64,
     /// Further times of every motion, drawn anew each epoch; released code: 20
     pub random_times: usize,
+    /// Where these further times lie; released code: "recorded"
+    pub times: Times,
+    /// How often the noise of a latent code is drawn; released code: "`per_time`"
+    pub latent_noise: LatentNoise,
+    /// How the first weights are drawn; released code: "torch"
+    pub initialization: Initialization,
     /// How object and hand are turned together during training; released code: "released"
     pub augmentation: Augmentation,
     /// Units in which the network speaks and the position loss is measured; paper: "physical"
     pub outputs: Outputs,
     /// Share of the epochs after which the point network's statistics stay fixed; paper: 1
     pub fixed_statistics_after: f64,
-    /// Weight of the outputs' mean squared error, in the units of `outputs`; paper: 1
+    /// How squared errors are put together; paper: "sum"
+    pub reduction: Reduction,
+    /// Weight of the outputs' squared errors, in the units of `outputs`; paper: 1
     pub q_weight: f64,
-    /// Weight of the link origins' mean squared distance, 1/m²; paper: 10
+    /// Weight of the translation's squared errors, in the units of `outputs`, beside `q_weight`;
+    /// paper: 0, released code: 10
+    pub translation_weight: f64,
+    /// Weight of the link origins' squared distances, 1/m²; paper: 10
     pub origins_weight: f64,
+    /// Weight of the squared errors of the first two columns of the links' rotations; paper: 0,
+    /// released code: 0.5
+    pub rotations_weight: f64,
     /// Weight of the latent code's divergence from the standard normal, 1/nat; paper: 1e-3
     pub kl_weight: f64,
-    /// Weight of the finger tips' mean squared distance from contact, 1/m²; paper: 50
+    /// Weight of the finger tips' squared distances from contact, 1/m²; paper: 50
     pub contact_weight: f64,
     /// What the contact loss asks of the finger tips at the grasp; paper: "`touch_center`"
     pub contact: Contact,
@@ -125,9 +177,73 @@ pub enum Contact {
     TouchCenter,
     /// That their surfaces touch the object's points.
     TouchSurface,
+    /// Nothing: it says how far the demonstration's tips are from the object's points, which no weight
+    /// changes, as the released code has it.
+    Demonstrated,
+}
+
+/// Where the further times of a motion lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Times {
+    /// Anywhere, drawn anew in every epoch: positions between two steps lie on a line, rotations on the
+    /// shortest arc.
+    Continuous,
+    /// On recorded steps, drawn once for each motion.
+    Recorded,
+}
+
+/// How often the noise of a latent code is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LatentNoise {
+    /// Once for a motion, as in sampling.
+    PerMotion,
+    /// Anew at every time of a motion.
+    PerTime,
+}
+
+/// How the first weights are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Initialization {
+    /// Variance `1 / inputs`, no bias, the last layer small, object features about zero.
+    Centered,
+    /// Weights and biases uniform within `1 / sqrt(inputs)`, as `PyTorch` does.
+    Torch,
+}
+
+/// How squared errors are put together over times, outputs, links and finger tips; over motions it is
+/// always the mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Reduction {
+    /// Their mean.
+    Mean,
+    /// Their sum.
+    Sum,
+}
+
+impl Initialization {
+    /// Returns the bound of uniform weights of a layer with this many inputs.
+    pub(crate) fn bound(self, inputs: usize) -> f64 {
+        match self {
+            // Variance 1 / inputs (LeCun et al., *Efficient BackProp*, 1998, §4.6).
+            Self::Centered => (3.0 / inputs as f64).sqrt(),
+            Self::Torch => (1.0 / inputs as f64).sqrt(),
+        }
+    }
 }
 
 impl NetworkConfig {
+    /// Returns how many numbers the encoder sees of a step of a hand of `dof` joints.
+    pub(crate) fn encoder_inputs(&self, dof: usize) -> usize {
+        match self.encoder_rotation {
+            EncoderRotation::Columns => ROOT + dof,
+            EncoderRotation::AxisAngle => ROOT - 3 + dof,
+        }
+    }
+
     pub(crate) fn check(&self) -> Result<(), CgfError> {
         let positive = |key, value: usize| check(key, value, value > 0, "a positive number");
         let widths = |key, widths: &[usize]| {
@@ -162,6 +278,7 @@ impl TrainingConfig {
             check(key, value, usable, "a number that is not negative")
         };
         positive("epochs", self.epochs)?;
+        positive("validation_epochs", self.validation_epochs)?;
         positive("batch", self.batch)?;
         positive("halving_epochs", self.halving_epochs)?;
         positive("grasp_steps", self.grasp_steps)?;
@@ -173,6 +290,8 @@ impl TrainingConfig {
         not_negative("fixed_statistics_after", self.fixed_statistics_after)?;
         not_negative("tip_radius_m", self.tip_radius_m)?;
         not_negative("q_weight", self.q_weight)?;
+        not_negative("translation_weight", self.translation_weight)?;
+        not_negative("rotations_weight", self.rotations_weight)?;
         not_negative("origins_weight", self.origins_weight)?;
         not_negative("kl_weight", self.kl_weight)?;
         not_negative("contact_weight", self.contact_weight)

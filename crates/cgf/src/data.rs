@@ -1,9 +1,10 @@
 //! What the network learns from: motions above a table, and the objects that lie on it.
 
-use nalgebra::{Isometry3, Point3, UnitQuaternion};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
+use serde::{Deserialize, Serialize};
 use spatial::{Pose, Rest};
 
-use crate::{CgfError, grasp::Grasp, point_net::Clouds, precision::narrow};
+use crate::{CgfError, config::Frame, grasp::Grasp, precision::narrow, random::Random};
 
 /// An object as it lies: its surface above the table.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,44 +17,59 @@ pub struct Scene {
     pub points_in_object: Vec<Point3<f64>>,
 }
 
-impl Scene {
-    /// Returns the surface points in the table frame, in meters.
-    pub fn points_in_table(&self) -> Vec<Point3<f64>> {
-        let table_from_object = self.rest.table_from_object();
-        let points = self.points_in_object.iter();
-        points.map(|point| table_from_object.point(point)).collect()
-    }
+/// An object as the network sees it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct View {
+    /// The object's name.
+    pub(crate) object: String,
+    /// Where the network's frame is.
+    pub(crate) table_from_network: Isometry3<f64>,
+    /// Points on the surface in the network's frame, in meters.
+    pub(crate) points: Vec<Point3<f64>>,
+}
 
-    /// Returns the first `points` of the surface points after a rotation; fewer are repeated.
-    pub(crate) fn cloud(
-        &self,
-        points: usize,
-        rotation: &UnitQuaternion<f64>,
-    ) -> Result<Clouds, CgfError> {
+impl View {
+    /// Looks at an object as it lies.
+    pub(crate) fn of(scene: &Scene, frame: Frame) -> Result<Self, CgfError> {
         const LEAST: usize = 32;
-        let surface = self.points_in_table();
-        if surface.len() < LEAST {
+        let table_from_object = *scene.rest.table_from_object().isometry();
+        let (table_from_network, network_from_object) = match frame {
+            Frame::Resting => (Isometry3::identity(), table_from_object),
+            Frame::Object => (table_from_object, Isometry3::identity()),
+        };
+        let found = scene.points_in_object.len();
+        if found < LEAST {
             return Err(CgfError::TooFewPoints {
-                object: self.object.clone(),
+                object: scene.object.clone(),
                 expected: LEAST,
-                found: surface.len(),
+                found,
             });
         }
-        let xyz: Vec<f32> = surface
+        let points = scene.points_in_object.iter();
+        let points: Vec<_> = points.map(|point| network_from_object * point).collect();
+        if points
             .iter()
-            .cycle()
-            .take(points)
+            .any(|p| !p.coords.iter().all(|x| x.is_finite()))
+        {
+            return Err(CgfError::NotFinite {
+                name: scene.object.clone(),
+                what: "a surface point",
+            });
+        }
+        Ok(Self {
+            object: scene.object.clone(),
+            table_from_network,
+            points,
+        })
+    }
+
+    /// Returns the first `n` of the points after a rotation, fewer are repeated: `xyz` in meters.
+    pub(crate) fn cloud(&self, n: usize, rotation: &UnitQuaternion<f64>) -> Vec<f32> {
+        let points = self.points.iter().cycle().take(n);
+        points
             .flat_map(|point| <[f64; 3]>::from((rotation * point).coords))
             .map(narrow)
-            .collect();
-        if xyz.iter().all(|x| x.is_finite()) {
-            Ok(Clouds { points, xyz })
-        } else {
-            Err(CgfError::NotFinite {
-                name: self.object.clone(),
-                what: "a surface point",
-            })
-        }
+            .collect()
     }
 }
 
@@ -64,8 +80,22 @@ pub struct Track {
     pub name: String,
     /// Which scene it was recorded in.
     pub scene: usize,
+    /// Whether it is learned from.
+    pub split: Split,
     /// The hand over time; the last one is the grasp.
     pub steps: Vec<TimedGrasp>,
+}
+
+/// Whether a motion is learned from, or what it is kept back for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Split {
+    /// It is learned from.
+    Training,
+    /// It is kept back; other motions with its object are learned from.
+    HeldOut,
+    /// It is kept back with all motions of its object.
+    Unseen,
 }
 
 /// The hand at a time of a recording.
@@ -128,6 +158,39 @@ impl Track {
         times
     }
 
+    /// Returns the network's times of `n` recorded steps, from far to near, drawn for this motion; a step
+    /// is drawn again only where there are fewer.
+    ///
+    /// Equal seeds give equal times for motions of one name.
+    pub(crate) fn recorded_times(&self, n: usize, seed: u64) -> Vec<f64> {
+        // The name tells motions apart (FNV-1a), so that a motion has the same times wherever it stands.
+        let stream = self.name.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        });
+        let mut random = Random::new(seed, stream);
+        let mut drawn: Vec<usize> = if self.steps.len() >= n {
+            let mut order = random.permutation(self.steps.len());
+            order.truncate(n);
+            order
+        } else {
+            (0..n).map(|_| random.index(self.steps.len())).collect()
+        };
+        drawn.sort_unstable();
+        let times = drawn.into_iter().map(|step| &self.steps[step]);
+        times.map(|step| self.t_of(step.time_s)).collect()
+    }
+
+    /// Returns the motion as the network sees it.
+    pub(crate) fn seen_from(&self, table_from_network: &Isometry3<f64>) -> Self {
+        let network_from_table = table_from_network.inverse();
+        let mut track = self.clone();
+        for step in &mut track.steps {
+            let palm = &mut step.grasp.table_from_palm;
+            *palm = Pose::new(network_from_table * palm.isometry());
+        }
+        track
+    }
+
     /// The network's time of a second of the recording: 1 at the first step, 0 at the grasp.
     fn t_of(&self, time_s: f64) -> f64 {
         let (first, last) = self.span();
@@ -173,12 +236,9 @@ impl Track {
     }
 }
 
-/// Turns a hand about the table frame's origin.
+/// Turns a hand about its frame's origin.
 pub(crate) fn turned(grasp: &Grasp, rotation: &UnitQuaternion<f64>) -> Grasp {
-    Grasp {
-        table_from_palm: Pose::new(rotation * grasp.table_from_palm.isometry()),
-        q_rad: grasp.q_rad.clone(),
-    }
+    grasp.moved(&Isometry3::from_parts(Translation3::identity(), *rotation))
 }
 
 #[cfg(test)]
@@ -186,7 +246,7 @@ mod tests {
     use nalgebra::{Isometry3, Vector3};
     use spatial::Pose;
 
-    use super::{Grasp, TimedGrasp, Track};
+    use super::{Grasp, Split, TimedGrasp, Track};
     use crate::GraspError;
 
     fn step(time_s: f64, x: f64, angle: f64) -> TimedGrasp {
@@ -210,6 +270,7 @@ mod tests {
         let track = Track {
             name: "a".to_owned(),
             scene: 0,
+            split: Split::Training,
             steps,
         };
         for (t, step) in [(0.0, 2), (0.75, 1), (1.0, 0)] {
@@ -224,5 +285,12 @@ mod tests {
         assert!((between.table_from_palm.isometry().rotation.angle() - 0.2).abs() < 1e-12);
         assert_eq!(track.last_times(2), [0.75, 0.0]);
         assert_eq!(track.last_times(5), [1.0, 1.0, 1.0, 0.75, 0.0]);
+        assert_eq!(track.recorded_times(3, 7), [1.0, 0.75, 0.0]);
+        let again = track.recorded_times(9, 7);
+        assert!(
+            again.len() == 9 && again.is_sorted_by(|a, b| a >= b),
+            "{again:?}"
+        );
+        assert_eq!(again, track.recorded_times(9, 7));
     }
 }

@@ -19,6 +19,14 @@ pub struct Grasp {
 }
 
 impl Grasp {
+    /// Returns the same hand in another frame.
+    pub(crate) fn moved(&self, other_from_frame: &Isometry3<f64>) -> Self {
+        Self {
+            table_from_palm: Pose::new(other_from_frame * self.table_from_palm.isometry()),
+            q_rad: self.q_rad.clone(),
+        }
+    }
+
     /// Returns translation in meters, the rotation's first two columns, joint positions in radians.
     pub(crate) fn to_numbers(&self) -> Vec<f64> {
         let isometry = self.table_from_palm.isometry();
@@ -27,6 +35,14 @@ impl Grasp {
         numbers.extend(rot6d(&isometry.rotation));
         numbers.extend(&self.q_rad);
         numbers
+    }
+
+    /// Returns translation in meters, rotation axis times angle in radians, joint positions in radians.
+    pub(crate) fn to_axis_angle_numbers(&self) -> Vec<f64> {
+        let isometry = self.table_from_palm.isometry();
+        let turn = isometry.rotation.scaled_axis();
+        let root = isometry.translation.vector.iter().chain(turn.iter());
+        root.chain(&self.q_rad).copied().collect()
     }
 
     /// Reads what [`Grasp::to_numbers`] returns, with any two columns that are not parallel;
@@ -83,6 +99,25 @@ impl Normalization {
             .iter()
             .zip(self.mean.iter().zip(&self.scale))
             .map(|(x, (mean, scale))| narrow((x - mean) / scale))
+            .collect()
+    }
+
+    /// Brings what [`Grasp::to_axis_angle_numbers`] returns to the network's units; the rotation stays in
+    /// radians.
+    pub(crate) fn normalize_axis_angle(&self, numbers: &[f64]) -> Vec<f32> {
+        // The axis has three numbers where the columns have six.
+        let (mean, scale) = (&self.mean, &self.scale);
+        let unit = |k: usize| match k {
+            0..3 => (mean[k], scale[k]),
+            3..6 => (0.0, 1.0),
+            _ => (mean[k + 3], scale[k + 3]),
+        };
+        let numbers = numbers.iter().enumerate();
+        numbers
+            .map(|(k, x)| {
+                let (mean, scale) = unit(k);
+                narrow((x - mean) / scale)
+            })
             .collect()
     }
 

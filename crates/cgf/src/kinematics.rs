@@ -10,22 +10,42 @@ use robot::{JointKind, RobotModel};
 use crate::{grasp::ROOT, precision::narrow};
 
 /// Takes `(rows, 9 + dof)` (translation, two columns of a rotation before they are made orthonormal,
-/// joint positions; meters and radians) to the origins of all links, `(rows, 3 links)`, in meters,
-/// in the frame in which translation and rotation are given.
+/// joint positions; meters and radians) to where all links are, in the frame in which translation and
+/// rotation are given: `(rows, 3 links)` or `(rows, 9 links)`, as [`LinkParts`] says.
 ///
-/// These are the J of the paper's joint loss.
+/// The origins are the J of the paper's joint loss.
 #[derive(Debug, Clone)]
-pub(crate) struct LinkOrigins {
+pub(crate) struct LinkPoses {
     hand: Arc<RobotModel>,
+    parts: LinkParts,
 }
 
-impl LinkOrigins {
-    pub(crate) fn new(hand: Arc<RobotModel>) -> Self {
-        Self { hand }
+/// What is asked of every link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LinkParts {
+    /// Its origin, in meters.
+    Origins,
+    /// Its origin, in meters, and the first two columns of its rotation.
+    OriginsAndColumns,
+}
+
+impl LinkParts {
+    /// Numbers per link.
+    pub(crate) fn width(self) -> usize {
+        match self {
+            Self::Origins => 3,
+            Self::OriginsAndColumns => 9,
+        }
+    }
+}
+
+impl LinkPoses {
+    pub(crate) fn new(hand: Arc<RobotModel>, parts: LinkParts) -> Self {
+        Self { hand, parts }
     }
 
     fn width(&self) -> usize {
-        3 * self.hand.links().len()
+        self.parts.width() * self.hand.links().len()
     }
 
     /// The links in the palm frame; all at the origin if the joint positions are too few.
@@ -35,19 +55,24 @@ impl LinkOrigins {
         dof.unwrap_or_else(|_| vec![Isometry3::identity(); self.hand.links().len()])
     }
 
-    fn forward_row(&self, row: &[f32], origins: &mut [f32]) {
+    fn forward_row(&self, row: &[f32], poses: &mut [f32]) {
         let frame = Frame::of(row);
-        for (origin, link) in origins.chunks_exact_mut(3).zip(self.palm_from_links(row)) {
+        let width = self.parts.width();
+        for (pose, link) in poses.chunks_exact_mut(width).zip(self.palm_from_links(row)) {
             let point = frame.translation + frame.rotation * link.translation.vector;
-            for (origin, x) in origin.iter_mut().zip(point.iter()) {
-                *origin = narrow(*x);
+            let rotation = frame.rotation * link.rotation.to_rotation_matrix();
+            let columns = rotation.fixed_columns::<2>(0);
+            // As many of these as are asked for.
+            for (number, x) in pose.iter_mut().zip(point.iter().chain(columns.iter())) {
+                *number = narrow(*x);
             }
         }
     }
 
-    /// Takes the forces `by_origins` on the link origins to the generalized forces on the row: for a
-    /// revolute joint the torque about its axis of all forces on the links that it moves.
-    fn backward_row(&self, row: &[f32], by_origins: &[f32], by_row: &mut [f32]) {
+    /// Takes the forces `by_poses` on the link origins, and on the tips of the unit vectors that are
+    /// their columns, to the generalized forces on the row: for a revolute joint the torque about its
+    /// axis of all forces on the links that it moves.
+    fn backward_row(&self, row: &[f32], by_poses: &[f32], by_row: &mut [f32]) {
         let frame = Frame::of(row);
         let palm_from_links = self.palm_from_links(row);
         let turned_back = frame.rotation.transpose();
@@ -55,13 +80,23 @@ impl LinkOrigins {
         let mut wrenches = Vec::with_capacity(palm_from_links.len());
         let mut by_translation = Vector3::zeros();
         let mut by_rotation = Matrix3::zeros();
-        for (link, force) in palm_from_links.iter().zip(by_origins.chunks_exact(3)) {
-            let force = Vector3::from_iterator(force.iter().map(|&x| f64::from(x)));
+        let by_links = by_poses.chunks_exact(self.parts.width());
+        for (link, by_link) in palm_from_links.iter().zip(by_links) {
+            let mut by_vectors = by_link
+                .chunks_exact(3)
+                .map(|by| Vector3::from_iterator(by.iter().map(|&x| f64::from(x))));
+            let force = by_vectors.next().unwrap_or_default();
             let point = link.translation.vector;
             by_translation += force;
             by_rotation += force * point.transpose();
             let force_in_palm = turned_back * force;
-            wrenches.push((force_in_palm, point.cross(&force_in_palm)));
+            let mut torque = point.cross(&force_in_palm);
+            let columns = link.rotation.to_rotation_matrix();
+            for (by_column, column) in by_vectors.zip(columns.matrix().column_iter()) {
+                by_rotation += by_column * column.transpose();
+                torque += column.cross(&(turned_back * by_column));
+            }
+            wrenches.push((force_in_palm, torque));
         }
         let mut by_q = vec![0.0; row.len() - ROOT];
         for (idx, link) in self.hand.links().iter().enumerate().rev() {
@@ -130,9 +165,9 @@ impl Frame {
     }
 }
 
-impl CustomOp1 for LinkOrigins {
+impl CustomOp1 for LinkPoses {
     fn name(&self) -> &'static str {
-        "link_origins"
+        "link_poses"
     }
 
     fn cpu_fwd(
@@ -143,16 +178,16 @@ impl CustomOp1 for LinkOrigins {
         let (n_rows, width) = layout.shape().dims2()?;
         let (start, end) = layout
             .contiguous_offsets()
-            .ok_or_else(|| candle_core::Error::RequiresContiguous { op: "link_origins" }.bt())?;
+            .ok_or_else(|| candle_core::Error::RequiresContiguous { op: "link_poses" }.bt())?;
         let rows = &storage.as_slice::<f32>()?[start..end];
-        let mut origins = vec![0.0; n_rows * self.width()];
-        origins
+        let mut poses = vec![0.0; n_rows * self.width()];
+        poses
             .par_chunks_mut(self.width())
             .zip(rows.par_chunks(width))
             .with_min_len(16)
-            .for_each(|(origins, row)| self.forward_row(row, origins));
+            .for_each(|(poses, row)| self.forward_row(row, poses));
         let shape = Shape::from((n_rows, self.width()));
-        Ok((CpuStorage::F32(origins), shape))
+        Ok((CpuStorage::F32(poses), shape))
     }
 
     fn bwd(
@@ -163,12 +198,12 @@ impl CustomOp1 for LinkOrigins {
     ) -> candle_core::Result<Option<Tensor>> {
         let (n_rows, width) = arg.dims2()?;
         let rows = arg.to_dtype(DType::F32)?.flatten_all()?.to_vec1::<f32>()?;
-        let by_origins = by_result.flatten_all()?.to_vec1::<f32>()?;
+        let by_poses = by_result.flatten_all()?.to_vec1::<f32>()?;
         let mut by_rows = vec![0.0; n_rows * width];
         by_rows
             .par_chunks_mut(width)
             .zip(rows.par_chunks(width))
-            .zip(by_origins.par_chunks(self.width()))
+            .zip(by_poses.par_chunks(self.width()))
             .with_min_len(16)
             .for_each(|((by_row, row), by)| self.backward_row(row, by, by_row));
         Tensor::from_vec(by_rows, (n_rows, width), &Device::Cpu).map(Some)

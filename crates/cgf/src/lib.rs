@@ -11,7 +11,9 @@
 
 mod adam;
 mod augmentation;
+mod batch;
 mod config;
+mod curve;
 mod data;
 mod error;
 mod grasp;
@@ -22,19 +24,23 @@ mod network;
 mod point_net;
 mod precision;
 mod random;
+mod state;
+mod step;
 mod training;
 mod weights;
 
 pub use config::{
-    Activation, Augmentation, Contact, NetworkConfig, Outputs, Schedule, TrainingConfig,
+    Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
+    LatentNoise, NetworkConfig, Outputs, Reduction, Schedule, Times, TrainingConfig,
 };
-pub use data::{Scene, TimedGrasp, Track};
+pub use curve::Epoch;
+pub use data::{Scene, Split, TimedGrasp, Track};
 pub use error::CgfError;
 pub use grasp::{Grasp, Normalization};
 pub use model::{
-    Cgf, Curve, Demonstration, Description, GraspError, JointRange, ObjectFeature, Posterior,
-    VERSION,
+    Cgf, Demonstration, Description, GraspError, JointRange, ObjectFeature, Posterior, VERSION,
 };
 pub use random::Random;
-pub use training::{Losses, TrainingSet, train};
+pub use step::Losses;
+pub use training::{Trained, Trainer, TrainingSet, train};
 pub use weights::{Array, Weights};

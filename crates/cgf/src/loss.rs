@@ -46,8 +46,8 @@ pub(crate) fn kl_divergence(mean: &Tensor, log_variance: &Tensor) -> Result<Tens
 
 /// `L_contact`: mean over the finger tips of the squared distance from contact, in m².
 ///
-/// `tips` is `(tips, 3)`, predicted, so that it has a gradient; `surfaces` gives the object's points
-/// for each of them. The nearest point is searched off the tape.
+/// `tips` is `(tips, 3)`, with a gradient where they are predicted; `surfaces` gives the object's
+/// points for each of them. The nearest point is searched off the tape.
 pub(crate) fn contact(
     tips: &Tensor,
     surfaces: &[&[Point3<f64>]],
@@ -64,7 +64,7 @@ pub(crate) fn contact(
         .sqr()?
         .sum(1)?;
     let terms = match contact {
-        Contact::TouchCenter => squares,
+        Contact::TouchCenter | Contact::Demonstrated => squares,
         // Away from zero the root has a derivative.
         Contact::TouchSurface => ((squares + 1e-10)?.sqrt()? - tip_radius_m)?.sqr()?,
     };

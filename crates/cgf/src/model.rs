@@ -6,24 +6,25 @@ use std::{
     path::Path,
 };
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use robot::Joint;
 use serde::{Deserialize, Serialize};
 use spatial::Rest;
 
 use crate::{
-    CgfError, Losses, Scene, Track, TrainingSet,
+    CgfError, Epoch, Scene, Split, Track, TrainingSet,
+    batch::{encoder_motion, encoder_times},
     config::{NetworkConfig, TrainingConfig},
+    data::View,
     grasp::{Grasp, Normalization, ROOT},
     network::{self, Network, constant},
-    point_net::{PointNet, Statistics},
+    point_net::{Clouds, PointNet, Statistics},
     precision::narrow,
-    training::{encoder_motion, equal_times},
     weights::{Leaves, Weights},
 };
 
 /// Version of the two files' form.
-pub const VERSION: &str = "checkpoint/1";
+pub const VERSION: &str = "checkpoint/2";
 
 /// Motions decoded at once: their layers fit a processor's cache.
 const BLOCK: usize = 64;
@@ -42,6 +43,8 @@ pub struct Cgf {
 pub struct Description {
     /// Version of the form, [`VERSION`].
     pub version: String,
+    /// Number of the epoch after which the weights were taken, from 1.
+    pub epoch: usize,
     /// Names of the hand's joints, in the order of the outputs after the first nine.
     pub joints: Vec<String>,
     /// Where each of them can be.
@@ -54,10 +57,10 @@ pub struct Description {
     pub seed: u64,
     /// Units of the outputs: translation (m), two columns of the rotation, joint positions (rad).
     pub normalization: Normalization,
-    /// What the motions it was trained on became.
+    /// What the motions became that it was trained on or that were kept back.
     pub demonstrations: Vec<Demonstration>,
-    /// Mean losses per epoch.
-    pub training_curve: Curve,
+    /// All epochs.
+    pub training_curve: Vec<Epoch>,
 }
 
 /// Where a joint can be.
@@ -78,6 +81,8 @@ pub struct Demonstration {
     pub name: String,
     /// The object's name.
     pub object: String,
+    /// Whether the network was trained on it.
+    pub split: Split,
     /// How the object lay: unit vector against gravity, object frame.
     pub rest_up: [f64; 3],
     /// How the object lay: height of its origin above the table, in meters.
@@ -102,25 +107,13 @@ pub struct GraspError {
     pub joints_rad: f64,
 }
 
-/// Mean losses per epoch, before they are weighted.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Curve {
-    /// Weighted sum.
-    pub total: Vec<f32>,
-    /// `L_q`, in the units of the network's outputs.
-    pub q: Vec<f32>,
-    /// `L_j` in m².
-    pub origins: Vec<f32>,
-    /// `L_KL` in nats.
-    pub kl: Vec<f32>,
-    /// `L_contact` in m².
-    pub contact: Vec<f32>,
-}
-
 /// What the network knows of an object as it lies.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ObjectFeature(Vec<f32>);
+pub struct ObjectFeature {
+    pub(crate) values: Vec<f32>,
+    /// Where the frame is in which the network speaks of this object.
+    pub(crate) table_from_network: Isometry3<f64>,
+}
 
 /// The distribution of a motion's latent code: independent normal distributions.
 #[derive(Debug, Clone, PartialEq)]
@@ -158,11 +151,16 @@ impl Cgf {
     /// Fails if the object has too few points or they are not finite.
     pub fn feature(&self, scene: &Scene) -> Result<ObjectFeature, CgfError> {
         let config = &self.description.network;
-        let cloud = scene.cloud(config.points, &UnitQuaternion::identity())?;
+        let view = View::of(scene, config.frame)?;
+        let clouds = Clouds {
+            points: config.points,
+            xyz: view.cloud(config.points, &UnitQuaternion::identity()),
+        };
         let net = PointNet::new(&self.weights, config.point_widths.len())?;
-        Ok(ObjectFeature(
-            net.forward(&cloud, Statistics::Stored)?.features,
-        ))
+        Ok(ObjectFeature {
+            values: net.forward(&clouds, Statistics::Stored)?.features,
+            table_from_network: view.table_from_network,
+        })
     }
 
     /// Decodes latent codes at `times` in 0..=1 (1 far, 0 the grasp): for each code, the hand at each
@@ -186,10 +184,12 @@ impl Cgf {
             for motion in outputs.chunks_exact(times.len()) {
                 let grasps = motion.iter().map(|outputs| {
                     let numbers = self.description.normalization.restore(outputs);
-                    Grasp::from_numbers(&numbers).ok_or_else(|| CgfError::NotFinite {
+                    let grasp = Grasp::from_numbers(&numbers);
+                    let grasp = grasp.ok_or_else(|| CgfError::NotFinite {
                         name: "decoder".to_owned(),
                         what: "a decoded rotation",
-                    })
+                    })?;
+                    Ok::<_, CgfError>(grasp.moved(&feature.table_from_network))
                 });
                 motions.push(grasps.collect::<Result<_, _>>()?);
             }
@@ -221,7 +221,7 @@ impl Cgf {
         let decoded = self.network().decode(
             &constant(times_of_all, &[batch, times.len()])?,
             &constant(codes, &[batch, width])?,
-            &constant(feature.0.clone(), &[1, feature.0.len()])?,
+            &constant(feature.values.clone(), &[1, feature.values.len()])?,
             &scenes,
         )?;
         Ok(decoded.to_vec2()?)
@@ -234,18 +234,22 @@ impl Cgf {
     /// Fails if the motion is not one of this hand.
     pub fn encode(&self, feature: &ObjectFeature, track: &Track) -> Result<Posterior, CgfError> {
         track.check(self.description.joints.len())?;
-        let steps = self.description.network.encoder_steps;
+        let network = &self.description.network;
+        let track = track.seen_from(&feature.table_from_network);
+        let times = encoder_times(network, &track, self.description.seed);
         let motion = encoder_motion(
-            track,
-            steps,
+            network,
+            &track,
+            &times,
             &UnitQuaternion::identity(),
             &self.description.normalization,
         );
+        let inputs = network.encoder_inputs(self.description.joints.len());
         let scenes =
             candle_core::Tensor::zeros(1, candle_core::DType::U32, &candle_core::Device::Cpu)?;
         let (mean, log_variance) = self.network().encode(
-            &constant(motion, &[1, steps, ROOT + self.description.joints.len()])?,
-            &constant(feature.0.clone(), &[1, feature.0.len()])?,
+            &constant(motion, &[1, times.len(), inputs])?,
+            &constant(feature.values.clone(), &[1, feature.values.len()])?,
             &scenes,
         )?;
         let numbers = |tensor: &candle_core::Tensor| tensor.flatten_all()?.to_vec1::<f32>();
@@ -289,6 +293,7 @@ impl Cgf {
             demonstrations.push(Demonstration {
                 name: track.name.clone(),
                 object: scene.object.clone(),
+                split: track.split,
                 rest_up: scene.rest.up_in_object.into_inner().into(),
                 rest_height_m: scene.rest.height_m,
                 latent_mean: posterior.mean,
@@ -344,7 +349,10 @@ impl Cgf {
         description.network.check()?;
         let weights = Weights::from_bytes(&read(weights)?)?;
         let outputs = ROOT + description.joints.len();
-        weights.check_like(&network::initialize(&description.network, outputs, 0))?;
+        let dof = description.joints.len();
+        let initialization = description.training.initialization;
+        let expected = network::initialize(&description.network, dof, initialization, 0);
+        weights.check_like(&expected)?;
         let Normalization { mean, scale } = &description.normalization;
         if mean.len() != outputs || scale.len() != outputs {
             return Err(CgfError::Tensor {
@@ -376,6 +384,11 @@ impl Cgf {
     pub fn times(steps: usize) -> Vec<f64> {
         equal_times(steps).collect()
     }
+}
+
+/// Returns `n` times from 1 (far) to 0 (the grasp).
+pub(crate) fn equal_times(n: usize) -> impl Iterator<Item = f64> {
+    (0..n).map(move |k| (n - 1 - k) as f64 / (n.max(2) - 1) as f64)
 }
 
 impl JointRange {
@@ -419,15 +432,5 @@ impl GraspError {
             rotation_rad: pose_a.rotation.angle_to(&pose_b.rotation),
             joints_rad: (squares / a.q_rad.len().max(1) as f64).sqrt(),
         }
-    }
-}
-
-impl Curve {
-    pub(crate) fn push(&mut self, losses: &Losses) {
-        self.total.push(losses.total);
-        self.q.push(losses.q);
-        self.origins.push(losses.origins);
-        self.kl.push(losses.kl);
-        self.contact.push(losses.contact);
     }
 }

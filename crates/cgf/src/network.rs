@@ -4,25 +4,49 @@ use candle_core::{Device, Tensor};
 
 use crate::{
     CgfError,
-    config::{Activation, NetworkConfig},
+    config::{Activation, Initialization, NetworkConfig},
+    grasp::ROOT,
     point_net,
     random::Random,
     weights::{Leaves, Weights, leaf},
 };
 
-/// Makes all numbers of a network at random; `outputs` is the decoder's width.
-pub(crate) fn initialize(config: &NetworkConfig, outputs: usize, seed: u64) -> Weights {
+/// Makes all numbers of a network for a hand of `dof` joints at random.
+pub(crate) fn initialize(
+    config: &NetworkConfig,
+    dof: usize,
+    initialization: Initialization,
+    seed: u64,
+) -> Weights {
     let mut weights = Weights::default();
     let mut random = Random::new(seed, 0);
-    point_net::initialize(&mut weights, &config.point_widths, &mut random);
+    point_net::initialize(
+        &mut weights,
+        &config.point_widths,
+        initialization,
+        &mut random,
+    );
     let feature = last(&config.point_widths);
     let mut linear = |name: &str, width: usize, inputs: &[(&str, usize)]| {
+        // All inputs of a layer together say how large its numbers are.
+        let total: usize = inputs.iter().map(|(_, n)| n).sum();
+        let bound = initialization.bound(total);
         for (input, n) in inputs {
-            weights.set_random(&format!("{name}.{input}"), width, *n, &mut random);
+            let input_bound = match initialization {
+                Initialization::Centered => initialization.bound(*n),
+                Initialization::Torch => bound,
+            };
+            let name = format!("{name}.{input}");
+            weights.set_random(&name, &[width, *n], input_bound, &mut random);
         }
-        weights.set_constant(&format!("{name}.bias"), width, 0.0);
+        let name = format!("{name}.bias");
+        match initialization {
+            Initialization::Centered => weights.set_constant(&name, width, 0.0),
+            Initialization::Torch => weights.set_random(&name, &[width], bound, &mut random),
+        }
     };
-    let mut below = outputs;
+    let outputs = ROOT + dof;
+    let mut below = config.encoder_inputs(dof);
     for (layer, &width) in config.hand_widths.iter().enumerate() {
         linear(
             &format!("encoder.hand.{layer}"),
@@ -63,8 +87,10 @@ pub(crate) fn initialize(config: &NetworkConfig, outputs: usize, seed: u64) -> W
     }
     let name = format!("decoder.{}", config.decoder_widths.len());
     linear(&name, outputs, &[("weight", below)]);
-    // Start near the mean of all motions.
-    weights.scale(&format!("{name}.weight"), 0.1);
+    if initialization == Initialization::Centered {
+        // Start near the mean of all motions.
+        weights.scale(&format!("{name}.weight"), 0.1);
+    }
     weights
 }
 

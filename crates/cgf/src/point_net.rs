@@ -14,7 +14,9 @@ mod rows;
 use rayon::prelude::*;
 
 use self::rows::{Transposed, column_means, covariance, measure, product};
-use crate::{CgfError, precision::narrow, random::Random, weights::Weights};
+use crate::{
+    CgfError, config::Initialization, precision::narrow, random::Random, weights::Weights,
+};
 
 /// Added to variances before their root is taken.
 const EPSILON: f64 = 1e-5;
@@ -93,15 +95,17 @@ pub(crate) fn names(layer: usize) -> [String; 3] {
 }
 
 /// Adds a point network at random.
-pub(crate) fn initialize(weights: &mut Weights, widths: &[usize], random: &mut Random) {
+pub(crate) fn initialize(
+    weights: &mut Weights,
+    widths: &[usize],
+    initialization: Initialization,
+    random: &mut Random,
+) {
     let mut inputs = 3;
     for (layer, &outputs) in widths.iter().enumerate() {
-        weights.set_random(
-            &format!("point_net.{layer}.weight"),
-            outputs,
-            inputs,
-            random,
-        );
+        let name = format!("point_net.{layer}.weight");
+        let bound = initialization.bound(inputs);
+        weights.set_random(&name, &[outputs, inputs], bound, random);
         for (name, value) in [
             ("gain", 1.0),
             ("shift", 0.0),

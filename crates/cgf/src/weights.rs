@@ -1,6 +1,6 @@
 //! The network's numbers by name: made at random, written, read, and put on candle's tape.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use candle_core::{Device, Tensor, Var};
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
@@ -62,20 +62,18 @@ impl Weights {
         self.arrays.insert(name.to_owned(), Array { shape, values });
     }
 
-    /// Adds a matrix `(outputs, inputs)` with uniform entries of variance `1 / inputs`
-    /// (LeCun et al., *Efficient BackProp*, 1998, §4.6).
+    /// Adds an array with entries uniform between `−bound` and `bound`.
     pub(crate) fn set_random(
         &mut self,
         name: &str,
-        outputs: usize,
-        inputs: usize,
+        shape: &[usize],
+        bound: f64,
         random: &mut Random,
     ) {
-        let bound = (3.0 / inputs as f64).sqrt();
-        let values = (0..outputs * inputs)
+        let values = (0..shape.iter().product::<usize>())
             .map(|_| narrow(bound * (2.0 * random.uniform() - 1.0)))
             .collect();
-        self.set(name, &[outputs, inputs], values);
+        self.set(name, shape, values);
     }
 
     pub(crate) fn set_constant(&mut self, name: &str, length: usize, value: f32) {
@@ -121,6 +119,14 @@ impl Weights {
     ///
     /// Fails if an array is too large for the format.
     pub fn to_bytes(&self) -> Result<Vec<u8>, CgfError> {
+        self.to_bytes_about(None)
+    }
+
+    /// Returns the same with a text header.
+    pub(crate) fn to_bytes_about(
+        &self,
+        about: Option<HashMap<String, String>>,
+    ) -> Result<Vec<u8>, CgfError> {
         let bytes: Vec<(&String, &Array, Vec<u8>)> = self
             .arrays
             .iter()
@@ -136,7 +142,7 @@ impl Weights {
                 Ok((name.as_str(), view))
             })
             .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()?;
-        Ok(safetensors::serialize(views, None)?)
+        Ok(safetensors::serialize(views, about)?)
     }
 
     /// Reads the bytes of a safetensors file.

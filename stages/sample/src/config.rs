@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SampleConfig {
+    /// Which of the checkpoint's weights are used
+    pub epoch: Epoch,
     /// Objects to draw motions for, by name; empty: all
     pub objects: Vec<String>,
     /// Motions per object; paper: 10000
@@ -33,4 +35,14 @@ pub enum Rests {
     Seen,
     /// Those that are stable, as probable as they are by the mesh.
     Stable,
+}
+
+/// Which of a checkpoint's weights are used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Epoch {
+    /// Those with the least loss on held-out motions.
+    Best,
+    /// Those after the last epoch.
+    Last,
 }

@@ -10,6 +10,6 @@ mod draw;
 mod error;
 mod stage;
 
-pub use config::{Rests, SampleConfig};
+pub use config::{Epoch, Rests, SampleConfig};
 pub use error::SampleError;
 pub use stage::Sample;

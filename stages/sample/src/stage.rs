@@ -17,7 +17,7 @@ use schemas::{
 use spatial::Rest;
 
 use crate::{
-    SampleConfig, SampleError,
+    Epoch, SampleConfig, SampleError,
     draw::{self, Draw, Source},
 };
 
@@ -99,7 +99,7 @@ impl Stage for Sample {
 
     fn run(config: &SampleConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleError> {
         check(config)?;
-        let cgf = read_checkpoint(inputs.artifacts("checkpoint"))?;
+        let cgf = read_checkpoint(config.epoch, inputs.artifacts("checkpoint"))?;
         let artifact = inputs
             .artifacts("objects")
             .first()
@@ -170,15 +170,16 @@ fn check(config: &SampleConfig) -> Result<(), SampleError> {
     )
 }
 
-fn read_checkpoint(artifacts: &[Artifact]) -> Result<Cgf, SampleError> {
+fn read_checkpoint(epoch: Epoch, artifacts: &[Artifact]) -> Result<Cgf, SampleError> {
     let file = |name| {
         let file = artifacts.first().and_then(|artifact| artifact.file(name));
         file.ok_or(SampleError::Missing { what: "checkpoint" })
     };
-    Ok(Cgf::load(
-        file(checkpoint::WEIGHTS)?,
-        file(checkpoint::DESCRIPTION)?,
-    )?)
+    let files = match epoch {
+        Epoch::Best => checkpoint::BEST,
+        Epoch::Last => checkpoint::LAST,
+    };
+    Ok(Cgf::load(file(files.weights)?, file(files.description)?)?)
 }
 
 /// Draws and decodes all motions of one object.

@@ -3,7 +3,8 @@
 use std::{collections::BTreeMap, path::Path, sync::Arc};
 
 use cgf::{
-    Activation, Augmentation, Contact, Grasp, NetworkConfig, Outputs, Scene, Schedule, TimedGrasp,
+    Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Grasp, Initialization,
+    LatentNoise, NetworkConfig, Outputs, Reduction, Scene, Schedule, Split, TimedGrasp, Times,
     Track, TrainingConfig, TrainingSet,
 };
 use dataflow::{Artifact, Context, Inputs, Outcome, Stage};
@@ -16,7 +17,7 @@ use schemas::{
     objects::{Object, RestingOrientation},
 };
 use spatial::{Pose, Rest};
-use stage_sample::{Rests, Sample, SampleConfig, SampleError};
+use stage_sample::{Epoch, Rests, Sample, SampleConfig, SampleError};
 
 const HAND: &str = r#"<robot name="h">
   <link name="palm"/><link name="tip"/>
@@ -84,6 +85,7 @@ fn write_checkpoint(folder: &Path) {
     let track = |name: &str, x: f64| Track {
         name: name.to_owned(),
         scene: 0,
+        split: Split::Training,
         steps: (0..10)
             .map(|k| TimedGrasp {
                 time_s: f64::from(k),
@@ -111,9 +113,13 @@ fn write_checkpoint(folder: &Path) {
         latent_dim: 3,
         decoder_widths: vec![16, 16],
         activation: Activation::Silu,
+        frame: Frame::Resting,
+        encoder_times: EncoderTimes::Equal,
+        encoder_rotation: EncoderRotation::Columns,
     };
     let training = TrainingConfig {
         epochs: 20,
+        validation_epochs: 1,
         batch: 2,
         learning_rate: 3e-3,
         max_gradient_norm: None,
@@ -122,10 +128,16 @@ fn write_checkpoint(folder: &Path) {
         grasp_steps: 2,
         grasp_weight: 1.0,
         random_times: 3,
+        times: Times::Continuous,
+        latent_noise: LatentNoise::PerMotion,
+        initialization: Initialization::Centered,
         augmentation: Augmentation::None,
         outputs: Outputs::Standardized,
+        reduction: Reduction::Mean,
         q_weight: 1.0,
+        translation_weight: 0.0,
         origins_weight: 10.0,
+        rotations_weight: 0.0,
         kl_weight: 1e-3,
         contact_weight: 0.0,
         fixed_statistics_after: 0.5,
@@ -134,12 +146,14 @@ fn write_checkpoint(folder: &Path) {
         tip_radius_m: 0.0,
     };
     let hand = Arc::new(RobotModel::from_urdf(HAND).unwrap());
-    let cgf = cgf::train(&set, &hand, &network, &training, 7, |_, _| {}).unwrap();
-    cgf.save(
-        &folder.join(checkpoint::WEIGHTS),
-        &folder.join(checkpoint::DESCRIPTION),
-    )
-    .unwrap();
+    let trained = cgf::train(&set, &hand, &network, &training, 7, |_| {}).unwrap();
+    trained
+        .best
+        .save(
+            &folder.join(checkpoint::BEST.weights),
+            &folder.join(checkpoint::BEST.description),
+        )
+        .unwrap();
 }
 
 fn inputs(folder: &Path) -> Inputs {
@@ -159,7 +173,7 @@ fn inputs(folder: &Path) -> Inputs {
                 "checkpoint".to_owned(),
                 vec![artifact(
                     "cgf",
-                    &[checkpoint::WEIGHTS, checkpoint::DESCRIPTION],
+                    &[checkpoint::BEST.weights, checkpoint::BEST.description],
                 )],
             ),
             (
@@ -173,6 +187,7 @@ fn inputs(folder: &Path) -> Inputs {
 
 fn config() -> SampleConfig {
     SampleConfig {
+        epoch: Epoch::Best,
         objects: Vec::new(),
         per_object: 40,
         steps: 11,
@@ -263,7 +278,7 @@ fn codes_about_demonstrations_without_spread_are_the_demonstrations() {
 fn a_truncated_checkpoint_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let inputs = inputs(folder.path());
-    let path = folder.path().join(checkpoint::WEIGHTS);
+    let path = folder.path().join(checkpoint::BEST.weights);
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     let cx = Context::detached("candidates", "can", 7, folder.path());

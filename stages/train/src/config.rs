@@ -15,8 +15,10 @@ pub struct TrainConfig {
     pub hand: PathBuf,
     /// Objects whose trajectories are learned from, by name; empty: all
     pub objects: Vec<String>,
-    /// Objects whose trajectories are left out, by name, to be unseen in sampling
-    pub held_out_objects: Vec<String>,
+    /// Objects whose trajectories are not learned from, by name, to be unseen in sampling
+    pub unseen_objects: Vec<String>,
+    /// Share of the other trajectories that are not learned from but measured with, in 0..1
+    pub held_out_share: f64,
     /// Widths and shapes of the network
     pub network: NetworkConfig,
     /// How it is trained
@@ -24,9 +26,17 @@ pub struct TrainConfig {
 }
 
 impl TrainConfig {
-    /// Says whether trajectories of this object are learned from.
+    /// Says whether trajectories of this object are read.
     pub(crate) fn takes(&self, object: &str) -> bool {
-        let named = |names: &[String]| names.iter().any(|name| name == object);
-        (self.objects.is_empty() || named(&self.objects)) && !named(&self.held_out_objects)
+        self.objects.is_empty() || named(&self.objects, object) || self.is_unseen(object)
     }
+
+    /// Says whether trajectories of this object are kept back.
+    pub(crate) fn is_unseen(&self, object: &str) -> bool {
+        named(&self.unseen_objects, object)
+    }
+}
+
+fn named(names: &[String], object: &str) -> bool {
+    names.iter().any(|name| name == object)
 }

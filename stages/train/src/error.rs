@@ -72,7 +72,7 @@ impl Advise for TrainError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::NoTrajectories { .. } => Some(
-                "check `objects` and `held_out_objects`, and see what was skipped before: `pipeline \
+                "check `objects` and `unseen_objects`, and see what was skipped before: `pipeline \
                  inspect retarget.trajectories`"
                     .to_owned(),
             ),
@@ -84,7 +84,9 @@ impl Advise for TrainError {
                 Some("set `hand` in `train` and `retarget` to the same URDF".to_owned())
             }
             Self::Lake(err) => err.hint(),
-            Self::Schema { .. } => Some("make it again with `pipeline run FILE --fresh`".to_owned()),
+            Self::Schema { .. } => {
+                Some("make it again with `pipeline run FILE --fresh`".to_owned())
+            }
             Self::Cgf(CgfError::Diverged { .. }) => {
                 Some("lower `training.learning_rate`, e.g. to a third".to_owned())
             }

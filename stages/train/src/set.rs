@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use cgf::{Grasp, Scene, TimedGrasp, Track, TrainingSet};
+use cgf::{Grasp, Random, Scene, Split, TimedGrasp, Track, TrainingSet};
 use dataflow::Artifact;
 use nalgebra::Point3;
 use schemas::{
@@ -11,13 +11,19 @@ use schemas::{
 };
 use spatial::Rest;
 
-use crate::TrainError;
+use crate::{TrainConfig, TrainError};
 
-/// Reads objects and trajectories and puts every motion above the table of its scene.
+/// Stream of the random numbers that say which motions are held out.
+const HELD_OUT: u64 = 3;
+
+/// Reads objects and trajectories, puts every motion above the table of its scene and says which are
+/// learned from.
 pub(crate) fn read(
+    config: &TrainConfig,
     objects: &[Artifact],
     trajectories: &[Artifact],
     joints: &[String],
+    seed: u64,
 ) -> Result<TrainingSet, TrainError> {
     let mut known = BTreeMap::new();
     for artifact in objects {
@@ -46,9 +52,40 @@ pub(crate) fn read(
             set.scenes.push(scene(object, rest));
             set.scenes.len() - 1
         });
-        set.tracks.push(track(&trajectory, rest, scene, joints)?);
+        let mut track = track(&trajectory, rest, scene, joints)?;
+        if config.is_unseen(&object.name) {
+            track.split = Split::Unseen;
+        }
+        set.tracks.push(track);
     }
+    hold_out(&mut set, config.held_out_share, seed);
     Ok(set)
+}
+
+/// Keeps back a share of the motions that would be learned from, never the last one of an object.
+fn hold_out(set: &mut TrainingSet, share: f64, seed: u64) {
+    let tracks = set.tracks.iter().enumerate();
+    let training: Vec<usize> = tracks
+        .filter(|(_, track)| track.split == Split::Training)
+        .map(|(idx, _)| idx)
+        .collect();
+    let mut left: BTreeMap<String, usize> = BTreeMap::new();
+    for &idx in &training {
+        let object = &set.scenes[set.tracks[idx].scene].object;
+        *left.entry(object.clone()).or_default() += 1;
+    }
+    let mut wanted = (share * training.len() as f64).round() as usize;
+    for k in Random::new(seed, HELD_OUT).permutation(training.len()) {
+        let track = &mut set.tracks[training[k]];
+        let left = left
+            .entry(set.scenes[track.scene].object.clone())
+            .or_default();
+        if wanted > 0 && *left > 1 {
+            track.split = Split::HeldOut;
+            *left -= 1;
+            wanted -= 1;
+        }
+    }
 }
 
 fn schema(artifact: &Artifact, source: schemas::SchemaError) -> TrainError {
@@ -114,6 +151,7 @@ fn track(
     Ok(Track {
         name: trajectory.sequence.clone(),
         scene,
+        split: Split::Training,
         steps: steps.collect(),
     })
 }

@@ -7,7 +7,7 @@ use std::{
     sync::Arc,
 };
 
-use cgf::Cgf;
+use cgf::{Cgf, GraspError, Split, Trained, Trainer, TrainingSet};
 use dataflow::{
     Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage, Summary, Unit,
 };
@@ -57,7 +57,7 @@ impl Stage for Train {
             .iter()
             .map(|object| object.key.clone())
             .collect();
-        for object in config.objects.iter().chain(&config.held_out_objects) {
+        for object in config.objects.iter().chain(&config.unseen_objects) {
             if !known.contains(object) {
                 return Err(TrainError::UnknownObject {
                     object: object.clone(),
@@ -68,14 +68,16 @@ impl Stage for Train {
         let trajectories = scope.partitions("trajectories");
         let mut objects = BTreeSet::new();
         let mut keys = Vec::new();
+        let mut learns = false;
         for trajectory in trajectories {
             let object = trajectory.label("object").unwrap_or_default();
             if config.takes(object) {
                 objects.insert(object.to_owned());
                 keys.push(trajectory.key.clone());
+                learns |= !config.is_unseen(object);
             }
         }
-        if keys.is_empty() {
+        if !learns {
             return Err(TrainError::NoTrajectories {
                 found: trajectories.len(),
             });
@@ -94,45 +96,51 @@ impl Stage for Train {
             .map_or(config.hand.as_path(), |file| file.path.as_path());
         let hand = Arc::new(read_hand(path)?);
         let set = set::read(
+            config,
             inputs.artifacts("objects"),
             inputs.artifacts("trajectories"),
             &hand.joint_names(),
-        )?;
-        let epochs = config.training.epochs;
-        let cgf = cgf::train(
-            &set,
-            &hand,
-            &config.network,
-            &config.training,
             cx.seed(),
-            |epoch, losses| {
-                let message = format!(
-                    "epoch {epoch} of {epochs}, loss {:.4}, kl {:.2}",
-                    losses.total, losses.kl
-                );
-                cx.progress(epoch as f64 / epochs as f64, &message);
-            },
         )?;
-        cgf.save(
-            &cx.folder().join(checkpoint::WEIGHTS),
-            &cx.folder().join(checkpoint::DESCRIPTION),
-        )?;
+        let trained = train(config, &set, &hand, cx)?;
+        for (cgf, files) in [
+            (&trained.best, checkpoint::BEST),
+            (&trained.last, checkpoint::LAST),
+        ] {
+            let file = |name| cx.folder().join(name);
+            cgf.save(&file(files.weights), &file(files.description))?;
+        }
         Ok(Outcome::Made(Made {
             labels: BTreeMap::new(),
-            metrics: metrics(&cgf),
+            metrics: metrics(&trained.best),
         }))
     }
 
     fn describe(_output: &str, summary: &Summary) -> String {
-        format!(
-            "{} trajectories → loss {:.4}, kl {:.1}; grasps {:.1} mm, {:.1}° and {:.2} rad from theirs",
+        let errors = |suffix: &str| {
+            format!(
+                "{:.1} mm, {:.1}° and {:.2} rad",
+                1e3 * summary.total(&format!("position_error_m{suffix}")),
+                summary
+                    .total(&format!("rotation_error_rad{suffix}"))
+                    .to_degrees(),
+                summary.total(&format!("joints_error_rad{suffix}")),
+            )
+        };
+        let mut text = format!(
+            "{} trajectories → loss {:.4}, kl {:.1}; grasps {} from theirs",
             summary.total("trajectories"),
             summary.total("loss"),
             summary.total("kl"),
-            1e3 * summary.total("position_error_m"),
-            summary.total("rotation_error_rad").to_degrees(),
-            summary.total("joints_error_rad"),
-        )
+            errors(""),
+        );
+        for (suffix, what) in [("_held_out", "held-out"), ("_unseen", "unseen")] {
+            let n = summary.total(&format!("trajectories{suffix}"));
+            if n > 0.0 {
+                text += &format!(", {n} {what} {}", errors(suffix));
+            }
+        }
+        text
     }
 }
 
@@ -147,26 +155,72 @@ fn read_hand(path: &Path) -> Result<RobotModel, TrainError> {
     })
 }
 
-/// Losses of the last epoch and mean errors of the motions that the mean codes give, at the grasp.
+/// Trains epoch after epoch.
+fn train(
+    config: &TrainConfig,
+    set: &TrainingSet,
+    hand: &Arc<RobotModel>,
+    cx: &Context,
+) -> Result<Trained, TrainError> {
+    let epochs = config.training.epochs;
+    let (network, training) = (&config.network, &config.training);
+    let mut trainer = Trainer::new(set, hand, network, training, cx.seed())?;
+    while !trainer.is_done() {
+        let epoch = trainer.train_epoch()?;
+        let mut message = format!(
+            "epoch {} of {epochs}, loss {:.4}",
+            epoch.epoch, epoch.training.total
+        );
+        if let Some(held_out) = epoch.held_out {
+            message += &format!(", held out {:.4}", held_out.total);
+        }
+        cx.progress(epoch.epoch as f64 / epochs as f64, &message);
+    }
+    Ok(trainer.finish()?)
+}
+
+/// Losses of the chosen epoch and mean errors at the grasp of the motions that the mean codes give.
 fn metrics(cgf: &Cgf) -> BTreeMap<String, f64> {
     let description = cgf.description();
-    let demonstrations = &description.demonstrations;
-    let mean = |error: fn(&cgf::GraspError) -> f64| {
-        let sum: f64 = demonstrations.iter().map(|d| error(&d.grasp_error)).sum();
-        sum / demonstrations.len().max(1) as f64
+    let of_split = |split: Split| {
+        let demonstrations = description.demonstrations.iter();
+        demonstrations.filter(move |demonstration| demonstration.split == split)
     };
-    let last = |curve: &[f32]| curve.last().map_or(0.0, |&loss| f64::from(loss));
-    let metrics = [
-        ("trajectories", demonstrations.len() as f64),
-        ("epochs", description.training_curve.total.len() as f64),
-        ("loss", last(&description.training_curve.total)),
-        ("kl", last(&description.training_curve.kl)),
-        ("position_error_m", mean(|error| error.position_m)),
-        ("rotation_error_rad", mean(|error| error.rotation_rad)),
-        ("joints_error_rad", mean(|error| error.joints_rad)),
-    ];
+    let mut metrics = BTreeMap::from([("epochs".to_owned(), description.training.epochs as f64)]);
+    let mut put = |name: &str, suffix: &str, value: f64| {
+        metrics.insert(format!("{name}{suffix}"), value);
+    };
+    put("best_epoch", "", description.epoch as f64);
+    if let Some(epoch) = description.epoch.checked_sub(1) {
+        let epoch = &description.training_curve[epoch];
+        put("loss", "", f64::from(epoch.training.total));
+        put("kl", "", f64::from(epoch.training.kl));
+        for (suffix, losses) in [("_held_out", epoch.held_out), ("_unseen", epoch.unseen)] {
+            if let Some(losses) = losses {
+                put("loss", suffix, f64::from(losses.total));
+            }
+        }
+    }
+    for (split, suffix) in [
+        (Split::Training, ""),
+        (Split::HeldOut, "_held_out"),
+        (Split::Unseen, "_unseen"),
+    ] {
+        let n = of_split(split).count();
+        put("trajectories", suffix, n as f64);
+        if n == 0 {
+            continue;
+        }
+        let mean = |error: fn(&GraspError) -> f64| {
+            of_split(split).map(|d| error(&d.grasp_error)).sum::<f64>() / n as f64
+        };
+        put("position_error_m", suffix, mean(|error| error.position_m));
+        put(
+            "rotation_error_rad",
+            suffix,
+            mean(|error| error.rotation_rad),
+        );
+        put("joints_error_rad", suffix, mean(|error| error.joints_rad));
+    }
     metrics
-        .into_iter()
-        .map(|(name, value)| (name.to_owned(), value))
-        .collect()
 }

@@ -3,7 +3,8 @@
 use std::{collections::BTreeMap, path::Path};
 
 use cgf::{
-    Activation, Augmentation, Cgf, Contact, NetworkConfig, Outputs, Schedule, TrainingConfig,
+    Activation, Augmentation, Cgf, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
+    LatentNoise, NetworkConfig, Outputs, Reduction, Schedule, Times, TrainingConfig,
 };
 use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Partition, Scope, SourceFile, Stage};
 use nalgebra::{Isometry3, Vector3};
@@ -22,7 +23,8 @@ fn config() -> TrainConfig {
     TrainConfig {
         hand: Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/robots/allegro_right.urdf"),
         objects: Vec::new(),
-        held_out_objects: Vec::new(),
+        unseen_objects: Vec::new(),
+        held_out_share: 0.0,
         network: NetworkConfig {
             points: 64,
             point_widths: vec![8, 16],
@@ -32,9 +34,13 @@ fn config() -> TrainConfig {
             latent_dim: 3,
             decoder_widths: vec![16, 16],
             activation: Activation::Silu,
+            frame: Frame::Resting,
+            encoder_times: EncoderTimes::Equal,
+            encoder_rotation: EncoderRotation::Columns,
         },
         training: TrainingConfig {
             epochs: 3,
+            validation_epochs: 1,
             batch: 8,
             learning_rate: 1e-3,
             max_gradient_norm: None,
@@ -43,10 +49,16 @@ fn config() -> TrainConfig {
             grasp_steps: 5,
             grasp_weight: 3.0,
             random_times: 5,
+            times: Times::Continuous,
+            latent_noise: LatentNoise::PerMotion,
+            initialization: Initialization::Centered,
             augmentation: Augmentation::Vertical,
             outputs: Outputs::Standardized,
+            reduction: Reduction::Mean,
             q_weight: 1.0,
+            translation_weight: 0.0,
             origins_weight: 100.0,
+            rotations_weight: 0.0,
             kl_weight: 1e-3,
             contact_weight: 1.0,
             fixed_statistics_after: 0.5,
@@ -191,7 +203,8 @@ fn a_checkpoint_is_made_of_all_trajectories() {
     };
     assert_eq!(made.metrics["trajectories"], 3.0);
     let file = |name: &str| out.path().join(name);
-    let cgf = Cgf::load(&file(checkpoint::WEIGHTS), &file(checkpoint::DESCRIPTION)).unwrap();
+    let files = checkpoint::LAST;
+    let cgf = Cgf::load(&file(files.weights), &file(files.description)).unwrap();
     assert_eq!(cgf.description().joints[0], "joint_0.0");
     let demonstrations = &cgf.description().demonstrations;
     assert_eq!(demonstrations[0].rest_up, [0.0, 0.0, 1.0]);
@@ -204,7 +217,12 @@ fn one_unit_reads_the_chosen_objects() {
     let units = Train::units(&config, "checkpoint", &scope()).unwrap();
     assert_eq!(units.len(), 1);
     assert_eq!(units[0].reads["trajectories"], ["a", "b", "c"]);
-    config.held_out_objects = vec!["can".to_owned()];
+    config.unseen_objects = vec!["can".to_owned()];
+    let units = Train::units(&config, "checkpoint", &scope()).unwrap();
+    // What is kept back is read as well, to measure with.
+    assert_eq!(units[0].reads["trajectories"], ["a", "b", "c"]);
+    config.objects = vec!["tin".to_owned()];
+    config.unseen_objects = Vec::new();
     let units = Train::units(&config, "checkpoint", &scope()).unwrap();
     assert_eq!(units[0].reads["trajectories"], ["c"]);
     assert_eq!(units[0].reads["objects"], ["tin"]);
@@ -213,10 +231,10 @@ fn one_unit_reads_the_chosen_objects() {
 #[test]
 fn choices_that_leave_nothing_are_refused_with_a_hint() {
     let mut config = config();
-    config.held_out_objects = vec!["can".to_owned(), "tin".to_owned()];
+    config.unseen_objects = vec!["can".to_owned(), "tin".to_owned()];
     let err = Train::units(&config, "checkpoint", &scope()).unwrap_err();
     assert!(matches!(err, TrainError::NoTrajectories { found: 3 }) && err.hint().is_some());
-    config.held_out_objects = vec!["cup".to_owned()];
+    config.unseen_objects = vec!["cup".to_owned()];
     let err = Train::units(&config, "checkpoint", &scope()).unwrap_err();
     assert!(err.hint().unwrap().contains("can, tin"), "{err}");
 }

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use candle_core::{Device, Tensor, Var};
 use nalgebra::{Isometry3, Translation3};
 use robot::RobotModel;
-use spatial::rotation_from_rot6d;
+use spatial::{rot6d, rotation_from_rot6d};
 
-use super::LinkOrigins;
+use super::{LinkParts, LinkPoses};
 use crate::{grasp::ROOT, precision::narrow, random::Random};
 
 /// A branching hand with a fixed tip, a joint off the axes, and a slide.
@@ -28,23 +28,25 @@ fn rows(n: usize, width: usize) -> Vec<f32> {
 }
 
 #[test]
-fn origins_are_those_of_forward_kinematics() {
+fn poses_are_those_of_forward_kinematics() {
     let hand = Arc::new(RobotModel::from_urdf(HAND).unwrap());
     let width = ROOT + hand.dof();
     let row = rows(1, width);
     let tensor = Tensor::from_slice(&row, (1, width), &Device::Cpu).unwrap();
-    let origins = tensor
-        .apply_op1_no_bwd(&LinkOrigins::new(hand.clone()))
+    let poses = tensor
+        .apply_op1_no_bwd(&LinkPoses::new(hand.clone(), LinkParts::OriginsAndColumns))
         .unwrap();
-    let origins = origins.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+    let poses = poses.flatten_all().unwrap().to_vec1::<f32>().unwrap();
     let number = |k: usize| f64::from(row[k]);
     let rotation = rotation_from_rot6d([3, 4, 5, 6, 7, 8].map(number)).unwrap();
     let frame = Isometry3::from_parts(Translation3::new(number(0), number(1), number(2)), rotation);
     let q: Vec<f64> = (ROOT..width).map(number).collect();
     let links = hand.forward_kinematics(&q).unwrap();
-    for (origin, link) in origins.chunks_exact(3).zip(links) {
-        let expected = frame * nalgebra::Point3::from(link.translation.vector);
-        for (a, b) in origin.iter().zip(expected.iter()) {
+    assert_eq!(poses.len(), 9 * links.len());
+    for (pose, link) in poses.chunks_exact(9).zip(links) {
+        let expected = frame * link;
+        let numbers = expected.translation.vector.iter().copied();
+        for (a, b) in pose.iter().zip(numbers.chain(rot6d(&expected.rotation))) {
             assert!((f64::from(*a) - b).abs() < 1e-6);
         }
     }
@@ -56,15 +58,17 @@ fn gradient_equals_central_differences() {
     let (n, width) = (4, ROOT + hand.dof());
     let at = rows(n, width);
     let weights = Tensor::from_vec(
-        rows(n, 3 * hand.links().len()),
-        (n, 3 * hand.links().len()),
+        rows(n, 9 * hand.links().len()),
+        (n, 9 * hand.links().len()),
         &Device::Cpu,
     )
     .unwrap();
     let loss = |values: &[f32]| {
         let var = Var::from_slice(values, (n, width), &Device::Cpu).unwrap();
-        let origins = var.apply_op1(LinkOrigins::new(hand.clone())).unwrap();
-        ((origins * &weights).unwrap().sum_all().unwrap(), var)
+        let poses = var
+            .apply_op1(LinkPoses::new(hand.clone(), LinkParts::OriginsAndColumns))
+            .unwrap();
+        ((poses * &weights).unwrap().sum_all().unwrap(), var)
     };
     let (value, var) = loss(&at);
     let grads = value.backward().unwrap();

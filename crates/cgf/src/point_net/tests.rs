@@ -3,7 +3,7 @@
 use candle_core::{D, Device, Tensor, Var};
 
 use super::{Clouds, EPSILON, LayerGradient, PointNet, Statistics, initialize, names};
-use crate::{precision::narrow, random::Random, weights::Weights};
+use crate::{config::Initialization, precision::narrow, random::Random, weights::Weights};
 
 const WIDTHS: [usize; 3] = [6, 9, 17];
 const CLOUDS: usize = 3;
@@ -12,7 +12,7 @@ const POINTS: usize = 50;
 fn setting() -> (Weights, Clouds, Vec<f32>) {
     let mut random = Random::new(5, 0);
     let mut weights = Weights::default();
-    initialize(&mut weights, &WIDTHS, &mut random);
+    initialize(&mut weights, &WIDTHS, Initialization::Centered, &mut random);
     // Gains of both signs, statistics other than 0 and 1.
     for (layer, &width) in WIDTHS.iter().enumerate() {
         for name in ["gain", "shift", "mean", "variance"] {

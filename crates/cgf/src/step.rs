@@ -1,0 +1,322 @@
+//! One step of training: from a batch to its losses and their gradients (section III-C of the paper).
+
+use std::{collections::BTreeMap, sync::Arc};
+
+use candle_core::{Device, Tensor, Var};
+use nalgebra::Point3;
+use robot::RobotModel;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    CgfError,
+    batch::Batch,
+    config::{Contact, LatentNoise, NetworkConfig, Reduction, TrainingConfig},
+    grasp::{Normalization, ROOT},
+    kinematics::{LinkParts, LinkPoses},
+    loss,
+    network::{Network, constant},
+    point_net::{self, Pass, PointNet, Statistics},
+    precision::{narrow_all, row_index},
+    weights::Weights,
+};
+
+/// Mean losses over motions, before they are weighted.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Losses {
+    /// Weighted sum.
+    pub total: f32,
+    /// `L_q`, in the units of the network's outputs.
+    pub q: f32,
+    /// The part of `L_q` that is the translation's, in the same units.
+    pub translation: f32,
+    /// `L_j` in m².
+    pub origins: f32,
+    /// Squared errors of two columns of the links' rotations; 0 if they have no weight.
+    pub rotations: f32,
+    /// `L_KL` in nats.
+    pub kl: f32,
+    /// `L_contact` in m².
+    pub contact: f32,
+}
+
+/// What is made small.
+pub(crate) struct Objective<'a> {
+    pub(crate) hand: &'a Arc<RobotModel>,
+    pub(crate) network: &'a NetworkConfig,
+    pub(crate) training: &'a TrainingConfig,
+    /// Links whose origins are the finger tips.
+    pub(crate) tips: Vec<usize>,
+}
+
+/// Gradients by the names of the arrays.
+pub(crate) type Gradients = BTreeMap<String, Vec<f32>>;
+
+/// For each finger tip, the points of the surface that it is to touch.
+type Surfaces<'b> = Vec<&'b [Point3<f64>]>;
+
+impl Objective<'_> {
+    /// Computes a batch's losses and, if they are finite, their gradients; the pass says what the point
+    /// network measured.
+    pub(crate) fn gradients(
+        &self,
+        weights: &Weights,
+        normalization: &Normalization,
+        batch: &Batch,
+        statistics: Statistics,
+    ) -> Result<(Losses, Gradients, Pass), CgfError> {
+        let net = PointNet::new(weights, self.network.point_widths.len())?;
+        let pass = net.forward(&batch.clouds, statistics)?;
+        let n_views = batch.surfaces.len();
+        let width = pass.features.len() / n_views;
+        let features = Var::from_tensor(&constant(pass.features.clone(), &[n_views, width])?)?;
+        let leaves = weights.variables()?;
+        let tape = Network {
+            config: self.network,
+            leaves: &leaves,
+        };
+        let (total, losses) = self.losses(batch, normalization, &tape, features.as_tensor())?;
+        let mut gradients = Gradients::new();
+        if losses.total.is_finite() {
+            let by = total.backward()?;
+            for (name, leaf) in &leaves {
+                if let Some(gradient) = by.get(leaf) {
+                    gradients.insert(name.clone(), gradient.flatten_all()?.to_vec1()?);
+                }
+            }
+            if let Some(by_features) = by.get(&features) {
+                let by_features = by_features.flatten_all()?.to_vec1::<f32>()?;
+                let by_layers = net.backward(&pass, &by_features)?;
+                for (layer, by_layer) in by_layers.into_iter().enumerate() {
+                    gradients.extend(point_net::names(layer).into_iter().zip(by_layer));
+                }
+            }
+        }
+        Ok((losses, gradients, pass))
+    }
+
+    /// Computes a batch's losses with the stored statistics.
+    pub(crate) fn measure(
+        &self,
+        weights: &Weights,
+        normalization: &Normalization,
+        batch: &Batch,
+    ) -> Result<Losses, CgfError> {
+        let net = PointNet::new(weights, self.network.point_widths.len())?;
+        let features = net.forward(&batch.clouds, Statistics::Stored)?.features;
+        let n_views = batch.surfaces.len();
+        let width = features.len() / n_views;
+        let features = constant(features, &[n_views, width])?;
+        let tape = Network {
+            config: self.network,
+            leaves: &weights.constants()?,
+        };
+        Ok(self.losses(batch, normalization, &tape, &features)?.1)
+    }
+
+    fn losses(
+        &self,
+        batch: &Batch,
+        normalization: &Normalization,
+        tape: &Network,
+        features: &Tensor,
+    ) -> Result<(Tensor, Losses), CgfError> {
+        let training = self.training;
+        let outputs = ROOT + self.hand.dof();
+        let rows = batch.size * batch.n_times;
+        let (decoded, mean, log_variance) = self.decoded(batch, tape, features)?;
+        let targets = constant(batch.targets.clone(), &[rows, outputs])?;
+        let row_weights = loss::row_weights(
+            batch.size,
+            training.grasp_steps,
+            training.random_times,
+            training.grasp_weight,
+        )?;
+        let q = loss::squared_error(&decoded, &targets, &row_weights)?;
+        let translation = loss::squared_error(
+            &decoded.narrow(1, 0, 3)?,
+            &targets.narrow(1, 0, 3)?,
+            &row_weights,
+        )?;
+        let scale = constant(narrow_all(&normalization.scale), &[outputs])?;
+        let shift = constant(narrow_all(&normalization.mean), &[outputs])?;
+        let physical = decoded.broadcast_mul(&scale)?.broadcast_add(&shift)?;
+        let parts = if training.rotations_weight > 0.0 {
+            LinkParts::OriginsAndColumns
+        } else {
+            LinkParts::Origins
+        };
+        let fk = LinkPoses::new(self.hand.clone(), parts);
+        let wanted = constant(batch.physical.clone(), &[rows, outputs])?.apply_op1_no_bwd(&fk)?;
+        let reached = physical.apply_op1(fk)?;
+        let [reached, wanted] = [reached, wanted].map(|poses| split(&poses, parts, rows));
+        let (reached, wanted) = (reached?, wanted?);
+        let origins = loss::squared_distance(&reached.origins, &wanted.origins, &row_weights)?;
+        let rotations = match (&reached.columns, &wanted.columns) {
+            (Some(reached), Some(wanted)) => loss::squared_error(reached, wanted, &row_weights)?,
+            _ => Tensor::zeros((), candle_core::DType::F32, &Device::Cpu)?,
+        };
+        let kl = loss::kl_divergence(&mean, &log_variance)?;
+        let tips_of = match training.contact {
+            Contact::TouchCenter | Contact::TouchSurface => &reached.origins,
+            Contact::Demonstrated => &wanted.origins,
+        };
+        let (tips, surfaces) = self.tips_at_grasp(batch, tips_of)?;
+        let contact = loss::contact(&tips, &surfaces, training.contact, training.tip_radius_m)?;
+        // A sum is a mean of so many more.
+        let count = |n: usize| match training.reduction {
+            Reduction::Mean => 1.0,
+            Reduction::Sum => n as f64,
+        };
+        let (n_times, n_links) = (batch.n_times, self.hand.links().len());
+        let terms = [
+            ((q * count(n_times * outputs))?, training.q_weight),
+            (
+                (translation * count(n_times * 3))?,
+                training.translation_weight,
+            ),
+            (
+                (origins * count(n_times * n_links))?,
+                training.origins_weight,
+            ),
+            (
+                (rotations * count(n_times * n_links * 6))?,
+                training.rotations_weight,
+            ),
+            (kl, training.kl_weight),
+            ((contact * count(self.tips.len()))?, training.contact_weight),
+        ];
+        let mut total = Tensor::zeros((), candle_core::DType::F32, &Device::Cpu)?;
+        let mut numbers = [0.0; 6];
+        for ((term, weight), number) in terms.iter().zip(&mut numbers) {
+            *number = term.to_scalar::<f32>()?;
+            if *weight > 0.0 {
+                total = (total + (term * *weight)?)?;
+            }
+        }
+        let [q, translation, origins, rotations, kl, contact] = numbers;
+        let losses = Losses {
+            total: total.to_scalar()?,
+            q,
+            translation,
+            origins,
+            rotations,
+            kl,
+            contact,
+        };
+        Ok((total, losses))
+    }
+
+    /// Encodes a batch's motions and decodes their codes: outputs `(batch × times, outputs)`, mean and
+    /// log-variance `(batch, latent)`.
+    fn decoded(
+        &self,
+        batch: &Batch,
+        tape: &Network,
+        features: &Tensor,
+    ) -> Result<(Tensor, Tensor, Tensor), CgfError> {
+        let (size, n_times) = (batch.size, batch.n_times);
+        let latent_dim = self.network.latent_dim;
+        let views = Tensor::from_slice(&batch.views, size, &Device::Cpu)?;
+        let inputs = self.network.encoder_inputs(self.hand.dof());
+        let motions = constant(
+            batch.motions.clone(),
+            &[size, self.network.encoder_steps, inputs],
+        )?;
+        let (mean, log_variance) = tape.encode(&motions, features, &views)?;
+        let times = constant(batch.times.clone(), &[size, n_times])?;
+        let decoded = if batch.noise.is_empty() {
+            tape.decode(&times, &mean, features, &views)?
+        } else {
+            let deviation = (&log_variance * 0.5)?.exp()?;
+            match self.training.latent_noise {
+                LatentNoise::PerMotion => {
+                    let noise = constant(batch.noise.clone(), &[size, latent_dim])?;
+                    let latents = (&mean + (deviation * noise)?)?;
+                    tape.decode(&times, &latents, features, &views)?
+                }
+                LatentNoise::PerTime => {
+                    // Every time is a motion of its own.
+                    let repeat: Vec<u32> = (0..size)
+                        .flat_map(|motion| std::iter::repeat_n(row_index(motion), n_times))
+                        .collect();
+                    let repeat = Tensor::new(repeat, &Device::Cpu)?;
+                    let noise = constant(batch.noise.clone(), &[size * n_times, latent_dim])?;
+                    let deviation = deviation.index_select(&repeat, 0)?;
+                    let latents = (mean.index_select(&repeat, 0)? + (deviation * noise)?)?;
+                    let views = views.index_select(&repeat, 0)?;
+                    let times = times.reshape((size * n_times, 1))?;
+                    tape.decode(&times, &latents, features, &views)?
+                }
+            }
+        };
+        Ok((decoded, mean, log_variance))
+    }
+
+    /// Picks the finger tips at t = 0, the last of the grasp's steps, and the surface that each of them
+    /// is to touch.
+    fn tips_at_grasp<'b>(
+        &self,
+        batch: &'b Batch,
+        origins: &Tensor,
+    ) -> Result<(Tensor, Surfaces<'b>), CgfError> {
+        let n_links = self.hand.links().len();
+        let mut rows = Vec::with_capacity(batch.size * self.tips.len());
+        let mut surfaces = Vec::with_capacity(rows.capacity());
+        for (motion, &view) in batch.views.iter().enumerate() {
+            let row = motion * batch.n_times + self.training.grasp_steps - 1;
+            for tip in &self.tips {
+                rows.push(row_index(row * n_links + tip));
+                surfaces.push(batch.surfaces[view as usize].as_slice());
+            }
+        }
+        let rows = Tensor::new(rows, &Device::Cpu)?;
+        let tips = origins.reshape(((), 3))?.index_select(&rows, 0)?;
+        Ok((tips, surfaces))
+    }
+}
+
+/// Where links are: `(rows, 3 links)` and `(rows, 6 links)`.
+struct LinkTensors {
+    origins: Tensor,
+    columns: Option<Tensor>,
+}
+
+fn split(poses: &Tensor, parts: LinkParts, rows: usize) -> Result<LinkTensors, CgfError> {
+    Ok(match parts {
+        LinkParts::Origins => LinkTensors {
+            origins: poses.clone(),
+            columns: None,
+        },
+        LinkParts::OriginsAndColumns => {
+            let poses = poses.reshape(((), parts.width()))?;
+            let part = |from: usize, n: usize| poses.narrow(1, from, n)?.reshape((rows, ()));
+            LinkTensors {
+                origins: part(0, 3)?,
+                columns: Some(part(3, 6)?),
+            }
+        }
+    })
+}
+
+impl Losses {
+    /// Adds a share of others.
+    pub(crate) fn add(&mut self, other: &Self, share: f32) {
+        let Self {
+            total,
+            q,
+            translation,
+            origins,
+            rotations,
+            kl,
+            contact,
+        } = other;
+        self.total += share * total;
+        self.q += share * q;
+        self.translation += share * translation;
+        self.origins += share * origins;
+        self.rotations += share * rotations;
+        self.kl += share * kl;
+        self.contact += share * contact;
+    }
+}
