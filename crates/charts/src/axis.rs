@@ -22,6 +22,15 @@ pub(crate) enum Ends {
     Zero,
 }
 
+/// Which numbers are shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Count {
+    /// Only whole ones, such as epochs.
+    Whole,
+    /// Any.
+    Any,
+}
+
 /// A place on an axis that has a line, and a name if it is not empty.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Tick {
@@ -66,20 +75,30 @@ impl Axis {
         n_ticks: usize,
         values: impl Iterator<Item = f64>,
     ) -> Option<Self> {
-        let positions = values.filter_map(|value| scale.position(value));
-        let (from, to) = positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), at| {
-            (from.min(at), to.max(at))
-        });
+        let (mut from, mut to) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut are_whole = true;
+        for position in values.filter_map(|value| scale.position(value)) {
+            (from, to) = (from.min(position), to.max(position));
+            are_whole &= position.fract() == 0.0;
+        }
         if from > to {
             return None;
         }
         Some(match scale {
-            Scale::Linear => Self::linear(ends, n_ticks, from, to),
+            Scale::Linear => {
+                // Along a line, whole numbers count something.
+                let count = if are_whole && ends == Ends::Tight {
+                    Count::Whole
+                } else {
+                    Count::Any
+                };
+                Self::linear((ends, count), n_ticks, from, to)
+            }
             Scale::Log => Self::log(from, to),
         })
     }
 
-    fn linear(ends: Ends, n_ticks: usize, from: f64, to: f64) -> Self {
+    fn linear((ends, count): (Ends, Count), n_ticks: usize, from: f64, to: f64) -> Self {
         let (mut from, mut to) = match ends {
             Ends::Zero => (from.min(0.0), to.max(0.0)),
             // Zero is shown where it takes no more than half of the axis.
@@ -92,14 +111,19 @@ impl Axis {
             let room = if size > 0.0 { size / 10.0 } else { 1.0 };
             (from, to) = (from - room, to + room);
         }
-        let step = round_step((to - from) / n_ticks as f64);
+        let step = match (count, (to - from) / n_ticks as f64) {
+            (Count::Whole, wanted) if wanted < 1.0 => 1.0,
+            // Two and a half is no step between whole numbers.
+            (Count::Whole, wanted) if wanted > 2.0 && wanted < 5.0 => 5.0,
+            (_, wanted) => round_step(wanted),
+        };
         if ends != Ends::Tight {
             from = (from / step + RESOLUTION).floor() * step;
             to = (to / step - RESOLUTION).ceil() * step;
         }
         let first = (from / step - RESOLUTION).ceil();
-        let count = ((to - first * step) / step + RESOLUTION).floor();
-        let ticks = (0..=count_of(count)).map(|number| {
+        let n_steps = ((to - first * step) / step + RESOLUTION).floor();
+        let ticks = (0..=count_of(n_steps)).map(|number| {
             let value = (first + number as f64) * step;
             Tick {
                 place: (value - from) / (to - from),
@@ -254,6 +278,8 @@ mod tests {
     #[test]
     fn names_round_numbers() {
         use {Ends::*, Scale::*};
+        check(Linear, Tight, &[1.0, 16.0], &["5", "10", "15"]);
+        check(Linear, Tight, &[1.0, 3.0], &["1", "2", "3"]);
         check(
             Linear,
             Round,
