@@ -155,7 +155,7 @@ impl Axis {
                 let at = decade + f64::from(digit).log10();
                 let has_line = match digit {
                     1 => decade.rem_euclid(every) == 0.0,
-                    _ => every == 1.0,
+                    _ => every < 1.5,
                 };
                 if at < from || at > to || !has_line {
                     continue;

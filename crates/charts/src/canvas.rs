@@ -86,18 +86,18 @@ impl Canvas {
         let [[x0, y0], [x1, y1]] = corners;
         let (x, y) = (x0.min(x1), y0.min(y1));
         let (width, height) = ((x1 - x0).abs(), (y1 - y0).abs());
-        let _infallible = write!(
+        let _infallible = writeln!(
             self.body,
             "<rect x=\"{x:.2}\" y=\"{y:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" \
-             fill=\"{color}\" fill-opacity=\"{opacity}\"/>\n"
+             fill=\"{color}\" fill-opacity=\"{opacity}\"/>"
         );
     }
 
     pub(crate) fn dot(&mut self, [x, y]: [f64; 2], radius: f64, color: &str, opacity: f64) {
-        let _infallible = write!(
+        let _infallible = writeln!(
             self.body,
             "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius}\" fill=\"{color}\" \
-             fill-opacity=\"{opacity}\"/>\n"
+             fill-opacity=\"{opacity}\"/>"
         );
     }
 

@@ -42,15 +42,11 @@ pub(crate) fn text_width(text: &str, size: f64) -> f64 {
 
 /// The color of a series by its place.
 pub(crate) fn color(series: usize) -> &'static str {
-    COLORS
-        .iter()
-        .cycle()
-        .nth(series % COLORS.len())
-        .unwrap_or(&INK)
+    COLORS.get(series % COLORS.len()).unwrap_or(&INK)
 }
 
 /// The dashes of a line by its place.
 pub(crate) fn dashes(series: usize) -> &'static str {
     let round = series / COLORS.len() % DASHES.len();
-    DASHES.iter().nth(round).unwrap_or(&"")
+    DASHES.get(round).unwrap_or(&"")
 }

@@ -4,7 +4,7 @@ mod latents;
 mod reconstruction;
 mod training;
 
-use std::{fmt::Display, path::Path};
+use std::path::Path;
 
 use cgf::{Demonstration, Description, Split};
 use charts::ChartError;
@@ -31,7 +31,7 @@ const SPLITS: [(Split, &str, &str, &str); 3] = [
 ];
 
 /// The unit that shows a training, of the unit that trains.
-pub(crate) fn units(output: &str, trains: Unit, scope: &Scope) -> Vec<Unit> {
+pub(crate) fn units(output: &str, trains: &Unit, scope: &Scope) -> Vec<Unit> {
     let models = scope.partitions(CHECKPOINT).iter();
     models
         .map(|model| {
@@ -107,8 +107,8 @@ fn put(cx: &Context, name: &str, chart: Result<String, ChartError>) -> Result<()
 }
 
 /// `3 motions` or `1 motion`.
-fn counted(n: f64, what: impl Display) -> String {
-    let end = if n == 1.0 { "" } else { "s" };
+fn counted(n: f64, what: &str) -> String {
+    let end = if n < 1.5 { "" } else { "s" };
     format!("{n} {what}{end}")
 }
 

@@ -94,7 +94,7 @@ impl Stage for Train {
             .with_file(SourceFile::named_by_file(&config.hand));
         Ok(match output {
             CHECKPOINT => vec![unit],
-            _ => report::units(output, unit, scope),
+            _ => report::units(output, &unit, scope),
         })
     }
 

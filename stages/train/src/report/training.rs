@@ -123,7 +123,7 @@ fn metrics(curve: &[Epoch]) -> BTreeMap<String, f64> {
         let measured = curve
             .iter()
             .filter_map(|epoch| Some((epoch.epoch, f64::from(losses(epoch, split)?.total))));
-        let Some((_, last)) = measured.clone().last() else {
+        let Some((_, last)) = measured.clone().next_back() else {
             continue;
         };
         metrics.insert(format!("loss{suffix}"), last);
