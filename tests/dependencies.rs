@@ -61,8 +61,9 @@ fn only_the_wrappers_know_what_is_denied() {
 }
 
 #[test]
-fn the_engine_has_never_heard_of_hands() {
+fn engine_and_charts_have_never_heard_of_hands() {
     let dependencies = dependencies();
+    assert_eq!(dependencies["charts"], ["thiserror"]);
     for stranger in [
         "spatial", "robot", "schemas", "lake", "arrow", "mcap", "nalgebra",
     ] {

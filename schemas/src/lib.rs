@@ -10,11 +10,14 @@ mod columns;
 pub mod demonstrations;
 pub mod distance_fields;
 pub mod executions;
+pub mod latents;
 pub mod objects;
+pub mod reconstruction;
 pub mod rollouts;
 pub mod ros2;
 pub mod sampling;
 pub mod tracking;
+pub mod training;
 pub mod trajectories;
 
 pub use columns::SchemaError;

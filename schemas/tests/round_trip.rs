@@ -2,8 +2,8 @@
 
 use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
-    SchemaError, candidates, demonstrations, distance_fields, executions, objects, rollouts,
-    sampling, tracking, trajectories,
+    SchemaError, candidates, demonstrations, distance_fields, executions, latents, objects,
+    reconstruction, rollouts, sampling, tracking, training, trajectories,
 };
 use spatial::{Pose, Rest};
 
@@ -289,6 +289,9 @@ fn every_number_has_a_unit_and_every_column_a_meaning() {
         rollouts::schema(),
         sampling::schema(),
         executions::schema(),
+        training::schema(),
+        reconstruction::schema(&joints()),
+        latents::schema(),
     ];
     for schema in schemas {
         assert!(schema.metadata()["schema"].contains('/'));
@@ -307,4 +310,70 @@ fn every_number_has_a_unit_and_every_column_a_meaning() {
             );
         }
     }
+}
+
+#[test]
+fn what_shows_a_training_reads_back() {
+    let rows: Vec<_> = [(1, "training"), (1, "held_out"), (2, "training")]
+        .map(|(epoch, split)| training::Row {
+            epoch,
+            split: split.to_owned(),
+            learning_rate: 1e-3,
+            total: 2.0,
+            q: 3.0,
+            translation: 4.0,
+            origins_m2: 5.0,
+            rotations: 6.0,
+            kl_nats: 7.0,
+            contact_m2: 8.0,
+        })
+        .into();
+    let batch = training::to_batch(&rows).unwrap();
+    assert_eq!(training::from_batch(&batch).unwrap(), rows);
+    assert_eq!(batch.schema().as_ref(), &training::schema());
+
+    let row = reconstruction::Row {
+        sequence: "a".to_owned(),
+        object: "can".to_owned(),
+        split: "unseen".to_owned(),
+        tip_error_mean_m: 1.0,
+        tip_error_grasp_m: 2.0,
+        palm_error_mean_m: 3.0,
+        palm_error_grasp_m: 4.0,
+        palm_rotation_mean_rad: 5.0,
+        palm_rotation_grasp_rad: 6.0,
+        joint_error_mean_rad: 7.0,
+        joint_error_grasp_rad: 8.0,
+        joint_errors_rad: vec![0.5, 13.5],
+    };
+    let rows = vec![row.clone(), row.clone()];
+    let batch = reconstruction::to_batch(&joints(), &rows).unwrap();
+    let read = reconstruction::from_batch(&batch).unwrap();
+    assert_eq!(read, (joints(), rows));
+    assert_eq!(batch.schema().as_ref(), &reconstruction::schema(&joints()));
+    let short = reconstruction::Row {
+        joint_errors_rad: vec![0.5],
+        ..row
+    };
+    let batch = reconstruction::to_batch(&joints(), &[short]).unwrap();
+    let err = reconstruction::from_batch(&batch).unwrap_err();
+    assert!(err.to_string().contains("1 numbers for 2 joints"), "{err}");
+
+    let rows: Vec<_> = [false, true]
+        .map(|active| latents::Row {
+            dimension: i64::from(active),
+            kl_nats: 0.5,
+            mean_deviation: 0.25,
+            deviation_mean: 0.75,
+            active,
+        })
+        .into();
+    let batch = latents::to_batch(&rows).unwrap();
+    assert_eq!(latents::from_batch(&batch).unwrap(), rows);
+    assert_eq!(batch.schema().as_ref(), &latents::schema());
+    let endless = latents::Row {
+        kl_nats: f64::INFINITY,
+        ..rows[0].clone()
+    };
+    assert!(latents::to_batch(&[endless]).is_err());
 }

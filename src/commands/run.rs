@@ -70,6 +70,9 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
             format!("done   {result} in {}", report::duration(ran.seconds))
         };
         report::line(&line);
+        if let Some(folder) = store.report_folder(&pipeline.name) {
+            report::line(&format!("report `{}`", folder.display()));
+        }
     }
     let n_skipped = ran.n_skipped();
     if n_skipped > 0 {

@@ -19,4 +19,5 @@ mod meanwhile;
 mod memory;
 mod plan_equals_run;
 mod precision;
+mod reports;
 mod resume;

@@ -340,7 +340,10 @@ pub(crate) fn published(lake: &Path) -> BTreeMap<String, String> {
         let is_history = HISTORY
             .iter()
             .any(|table| name.starts_with(Path::new("tables").join(table)));
-        if (name.starts_with("tables") || name.starts_with("files")) && !is_history {
+        let is_shown = ["tables", "files", "reports"]
+            .iter()
+            .any(|folder| name.starts_with(folder));
+        if is_shown && !is_history {
             let digest = digest_file(&path);
             digests.insert(name.display().to_string(), digest);
         }

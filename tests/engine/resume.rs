@@ -17,7 +17,7 @@ kind = "steps"
 count = 6
 "#;
 
-const DAY: Duration = Duration::from_secs(24 * 3600);
+const DAY: Duration = Duration::from_hours(24);
 
 /// The steps that were computed since this was last asked for.
 fn take_steps(place: &Place) -> Vec<String> {

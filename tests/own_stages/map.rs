@@ -30,6 +30,9 @@ pub(crate) struct MapConfig {
     /// Whether each partition has a table beside its bytes.
     #[serde(default)]
     table: bool,
+    /// Whether each partition has a chart beside its bytes.
+    #[serde(default)]
+    chart: bool,
 }
 
 impl<const VERSION: u8> Stage for Map<VERSION> {
@@ -77,6 +80,10 @@ impl<const VERSION: u8> Stage for Map<VERSION> {
             let tally = bytes::write_changed(cx.partition(), data, change, cx.folder())?;
             made.labels.clone_from(&part.labels);
             made.metrics = BTreeMap::from([("bytes".to_owned(), tally.bytes as f64)]);
+            if config.chart {
+                let chart = format!("<svg><title>{} bytes</title></svg>\n", tally.bytes);
+                lake::write_whole(&cx.folder().join("bytes.svg"), chart.as_bytes())?;
+            }
             if config.table {
                 bytes::write_table(cx.folder(), &[tally])?;
             }

@@ -138,7 +138,7 @@ impl Bench {
     /// Digests of the artifacts that the lake shows to people, by path.
     pub(crate) fn published(&self) -> BTreeMap<String, String> {
         let mut digests = BTreeMap::new();
-        for folder in ["tables", "files"] {
+        for folder in ["tables", "files", "reports"] {
             digest_folder(&self.lake().join(folder), folder, &mut digests);
         }
         // What runs did, and when, is no artifact.

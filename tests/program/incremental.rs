@@ -60,16 +60,27 @@ fn a_changed_value_reruns_its_stage_and_what_follows_and_plan_names_it() {
     let plan: Value = serde_json::from_slice(&plan.stdout).unwrap();
     let states = |node: usize| plan["nodes"][node]["units"][0]["state"].as_str().unwrap();
     assert_eq!(
-        [0, 1, 2, 3, 4, 5, 6, 7].map(states),
+        [0, 1, 2, 3, 4, 5, 6].map(states),
         [
-            "cached", "cached", "cached", "cached", "cached", "cached", "run", "perhaps"
+            "cached", "cached", "cached", "cached", "cached", "cached", "run"
         ]
     );
+    // What shows the training, and what is drawn from it.
+    assert_eq!([7, 8, 9, 10].map(states), ["perhaps"; 4]);
 
     bench.run_well(&change);
     let made = bench.made_by_newest_run();
     let names: Vec<&str> = made.keys().map(String::as_str).collect();
-    assert_eq!(names, ["sample.candidates", "train.checkpoint"]);
+    assert_eq!(
+        names,
+        [
+            "sample.candidates",
+            "train.checkpoint",
+            "train.latents",
+            "train.reconstruction",
+            "train.training"
+        ]
+    );
 }
 
 #[test]
@@ -87,6 +98,9 @@ fn one_changed_recording_reruns_its_own_units_and_what_gathers_them() {
         ("retarget.tracking", 1),
         ("retarget.trajectories", 1),
         ("train.checkpoint", 1),
+        ("train.latents", 1),
+        ("train.reconstruction", 1),
+        ("train.training", 1),
     ]);
     assert_eq!(bench.made_by_newest_run(), expected);
 }
@@ -155,7 +169,13 @@ fn a_damaged_artifact_is_noticed_before_use_and_made_again() {
     let plan = stdout(&{ plan }.output().unwrap());
     assert!(plan.contains("missing or damaged in the lake"), "{plan}");
     bench.run_well(&["--until", "train"]);
-    let expected = counts(&[("retarget.trajectories", 1), ("train.checkpoint", 1)]);
+    let expected = counts(&[
+        ("retarget.trajectories", 1),
+        ("train.checkpoint", 1),
+        ("train.latents", 1),
+        ("train.reconstruction", 1),
+        ("train.training", 1),
+    ]);
     assert_eq!(bench.made_by_newest_run(), expected);
     let again = bench.run_well(&["--until", "train"]);
     assert!(

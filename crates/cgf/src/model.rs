@@ -299,20 +299,7 @@ impl Cgf {
     ///
     /// Fails if they cannot be read, are damaged, or do not fit together.
     pub fn load(weights: &Path, description: &Path) -> Result<Self, CgfError> {
-        let read = |path: &Path| {
-            fs::read(path).map_err(|source| CgfError::Io {
-                action: "read",
-                path: path.to_owned(),
-                source,
-            })
-        };
-        let description: Description = serde_json::from_slice(&read(description)?)?;
-        if description.version != VERSION {
-            return Err(CgfError::Version {
-                expected: VERSION,
-                found: description.version,
-            });
-        }
+        let description = Description::read(description)?;
         description.network.check()?;
         let weights = Weights::from_bytes(&read(weights)?)?;
         let outputs = ROOT + description.joints.len();
@@ -372,6 +359,32 @@ impl JointRange {
         let above = self.lower.map_or(position, |lower| position.max(lower));
         self.upper.map_or(above, |upper| above.min(upper))
     }
+}
+
+impl Description {
+    /// Reads a checkpoint's JSON.
+    ///
+    /// # Errors
+    ///
+    /// Fails if it cannot be read, is damaged or of another version.
+    pub fn read(path: &Path) -> Result<Self, CgfError> {
+        let description: Self = serde_json::from_slice(&read(path)?)?;
+        if description.version != VERSION {
+            return Err(CgfError::Version {
+                expected: VERSION,
+                found: description.version,
+            });
+        }
+        Ok(description)
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, CgfError> {
+    fs::read(path).map_err(|source| CgfError::Io {
+        action: "read",
+        path: path.to_owned(),
+        source,
+    })
 }
 
 impl Demonstration {

@@ -31,7 +31,7 @@ use crate::{
 };
 
 /// How long what an interrupted unit goes on from waits for it.
-const RESUMED_WITHIN: Duration = Duration::from_secs(7 * 24 * 3600);
+const RESUMED_WITHIN: Duration = Duration::from_hours(7 * 24);
 
 /// What is collected, and whether it is done or only said.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -22,7 +22,7 @@ use crate::{
     runs::{self, Run},
     sources::Sources,
     stamp::Stamp,
-    views,
+    verify, views,
 };
 
 /// A folder of artifacts.
@@ -166,6 +166,13 @@ impl Lake {
     pub fn table_folder(&self, table: &str, pipeline: &str) -> PathBuf {
         let tables = self.root.join(published::TABLES);
         tables.join(table).join(format!("pipeline={pipeline}"))
+    }
+
+    /// Returns the folder of a pipeline's charts, if it shows any.
+    pub fn report_folder(&self, pipeline: &str) -> Option<PathBuf> {
+        let folder = self.root.join(published::REPORTS).join(pipeline);
+        let is_empty = verify::files_below(&folder).is_ok_and(|files| files.is_empty());
+        (!is_empty).then_some(folder)
     }
 
     /// Lists the tables with the pipeline of the newest run that shows them.

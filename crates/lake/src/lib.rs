@@ -14,6 +14,7 @@
 //!                          runs did (`runs`, `settings`, `units`, `artifacts`, `metrics`)
 //! every/…                  Hive-partitioned Parquet: every partition that any unit made
 //! files/…                  recordings, meshes and weights of the newest partitions
+//! reports/PIPELINE/STAGE/… charts of the newest partitions
 //! views.sql                the tables as views for DuckDB
 //! newest/PIPELINE.cache    a cache: the newest state of every unit of a pipeline
 //! sources.json             a cache: digests of files outside, by size, times and inode

@@ -22,8 +22,14 @@ use crate::{
 /// Folder of the tables, below the lake.
 pub(crate) const TABLES: &str = "tables";
 
-/// Folder of everything that is no table, below the lake.
+/// Folder of everything that is neither table nor chart, below the lake.
 pub(crate) const FILES: &str = "files";
+
+/// Folder of charts, below the lake.
+pub(crate) const REPORTS: &str = "reports";
+
+/// Ending of a chart's name.
+const CHART: &str = ".svg";
 
 /// Folder of every table ever made, by the unit that made it, below the lake.
 pub(crate) const EVERY: &str = "every";
@@ -36,9 +42,9 @@ fn tables_of(pipeline: &str, node: &NodeName) -> PathBuf {
         .join(format!("stage={}", node.stage))
 }
 
-/// The folder of a node's other files, below the lake.
-fn files_of(pipeline: &str, node: &NodeName) -> PathBuf {
-    Path::new(FILES)
+/// The folder of a node's charts, or of its other files, below the lake.
+fn files_of(folder: &str, pipeline: &str, node: &NodeName) -> PathBuf {
+    Path::new(folder)
         .join(pipeline)
         .join(&node.stage)
         .join(&node.artifact)
@@ -52,7 +58,7 @@ struct Wanted<'a> {
     is_table: bool,
 }
 
-/// Shows exactly these partitions of a node: tables as Hive partitions, other files by name.
+/// Shows exactly these partitions of a node: tables as Hive partitions, charts and other files by name.
 /// Returns what is shown now, or `None` if that is what `before` says and the file system confirms.
 pub(crate) fn publish(
     lake: &Lake,
@@ -90,7 +96,8 @@ pub(crate) fn publish(
     }
     for folder in [
         tables_of(pipeline, &node.name),
-        files_of(pipeline, &node.name),
+        files_of(FILES, pipeline, &node.name),
+        files_of(REPORTS, pipeline, &node.name),
     ] {
         hide_others(lake, &lake.root().join(folder), before, &shown)?;
     }
@@ -98,10 +105,9 @@ pub(crate) fn publish(
 }
 
 fn wanted<'a>(pipeline: &str, node: &Node, made: &[Showing<'a>]) -> BTreeMap<String, Wanted<'a>> {
-    let (tables, others) = (
-        tables_of(pipeline, &node.name),
-        files_of(pipeline, &node.name),
-    );
+    let tables = tables_of(pipeline, &node.name);
+    let others = files_of(FILES, pipeline, &node.name);
+    let charts = files_of(REPORTS, pipeline, &node.name);
     let mut wanted = BTreeMap::new();
     for unit in made {
         let RecordOutcome::Made { files, .. } = unit.outcome else {
@@ -111,6 +117,8 @@ fn wanted<'a>(pipeline: &str, node: &Node, made: &[Showing<'a>]) -> BTreeMap<Str
             let is_table = name == table::FILE;
             let folder = if is_table {
                 tables.join(format!("{}={}", node.output.partition, unit.partition))
+            } else if name.ends_with(CHART) {
+                charts.join(unit.partition)
             } else {
                 others.join(unit.partition)
             };
@@ -157,11 +165,13 @@ pub(crate) fn retire(
             }
         }
     }
-    let folder = lake.root().join(FILES).join(pipeline);
-    for stage in names_in(&folder)? {
-        for artifact in names_in(&folder.join(&stage))? {
-            if !is_kept(&NodeName::new(&stage, &artifact)) {
-                old.push(folder.join(&stage).join(artifact));
+    for folder in [FILES, REPORTS] {
+        let folder = lake.root().join(folder).join(pipeline);
+        for stage in names_in(&folder)? {
+            for artifact in names_in(&folder.join(&stage))? {
+                if !is_kept(&NodeName::new(&stage, &artifact)) {
+                    old.push(folder.join(&stage).join(artifact));
+                }
             }
         }
     }

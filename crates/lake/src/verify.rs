@@ -21,7 +21,7 @@ use crate::{
     compact,
     folder::{Lake, names_in},
     history, lock, newest,
-    published::{EVERY, FILES, TABLES},
+    published::{EVERY, FILES, REPORTS, TABLES},
     runs, sealed,
     stamp::Stamp,
     store::COLLECTING,
@@ -72,7 +72,7 @@ impl Lake {
         verifier.sealed_in("tags")?;
         verifier.newest()?;
         verifier.sealed(Path::new("sources.json"));
-        for folder in [TABLES, FILES, EVERY] {
+        for folder in [TABLES, FILES, REPORTS, EVERY] {
             verifier.shown(Path::new(folder))?;
         }
         verifier.verified.faults.sort();

@@ -3,9 +3,10 @@
 use std::{io, path::PathBuf};
 
 use cgf::CgfError;
+use charts::ChartError;
 use dataflow::Advise;
 use lake::LakeError;
-use robot::RobotError;
+use robot::{RobotError, WrongDof};
 use schemas::SchemaError;
 
 /// Why no grasping function could be trained.
@@ -71,6 +72,12 @@ pub enum TrainError {
         /// How it differs.
         source: SchemaError,
     },
+    /// The hand has another number of joints than a motion.
+    #[error(transparent)]
+    Dof(#[from] WrongDof),
+    /// A chart's data is not as it should be.
+    #[error(transparent)]
+    Chart(#[from] ChartError),
     /// Training failed.
     #[error(transparent)]
     Cgf(#[from] CgfError),
@@ -106,7 +113,7 @@ impl Advise for TrainError {
             Self::Cgf(CgfError::UnknownLink { .. }) => {
                 Some("give `training.tips` the names of the hand's finger tip links".to_owned())
             }
-            Self::Curve { .. } | Self::Cgf(_) => None,
+            Self::Curve { .. } | Self::Cgf(_) | Self::Dof(_) | Self::Chart(_) => None,
         }
     }
 }

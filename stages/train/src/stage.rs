@@ -13,10 +13,11 @@ use dataflow::{
     Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage, Summary, Unit,
 };
 use robot::RobotModel;
-use schemas::checkpoint;
+use schemas::{checkpoint, latents, reconstruction, training};
 
 use crate::{
     TrainConfig, TrainError,
+    report::{self, CHECKPOINT, LATENTS, RECONSTRUCTION, TRAINING},
     resume::{self, Found, Saver},
     set,
 };
@@ -44,19 +45,19 @@ impl Stage for Train {
             artifact: "objects",
         },
     ];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: "checkpoint",
-        schema: checkpoint::VERSION,
-        partition: "model",
-        parallel: true,
-    }];
+    const OUTPUTS: &'static [Output] = &[
+        output(CHECKPOINT, checkpoint::VERSION),
+        output(TRAINING, training::VERSION),
+        output(LATENTS, latents::VERSION),
+        output(RECONSTRUCTION, reconstruction::VERSION),
+    ];
 
     /// Checks the hand's description.
     fn prepare(config: &TrainConfig) -> Result<(), TrainError> {
         read_hand(&config.hand).map(drop)
     }
 
-    fn units(config: &TrainConfig, _output: &str, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
+    fn units(config: &TrainConfig, output: &str, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
         let known: Vec<String> = scope
             .partitions("objects")
             .iter()
@@ -91,15 +92,22 @@ impl Stage for Train {
             .reading("trajectories", keys)
             .reading("objects", objects)
             .with_file(SourceFile::named_by_file(&config.hand));
-        Ok(vec![unit])
+        Ok(match output {
+            CHECKPOINT => vec![unit],
+            _ => report::units(output, &unit, scope),
+        })
+    }
+
+    /// What shows a training goes by what the checkpoint says of it.
+    fn decides(_option: &str, output: &str) -> bool {
+        output == CHECKPOINT
     }
 
     fn run(config: &TrainConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainError> {
-        let path = inputs
-            .files()
-            .first()
-            .map_or(config.hand.as_path(), |file| file.path.as_path());
-        let hand = Arc::new(read_hand(path)?);
+        if cx.output() != CHECKPOINT {
+            return report::make(config, inputs, cx);
+        }
+        let hand = Arc::new(hand(config, inputs)?);
         let set = set::read(
             config,
             inputs.artifacts("objects"),
@@ -121,7 +129,10 @@ impl Stage for Train {
         }))
     }
 
-    fn describe(_output: &str, summary: &Summary) -> String {
+    fn describe(output: &str, summary: &Summary) -> String {
+        if output != CHECKPOINT {
+            return report::describe(output, summary);
+        }
         let errors = |suffix: &str| {
             format!(
                 "{:.1} mm, {:.1}° and {:.2} rad",
@@ -147,6 +158,21 @@ impl Stage for Train {
         }
         text
     }
+}
+
+const fn output(artifact: &'static str, schema: &'static str) -> Output {
+    Output {
+        artifact,
+        schema,
+        partition: "model",
+        parallel: true,
+    }
+}
+
+/// Reads the hand that a unit was given.
+pub(crate) fn hand(config: &TrainConfig, inputs: &Inputs) -> Result<RobotModel, TrainError> {
+    let given = inputs.files().first();
+    read_hand(given.map_or(&config.hand, |file| &file.path))
 }
 
 fn read_hand(path: &Path) -> Result<RobotModel, TrainError> {

@@ -61,7 +61,10 @@ impl Contender {
         };
         match contender.answer().as_str() {
             "ready" => Ok(contender),
-            _ => Err(format!("{name}: `{}` has no torch", python::name().display())),
+            _ => Err(format!(
+                "{name}: `{}` has no torch",
+                python::name().display()
+            )),
         }
     }
 
@@ -119,7 +122,11 @@ impl Server {
     pub(crate) fn answer(&mut self, loss: f32) -> bool {
         let (wall, cpu) = now();
         let (wall_before, cpu_before) = self.started;
-        println!("{} {} {loss}", (wall - wall_before).as_secs_f64(), cpu - cpu_before);
+        println!(
+            "{} {} {loss}",
+            (wall - wall_before).as_secs_f64(),
+            cpu - cpu_before
+        );
         let more = wait();
         self.started = now();
         more
@@ -156,7 +163,9 @@ fn now() -> (Instant, f64) {
 fn peak_kb() -> String {
     let status = fs::read_to_string("/proc/self/status").unwrap();
     let line = status.lines().find(|line| line.starts_with("VmHWM"));
-    line.and_then(|line| line.split_whitespace().nth(1)).unwrap().to_owned()
+    line.and_then(|line| line.split_whitespace().nth(1))
+        .unwrap()
+        .to_owned()
 }
 
 fn median(mut values: Vec<f64>) -> f64 {

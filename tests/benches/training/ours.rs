@@ -18,7 +18,9 @@ pub(crate) fn serve() {
     let hand = Arc::new(RobotModel::from_urdf(&fs::read_to_string(HAND).unwrap()).unwrap());
     let set = TrainingSet {
         scenes: (0..CLOUDS).map(scene).collect(),
-        tracks: (0..CLOUDS).map(|number| track(number, hand.dof())).collect(),
+        tracks: (0..CLOUDS)
+            .map(|number| track(number, hand.dof()))
+            .collect(),
     };
     let (network, training) = (network(), training());
     let mut trainer = Trainer::new(&set, &hand, &network, &training, 1).unwrap();
@@ -125,9 +127,14 @@ fn training() -> TrainingConfig {
         kl_weight: 1e-3,
         contact_weight: 50.0,
         contact: Contact::TouchCenter,
-        tips: ["link_3.0_tip", "link_7.0_tip", "link_11.0_tip", "link_15.0_tip"]
-            .map(str::to_owned)
-            .into(),
+        tips: [
+            "link_3.0_tip",
+            "link_7.0_tip",
+            "link_11.0_tip",
+            "link_15.0_tip",
+        ]
+        .map(str::to_owned)
+        .into(),
         tip_radius_m: 0.012,
     }
 }

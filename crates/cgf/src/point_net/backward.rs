@@ -136,8 +136,7 @@ impl Sums {
             } else {
                 let y = at.cloud.linear(at.layer, at.idx, at.patch);
                 let means = &at.normalized.mean;
-                for (((sum, g), y), &mean) in self.gain.iter_mut().zip(g.iter()).zip(y).zip(means)
-                {
+                for (((sum, g), y), &mean) in self.gain.iter_mut().zip(g.iter()).zip(y).zip(means) {
                     *sum += f64::from(dot(g, y, narrow(mean)));
                 }
             }

@@ -1,5 +1,7 @@
 //! The stage on made-up artifacts of the Allegro hand.
 
+mod report;
+
 use std::{collections::BTreeMap, path::Path};
 
 use cgf::{

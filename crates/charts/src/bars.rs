@@ -1,0 +1,72 @@
+//! Bars beside names.
+
+use crate::{
+    ChartError,
+    axis::{Axis, Ends, Scale},
+    canvas::Stroke,
+    captions::Captions,
+    figure::{Figure, Mark, Side},
+    style::{BASE, GAP, TEXT_SIZE, color},
+};
+
+/// Bars of one color, one for each name.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bars {
+    /// Its name in the legend.
+    pub name: String,
+    /// One value per name; where it is not finite there is no bar.
+    pub values: Vec<f64>,
+}
+
+/// Height of a bar that is one of several beside a name, and of one alone.
+const BAR: [f64; 2] = [12.0, 16.0];
+
+/// Draws a bar to the right for each name, from the top; of several series, one below the other.
+/// `captions.x` says what the bars measure; `captions.y` may be empty where the names speak for
+/// themselves.
+///
+/// # Errors
+///
+/// Fails with [`ChartError::Nothing`] if no value is finite, and with [`ChartError::WrongCount`] if a
+/// series has not one value per name.
+pub fn bars(captions: &Captions, names: &[String], series: &[Bars]) -> Result<String, ChartError> {
+    if let Some(wrong) = series.iter().find(|bars| bars.values.len() != names.len()) {
+        return Err(ChartError::WrongCount {
+            title: captions.title.to_owned(),
+            series: wrong.name.clone(),
+            found: wrong.values.len(),
+            expected: names.len(),
+        });
+    }
+    let values = series.iter().flat_map(|bars| bars.values.iter().copied());
+    let axis = Axis::new(Scale::Linear, Ends::Zero, 6, values);
+    let axis = axis.ok_or_else(|| ChartError::Nothing {
+        title: captions.title.to_owned(),
+    })?;
+    let [several, alone] = BAR;
+    let bar = if series.len() > 1 { several } else { alone };
+    let share = (bar * series.len() as f64 + GAP).max(TEXT_SIZE * 1.4);
+    let legend: Vec<&str> = series.iter().map(|bars| bars.name.as_str()).collect();
+    let around = (&axis, &Side::Names(names));
+    let height = share * names.len() as f64;
+    let mut figure = Figure::new(captions, height, around, (&legend, Mark::Area));
+    let zero = axis.place(0.0).unwrap_or_default();
+    let [_, top] = figure.at([0.0, 1.0]);
+    let [_, bottom] = figure.at([0.0, 0.0]);
+    let share = (bottom - top) / names.len() as f64;
+    for (idx, bars) in series.iter().enumerate() {
+        for (number, value) in bars.values.iter().enumerate() {
+            let Some(end) = axis.place(*value) else {
+                continue;
+            };
+            let middle = top + (number as f64 + 0.5) * share;
+            let upper = middle + (idx as f64 - series.len() as f64 / 2.0) * bar;
+            let ([from, _], [to, _]) = (figure.at([zero, 0.0]), figure.at([end, 0.0]));
+            let corners = [[from, upper], [to, upper + bar - 1.0]];
+            figure.canvas.rectangle(corners, color(idx), 1.0);
+        }
+    }
+    let (from, to) = (figure.at([zero, 0.0]), figure.at([zero, 1.0]));
+    figure.canvas.line(from, to, Stroke::solid(BASE, 1.0));
+    Ok(figure.canvas.finish())
+}

@@ -1,0 +1,47 @@
+//! Charts as SVG, for reports: lines, scattered points, bars and histograms.
+//!
+//! ```
+//! use charts::{Captions, Scale, Series, lines};
+//!
+//! let captions = Captions {
+//!     title: "Training",
+//!     x: "epoch",
+//!     y: "loss",
+//! };
+//! let falling = Series {
+//!     name: "training".to_owned(),
+//!     points: vec![[1.0, 0.8], [2.0, 0.4], [3.0, 0.3]],
+//! };
+//! let svg = lines(&captions, Scale::Log, &[falling])?;
+//! assert!(svg.starts_with("<svg "));
+//! # Ok::<(), charts::ChartError>(())
+//! ```
+//!
+//! Invariants: equal arguments give equal bytes, with no clock, no fonts of the system and no
+//! randomness; numbers that are not finite, and on a logarithmic axis those that are not positive, are
+//! left out, so that a line breaks there; a chart with nothing left to draw is an error and no empty
+//! picture. The area for data keeps its size whatever stands beside it: the legend is to the right of
+//! it and makes the picture wider. Colors are told apart by people who see few of them (Okabe and Ito,
+//! *Color universal design*, 2008), and dashes tell lines apart beyond that.
+//!
+//! The text of a picture is text in a common sans-serif font of the reader's: its width is only
+//! estimated here.
+
+mod axis;
+mod bars;
+mod canvas;
+mod captions;
+mod error;
+mod figure;
+mod histogram;
+mod lines;
+mod scatter;
+mod style;
+
+pub use axis::Scale;
+pub use bars::{Bars, bars};
+pub use captions::{Captions, Series};
+pub use error::ChartError;
+pub use histogram::{Sample, histogram};
+pub use lines::lines;
+pub use scatter::scatter;

@@ -1,0 +1,131 @@
+//! What is used of the latent code.
+
+use std::collections::BTreeMap;
+
+use cgf::{Demonstration, Description, Split};
+use charts::{Captions, Scale, Series, lines, scatter};
+use dataflow::{Context, Inputs, Made, Outcome, Summary};
+use schemas::latents::{self, Row};
+
+use super::{SPLITS, description, mean, of_split, put};
+use crate::TrainError;
+
+/// Variance of the means beyond which a dimension is active (Burda, Grosse and Salakhutdinov,
+/// *Importance Weighted Autoencoders*, 2016, section 5.2).
+const ACTIVE: f64 = 0.01;
+
+/// Makes the table of dimensions and its charts.
+pub(super) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainError> {
+    let description = description(inputs)?;
+    let rows = rows(&description);
+    let batch = latents::to_batch(&rows).map_err(|source| TrainError::Schema {
+        key: cx.partition().to_owned(),
+        source,
+    })?;
+    lake::table::write(cx.folder(), &batch)?;
+    draw(&description, &rows, cx)?;
+    let metrics = [
+        ("latents_n", rows.len() as f64),
+        (
+            "active_n",
+            rows.iter().filter(|row| row.active).count() as f64,
+        ),
+        ("kl_nats", rows.iter().map(|row| row.kl_nats).sum()),
+    ];
+    Ok(Outcome::Made(Made {
+        labels: BTreeMap::new(),
+        metrics: metrics.map(|(name, value)| (name.to_owned(), value)).into(),
+    }))
+}
+
+pub(super) fn describe(summary: &Summary) -> String {
+    format!(
+        "{} of {} latent dimensions in use, {:.1} nats",
+        summary.total("active_n"),
+        summary.total("latents_n"),
+        summary.total("kl_nats"),
+    )
+}
+
+fn rows(description: &Description) -> Vec<Row> {
+    (0..description.network.latent_dim)
+        .map(|dimension| {
+            let codes = || {
+                let learned = of_split(description, Split::Training);
+                learned.filter_map(move |demonstration| code(demonstration, dimension))
+            };
+            let center = mean(codes().map(|(mean, _)| mean));
+            let variance = mean(codes().map(|(mean, _)| (mean - center).powi(2)));
+            Row {
+                dimension: i64::try_from(dimension).unwrap_or(i64::MAX),
+                // Kingma and Welling, *Auto-Encoding Variational Bayes*, 2014, appendix B.
+                kl_nats: mean(codes().map(|(mean, deviation)| {
+                    0.5 * (mean.powi(2) + deviation.powi(2) - 1.0) - deviation.ln()
+                })),
+                mean_deviation: variance.sqrt(),
+                deviation_mean: mean(codes().map(|(_, deviation)| deviation)),
+                active: variance > ACTIVE,
+            }
+        })
+        .collect()
+}
+
+/// Mean and standard deviation of a motion's code in one dimension.
+fn code(demonstration: &Demonstration, dimension: usize) -> Option<(f64, f64)> {
+    let mean = demonstration.latent_mean.get(dimension)?;
+    let deviation = demonstration.latent_deviation.get(dimension)?;
+    Some((*mean, *deviation))
+}
+
+fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), TrainError> {
+    let mut ranked: Vec<(usize, &Row)> = rows.iter().enumerate().collect();
+    ranked.sort_by(|(_, a), (_, b)| b.kl_nats.total_cmp(&a.kl_nats));
+    let by_rank = |name: &str, number: fn(&Row) -> f64| Series {
+        name: name.to_owned(),
+        points: (1_u32..)
+            .zip(&ranked)
+            .map(|(rank, (_, row))| [rank.into(), number(row)])
+            .collect(),
+    };
+    let captions = |title, y| Captions {
+        title,
+        x: "dimensions of the latent code, the most used first",
+        y,
+    };
+    let used = lines(
+        &captions("Use of the latent code", "KL [nats]"),
+        Scale::Linear,
+        &[by_rank("divergence", |row| row.kl_nats)],
+    );
+    put(cx, "kl", used)?;
+    let deviations = lines(
+        &captions("Spread of the latent codes", "standard deviation"),
+        Scale::Linear,
+        &[
+            by_rank("of the motions' means", |row| row.mean_deviation),
+            by_rank("of one motion, mean", |row| row.deviation_mean),
+        ],
+    );
+    put(cx, "spread", deviations)?;
+    let [(first, _), (second, _), ..] = ranked[..] else {
+        return Ok(());
+    };
+    let x = format!("dimension {first}");
+    let y = format!("dimension {second}");
+    let captions = Captions {
+        title: "Means of the motions' codes in the two dimensions most used",
+        x: &x,
+        y: &y,
+    };
+    let sets = SPLITS.map(|(split, _, name, _)| Series {
+        name: name.to_owned(),
+        points: of_split(description, split)
+            .filter_map(|motion| Some([code(motion, first)?.0, code(motion, second)?.0]))
+            .collect(),
+    });
+    let sets: Vec<Series> = sets
+        .into_iter()
+        .filter(|set| !set.points.is_empty())
+        .collect();
+    put(cx, "means", scatter(&captions, &sets))
+}

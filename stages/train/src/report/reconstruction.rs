@@ -1,0 +1,348 @@
+//! How near the motions of the mean codes are to those that they were encoded from.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
+
+use cgf::{Cgf, CgfError, Demonstration, Description, Grasp, Split, Track};
+use charts::{Bars, Captions, Scale, Series, bars, lines};
+use dataflow::{Context, Inputs, Made, Outcome, Summary};
+use nalgebra::{Isometry3, Point3};
+use robot::RobotModel;
+use schemas::{
+    checkpoint,
+    reconstruction::{self, Row},
+};
+
+use super::{SPLITS, counted, file, mean, of_split, put};
+use crate::{TrainConfig, TrainError, set, stage};
+
+/// Parts of a motion over which errors are shown.
+const PARTS: usize = 20;
+
+/// What one motion became.
+struct Rebuilt<'a> {
+    demonstration: &'a Demonstration,
+    row: Row,
+    /// At each step: the part of the motion's time that has passed, in 0..=1, and the mean distance of
+    /// the finger tips in meters.
+    over_time: Vec<[f64; 2]>,
+}
+
+/// The errors of one step.
+struct StepError {
+    /// Mean distance of the finger tips, in meters.
+    tip_m: f64,
+    /// Distance of the palm's origin, in meters.
+    palm_m: f64,
+    /// Angle between the palms, in radians.
+    rotation_rad: f64,
+    /// Absolute error of each joint, in radians (meters if prismatic).
+    joints_rad: Vec<f64>,
+}
+
+/// A point that is followed: a link, and the place in its frame.
+type Tip = (usize, Point3<f64>);
+
+/// Makes the table of errors and its charts.
+pub(super) fn make(
+    config: &TrainConfig,
+    inputs: &Inputs,
+    cx: &Context,
+) -> Result<Outcome, TrainError> {
+    let files = checkpoint::LAST;
+    let cgf = Cgf::load(
+        file(inputs, files.weights)?,
+        file(inputs, files.description)?,
+    )?;
+    let description = cgf.description();
+    let hand = Arc::new(stage::hand(config, inputs)?);
+    cgf.check_hand(&hand.joint_names())?;
+    let tips = tips(description, &hand)?;
+    let set = set::read(
+        config,
+        inputs.artifacts("objects"),
+        inputs.artifacts("trajectories"),
+        &hand.joint_names(),
+        cx.seed(),
+    )?;
+    let known: BTreeMap<&str, &Demonstration> = description
+        .demonstrations
+        .iter()
+        .map(|demonstration| (demonstration.name.as_str(), demonstration))
+        .collect();
+    let mut features = BTreeMap::new();
+    let mut all = Vec::new();
+    for track in &set.tracks {
+        // Which motions were learned from is what the training says, not what this would draw.
+        let Some(demonstration) = known.get(track.name.as_str()) else {
+            continue;
+        };
+        let feature = match features.entry(track.scene) {
+            std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
+            std::collections::btree_map::Entry::Vacant(entry) => {
+                entry.insert(cgf.feature(&set.scenes[track.scene])?)
+            }
+        };
+        let times = times(track);
+        let latent = std::slice::from_ref(&demonstration.latent_mean);
+        let decoded = cgf.decode(feature, latent, &times)?.concat();
+        all.push(rebuilt(demonstration, track, &decoded, &hand, &tips)?);
+        let share = all.len() as f64 / set.tracks.len() as f64;
+        cx.progress(share, &track.name);
+    }
+    let rows: Vec<Row> = all.iter().map(|rebuilt| rebuilt.row.clone()).collect();
+    let batch = reconstruction::to_batch(&hand.joint_names(), &rows);
+    let batch = batch.map_err(|source| TrainError::Schema {
+        key: cx.partition().to_owned(),
+        source,
+    })?;
+    lake::table::write(cx.folder(), &batch)?;
+    draw(&all, &hand, cx)?;
+    Ok(Outcome::Made(Made {
+        labels: BTreeMap::new(),
+        metrics: metrics(description, &all),
+    }))
+}
+
+pub(super) fn describe(summary: &Summary) -> String {
+    let of_split = |suffix: &str, what: &str| {
+        let n = summary.total(&format!("trajectories_n{suffix}"));
+        let tips = 1e3 * summary.total(&format!("tip_error_mean_m{suffix}"));
+        let grasp = 1e3 * summary.total(&format!("tip_error_grasp_m{suffix}"));
+        let what = if what.is_empty() {
+            counted(n, "motion")
+        } else {
+            format!("{n} {what}")
+        };
+        (n > 0.0).then(|| format!("{what}: {tips:.1} mm ({grasp:.1} mm at the grasp)"))
+    };
+    let all = [
+        of_split("", ""),
+        of_split("_held_out", "held out"),
+        of_split("_unseen", "with unseen objects"),
+    ];
+    let all: Vec<String> = all.into_iter().flatten().collect();
+    format!("finger tips from where they were, {}", all.join(", "))
+}
+
+/// The links whose origins the training calls finger tips; those of the hand's fingers if it names none.
+fn tips(description: &Description, hand: &RobotModel) -> Result<Vec<Tip>, TrainError> {
+    let named = &description.training.tips;
+    if named.is_empty() {
+        let fingers = hand.fingers().into_iter();
+        let tips = fingers.map(|finger| (finger.tip_link, Point3::from(finger.tip_offset_m)));
+        return Ok(tips.collect());
+    }
+    let tips = named.iter().map(|name| {
+        let link = hand.link(name).ok_or_else(|| CgfError::UnknownLink {
+            link: name.to_owned(),
+        })?;
+        Ok((link, Point3::origin()))
+    });
+    tips.collect()
+}
+
+/// The network's times of a motion's steps: 1 at the first, 0 at the grasp.
+fn times(track: &Track) -> Vec<f64> {
+    let first = track.steps.first().map_or(0.0, |step| step.time_s);
+    let last = track.steps.last().map_or(1.0, |step| step.time_s);
+    let steps = track.steps.iter();
+    steps
+        .map(|step| (last - step.time_s) / (last - first))
+        .collect()
+}
+
+/// Compares a motion with what became of it at its own steps.
+fn rebuilt<'a>(
+    demonstration: &'a Demonstration,
+    track: &Track,
+    decoded: &[Grasp],
+    hand: &RobotModel,
+    tips: &[Tip],
+) -> Result<Rebuilt<'a>, TrainError> {
+    let steps = track.steps.iter().zip(decoded);
+    let errors = steps
+        .map(|(step, grasp)| step_error(&step.grasp, grasp, hand, tips))
+        .collect::<Result<Vec<_>, _>>()?;
+    let of_steps = |number: fn(&StepError) -> f64| mean(errors.iter().map(number));
+    let at_grasp = |number: fn(&StepError) -> f64| errors.last().map_or(0.0, number);
+    let of_joints = |step: &StepError| mean(step.joints_rad.iter().copied());
+    let joint = |idx: usize| {
+        mean(
+            errors
+                .iter()
+                .filter_map(|step| step.joints_rad.get(idx).copied()),
+        )
+    };
+    let row = Row {
+        sequence: track.name.clone(),
+        object: demonstration.object.clone(),
+        split: name_of(demonstration.split).to_owned(),
+        tip_error_mean_m: of_steps(|step| step.tip_m),
+        tip_error_grasp_m: at_grasp(|step| step.tip_m),
+        palm_error_mean_m: of_steps(|step| step.palm_m),
+        palm_error_grasp_m: at_grasp(|step| step.palm_m),
+        palm_rotation_mean_rad: of_steps(|step| step.rotation_rad),
+        palm_rotation_grasp_rad: at_grasp(|step| step.rotation_rad),
+        joint_error_mean_rad: mean(errors.iter().map(of_joints)),
+        joint_error_grasp_rad: errors.last().map_or(0.0, of_joints),
+        joint_errors_rad: (0..hand.dof()).map(joint).collect(),
+    };
+    let over_time = times(track).into_iter().zip(&errors);
+    Ok(Rebuilt {
+        demonstration,
+        row,
+        over_time: over_time.map(|(t, step)| [1.0 - t, step.tip_m]).collect(),
+    })
+}
+
+fn step_error(
+    shown: &Grasp,
+    decoded: &Grasp,
+    hand: &RobotModel,
+    tips: &[Tip],
+) -> Result<StepError, TrainError> {
+    let points = |grasp: &Grasp| -> Result<Vec<Point3<f64>>, TrainError> {
+        let table_from_palm = grasp.table_from_palm.isometry();
+        let palm_from_links: Vec<Isometry3<f64>> = hand.forward_kinematics(&grasp.q_rad)?;
+        let tips = tips.iter();
+        Ok(tips
+            .map(|(link, point)| table_from_palm * (palm_from_links[*link] * point))
+            .collect())
+    };
+    let (at, wanted) = (points(decoded)?, points(shown)?);
+    let (palm, wanted_palm) = (
+        decoded.table_from_palm.isometry(),
+        shown.table_from_palm.isometry(),
+    );
+    let joints = decoded.q_rad.iter().zip(&shown.q_rad);
+    Ok(StepError {
+        tip_m: mean(at.iter().zip(&wanted).map(|(a, b)| (a - b).norm())),
+        palm_m: (palm.translation.vector - wanted_palm.translation.vector).norm(),
+        rotation_rad: palm.rotation.angle_to(&wanted_palm.rotation),
+        joints_rad: joints.map(|(a, b)| (a - b).abs()).collect(),
+    })
+}
+
+fn name_of(split: Split) -> &'static str {
+    let mut splits = SPLITS.iter();
+    let found = splits.find(|(known, ..)| *known == split);
+    found.map_or("", |(_, name, ..)| name)
+}
+
+/// A figure of a motion, and its name.
+type Figure = (&'static str, fn(&Row) -> f64);
+
+/// The figures of each set of motions: means over the motions.
+const FIGURES: [Figure; 8] = [
+    ("tip_error_mean_m", |row| row.tip_error_mean_m),
+    ("tip_error_grasp_m", |row| row.tip_error_grasp_m),
+    ("palm_error_mean_m", |row| row.palm_error_mean_m),
+    ("palm_error_grasp_m", |row| row.palm_error_grasp_m),
+    ("palm_rotation_mean_rad", |row| row.palm_rotation_mean_rad),
+    ("palm_rotation_grasp_rad", |row| row.palm_rotation_grasp_rad),
+    ("joint_error_mean_rad", |row| row.joint_error_mean_rad),
+    ("joint_error_grasp_rad", |row| row.joint_error_grasp_rad),
+];
+
+fn metrics(description: &Description, all: &[Rebuilt]) -> BTreeMap<String, f64> {
+    let mut metrics = BTreeMap::new();
+    for (split, _, _, suffix) in SPLITS {
+        let n = of_split(description, split).count();
+        metrics.insert(format!("trajectories_n{suffix}"), n as f64);
+        if n == 0 {
+            continue;
+        }
+        for (name, figure) in FIGURES {
+            let of_split = all.iter().filter(|m| m.demonstration.split == split);
+            let mean = mean(of_split.map(|motion| figure(&motion.row)));
+            metrics.insert(format!("{name}{suffix}"), mean);
+        }
+    }
+    metrics
+}
+
+fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainError> {
+    let splits = SPLITS
+        .into_iter()
+        .filter(|(split, ..)| all.iter().any(|m| m.demonstration.split == *split));
+    let splits: Vec<(Split, &str)> = splits.map(|(split, _, name, _)| (split, name)).collect();
+    let of_split = |split: Split| all.iter().filter(move |m| m.demonstration.split == split);
+    let objects: BTreeSet<&String> = all.iter().map(|motion| &motion.row.object).collect();
+    let names: Vec<String> = objects.iter().map(|name| (*name).clone()).collect();
+    for (file, title, number) in [
+        (
+            "objects",
+            "Finger tips by object, mean over the motion",
+            (|row| row.tip_error_mean_m) as fn(&Row) -> f64,
+        ),
+        (
+            "objects_grasp",
+            "Finger tips by object, at the grasp",
+            |row| row.tip_error_grasp_m,
+        ),
+    ] {
+        let series = splits.iter().map(|(split, name)| Bars {
+            name: (*name).to_owned(),
+            values: objects
+                .iter()
+                .map(|object| {
+                    let rows = of_split(*split).map(|motion| &motion.row);
+                    1e3 * mean(rows.filter(|row| row.object == **object).map(number))
+                })
+                .collect(),
+        });
+        let captions = Captions {
+            title,
+            x: "distance from where they were [mm]",
+            y: "",
+        };
+        let chart = bars(&captions, &names, &series.collect::<Vec<_>>());
+        put(cx, file, chart)?;
+    }
+    let series = splits.iter().map(|(split, name)| Bars {
+        name: (*name).to_owned(),
+        values: (0..hand.dof())
+            .map(|joint| {
+                let rows = of_split(*split).map(|motion| &motion.row);
+                mean(rows.filter_map(|row| row.joint_errors_rad.get(joint).copied())).to_degrees()
+            })
+            .collect(),
+    });
+    let captions = Captions {
+        title: "Joints, mean over the motion",
+        x: "absolute error [°]",
+        y: "",
+    };
+    let chart = bars(&captions, &hand.joint_names(), &series.collect::<Vec<_>>());
+    put(cx, "joints", chart)?;
+    let series = splits.iter().map(|(split, name)| Series {
+        name: (*name).to_owned(),
+        points: over_time(of_split(*split)),
+    });
+    let captions = Captions {
+        title: "Finger tips over time",
+        x: "part of the motion, 1 at the grasp",
+        y: "distance from where they were [mm]",
+    };
+    let chart = lines(&captions, Scale::Linear, &series.collect::<Vec<_>>());
+    put(cx, "time", chart)
+}
+
+/// The mean distance of the finger tips in each part of the motions' time, in millimeters.
+fn over_time<'a>(motions: impl Iterator<Item = &'a Rebuilt<'a>>) -> Vec<[f64; 2]> {
+    let mut sums = [[0.0; 2]; PARTS];
+    for [share, error_m] in motions.flat_map(|motion| &motion.over_time) {
+        let part = (0..PARTS).find(|part| *share < (part + 1) as f64 / PARTS as f64);
+        if let Some([sum, n]) = sums.get_mut(part.unwrap_or(PARTS - 1)) {
+            *sum += 1e3 * error_m;
+            *n += 1.0;
+        }
+    }
+    let parts = sums.iter().enumerate();
+    parts
+        .map(|(part, [sum, n])| [(part as f64 + 0.5) / PARTS as f64, sum / n])
+        .collect()
+}
