@@ -5,6 +5,8 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
+use crate::precision::row_index;
+
 /// Points that are worked on together: a *patch*.
 pub(super) const LANES: usize = 16;
 
@@ -68,10 +70,25 @@ impl Sparse {
     pub(super) fn take(&mut self, rows: &[Row]) {
         self.rows.clear();
         self.at.clear();
-        for (k, row) in (0_u32..).zip(rows) {
-            if row.iter().any(|&x| x != 0.0) {
-                self.rows.push(*row);
-                self.at.push(k);
+        Arch::new().dispatch(Take { sparse: self, rows });
+    }
+}
+
+struct Take<'a> {
+    sparse: &'a mut Sparse,
+    rows: &'a [Row],
+}
+
+impl WithSimd for Take<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for (k, row) in (0_u32..).zip(self.rows) {
+            // Every number is looked at, so that they are looked at together.
+            if row.iter().fold(false, |some, &x| some | (x != 0.0)) {
+                self.sparse.rows.push(*row);
+                self.sparse.at.push(k);
             }
         }
     }
@@ -187,22 +204,15 @@ impl Search<'_> {
                 }
                 let over = simd.greater_than_f32s(top, simd.splat_f32s(*value));
                 if simd.first_true_m32s(over) < S::F32_LANES {
+                    let largest = simd.reduce_max_f32s(top);
                     let mut row = [0.0; LANES];
                     let (vectors, _) = S::as_mut_simd_f32s(&mut row);
                     vectors.copy_from_slice(sums);
-                    improve(&row, self.first, value, point);
+                    let lane = row.iter().position(|&x| x == largest).unwrap_or(0);
+                    *value = largest;
+                    *point = self.first + row_index(lane);
                 }
             }
-        }
-    }
-}
-
-#[cold]
-fn improve(row: &Row, first: u32, value: &mut f32, point: &mut u32) {
-    for (lane, &x) in (first..).zip(row) {
-        if x > *value {
-            *value = x;
-            *point = lane;
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Means and covariances of channels over many points, put together from those of parts.
 
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 
 use super::kernel::{LANES, Pairs, Row, correlate};
 use crate::precision::narrow;
@@ -19,18 +19,13 @@ impl Moments {
     /// differences from the panel's own mean, `f64` everything else.
     pub(super) fn measure(panel: &[Row], width: usize, n: usize, room: &mut Room) -> Self {
         let mut mean = vec![0.0; width];
-        for (patch, rows) in panel.chunks_exact(width).enumerate() {
-            add_sums(rows, n - patch * LANES, &mut mean);
-        }
-        for mean in &mut mean {
-            *mean /= n as f64;
-        }
         room.centered.clear();
         room.centered.extend_from_slice(panel);
-        for (patch, rows) in room.centered.chunks_exact_mut(width).enumerate() {
-            subtract(rows, &mean);
-            clear_beyond(rows, n - patch * LANES);
-        }
+        Arch::new().dispatch(Center {
+            panel: &mut room.centered,
+            n,
+            mean: &mut mean,
+        });
         room.products.resize(width * width, 0.0);
         let centered = (room.centered.as_slice(), width);
         correlate(centered, centered, Pairs::Upper, &mut room.products);
@@ -59,14 +54,11 @@ impl Moments {
         let n = self.n + other.n;
         let apart: Vec<f64> = other.mean.iter().zip(&self.mean).map(|(b, a)| b - a).collect();
         let factor = self.n * other.n / n;
-        Arch::new().dispatch(|| {
-            let width = apart.len();
-            let rows = self.scatter.chunks_exact_mut(width);
-            for ((row, added), a) in rows.zip(other.scatter.chunks_exact(width)).zip(&apart) {
-                for ((x, added), b) in row.iter_mut().zip(added).zip(&apart) {
-                    *x += added + factor * a * b;
-                }
-            }
+        Arch::new().dispatch(Add {
+            scatter: &mut self.scatter,
+            other: &other.scatter,
+            apart: &apart,
+            factor,
         });
         for (mean, apart) in self.mean.iter_mut().zip(&apart) {
             *mean += apart * other.n / n;
@@ -78,16 +70,57 @@ impl Moments {
     pub(super) fn of_product(&self, weight: &[f32]) -> (f64, f64, Vec<f64>) {
         let mean = self.mean.iter().zip(weight).map(|(m, &w)| m * f64::from(w)).sum();
         let mut by = vec![0.0; weight.len()];
-        Arch::new().dispatch(|| {
-            for (row, &w) in self.scatter.chunks_exact(weight.len()).zip(weight) {
-                let w = f64::from(w) / self.n;
-                for (by, x) in by.iter_mut().zip(row) {
-                    *by += w * x;
-                }
-            }
-        });
+        for (row, &w) in self.scatter.chunks_exact(weight.len()).zip(weight) {
+            Arch::new().dispatch(Axpy {
+                factor: f64::from(w) / self.n,
+                x: row,
+                sums: &mut by,
+            });
+        }
         let variance: f64 = by.iter().zip(weight).map(|(b, &w)| b * f64::from(w)).sum();
         (mean, variance.max(0.0), by)
+    }
+}
+
+/// `scatter += other + factor apart apartᵀ`.
+struct Add<'a> {
+    scatter: &'a mut [f64],
+    other: &'a [f64],
+    apart: &'a [f64],
+    factor: f64,
+}
+
+impl WithSimd for Add<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let width = self.apart.len();
+        let rows = self.scatter.chunks_exact_mut(width);
+        for ((row, added), a) in rows.zip(self.other.chunks_exact(width)).zip(self.apart) {
+            let factor = self.factor * a;
+            for ((x, added), b) in row.iter_mut().zip(added).zip(self.apart) {
+                *x += added + factor * b;
+            }
+        }
+    }
+}
+
+/// `sums += factor x`.
+pub(super) struct Axpy<'a> {
+    pub(super) factor: f64,
+    pub(super) x: &'a [f64],
+    pub(super) sums: &'a mut [f64],
+}
+
+impl WithSimd for Axpy<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for (sum, x) in self.sums.iter_mut().zip(self.x) {
+            *sum += self.factor * x;
+        }
     }
 }
 
@@ -98,18 +131,45 @@ pub(super) struct Room {
     products: Vec<f32>,
 }
 
-/// Adds each channel's sum over the first `n` points of a patch.
-pub(super) fn add_sums(rows: &[Row], n: usize, sums: &mut [f64]) {
-    for (row, sum) in rows.iter().zip(sums) {
-        *sum += f64::from(sum_of(row, n));
+/// Measures the mean of each channel over the first `n` points of a panel, subtracts it, and sets what
+/// is beyond them to zero.
+struct Center<'a> {
+    panel: &'a mut [Row],
+    n: usize,
+    mean: &'a mut [f64],
+}
+
+impl WithSimd for Center<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { panel, n, mean } = self;
+        let width = mean.len();
+        for (patch, rows) in panel.chunks_exact_mut(width).enumerate() {
+            clear_beyond(rows, n - patch * LANES);
+            for (row, sum) in rows.iter().zip(mean.iter_mut()) {
+                *sum += f64::from(sum_of(row));
+            }
+        }
+        for mean in mean.iter_mut() {
+            *mean /= n as f64;
+        }
+        for (patch, rows) in panel.chunks_exact_mut(width).enumerate() {
+            for (row, &mean) in rows.iter_mut().zip(mean.iter()) {
+                let mean = narrow(mean);
+                for x in row {
+                    *x -= mean;
+                }
+            }
+            clear_beyond(rows, n - patch * LANES);
+        }
     }
 }
 
-/// Sums the first `n` of a row, in pairs.
-pub(super) fn sum_of(row: &Row, n: usize) -> f32 {
-    if n < LANES {
-        return row[..n].iter().sum();
-    }
+/// Sums a row, in pairs.
+#[inline(always)]
+pub(super) fn sum_of(row: &Row) -> f32 {
     let mut eight: [f32; 8] = std::array::from_fn(|k| row[k] + row[k + 8]);
     for half in [4, 2, 1] {
         for k in 0..half {
@@ -119,16 +179,8 @@ pub(super) fn sum_of(row: &Row, n: usize) -> f32 {
     eight[0]
 }
 
-fn subtract(rows: &mut [Row], mean: &[f64]) {
-    for (row, &mean) in rows.iter_mut().zip(mean) {
-        let mean = narrow(mean);
-        for x in row {
-            *x -= mean;
-        }
-    }
-}
-
 /// Sets what fills up a patch of fewer than sixteen points to zero.
+#[inline(always)]
 pub(super) fn clear_beyond(rows: &mut [Row], n: usize) {
     if n < LANES {
         for row in rows {
