@@ -1,6 +1,6 @@
 //! What one step of the optimizer sees, made of motions and the objects they reach for.
 
-use std::sync::Arc;
+use std::{collections::BTreeMap, sync::Arc};
 
 use nalgebra::{Point3, UnitQuaternion};
 
@@ -110,24 +110,28 @@ impl Seen {
 }
 
 impl Batches<'_> {
-    /// Makes a batch to learn from: turned, at random times, with noise.
-    pub(crate) fn to_learn(&self, tracks: &[usize], random: &mut Random) -> Batch {
-        let used = self.views_of(tracks);
-        let rotations: Vec<_> = used
-            .iter()
-            .map(|&view| self.rotations.draw(view, random))
-            .collect();
-        let mut batch = self.objects(&used, &rotations);
-        for &idx in tracks {
+    /// Makes a batch to learn from: turned, at random times, with noise. An item is a motion and which
+    /// of its repeats it is.
+    pub(crate) fn to_learn(&self, items: &[(usize, usize)], random: &mut Random) -> Batch {
+        let mut batch = self.empty();
+        // Rotations that are drawn anew are shared by the motions of an object, and so is its cloud.
+        let mut shared: BTreeMap<usize, (usize, UnitQuaternion<f64>)> = BTreeMap::new();
+        for &(idx, repeat) in items {
             let seen = &self.seen.tracks[idx];
+            let (view, rotation) = match self.rotations.fixed(idx, repeat) {
+                Some(rotation) => (self.add_view(&mut batch, seen.view, &rotation), rotation),
+                None => *shared.entry(seen.view).or_insert_with(|| {
+                    let rotation = self.rotations.draw(random);
+                    (self.add_view(&mut batch, seen.view, &rotation), rotation)
+                }),
+            };
             let times = match self.training.times {
                 Times::Continuous => (0..self.training.random_times)
                     .map(|_| random.uniform())
                     .collect(),
                 Times::Recorded => seen.fixed_times.clone(),
             };
-            let view = used.partition_point(|&view| view < seen.view);
-            self.add(&mut batch, seen, view, &rotations[view], &times);
+            self.add_motion(&mut batch, seen, view, &rotation, &times);
             let draws = match self.training.latent_noise {
                 LatentNoise::PerMotion => 1,
                 LatentNoise::PerTime => batch.n_times,
@@ -140,56 +144,44 @@ impl Batches<'_> {
 
     /// Makes a batch to measure with: as it is, at the same times whenever it is made, without noise.
     pub(crate) fn to_measure(&self, tracks: &[usize]) -> Batch {
-        let used = self.views_of(tracks);
-        let rotations = vec![UnitQuaternion::identity(); used.len()];
-        let mut batch = self.objects(&used, &rotations);
+        let mut batch = self.empty();
+        let rotation = UnitQuaternion::identity();
+        let mut views = BTreeMap::new();
         for &idx in tracks {
             let seen = &self.seen.tracks[idx];
-            let view = used.partition_point(|&view| view < seen.view);
-            self.add(&mut batch, seen, view, &rotations[view], &seen.fixed_times);
+            let view = *views
+                .entry(seen.view)
+                .or_insert_with(|| self.add_view(&mut batch, seen.view, &rotation));
+            self.add_motion(&mut batch, seen, view, &rotation, &seen.fixed_times);
         }
         batch
     }
 
     /// Returns one cloud of every view that is learned from, turned at random.
     pub(crate) fn learned_clouds(&self, random: &mut Random) -> Clouds {
-        let used = self.views_of(&self.seen.of_split(Split::Training));
-        let points = self.network.points;
-        let mut xyz = Vec::with_capacity(used.len() * 3 * points);
-        for view in used {
-            let rotation = self.rotations.draw(view, random);
-            xyz.extend(self.seen.views[view].cloud(points, &rotation));
+        let mut views = BTreeMap::new();
+        for idx in self.seen.of_split(Split::Training) {
+            views.entry(self.seen.tracks[idx].view).or_insert(idx);
         }
-        Clouds { points, xyz }
+        let mut batch = self.empty();
+        for (view, idx) in views {
+            let repeat = random.index(self.rotations.repeats());
+            let fixed = self.rotations.fixed(idx, repeat);
+            let rotation = fixed.unwrap_or_else(|| self.rotations.draw(random));
+            self.add_view(&mut batch, view, &rotation);
+        }
+        Arc::unwrap_or_clone(batch.clouds)
     }
 
-    /// Returns the views of motions, each once, in order.
-    fn views_of(&self, tracks: &[usize]) -> Vec<usize> {
-        let views = tracks.iter().map(|&idx| self.seen.tracks[idx].view);
-        let mut used: Vec<usize> = views.collect();
-        used.sort_unstable();
-        used.dedup();
-        used
-    }
-
-    /// A batch without motions.
-    fn objects(&self, used: &[usize], rotations: &[UnitQuaternion<f64>]) -> Batch {
-        let points = self.network.points;
-        let mut clouds = Clouds {
-            points,
-            xyz: Vec::with_capacity(used.len() * 3 * points),
-        };
-        let mut surfaces = Vec::with_capacity(used.len());
-        for (&view, rotation) in used.iter().zip(rotations) {
-            let view = &self.seen.views[view];
-            clouds.xyz.extend(view.cloud(points, rotation));
-            surfaces.push(view.points.iter().map(|point| rotation * point).collect());
-        }
+    fn empty(&self) -> Batch {
         Batch {
             size: 0,
             n_times: self.training.grasp_steps + self.training.random_times,
-            clouds: Arc::new(clouds),
-            surfaces,
+            clouds: Arc::new(Clouds {
+                points: self.network.points,
+                xyz: Vec::new(),
+            }),
+            surfaces: Vec::new(),
             views: Vec::new(),
             motions: Vec::new(),
             times: Vec::new(),
@@ -199,7 +191,17 @@ impl Batches<'_> {
         }
     }
 
-    fn add(
+    /// Adds an object and returns its place in the batch.
+    fn add_view(&self, batch: &mut Batch, view: usize, rotation: &UnitQuaternion<f64>) -> usize {
+        let view = &self.seen.views[view];
+        let cloud = view.cloud(self.network.points, rotation);
+        Arc::make_mut(&mut batch.clouds).xyz.extend(cloud);
+        let surface = view.points.iter().map(|point| rotation * point);
+        batch.surfaces.push(surface.collect());
+        batch.surfaces.len() - 1
+    }
+
+    fn add_motion(
         &self,
         batch: &mut Batch,
         seen: &SeenTrack,

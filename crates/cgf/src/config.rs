@@ -144,18 +144,18 @@ pub enum Schedule {
     Cosine,
 }
 
-/// How object and hand are turned together about the object's origin, anew for every object and step.
+/// How object and hand are turned together about the object's origin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Augmentation {
     /// Not at all: the object always lies as its resting orientation puts it.
     None,
-    /// About the vertical: gravity stays where it is.
+    /// About the vertical, anew for every object and step: gravity stays where it is.
     Vertical,
-    /// By one of eleven rotations that are drawn once, no rotation among them: for each object as it
-    /// lies, where the released code draws them for each recording.
+    /// By eleven rotations that are drawn once for each motion, no rotation among them; an epoch goes
+    /// through all of them.
     Released,
-    /// By any rotation: the network does not know where down is.
+    /// By any rotation, anew for every object and step: the network does not know where down is.
     Any,
 }
 

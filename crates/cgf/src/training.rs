@@ -124,13 +124,14 @@ impl<'a> Trainer<'a> {
                 found: training_tracks.len(),
             });
         }
-        let rotations = Rotations::new(training.augmentation, seen.views.len(), seed);
+        let rotations = Rotations::new(training.augmentation, seen.tracks.len(), seed);
         let mut random = Random::new(seed, BEFORE);
         let mut samples = Vec::new();
         for &idx in &training_tracks {
             let seen = &seen.tracks[idx];
-            for _ in 0..if rotations.turns() { 4 } else { 1 } {
-                let rotation = rotations.draw(seen.view, &mut random);
+            for repeat in 0..if rotations.turns() { 4 } else { 1 } {
+                let fixed = rotations.fixed(idx, repeat);
+                let rotation = fixed.unwrap_or_else(|| rotations.draw(&mut random));
                 let times = (0..=20).map(|k| f64::from(k) / 20.0);
                 samples.extend(times.map(|t| turned(&seen.track.at(t), &rotation).to_numbers()));
             }
@@ -216,15 +217,16 @@ impl<'a> Trainer<'a> {
             self.fix_statistics(&mut random)?;
         }
         let learning_rate = self.config().learning_rate_of(number);
-        let order: Vec<usize> = random
-            .permutation(self.training_tracks.len())
+        let repeats = self.batches.rotations.repeats();
+        let order: Vec<(usize, usize)> = random
+            .permutation(self.training_tracks.len() * repeats)
             .into_iter()
-            .map(|k| self.training_tracks[k])
+            .map(|k| (self.training_tracks[k / repeats], k % repeats))
             .collect();
         let mut losses = Losses::default();
-        for tracks in equal_chunks(&order, self.config().batch) {
-            let share = tracks.len() as f32 / order.len() as f32;
-            losses.add(&self.step(tracks, learning_rate, &mut random)?, share);
+        for items in equal_chunks(&order, self.config().batch) {
+            let share = items.len() as f32 / order.len() as f32;
+            losses.add(&self.step(items, learning_rate, &mut random)?, share);
             if !losses.total.is_finite() {
                 break;
             }
@@ -280,11 +282,11 @@ impl<'a> Trainer<'a> {
 
     fn step(
         &mut self,
-        tracks: &[usize],
+        items: &[(usize, usize)],
         learning_rate: f64,
         random: &mut Random,
     ) -> Result<Losses, CgfError> {
-        let batch = self.batches.to_learn(tracks, random);
+        let batch = self.batches.to_learn(items, random);
         let (losses, mut gradients, measured) = self.objective.gradients(
             &self.weights,
             &self.batches.normalization,
@@ -354,7 +356,7 @@ impl<'a> Trainer<'a> {
 }
 
 /// Cuts into as few chunks of at most `longest` as possible, of equal length but for one.
-fn equal_chunks(order: &[usize], longest: usize) -> Vec<&[usize]> {
+fn equal_chunks<T>(order: &[T], longest: usize) -> Vec<&[T]> {
     let n = order.len().div_ceil(longest);
     let cut = |k: usize| k * order.len() / n;
     (0..n).map(|k| &order[cut(k)..cut(k + 1)]).collect()

@@ -52,6 +52,14 @@ pub enum TrainError {
         /// Joints of the trajectory.
         found: Vec<String>,
     },
+    /// The curve of a running training cannot be written.
+    #[error("cannot write the training's curve `{}`", path.display())]
+    Curve {
+        /// Where.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
     /// An artifact cannot be read.
     #[error(transparent)]
     Lake(#[from] LakeError),
@@ -98,7 +106,7 @@ impl Advise for TrainError {
             Self::Cgf(CgfError::UnknownLink { .. }) => {
                 Some("give `training.tips` the names of the hand's finger tip links".to_owned())
             }
-            Self::Cgf(_) => None,
+            Self::Curve { .. } | Self::Cgf(_) => None,
         }
     }
 }

@@ -7,6 +7,7 @@
 
 mod config;
 mod error;
+mod resume;
 mod set;
 mod stage;
 

@@ -5,16 +5,21 @@ use std::{
     fs,
     path::Path,
     sync::Arc,
+    time::Instant,
 };
 
-use cgf::{Cgf, GraspError, Split, Trained, Trainer, TrainingSet};
+use cgf::{GraspError, Split, Trained, Trainer, TrainingSet};
 use dataflow::{
     Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage, Summary, Unit,
 };
 use robot::RobotModel;
 use schemas::checkpoint;
 
-use crate::{TrainConfig, TrainError, set};
+use crate::{
+    TrainConfig, TrainError,
+    resume::{self, Found, Saver},
+    set,
+};
 
 /// Learns a continuous grasping function from trajectories.
 pub enum Train {}
@@ -112,7 +117,7 @@ impl Stage for Train {
         }
         Ok(Outcome::Made(Made {
             labels: BTreeMap::new(),
-            metrics: metrics(&trained.best),
+            metrics: metrics(&trained),
         }))
     }
 
@@ -165,23 +170,35 @@ fn train(
     let epochs = config.training.epochs;
     let (network, training) = (&config.network, &config.training);
     let mut trainer = Trainer::new(set, hand, network, training, cx.seed())?;
+    let (mut saver, found) = Saver::resume(cx, &mut trainer)?;
+    let resumed = trainer.curve().len();
+    let share = |done: usize| done as f64 / epochs as f64;
+    match found {
+        Found::Nothing => {}
+        Found::Epochs(done) => cx.progress(share(done), &format!("goes on after epoch {done}")),
+        Found::Damaged(why) => cx.progress(
+            0.0,
+            &format!("starts anew, the state left is of no use: {why}"),
+        ),
+    }
+    let started = Instant::now();
     while !trainer.is_done() {
-        let epoch = trainer.train_epoch()?;
-        let mut message = format!(
-            "epoch {} of {epochs}, loss {:.4}",
-            epoch.epoch, epoch.training.total
-        );
+        let epoch = *trainer.train_epoch()?;
+        saver.note(&trainer)?;
+        let done = epoch.epoch;
+        let left = resume::time_left(started, done - resumed, epochs - done);
+        let mut message = format!("epoch {done} of {epochs}, loss {:.4}", epoch.training.total);
         if let Some(held_out) = epoch.held_out {
             message += &format!(", held out {:.4}", held_out.total);
         }
-        cx.progress(epoch.epoch as f64 / epochs as f64, &message);
+        cx.progress(share(done), &format!("{message}, {left}"));
     }
     Ok(trainer.finish()?)
 }
 
-/// Losses of the chosen epoch and mean errors at the grasp of the motions that the mean codes give.
-fn metrics(cgf: &Cgf) -> BTreeMap<String, f64> {
-    let description = cgf.description();
+/// Losses of the last epoch and mean errors at the grasp of the motions that the mean codes give.
+fn metrics(trained: &Trained) -> BTreeMap<String, f64> {
+    let description = trained.last.description();
     let of_split = |split: Split| {
         let demonstrations = description.demonstrations.iter();
         demonstrations.filter(move |demonstration| demonstration.split == split)
@@ -190,7 +207,7 @@ fn metrics(cgf: &Cgf) -> BTreeMap<String, f64> {
     let mut put = |name: &str, suffix: &str, value: f64| {
         metrics.insert(format!("{name}{suffix}"), value);
     };
-    put("best_epoch", "", description.epoch as f64);
+    put("best_epoch", "", trained.best.description().epoch as f64);
     if let Some(epoch) = description.epoch.checked_sub(1) {
         let epoch = &description.training_curve[epoch];
         put("loss", "", f64::from(epoch.training.total));
