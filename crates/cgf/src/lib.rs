@@ -16,6 +16,8 @@ mod config;
 mod curve;
 mod data;
 mod error;
+#[cfg(test)]
+mod golden;
 mod grasp;
 mod kinematics;
 mod loss;
