@@ -31,7 +31,10 @@ const ROUNDS: usize = 12;
 const PAUSE: Duration = Duration::from_millis(400);
 /// Argument with which this program is a contender itself.
 const ROLE: &str = "--contender";
-const HAND: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/data/robots/allegro_right.urdf");
+const HAND: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/data/robots/allegro_right.urdf"
+);
 /// Times that the released model in PyTorch takes longer, at least; and most memory, in MB.
 const LEAST: f64 = 5.0;
 const MOST_MB: f64 = 400.0;
@@ -39,7 +42,10 @@ const MOST_MB: f64 = 400.0;
 fn main() {
     let arguments: Vec<String> = env::args().collect();
     let role = arguments.iter().position(|argument| argument == ROLE);
-    match role.and_then(|at| arguments.get(at + 1)).map(String::as_str) {
+    match role
+        .and_then(|at| arguments.get(at + 1))
+        .map(String::as_str)
+    {
         Some("ours") => ours::serve(),
         Some("naive") => naive::serve(),
         Some(role) => println!("no contender `{role}`"),
@@ -63,7 +69,10 @@ fn race() {
             contender.step(round > 0);
         }
     }
-    println!("{CLOUDS} clouds of {POINTS} points, 25 time samples, {THREADS} threads, medians of {} steps", ROUNDS - 1);
+    println!(
+        "{CLOUDS} clouds of {POINTS} points, 25 time samples, {THREADS} threads, medians of {} steps",
+        ROUNDS - 1
+    );
     let figures: Vec<_> = contenders.into_iter().map(Contender::finish).collect();
     let ours = &figures[0];
     for figure in &figures {

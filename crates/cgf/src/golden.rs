@@ -17,7 +17,10 @@ use crate::{
 const TOLERANCE: f32 = 1e-4;
 
 fn golden() -> Weights {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/golden.safetensors");
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/tests/golden/golden.safetensors"
+    );
     Weights::from_bytes(&fs::read(path).unwrap()).unwrap()
 }
 
@@ -75,8 +78,7 @@ fn point_net_equals_pytorch_in_training_and_evaluation_mode() {
         ("stored", Statistics::Stored),
     ] {
         let leaves = weights.variables(&Device::Cpu).unwrap();
-        let (features, measured) =
-            point_net::features(&leaves, 3, &clouds, statistics).unwrap();
+        let (features, measured) = point_net::features(&leaves, 3, &clouds, statistics).unwrap();
         let expected = array(&format!("point_net/{mode}/features"));
         assert_near(&numbers(&features), expected, mode);
         let loss = weighted(&features, array("point_net/by"));
@@ -158,13 +160,20 @@ fn encoder_and_decoder_equal_pytorch_with_either_activation() {
 fn check_loss(golden: &Weights, name: &str, by: &[&str], loss: impl Fn(&[Tensor]) -> Tensor) {
     let array = |key: &str| golden.array(&format!("loss/{name}/{key}")).unwrap();
     let arguments: Vec<Var> = by.iter().map(|key| variable(array(key))).collect();
-    let tensors: Vec<Tensor> = arguments.iter().map(|var| var.as_tensor().clone()).collect();
+    let tensors: Vec<Tensor> = arguments
+        .iter()
+        .map(|var| var.as_tensor().clone())
+        .collect();
     let value = loss(&tensors);
     assert_near(&numbers(&value), array("value"), name);
     let gradients = value.backward().unwrap();
     for (key, argument) in by.iter().zip(&arguments) {
         let found = numbers(gradients.get(argument).unwrap());
-        assert_near(&found, array(&format!("by_{key}")), &format!("{name} {key}"));
+        assert_near(
+            &found,
+            array(&format!("by_{key}")),
+            &format!("{name} {key}"),
+        );
     }
 }
 

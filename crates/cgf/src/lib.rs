@@ -34,6 +34,7 @@ mod weights;
 pub use config::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
     LatentNoise, NetworkConfig, Outputs, Reduction, Schedule, Times, TrainingConfig,
+    TrainingDevice,
 };
 pub use curve::Epoch;
 pub use data::{Scene, Split, TimedGrasp, Track};

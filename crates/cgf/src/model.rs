@@ -126,7 +126,7 @@ pub struct Posterior {
 
 impl Cgf {
     pub(crate) fn new(description: Description, weights: Weights) -> Result<Self, CgfError> {
-        let leaves = weights.constants()?;
+        let leaves = weights.constants(&candle_core::Device::Cpu)?;
         Ok(Self {
             description,
             weights,

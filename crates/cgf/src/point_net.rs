@@ -25,12 +25,8 @@ mod tape;
 
 use rayon::prelude::*;
 
-use self::{
-    cloud::Cloud,
-    kernel::Packed,
-    moments::Moments,
-};
 pub(crate) use self::tape::{Measured, features};
+use self::{cloud::Cloud, kernel::Packed, moments::Moments};
 use crate::{
     CgfError, config::Initialization, precision::narrow, random::Random, weights::Weights,
 };
@@ -251,7 +247,11 @@ impl<'a> Ladder<'a> {
             packed: layers[..net.last()].iter().skip(1).map(pack).collect(),
             signed: Packed::new(top.outputs, top.inputs, |output, input| {
                 let weight = top.weight[output * top.inputs + input];
-                if top.gain[output] < 0.0 { -weight } else { weight }
+                if top.gain[output] < 0.0 {
+                    -weight
+                } else {
+                    weight
+                }
             }),
             normalized: Vec::new(),
             affine: Vec::new(),

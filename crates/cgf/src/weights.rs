@@ -103,9 +103,9 @@ impl Weights {
         })
     }
 
-    /// Returns all arrays as constants.
-    pub(crate) fn constants(&self) -> Result<Leaves, CgfError> {
-        self.leaves(&Device::Cpu, |_, tensor| Ok(tensor))
+    /// Returns all arrays on a device as constants.
+    pub(crate) fn constants(&self, device: &Device) -> Result<Leaves, CgfError> {
+        self.leaves(device, |_, tensor| Ok(tensor))
     }
 
     fn leaves(

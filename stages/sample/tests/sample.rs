@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, path::Path, sync::Arc};
 use cgf::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Grasp, Initialization,
     LatentNoise, NetworkConfig, Outputs, Reduction, Scene, Schedule, Split, TimedGrasp, Times,
-    Track, TrainingConfig, TrainingSet,
+    Track, TrainingConfig, TrainingDevice, TrainingSet,
 };
 use dataflow::{Artifact, Context, Inputs, Outcome, Stage};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -118,6 +118,7 @@ fn write_checkpoint(folder: &Path) {
         encoder_rotation: EncoderRotation::Columns,
     };
     let training = TrainingConfig {
+        device: TrainingDevice::Cpu,
         epochs: 20,
         validation_epochs: 1,
         batch: 2,

@@ -31,26 +31,25 @@ pub(crate) struct Figure {
 impl Contender {
     /// Starts this program again in a role.
     pub(crate) fn own(name: &'static str, role: &str) -> Result<Self, String> {
-        let mut command = Command::new(env::current_exe().map_err(|err| err.to_string())?);
-        command
+        let program = env::current_exe().map_err(|err| err.to_string())?;
+        let process = Command::new(program)
             .args([ROLE, role])
-            .env("RAYON_NUM_THREADS", THREADS.to_string());
-        Self::start(name, command)
+            .env("RAYON_NUM_THREADS", THREADS.to_string())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn();
+        Self::start(name, process.map_err(|err| err.to_string())?)
     }
 
     /// Starts a script in Python.
     pub(crate) fn python(name: &'static str, script: &str) -> Result<Self, String> {
-        let mut command = python::command(script, THREADS);
-        command.args([HAND, &CLOUDS.to_string(), &POINTS.to_string()]);
-        Self::start(name, command)
+        let sizes = [CLOUDS, POINTS].map(|size| size.to_string());
+        let arguments = [HAND, sizes[0].as_str(), sizes[1].as_str()];
+        let process = python::start(script, &arguments, THREADS, Stdio::null())?;
+        Self::start(name, process)
     }
 
-    fn start(name: &'static str, mut command: Command) -> Result<Self, String> {
-        let mut process = command
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .map_err(|err| format!("{name}: {err}"))?;
+    fn start(name: &'static str, mut process: Child) -> Result<Self, String> {
         let mut contender = Self {
             name,
             input: process.stdin.take().unwrap(),
@@ -61,7 +60,10 @@ impl Contender {
         };
         match contender.answer().as_str() {
             "ready" => Ok(contender),
-            _ => Err(format!("{name}: `{}` has no torch", python::name().display())),
+            _ => Err(format!(
+                "{name}, `{}` has no torch",
+                python::name().display()
+            )),
         }
     }
 
@@ -119,7 +121,11 @@ impl Server {
     pub(crate) fn answer(&mut self, loss: f32) -> bool {
         let (wall, cpu) = now();
         let (wall_before, cpu_before) = self.started;
-        println!("{} {} {loss}", (wall - wall_before).as_secs_f64(), cpu - cpu_before);
+        println!(
+            "{} {} {loss}",
+            (wall - wall_before).as_secs_f64(),
+            cpu - cpu_before
+        );
         let more = wait();
         self.started = now();
         more
@@ -156,7 +162,9 @@ fn now() -> (Instant, f64) {
 fn peak_kb() -> String {
     let status = fs::read_to_string("/proc/self/status").unwrap();
     let line = status.lines().find(|line| line.starts_with("VmHWM"));
-    line.and_then(|line| line.split_whitespace().nth(1)).unwrap().to_owned()
+    line.and_then(|line| line.split_whitespace().nth(1))
+        .unwrap()
+        .to_owned()
 }
 
 fn median(mut values: Vec<f64>) -> f64 {

@@ -130,7 +130,10 @@ impl Model {
             let all = x.unsqueeze(1)?.repeat((1, FRAMES, 1))?;
             all.reshape((CLOUDS * FRAMES, width))
         };
-        let mut x = Tensor::cat(&[self.times.clone(), repeated(&z)?, repeated(&features)?], 1)?;
+        let mut x = Tensor::cat(
+            &[self.times.clone(), repeated(&z)?, repeated(&features)?],
+            1,
+        )?;
         for (idx, linear) in self.decoder.iter().enumerate() {
             x = linear.forward(&x)?;
             if idx + 1 < self.decoder.len() {
@@ -200,7 +203,8 @@ impl Learned {
         let m = ((m * 0.9)? + (gradient * 0.1)?)?;
         let v = ((v * 0.999)? + (gradient.sqr()? * 0.001)?)?;
         let step = ((&m / unbias[0])? / ((&v / unbias[1])?.sqrt()? + 1e-8)?)?;
-        self.value.set(&(self.value.as_tensor() - (step * 5e-4)?)?)?;
+        self.value
+            .set(&(self.value.as_tensor() - (step * 5e-4)?)?)?;
         self.moments = [m.detach(), v.detach()];
         Ok(())
     }

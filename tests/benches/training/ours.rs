@@ -5,7 +5,7 @@ use std::{fs, sync::Arc};
 use cgf::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Grasp, Initialization,
     LatentNoise, NetworkConfig, Outputs, Random, Reduction, Scene, Schedule, Split, TimedGrasp,
-    Times, Track, Trainer, TrainingConfig, TrainingSet,
+    Times, Track, Trainer, TrainingConfig, TrainingDevice, TrainingSet,
 };
 use nalgebra::{Isometry3, Point3, Vector3};
 use robot::RobotModel;
@@ -18,7 +18,9 @@ pub(crate) fn serve() {
     let hand = Arc::new(RobotModel::from_urdf(&fs::read_to_string(HAND).unwrap()).unwrap());
     let set = TrainingSet {
         scenes: (0..CLOUDS).map(scene).collect(),
-        tracks: (0..CLOUDS).map(|number| track(number, hand.dof())).collect(),
+        tracks: (0..CLOUDS)
+            .map(|number| track(number, hand.dof()))
+            .collect(),
     };
     let (network, training) = (network(), training());
     let mut trainer = Trainer::new(&set, &hand, &network, &training, 1).unwrap();
@@ -101,6 +103,7 @@ fn network() -> NetworkConfig {
 /// All loss terms of the released code, and a contact loss that has a gradient.
 fn training() -> TrainingConfig {
     TrainingConfig {
+        device: TrainingDevice::Cpu,
         epochs: 1_000_000,
         validation_epochs: 1_000_000,
         batch: CLOUDS,
@@ -125,9 +128,14 @@ fn training() -> TrainingConfig {
         kl_weight: 1e-3,
         contact_weight: 50.0,
         contact: Contact::TouchCenter,
-        tips: ["link_3.0_tip", "link_7.0_tip", "link_11.0_tip", "link_15.0_tip"]
-            .map(str::to_owned)
-            .into(),
+        tips: [
+            "link_3.0_tip",
+            "link_7.0_tip",
+            "link_11.0_tip",
+            "link_15.0_tip",
+        ]
+        .map(str::to_owned)
+        .into(),
         tip_radius_m: 0.012,
     }
 }

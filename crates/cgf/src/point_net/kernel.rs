@@ -27,11 +27,7 @@ pub(super) struct Packed {
 
 impl Packed {
     /// Lays out a matrix of `outputs` rows, given by its entries at (output, input).
-    pub(super) fn new(
-        outputs: usize,
-        inputs: usize,
-        entry: impl Fn(usize, usize) -> f32,
-    ) -> Self {
+    pub(super) fn new(outputs: usize, inputs: usize, entry: impl Fn(usize, usize) -> f32) -> Self {
         let mut groups = Vec::with_capacity(outputs.div_ceil(GROUP) * inputs);
         for first in (0..outputs).step_by(GROUP) {
             groups.extend((0..inputs).map(|input| {

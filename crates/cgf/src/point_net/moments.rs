@@ -52,7 +52,12 @@ impl Moments {
             return;
         }
         let n = self.n + other.n;
-        let apart: Vec<f64> = other.mean.iter().zip(&self.mean).map(|(b, a)| b - a).collect();
+        let apart: Vec<f64> = other
+            .mean
+            .iter()
+            .zip(&self.mean)
+            .map(|(b, a)| b - a)
+            .collect();
         let factor = self.n * other.n / n;
         Arch::new().dispatch(Add {
             scatter: &mut self.scatter,
@@ -68,7 +73,12 @@ impl Moments {
 
     /// Returns mean `w · mean` and variance `w · Cov w` of the product with a weight, and `Cov w`.
     pub(super) fn of_product(&self, weight: &[f32]) -> (f64, f64, Vec<f64>) {
-        let mean = self.mean.iter().zip(weight).map(|(m, &w)| m * f64::from(w)).sum();
+        let mean = self
+            .mean
+            .iter()
+            .zip(weight)
+            .map(|(m, &w)| m * f64::from(w))
+            .sum();
         let mut by = vec![0.0; weight.len()];
         for (row, &w) in self.scatter.chunks_exact(weight.len()).zip(weight) {
             Arch::new().dispatch(Axpy {

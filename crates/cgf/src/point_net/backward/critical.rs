@@ -131,7 +131,11 @@ impl Top {
         let mut x = vec![[0.0; LANES]; width];
         let mut g = vec![[0.0; LANES]; width];
         let mut sparse = Sparse::default();
-        let mut points = critical.points.iter().zip(critical.by.chunks_exact(width)).peekable();
+        let mut points = critical
+            .points
+            .iter()
+            .zip(critical.by.chunks_exact(width))
+            .peekable();
         for patch in 0..cloud.patches() {
             cloud.input(ladder, below + 1, patch, &mut x);
             if let Some(dense) = &self.dense {
