@@ -13,6 +13,7 @@ pub mod executions;
 pub mod objects;
 pub mod rollouts;
 pub mod ros2;
+pub mod sampling;
 pub mod tracking;
 pub mod trajectories;
 

@@ -102,7 +102,7 @@ impl Objective<'_> {
         let features = self.constant(features, &[n_views, width])?;
         let tape = Network {
             config: self.network,
-            leaves: &weights.constants(&self.device)?,
+            leaves: &weights.constants_on(&self.device)?,
         };
         Ok(self.losses(batch, normalization, &tape, &features)?.1)
     }

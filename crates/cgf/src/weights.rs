@@ -103,8 +103,13 @@ impl Weights {
         })
     }
 
-    /// Returns all arrays on a device as constants.
-    pub(crate) fn constants(&self, device: &Device) -> Result<Leaves, CgfError> {
+    /// Returns all arrays as constants on the CPU.
+    pub(crate) fn constants(&self) -> Result<Leaves, CgfError> {
+        self.constants_on(&Device::Cpu)
+    }
+
+    /// Returns all arrays as constants on a device.
+    pub(crate) fn constants_on(&self, device: &Device) -> Result<Leaves, CgfError> {
         self.leaves(device, |_, tensor| Ok(tensor))
     }
 

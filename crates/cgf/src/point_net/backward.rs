@@ -1,5 +1,10 @@
 //! From the gradient by the features to the gradients by every layer's numbers.
 
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined into the dispatch is not compiled for wide registers"
+)]
+
 mod critical;
 
 use pulp::{Arch, Simd, WithSimd};
@@ -10,7 +15,7 @@ use super::{
     EPSILON, Ladder, Layer, LayerGradient, Normalized, Pass, PointNet, Statistics,
     cloud::{BLOCK, Cloud},
     kernel::{LANES, Packed, Pairs, Row, Sparse, correlate, project},
-    moments::{Moments, clear_beyond, sum_of},
+    moments::{Moments, clear_beyond, dot, sum_of},
 };
 use crate::precision::{narrow, narrow_all};
 
@@ -135,7 +140,7 @@ impl WithSimd for Absorb<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn with_simd<S: Simd>(self, simd: S) {
         let Self { sums, at, x, g } = self;
         for (g, x) in g.iter_mut().zip(x) {
             for (g, &x) in g.iter_mut().zip(x) {
@@ -144,29 +149,23 @@ impl WithSimd for Absorb<'_> {
         }
         clear_beyond(g, at.cloud.points_of(at.patch));
         for (sum, g) in sums.shift.iter_mut().zip(g.iter()) {
-            *sum += f64::from(sum_of(g));
+            *sum += f64::from(sum_of(simd, g));
         }
         if at.idx == 0 {
             let xyz = at.cloud.coordinates(at.patch);
             for (sums, g) in sums.gain.chunks_exact_mut(3).zip(g.iter()) {
                 for (sum, x) in sums.iter_mut().zip(xyz) {
-                    *sum += f64::from(dot(g, x, 0.0));
+                    *sum += f64::from(dot(simd, g, x, 0.0));
                 }
             }
         } else {
             let y = at.cloud.linear(at.layer, at.idx, at.patch);
             let sums = sums.gain.iter_mut().zip(&at.normalized.mean);
             for ((g, y), (sum, &mean)) in g.iter().zip(y).zip(sums) {
-                *sum += f64::from(dot(g, y, narrow(mean)));
+                *sum += f64::from(dot(simd, g, y, narrow(mean)));
             }
         }
     }
-}
-
-/// `Σ g (y − mean)` of a row.
-#[inline(always)]
-fn dot(g: &Row, y: &Row, mean: f32) -> f32 {
-    sum_of(&std::array::from_fn(|k| g[k] * (y[k] - mean)))
 }
 
 /// Which patch of which cloud, at the output of which layer.

@@ -1,5 +1,10 @@
 //! One cloud on its way up the layers.
 
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined into the dispatch is not compiled for wide registers"
+)]
+
 use pulp::{Arch, Simd, WithSimd};
 
 use super::{

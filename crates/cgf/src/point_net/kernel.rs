@@ -3,6 +3,11 @@
 //! Every sum is made by the same operations in the same order wherever it stands, so that results do
 //! not depend on how the work is divided.
 
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined into the dispatch is not compiled for wide registers"
+)]
+
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::precision::row_index;
@@ -81,8 +86,8 @@ impl WithSimd for Take<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         for (k, row) in (0_u32..).zip(self.rows) {
-            // Every number is looked at, so that they are looked at together.
-            if row.iter().fold(false, |some, &x| some | (x != 0.0)) {
+            // All bits but the sign's, so that the numbers are looked at together.
+            if row.iter().fold(0, |bits, x| bits | (x.to_bits() << 1)) != 0 {
                 self.sparse.rows.push(*row);
                 self.sparse.at.push(k);
             }
@@ -204,7 +209,7 @@ impl Search<'_> {
                     let mut row = [0.0; LANES];
                     let (vectors, _) = S::as_mut_simd_f32s(&mut row);
                     vectors.copy_from_slice(sums);
-                    let lane = row.iter().position(|&x| x == largest).unwrap_or(0);
+                    let lane = row.iter().position(|&x| x >= largest).unwrap_or(0);
                     *value = largest;
                     *point = self.first + row_index(lane);
                 }

@@ -1,5 +1,10 @@
 //! Means and covariances of channels over many points, put together from those of parts.
 
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined into the dispatch is not compiled for wide registers"
+)]
+
 use pulp::{Arch, Simd, WithSimd};
 
 use super::kernel::{LANES, Pairs, Row, correlate};
@@ -44,7 +49,7 @@ impl Moments {
         }
     }
 
-    /// Takes in the moments of further rows (Chan, Golub and LeVeque, *Updating formulae and a pairwise
+    /// Takes in the moments of further rows (Chan, Golub and `LeVeque`, *Updating formulae and a pairwise
     /// algorithm for computing sample variances*, 1979, eq. 2.1).
     pub(super) fn add(&mut self, other: &Self) {
         if self.n == 0.0 {
@@ -153,13 +158,13 @@ impl WithSimd for Center<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn with_simd<S: Simd>(self, simd: S) {
         let Self { panel, n, mean } = self;
         let width = mean.len();
         for (patch, rows) in panel.chunks_exact_mut(width).enumerate() {
             clear_beyond(rows, n - patch * LANES);
             for (row, sum) in rows.iter().zip(mean.iter_mut()) {
-                *sum += f64::from(sum_of(row));
+                *sum += f64::from(sum_of(simd, row));
             }
         }
         for mean in mean.iter_mut() {
@@ -177,16 +182,28 @@ impl WithSimd for Center<'_> {
     }
 }
 
-/// Sums a row, in pairs.
+/// Sums a row.
 #[inline(always)]
-pub(super) fn sum_of(row: &Row) -> f32 {
-    let mut eight: [f32; 8] = std::array::from_fn(|k| row[k] + row[k + 8]);
-    for half in [4, 2, 1] {
-        for k in 0..half {
-            eight[k] += eight[k + half];
-        }
+pub(super) fn sum_of<S: Simd>(simd: S, row: &Row) -> f32 {
+    let (row, _) = S::as_simd_f32s(row);
+    let mut sum = row[0];
+    for &x in &row[1..] {
+        sum = simd.add_f32s(sum, x);
     }
-    eight[0]
+    simd.reduce_sum_f32s(sum)
+}
+
+/// `Σ g (y − mean)` of a row.
+#[inline(always)]
+pub(super) fn dot<S: Simd>(simd: S, g: &Row, y: &Row, mean: f32) -> f32 {
+    let mean = simd.splat_f32s(mean);
+    let (g, _) = S::as_simd_f32s(g);
+    let (y, _) = S::as_simd_f32s(y);
+    let mut sum = simd.splat_f32s(0.0);
+    for (&g, &y) in g.iter().zip(y) {
+        sum = simd.mul_add_e_f32s(g, simd.sub_f32s(y, mean), sum);
+    }
+    simd.reduce_sum_f32s(sum)
 }
 
 /// Sets what fills up a patch of fewer than sixteen points to zero.
