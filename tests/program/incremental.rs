@@ -60,16 +60,16 @@ fn a_changed_value_reruns_its_stage_and_what_follows_and_plan_names_it() {
     let plan: Value = serde_json::from_slice(&plan.stdout).unwrap();
     let states = |node: usize| plan["nodes"][node]["units"][0]["state"].as_str().unwrap();
     assert_eq!(
-        [0, 1, 2, 3, 4, 5, 6, 7].map(states),
+        [0, 1, 2, 3, 4, 5, 6, 7, 8].map(states),
         [
-            "cached", "cached", "cached", "cached", "cached", "cached", "run", "perhaps"
+            "cached", "cached", "cached", "cached", "cached", "cached", "run", "perhaps", "perhaps"
         ]
     );
 
     bench.run_well(&change);
     let made = bench.made_by_newest_run();
     let names: Vec<&str> = made.keys().map(String::as_str).collect();
-    assert_eq!(names, ["sample.candidates", "train.checkpoint"]);
+    assert_eq!(names, ["sample.candidates", "sample.sampling", "train.checkpoint"]);
 }
 
 #[test]
