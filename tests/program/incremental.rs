@@ -69,7 +69,10 @@ fn a_changed_value_reruns_its_stage_and_what_follows_and_plan_names_it() {
     bench.run_well(&change);
     let made = bench.made_by_newest_run();
     let names: Vec<&str> = made.keys().map(String::as_str).collect();
-    assert_eq!(names, ["sample.candidates", "sample.sampling", "train.checkpoint"]);
+    assert_eq!(
+        names,
+        ["sample.candidates", "sample.sampling", "train.checkpoint"]
+    );
 }
 
 #[test]
