@@ -1,4 +1,4 @@
-//! Other programs' figures, from scripts in Python on one thread.
+//! Other programs' figures, from scripts in Python.
 
 use std::{
     env,
@@ -6,22 +6,28 @@ use std::{
     process::{Child, Command, Stdio},
 };
 
-/// Starts a script below `tests/benches` in the Python that `PIPELINE_PYTHON` names, with pipes to
-/// and from it; an error says why it cannot be.
+/// Starts a script below `tests/benches` on one thread in the Python that `PIPELINE_PYTHON` names, with
+/// pipes to and from it; an error says why it cannot be.
 pub(crate) fn start(script: &str, errors: Stdio) -> Result<Child, String> {
-    let python = name();
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/benches")
-        .join(script);
-    Command::new(&python)
-        .arg(path)
-        .env("OMP_NUM_THREADS", "1")
-        .env("OPENBLAS_NUM_THREADS", "1")
+    command(script, 1)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(errors)
         .spawn()
-        .map_err(|err| format!("cannot start `{}`: {err}", python.display()))
+        .map_err(|err| format!("cannot start `{}`: {err}", name().display()))
+}
+
+/// Returns the command that runs a script below `tests/benches` on a number of threads.
+pub(crate) fn command(script: &str, threads: usize) -> Command {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/benches")
+        .join(script);
+    let mut command = Command::new(name());
+    command
+        .arg(path)
+        .env("OMP_NUM_THREADS", threads.to_string())
+        .env("OPENBLAS_NUM_THREADS", threads.to_string());
+    command
 }
 
 /// Returns the Python that runs scripts.

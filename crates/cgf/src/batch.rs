@@ -1,6 +1,6 @@
 //! What one step of the optimizer sees, made of motions and the objects they reach for.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use nalgebra::{Point3, UnitQuaternion};
 
@@ -50,7 +50,7 @@ pub(crate) struct Batch {
     /// Times of each motion.
     pub(crate) n_times: usize,
     /// The object clouds, one for each view of the batch, and their surfaces.
-    pub(crate) clouds: Clouds,
+    pub(crate) clouds: Arc<Clouds>,
     pub(crate) surfaces: Vec<Vec<Point3<f64>>>,
     /// Which of them each motion has.
     pub(crate) views: Vec<u32>,
@@ -170,17 +170,17 @@ impl Batches<'_> {
             let rotation = fixed.unwrap_or_else(|| self.rotations.draw(random));
             self.add_view(&mut batch, view, &rotation);
         }
-        batch.clouds
+        Arc::unwrap_or_clone(batch.clouds)
     }
 
     fn empty(&self) -> Batch {
         Batch {
             size: 0,
             n_times: self.training.grasp_steps + self.training.random_times,
-            clouds: Clouds {
+            clouds: Arc::new(Clouds {
                 points: self.network.points,
                 xyz: Vec::new(),
-            },
+            }),
             surfaces: Vec::new(),
             views: Vec::new(),
             motions: Vec::new(),
@@ -195,7 +195,7 @@ impl Batches<'_> {
     fn add_view(&self, batch: &mut Batch, view: usize, rotation: &UnitQuaternion<f64>) -> usize {
         let view = &self.seen.views[view];
         let cloud = view.cloud(self.network.points, rotation);
-        batch.clouds.xyz.extend(cloud);
+        Arc::make_mut(&mut batch.clouds).xyz.extend(cloud);
         let surface = view.points.iter().map(|point| rotation * point);
         batch.surfaces.push(surface.collect());
         batch.surfaces.len() - 1

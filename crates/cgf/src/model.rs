@@ -158,7 +158,7 @@ impl Cgf {
         };
         let net = PointNet::new(&self.weights, config.point_widths.len())?;
         Ok(ObjectFeature {
-            values: net.forward(&clouds, Statistics::Stored)?.features,
+            values: net.forward(&clouds, Statistics::Stored).features,
             table_from_network: view.table_from_network,
         })
     }

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use candle_core::{Device, Tensor, Var};
+use candle_core::{Device, Tensor};
 use nalgebra::Point3;
 use robot::RobotModel;
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ use crate::{
     kinematics::{LinkParts, LinkPoses},
     loss,
     network::{Network, constant},
-    point_net::{self, Pass, PointNet, Statistics},
+    point_net::{self, Measured, PointNet, Statistics},
     precision::{narrow_all, row_index},
     weights::Weights,
 };
@@ -56,26 +56,24 @@ pub(crate) type Gradients = BTreeMap<String, Vec<f32>>;
 type Surfaces<'b> = Vec<&'b [Point3<f64>]>;
 
 impl Objective<'_> {
-    /// Computes a batch's losses and, if they are finite, their gradients; the pass says what the point
-    /// network measured.
+    /// Computes a batch's losses and, if they are finite, their gradients, and what the point network
+    /// measured.
     pub(crate) fn gradients(
         &self,
         weights: &Weights,
         normalization: &Normalization,
         batch: &Batch,
         statistics: Statistics,
-    ) -> Result<(Losses, Gradients, Pass), CgfError> {
-        let net = PointNet::new(weights, self.network.point_widths.len())?;
-        let pass = net.forward(&batch.clouds, statistics)?;
-        let n_views = batch.surfaces.len();
-        let width = pass.features.len() / n_views;
-        let features = Var::from_tensor(&constant(pass.features.clone(), &[n_views, width])?)?;
-        let leaves = weights.variables()?;
+    ) -> Result<(Losses, Gradients, Measured), CgfError> {
+        let leaves = weights.variables(&Device::Cpu)?;
+        let n_layers = self.network.point_widths.len();
+        let (features, measured) =
+            point_net::features(&leaves, n_layers, &batch.clouds, statistics)?;
         let tape = Network {
             config: self.network,
             leaves: &leaves,
         };
-        let (total, losses) = self.losses(batch, normalization, &tape, features.as_tensor())?;
+        let (total, losses) = self.losses(batch, normalization, &tape, &features)?;
         let mut gradients = Gradients::new();
         if losses.total.is_finite() {
             let by = total.backward()?;
@@ -84,15 +82,8 @@ impl Objective<'_> {
                     gradients.insert(name.clone(), gradient.flatten_all()?.to_vec1()?);
                 }
             }
-            if let Some(by_features) = by.get(&features) {
-                let by_features = by_features.flatten_all()?.to_vec1::<f32>()?;
-                let by_layers = net.backward(&pass, &by_features)?;
-                for (layer, by_layer) in by_layers.into_iter().enumerate() {
-                    gradients.extend(point_net::names(layer).into_iter().zip(by_layer));
-                }
-            }
         }
-        Ok((losses, gradients, pass))
+        Ok((losses, gradients, measured))
     }
 
     /// Computes a batch's losses with the stored statistics.
@@ -103,7 +94,7 @@ impl Objective<'_> {
         batch: &Batch,
     ) -> Result<Losses, CgfError> {
         let net = PointNet::new(weights, self.network.point_widths.len())?;
-        let features = net.forward(&batch.clouds, Statistics::Stored)?.features;
+        let features = net.forward(&batch.clouds, Statistics::Stored).features;
         let n_views = batch.surfaces.len();
         let width = features.len() / n_views;
         let features = constant(features, &[n_views, width])?;

@@ -15,7 +15,7 @@ use crate::{
     grasp::Normalization,
     model::{Description, JointRange, VERSION},
     network,
-    point_net::{PointNet, Statistics},
+    point_net::{self, PointNet, Statistics},
     random::Random,
     step::{Losses, Objective},
     weights::Weights,
@@ -193,7 +193,7 @@ impl<'a> Trainer<'a> {
         let clouds = self.batches.learned_clouds(random);
         let name = format!("point_net.{}.shift", n_layers - 1);
         let width = self.weights.array(&name)?.values.len();
-        let features = net.forward(&clouds, Statistics::Measured)?.features;
+        let features = net.forward(&clouds, Statistics::Measured).features;
         let n = (features.len() / width) as f32;
         let mut shift = vec![0.0; width];
         for feature in features.chunks_exact(width) {
@@ -274,8 +274,8 @@ impl<'a> Trainer<'a> {
     fn fix_statistics(&mut self, random: &mut Random) -> Result<(), CgfError> {
         let net = PointNet::new(&self.weights, self.batches.network.point_widths.len())?;
         let clouds = self.batches.learned_clouds(random);
-        let pass = net.forward(&clouds, Statistics::Measured)?;
-        PointNet::store(&pass, 1.0, &mut self.weights)?;
+        let pass = net.forward(&clouds, Statistics::Measured);
+        pass.store(1.0, &mut self.weights)?;
         self.statistics = Statistics::Stored;
         Ok(())
     }
@@ -287,7 +287,7 @@ impl<'a> Trainer<'a> {
         random: &mut Random,
     ) -> Result<Losses, CgfError> {
         let batch = self.batches.to_learn(items, random);
-        let (losses, mut gradients, pass) = self.objective.gradients(
+        let (losses, mut gradients, measured) = self.objective.gradients(
             &self.weights,
             &self.batches.normalization,
             &batch,
@@ -299,7 +299,7 @@ impl<'a> Trainer<'a> {
             }
             self.adam.step(&mut self.weights, &gradients, learning_rate);
             if self.statistics == Statistics::Measured {
-                PointNet::store(&pass, MOMENTUM, &mut self.weights)?;
+                point_net::store(&measured, MOMENTUM, &mut self.weights)?;
             }
         }
         Ok(losses)

@@ -48,7 +48,7 @@ impl Weights {
     pub(crate) fn learned_mut(&mut self) -> impl Iterator<Item = (&str, &mut Array)> {
         self.arrays
             .iter_mut()
-            .filter(|(name, _)| !MEASURED.iter().any(|end| name.ends_with(end)))
+            .filter(|(name, _)| !is_measured(name))
             .map(|(name, array)| (name.as_str(), array))
     }
 
@@ -91,24 +91,34 @@ impl Weights {
         }
     }
 
-    /// Returns the encoder's and decoder's arrays as variables of a new tape.
-    pub(crate) fn variables(&self) -> Result<Leaves, CgfError> {
-        self.leaves(|tensor| Ok(Var::from_tensor(&tensor)?.into_inner()))
+    /// Returns all arrays on a device: the learned ones as variables of a new tape, the measured ones
+    /// as constants.
+    pub(crate) fn variables(&self, device: &Device) -> Result<Leaves, CgfError> {
+        self.leaves(device, |name, tensor| {
+            Ok(if is_measured(name) {
+                tensor
+            } else {
+                Var::from_tensor(&tensor)?.into_inner()
+            })
+        })
     }
 
-    /// Returns the encoder's and decoder's arrays as constants.
+    /// Returns all arrays as constants.
     pub(crate) fn constants(&self) -> Result<Leaves, CgfError> {
-        self.leaves(Ok)
+        self.leaves(&Device::Cpu, |_, tensor| Ok(tensor))
     }
 
-    fn leaves(&self, put: impl Fn(Tensor) -> Result<Tensor, CgfError>) -> Result<Leaves, CgfError> {
+    fn leaves(
+        &self,
+        device: &Device,
+        put: impl Fn(&str, Tensor) -> Result<Tensor, CgfError>,
+    ) -> Result<Leaves, CgfError> {
         self.arrays
             .iter()
-            .filter(|(name, _)| !name.starts_with("point_net."))
             .map(|(name, array)| {
                 let shape = array.shape.as_slice();
-                let tensor = Tensor::from_slice(&array.values, shape, &Device::Cpu)?;
-                Ok((name.clone(), put(tensor)?))
+                let tensor = Tensor::from_slice(&array.values, shape, device)?;
+                Ok((name.clone(), put(name, tensor)?))
             })
             .collect()
     }
@@ -194,6 +204,10 @@ impl Weights {
         }
         Ok(())
     }
+}
+
+fn is_measured(name: &str) -> bool {
+    MEASURED.iter().any(|end| name.ends_with(end))
 }
 
 /// Returns one leaf.

@@ -1,258 +1,314 @@
 //! From the gradient by the features to the gradients by every layer's numbers.
 
+mod critical;
+
+use pulp::Arch;
 use rayon::prelude::*;
 
+use self::critical::Top;
 use super::{
-    EPSILON, LayerGradient, Pass, PointNet, Statistics,
-    rows::{Transposed, cloud_sums, product},
+    EPSILON, Ladder, Layer, LayerGradient, Normalized, Pass, PointNet, Statistics,
+    cloud::{BLOCK, Cloud},
+    kernel::{LANES, Packed, Pairs, Row, Sparse, correlate, project},
+    moments::{Moments, clear_beyond, sum_of},
 };
-use crate::{
-    CgfError,
-    precision::{narrow, narrow_all},
-};
+use crate::precision::{narrow, narrow_all};
 
 impl PointNet {
     /// Takes the gradient of a loss by the features to its gradients by every layer's numbers.
-    pub(crate) fn backward(
-        &self,
-        pass: &Pass,
-        by_features: &[f32],
-    ) -> Result<Vec<LayerGradient>, CgfError> {
-        let rows = pass.n_clouds * pass.points;
-        let (last_gradient, mut by_above) = self.backward_last(pass, by_features)?;
-        let mut gradients = vec![last_gradient];
-        for (idx, layer) in self.layers[..self.layers.len() - 1]
-            .iter()
-            .enumerate()
-            .rev()
-        {
-            let normalized = &pass.normalized[idx];
-            let (linear, above) = (&pass.linear[idx], &pass.inputs[idx + 1]);
-            let outputs = layer.outputs;
-            // Through max(x, 0).
-            by_above
-                .par_iter_mut()
-                .zip(above.par_iter())
-                .with_min_len(4096)
-                .for_each(|(by, &x)| {
-                    if x <= 0.0 {
-                        *by = 0.0;
-                    }
-                });
-            // y' = (y − mean) / sigma; by_shift = Σ dy', by_gain = Σ dy' y'.
-            let inverse: Vec<f64> = normalized
-                .variance
-                .iter()
-                .map(|v| 1.0 / (v + EPSILON).sqrt())
-                .collect();
-            let sums = cloud_sums(
-                linear.len() / (pass.points * outputs),
-                2 * outputs,
-                |cloud, sums| {
-                    let block = cloud * pass.points * outputs..(cloud + 1) * pass.points * outputs;
-                    let (shift, gain) = sums.split_at_mut(outputs);
-                    for (by, y) in by_above[block.clone()]
-                        .chunks_exact(outputs)
-                        .zip(linear[block].chunks_exact(outputs))
-                    {
-                        let sums = shift.iter_mut().zip(gain.iter_mut());
-                        let terms = by.iter().zip(y).zip(&normalized.mean);
-                        for ((shift, gain), ((&by, &y), mean)) in sums.zip(terms) {
-                            *shift += f64::from(by);
-                            *gain += f64::from(by) * (f64::from(y) - mean);
-                        }
-                    }
-                },
-            );
-            let by_shift = &sums[..outputs];
-            let by_gain: Vec<f64> = sums[outputs..]
-                .iter()
-                .zip(&inverse)
-                .map(|(s, i)| s * i)
-                .collect();
-            // dy = gain / sigma (dy' − mean(dy') − y' mean(dy' y')), the last two only if measured.
-            let share = match pass.statistics {
-                Statistics::Measured => 1.0 / rows as f64,
-                Statistics::Stored => 0.0,
-            };
-            let factors: Vec<[f32; 3]> = (0..outputs)
-                .map(|c| {
-                    let scale = f64::from(layer.gain[c]) * inverse[c];
-                    let slope = by_gain[c] * share * inverse[c];
-                    let constant = by_shift[c] * share - slope * normalized.mean[c];
-                    [scale, -scale * slope, -scale * constant].map(narrow)
-                })
-                .collect();
-            by_above
-                .par_chunks_mut(pass.points * outputs)
-                .zip(linear.par_chunks(pass.points * outputs))
-                .for_each(|(by, linear)| {
-                    for (by, linear) in by
-                        .chunks_exact_mut(outputs)
-                        .zip(linear.chunks_exact(outputs))
-                    {
-                        for ((by, &y), &[scale, slope, constant]) in
-                            by.iter_mut().zip(linear).zip(&factors)
-                        {
-                            *by = scale * *by + slope * y + constant;
-                        }
-                    }
-                });
-            let below = &pass.inputs[idx];
-            let by_weight = product(
-                &by_above,
-                [rows, outputs],
-                below,
-                [rows, layer.inputs],
-                Transposed::Left,
-            )?;
-            if idx > 0 {
-                by_above = product(
-                    &by_above,
-                    [rows, outputs],
-                    &layer.weight,
-                    [outputs, layer.inputs],
-                    Transposed::Neither,
-                )?;
+    pub(crate) fn backward(&self, pass: Pass, by_features: &[f32]) -> Vec<LayerGradient> {
+        let ladder = Ladder {
+            normalized: pass.normalized,
+            affine: pass.affine,
+            ..Ladder::new(self)
+        };
+        // Where statistics are stored, only the points that attain a maximum have a gradient.
+        let clouds: Vec<Cloud> = match pass.statistics {
+            Statistics::Measured => pass.clouds,
+            Statistics::Stored => pass
+                .clouds
+                .into_par_iter()
+                .map(|cloud| cloud.critical_alone(&ladder))
+                .collect(),
+        };
+        let (top, gradient) = Top::new(&ladder, &clouds, pass.moments.last(), by_features);
+        let mut gradients = vec![gradient];
+        let mut descents: Vec<Descent> = match self.last().checked_sub(1) {
+            None => return gradients,
+            Some(below) => clouds
+                .par_iter()
+                .enumerate()
+                .map(|(number, cloud)| top.descend(&ladder, below, cloud, number))
+                .collect(),
+        };
+        for idx in (0..self.last()).rev() {
+            let layer = &self.layers[idx];
+            let mut sums = Sums::new(layer, idx);
+            for descent in &descents {
+                sums.add(&descent.sums);
             }
-            gradients.push([by_weight, narrow_all(&by_gain), narrow_all(by_shift)]);
+            let slopes = Slopes::new(layer, &ladder.normalized[idx], &sums, &pass.moments);
+            if let Some(below) = idx.checked_sub(1) {
+                let transposed = Packed::new(layer.inputs, layer.outputs, |input, output| {
+                    layer.weight[output * layer.inputs + input]
+                });
+                descents = clouds
+                    .par_iter()
+                    .zip(descents)
+                    .map(|(cloud, descent)| {
+                        let step = Step {
+                            ladder: &ladder,
+                            idx,
+                            below,
+                            slopes: &slopes,
+                            transposed: &transposed,
+                        };
+                        step.descend(cloud, descent)
+                    })
+                    .collect();
+                let mut by_weight = vec![0.0; layer.weight.len()];
+                for descent in &descents {
+                    add(&mut by_weight, &descent.by_weight);
+                }
+                gradients.push(slopes.gradient(&by_weight));
+            } else {
+                let by_weight = slopes.of_positions(layer, &sums, pass.moments.first());
+                gradients.push(slopes.gradient(&by_weight));
+            }
         }
         gradients.reverse();
-        Ok(gradients)
+        gradients
+    }
+}
+
+/// The gradient on its way down one cloud.
+struct Descent {
+    /// Panel of the gradient by a layer's normalized output, where that is positive; empty for the
+    /// first layer, which needs the sums alone.
+    by: Vec<Row>,
+    sums: Sums,
+    /// Gradient by the weight of the layer above.
+    by_weight: Vec<f64>,
+}
+
+/// Sums over points of the gradient `g` by a layer's normalized output.
+struct Sums {
+    /// `Σ g`.
+    shift: Vec<f64>,
+    /// `Σ g (y − mean)`; of the first layer `Σ g xyz` instead, three for each output.
+    gain: Vec<f64>,
+}
+
+impl Sums {
+    fn new(layer: &Layer, idx: usize) -> Self {
+        Self {
+            shift: vec![0.0; layer.outputs],
+            gain: vec![0.0; if idx == 0 { 3 } else { 1 } * layer.outputs],
+        }
     }
 
-    /// Backward through the maximum: a sparse part at the critical points, and, where the statistics
-    /// were measured, a part of rank `inputs` at all points.
-    #[expect(
-        clippy::too_many_lines,
-        reason = "one derivation, in the order in which it is written on paper"
-    )]
-    fn backward_last(
-        &self,
-        pass: &Pass,
-        by_features: &[f32],
-    ) -> Result<(LayerGradient, Vec<f32>), CgfError> {
-        let idx = self.layers.len() - 1;
-        let layer = &self.layers[idx];
-        let (points, inputs, outputs) = (pass.points, layer.inputs, layer.outputs);
-        let normalized = &pass.normalized[idx];
-        let below = &pass.inputs[idx];
-        let rows = pass.n_clouds * points;
-        let inverse: Vec<f64> = normalized
-            .variance
-            .iter()
-            .map(|v| 1.0 / (v + EPSILON).sqrt())
-            .collect();
-        let scale: Vec<f64> = inverse
-            .iter()
-            .zip(&layer.gain)
-            .map(|(i, &g)| i * f64::from(g))
-            .collect();
-        let (mut by_gain, mut by_shift) = (vec![0.0; outputs], vec![0.0; outputs]);
-        for (by, attained) in by_features
-            .chunks_exact(outputs)
-            .zip(pass.attained.chunks_exact(outputs))
-        {
-            for c in 0..outputs {
-                by_shift[c] += f64::from(by[c]);
-                by_gain[c] +=
-                    f64::from(by[c]) * (f64::from(attained[c]) - normalized.mean[c]) * inverse[c];
+    fn add(&mut self, other: &Self) {
+        add(&mut self.shift, &other.shift);
+        add(&mut self.gain, &other.gain);
+    }
+
+    /// Takes in a patch: sets `g` to zero where the output `x` was cut off and beyond the cloud's
+    /// points, and sums it.
+    fn absorb(&mut self, at: &Place, x: &[Row], g: &mut [Row]) {
+        let n = at.cloud.points_of(at.patch);
+        Arch::new().dispatch(|| {
+            for (g, x) in g.iter_mut().zip(x) {
+                for (g, &x) in g.iter_mut().zip(x) {
+                    *g = if x > 0.0 { *g } else { 0.0 };
+                }
             }
-        }
-        let mut by_weight = vec![0.0; outputs * inputs];
-        by_weight
-            .par_chunks_mut(inputs)
-            .enumerate()
-            .for_each(|(c, row)| {
-                for cloud in 0..pass.n_clouds {
-                    let by = by_features[cloud * outputs + c] * narrow(scale[c]);
-                    let at = pass.critical[cloud * outputs + c] * inputs;
-                    for (w, &x) in row.iter_mut().zip(&below[at..at + inputs]) {
-                        *w += by * x;
+            clear_beyond(g, n);
+            for (sum, g) in self.shift.iter_mut().zip(g.iter()) {
+                *sum += f64::from(sum_of(g, LANES));
+            }
+            if at.idx == 0 {
+                let xyz = at.cloud.coordinates(at.patch);
+                for (sums, g) in self.gain.chunks_exact_mut(3).zip(g.iter()) {
+                    for (sum, x) in sums.iter_mut().zip(xyz) {
+                        *sum += f64::from(dot(g, x, 0.0));
                     }
                 }
-            });
-        let mut by_below = vec![0.0; rows * inputs];
-        if pass.statistics == Statistics::Measured {
-            // dy = scale (dy' − A − y' B) with A = by_shift / rows, B = by_gain / rows: sum over channels.
-            let mut constant = vec![0.0; inputs];
-            let mut weighted = vec![0.0_f32; outputs * inputs];
-            for c in 0..outputs {
-                let a = scale[c] * by_shift[c] / rows as f64;
-                let b = scale[c] * inverse[c] * by_gain[c] / rows as f64;
-                let w = &layer.weight[c * inputs..(c + 1) * inputs];
-                for k in 0..inputs {
-                    constant[k] += a * f64::from(w[k]);
-                    weighted[c * inputs + k] = narrow(b * f64::from(w[k]));
+            } else {
+                let y = at.cloud.linear(at.layer, at.idx, at.patch);
+                let means = &at.normalized.mean;
+                for (((sum, g), y), &mean) in self.gain.iter_mut().zip(g.iter()).zip(y).zip(means)
+                {
+                    *sum += f64::from(dot(g, y, narrow(mean)));
                 }
             }
-            let kernel = product(
-                &weighted,
-                [outputs, inputs],
-                &layer.weight,
-                [outputs, inputs],
-                Transposed::Left,
-            )?;
-            let spread = product(
-                below,
-                [rows, inputs],
-                &kernel,
-                [inputs, inputs],
-                Transposed::Neither,
-            )?;
-            // The product was taken with the points as they are, not less their mean.
-            let shifted: Vec<f32> = (0..inputs)
-                .map(|k| {
-                    let at_mean: f64 = (0..inputs)
-                        .map(|j| pass.below_mean[j] * f64::from(kernel[j * inputs + k]))
+        });
+    }
+}
+
+/// `Σ g (y − mean)` of a row.
+#[inline(always)]
+fn dot(g: &Row, y: &Row, mean: f32) -> f32 {
+    sum_of(&std::array::from_fn(|k| g[k] * (y[k] - mean)), LANES)
+}
+
+/// Which patch of which cloud, at the output of which layer.
+struct Place<'a> {
+    cloud: &'a Cloud,
+    patch: usize,
+    idx: usize,
+    layer: &'a Layer,
+    normalized: &'a Normalized,
+}
+
+impl<'a> Place<'a> {
+    fn new(ladder: &'a Ladder, idx: usize, cloud: &'a Cloud, patch: usize) -> Self {
+        Self {
+            cloud,
+            patch,
+            idx,
+            layer: &ladder.layers[idx],
+            normalized: &ladder.normalized[idx],
+        }
+    }
+}
+
+/// `dy = scale g + slope y + constant` for each output of a layer: backward through batch
+/// normalization (Ioffe and Szegedy 2015, §3), `gain / sigma (g − mean(g) − y' mean(g y'))`.
+struct Slopes {
+    by_gain: Vec<f64>,
+    by_shift: Vec<f64>,
+    /// Scale, slope, constant.
+    factors: Vec<[f64; 3]>,
+}
+
+impl Slopes {
+    fn new(layer: &Layer, normalized: &Normalized, sums: &Sums, moments: &[Moments]) -> Self {
+        // The last two terms stand only where the statistics were measured.
+        let share = moments.first().map_or(0.0, |moments| 1.0 / moments.n);
+        let mut by_gain = Vec::with_capacity(layer.outputs);
+        let mut factors = Vec::with_capacity(layer.outputs);
+        for c in 0..layer.outputs {
+            let (mean, inverse) = (
+                normalized.mean[c],
+                1.0 / (normalized.variance[c] + EPSILON).sqrt(),
+            );
+            let by = match sums.gain.get(3 * c..3 * c + 3) {
+                Some(by_xyz) if sums.gain.len() == 3 * layer.outputs => {
+                    let weight = &layer.weight[3 * c..3 * c + 3];
+                    let terms = by_xyz.iter().zip(weight).map(|(by, &w)| by * f64::from(w));
+                    terms.sum::<f64>() - mean * sums.shift[c]
+                }
+                _ => sums.gain[c],
+            };
+            by_gain.push(by * inverse);
+            let scale = f64::from(layer.gain[c]) * inverse;
+            let slope = by_gain[c] * share * inverse;
+            let constant = sums.shift[c] * share - slope * mean;
+            factors.push([scale, -scale * slope, -scale * constant]);
+        }
+        Self {
+            by_gain,
+            by_shift: sums.shift.clone(),
+            factors,
+        }
+    }
+
+    /// Takes `g` of a patch to `dy`.
+    fn apply(&self, y: &[Row], by: &mut [Row]) {
+        Arch::new().dispatch(|| {
+            for ((by, y), factors) in by.iter_mut().zip(y).zip(&self.factors) {
+                let [scale, slope, constant] = factors.map(narrow);
+                for (by, &y) in by.iter_mut().zip(y) {
+                    *by = scale * *by + slope * y + constant;
+                }
+            }
+        });
+    }
+
+    /// Gradient by the first layer's weight: `Σ dy xyzᵀ`, where `Σ y xyzᵀ = W Σ xyz xyzᵀ`.
+    fn of_positions(&self, layer: &Layer, sums: &Sums, moments: Option<&Moments>) -> Vec<f64> {
+        let mut by_weight = Vec::with_capacity(3 * layer.outputs);
+        for (c, [scale, slope, constant]) in self.factors.iter().enumerate() {
+            for k in 0..3 {
+                let mut by = scale * sums.gain[3 * c + k];
+                if let Some(moments) = moments {
+                    let of_y: f64 = (0..3)
+                        .map(|j| {
+                            let square = moments.scatter[3 * j + k]
+                                + moments.n * moments.mean[j] * moments.mean[k];
+                            f64::from(layer.weight[3 * c + j]) * square
+                        })
                         .sum();
-                    narrow(constant[k] - at_mean)
-                })
-                .collect();
-            by_below
-                .par_chunks_mut(points * inputs)
-                .zip(spread.par_chunks(points * inputs))
-                .for_each(|(by, spread)| {
-                    for (by, spread) in by.chunks_exact_mut(inputs).zip(spread.chunks_exact(inputs))
-                    {
-                        for ((by, &spread), &shifted) in by.iter_mut().zip(spread).zip(&shifted) {
-                            *by = -spread - shifted;
-                        }
-                    }
-                });
-            // dw = … − A scale Σ x − B scale Σ y' x, and Σ y' x = rows / sigma · w' Cov.
-            let by_covariance = product(
-                &weighted,
-                [outputs, inputs],
-                &pass.below_covariance,
-                [inputs, inputs],
-                Transposed::Neither,
-            )?;
-            for c in 0..outputs {
-                let a = scale[c] * by_shift[c];
-                for k in 0..inputs {
-                    let dense = a * pass.below_mean[k]
-                        + rows as f64 * f64::from(by_covariance[c * inputs + k]);
-                    by_weight[c * inputs + k] -= narrow(dense);
+                    by += slope * of_y + constant * moments.n * moments.mean[k];
                 }
+                by_weight.push(by);
             }
         }
-        by_below
-            .par_chunks_mut(points * inputs)
-            .enumerate()
-            .for_each(|(cloud, by_below)| {
-                for c in 0..outputs {
-                    let by = by_features[cloud * outputs + c] * narrow(scale[c]);
-                    let at = (pass.critical[cloud * outputs + c] - cloud * points) * inputs;
-                    let w = &layer.weight[c * inputs..(c + 1) * inputs];
-                    for (x, &w) in by_below[at..at + inputs].iter_mut().zip(w) {
-                        *x += by * w;
-                    }
+        by_weight
+    }
+
+    fn gradient(&self, by_weight: &[f64]) -> LayerGradient {
+        [
+            narrow_all(by_weight),
+            narrow_all(&self.by_gain),
+            narrow_all(&self.by_shift),
+        ]
+    }
+}
+
+/// From the output of layer `idx` to that of the layer below it.
+struct Step<'a> {
+    ladder: &'a Ladder<'a>,
+    idx: usize,
+    below: usize,
+    slopes: &'a Slopes,
+    /// Matrix of the layer, turned over.
+    transposed: &'a Packed,
+}
+
+impl Step<'_> {
+    fn descend(&self, cloud: &Cloud, from: Descent) -> Descent {
+        let layer = &self.ladder.layers[self.idx];
+        let (inputs, outputs) = (layer.inputs, layer.outputs);
+        let mut by = from.by;
+        let mut down = Descent {
+            by: Vec::new(),
+            sums: Sums::new(&self.ladder.layers[self.below], self.below),
+            by_weight: vec![0.0; outputs * inputs],
+        };
+        let (mut sparse, mut xs) = (Sparse::default(), Vec::new());
+        let mut g = vec![[0.0; LANES]; inputs];
+        let zeros = vec![0.0; inputs];
+        let mut products = vec![0.0; outputs * inputs];
+        for (block, by) in by.chunks_mut(BLOCK * outputs).enumerate() {
+            xs.resize(by.len() / outputs * inputs, [0.0; LANES]);
+            let patches = block * BLOCK..;
+            for ((patch, by), x) in patches
+                .zip(by.chunks_exact_mut(outputs))
+                .zip(xs.chunks_exact_mut(inputs))
+            {
+                self.slopes.apply(cloud.linear(layer, self.idx, patch), by);
+                clear_beyond(by, cloud.points_of(patch));
+                cloud.input(self.ladder, self.idx, patch, x);
+                sparse.take(by);
+                project(self.transposed, &sparse, &zeros, &mut g);
+                let place = Place::new(self.ladder, self.below, cloud, patch);
+                down.sums.absorb(&place, x, &mut g);
+                if self.below > 0 {
+                    down.by.extend_from_slice(&g);
                 }
-            });
-        Ok((
-            [by_weight, narrow_all(&by_gain), narrow_all(&by_shift)],
-            by_below,
-        ))
+            }
+            correlate((by, outputs), (&xs, inputs), Pairs::All, &mut products);
+            for (sum, &product) in down.by_weight.iter_mut().zip(&products) {
+                *sum += f64::from(product);
+            }
+        }
+        down
+    }
+}
+
+fn add(sums: &mut [f64], terms: &[f64]) {
+    for (sum, term) in sums.iter_mut().zip(terms) {
+        *sum += term;
     }
 }

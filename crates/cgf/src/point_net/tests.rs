@@ -1,20 +1,35 @@
 //! The fast form against the plain one on candle's tape in `f64`.
 
+use std::sync::Arc;
+
 use candle_core::{D, Device, Tensor, Var};
 
-use super::{Clouds, EPSILON, LayerGradient, PointNet, Statistics, initialize, names};
+use super::{
+    Clouds, EPSILON, LayerGradient, Measured, PointNet, Statistics, features, initialize, names,
+    tape,
+};
 use crate::{config::Initialization, precision::narrow, random::Random, weights::Weights};
 
-const WIDTHS: [usize; 3] = [6, 9, 17];
-const CLOUDS: usize = 3;
-const POINTS: usize = 50;
+/// Sizes of a point network and of what it sees.
+struct Sizes {
+    widths: &'static [usize],
+    clouds: usize,
+    points: usize,
+}
 
-fn setting() -> (Weights, Clouds, Vec<f32>) {
+const SMALL: Sizes = Sizes {
+    widths: &[6, 9, 17],
+    clouds: 3,
+    points: 50,
+};
+
+fn setting(sizes: &Sizes) -> (Weights, Clouds, Vec<f32>) {
     let mut random = Random::new(5, 0);
     let mut weights = Weights::default();
-    initialize(&mut weights, &WIDTHS, Initialization::Centered, &mut random);
+    let widths = sizes.widths;
+    initialize(&mut weights, widths, Initialization::Centered, &mut random);
     // Gains of both signs, statistics other than 0 and 1.
-    for (layer, &width) in WIDTHS.iter().enumerate() {
+    for (layer, &width) in widths.iter().enumerate() {
         for name in ["gain", "shift", "mean", "variance"] {
             let values = (0..width).map(|_| {
                 let x = narrow(random.normal());
@@ -29,23 +44,16 @@ fn setting() -> (Weights, Clouds, Vec<f32>) {
             .map(|_| narrow(random.normal()))
             .collect::<Vec<f32>>()
     };
-    let xyz = numbers(CLOUDS * POINTS * 3);
-    let by = numbers(CLOUDS * WIDTHS[2]);
-    (
-        weights,
-        Clouds {
-            points: POINTS,
-            xyz,
-        },
-        by,
-    )
+    let xyz = numbers(sizes.clouds * sizes.points * 3);
+    let by = numbers(sizes.clouds * widths[widths.len() - 1]);
+    let points = sizes.points;
+    (weights, Clouds { points, xyz }, by)
 }
 
 /// Features and the gradients of `Σ by · feature`, layer by layer, in `f64`.
 fn plain(
-    weights: &Weights,
-    clouds: &Clouds,
-    by: &[f32],
+    sizes: &Sizes,
+    (weights, clouds, by): (&Weights, &Clouds, &[f32]),
     statistics: Statistics,
 ) -> (Vec<f64>, Vec<Vec<f64>>) {
     let tensor = |values: &[f32], shape: &[usize]| {
@@ -53,8 +61,10 @@ fn plain(
         Tensor::from_vec(values, shape, &Device::Cpu).unwrap()
     };
     let mut vars = Vec::new();
-    let mut x = tensor(&clouds.xyz, &[CLOUDS * POINTS, 3]);
-    for layer in 0..WIDTHS.len() {
+    let mut x = tensor(&clouds.xyz, &[sizes.clouds * sizes.points, 3]);
+    let n_layers = sizes.widths.len();
+    let width = sizes.widths[n_layers - 1];
+    for layer in 0..n_layers {
         let [w, gain, shift] = names(layer).map(|name| {
             let array = weights.array(&name).unwrap();
             Var::from_tensor(&tensor(&array.values, &array.shape)).unwrap()
@@ -89,7 +99,7 @@ fn plain(
             .unwrap()
             .broadcast_add(&shift)
             .unwrap();
-        x = if layer + 1 < WIDTHS.len() {
+        x = if layer + 1 < n_layers {
             y.relu().unwrap()
         } else {
             y
@@ -97,12 +107,12 @@ fn plain(
         vars.extend([w, gain, shift]);
     }
     let features = x
-        .reshape((CLOUDS, POINTS, WIDTHS[2]))
+        .reshape((sizes.clouds, sizes.points, width))
         .unwrap()
         .transpose(1, 2)
         .unwrap();
     let features = features.contiguous().unwrap().max(D::Minus1).unwrap();
-    let loss = (&features * tensor(by, &[CLOUDS, WIDTHS[2]]))
+    let loss = (&features * tensor(by, &[sizes.clouds, width]))
         .unwrap()
         .sum_all()
         .unwrap();
@@ -134,15 +144,16 @@ fn assert_near(found: &[f32], expected: &[f64], what: &str) {
     }
 }
 
-#[test]
-fn equals_the_plain_form_in_value_and_gradient() {
-    let (weights, clouds, by) = setting();
+/// Compares features and gradients with the plain form in `f64`, within 1e-4 of the largest of each
+/// array.
+fn check(sizes: &Sizes) {
+    let (weights, clouds, by) = setting(sizes);
     for statistics in [Statistics::Measured, Statistics::Stored] {
-        let (features, gradients) = plain(&weights, &clouds, &by, statistics);
-        let net = PointNet::new(&weights, WIDTHS.len()).unwrap();
-        let pass = net.forward(&clouds, statistics).unwrap();
+        let (features, gradients) = plain(sizes, (&weights, &clouds, &by), statistics);
+        let net = PointNet::new(&weights, sizes.widths.len()).unwrap();
+        let pass = net.forward(&clouds, statistics);
         assert_near(&pass.features, &features, "feature");
-        let found: Vec<LayerGradient> = net.backward(&pass, &by).unwrap();
+        let found: Vec<LayerGradient> = net.backward(pass, &by);
         for (k, (found, expected)) in found.iter().flatten().zip(&gradients).enumerate() {
             assert_near(found, expected, &format!("{statistics:?}, gradient {k}"));
         }
@@ -150,13 +161,88 @@ fn equals_the_plain_form_in_value_and_gradient() {
 }
 
 #[test]
+fn equals_the_plain_form_in_value_and_gradient() {
+    check(&SMALL);
+    let sizes = |widths, clouds, points| Sizes {
+        widths,
+        clouds,
+        points,
+    };
+    check(&sizes(&[5], 2, 33));
+    check(&sizes(&[7, 12], 2, 32));
+    check(&sizes(&[6, 7, 9, 5], 4, 47));
+    check(&sizes(&[16, 18, 24, 30], 1, 700));
+}
+
+#[test]
+fn equals_the_plain_form_at_the_widths_of_the_paper() {
+    check(&Sizes {
+        widths: &[64, 128, 1024],
+        clouds: 4,
+        points: 300,
+    });
+}
+
+/// The plain form of the tape takes part in the same way on every device; here on the CPU.
+#[test]
+fn the_form_for_other_devices_gives_the_same_features_gradients_and_statistics() {
+    let (weights, clouds, by) = setting(&SMALL);
+    let clouds = Arc::new(clouds);
+    for statistics in [Statistics::Measured, Statistics::Stored] {
+        let leaves = weights.variables(&Device::Cpu).unwrap();
+        let n_layers = SMALL.widths.len();
+        let run = |(features, measured): (Tensor, Measured)| {
+            let by = Tensor::from_slice(&by, features.shape(), &Device::Cpu).unwrap();
+            let loss = (&features * by).unwrap().sum_all().unwrap();
+            let gradients = loss.backward().unwrap();
+            let numbers = |tensor: &Tensor| tensor.flatten_all().unwrap().to_vec1().unwrap();
+            let mut arrays: Vec<Vec<f32>> = vec![numbers(&features)];
+            for name in (0..n_layers).flat_map(names) {
+                arrays.push(numbers(gradients.get(&leaves[&name]).unwrap()));
+            }
+            if statistics == Statistics::Measured {
+                arrays.extend(measured.into_iter().map(|(_, values)| values));
+            }
+            arrays
+        };
+        let fast = run(features(&leaves, n_layers, &clouds, statistics).unwrap());
+        let plain = run(tape::plain(&leaves, n_layers, &clouds, statistics).unwrap());
+        assert_eq!(fast.len(), plain.len());
+        for (fast, plain) in fast.iter().zip(&plain) {
+            let plain: Vec<f64> = plain.iter().map(|&x| f64::from(x)).collect();
+            assert_near(fast, &plain, "array");
+        }
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes() {
+    let sizes = Sizes {
+        widths: &[16, 32, 64],
+        clouds: 5,
+        points: 130,
+    };
+    let (weights, clouds, by) = setting(&sizes);
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.unwrap().install(|| {
+            let net = PointNet::new(&weights, sizes.widths.len()).unwrap();
+            let pass = net.forward(&clouds, Statistics::Measured);
+            let features = pass.features.clone();
+            (features, net.backward(pass, &by))
+        })
+    };
+    assert_eq!(run(1), run(3));
+}
+
+#[test]
 fn stored_statistics_of_the_same_clouds_give_nearly_the_same_features() {
-    let (mut weights, clouds, _) = setting();
-    let net = PointNet::new(&weights, WIDTHS.len()).unwrap();
-    let measured = net.forward(&clouds, Statistics::Measured).unwrap();
-    PointNet::store(&measured, 1.0, &mut weights).unwrap();
-    let net = PointNet::new(&weights, WIDTHS.len()).unwrap();
-    let stored = net.forward(&clouds, Statistics::Stored).unwrap();
+    let (mut weights, clouds, _) = setting(&SMALL);
+    let net = PointNet::new(&weights, SMALL.widths.len()).unwrap();
+    let measured = net.forward(&clouds, Statistics::Measured);
+    measured.store(1.0, &mut weights).unwrap();
+    let net = PointNet::new(&weights, SMALL.widths.len()).unwrap();
+    let stored = net.forward(&clouds, Statistics::Stored);
     for (a, b) in measured.features.iter().zip(&stored.features) {
         // The stored variance is the unbiased one of 150 points: 0.7 % more.
         assert!((a - b).abs() < 1e-1, "{a} {b}");

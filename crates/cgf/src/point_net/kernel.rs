@@ -1,0 +1,309 @@
+//! Products for sixteen points side by side, in the widest registers that the processor has.
+//!
+//! Every sum is made by the same operations in the same order wherever it stands, so that results do
+//! not depend on how the work is divided.
+
+use pulp::{Arch, Simd, WithSimd};
+
+/// Points that are worked on together: a *patch*.
+pub(super) const LANES: usize = 16;
+
+/// One channel of a patch.
+pub(super) type Row = [f32; LANES];
+
+/// Outputs whose sums are kept in registers together: with sixteen points, twelve of the sixteen
+/// registers of eight numbers that most processors have.
+const GROUP: usize = 6;
+
+/// A matrix laid out for products with patches.
+pub(super) struct Packed {
+    inputs: usize,
+    outputs: usize,
+    /// For each group of outputs and each input, the group's entries; zero where there is no output.
+    groups: Vec<[f32; GROUP]>,
+}
+
+impl Packed {
+    /// Lays out a matrix of `outputs` rows, given by its entries at (output, input).
+    pub(super) fn new(
+        outputs: usize,
+        inputs: usize,
+        entry: impl Fn(usize, usize) -> f32,
+    ) -> Self {
+        let mut groups = Vec::with_capacity(outputs.div_ceil(GROUP) * inputs);
+        for first in (0..outputs).step_by(GROUP) {
+            groups.extend((0..inputs).map(|input| {
+                std::array::from_fn(|k| {
+                    let output = first + k;
+                    if output < outputs {
+                        entry(output, input)
+                    } else {
+                        0.0
+                    }
+                })
+            }));
+        }
+        Self {
+            inputs,
+            outputs,
+            groups,
+        }
+    }
+
+    /// Outputs and what fills up their last group.
+    pub(super) fn padded(&self) -> usize {
+        self.outputs.next_multiple_of(GROUP)
+    }
+}
+
+/// The channels of a patch that are not zero at all its points. Behind `max(x, 0)` neighbors are
+/// mostly zero together, and what is left out adds nothing: results are the same to the bit.
+#[derive(Default)]
+pub(super) struct Sparse {
+    rows: Vec<Row>,
+    at: Vec<u32>,
+}
+
+impl Sparse {
+    pub(super) fn take(&mut self, rows: &[Row]) {
+        self.rows.clear();
+        self.at.clear();
+        for (k, row) in (0_u32..).zip(rows) {
+            if row.iter().any(|&x| x != 0.0) {
+                self.rows.push(*row);
+                self.at.push(k);
+            }
+        }
+    }
+}
+
+/// Sets `out` to the product of a matrix with a patch, plus `offset` of each output.
+pub(super) fn project(weights: &Packed, x: &Sparse, offset: &[f32], out: &mut [Row]) {
+    Arch::new().dispatch(Project {
+        weights,
+        x,
+        offset,
+        out,
+    });
+}
+
+struct Project<'a> {
+    weights: &'a Packed,
+    x: &'a Sparse,
+    offset: &'a [f32],
+    out: &'a mut [Row],
+}
+
+impl WithSimd for Project<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        match S::F32_LANES {
+            16 => self.run::<S, 1>(simd),
+            8 => self.run::<S, 2>(simd),
+            4 => self.run::<S, 4>(simd),
+            _ => self.run::<S, LANES>(simd),
+        }
+    }
+}
+
+impl Project<'_> {
+    #[inline(always)]
+    fn run<S: Simd, const V: usize>(self, simd: S) {
+        let groups = self.weights.groups.chunks_exact(self.weights.inputs);
+        let outs = self.out.chunks_mut(GROUP);
+        for ((weights, out), offset) in groups.zip(outs).zip(self.offset.chunks(GROUP)) {
+            let sums = tile::<S, V>(simd, self.x, weights);
+            for ((out, sums), &offset) in out.iter_mut().zip(&sums).zip(offset) {
+                let (out, _) = S::as_mut_simd_f32s(out);
+                for (out, &sum) in out.iter_mut().zip(sums) {
+                    *out = simd.add_f32s(sum, simd.splat_f32s(offset));
+                }
+            }
+        }
+    }
+}
+
+/// The largest product of each output so far, and the point that attained it.
+pub(super) struct Largest {
+    pub(super) value: Vec<f32>,
+    pub(super) point: Vec<u32>,
+}
+
+impl Largest {
+    pub(super) fn new(weights: &Packed) -> Self {
+        Self {
+            value: vec![f32::NEG_INFINITY; weights.padded()],
+            point: vec![0; weights.padded()],
+        }
+    }
+
+    /// Takes in the products with one patch, whose first point has the number `first`. Of equal ones
+    /// the point that came first stays.
+    pub(super) fn search(&mut self, weights: &Packed, x: &Sparse, first: u32) {
+        Arch::new().dispatch(Search {
+            weights,
+            x,
+            first,
+            largest: self,
+        });
+    }
+}
+
+struct Search<'a> {
+    weights: &'a Packed,
+    x: &'a Sparse,
+    first: u32,
+    largest: &'a mut Largest,
+}
+
+impl WithSimd for Search<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        match S::F32_LANES {
+            16 => self.run::<S, 1>(simd),
+            8 => self.run::<S, 2>(simd),
+            4 => self.run::<S, 4>(simd),
+            _ => self.run::<S, LANES>(simd),
+        }
+    }
+}
+
+impl Search<'_> {
+    #[inline(always)]
+    fn run<S: Simd, const V: usize>(self, simd: S) {
+        let groups = self.weights.groups.chunks_exact(self.weights.inputs);
+        let values = self.largest.value.chunks_exact_mut(GROUP);
+        let points = self.largest.point.chunks_exact_mut(GROUP);
+        for ((weights, values), points) in groups.zip(values).zip(points) {
+            let sums = tile::<S, V>(simd, self.x, weights);
+            for ((sums, value), point) in sums.iter().zip(values).zip(points) {
+                let mut top = sums[0];
+                for &sum in &sums[1..] {
+                    top = simd.max_f32s(top, sum);
+                }
+                let over = simd.greater_than_f32s(top, simd.splat_f32s(*value));
+                if simd.first_true_m32s(over) < S::F32_LANES {
+                    let mut row = [0.0; LANES];
+                    let (vectors, _) = S::as_mut_simd_f32s(&mut row);
+                    vectors.copy_from_slice(sums);
+                    improve(&row, self.first, value, point);
+                }
+            }
+        }
+    }
+}
+
+#[cold]
+fn improve(row: &Row, first: u32, value: &mut f32, point: &mut u32) {
+    for (lane, &x) in (first..).zip(row) {
+        if x > *value {
+            *value = x;
+            *point = lane;
+        }
+    }
+}
+
+/// The products of one group of outputs with a patch.
+#[inline(always)]
+fn tile<S: Simd, const V: usize>(
+    simd: S,
+    x: &Sparse,
+    weights: &[[f32; GROUP]],
+) -> [[S::f32s; V]; GROUP] {
+    let mut sums = [[simd.splat_f32s(0.0); V]; GROUP];
+    for (row, &k) in x.rows.iter().zip(&x.at) {
+        let (row, _) = S::as_simd_f32s(row);
+        let weights = &weights[k as usize];
+        for (sums, &weight) in sums.iter_mut().zip(weights) {
+            let weight = simd.splat_f32s(weight);
+            for (sum, &x) in sums.iter_mut().zip(row) {
+                *sum = simd.mul_add_e_f32s(weight, x, *sum);
+            }
+        }
+    }
+    sums
+}
+
+/// Which products of channels are wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Pairs {
+    All,
+    /// Those at and above the diagonal; what is below it is left as it comes.
+    Upper,
+}
+
+/// Sets `out` `(width of a, width of b)` to the sums over all points of the products of two panels'
+/// channels; a panel is patch after patch, channel after channel.
+pub(super) fn correlate(a: (&[Row], usize), b: (&[Row], usize), pairs: Pairs, out: &mut [f32]) {
+    Arch::new().dispatch(Correlate { a, b, pairs, out });
+}
+
+struct Correlate<'a> {
+    a: (&'a [Row], usize),
+    b: (&'a [Row], usize),
+    pairs: Pairs,
+    out: &'a mut [f32],
+}
+
+/// Channels of either side whose sums are kept in registers together.
+const LEFT: usize = 4;
+const RIGHT: usize = 3;
+
+impl WithSimd for Correlate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let ((a, n_a), (b, n_b)) = (self.a, self.b);
+        if n_a < LEFT || n_b < RIGHT {
+            return self.plain();
+        }
+        for left in (0..n_a).step_by(LEFT) {
+            // The last block overlaps the one before it and finds the same again.
+            let left = left.min(n_a - LEFT);
+            for right in (0..n_b).step_by(RIGHT) {
+                let right = right.min(n_b - RIGHT);
+                if self.pairs == Pairs::Upper && right + RIGHT <= left {
+                    continue;
+                }
+                let mut sums = [[simd.splat_f32s(0.0); RIGHT]; LEFT];
+                for (a, b) in a.chunks_exact(n_a).zip(b.chunks_exact(n_b)) {
+                    let a: [&[S::f32s]; LEFT] =
+                        std::array::from_fn(|i| S::as_simd_f32s(&a[left + i]).0);
+                    let b: [&[S::f32s]; RIGHT] =
+                        std::array::from_fn(|j| S::as_simd_f32s(&b[right + j]).0);
+                    for v in 0..LANES / S::F32_LANES {
+                        for (sums, a) in sums.iter_mut().zip(&a) {
+                            for (sum, b) in sums.iter_mut().zip(&b) {
+                                *sum = simd.mul_add_e_f32s(a[v], b[v], *sum);
+                            }
+                        }
+                    }
+                }
+                for (i, sums) in (left..).zip(&sums) {
+                    for (j, &sum) in (right..).zip(sums) {
+                        self.out[i * n_b + j] = simd.reduce_sum_f32s(sum);
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Correlate<'_> {
+    fn plain(self) {
+        let ((a, n_a), (b, n_b)) = (self.a, self.b);
+        self.out.fill(0.0);
+        for (a, b) in a.chunks_exact(n_a).zip(b.chunks_exact(n_b)) {
+            for (out, a) in self.out.chunks_exact_mut(n_b).zip(a) {
+                for (out, b) in out.iter_mut().zip(b) {
+                    *out += a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
+                }
+            }
+        }
+    }
+}
