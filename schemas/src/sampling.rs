@@ -142,19 +142,19 @@ fn columns(sampled: &[Sampled]) -> Columns {
                 "demonstration_palm_m",
                 "m",
                 "distance of the palm from its palm at the grasp; 0 without one",
-                |s| s.from_demonstration().palm_m,
+                |s| s.demonstration_distance().palm_m,
             ),
             (
                 "demonstration_palm_rad",
                 "rad",
                 "angle between the two palms; 0 without one",
-                |s| s.from_demonstration().palm_rad,
+                |s| s.demonstration_distance().palm_rad,
             ),
             (
                 "demonstration_q_rad",
                 "rad",
                 "root mean square difference of the joint positions; 0 without one",
-                |s| s.from_demonstration().q_rad,
+                |s| s.demonstration_distance().q_rad,
             ),
             (
                 "mean_palm_m",
@@ -186,7 +186,7 @@ fn numbers(c: &mut Columns, sampled: &[Sampled], columns: &[NumberColumn<'_>]) {
 }
 
 impl Sampled {
-    fn from_demonstration(&self) -> GraspDistance {
+    fn demonstration_distance(&self) -> GraspDistance {
         let nearest = self.demonstration.as_ref();
         nearest.map_or(GraspDistance::default(), |&(_, distance)| distance)
     }

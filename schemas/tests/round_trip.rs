@@ -209,7 +209,10 @@ fn sampling_reads_back() {
         from_mean: distance(0.3),
     };
     let motions = [sampled("can-0", 0.049), sampled("can-1", 0.2)];
-    assert_eq!(motions.each_ref().map(|m| m.within_limits()), [true, false]);
+    assert_eq!(
+        motions.each_ref().map(sampling::Sampled::within_limits),
+        [true, false]
+    );
     let batch = sampling::to_batch(&motions).unwrap();
     assert_eq!(sampling::from_batch(&batch).unwrap(), motions);
     assert_eq!(batch.schema().as_ref(), &sampling::schema());

@@ -265,8 +265,8 @@ fn options() -> (NetworkConfig, TrainingConfig) {
     let table = |key: &str| train[key].clone().into_table().unwrap();
     let [network, training] = ["network", "training"].map(table);
     (
-        toml_edit::de::from_document(network.into()).unwrap(),
-        toml_edit::de::from_document(training.into()).unwrap(),
+        toml_edit::de::from_document(DocumentMut::from(network)).unwrap(),
+        toml_edit::de::from_document(DocumentMut::from(training)).unwrap(),
     )
 }
 

@@ -65,8 +65,8 @@ impl<'a> Source<'a> {
             let own = learned.map(with_rest);
             own.filter(|(rest, _)| rest.is_some()).collect()
         } else {
-            let names = config.demonstrations.iter();
-            names.map(named).collect::<Result<_, _>>()?
+            let wanted = config.demonstrations.iter();
+            wanted.map(named).collect::<Result<_, _>>()?
         };
         let path = match config.path.as_slice() {
             [from, to] => Some([named(from)?, named(to)?]),

@@ -101,8 +101,9 @@ impl<'a> Placed<'a> {
             );
             for (idx, (q, range)) in q_rad.iter_mut().zip(self.ranges).enumerate() {
                 let within = range.clamp(*q);
-                if within != *q {
-                    excess = excess.max((*q - within).abs());
+                let outside = (*q - within).abs();
+                if outside > 0.0 {
+                    excess = excess.max(outside);
                     *q = within;
                     rates.q_velocity_rad_per_s[idx] = 0.0;
                     rates.q_acceleration_rad_per_s2[idx] = 0.0;

@@ -87,8 +87,8 @@ pub(crate) fn record(
             let names = shown.joints();
             let q = shown.in_hand_order(&step.q_rad);
             let q_velocity = shown.in_hand_order(&step.rates.q_velocity_rad_per_s);
-            let state = motion::joint_state(time_ns, &names, &q, &q_velocity);
-            recording.write(&format!("/{}/joint_states", shown.frame), time_ns, &state)?;
+            let joints = motion::joint_state(time_ns, &names, &q, &q_velocity);
+            recording.write(&format!("/{}/joint_states", shown.frame), time_ns, &joints)?;
         }
         recording.write(TF, time_ns, &TfMessage { transforms })?;
     }
@@ -195,7 +195,7 @@ impl<'a> Shown<'a> {
             for collision in &link.collisions {
                 let number = all.len();
                 let mut marker = self.shape(&self.name(&link.name), collision);
-                marker.ns = "hand".to_owned();
+                "hand".clone_into(&mut marker.ns);
                 marker.id = i32::try_from(number).unwrap_or(i32::MAX);
                 all.push(marker);
             }
