@@ -1,14 +1,21 @@
 //! `candidates`: motions that have not been screened, one partition per object, one row per motion.
 //!
-//! | column              | type          | unit | meaning                                                 |
-//! |---------------------|---------------|------|---------------------------------------------------------|
-//! | `candidate_id`      | utf8          |      | unique in the lake                                      |
-//! | `generator`         | utf8          |      | what drew it, e.g. `cgf`                                |
-//! | `latent`            | list of f64   | 1    | latent code it came from; empty if there is none        |
-//! | `table_from_object` | f64 × 7       | m, 1 | how the object lies: `xyz`, `xyzw`                      |
-//! | `time_s`            | list of f64   | s    | since the first step; the last step is the grasp        |
-//! | `object_from_palm`  | list f64 × 7  | m, 1 | palm pose in the object frame at each step              |
-//! | `q_rad`             | list of f64   | rad  | joint positions, step after step, order of `joints`     |
+//! | column                      | type          | unit | meaning                                             |
+//! |-----------------------------|---------------|------|-----------------------------------------------------|
+//! | `candidate_id`              | utf8          |      | unique in the lake                                  |
+//! | `generator`                 | utf8          |      | what drew it, e.g. `cgf`                            |
+//! | `latent`                    | list of f64   | 1    | latent code it came from; empty if there is none    |
+//! | `table_from_object`         | f64 × 7       | m, 1 | how the object lies: `xyz`, `xyzw`                  |
+//! | `limit_excess_rad`          | f64           | rad  | farthest that a joint was drawn outside its limits, before it was put back to them |
+//! | `time_s`                    | list of f64   | s    | since the first step; the last step is the grasp    |
+//! | `object_from_palm`          | list f64 × 7  | m, 1 | palm pose in the object frame at each step          |
+//! | `q_rad`                     | list of f64   | rad  | joint positions, step after step, order of `joints` |
+//! | `palm_velocity`             | list f64 × 6  | m/s, rad/s | the palm's velocity and spin at each step, object frame |
+//! | `palm_acceleration`         | list f64 × 6  | m/s², rad/s² | how fast these change                       |
+//! | `q_velocity_rad_per_s`      | list of f64   | rad/s | joint velocities, as `q_rad`; 0 at a limit to which a joint was put back |
+//! | `q_acceleration_rad_per_s2` | list of f64   | rad/s² | joint accelerations, likewise                     |
+//!
+//! Positions of prismatic joints are in meters, and so are their rates and how far they were outside.
 
 use arrow::{datatypes::Schema, record_batch::RecordBatch};
 use spatial::{Object, Palm, Pose, Table};
@@ -16,7 +23,7 @@ use spatial::{Object, Palm, Pose, Table};
 use crate::columns::{Columns, Reader, SchemaError};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "candidates/1";
+pub const VERSION: &str = "candidates/2";
 
 /// A motion to be screened.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,6 +36,9 @@ pub struct Candidate {
     pub latent: Vec<f64>,
     /// How the object lies on the table.
     pub table_from_object: Pose<Table, Object>,
+    /// Farthest that a joint was drawn outside its limits, before it was put back to them, in radians
+    /// (meters if prismatic); 0 if none was.
+    pub limit_excess_rad: f64,
     /// The steps in time order; the last one is the grasp.
     pub steps: Vec<Step>,
 }
@@ -42,6 +52,34 @@ pub struct Step {
     pub object_from_palm: Pose<Object, Palm>,
     /// Joint positions in radians, in the order of the joints' names.
     pub q_rad: Vec<f64>,
+    /// How it moves.
+    pub rates: Rates,
+}
+
+/// How the hand moves at a step of a motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rates {
+    /// Velocity of the palm's origin (m/s), then its angular velocity (rad/s), both along the
+    /// object's axes.
+    pub palm_velocity: [f64; 6],
+    /// How fast these change, in m/s² and rad/s².
+    pub palm_acceleration: [f64; 6],
+    /// Joint velocities in rad/s.
+    pub q_velocity_rad_per_s: Vec<f64>,
+    /// Joint accelerations in rad/s².
+    pub q_acceleration_rad_per_s2: Vec<f64>,
+}
+
+impl Rates {
+    /// Returns the rates of a hand of `dof` joints that does not move.
+    pub fn still(dof: usize) -> Self {
+        Self {
+            palm_velocity: [0.0; 6],
+            palm_acceleration: [0.0; 6],
+            q_velocity_rad_per_s: vec![0.0; dof],
+            q_acceleration_rad_per_s2: vec![0.0; dof],
+        }
+    }
 }
 
 /// All candidates of one object.
@@ -85,6 +123,18 @@ fn columns(joints: &[String], candidates: &[Candidate]) -> Columns {
         "how the object lies: xyz, xyzw",
         rows().map(|m| m.table_from_object.to_array()),
     );
+    c.f64(
+        "limit_excess_rad",
+        "rad",
+        "farthest that a joint was drawn outside its limits, before it was put back to them",
+        rows().map(|m| m.limit_excess_rad),
+    );
+    steps(&mut c, candidates);
+    c
+}
+
+fn steps(c: &mut Columns, candidates: &[Candidate]) {
+    let rows = || candidates.iter();
     c.f64_list(
         "time_s",
         "s",
@@ -102,18 +152,44 @@ fn columns(joints: &[String], candidates: &[Candidate]) -> Columns {
                 .collect()
         }),
     );
-    c.f64_list(
+    let mut of_joints = |name: &str, unit: &str, about: &str, numbers: fn(&Step) -> &[f64]| {
+        let all = |m: &Candidate| m.steps.iter().flat_map(numbers).copied().collect();
+        c.f64_list(name, unit, about, rows().map(all));
+    };
+    of_joints(
         "q_rad",
         "rad",
         "joint positions, step after step, order of metadata `joints`",
-        rows().map(|m| {
-            m.steps
-                .iter()
-                .flat_map(|s| s.q_rad.iter().copied())
-                .collect()
-        }),
+        |s| &s.q_rad,
     );
-    c
+    of_joints(
+        "q_velocity_rad_per_s",
+        "rad/s",
+        "joint velocities, step after step; 0 at a limit to which a joint was put back",
+        |s| &s.rates.q_velocity_rad_per_s,
+    );
+    of_joints(
+        "q_acceleration_rad_per_s2",
+        "rad/s²",
+        "joint accelerations, step after step; 0 at a limit to which a joint was put back",
+        |s| &s.rates.q_acceleration_rad_per_s2,
+    );
+    let mut of_palm = |name: &str, unit: &str, about: &str, numbers: fn(&Step) -> [f64; 6]| {
+        let all = |m: &Candidate| m.steps.iter().map(numbers).collect();
+        c.f64_arrays(name, unit, about, rows().map(all));
+    };
+    of_palm(
+        "palm_velocity",
+        "m/s, rad/s",
+        "the palm's velocity and angular velocity along the object's axes at each step",
+        |s| s.rates.palm_velocity,
+    );
+    of_palm(
+        "palm_acceleration",
+        "m/s², rad/s²",
+        "how fast the palm's velocity and angular velocity change at each step",
+        |s| s.rates.palm_acceleration,
+    );
 }
 
 /// Returns one row per motion; the object is the partition, not a column.
@@ -136,24 +212,34 @@ pub fn from_batch(object: &str, batch: &RecordBatch) -> Result<Candidates, Schem
     let mut candidates = Vec::with_capacity(r.rows());
     for row in 0..r.rows() {
         let times = r.f64_list("time_s", row)?;
-        let poses: Vec<[f64; 7]> = r.f64_arrays("object_from_palm", row)?;
-        let positions = r.joint_positions("q_rad", row, joints.len() * times.len())?;
-        if poses.len() != times.len() {
-            return Err(r.invalid(
-                "object_from_palm",
-                format!("{} poses for {} times", poses.len(), times.len()),
-            ));
-        }
+        let poses: Vec<[f64; 7]> = of_steps(&r, "object_from_palm", row, times.len())?;
+        let velocities: Vec<[f64; 6]> = of_steps(&r, "palm_velocity", row, times.len())?;
+        let accelerations: Vec<[f64; 6]> = of_steps(&r, "palm_acceleration", row, times.len())?;
+        let of_joints = |name: &str| r.joint_positions(name, row, joints.len() * times.len());
+        let [q, q_velocities, q_accelerations] = [
+            of_joints("q_rad")?,
+            of_joints("q_velocity_rad_per_s")?,
+            of_joints("q_acceleration_rad_per_s2")?,
+        ];
+        let at = |numbers: &[f64], step: usize| -> Vec<f64> {
+            let mut steps = numbers.chunks_exact(joints.len().max(1));
+            steps.nth(step).unwrap_or(&[]).to_vec()
+        };
+        let palm = poses.into_iter().zip(velocities).zip(accelerations);
         let mut steps = Vec::with_capacity(times.len());
-        for ((time_s, pose), q_rad) in times
-            .into_iter()
-            .zip(poses)
-            .zip(positions.chunks(joints.len().max(1)))
+        for (idx, (&time_s, ((pose, palm_velocity), palm_acceleration))) in
+            times.iter().zip(palm).enumerate()
         {
             steps.push(Step {
                 time_s,
                 object_from_palm: r.pose("object_from_palm", pose)?,
-                q_rad: q_rad.to_vec(),
+                q_rad: at(&q, idx),
+                rates: Rates {
+                    palm_velocity,
+                    palm_acceleration,
+                    q_velocity_rad_per_s: at(&q_velocities, idx),
+                    q_acceleration_rad_per_s2: at(&q_accelerations, idx),
+                },
             });
         }
         candidates.push(Candidate {
@@ -162,6 +248,7 @@ pub fn from_batch(object: &str, batch: &RecordBatch) -> Result<Candidates, Schem
             latent: r.f64_list("latent", row)?,
             table_from_object: r
                 .pose("table_from_object", r.f64_array("table_from_object", row)?)?,
+            limit_excess_rad: r.f64("limit_excess_rad", row)?,
             steps,
         });
     }
@@ -170,4 +257,19 @@ pub fn from_batch(object: &str, batch: &RecordBatch) -> Result<Candidates, Schem
         joints,
         candidates,
     })
+}
+
+/// Reads a list of arrays, one for each step.
+fn of_steps<const N: usize>(
+    r: &Reader<'_>,
+    name: &str,
+    row: usize,
+    n_steps: usize,
+) -> Result<Vec<[f64; N]>, SchemaError> {
+    let arrays: Vec<[f64; N]> = r.f64_arrays(name, row)?;
+    if arrays.len() == n_steps {
+        return Ok(arrays);
+    }
+    let message = format!("{} entries for {n_steps} times", arrays.len());
+    Err(r.invalid(name, message))
 }

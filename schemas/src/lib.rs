@@ -15,6 +15,7 @@ pub mod objects;
 pub mod reconstruction;
 pub mod rollouts;
 pub mod ros2;
+pub mod sampling;
 pub mod tracking;
 pub mod training;
 pub mod trajectories;

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
     SchemaError, candidates, demonstrations, distance_fields, executions, latents, objects,
-    reconstruction, rollouts, tracking, training, trajectories,
+    reconstruction, rollouts, sampling, tracking, training, trajectories,
 };
 use spatial::{Pose, Rest};
 
@@ -164,12 +164,19 @@ fn candidates_read_back() {
         time_s,
         object_from_palm: pose(time_s),
         q_rad: vec![time_s, 2.0 * time_s],
+        rates: candidates::Rates {
+            palm_velocity: [1.0, 2.0, 3.0, 4.0, 5.0, time_s],
+            palm_acceleration: [6.0, 5.0, 4.0, 3.0, 2.0, time_s],
+            q_velocity_rad_per_s: vec![3.0 * time_s, 0.0],
+            q_acceleration_rad_per_s2: vec![0.0, 4.0 * time_s],
+        },
     };
     let motion = |name: &str, times: &[f64]| candidates::Candidate {
         candidate_id: name.to_owned(),
         generator: "cgf".to_owned(),
         latent: vec![0.5; times.len()],
         table_from_object: pose(0.9),
+        limit_excess_rad: 0.01,
         steps: times.iter().map(|&time_s| step(time_s)).collect(),
     };
     let candidates = candidates::Candidates {
@@ -182,6 +189,30 @@ fn candidates_read_back() {
     };
     let batch = candidates::to_batch(&candidates).unwrap();
     assert_eq!(candidates::from_batch("can", &batch).unwrap(), candidates);
+}
+
+#[test]
+fn sampling_reads_back() {
+    let distance = |by: f64| sampling::GraspDistance {
+        palm_m: 1.0 * by,
+        palm_rad: 2.0 * by,
+        q_rad: 3.0 * by,
+    };
+    let sampled = |name: &str, limit_excess_rad: f64| sampling::Sampled {
+        candidate_id: name.to_owned(),
+        limit_excess_rad,
+        approach_depth_m: 4.0,
+        approach_depth_time_s: 5.0,
+        grasp_depth_m: 6.0,
+        table_depth_m: 7.0,
+        demonstration: (limit_excess_rad > 0.1).then(|| ("a".to_owned(), distance(0.1))),
+        from_mean: distance(0.3),
+    };
+    let motions = [sampled("can-0", 0.049), sampled("can-1", 0.2)];
+    assert_eq!(motions.each_ref().map(|m| m.within_limits()), [true, false]);
+    let batch = sampling::to_batch(&motions).unwrap();
+    assert_eq!(sampling::from_batch(&batch).unwrap(), motions);
+    assert_eq!(batch.schema().as_ref(), &sampling::schema());
 }
 
 #[test]
@@ -256,6 +287,7 @@ fn every_number_has_a_unit_and_every_column_a_meaning() {
         trajectories::schema(&joints(), &trajectory().keypoints, &trajectory().tips),
         candidates::schema(&joints()),
         rollouts::schema(),
+        sampling::schema(),
         executions::schema(),
         training::schema(),
         reconstruction::schema(&joints()),

@@ -66,7 +66,7 @@ fn a_changed_value_reruns_its_stage_and_what_follows_and_plan_names_it() {
         ]
     );
     // What shows the training, and what is drawn from it.
-    assert_eq!([7, 8, 9, 10].map(states), ["perhaps"; 4]);
+    assert_eq!([7, 8, 9, 10, 11].map(states), ["perhaps"; 5]);
 
     bench.run_well(&change);
     let made = bench.made_by_newest_run();
@@ -75,6 +75,7 @@ fn a_changed_value_reruns_its_stage_and_what_follows_and_plan_names_it() {
         names,
         [
             "sample.candidates",
+            "sample.sampling",
             "train.checkpoint",
             "train.latents",
             "train.reconstruction",

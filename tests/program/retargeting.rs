@@ -55,19 +55,25 @@ fn check_limits(bench: &Bench, urdf: &str) {
 }
 
 #[test]
-fn both_pipelines_say_the_same_where_they_share_stages() {
+fn pipelines_say_the_same_where_they_share_stages() {
     let read = |name: &str| -> DocumentMut {
         let path = format!("{}/pipelines/{name}.toml", env!("CARGO_MANIFEST_DIR"));
         std::fs::read_to_string(path).unwrap().parse().unwrap()
     };
-    let (whole, replay) = (read("cgf"), read("replay"));
-    assert_eq!(whole["seed"].as_integer(), replay["seed"].as_integer());
-    for stage in ["ingest", "retarget", "screen"] {
-        let [mut a, mut b] = [&whole, &replay].map(|file| file["stages"][stage].clone());
-        for table in [&mut a, &mut b] {
-            table.as_table_like_mut().unwrap().remove("inputs");
+    let whole = read("cgf");
+    for (other, stages) in [
+        ("replay", ["ingest", "retarget", "screen"]),
+        ("interpolation", ["ingest", "retarget", "train"]),
+    ] {
+        let file = read(other);
+        assert_eq!(whole["seed"].as_integer(), file["seed"].as_integer());
+        for stage in stages {
+            let [mut a, mut b] = [&whole, &file].map(|file| file["stages"][stage].clone());
+            for table in [&mut a, &mut b] {
+                table.as_table_like_mut().unwrap().remove("inputs");
+            }
+            assert_eq!(a.to_string(), b.to_string(), "{other}: {stage}");
         }
-        assert_eq!(a.to_string(), b.to_string(), "{stage}");
     }
 }
 

@@ -120,12 +120,4 @@ impl Normalization {
             })
             .collect()
     }
-
-    pub(crate) fn restore(&self, outputs: &[f32]) -> Vec<f64> {
-        outputs
-            .iter()
-            .zip(self.mean.iter().zip(&self.scale))
-            .map(|(&y, (mean, scale))| f64::from(y) * scale + mean)
-            .collect()
-    }
 }

@@ -15,6 +15,7 @@ mod batch;
 mod config;
 mod curve;
 mod data;
+mod decoder;
 mod error;
 mod grasp;
 mod kinematics;
@@ -35,6 +36,7 @@ pub use config::{
 };
 pub use curve::Epoch;
 pub use data::{Scene, Split, TimedGrasp, Track};
+pub use decoder::{HandRate, MovingGrasp};
 pub use error::CgfError;
 pub use grasp::{Grasp, Normalization};
 pub use model::{

@@ -12,22 +12,19 @@ use serde::{Deserialize, Serialize};
 use spatial::Rest;
 
 use crate::{
-    CgfError, Epoch, Scene, Split, Track, TrainingSet,
+    CgfError, Epoch, MovingGrasp, Scene, Split, Track, TrainingSet,
     batch::{encoder_motion, encoder_times},
     config::{NetworkConfig, TrainingConfig},
     data::View,
+    decoder::Decoder,
     grasp::{Grasp, Normalization, ROOT},
     network::{self, Network, constant},
     point_net::{Clouds, PointNet, Statistics},
-    precision::narrow,
     weights::{Leaves, Weights},
 };
 
 /// Version of the two files' form.
 pub const VERSION: &str = "checkpoint/2";
-
-/// Motions decoded at once: their layers fit a processor's cache.
-const BLOCK: usize = 64;
 
 /// A continuous grasping function f(t, z, object) with the encoder it was trained with.
 #[derive(Debug, Clone)]
@@ -35,6 +32,7 @@ pub struct Cgf {
     description: Description,
     weights: Weights,
     leaves: Leaves,
+    decoder: Decoder<f32>,
 }
 
 /// Everything about a grasping function but its weights: the checkpoint's JSON.
@@ -127,10 +125,12 @@ pub struct Posterior {
 impl Cgf {
     pub(crate) fn new(description: Description, weights: Weights) -> Result<Self, CgfError> {
         let leaves = weights.constants()?;
+        let decoder = Decoder::new(&description.network, &description.normalization, &weights)?;
         Ok(Self {
             description,
             weights,
             leaves,
+            decoder,
         })
     }
 
@@ -168,63 +168,30 @@ impl Cgf {
     ///
     /// # Errors
     ///
-    /// Fails if a code does not have the width of the network's or the outputs are no rotation.
+    /// Fails if a code does not have the network's width or the outputs are no rotation.
     pub fn decode(
         &self,
         feature: &ObjectFeature,
         latents: &[Vec<f64>],
         times: &[f64],
     ) -> Result<Vec<Vec<Grasp>>, CgfError> {
-        let mut motions = Vec::with_capacity(latents.len());
-        if times.is_empty() {
-            return Ok(vec![Vec::new(); latents.len()]);
-        }
-        for block in latents.chunks(BLOCK) {
-            let outputs = self.decode_block(feature, block, times)?;
-            for motion in outputs.chunks_exact(times.len()) {
-                let grasps = motion.iter().map(|outputs| {
-                    let numbers = self.description.normalization.restore(outputs);
-                    let grasp = Grasp::from_numbers(&numbers);
-                    let grasp = grasp.ok_or_else(|| CgfError::NotFinite {
-                        name: "decoder".to_owned(),
-                        what: "a decoded rotation",
-                    })?;
-                    Ok::<_, CgfError>(grasp.moved(&feature.table_from_network))
-                });
-                motions.push(grasps.collect::<Result<_, _>>()?);
-            }
-        }
-        Ok(motions)
+        self.decoder.decode(feature, latents, times)
     }
 
-    fn decode_block(
+    /// Decodes as [`Cgf::decode`], with how fast the hand moves: exact first and second derivatives
+    /// with respect to t, by forward propagation through the network and the map from its outputs to a
+    /// rotation. With `activation = "relu"` the outputs' second derivatives are zero almost everywhere.
+    ///
+    /// # Errors
+    ///
+    /// Fails as it does.
+    pub fn decode_with_rates(
         &self,
         feature: &ObjectFeature,
         latents: &[Vec<f64>],
         times: &[f64],
-    ) -> Result<Vec<Vec<f32>>, CgfError> {
-        let width = self.description.network.latent_dim;
-        if let Some(latent) = latents.iter().find(|latent| latent.len() != width) {
-            return Err(CgfError::Config {
-                key: "latent",
-                value: format!("{} numbers", latent.len()),
-                expected: "as many numbers as `latent_dim`",
-            });
-        }
-        let batch = latents.len();
-        let codes = latents.iter().flatten().map(|&z| narrow(z)).collect();
-        let times_of_all = (0..batch)
-            .flat_map(|_| times.iter().map(|&t| narrow(t)))
-            .collect();
-        let scenes =
-            candle_core::Tensor::zeros(batch, candle_core::DType::U32, &candle_core::Device::Cpu)?;
-        let decoded = self.network().decode(
-            &constant(times_of_all, &[batch, times.len()])?,
-            &constant(codes, &[batch, width])?,
-            &constant(feature.values.clone(), &[1, feature.values.len()])?,
-            &scenes,
-        )?;
-        Ok(decoded.to_vec2()?)
+    ) -> Result<Vec<Vec<MovingGrasp>>, CgfError> {
+        self.decoder.decode_with_rates(feature, latents, times)
     }
 
     /// Returns the distribution of a motion's latent code.

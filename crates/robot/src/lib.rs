@@ -28,6 +28,7 @@
 //! This crate opens no file: meshes that a URDF names are never read, and a link whose collision
 //! geometry is a mesh has no collision shape.
 
+pub mod balls;
 mod bodies;
 mod checks;
 mod dynamics;

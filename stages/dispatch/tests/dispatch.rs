@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, fs, path::Path};
 use dataflow::{Advise, Artifact, Context, Inputs, Made, Outcome, SourceFile, Stage, Summary};
 use nalgebra::{Isometry3, Vector3};
 use schemas::{
-    candidates::{self, Candidate, Candidates, Step},
+    candidates::{self, Candidate, Candidates, Rates, Step},
     executions::{self, Execution},
     objects::{self, Object, RestingOrientation},
     rollouts::{self, Rollout, Verdict},
@@ -76,12 +76,14 @@ fn candidate(id: &str, closed_m: f64) -> Candidate {
         time_s,
         object_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, above_m)),
         q_rad: vec![q, q],
+        rates: Rates::still(2),
     };
     Candidate {
         candidate_id: id.to_owned(),
         generator: "test".to_owned(),
         latent: Vec::new(),
         table_from_object: rest().table_from_object(),
+        limit_excess_rad: 0.0,
         steps: vec![
             step(0.0, 0.15, 0.0),
             step(0.7, 0.02, 0.0),

@@ -146,16 +146,42 @@ fn candidate(trajectory: &Trajectory) -> Candidate {
         generator: GENERATOR.to_owned(),
         latent: Vec::new(),
         table_from_object: trajectory.rest.table_from_object(),
+        limit_excess_rad: 0.0,
         steps: trajectory
             .steps
             .iter()
-            .map(|step| candidates::Step {
+            .enumerate()
+            .map(|(idx, step)| candidates::Step {
                 time_s: step.time_s,
                 object_from_palm: step.object_from_palm,
                 q_rad: step.q_rad.clone(),
+                rates: candidates::Rates {
+                    palm_velocity: step.rates.palm_velocity,
+                    palm_acceleration: palm_acceleration(&trajectory.steps, idx),
+                    q_velocity_rad_per_s: step.rates.q_velocity_rad_per_s.clone(),
+                    q_acceleration_rad_per_s2: step.rates.q_acceleration_rad_per_s2.clone(),
+                },
             })
             .collect(),
     }
+}
+
+/// Returns how fast the palm's velocity changes about a step: its difference between the neighbors (the
+/// step itself at an end) over the time between them; 0 of a single step.
+fn palm_acceleration(steps: &[trajectories::Step], idx: usize) -> [f64; 6] {
+    let (before, after) = (idx.saturating_sub(1), (idx + 1).min(steps.len() - 1));
+    let (Some(before), Some(after)) = (steps.get(before), steps.get(after)) else {
+        return [0.0; 6];
+    };
+    let between_s = after.time_s - before.time_s;
+    std::array::from_fn(|k| {
+        let change = after.rates.palm_velocity[k] - before.rates.palm_velocity[k];
+        if between_s > 0.0 {
+            change / between_s
+        } else {
+            0.0
+        }
+    })
 }
 
 #[cfg(test)]
@@ -171,7 +197,10 @@ mod tests {
             time_s,
             object_from_palm: Pose::new(Isometry3::translation(time_s, 0.0, 0.1)),
             q_rad: joints.iter().map(|_| time_s).collect(),
-            rates: trajectories::Rates::still(joints.len()),
+            rates: trajectories::Rates {
+                palm_velocity: [time_s, 0.0, 0.0, 0.0, 0.0, -3.0 * time_s],
+                ..trajectories::Rates::still(joints.len())
+            },
             tracking: trajectories::Tracking::default(),
         };
         Trajectory {
@@ -241,6 +270,9 @@ mod tests {
                 assert_eq!(found.time_s, expected.time_s);
                 assert_eq!(found.object_from_palm, expected.object_from_palm);
                 assert_eq!(found.q_rad, expected.q_rad);
+                assert_eq!(found.rates.palm_velocity, expected.rates.palm_velocity);
+                let [x, _, _, _, _, turning] = found.rates.palm_acceleration;
+                assert!((x - 1.0).abs() < 1e-12 && (turning + 3.0).abs() < 1e-12);
             }
         }
     }

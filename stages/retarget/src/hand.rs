@@ -3,11 +3,13 @@
 use std::ops::Range;
 
 use nalgebra::Point3;
-use robot::RobotModel;
+use robot::{
+    RobotModel,
+    balls::{Ball, count, enclosing, fill, groups},
+};
 
 use crate::{
     HandTable, RetargetError,
-    balls::{Ball, count, enclosing, fill, groups},
     solver::{CompiledHand, Root},
 };
 

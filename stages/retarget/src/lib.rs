@@ -14,7 +14,6 @@
 //! leave the joint limits. The result depends on the configuration, the URDF, the demonstration and
 //! the object alone.
 
-mod balls;
 mod config;
 mod error;
 #[cfg(test)]

@@ -279,7 +279,7 @@ mod tests {
                 .iter()
                 .zip(links)
                 .flat_map(|(link, pose)| {
-                    let balls = link.collisions.iter().flat_map(crate::balls::fill);
+                    let balls = link.collisions.iter().flat_map(robot::balls::fill);
                     balls.map(move |ball| (pose * ball.center_in_link, ball.radius_m))
                 });
             balls

@@ -1,10 +1,14 @@
 //! Which orientation and which latent code each motion gets.
 
-use cgf::{Cgf, Demonstration, Random};
+use cgf::{Cgf, Demonstration, Random, Split};
+use nalgebra::{Unit, Vector3};
 use schemas::objects::Object;
 use spatial::Rest;
 
-use crate::config::{Rests, SampleConfig};
+use crate::{
+    SampleError,
+    config::{Rests, SampleConfig},
+};
 
 /// What one motion is decoded from.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,37 +23,69 @@ pub(crate) struct Draw {
 pub(crate) struct Source<'a> {
     config: &'a SampleConfig,
     latent_dim: usize,
-    /// Demonstrations of this object, each with the orientation in which it lay.
-    demonstrations: Vec<(usize, &'a Demonstration)>,
+    /// Demonstrations about which codes are drawn, each with the orientation in which it lay; none for
+    /// one of another object.
+    demonstrations: Vec<(Option<usize>, &'a Demonstration)>,
+    /// The two between which codes go, if they are not drawn.
+    path: Option<[(Option<usize>, &'a Demonstration); 2]>,
     /// Weight of each orientation.
     weights: Vec<f64>,
 }
 
 impl<'a> Source<'a> {
     /// `rests` are the object's resting orientations as [`rests`] returns them.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the function knows no demonstration of a name in the configuration.
     pub(crate) fn new(
         config: &'a SampleConfig,
         cgf: &'a Cgf,
         object: &Object,
         rests: &[Rest],
-    ) -> Self {
+    ) -> Result<Self, SampleError> {
         let description = cgf.description();
-        let demonstrations = description
-            .demonstrations
-            .iter()
-            .filter(|demonstration| demonstration.object == object.name)
-            .map(|demonstration| (nearest(rests, &demonstration.rest()), demonstration))
-            .collect();
-        Self {
+        let all = &description.demonstrations;
+        let with_rest = |demonstration: &'a Demonstration| {
+            let is_own = demonstration.object == object.name;
+            let rest = is_own.then(|| nearest(rests, &demonstration.rest()));
+            (rest, demonstration)
+        };
+        let named = |name: &String| {
+            let found = all.iter().find(|demonstration| demonstration.name == *name);
+            found
+                .map(with_rest)
+                .ok_or_else(|| SampleError::UnknownDemonstration {
+                    name: name.clone(),
+                    known: all.iter().map(|known| known.name.clone()).collect(),
+                })
+        };
+        let demonstrations = if config.demonstrations.is_empty() {
+            let learned = all.iter().filter(|known| known.split == Split::Training);
+            let own = learned.map(with_rest);
+            own.filter(|(rest, _)| rest.is_some()).collect()
+        } else {
+            let names = config.demonstrations.iter();
+            names.map(named).collect::<Result<_, _>>()?
+        };
+        let path = match config.path.as_slice() {
+            [from, to] => Some([named(from)?, named(to)?]),
+            _ => None,
+        };
+        Ok(Self {
             config,
             latent_dim: description.network.latent_dim,
             demonstrations,
+            path,
             weights: weights(config.rests, object, rests.len()),
-        }
+        })
     }
 
-    /// Draws one motion.
-    pub(crate) fn draw(&self, random: &mut Random) -> Draw {
+    /// Draws motion `number` of the object.
+    pub(crate) fn draw(&self, number: usize, random: &mut Random) -> Draw {
+        if let Some(path) = &self.path {
+            return self.along(path, number);
+        }
         let about_demonstration = random.uniform() < self.config.demonstrated_share;
         if about_demonstration && !self.demonstrations.is_empty() {
             let (rest, demonstration) =
@@ -60,6 +96,7 @@ impl<'a> Source<'a> {
                 .zip(&demonstration.latent_deviation)
                 .map(|(mean, deviation)| mean + self.config.spread * deviation * random.normal())
                 .collect();
+            let rest = rest.unwrap_or_else(|| choose(&self.weights, random.uniform()));
             return Draw { rest, latent };
         }
         let rest = choose(&self.weights, random.uniform());
@@ -68,20 +105,32 @@ impl<'a> Source<'a> {
             .collect();
         Draw { rest, latent }
     }
+
+    /// Returns the code that is as far along the line from the first demonstration's mean to the
+    /// second's as the number is among the motions; the object lies as in the first, or as most
+    /// often if that is of another object.
+    fn along(&self, path: &[(Option<usize>, &Demonstration); 2], number: usize) -> Draw {
+        let [(rest, from), (_, to)] = path;
+        let last = self.config.per_object.saturating_sub(1).max(1);
+        let share = number as f64 / last as f64;
+        let means = from.latent_mean.iter().zip(&to.latent_mean);
+        Draw {
+            rest: rest.unwrap_or_else(|| heaviest(&self.weights)),
+            latent: means
+                .map(|(from, to)| (1.0 - share) * from + share * to)
+                .collect(),
+        }
+    }
 }
 
-/// Returns the object's resting orientations; upright at its lowest point if it has none.
-pub(crate) fn rests(object: &Object) -> Vec<Rest> {
+/// Returns the object's resting orientations: the one that is given; else its own, or upright on its
+/// lowest point if it has none.
+pub(crate) fn rests(config: &SampleConfig, object: &Object) -> Vec<Rest> {
+    if let (Rests::Given, Some(up)) = (config.rests, config.rest_up) {
+        return vec![on_lowest_point(object, Unit::new_normalize(up.into()))];
+    }
     if object.rests.is_empty() {
-        let lowest = object
-            .vertices_m
-            .iter()
-            .map(|[_, _, z]| *z)
-            .fold(0.0, f64::min);
-        return vec![Rest {
-            up_in_object: nalgebra::Vector3::z_axis(),
-            height_m: -lowest,
-        }];
+        return vec![on_lowest_point(object, Vector3::z_axis())];
     }
     object
         .rests
@@ -90,7 +139,21 @@ pub(crate) fn rests(object: &Object) -> Vec<Rest> {
         .collect()
 }
 
+/// Puts the mesh's lowest point on the table.
+fn on_lowest_point(object: &Object, up_in_object: Unit<Vector3<f64>>) -> Rest {
+    let vertices = object.vertices_m.iter();
+    let heights = vertices.map(|&vertex| up_in_object.dot(&Vector3::from(vertex)));
+    let lowest = heights.min_by(f64::total_cmp).unwrap_or(0.0);
+    Rest {
+        up_in_object,
+        height_m: -lowest,
+    }
+}
+
 fn weights(rests: Rests, object: &Object, n: usize) -> Vec<f64> {
+    if rests == Rests::Given || object.rests.is_empty() {
+        return vec![1.0; n];
+    }
     let seen: Vec<f64> = object
         .rests
         .iter()
@@ -104,18 +167,22 @@ fn weights(rests: Rests, object: &Object, n: usize) -> Vec<f64> {
     if rests == Rests::Stable && usable(&stable) {
         return stable;
     }
-    // The most probable one, the first among equals.
-    let mut best = 0;
-    for (idx, probability) in stable.iter().enumerate() {
-        if *probability > stable[best] {
-            best = idx;
-        }
-    }
     let mut weights = vec![0.0; n];
-    if let Some(weight) = weights.get_mut(best) {
+    if let Some(weight) = weights.get_mut(heaviest(&stable)) {
         *weight = 1.0;
     }
     weights
+}
+
+/// Returns the index of the greatest weight, the first among equals.
+fn heaviest(weights: &[f64]) -> usize {
+    let mut best = 0;
+    for (idx, weight) in weights.iter().enumerate() {
+        if *weight > weights[best] {
+            best = idx;
+        }
+    }
+    best
 }
 
 /// Returns the index in whose share of the total weight the number from `[0, 1)` falls.

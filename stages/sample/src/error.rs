@@ -1,8 +1,11 @@
 //! Why no motions could be drawn.
 
+use std::{io, path::PathBuf};
+
 use cgf::CgfError;
 use dataflow::Advise;
 use lake::LakeError;
+use robot::RobotError;
 use schemas::SchemaError;
 
 /// Why no motions could be drawn.
@@ -17,13 +20,67 @@ pub enum SampleError {
         /// The objects that there are.
         known: Vec<String>,
     },
+    /// A name in the configuration is no demonstration that the function knows.
+    #[error("the grasping function knows no demonstration `{name}`")]
+    UnknownDemonstration {
+        /// The name.
+        name: String,
+        /// Those that it was trained on, or that were kept back.
+        known: Vec<String>,
+    },
+    /// The hand's URDF cannot be read.
+    #[error("cannot read the hand's URDF `{}`", path.display())]
+    ReadHand {
+        /// The file.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// The hand's URDF cannot be used.
+    #[error("cannot use the hand's URDF `{}`", path.display())]
+    Hand {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: RobotError,
+    },
+    /// Motions are of another hand.
+    #[error("the {what} has joints {found:?}, the hand's URDF has {expected:?}")]
+    AnotherHand {
+        /// What they are of, e.g. `grasping function`.
+        what: String,
+        /// The URDF's joints.
+        expected: Vec<String>,
+        /// Their joints.
+        found: Vec<String>,
+    },
+    /// The collision shapes are far larger than a hand's.
+    #[error("the collision shapes up to those of link `{link}` are far larger than a hand")]
+    LargeShapes {
+        /// The link at which they became too large.
+        link: String,
+    },
+    /// An object's distance field is damaged.
+    #[error("the distance field of object `{object}` is damaged")]
+    BadField {
+        /// The object's name.
+        object: String,
+    },
+    /// An object's distance field cannot be read from the lake.
+    #[error("cannot read the distance field of object `{object}`")]
+    ReadField {
+        /// The object's name.
+        object: String,
+        /// Why it failed.
+        source: io::Error,
+    },
     /// A value of the configuration cannot be used.
     #[error("`{key}` is {value}, expected {expected}")]
     Config {
         /// The key.
         key: &'static str,
         /// Its value.
-        value: f64,
+        value: String,
         /// What would be valid.
         expected: &'static str,
     },
@@ -53,7 +110,23 @@ impl Advise for SampleError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
-            Self::Missing { .. } | Self::Schema { .. } => {
+            Self::UnknownDemonstration { name, known } => {
+                let near = dataflow::nearest(name, known.iter().map(String::as_str));
+                let some: Vec<&str> = known.iter().take(5).map(String::as_str).collect();
+                Some(near.map_or_else(
+                    || format!("there are {}, such as {}", known.len(), some.join(", ")),
+                    |near| format!("did you mean `{near}`?"),
+                ))
+            }
+            Self::AnotherHand { .. } => Some(
+                "give `sample.hand` the URDF with which `retarget` and `train` made them"
+                    .to_owned(),
+            ),
+            Self::LargeShapes { .. } => Some("URDFs are in meters".to_owned()),
+            Self::Missing { .. }
+            | Self::Schema { .. }
+            | Self::BadField { .. }
+            | Self::ReadField { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Lake(err) => err.hint(),
@@ -63,7 +136,7 @@ impl Advise for SampleError {
                 | CgfError::Tensor { .. }
                 | CgfError::Version { .. },
             ) => Some("train again with `pipeline run FILE --fresh`".to_owned()),
-            Self::Config { .. } | Self::Cgf(_) => None,
+            Self::Config { .. } | Self::ReadHand { .. } | Self::Hand { .. } | Self::Cgf(_) => None,
         }
     }
 }

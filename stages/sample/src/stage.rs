@@ -1,31 +1,30 @@
-//! The stage: one unit per object.
+//! The stage: the candidates of one object, and how plausible and different they are.
 
-use std::collections::BTreeMap;
+mod candidates;
+mod sampling;
 
-use cgf::{Cgf, Grasp, Random, Scene};
+use std::{fs, path::Path};
+
 use dataflow::{
-    Artifact, Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Summary,
-    Unit,
+    Artifact, Code, Context, Input, Inputs, Labels, Outcome, Output, Scope, SourceFile, Stage,
+    Summary, Unit,
 };
-use nalgebra::Point3;
-use schemas::{
-    SchemaError, candidates,
-    candidates::{Candidate, Candidates, Step},
-    checkpoint, objects,
-    objects::Object,
-};
-use spatial::Rest;
+use robot::RobotModel;
+use schemas::SchemaError;
 
-use crate::{
-    Epoch, SampleConfig, SampleError,
-    draw::{self, Draw, Source},
-};
+use crate::{SampleConfig, SampleError};
 
 /// Draws candidate motions from a grasping function.
 pub enum Sample {}
 
-/// What the candidates say drew them.
-const GENERATOR: &str = "cgf";
+/// The artifact of an object's motions.
+const CANDIDATES: &str = "candidates";
+/// The artifact that says how plausible and different they are.
+const SAMPLING: &str = "sampling";
+/// The artifact of an object's distances.
+const FIELDS: &str = "distance_fields";
+/// The artifact of a demonstration's motion.
+const TRAJECTORIES: &str = "trajectories";
 
 impl Stage for Sample {
     type Config = SampleConfig;
@@ -43,48 +42,42 @@ impl Stage for Sample {
             name: "objects",
             artifact: "objects",
         },
+        Input {
+            name: FIELDS,
+            artifact: FIELDS,
+        },
+        Input {
+            name: TRAJECTORIES,
+            artifact: TRAJECTORIES,
+        },
     ];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: "candidates",
-        schema: candidates::VERSION,
-        partition: "object",
-        parallel: true,
-    }];
+    const OUTPUTS: &'static [Output] = &[
+        Output {
+            artifact: CANDIDATES,
+            schema: schemas::candidates::VERSION,
+            partition: "object",
+            parallel: true,
+        },
+        Output {
+            artifact: SAMPLING,
+            schema: schemas::sampling::VERSION,
+            partition: "object",
+            parallel: true,
+        },
+    ];
 
-    /// Checks the options.
+    /// Checks the options and the hand's URDF.
     fn prepare(config: &SampleConfig) -> Result<(), SampleError> {
-        check(config)
+        config.check()?;
+        read_hand(&config.hand).map(drop)
     }
 
-    fn units(
-        config: &SampleConfig,
-        _output: &str,
-        scope: &Scope,
-    ) -> Result<Vec<Unit>, SampleError> {
-        check(config)?;
-        let objects = scope.partitions("objects");
-        for object in &config.objects {
-            if !objects.iter().any(|known| known.key == *object) {
-                return Err(SampleError::UnknownObject {
-                    object: object.clone(),
-                    known: objects.iter().map(|known| known.key.clone()).collect(),
-                });
-            }
+    fn units(config: &SampleConfig, output: &str, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
+        config.check()?;
+        match output {
+            SAMPLING => Ok(sampling::units(config, scope)),
+            _ => candidates::units(config, scope),
         }
-        let checkpoint = scope
-            .partitions("checkpoint")
-            .iter()
-            .map(|model| &model.key);
-        let units = objects
-            .iter()
-            .map(|object| &object.key)
-            .filter(|object| config.objects.is_empty() || config.objects.contains(object))
-            .map(|object| {
-                Unit::new(object.as_str())
-                    .reading("checkpoint", checkpoint.clone().map(String::as_str))
-                    .reading("objects", [object.as_str()])
-            });
-        Ok(units.collect())
     }
 
     fn foretell(
@@ -93,156 +86,84 @@ impl Stage for Sample {
         unit: &Unit,
         _scope: &Scope,
     ) -> Option<Labels> {
-        let object = unit.partition.clone();
-        Some(Labels::from([("object".to_owned(), object)]))
+        Some(labels(&unit.partition))
+    }
+
+    fn decides(option: &str, output: &str) -> bool {
+        output == CANDIDATES && option != "objects"
     }
 
     fn run(config: &SampleConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleError> {
-        check(config)?;
-        let cgf = read_checkpoint(config.epoch, inputs.artifacts("checkpoint"))?;
-        let artifact = inputs
-            .artifacts("objects")
-            .first()
-            .ok_or(SampleError::Missing { what: "object" })?;
-        let schema = |source: SchemaError| SampleError::Schema {
-            key: artifact.key.clone(),
-            source,
-        };
-        let object =
-            objects::from_batch(&artifact.key, &lake::table::read(artifact)?).map_err(schema)?;
-        let candidates = Candidates {
-            object: object.name.clone(),
-            joints: cgf.description().joints.clone(),
-            candidates: sample(config, &cgf, &object, cx.seed())?,
-        };
-        lake::table::write(
-            cx.folder(),
-            &candidates::to_batch(&candidates).map_err(schema)?,
-        )?;
-        let n = candidates.candidates.len() as f64;
-        Ok(Outcome::Made(Made {
-            labels: BTreeMap::from([("object".to_owned(), object.name)]),
-            metrics: BTreeMap::from([("candidates".to_owned(), n)]),
-        }))
-    }
-
-    fn describe(_output: &str, summary: &Summary) -> String {
-        format!(
-            "{} objects → {} candidates",
-            summary.n_made,
-            summary.total("candidates")
-        )
-    }
-}
-
-fn check(config: &SampleConfig) -> Result<(), SampleError> {
-    let check = |key, value: f64, usable: bool, expected| {
-        if usable {
-            Ok(())
-        } else {
-            Err(SampleError::Config {
-                key,
-                value,
-                expected,
-            })
+        config.check()?;
+        match cx.output() {
+            SAMPLING => sampling::make(inputs, cx),
+            _ => candidates::make(config, inputs, cx),
         }
-    };
-    check(
-        "per_object",
-        config.per_object as f64,
-        config.per_object > 0,
-        "at least 1",
-    )?;
-    check("steps", config.steps as f64, config.steps > 1, "at least 2")?;
-    check(
-        "duration_s",
-        config.duration_s,
-        config.duration_s > 0.0,
-        "more than 0",
-    )?;
-    check("spread", config.spread, config.spread >= 0.0, "0 or more")?;
-    let share = config.demonstrated_share;
-    check(
-        "demonstrated_share",
-        share,
-        (0.0..=1.0).contains(&share),
-        "from 0 to 1",
-    )
+    }
+
+    fn describe(output: &str, summary: &Summary) -> String {
+        match output {
+            SAMPLING => sampling::describe(summary),
+            _ => format!(
+                "{} objects → {} candidates",
+                summary.n_made,
+                summary.total("candidates")
+            ),
+        }
+    }
 }
 
-fn read_checkpoint(epoch: Epoch, artifacts: &[Artifact]) -> Result<Cgf, SampleError> {
-    let file = |name| {
-        let file = artifacts.first().and_then(|artifact| artifact.file(name));
-        file.ok_or(SampleError::Missing { what: "checkpoint" })
-    };
-    let files = match epoch {
-        Epoch::Best => checkpoint::BEST,
-        Epoch::Last => checkpoint::LAST,
-    };
-    Ok(Cgf::load(file(files.weights)?, file(files.description)?)?)
+fn labels(object: &str) -> Labels {
+    Labels::from([("object".to_owned(), object.to_owned())])
 }
 
-/// Draws and decodes all motions of one object.
-fn sample(
-    config: &SampleConfig,
-    cgf: &Cgf,
-    object: &Object,
-    seed: u64,
-) -> Result<Vec<Candidate>, SampleError> {
-    let rests = draw::rests(object);
-    let source = Source::new(config, cgf, object, &rests);
-    let draws: Vec<Draw> = (0..config.per_object as u64)
-        .map(|stream| source.draw(&mut Random::new(seed, stream)))
+/// The hand's URDF, of which some units read nothing.
+fn hand_file(config: &SampleConfig) -> SourceFile {
+    SourceFile::named_by_file(&config.hand)
+}
+
+/// Reads the hand's URDF: its text and what it says.
+fn read_hand(path: &Path) -> Result<(String, RobotModel), SampleError> {
+    let xml = fs::read_to_string(path).map_err(|source| SampleError::ReadHand {
+        path: path.to_owned(),
+        source,
+    })?;
+    let model = RobotModel::from_urdf(&xml).map_err(|source| SampleError::Hand {
+        path: path.to_owned(),
+        source,
+    })?;
+    Ok((xml, model))
+}
+
+/// Returns which of `joints`, those of `what`, each of the hand's joints is.
+fn columns(model: &RobotModel, joints: &[String], what: &str) -> Result<Vec<usize>, SampleError> {
+    let names = model.joint_names();
+    let columns: Option<Vec<usize>> = names
+        .iter()
+        .map(|name| joints.iter().position(|joint| joint == name))
         .collect();
-    let times = Cgf::times(config.steps);
-    let mut candidates: Vec<Option<Candidate>> = vec![None; draws.len()];
-    for (idx, rest) in rests.iter().enumerate() {
-        let numbers: Vec<usize> = (0..draws.len())
-            .filter(|&number| draws[number].rest == idx)
-            .collect();
-        if numbers.is_empty() {
-            continue;
-        }
-        let feature = cgf.feature(&Scene {
-            object: object.name.clone(),
-            rest: *rest,
-            points_in_object: object
-                .points_m
-                .iter()
-                .map(|&point| Point3::from(point))
-                .collect(),
-        })?;
-        let latents: Vec<Vec<f64>> = numbers
-            .iter()
-            .map(|&number| draws[number].latent.clone())
-            .collect();
-        let motions = cgf.decode(&feature, &latents, &times)?;
-        for ((number, latent), motion) in numbers.into_iter().zip(latents).zip(motions) {
-            candidates[number] = Some(Candidate {
-                candidate_id: format!("{}-{number:05}", object.name),
-                generator: GENERATOR.to_owned(),
-                latent,
-                table_from_object: rest.table_from_object(),
-                steps: steps(&motion, &times, rest, cgf, config.duration_s),
-            });
-        }
-    }
-    Ok(candidates.into_iter().flatten().collect())
+    columns
+        .filter(|columns| columns.len() == joints.len())
+        .ok_or_else(|| SampleError::AnotherHand {
+            what: what.to_owned(),
+            expected: names,
+            found: joints.to_vec(),
+        })
 }
 
-/// Puts a motion into the object's frame, its joints within their limits, its time into seconds.
-fn steps(motion: &[Grasp], times: &[f64], rest: &Rest, cgf: &Cgf, duration_s: f64) -> Vec<Step> {
-    let object_from_table = rest.table_from_object().inverse();
-    let ranges = &cgf.description().joint_ranges;
-    let step = |(grasp, t): (&Grasp, &f64)| Step {
-        time_s: (1.0 - t) * duration_s,
-        object_from_palm: object_from_table * grasp.table_from_palm,
-        q_rad: grasp
-            .q_rad
-            .iter()
-            .zip(ranges)
-            .map(|(&q, range)| range.clamp(q))
-            .collect(),
-    };
-    motion.iter().zip(times).map(step).collect()
+/// Returns the one artifact of an input.
+fn only<'a>(
+    inputs: &'a Inputs,
+    input: &str,
+    what: &'static str,
+) -> Result<&'a Artifact, SampleError> {
+    let artifact = inputs.artifacts(input).first();
+    artifact.ok_or(SampleError::Missing { what })
+}
+
+fn schema(key: &str) -> impl Fn(SchemaError) -> SampleError {
+    move |source| SampleError::Schema {
+        key: key.to_owned(),
+        source,
+    }
 }

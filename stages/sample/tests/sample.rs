@@ -1,34 +1,88 @@
 //! The stage on a network that was hardly trained and a made-up object.
 
-use std::{collections::BTreeMap, path::Path, sync::Arc};
+#![expect(
+    clippy::disallowed_methods,
+    reason = "a test's file may well be half a file"
+)]
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use cgf::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Grasp, Initialization,
     LatentNoise, NetworkConfig, Outputs, Reduction, Scene, Schedule, Split, TimedGrasp, Times,
     Track, TrainingConfig, TrainingSet,
 };
-use dataflow::{Artifact, Context, Inputs, Outcome, Stage};
-use nalgebra::{Isometry3, Point3, Vector3};
+use dataflow::{Advise, Artifact, Context, Inputs, Made, Outcome, SourceFile, Stage, Summary};
+use geometry::{DistanceField, TriMesh};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use robot::RobotModel;
+use safetensors::{SafeTensors, tensor::TensorView};
 use schemas::{
     candidates,
     candidates::Candidates,
-    checkpoint, objects,
+    checkpoint, distance_fields, objects,
     objects::{Object, RestingOrientation},
+    ros2::{TfMessage, motion},
+    sampling,
+    sampling::Sampled,
+    trajectories,
+    trajectories::Trajectory,
 };
 use spatial::{Pose, Rest};
 use stage_sample::{Epoch, Rests, Sample, SampleConfig, SampleError};
+use tempfile::TempDir;
 
+/// A palm, and a ball that two joints move: one within a narrow range, one that is hardly limited.
 const HAND: &str = r#"<robot name="h">
-  <link name="palm"/><link name="tip"/>
-  <joint name="j" type="revolute"><parent link="palm"/><child link="tip"/><axis xyz="0 1 0"/>
+  <link name="palm"/><link name="finger"/>
+  <link name="tip"><collision><geometry><sphere radius="0.01"/></geometry></collision></link>
+  <joint name="j" type="revolute"><parent link="palm"/><child link="finger"/><axis xyz="0 1 0"/>
     <origin xyz="0 0 0.1"/><limit lower="0.2" upper="0.25" effort="1" velocity="1"/></joint>
+  <joint name="k" type="revolute"><parent link="finger"/><child link="tip"/><axis xyz="0 1 0"/>
+    <origin xyz="0 0 0.05"/><limit lower="-9" upper="9" effort="1" velocity="1"/></joint>
 </robot>"#;
+/// Half of the sides of the object, a box.
+const HALF_M: [f64; 3] = [0.03, 0.02, 0.05];
 
 fn rest(up: Vector3<f64>, height_m: f64) -> Rest {
     Rest {
         up_in_object: nalgebra::Unit::new_normalize(up),
         height_m,
+    }
+}
+
+fn mesh() -> TriMesh {
+    let corner = |idx: usize| {
+        let side = |axis: usize| {
+            if idx >> axis & 1 == 0 {
+                -HALF_M[axis]
+            } else {
+                HALF_M[axis]
+            }
+        };
+        Point3::new(side(0), side(1), side(2))
+    };
+    TriMesh {
+        vertices_m: (0..8).map(corner).collect(),
+        triangles: vec![
+            [0, 2, 1],
+            [1, 2, 3],
+            [4, 5, 6],
+            [5, 7, 6],
+            [0, 1, 4],
+            [1, 5, 4],
+            [2, 6, 3],
+            [3, 6, 7],
+            [0, 4, 2],
+            [2, 4, 6],
+            [1, 3, 5],
+            [3, 7, 5],
+        ],
     }
 }
 
@@ -38,7 +92,7 @@ fn object() -> Object {
             let angle = f64::from(k) * 0.7;
             [
                 0.03 * angle.cos(),
-                0.03 * angle.sin(),
+                0.02 * angle.sin(),
                 f64::from(k) / 1000.0 - 0.05,
             ]
         })
@@ -56,8 +110,12 @@ fn object() -> Object {
         normals: vec![[0.0, 0.0, 1.0]; points_m.len()],
         watertight: true,
         mirror: None,
-        vertices_m: points_m[..3].to_vec(),
-        triangles: vec![[0, 1, 2]],
+        vertices_m: mesh()
+            .vertices_m
+            .iter()
+            .map(|&vertex| vertex.into())
+            .collect(),
+        triangles: mesh().triangles,
         parts_m: vec![points_m[..4].to_vec()],
         points_m,
         rests: rests
@@ -95,7 +153,7 @@ fn write_checkpoint(folder: &Path) {
                         0.0,
                         0.3 - 0.02 * f64::from(k),
                     )),
-                    q_rad: vec![0.1 * f64::from(k)],
+                    q_rad: vec![0.1 * f64::from(k), 0.3 - 0.05 * f64::from(k)],
                 },
             })
             .collect(),
@@ -118,7 +176,7 @@ fn write_checkpoint(folder: &Path) {
         encoder_rotation: EncoderRotation::Columns,
     };
     let training = TrainingConfig {
-        epochs: 20,
+        epochs: 200,
         validation_epochs: 1,
         batch: 2,
         learning_rate: 3e-3,
@@ -156,64 +214,137 @@ fn write_checkpoint(folder: &Path) {
         .unwrap();
 }
 
+/// Writes what the stage reads into `folder`.
 fn inputs(folder: &Path) -> Inputs {
     write_checkpoint(folder);
-    lake::table::write(folder, &objects::to_batch(&[object()]).unwrap()).unwrap();
-    let artifact = |key: &str, files: &[&str]| Artifact {
+    fs::write(folder.join("hand.urdf"), HAND).unwrap();
+    let part = |name: &str, files: &[&str]| {
+        let folder = folder.join(name);
+        fs::create_dir_all(&folder).unwrap();
+        let files = files
+            .iter()
+            .map(|&file| (file.to_owned(), folder.join(file)));
+        (folder.clone(), files.collect::<BTreeMap<_, _>>())
+    };
+    let artifact = |key: &str, files: BTreeMap<String, PathBuf>| Artifact {
         key: key.to_owned(),
         labels: BTreeMap::new(),
-        files: files
-            .iter()
-            .map(|&file| (file.to_owned(), folder.join(file)))
-            .collect(),
+        files,
     };
+    let (of_object, object_files) = part("object", &[lake::table::FILE]);
+    lake::table::write(&of_object, &objects::to_batch(&[object()]).unwrap()).unwrap();
+    let (of_field, field_files) = part("field", &[distance_fields::FIELD]);
+    let field = DistanceField::new(&mesh(), 0.0025, 0.025).unwrap().unwrap();
+    fs::write(of_field.join(distance_fields::FIELD), field.to_bytes()).unwrap();
+    let shown = [("a", 0.1), ("b", -0.1)].map(|(name, x)| {
+        let (folder, files) = part(name, &[lake::table::FILE]);
+        let batch = trajectories::to_batch(&trajectory(name, x)).unwrap();
+        lake::table::write(&folder, &batch).unwrap();
+        artifact(name, files)
+    });
+    let checkpoint = [checkpoint::BEST.weights, checkpoint::BEST.description]
+        .map(|file| (file.to_owned(), folder.join(file)));
     Inputs::new(
         BTreeMap::from([
             (
                 "checkpoint".to_owned(),
-                vec![artifact(
-                    "cgf",
-                    &[checkpoint::BEST.weights, checkpoint::BEST.description],
-                )],
+                vec![artifact("cgf", checkpoint.into())],
             ),
+            ("objects".to_owned(), vec![artifact("can", object_files)]),
             (
-                "objects".to_owned(),
-                vec![artifact("can", &[lake::table::FILE])],
+                "distance_fields".to_owned(),
+                vec![artifact("can", field_files)],
             ),
+            ("trajectories".to_owned(), shown.to_vec()),
         ]),
-        Vec::new(),
+        vec![SourceFile::named_by_file(&folder.join("hand.urdf"))],
     )
+}
+
+/// The grasp of a demonstration, beside the object.
+fn trajectory(name: &str, x: f64) -> Trajectory {
+    Trajectory {
+        sequence: name.to_owned(),
+        object: "can".to_owned(),
+        // Not in the hand's order.
+        joints: ["k", "j"].map(str::to_owned).to_vec(),
+        keypoints: Vec::new(),
+        tips: Vec::new(),
+        rest: object().rests[0].rest,
+        steps: vec![trajectories::Step {
+            time_s: 1.0,
+            object_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.07)),
+            q_rad: vec![-0.15, 0.25],
+            rates: trajectories::Rates::still(2),
+            tracking: trajectories::Tracking::default(),
+        }],
+    }
 }
 
 fn config() -> SampleConfig {
     SampleConfig {
+        hand: "hand.urdf".into(),
         epoch: Epoch::Best,
         objects: Vec::new(),
         per_object: 40,
         steps: 11,
         duration_s: 2.0,
         demonstrated_share: 0.0,
+        demonstrations: Vec::new(),
         spread: 1.0,
+        path: Vec::new(),
         rests: Rests::Seen,
+        rest_up: None,
+        recorded_per_object: 0,
+    }
+}
+
+/// Runs one output of the stage in a folder of its own, which is returned.
+fn run(config: &SampleConfig, inputs: &Inputs, seed: u64, output: &str) -> (TempDir, Made) {
+    let out = tempfile::tempdir().unwrap();
+    let cx = Context::detached(output, "can", seed, out.path());
+    let Outcome::Made(made) = Sample::run(config, inputs, &cx).unwrap() else {
+        panic!("nothing was made");
+    };
+    (out, made)
+}
+
+/// The artifact that a run left in a folder.
+fn made_in(folder: &Path) -> Artifact {
+    let files = fs::read_dir(folder).unwrap().map(|entry| {
+        let entry = entry.unwrap();
+        (entry.file_name().into_string().unwrap(), entry.path())
+    });
+    Artifact {
+        key: "can".to_owned(),
+        labels: BTreeMap::new(),
+        files: files.collect(),
     }
 }
 
 fn sample(config: &SampleConfig, inputs: &Inputs, seed: u64) -> Candidates {
+    let (out, _) = run(config, inputs, seed, "candidates");
+    let batch = lake::table::read(&made_in(out.path())).unwrap();
+    candidates::from_batch("can", &batch).unwrap()
+}
+
+/// Samples, then measures what was sampled.
+fn measure(config: &SampleConfig, inputs: &Inputs) -> (Vec<Sampled>, Made) {
+    let (out, _) = run(config, inputs, 7, "candidates");
+    let mut artifacts: BTreeMap<String, Vec<Artifact>> = ["distance_fields", "trajectories"]
+        .map(|input| (input.to_owned(), inputs.artifacts(input).to_vec()))
+        .into();
+    artifacts.insert("candidates".to_owned(), vec![made_in(out.path())]);
+    let inputs = Inputs::new(artifacts, inputs.files().to_vec());
+    let (out, made) = run(config, &inputs, 7, "sampling");
+    let batch = lake::table::read(&made_in(out.path())).unwrap();
+    (sampling::from_batch(&batch).unwrap(), made)
+}
+
+fn refused(config: &SampleConfig, inputs: &Inputs) -> String {
     let out = tempfile::tempdir().unwrap();
-    let cx = Context::detached("candidates", "can", seed, out.path());
-    assert!(matches!(
-        Sample::run(config, inputs, &cx).unwrap(),
-        Outcome::Made(_)
-    ));
-    let artifact = Artifact {
-        key: "can".to_owned(),
-        labels: BTreeMap::new(),
-        files: BTreeMap::from([(
-            lake::table::FILE.to_owned(),
-            out.path().join(lake::table::FILE),
-        )]),
-    };
-    candidates::from_batch("can", &lake::table::read(&artifact).unwrap()).unwrap()
+    let cx = Context::detached("candidates", "can", 7, out.path());
+    Sample::run(config, inputs, &cx).unwrap_err().to_string()
 }
 
 #[test]
@@ -222,7 +353,7 @@ fn candidates_end_at_the_grasp_within_limits_in_seen_orientations() {
     let inputs = inputs(folder.path());
     let drawn = sample(&config(), &inputs, 7);
     assert_eq!(drawn.candidates.len(), 40);
-    assert_eq!(drawn.joints, ["j"]);
+    assert_eq!(drawn.joints, ["j", "k"]);
     let mut standing = 0;
     for candidate in &drawn.candidates {
         assert_eq!(candidate.steps.len(), 11);
@@ -279,9 +410,415 @@ fn a_truncated_checkpoint_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let inputs = inputs(folder.path());
     let path = folder.path().join(checkpoint::BEST.weights);
-    let bytes = std::fs::read(&path).unwrap();
-    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let bytes = fs::read(&path).unwrap();
+    fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     let cx = Context::detached("candidates", "can", 7, folder.path());
     let err = Sample::run(&config(), &inputs, &cx).unwrap_err();
     assert!(matches!(err, SampleError::Cgf(_)), "{err}");
+}
+
+#[test]
+fn rates_are_those_of_the_motion_per_second_and_zero_at_a_limit() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    let config = SampleConfig {
+        per_object: 5,
+        steps: 2001,
+        spread: 4.0,
+        ..config()
+    };
+    let (mut moving, mut at_limit) = (0, 0);
+    for candidate in sample(&config, &inputs, 7).candidates {
+        assert!(candidate.limit_excess_rad > 0.01);
+        for near in candidate.steps.windows(3).step_by(50) {
+            let [before, here, after] = near else {
+                unreachable!()
+            };
+            let between_s = after.time_s - before.time_s;
+            let rates = &here.rates;
+            let check = |found: f64, expected: f64, scale: f64| {
+                assert!(
+                    (found - expected).abs() < 2e-3 * scale + 2e-4,
+                    "{found} {expected}"
+                );
+            };
+            let palm = |step: &candidates::Step| *step.object_from_palm.isometry();
+            let way = palm(after).translation.vector - palm(before).translation.vector;
+            let turn = palm(after).rotation * palm(before).rotation.inverse();
+            let [x, y, z, u, v, w] = rates.palm_velocity;
+            let (speed, spin) = (way / between_s, turn.scaled_axis() / between_s);
+            for (found, expected) in [x, y, z].into_iter().zip(speed.iter()) {
+                check(found, *expected, speed.norm());
+            }
+            for (found, expected) in [u, v, w].into_iter().zip(spin.iter()) {
+                check(found, *expected, spin.norm());
+            }
+            for k in 0..6 {
+                let change = after.rates.palm_velocity[k] - before.rates.palm_velocity[k];
+                check(rates.palm_acceleration[k], change / between_s, 1.0);
+            }
+            let q = (after.q_rad[1] - before.q_rad[1]) / between_s;
+            check(rates.q_velocity_rad_per_s[1], q, q.abs());
+            let change = after.rates.q_velocity_rad_per_s[1] - before.rates.q_velocity_rad_per_s[1];
+            check(rates.q_acceleration_rad_per_s2[1], change / between_s, 1.0);
+            moving += usize::from(q.abs() > 0.01);
+            if [0.2, 0.25].contains(&here.q_rad[0]) {
+                assert_eq!(rates.q_velocity_rad_per_s[0], 0.0);
+                assert_eq!(rates.q_acceleration_rad_per_s2[0], 0.0);
+                at_limit += 1;
+            }
+        }
+    }
+    assert!(moving > 50 && at_limit > 50, "{moving} {at_limit}");
+}
+
+#[test]
+fn any_number_of_steps_is_the_same_motion() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    let drawn = |steps: usize| sample(&SampleConfig { steps, ..config() }, &inputs, 7).candidates;
+    for (two, many) in drawn(2).iter().zip(drawn(101)) {
+        assert_eq!(two.latent, many.latent);
+        assert_eq!(
+            (&two.steps[0], &two.steps[1]),
+            (&many.steps[0], &many.steps[100])
+        );
+    }
+}
+
+#[test]
+fn a_path_goes_from_one_demonstration_to_the_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    let path = |from: &str, to: &str| SampleConfig {
+        path: vec![from.to_owned(), to.to_owned()],
+        per_object: 5,
+        recorded_per_object: 3,
+        ..config()
+    };
+    let drawn = sample(&path("a", "b"), &inputs, 7).candidates;
+    assert_eq!(drawn.len(), 5);
+    let back = sample(&path("b", "a"), &inputs, 8).candidates;
+    for (k, candidate) in drawn.iter().enumerate() {
+        let share = k as f64 / 4.0;
+        let ends = drawn[0].latent.iter().zip(&drawn[4].latent);
+        for (found, (from, to)) in candidate.latent.iter().zip(ends) {
+            assert!((found - (from + share * (to - from))).abs() < 1e-12);
+        }
+        // Three of four were seen standing, and both demonstrations are.
+        assert!(candidate.table_from_object.direction(&Vector3::z()).z > 0.9);
+        let grasp = |candidate: &candidates::Candidate| candidate.steps[10].q_rad.clone();
+        assert_eq!(candidate.latent.len(), 3);
+        let other = &back[4 - k];
+        for (a, b) in grasp(candidate).iter().zip(grasp(other)) {
+            assert!((a - b).abs() < 1e-5);
+        }
+    }
+    assert_ne!(drawn[0].latent, drawn[4].latent);
+    // The ends are the demonstrations' own codes.
+    let about = SampleConfig {
+        demonstrated_share: 1.0,
+        demonstrations: vec!["a".to_owned()],
+        spread: 0.0,
+        ..config()
+    };
+    assert_eq!(
+        sample(&about, &inputs, 7).candidates[0].latent,
+        drawn[0].latent
+    );
+
+    let err = refused(&path("a", "c"), &inputs);
+    assert!(err.contains("`c`"), "{err}");
+    let err = Sample::run(
+        &path("a", "bb"),
+        &inputs,
+        &Context::detached("candidates", "can", 7, folder.path()),
+    )
+    .unwrap_err();
+    assert_eq!(err.hint().unwrap(), "did you mean `b`?");
+}
+
+#[test]
+fn a_given_orientation_puts_the_mesh_on_the_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    let given = |up: [f64; 3]| SampleConfig {
+        rests: Rests::Given,
+        rest_up: Some(up),
+        demonstrated_share: 0.5,
+        ..config()
+    };
+    let drawn = sample(&given([0.0, -0.6, 0.8]), &inputs, 7);
+    for candidate in &drawn.candidates {
+        let pose = &candidate.table_from_object;
+        let up = pose.direction(&Vector3::new(0.0, -0.6, 0.8));
+        assert!((up - Vector3::z()).norm() < 1e-9);
+        let heights = mesh()
+            .vertices_m
+            .iter()
+            .map(|vertex| pose.point(vertex).z)
+            .collect::<Vec<_>>();
+        let lowest = heights.iter().copied().fold(f64::MAX, f64::min);
+        assert!(lowest.abs() < 1e-12, "{lowest}");
+    }
+    for up in [[0.0; 3], [0.0, 0.0, 2.0], [f64::NAN, 0.0, 1.0]] {
+        let err = refused(&given(up), &inputs);
+        assert!(
+            err.contains("`rest_up`") && err.contains("a unit vector"),
+            "{err}"
+        );
+    }
+    let err = refused(
+        &SampleConfig {
+            rest_up: None,
+            ..given([0.0; 3])
+        },
+        &inputs,
+    );
+    assert!(err.contains("`rest_up` is missing"), "{err}");
+    let without = SampleConfig {
+        rests: Rests::Seen,
+        ..given([0.0, 0.0, 1.0])
+    };
+    assert!(refused(&without, &inputs).contains("left out"));
+}
+
+#[test]
+fn options_that_make_no_sense_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    let check = |config: SampleConfig, key: &str| {
+        let err = refused(&config, &inputs);
+        assert!(err.starts_with(&format!("`{key}` is")), "{err}");
+    };
+    check(
+        SampleConfig {
+            steps: 1,
+            ..config()
+        },
+        "steps",
+    );
+    check(
+        SampleConfig {
+            per_object: 0,
+            ..config()
+        },
+        "per_object",
+    );
+    check(
+        SampleConfig {
+            duration_s: f64::NAN,
+            ..config()
+        },
+        "duration_s",
+    );
+    check(
+        SampleConfig {
+            spread: -1.0,
+            ..config()
+        },
+        "spread",
+    );
+    check(
+        SampleConfig {
+            demonstrated_share: 1.1,
+            ..config()
+        },
+        "demonstrated_share",
+    );
+    check(
+        SampleConfig {
+            path: vec!["a".to_owned()],
+            ..config()
+        },
+        "path",
+    );
+    let path = vec!["a".to_owned(), "b".to_owned()];
+    check(
+        SampleConfig {
+            path,
+            per_object: 1,
+            ..config()
+        },
+        "per_object",
+    );
+}
+
+#[test]
+fn motions_are_measured_against_object_table_and_demonstrations() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    let about = SampleConfig {
+        demonstrated_share: 1.0,
+        per_object: 60,
+        ..config()
+    };
+    let (sampled, made) = measure(&about, &inputs);
+    assert_eq!(sampled.len(), 60);
+    let names = sampled
+        .iter()
+        .map(|s| s.demonstration.as_ref().unwrap().0.as_str());
+    let names: std::collections::BTreeSet<&str> = names.collect();
+    assert!(
+        names.iter().all(|name| ["a", "b"].contains(name)),
+        "{names:?}"
+    );
+    for motion in &sampled {
+        let (_, nearest) = motion.demonstration.as_ref().unwrap();
+        assert!(nearest.palm_m > 0.0 && nearest.palm_m < 0.3, "{motion:?}");
+        // The tip is a ball of 1 cm within 15 cm of the palm.
+        assert!(motion.approach_depth_m < 0.06 && motion.grasp_depth_m < 0.06);
+        assert!((0.0..2.0).contains(&motion.approach_depth_time_s));
+        assert_eq!(motion.within_limits(), motion.limit_excess_rad <= 0.05);
+    }
+    let metric = |name: &str| made.metrics[name];
+    let count = |is_one: &dyn Fn(&Sampled) -> bool| sampled.iter().filter(|s| is_one(s)).count();
+    assert_eq!(metric("candidates_n"), 60.0);
+    assert_eq!(
+        metric("within_limits_n"),
+        count(&|s| s.within_limits()) as f64
+    );
+    assert_eq!(
+        metric("clear_n"),
+        count(&|s| s.approach_depth_m <= 0.005) as f64
+    );
+    let mean_squares = sampled
+        .iter()
+        .map(|s| s.from_mean.palm_m.powi(2))
+        .sum::<f64>()
+        / 60.0;
+    assert!((metric("grasp_spread_m") - mean_squares.sqrt()).abs() < 1e-12);
+    assert!(
+        metric("grasp_spread_m") > 1e-3 && metric("collapsed_n") == 0.0,
+        "{made:?}"
+    );
+}
+
+/// What a network learns to do whose decoder finds the latent code of no use.
+#[test]
+fn a_decoder_that_ignores_the_code_is_flagged_as_collapsed() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    let path = folder.path().join(checkpoint::BEST.weights);
+    let bytes = fs::read(&path).unwrap();
+    let read = SafeTensors::deserialize(&bytes).unwrap();
+    let (views, zeros) = (read.tensors(), vec![0_u8; 16 * 3 * 4]);
+    let tensors = views.iter().map(|(name, view)| {
+        let is_of_code = name == "decoder.0.latent";
+        let data = if is_of_code { &zeros[..] } else { view.data() };
+        let view = TensorView::new(view.dtype(), view.shape().to_vec(), data).unwrap();
+        (name.as_str(), view)
+    });
+    fs::write(&path, safetensors::serialize(tensors, None).unwrap()).unwrap();
+    let wide = SampleConfig {
+        spread: 5.0,
+        ..config()
+    };
+    let (_, made) = measure(&wide, &inputs);
+    for spread in [
+        "grasp_spread_m",
+        "grasp_spread_rad",
+        "grasp_q_spread_rad",
+        "motion_spread_m",
+    ] {
+        assert!(made.metrics[spread] < 1e-6, "{made:?}");
+    }
+    assert_eq!(made.metrics["collapsed_n"], 1.0);
+    let summary = Summary {
+        n_made: 1,
+        totals: made.metrics,
+        ..Summary::default()
+    };
+    let said = Sample::describe("sampling", &summary);
+    assert!(
+        said.contains("COLLAPSED for 1 objects") && said.contains("spread 0 mm"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_recording_shows_motions_side_by_side() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    let config = SampleConfig {
+        path: vec!["a".to_owned(), "b".to_owned()],
+        per_object: 5,
+        recorded_per_object: 3,
+        ..config()
+    };
+    let (out, _) = run(&config, &inputs, 7, "candidates");
+    let drawn = candidates::from_batch("can", &lake::table::read(&made_in(out.path())).unwrap());
+    let drawn = drawn.unwrap().candidates;
+    let contents = lake::recording::read(&out.path().join("motions.mcap")).unwrap();
+    assert_eq!(
+        contents.about["candidate_ids"],
+        "can-00000,can-00002,can-00004"
+    );
+    let tf = |topic: &str| -> Vec<TfMessage> {
+        let messages = contents.topic(topic);
+        messages
+            .map(|message| message.decode().unwrap().unwrap())
+            .collect()
+    };
+    // From the table to each hand, by the names of the frames.
+    let fixed = tf(motion::TF_STATIC);
+    let steps = tf(motion::TF);
+    assert_eq!((fixed.len(), steps.len()), (1, 11));
+    let pose = |message: &TfMessage, parent: &str, child: &str| {
+        let mut found = message.transforms.iter();
+        let found = found.find(|t| t.child_frame_id == child).unwrap();
+        assert_eq!(found.header.frame_id, parent);
+        let (t, r) = (&found.transform.translation, &found.transform.rotation);
+        let rotation = spatial::quaternion_xyzw([r.x, r.y, r.z, r.w]).unwrap();
+        Isometry3::from_parts(nalgebra::Translation3::new(t.x, t.y, t.z), rotation)
+    };
+    let mut sides = Vec::new();
+    for (number, candidate) in [0, 2, 4].into_iter().enumerate() {
+        let base = format!("motion_{number}");
+        let table_from_base = pose(&fixed[0], "table", &base);
+        sides.push(table_from_base.translation.y);
+        assert_eq!(table_from_base.rotation, UnitQuaternion::identity());
+        let base_from_object = pose(&fixed[0], &base, &format!("{base}/object"));
+        for (message, step) in steps.iter().zip(&drawn[candidate].steps) {
+            let base_from_palm = pose(message, &base, &format!("{base}/palm"));
+            let object_from_palm = base_from_object.inverse() * base_from_palm;
+            let off = object_from_palm.inverse() * step.object_from_palm.isometry();
+            assert!(off.translation.vector.norm() < 1e-9 && off.rotation.angle() < 1e-6);
+        }
+        let states = format!("/{base}/joint_states");
+        assert_eq!(contents.topic(&states).count(), 11);
+    }
+    assert!((sides[1] - sides[0] - 0.4).abs() < 1e-12 && (sides[2] + sides[0]).abs() < 1e-12);
+}
+
+#[test]
+fn another_hand_and_a_damaged_field_are_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    let other = folder.path().join("hand.urdf");
+    fs::write(&other, HAND.replace("\"k\"", "\"other\"")).unwrap();
+    let recorded = SampleConfig {
+        recorded_per_object: 1,
+        ..config()
+    };
+    let err = refused(&recorded, &inputs);
+    assert!(
+        err.contains("grasping function") && err.contains("other"),
+        "{err}"
+    );
+
+    fs::write(&other, HAND).unwrap();
+    let (out, _) = run(&config(), &inputs, 7, "candidates");
+    let field = inputs.artifacts("distance_fields")[0]
+        .file(distance_fields::FIELD)
+        .unwrap();
+    fs::write(field, b"sdfield1").unwrap();
+    let mut artifacts: BTreeMap<String, Vec<Artifact>> = ["distance_fields", "trajectories"]
+        .map(|input| (input.to_owned(), inputs.artifacts(input).to_vec()))
+        .into();
+    artifacts.insert("candidates".to_owned(), vec![made_in(out.path())]);
+    let damaged = Inputs::new(artifacts, inputs.files().to_vec());
+    let cx = Context::detached("sampling", "can", 7, out.path());
+    let err = Sample::run(&config(), &damaged, &cx).unwrap_err();
+    assert!(matches!(err, SampleError::BadField { .. }), "{err}");
 }

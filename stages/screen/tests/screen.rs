@@ -8,7 +8,7 @@ use dataflow::{
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use robot::RobotModel;
 use schemas::{
-    candidates::{self, Candidate, Candidates, Step},
+    candidates::{self, Candidate, Candidates, Rates, Step},
     objects::{self, RestingOrientation},
     rollouts::{self, Rollout, Verdict},
 };
@@ -130,6 +130,7 @@ fn candidate(id: &str, flexion: [f64; 3], thumb: [f64; 4]) -> Candidate {
         Step {
             time_s: 0.1 * f64::from(step),
             object_from_palm: Pose::new(Isometry3::from_parts(place, turn)),
+            rates: Rates::still(q_rad.len()),
             q_rad: q_rad.clone(),
         }
     });
@@ -138,6 +139,7 @@ fn candidate(id: &str, flexion: [f64; 3], thumb: [f64; 4]) -> Candidate {
         generator: "test".to_owned(),
         latent: Vec::new(),
         table_from_object: upright().table_from_object(),
+        limit_excess_rad: 0.0,
         steps: steps.collect(),
     }
 }

@@ -1,7 +1,8 @@
 //! Collision shapes as balls: what a distance field can answer for.
 
 use nalgebra::{Point3, Vector3};
-use robot::{Collision, Shape};
+
+use crate::{Collision, Shape};
 
 /// Radius of the balls that line a box, in meters: what they cut off its edges, at most
 /// (√3 − 1) of it or 2 mm at a corner, lies within the softness of a finger pad.
@@ -12,15 +13,15 @@ const SPACING_M: f64 = 0.011;
 
 /// A ball fixed to a link.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Ball {
+pub struct Ball {
     /// Center in the link's frame, in meters.
-    pub(crate) center_in_link: Point3<f64>,
+    pub center_in_link: Point3<f64>,
     /// Radius in meters.
-    pub(crate) radius_m: f64,
+    pub radius_m: f64,
 }
 
 /// Returns about how many balls [`fill`] makes of a collision shape, at most twice as many.
-pub(crate) fn count(collision: &Collision) -> f64 {
+pub fn count(collision: &Collision) -> f64 {
     let along = |half: f64| 1.0 + (2.0 * half.max(0.0) / SPACING_M).ceil();
     match collision.shape {
         Shape::Sphere { .. } => 1.0,
@@ -41,7 +42,7 @@ pub(crate) fn count(collision: &Collision) -> f64 {
 /// Returns balls inside the collision shape that reach its surface about everywhere.
 ///
 /// Their number and the time that it takes grow with the shape: see [`count`].
-pub(crate) fn fill(collision: &Collision) -> Vec<Ball> {
+pub fn fill(collision: &Collision) -> Vec<Ball> {
     let place = |center: Vector3<f64>, radius_m: f64| Ball {
         center_in_link: collision.link_from_shape * Point3::from(center),
         radius_m,
@@ -130,7 +131,7 @@ fn disc(radius: f64) -> Vec<[f64; 2]> {
 const GROUP: usize = 12;
 
 /// Parts balls into groups of neighbors.
-pub(crate) fn groups(mut balls: Vec<Ball>) -> Vec<Vec<Ball>> {
+pub fn groups(mut balls: Vec<Ball>) -> Vec<Vec<Ball>> {
     if balls.len() <= GROUP {
         return vec![balls];
     }
@@ -146,7 +147,7 @@ pub(crate) fn groups(mut balls: Vec<Ball>) -> Vec<Vec<Ball>> {
 }
 
 /// Returns a ball about all of these, not much larger than need be; `None` if there are none.
-pub(crate) fn enclosing(balls: &[Ball]) -> Option<Ball> {
+pub fn enclosing(balls: &[Ball]) -> Option<Ball> {
     let low = balls
         .iter()
         .map(|ball| ball.center_in_link.coords)

@@ -1,0 +1,120 @@
+//! How plausible each motion is and how far from the object's demonstrations.
+
+use geometry::DistanceField;
+use rayon::prelude::*;
+use schemas::{
+    candidates::{Candidate, Step},
+    sampling::{GraspDistance, Sampled},
+};
+
+use crate::{
+    room::{Depth, Room},
+    spread::{Diversity, root_mean_square},
+};
+
+/// Meters that count as much as a radian where grasps are compared: about a hand's length.
+const ARM_M: f64 = 0.1;
+
+/// The grasp of a demonstration, its joints in the candidates' order.
+pub(crate) struct Shown {
+    /// Name of its sequence.
+    pub(crate) sequence: String,
+    /// The hand.
+    pub(crate) grasp: Step,
+}
+
+/// What motions of an object are measured against.
+pub(crate) struct Measure<'a> {
+    pub(crate) room: &'a Room<'a>,
+    /// Distances about the object.
+    pub(crate) field: &'a DistanceField,
+    /// Which of a candidate's joints each of the hand's is.
+    pub(crate) columns: &'a [usize],
+    /// The object's demonstrations.
+    pub(crate) shown: &'a [Shown],
+}
+
+impl Measure<'_> {
+    /// Measures all motions of the object, in their order.
+    pub(crate) fn all(&self, candidates: &[Candidate], diversity: &Diversity) -> Vec<Sampled> {
+        candidates
+            .par_iter()
+            .enumerate()
+            .map(|(idx, candidate)| {
+                let group = diversity.group_of.get(idx).copied();
+                let mean = group.and_then(|group| diversity.mean_grasps.get(group));
+                let grasp = candidate.steps.last();
+                let from_mean = mean.zip(grasp).map(|(mean, grasp)| mean.distance(grasp));
+                Sampled {
+                    demonstration: grasp.and_then(|grasp| self.nearest(grasp)),
+                    from_mean: from_mean.unwrap_or_default(),
+                    ..self.depths(candidate)
+                }
+            })
+            .collect()
+    }
+
+    /// Measures how deep the hand is in object and table over a motion.
+    fn depths(&self, candidate: &Candidate) -> Sampled {
+        let mut sampled = Sampled {
+            candidate_id: candidate.candidate_id.clone(),
+            limit_excess_rad: candidate.limit_excess_rad,
+            approach_depth_m: 0.0,
+            approach_depth_time_s: 0.0,
+            grasp_depth_m: 0.0,
+            table_depth_m: 0.0,
+            demonstration: None,
+            from_mean: GraspDistance::default(),
+        };
+        let Some((grasp, approach)) = candidate.steps.split_last() else {
+            return sampled;
+        };
+        for step in approach {
+            let depth = self.depth(candidate, step);
+            if depth.object_m > sampled.approach_depth_m {
+                sampled.approach_depth_m = depth.object_m;
+                sampled.approach_depth_time_s = step.time_s;
+            }
+            sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
+        }
+        let depth = self.depth(candidate, grasp);
+        sampled.grasp_depth_m = depth.object_m;
+        sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
+        sampled
+    }
+
+    fn depth(&self, candidate: &Candidate, step: &Step) -> Depth {
+        let q: Vec<f64> = self
+            .columns
+            .iter()
+            .filter_map(|&column| step.q_rad.get(column).copied())
+            .collect();
+        self.room.depth(
+            self.field,
+            step.object_from_palm.isometry(),
+            candidate.table_from_object.isometry(),
+            &q,
+        )
+    }
+
+    /// Returns the demonstration whose grasp is nearest, a radian counting as much as [`ARM_M`].
+    fn nearest(&self, grasp: &Step) -> Option<(String, GraspDistance)> {
+        let far =
+            |distance: &GraspDistance| distance.palm_m / ARM_M + distance.palm_rad + distance.q_rad;
+        let all = self
+            .shown
+            .iter()
+            .map(|shown| (shown, between(grasp, &shown.grasp)));
+        let (shown, distance) = all.min_by(|(_, a), (_, b)| far(a).total_cmp(&far(b)))?;
+        Some((shown.sequence.clone(), distance))
+    }
+}
+
+fn between(a: &Step, b: &Step) -> GraspDistance {
+    let (pose_a, pose_b) = (a.object_from_palm.isometry(), b.object_from_palm.isometry());
+    GraspDistance {
+        palm_m: (pose_a.translation.vector - pose_b.translation.vector).norm(),
+        palm_rad: pose_a.rotation.angle_to(&pose_b.rotation),
+        q_rad: root_mean_square(&a.q_rad, &b.q_rad),
+    }
+}

@@ -1,0 +1,272 @@
+//! Several motions side by side as one recording for a viewer: one hand and one object for each.
+//!
+//! The frames of motion k hang below `motion_k`, which lies beside the table's frame along y; the hand
+//! is drawn as its collision shapes, so that no viewer needs to know that there are several.
+
+use std::{collections::BTreeMap, path::Path};
+
+use lake::{LakeError, recording::Recording};
+use nalgebra::{Isometry3, Point3};
+use robot::{RobotModel, Shape, balls};
+use schemas::{
+    candidates::{self, Candidate},
+    objects::Object,
+    ros2::{
+        ColorRgba, Marker, TfMessage,
+        motion::{
+            self, Hand, HandLink, MARKERS, OBJECT_COLOR, ROBOT_DESCRIPTION, START_NS, TABLE, TF,
+            TF_STATIC,
+        },
+    },
+};
+
+/// Name of the recording in the artifact.
+pub(crate) const FILE: &str = "motions.mcap";
+/// Distance of neighboring motions along y, in meters: more than a hand and most objects are wide.
+const BESIDE_M: f64 = 0.4;
+/// Diameter of the points along which the palm goes, in meters.
+const TRAIL_M: f64 = 0.004;
+
+/// What is the same for all motions of a recording.
+pub(crate) struct Stage<'a> {
+    /// The hand's URDF.
+    pub(crate) urdf: &'a str,
+    /// The hand.
+    pub(crate) model: &'a RobotModel,
+    /// The object.
+    pub(crate) object: &'a Object,
+    /// Which of a candidate's joints each of the hand's is.
+    pub(crate) columns: &'a [usize],
+}
+
+/// Returns the numbers of `n` of `total` motions: the first, the last, and others at equal distances.
+pub(crate) fn chosen(n: usize, total: usize) -> Vec<usize> {
+    let n = n.min(total);
+    let last = total.saturating_sub(1);
+    (0..n)
+        .map(|k| k * last / n.saturating_sub(1).max(1))
+        .collect()
+}
+
+/// Writes the recording of motions with equal times into `folder`.
+pub(crate) fn record(
+    stage: &Stage<'_>,
+    motions: &[&Candidate],
+    folder: &Path,
+) -> Result<(), LakeError> {
+    let names: Vec<&str> = motions.iter().map(|m| m.candidate_id.as_str()).collect();
+    let about = [
+        ("schema", candidates::VERSION),
+        ("object", &stage.object.name),
+        ("candidate_ids", &names.join(",")),
+    ]
+    .map(|(key, value)| (key.to_owned(), value.to_owned()));
+    let mut recording = Recording::create(&folder.join(FILE), &BTreeMap::from(about))?;
+    recording.attach("robot.urdf", "application/xml", stage.urdf.as_bytes())?;
+    let description = motion::robot_description(stage.urdf);
+    recording.write_latched(ROBOT_DESCRIPTION, START_NS, &description)?;
+    let shown: Vec<Shown<'_>> = motions
+        .iter()
+        .enumerate()
+        .map(|(number, motion)| Shown::new(stage, motion, number, motions.len()))
+        .collect();
+    let fixed = shown.iter().flat_map(Shown::fixed).collect();
+    recording.write_latched(TF_STATIC, START_NS, &TfMessage { transforms: fixed })?;
+    let markers = shown.iter().flat_map(Shown::markers);
+    recording.write_latched(MARKERS, START_NS, &motion::markers(markers))?;
+    let n_steps = motions.iter().map(|motion| motion.steps.len()).min();
+    for idx in 0..n_steps.unwrap_or(0) {
+        let mut transforms = Vec::new();
+        let mut time_ns = START_NS;
+        for shown in &shown {
+            let Some(step) = shown.candidate.steps.get(idx) else {
+                continue;
+            };
+            time_ns = motion::stamp_ns(step.time_s);
+            transforms.extend(shown.poses(step, time_ns));
+            let names = shown.joints();
+            let q = shown.in_hand_order(&step.q_rad);
+            let q_velocity = shown.in_hand_order(&step.rates.q_velocity_rad_per_s);
+            let state = motion::joint_state(time_ns, &names, &q, &q_velocity);
+            recording.write(&format!("/{}/joint_states", shown.frame), time_ns, &state)?;
+        }
+        recording.write(TF, time_ns, &TfMessage { transforms })?;
+    }
+    recording.finish()
+}
+
+/// One motion among several.
+struct Shown<'a> {
+    stage: &'a Stage<'a>,
+    candidate: &'a Candidate,
+    /// The frame of its own table.
+    frame: String,
+    hand: Hand,
+    /// Where it lies beside the table's frame, in meters along y.
+    beside_m: f64,
+    color: ColorRgba,
+}
+
+impl<'a> Shown<'a> {
+    fn new(stage: &'a Stage<'a>, candidate: &'a Candidate, number: usize, total: usize) -> Self {
+        let frame = format!("motion_{number}");
+        let links = stage.model.links().iter().map(|link| HandLink {
+            name: format!("{frame}/{}", link.name),
+            parent: link.parent,
+            moves: link.joint.is_some(),
+        });
+        let share = number as f64 / total.saturating_sub(1).max(1) as f64;
+        Self {
+            hand: Hand::new(links),
+            beside_m: BESIDE_M * (number as f64 - 0.5 * total.saturating_sub(1) as f64),
+            color: between_blue_and_red(share),
+            stage,
+            candidate,
+            frame,
+        }
+    }
+
+    fn name(&self, part: &str) -> String {
+        format!("{}/{part}", self.frame)
+    }
+
+    fn joints(&self) -> Vec<String> {
+        let names = self.stage.model.joint_names();
+        names.iter().map(|joint| self.name(joint)).collect()
+    }
+
+    fn in_hand_order(&self, numbers: &[f64]) -> Vec<f64> {
+        let columns = self.stage.columns.iter();
+        columns
+            .filter_map(|&column| numbers.get(column).copied())
+            .collect()
+    }
+
+    /// Returns the poses that stay: its table, its object and the hand's fixed links.
+    fn fixed(&self) -> Vec<schemas::ros2::TransformStamped> {
+        let table_from_own = Isometry3::translation(0.0, self.beside_m, 0.0);
+        let own_from_object = self.candidate.table_from_object.isometry();
+        let mut all = vec![
+            motion::transform_stamped(START_NS, TABLE, &self.frame, &table_from_own),
+            motion::transform_stamped(START_NS, &self.frame, &self.name("object"), own_from_object),
+        ];
+        let zeros = vec![0.0; self.stage.model.dof()];
+        // As many positions as the hand has joints.
+        let poses = self
+            .stage
+            .model
+            .forward_kinematics(&zeros)
+            .unwrap_or_default();
+        all.extend(self.hand.fixed(START_NS, &poses).transforms);
+        all
+    }
+
+    /// Returns the poses that change.
+    fn poses(&self, step: &candidates::Step, time_ns: i64) -> Vec<schemas::ros2::TransformStamped> {
+        let q = self.in_hand_order(&step.q_rad);
+        let palm_from_links = self.stage.model.forward_kinematics(&q).unwrap_or_default();
+        let own_from_palm = self.candidate.table_from_object * step.object_from_palm;
+        let moving = self
+            .hand
+            .moving(time_ns, own_from_palm.isometry(), &palm_from_links);
+        let mut transforms = moving.transforms;
+        for transform in &mut transforms {
+            if transform.header.frame_id == TABLE {
+                transform.header.frame_id.clone_from(&self.frame);
+            }
+        }
+        transforms
+    }
+
+    /// Returns the object, the way of the palm's origin and the hand's collision shapes.
+    fn markers(&self) -> Vec<Marker> {
+        let object = self.stage.object;
+        let in_object = self.name("object");
+        let (vertices_m, triangles) = (&object.vertices_m, &object.triangles);
+        let mesh = motion::mesh_marker(START_NS, &in_object, vertices_m, triangles, OBJECT_COLOR);
+        let steps = self.candidate.steps.iter();
+        let trail: Vec<Point3<f64>> = steps
+            .map(|step| step.object_from_palm.isometry().translation.vector.into())
+            .collect();
+        let trail =
+            motion::points_marker(START_NS, &in_object, "trail", &trail, TRAIL_M, self.color);
+        let mut all = vec![mesh, trail];
+        for link in self.stage.model.links() {
+            for collision in &link.collisions {
+                let number = all.len();
+                let mut marker = self.shape(&self.name(&link.name), collision);
+                marker.ns = "hand".to_owned();
+                marker.id = i32::try_from(number).unwrap_or(i32::MAX);
+                all.push(marker);
+            }
+        }
+        for marker in &mut all {
+            marker.ns = self.name(&marker.ns);
+        }
+        all
+    }
+
+    /// Returns a box as it is, any other shape as the balls that fill it.
+    fn shape(&self, frame: &str, collision: &robot::Collision) -> Marker {
+        if let Shape::Box { half_extents_m } = collision.shape {
+            let corner = |idx: usize| {
+                let side = |axis: usize| {
+                    let half = half_extents_m[axis];
+                    if idx >> axis & 1 == 0 { -half } else { half }
+                };
+                (collision.link_from_shape * Point3::new(side(0), side(1), side(2))).into()
+            };
+            let corners: Vec<[f64; 3]> = (0..8).map(corner).collect();
+            return motion::mesh_marker(START_NS, frame, &corners, &BOX, self.color);
+        }
+        let balls = balls::fill(collision);
+        let centers: Vec<Point3<f64>> = balls.iter().map(|ball| ball.center_in_link).collect();
+        let diameter_m = balls.first().map_or(0.0, |ball| 2.0 * ball.radius_m);
+        motion::points_marker(START_NS, frame, "balls", &centers, diameter_m, self.color)
+    }
+}
+
+/// Triangles of a box whose corner k is on the far side along x, y, z where bit 0, 1, 2 of k is set.
+const BOX: [[u32; 3]; 12] = [
+    [0, 2, 1],
+    [1, 2, 3],
+    [4, 5, 6],
+    [5, 7, 6],
+    [0, 1, 4],
+    [1, 5, 4],
+    [2, 6, 3],
+    [3, 6, 7],
+    [0, 4, 2],
+    [2, 4, 6],
+    [1, 3, 5],
+    [3, 7, 5],
+];
+
+/// Returns a color that says how far along the row a motion is.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a color has no more digits"
+)]
+fn between_blue_and_red(share: f64) -> ColorRgba {
+    let share = share as f32;
+    ColorRgba {
+        r: 0.2 + 0.7 * share,
+        g: 0.4 - 0.15 * share,
+        b: 0.9 - 0.7 * share,
+        a: 1.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::chosen;
+
+    #[test]
+    fn motions_are_chosen_from_the_first_to_the_last() {
+        assert_eq!(chosen(3, 9), [0, 4, 8]);
+        assert_eq!(chosen(9, 9), (0..9).collect::<Vec<_>>());
+        assert_eq!(chosen(20, 3), [0, 1, 2]);
+        assert_eq!(chosen(1, 5), [0]);
+        assert!(chosen(0, 5).is_empty() && chosen(3, 0).is_empty());
+    }
+}

@@ -1,0 +1,158 @@
+//! How deep a hand is in an object and below the table.
+
+use geometry::DistanceField;
+use nalgebra::{Isometry3, Point3};
+use robot::{
+    RobotModel,
+    balls::{Ball, count, enclosing, fill, groups},
+};
+
+use crate::SampleError;
+
+/// Most balls of a hand: those of all sides of a box of one meter, three times.
+const MOST_BALLS: f64 = 150_000.0;
+/// Factor on the size of a group of balls that allows for the interpolation's slope above 1.
+const SLACK: f64 = 1.1;
+
+/// The room that a hand takes up: its collision shapes filled with balls.
+pub(crate) struct Room<'a> {
+    hand: &'a RobotModel,
+    groups: Vec<Group>,
+}
+
+/// Neighboring balls of one link.
+struct Group {
+    link: usize,
+    around: Ball,
+    balls: Vec<Ball>,
+}
+
+/// How deep a hand is in things, in meters; 0 where it is not.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Depth {
+    pub(crate) object_m: f64,
+    pub(crate) table_m: f64,
+}
+
+impl<'a> Room<'a> {
+    /// Fills the hand's collision shapes with balls.
+    ///
+    /// # Errors
+    ///
+    /// Fails if they are far larger than a hand's.
+    pub(crate) fn new(hand: &'a RobotModel) -> Result<Self, SampleError> {
+        let mut n_balls = 0.0;
+        let mut all = Vec::new();
+        for (link, body) in hand.links().iter().enumerate() {
+            n_balls += body.collisions.iter().map(count).sum::<f64>();
+            if n_balls > MOST_BALLS {
+                return Err(SampleError::LargeShapes {
+                    link: body.name.clone(),
+                });
+            }
+            let balls: Vec<Ball> = body.collisions.iter().flat_map(fill).collect();
+            all.extend(groups(balls).into_iter().filter_map(|balls| {
+                Some(Group {
+                    link,
+                    around: enclosing(&balls)?,
+                    balls,
+                })
+            }));
+        }
+        Ok(Self { hand, groups: all })
+    }
+
+    /// Returns how deep the hand is in the object of the field and below the table; `q` has the order
+    /// of the hand's joints.
+    pub(crate) fn depth(
+        &self,
+        field: &DistanceField,
+        object_from_palm: &Isometry3<f64>,
+        table_from_object: &Isometry3<f64>,
+        q: &[f64],
+    ) -> Depth {
+        // Joints are matched by name before: there is one position for each.
+        let palm_from_links = self.hand.forward_kinematics(q).unwrap_or_default();
+        let mut depth = Depth::default();
+        for group in &self.groups {
+            let Some(palm_from_link) = palm_from_links.get(group.link) else {
+                continue;
+            };
+            let object_from_link = object_from_palm * palm_from_link;
+            let height_m = |center: &Point3<f64>| (table_from_object * center).z;
+            let center = object_from_link * group.around.center_in_link;
+            let reach_m = group.around.radius_m;
+            let may_be_in_object = field.distance(&center).0 < SLACK * reach_m;
+            let may_be_in_table = height_m(&center) < reach_m;
+            if !(may_be_in_object || may_be_in_table) {
+                continue;
+            }
+            for ball in &group.balls {
+                let center = object_from_link * ball.center_in_link;
+                let deep_m = ball.radius_m - field.distance(&center).0;
+                depth.object_m = depth.object_m.max(deep_m);
+                depth.table_m = depth.table_m.max(ball.radius_m - height_m(&center));
+            }
+        }
+        depth
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use geometry::TriMesh;
+    use nalgebra::Point3;
+
+    use super::*;
+
+    /// A cube of 10 cm about the origin.
+    fn cube() -> DistanceField {
+        let corner = |idx: u32| {
+            let sign = |bit: u32| if idx >> bit & 1 == 0 { -0.05 } else { 0.05 };
+            Point3::new(sign(0), sign(1), sign(2))
+        };
+        let mesh = TriMesh {
+            vertices_m: (0..8).map(corner).collect(),
+            triangles: vec![
+                [0, 2, 1],
+                [1, 2, 3],
+                [4, 5, 6],
+                [5, 7, 6],
+                [0, 1, 4],
+                [1, 5, 4],
+                [2, 6, 3],
+                [3, 6, 7],
+                [0, 4, 2],
+                [2, 4, 6],
+                [1, 3, 5],
+                [3, 7, 5],
+            ],
+        };
+        DistanceField::new(&mesh, 0.0025, 0.025).unwrap().unwrap()
+    }
+
+    #[test]
+    fn a_ball_is_as_deep_as_it_reaches() {
+        let hand = RobotModel::from_urdf(
+            r#"<robot name="h"><link name="palm"/><link name="tip"><collision>
+              <geometry><sphere radius="0.01"/></geometry></collision></link>
+              <joint name="j" type="prismatic"><parent link="palm"/><child link="tip"/>
+              <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+            </robot>"#,
+        )
+        .unwrap();
+        let room = Room::new(&hand).unwrap();
+        let check = |palm: [f64; 3], q: f64, object_m: f64, table_m: f64| {
+            let object_from_palm = Isometry3::translation(palm[0], palm[1], palm[2]);
+            let table_from_object = Isometry3::translation(0.0, 0.0, 0.05);
+            let found = room.depth(&cube(), &object_from_palm, &table_from_object, &[q]);
+            assert!((found.object_m - object_m).abs() < 2e-4, "{found:?}");
+            assert!((found.table_m - table_m).abs() < 1e-9, "{found:?}");
+        };
+        check([0.1, 0.0, 0.0], 0.0, 0.0, 0.0);
+        // The joint takes the ball's center to 4 mm outside the side.
+        check([0.1, 0.0, 0.0], -0.046, 0.006, 0.0);
+        check([0.1, 0.0, 0.0], -0.058, 0.018, 0.0);
+        check([0.2, 0.0, -0.047], 0.0, 0.0, 0.007);
+    }
+}

@@ -1,0 +1,171 @@
+//! How plausible and different the motions of one object are.
+
+use std::fs;
+
+use dataflow::{Artifact, Context, Inputs, Made, Outcome, Scope, Summary, Unit};
+use geometry::DistanceField;
+use schemas::{
+    candidates::{self, Step},
+    distance_fields, sampling,
+    sampling::{LIMIT_TOLERANCE_RAD, Sampled},
+    trajectories,
+};
+
+use super::{
+    CANDIDATES, FIELDS, TRAJECTORIES, columns, hand_file, labels, only, read_hand, schema,
+};
+use crate::{
+    SampleConfig, SampleError,
+    quality::{Measure, Shown},
+    room::Room,
+    spread::Diversity,
+};
+
+/// Depth in the object, in meters, up to which a motion counts as clear of it before the grasp.
+const CLEAR_M: f64 = 0.005;
+
+/// One unit per object that has candidates.
+pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Vec<Unit> {
+    let fields = scope.partitions(FIELDS);
+    let trajectories = scope.partitions(TRAJECTORIES);
+    let units = scope.partitions(CANDIDATES).iter().map(|candidates| {
+        let object = candidates.key.as_str();
+        // An object without a field is planned without, and skipped.
+        let field = fields.iter().find(|field| field.key == object);
+        let shown = trajectories
+            .iter()
+            .filter(|trajectory| trajectory.label("object") == Some(object));
+        Unit::new(object)
+            .reading(CANDIDATES, [object])
+            .only_files(CANDIDATES, [lake::table::FILE])
+            .reading(FIELDS, field.map(|field| field.key.as_str()))
+            .reading(
+                TRAJECTORIES,
+                shown.map(|trajectory| trajectory.key.as_str()),
+            )
+            .only_files(TRAJECTORIES, [lake::table::FILE])
+            .with_file(hand_file(config))
+    });
+    units.collect()
+}
+
+/// Measures the motions of one object.
+pub(super) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleError> {
+    let artifact = only(inputs, CANDIDATES, "candidates")?;
+    let batch = lake::table::read(artifact)?;
+    let drawn = candidates::from_batch(&artifact.key, &batch).map_err(schema(&artifact.key))?;
+    let Some(field) = inputs.artifacts(FIELDS).first() else {
+        return Ok(Outcome::Skipped {
+            reason: "it is not among the objects with a surface".to_owned(),
+        });
+    };
+    let field = read_field(field)?;
+    let file = inputs.files().first();
+    let file = file.ok_or(SampleError::Missing {
+        what: "hand's URDF",
+    })?;
+    let (_, hand) = read_hand(&file.path)?;
+    let shown = inputs
+        .artifacts(TRAJECTORIES)
+        .iter()
+        .map(|artifact| read_grasp(artifact, &drawn.joints))
+        .collect::<Result<Vec<_>, _>>()?;
+    let shown: Vec<Shown> = shown.into_iter().flatten().collect();
+    let measure = Measure {
+        room: &Room::new(&hand)?,
+        field: &field,
+        columns: &columns(&hand, &drawn.joints, "set of candidates")?,
+        shown: &shown,
+    };
+    let diversity = Diversity::of(&drawn.candidates);
+    let sampled = measure.all(&drawn.candidates, &diversity);
+    let batch = sampling::to_batch(&sampled).map_err(schema(&artifact.key))?;
+    lake::table::write(cx.folder(), &batch)?;
+    Ok(Outcome::Made(Made {
+        labels: labels(&artifact.key),
+        metrics: metrics(&sampled, &diversity)
+            .map(|(name, value)| (name.to_owned(), value))
+            .into(),
+    }))
+}
+
+fn metrics(sampled: &[Sampled], diversity: &Diversity) -> [(&'static str, f64); 10] {
+    let count = |is_one: fn(&Sampled) -> bool| sampled.iter().filter(|s| is_one(s)).count() as f64;
+    let (at_grasp, over_time) = (diversity.at_grasp, diversity.over_time);
+    [
+        ("candidates_n", sampled.len() as f64),
+        ("within_limits_n", count(Sampled::within_limits)),
+        ("clear_n", count(|s| s.approach_depth_m <= CLEAR_M)),
+        ("grasp_spread_m", at_grasp.palm_m),
+        ("grasp_spread_rad", at_grasp.palm_rad),
+        ("grasp_q_spread_rad", at_grasp.q_rad),
+        ("motion_spread_m", over_time.palm_m),
+        ("motion_spread_rad", over_time.palm_rad),
+        ("motion_q_spread_rad", over_time.q_rad),
+        ("collapsed_n", f64::from(u8::from(diversity.is_collapsed()))),
+    ]
+}
+
+/// Says what became of all objects' candidates; spreads are means over the objects.
+pub(super) fn describe(summary: &Summary) -> String {
+    let candidates = summary.total("candidates_n");
+    let percent = |metric| 100.0 * summary.total(metric) / candidates.max(1.0);
+    let mean = |metric| summary.total(metric) / (summary.n_made as f64).max(1.0);
+    let mut line = format!(
+        "{candidates} candidates: {:.0} % within limits to {LIMIT_TOLERANCE_RAD} rad, {:.0} % with no hand point deeper than \
+         {:.0} mm before the grasp; spread {:.0} mm, {:.0}° and {:.2} rad",
+        percent("within_limits_n"),
+        percent("clear_n"),
+        1e3 * CLEAR_M,
+        1e3 * mean("grasp_spread_m"),
+        mean("grasp_spread_rad").to_degrees(),
+        mean("grasp_q_spread_rad"),
+    );
+    let collapsed = summary.total("collapsed_n");
+    if collapsed > 0.0 {
+        line = format!("{line}; COLLAPSED for {collapsed} objects: all their motions are one");
+    }
+    line
+}
+
+fn read_field(artifact: &Artifact) -> Result<DistanceField, SampleError> {
+    let path = artifact
+        .file(distance_fields::FIELD)
+        .ok_or(SampleError::Missing {
+            what: "distance field of an object",
+        })?;
+    let bytes = fs::read(path).map_err(|source| SampleError::ReadField {
+        object: artifact.key.clone(),
+        source,
+    })?;
+    DistanceField::from_bytes(&bytes).ok_or_else(|| SampleError::BadField {
+        object: artifact.key.clone(),
+    })
+}
+
+/// Reads a demonstration's grasp with its joints in this order; `None` if it has no step.
+fn read_grasp(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, SampleError> {
+    let batch = lake::table::read(artifact)?;
+    let shown = trajectories::from_batch(&artifact.key, &batch).map_err(schema(&artifact.key))?;
+    let columns: Option<Vec<usize>> = joints
+        .iter()
+        .map(|joint| shown.joints.iter().position(|name| name == joint))
+        .collect();
+    let columns = columns.ok_or_else(|| SampleError::AnotherHand {
+        what: format!("trajectory `{}`", artifact.key),
+        expected: joints.to_vec(),
+        found: shown.joints.clone(),
+    })?;
+    Ok(shown.steps.last().map(|last| Shown {
+        sequence: shown.sequence.clone(),
+        grasp: Step {
+            time_s: last.time_s,
+            object_from_palm: last.object_from_palm,
+            q_rad: columns
+                .iter()
+                .filter_map(|&column| last.q_rad.get(column).copied())
+                .collect(),
+            rates: candidates::Rates::still(joints.len()),
+        },
+    }))
+}

@@ -1,0 +1,336 @@
+//! How fast motions are sampled at the released model's size, with and without their exact rates, beside
+//! PyTorch: as the released code does it and as well as one can.
+//!
+//! `PIPELINE_PYTHON` names a Python that has `torch`, `python3` where it is not set; without it PyTorch
+//! is skipped. All run on one thread, in turns of a few hundred motions; times are CPU times.
+
+#![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
+#![expect(clippy::unwrap_used, reason = "a bench may break off")]
+
+mod python;
+
+use std::{
+    env, fs,
+    hint::black_box,
+    io::{BufRead, BufReader, Write},
+    process::{Child, ChildStdin, ChildStdout, Command, Stdio},
+    sync::Arc,
+    thread,
+};
+
+use cgf::{
+    Activation, Cgf, Grasp, NetworkConfig, ObjectFeature, Random, Scene, Split, TimedGrasp, Track,
+    TrainingConfig, TrainingSet,
+};
+use nalgebra::{Isometry3, Point3, Vector3};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use robot::RobotModel;
+use serde_json::{Value, json};
+use spatial::{Pose, Rest};
+use toml_edit::DocumentMut;
+
+const MOTIONS: usize = 10_000;
+const STEPS: usize = 40;
+/// Motions of one turn.
+const TURN: usize = 500;
+/// The same where each takes as long as many of the others'.
+const RELEASED_TURN: usize = 10;
+const THREADS: &str = "RAYON_NUM_THREADS";
+
+const LEAST_BESIDE_RELEASED: f64 = 40.0;
+const LEAST_BESIDE_BATCHED: f64 = 1.5;
+const MOST_FOR_RATES: f64 = 3.0;
+
+fn main() {
+    // candle looks for the number of threads in the surroundings alone.
+    if env::var(THREADS).as_deref() != Ok("1") {
+        let myself = env::current_exe().unwrap();
+        let ran = Command::new(myself).env(THREADS, "1").status().unwrap();
+        assert!(ran.success());
+        return;
+    }
+    let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let [relu, silu] = [Activation::Relu, Activation::Silu].map(Ours::new);
+    let mut torch = Torch::start(&relu);
+    let mut lanes: Vec<Lane> = vec![
+        Lane::new("ours, ReLU", |n| relu.values(&pool, n)),
+        Lane::new("ours, ReLU, with rates", |n| relu.rates(&pool, n)),
+        Lane::new("ours, SiLU", |n| silu.values(&pool, n)),
+        Lane::new("ours, SiLU, with rates", |n| silu.rates(&pool, n)),
+    ];
+    let mut ways = [
+        "released",
+        "batched",
+        "batched by 25",
+        "factored",
+        "factored by 25",
+    ]
+    .map(|way| (way, 0.0, 0));
+    for _ in 0..MOTIONS / TURN {
+        for lane in &mut lanes {
+            lane.seconds += (lane.run)(TURN);
+            lane.motions += TURN;
+        }
+        if let Ok(torch) = &mut torch {
+            for (way, seconds, motions) in &mut ways {
+                let n = if *way == "released" {
+                    RELEASED_TURN
+                } else {
+                    TURN
+                };
+                *seconds += torch.sample(way, n);
+                *motions += n;
+            }
+        }
+    }
+    println!(
+        "\n{:<36} {:>14} {:>12}",
+        "motions of 40 steps, one thread", "us per motion", "per second"
+    );
+    let show = |name: &str, seconds: f64, motions: usize| -> f64 {
+        let each = seconds / motions as f64;
+        println!(
+            "{name:<36} {:>14.1} {:>12.0}   of {motions}",
+            1e6 * each,
+            1.0 / each
+        );
+        each
+    };
+    let ours: Vec<f64> = lanes
+        .iter()
+        .map(|lane| show(lane.name, lane.seconds, lane.motions))
+        .collect();
+    let ratio = |what: &str, ratio: f64, bound: &str| println!("{what:<52} {ratio:>8.2}   {bound}");
+    match torch {
+        Ok(mut torch) => {
+            let theirs = ways.map(|(way, seconds, motions)| {
+                show(
+                    &format!("PyTorch {}, {way}", torch.version),
+                    seconds,
+                    motions,
+                )
+            });
+            torch.process.kill().unwrap();
+            torch.process.wait().unwrap();
+            println!();
+            let [released, batched, by_25, factored, factored_by_25] = theirs;
+            let (batched, factored) = (batched.min(by_25), factored.min(factored_by_25));
+            let least = |least: f64| format!("at least {least}");
+            ratio(
+                "released way over ours",
+                released / ours[0],
+                &least(LEAST_BESIDE_RELEASED),
+            );
+            ratio(
+                "batched over ours",
+                batched / ours[0],
+                &least(LEAST_BESIDE_BATCHED),
+            );
+            ratio(
+                "batched with a factored first layer over ours",
+                factored / ours[0],
+                "",
+            );
+        }
+        Err(reason) => println!("PyTorch: skipped, {reason}"),
+    }
+    let most = format!("at most {MOST_FOR_RATES}");
+    ratio(
+        "ReLU with both derivatives over without",
+        ours[1] / ours[0],
+        &most,
+    );
+    ratio(
+        "SiLU with both derivatives over without",
+        ours[3] / ours[2],
+        &most,
+    );
+}
+
+/// One way to sample: what it took for how many motions.
+struct Lane<'a> {
+    name: &'static str,
+    run: Box<dyn Fn(usize) -> f64 + 'a>,
+    seconds: f64,
+    motions: usize,
+}
+
+impl<'a> Lane<'a> {
+    fn new(name: &'static str, run: impl Fn(usize) -> f64 + 'a) -> Self {
+        Self {
+            name,
+            run: Box::new(run),
+            seconds: 0.0,
+            motions: 0,
+        }
+    }
+}
+
+/// A network of the released model's size that was hardly trained, and an object.
+struct Ours {
+    cgf: Cgf,
+    scene: Scene,
+    times: Vec<f64>,
+    latents: Vec<Vec<f64>>,
+}
+
+impl Ours {
+    fn new(activation: Activation) -> Self {
+        let hand =
+            RobotModel::from_urdf(include_str!("../../data/robots/allegro_right.urdf")).unwrap();
+        let (mut network, mut training) = options();
+        network.points = 2000;
+        network.point_widths = vec![64, 128, 1024];
+        network.latent_dim = 256;
+        network.decoder_widths = vec![256, 512, 256];
+        network.activation = activation;
+        training.epochs = 1;
+        let mut random = Random::new(1, 0);
+        let mut point = |_| Point3::from(Vector3::from_fn(|_, _| 0.05 * random.normal()));
+        let scene = Scene {
+            object: "cloud".to_owned(),
+            rest: Rest {
+                up_in_object: Vector3::z_axis(),
+                height_m: 0.1,
+            },
+            points_in_object: (0..2000).map(&mut point).collect(),
+        };
+        let track = |name: &str, x: f64| Track {
+            name: name.to_owned(),
+            scene: 0,
+            split: Split::Training,
+            steps: (0..20)
+                .map(|k| TimedGrasp {
+                    time_s: f64::from(k),
+                    grasp: Grasp {
+                        table_from_palm: Pose::new(Isometry3::translation(
+                            x,
+                            0.02 * f64::from(k),
+                            0.1,
+                        )),
+                        q_rad: vec![0.01 * f64::from(k); hand.dof()],
+                    },
+                })
+                .collect(),
+        };
+        let set = TrainingSet {
+            scenes: vec![scene.clone()],
+            tracks: vec![track("a", 0.1), track("b", -0.1)],
+        };
+        let cgf = cgf::train(&set, &Arc::new(hand), &network, &training, 7, |_| {})
+            .unwrap()
+            .last;
+        let mut random = Random::new(2, 0);
+        let mut latent = |_| (0..256).map(|_| random.normal()).collect();
+        Self {
+            times: Cgf::times(STEPS),
+            latents: (0..TURN).map(&mut latent).collect(),
+            cgf,
+            scene,
+        }
+    }
+
+    fn values(&self, pool: &ThreadPool, n: usize) -> f64 {
+        self.timed(pool, |feature| {
+            let latents = self.latents.get(..n).unwrap();
+            black_box(self.cgf.decode(feature, latents, &self.times).unwrap());
+        })
+    }
+
+    fn rates(&self, pool: &ThreadPool, n: usize) -> f64 {
+        self.timed(pool, |feature| {
+            let latents = self.latents.get(..n).unwrap();
+            black_box(
+                self.cgf
+                    .decode_with_rates(feature, latents, &self.times)
+                    .unwrap(),
+            );
+        })
+    }
+
+    /// Returns the CPU seconds of the object's feature and of what is done with it.
+    fn timed(&self, pool: &ThreadPool, work: impl Fn(&ObjectFeature) + Sync) -> f64 {
+        pool.install(|| {
+            let before = thread_cpu_s();
+            work(&self.cgf.feature(&self.scene).unwrap());
+            thread_cpu_s() - before
+        })
+    }
+}
+
+/// The options of `pipelines/cgf.toml`.
+fn options() -> (NetworkConfig, TrainingConfig) {
+    let file: DocumentMut = include_str!("../../pipelines/cgf.toml").parse().unwrap();
+    let train = &file["stages"]["train"];
+    let table = |key: &str| train[key].clone().into_table().unwrap();
+    let [network, training] = ["network", "training"].map(table);
+    (
+        toml_edit::de::from_document(network.into()).unwrap(),
+        toml_edit::de::from_document(training.into()).unwrap(),
+    )
+}
+
+/// Returns the CPU time of this thread in seconds.
+fn thread_cpu_s() -> f64 {
+    // The scheduler writes the time down when the thread lets go.
+    thread::yield_now();
+    let text = fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    let ns = text
+        .split_whitespace()
+        .next()
+        .and_then(|ns| ns.parse().ok());
+    ns.unwrap_or(f64::NAN) / 1e9
+}
+
+/// PyTorch in a process of its own.
+struct Torch {
+    process: Child,
+    input: ChildStdin,
+    output: BufReader<ChildStdout>,
+    version: String,
+}
+
+impl Torch {
+    fn start(ours: &Ours) -> Result<Self, String> {
+        let mut process = python::start("sampling/torch_ways.py", Stdio::null())?;
+        let mut torch = Self {
+            input: process.stdin.take().unwrap(),
+            output: BufReader::new(process.stdout.take().unwrap()),
+            process,
+            version: String::new(),
+        };
+        let description = ours.cgf.description();
+        torch.say(&json!({
+            "steps": STEPS,
+            "latent": description.network.latent_dim,
+            "points": description.network.points,
+            "point_widths": description.network.point_widths,
+            "widths": description.network.decoder_widths,
+            "outputs": 9 + description.joints.len(),
+        }));
+        let said = torch.answer();
+        match said["torch"].as_str() {
+            Some(version) => torch.version = version.to_owned(),
+            None => return Err(format!("`{}` has no `torch`", python::name().display())),
+        }
+        Ok(torch)
+    }
+
+    /// Samples so many motions, and returns the CPU seconds that it took.
+    fn sample(&mut self, way: &str, motions: usize) -> f64 {
+        self.say(&json!({ "way": way, "motions": motions }));
+        self.answer()["seconds"].as_f64().unwrap()
+    }
+
+    fn say(&mut self, what: &Value) {
+        // A process that has ended says so by its answer.
+        let _ = writeln!(self.input, "{what}");
+        let _ = self.input.flush();
+    }
+
+    fn answer(&mut self) -> Value {
+        let mut line = String::new();
+        self.output.read_line(&mut line).unwrap();
+        serde_json::from_str(&line).unwrap_or(Value::Null)
+    }
+}
