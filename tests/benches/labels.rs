@@ -133,7 +133,7 @@ fn run_stage(config: &IngestConfig, units: &[Unit], artifacts: &Path) {
 
 /// Returns how many microseconds `numpy` takes for one file, or why that cannot be said.
 fn numpy_us(labels: &[&SourceFile]) -> Result<f64, String> {
-    let mut process = python::start("labels/numpy_reads.py", Stdio::piped())?;
+    let mut process = python::start("labels/numpy_reads.py", &[], 1, Stdio::piped())?;
     let step = labels.len().div_ceil(N_FOR_NUMPY);
     let mut input = process.stdin.take().unwrap();
     for label in labels.iter().step_by(step) {

@@ -6,28 +6,27 @@ use std::{
     process::{Child, Command, Stdio},
 };
 
-/// Starts a script below `tests/benches` on one thread in the Python that `PIPELINE_PYTHON` names, with
-/// pipes to and from it; an error says why it cannot be.
-pub(crate) fn start(script: &str, errors: Stdio) -> Result<Child, String> {
-    command(script, 1)
+/// Starts a script below `tests/benches` on a number of threads in the Python that `PIPELINE_PYTHON`
+/// names, with pipes to and from it; an error says why it cannot be.
+pub(crate) fn start(
+    script: &str,
+    arguments: &[&str],
+    threads: usize,
+    errors: Stdio,
+) -> Result<Child, String> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/benches")
+        .join(script);
+    Command::new(name())
+        .arg(path)
+        .args(arguments)
+        .env("OMP_NUM_THREADS", threads.to_string())
+        .env("OPENBLAS_NUM_THREADS", threads.to_string())
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(errors)
         .spawn()
         .map_err(|err| format!("cannot start `{}`: {err}", name().display()))
-}
-
-/// Returns the command that runs a script below `tests/benches` on a number of threads.
-pub(crate) fn command(script: &str, threads: usize) -> Command {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/benches")
-        .join(script);
-    let mut command = Command::new(name());
-    command
-        .arg(path)
-        .env("OMP_NUM_THREADS", threads.to_string())
-        .env("OPENBLAS_NUM_THREADS", threads.to_string());
-    command
 }
 
 /// Returns the Python that runs scripts.

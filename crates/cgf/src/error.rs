@@ -46,6 +46,14 @@ pub enum CgfError {
         /// Joint positions found.
         found: usize,
     },
+    /// The configuration asks for a device that this program was built without.
+    #[error(
+        "this program was built without the feature `{feature}`, which `device = \"{feature}\"` needs"
+    )]
+    NotBuiltFor {
+        /// The feature and device.
+        feature: &'static str,
+    },
     /// An object's surface is described by too few points.
     #[error("object `{object}` has {found} surface points, at least {expected} are needed")]
     TooFewPoints {

@@ -17,6 +17,8 @@ mod curve;
 mod data;
 mod decoder;
 mod error;
+#[cfg(test)]
+mod golden;
 mod grasp;
 mod kinematics;
 mod loss;
@@ -33,6 +35,7 @@ mod weights;
 pub use config::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
     LatentNoise, NetworkConfig, Outputs, Reduction, Schedule, Times, TrainingConfig,
+    TrainingDevice,
 };
 pub use curve::Epoch;
 pub use data::{Scene, Split, TimedGrasp, Track};

@@ -60,9 +60,8 @@ pub(crate) fn contact(
         .zip(surfaces)
         .flat_map_iter(|(center, surface)| narrow_all(nearest(center, surface).coords.as_slice()))
         .collect();
-    let squares = (tips - constant(nearest, &[centers.len(), 3])?)?
-        .sqr()?
-        .sum(1)?;
+    let nearest = constant(nearest, &[centers.len(), 3])?.to_device(tips.device())?;
+    let squares = (tips - nearest)?.sqr()?.sum(1)?;
     let terms = match contact {
         Contact::TouchCenter | Contact::Demonstrated => squares,
         // Away from zero the root has a derivative.

@@ -185,7 +185,7 @@ impl Network<'_> {
     }
 }
 
-/// Returns a constant `(rows, columns)` from numbers row by row.
+/// Returns a constant on the CPU from numbers, the last dimension fastest.
 pub(crate) fn constant(values: Vec<f32>, shape: &[usize]) -> Result<Tensor, CgfError> {
     Ok(Tensor::from_vec(values, shape, &Device::Cpu)?)
 }

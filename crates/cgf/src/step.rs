@@ -47,6 +47,8 @@ pub(crate) struct Objective<'a> {
     pub(crate) training: &'a TrainingConfig,
     /// Links whose origins are the finger tips.
     pub(crate) tips: Vec<usize>,
+    /// Where it is computed.
+    pub(crate) device: Device,
 }
 
 /// Gradients by the names of the arrays.
@@ -65,7 +67,7 @@ impl Objective<'_> {
         batch: &Batch,
         statistics: Statistics,
     ) -> Result<(Losses, Gradients, Measured), CgfError> {
-        let leaves = weights.variables(&Device::Cpu)?;
+        let leaves = weights.variables(&self.device)?;
         let n_layers = self.network.point_widths.len();
         let (features, measured) =
             point_net::features(&leaves, n_layers, &batch.clouds, statistics)?;
@@ -97,12 +99,16 @@ impl Objective<'_> {
         let features = net.forward(&batch.clouds, Statistics::Stored).features;
         let n_views = batch.surfaces.len();
         let width = features.len() / n_views;
-        let features = constant(features, &[n_views, width])?;
+        let features = self.constant(features, &[n_views, width])?;
         let tape = Network {
             config: self.network,
-            leaves: &weights.constants()?,
+            leaves: &weights.constants_on(&self.device)?,
         };
         Ok(self.losses(batch, normalization, &tape, &features)?.1)
+    }
+
+    fn constant(&self, values: Vec<f32>, shape: &[usize]) -> Result<Tensor, CgfError> {
+        Ok(Tensor::from_vec(values, shape, &self.device)?)
     }
 
     fn losses(
@@ -116,21 +122,22 @@ impl Objective<'_> {
         let outputs = ROOT + self.hand.dof();
         let rows = batch.size * batch.n_times;
         let (decoded, mean, log_variance) = self.decoded(batch, tape, features)?;
-        let targets = constant(batch.targets.clone(), &[rows, outputs])?;
+        let targets = self.constant(batch.targets.clone(), &[rows, outputs])?;
         let row_weights = loss::row_weights(
             batch.size,
             training.grasp_steps,
             training.random_times,
             training.grasp_weight,
-        )?;
+        )?
+        .to_device(&self.device)?;
         let q = loss::squared_error(&decoded, &targets, &row_weights)?;
         let translation = loss::squared_error(
             &decoded.narrow(1, 0, 3)?,
             &targets.narrow(1, 0, 3)?,
             &row_weights,
         )?;
-        let scale = constant(narrow_all(&normalization.scale), &[outputs])?;
-        let shift = constant(narrow_all(&normalization.mean), &[outputs])?;
+        let scale = self.constant(narrow_all(&normalization.scale), &[outputs])?;
+        let shift = self.constant(narrow_all(&normalization.mean), &[outputs])?;
         let physical = decoded.broadcast_mul(&scale)?.broadcast_add(&shift)?;
         let parts = if training.rotations_weight > 0.0 {
             LinkParts::OriginsAndColumns
@@ -138,14 +145,20 @@ impl Objective<'_> {
             LinkParts::Origins
         };
         let fk = LinkPoses::new(self.hand.clone(), parts);
-        let wanted = constant(batch.physical.clone(), &[rows, outputs])?.apply_op1_no_bwd(&fk)?;
-        let reached = physical.apply_op1(fk)?;
+        // Kinematics are the host's.
+        let wanted = constant(batch.physical.clone(), &[rows, outputs])?
+            .apply_op1_no_bwd(&fk)?
+            .to_device(&self.device)?;
+        let reached = physical
+            .to_device(&Device::Cpu)?
+            .apply_op1(fk)?
+            .to_device(&self.device)?;
         let [reached, wanted] = [reached, wanted].map(|poses| split(&poses, parts, rows));
         let (reached, wanted) = (reached?, wanted?);
         let origins = loss::squared_distance(&reached.origins, &wanted.origins, &row_weights)?;
         let rotations = match (&reached.columns, &wanted.columns) {
             (Some(reached), Some(wanted)) => loss::squared_error(reached, wanted, &row_weights)?,
-            _ => Tensor::zeros((), candle_core::DType::F32, &Device::Cpu)?,
+            _ => Tensor::zeros((), candle_core::DType::F32, &self.device)?,
         };
         let kl = loss::kl_divergence(&mean, &log_variance)?;
         let tips_of = match training.contact {
@@ -177,7 +190,7 @@ impl Objective<'_> {
             (kl, training.kl_weight),
             ((contact * count(self.tips.len()))?, training.contact_weight),
         ];
-        let mut total = Tensor::zeros((), candle_core::DType::F32, &Device::Cpu)?;
+        let mut total = Tensor::zeros((), candle_core::DType::F32, &self.device)?;
         let mut numbers = [0.0; 6];
         for ((term, weight), number) in terms.iter().zip(&mut numbers) {
             *number = term.to_scalar::<f32>()?;
@@ -208,21 +221,21 @@ impl Objective<'_> {
     ) -> Result<(Tensor, Tensor, Tensor), CgfError> {
         let (size, n_times) = (batch.size, batch.n_times);
         let latent_dim = self.network.latent_dim;
-        let views = Tensor::from_slice(&batch.views, size, &Device::Cpu)?;
+        let views = Tensor::from_slice(&batch.views, size, &self.device)?;
         let inputs = self.network.encoder_inputs(self.hand.dof());
-        let motions = constant(
+        let motions = self.constant(
             batch.motions.clone(),
             &[size, self.network.encoder_steps, inputs],
         )?;
         let (mean, log_variance) = tape.encode(&motions, features, &views)?;
-        let times = constant(batch.times.clone(), &[size, n_times])?;
+        let times = self.constant(batch.times.clone(), &[size, n_times])?;
         let decoded = if batch.noise.is_empty() {
             tape.decode(&times, &mean, features, &views)?
         } else {
             let deviation = (&log_variance * 0.5)?.exp()?;
             match self.training.latent_noise {
                 LatentNoise::PerMotion => {
-                    let noise = constant(batch.noise.clone(), &[size, latent_dim])?;
+                    let noise = self.constant(batch.noise.clone(), &[size, latent_dim])?;
                     let latents = (&mean + (deviation * noise)?)?;
                     tape.decode(&times, &latents, features, &views)?
                 }
@@ -231,8 +244,9 @@ impl Objective<'_> {
                     let repeat: Vec<u32> = (0..size)
                         .flat_map(|motion| std::iter::repeat_n(row_index(motion), n_times))
                         .collect();
-                    let repeat = Tensor::new(repeat, &Device::Cpu)?;
-                    let noise = constant(batch.noise.clone(), &[size * n_times, latent_dim])?;
+                    let repeat = Tensor::new(repeat, &self.device)?;
+                    let noise =
+                        self.constant(batch.noise.clone(), &[size * n_times, latent_dim])?;
                     let deviation = deviation.index_select(&repeat, 0)?;
                     let latents = (mean.index_select(&repeat, 0)? + (deviation * noise)?)?;
                     let views = views.index_select(&repeat, 0)?;
@@ -261,7 +275,7 @@ impl Objective<'_> {
                 surfaces.push(batch.surfaces[view as usize].as_slice());
             }
         }
-        let rows = Tensor::new(rows, &Device::Cpu)?;
+        let rows = Tensor::new(rows, &self.device)?;
         let tips = origins.reshape(((), 3))?.index_select(&rows, 0)?;
         Ok((tips, surfaces))
     }

@@ -152,6 +152,7 @@ impl<'a> Trainer<'a> {
                 network,
                 training,
                 tips,
+                device: training.device.open()?,
             },
             training_tracks,
             weights: network::initialize(network, hand.dof(), initialization, seed),

@@ -103,9 +103,14 @@ impl Weights {
         })
     }
 
-    /// Returns all arrays as constants.
+    /// Returns all arrays as constants on the CPU.
     pub(crate) fn constants(&self) -> Result<Leaves, CgfError> {
-        self.leaves(&Device::Cpu, |_, tensor| Ok(tensor))
+        self.constants_on(&Device::Cpu)
+    }
+
+    /// Returns all arrays as constants on a device.
+    pub(crate) fn constants_on(&self, device: &Device) -> Result<Leaves, CgfError> {
+        self.leaves(device, |_, tensor| Ok(tensor))
     }
 
     fn leaves(

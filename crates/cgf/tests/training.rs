@@ -5,7 +5,7 @@ use std::sync::Arc;
 use cgf::{
     Activation, Augmentation, Cgf, CgfError, Contact, EncoderRotation, EncoderTimes, Frame, Grasp,
     GraspError, Initialization, LatentNoise, NetworkConfig, Outputs, Reduction, Scene, Schedule,
-    Split, TimedGrasp, Times, Track, TrainingConfig, TrainingSet, train,
+    Split, TimedGrasp, Times, Track, TrainingConfig, TrainingDevice, TrainingSet, train,
 };
 use nalgebra::{Isometry3, Point3, Vector3};
 use robot::RobotModel;
@@ -98,6 +98,7 @@ fn network() -> NetworkConfig {
 
 fn training(epochs: usize) -> TrainingConfig {
     TrainingConfig {
+        device: TrainingDevice::Cpu,
         epochs,
         validation_epochs: 1,
         batch: 32,
@@ -249,6 +250,22 @@ fn unusable_sets_are_refused() {
         |set| set.scenes[0].points_in_object.truncate(10),
         "`box` has 10 surface points",
     );
+}
+
+#[test]
+fn device_that_the_program_was_built_without_is_refused() {
+    for (device, is_built) in [
+        (TrainingDevice::Cuda, cfg!(feature = "cuda")),
+        (TrainingDevice::Metal, cfg!(feature = "metal")),
+    ] {
+        if is_built {
+            continue;
+        }
+        let mut config = training(1);
+        config.device = device;
+        let refused = train(&set(), &hand(), &network(), &config, 7, |_| {});
+        assert!(matches!(refused, Err(CgfError::NotBuiltFor { .. })));
+    }
 }
 
 #[test]

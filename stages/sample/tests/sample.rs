@@ -15,7 +15,7 @@ use std::{
 use cgf::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Grasp, Initialization,
     LatentNoise, NetworkConfig, Outputs, Reduction, Scene, Schedule, Split, TimedGrasp, Times,
-    Track, TrainingConfig, TrainingSet,
+    Track, TrainingConfig, TrainingDevice, TrainingSet,
 };
 use dataflow::{Advise, Artifact, Context, Inputs, Made, Outcome, SourceFile, Stage, Summary};
 use geometry::{DistanceField, TriMesh};
@@ -176,6 +176,7 @@ fn write_checkpoint(folder: &Path) {
         encoder_rotation: EncoderRotation::Columns,
     };
     let training = TrainingConfig {
+        device: TrainingDevice::Cpu,
         epochs: 200,
         validation_epochs: 1,
         batch: 2,

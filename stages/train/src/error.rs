@@ -110,6 +110,9 @@ impl Advise for TrainError {
                  retarget.trajectories`"
                     .to_owned(),
             ),
+            Self::Cgf(CgfError::NotBuiltFor { feature }) => Some(format!(
+                "set `device = \"cpu\"`, or build with `cargo build --release --features {feature}`"
+            )),
             Self::Cgf(CgfError::UnknownLink { .. }) => {
                 Some("give `training.tips` the names of the hand's finger tip links".to_owned())
             }

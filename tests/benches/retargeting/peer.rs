@@ -24,7 +24,7 @@ impl Peer {
     /// Starts the peer on a problem; an error says why it cannot be.
     pub(crate) fn start(problem: &Problem) -> Result<Self, String> {
         let script = "retargeting/dex_retargeting_frames.py";
-        let mut process = python::start(script, Stdio::null())?;
+        let mut process = python::start(script, &[], 1, Stdio::null())?;
         let mut peer = Self {
             input: process.stdin.take().unwrap(),
             output: BufReader::new(process.stdout.take().unwrap()),

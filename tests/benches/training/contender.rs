@@ -31,26 +31,25 @@ pub(crate) struct Figure {
 impl Contender {
     /// Starts this program again in a role.
     pub(crate) fn own(name: &'static str, role: &str) -> Result<Self, String> {
-        let mut command = Command::new(env::current_exe().map_err(|err| err.to_string())?);
-        command
+        let program = env::current_exe().map_err(|err| err.to_string())?;
+        let process = Command::new(program)
             .args([ROLE, role])
-            .env("RAYON_NUM_THREADS", THREADS.to_string());
-        Self::start(name, command)
+            .env("RAYON_NUM_THREADS", THREADS.to_string())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn();
+        Self::start(name, process.map_err(|err| err.to_string())?)
     }
 
     /// Starts a script in Python.
     pub(crate) fn python(name: &'static str, script: &str) -> Result<Self, String> {
-        let mut command = python::command(script, THREADS);
-        command.args([HAND, &CLOUDS.to_string(), &POINTS.to_string()]);
-        Self::start(name, command)
+        let sizes = [CLOUDS, POINTS].map(|size| size.to_string());
+        let arguments = [HAND, sizes[0].as_str(), sizes[1].as_str()];
+        let process = python::start(script, &arguments, THREADS, Stdio::null())?;
+        Self::start(name, process)
     }
 
-    fn start(name: &'static str, mut command: Command) -> Result<Self, String> {
-        let mut process = command
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .map_err(|err| format!("{name}: {err}"))?;
+    fn start(name: &'static str, mut process: Child) -> Result<Self, String> {
         let mut contender = Self {
             name,
             input: process.stdin.take().unwrap(),
@@ -62,7 +61,7 @@ impl Contender {
         match contender.answer().as_str() {
             "ready" => Ok(contender),
             _ => Err(format!(
-                "{name}: `{}` has no torch",
+                "{name}, `{}` has no torch",
                 python::name().display()
             )),
         }

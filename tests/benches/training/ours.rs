@@ -5,7 +5,7 @@ use std::{fs, sync::Arc};
 use cgf::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Grasp, Initialization,
     LatentNoise, NetworkConfig, Outputs, Random, Reduction, Scene, Schedule, Split, TimedGrasp,
-    Times, Track, Trainer, TrainingConfig, TrainingSet,
+    Times, Track, Trainer, TrainingConfig, TrainingDevice, TrainingSet,
 };
 use nalgebra::{Isometry3, Point3, Vector3};
 use robot::RobotModel;
@@ -103,6 +103,7 @@ fn network() -> NetworkConfig {
 /// All loss terms of the released code, and a contact loss that has a gradient.
 fn training() -> TrainingConfig {
     TrainingConfig {
+        device: TrainingDevice::Cpu,
         epochs: 1_000_000,
         validation_epochs: 1_000_000,
         batch: CLOUDS,

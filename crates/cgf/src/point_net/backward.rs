@@ -1,8 +1,13 @@
 //! From the gradient by the features to the gradients by every layer's numbers.
 
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined into the dispatch is not compiled for wide registers"
+)]
+
 mod critical;
 
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use self::critical::Top;
@@ -10,7 +15,7 @@ use super::{
     EPSILON, Ladder, Layer, LayerGradient, Normalized, Pass, PointNet, Statistics,
     cloud::{BLOCK, Cloud},
     kernel::{LANES, Packed, Pairs, Row, Sparse, correlate, project},
-    moments::{Moments, clear_beyond, sum_of},
+    moments::{Moments, clear_beyond, dot, sum_of},
 };
 use crate::precision::{narrow, narrow_all};
 
@@ -115,39 +120,52 @@ impl Sums {
     /// Takes in a patch: sets `g` to zero where the output `x` was cut off and beyond the cloud's
     /// points, and sums it.
     fn absorb(&mut self, at: &Place, x: &[Row], g: &mut [Row]) {
-        let n = at.cloud.points_of(at.patch);
-        Arch::new().dispatch(|| {
-            for (g, x) in g.iter_mut().zip(x) {
-                for (g, &x) in g.iter_mut().zip(x) {
-                    *g = if x > 0.0 { *g } else { 0.0 };
-                }
-            }
-            clear_beyond(g, n);
-            for (sum, g) in self.shift.iter_mut().zip(g.iter()) {
-                *sum += f64::from(sum_of(g, LANES));
-            }
-            if at.idx == 0 {
-                let xyz = at.cloud.coordinates(at.patch);
-                for (sums, g) in self.gain.chunks_exact_mut(3).zip(g.iter()) {
-                    for (sum, x) in sums.iter_mut().zip(xyz) {
-                        *sum += f64::from(dot(g, x, 0.0));
-                    }
-                }
-            } else {
-                let y = at.cloud.linear(at.layer, at.idx, at.patch);
-                let means = &at.normalized.mean;
-                for (((sum, g), y), &mean) in self.gain.iter_mut().zip(g.iter()).zip(y).zip(means) {
-                    *sum += f64::from(dot(g, y, narrow(mean)));
-                }
-            }
+        Arch::new().dispatch(Absorb {
+            sums: self,
+            at,
+            x,
+            g,
         });
     }
 }
 
-/// `Σ g (y − mean)` of a row.
-#[inline(always)]
-fn dot(g: &Row, y: &Row, mean: f32) -> f32 {
-    sum_of(&std::array::from_fn(|k| g[k] * (y[k] - mean)), LANES)
+struct Absorb<'a> {
+    sums: &'a mut Sums,
+    at: &'a Place<'a>,
+    x: &'a [Row],
+    g: &'a mut [Row],
+}
+
+impl WithSimd for Absorb<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { sums, at, x, g } = self;
+        for (g, x) in g.iter_mut().zip(x) {
+            for (g, &x) in g.iter_mut().zip(x) {
+                *g = if x > 0.0 { *g } else { 0.0 };
+            }
+        }
+        clear_beyond(g, at.cloud.points_of(at.patch));
+        for (sum, g) in sums.shift.iter_mut().zip(g.iter()) {
+            *sum += f64::from(sum_of(simd, g));
+        }
+        if at.idx == 0 {
+            let xyz = at.cloud.coordinates(at.patch);
+            for (sums, g) in sums.gain.chunks_exact_mut(3).zip(g.iter()) {
+                for (sum, x) in sums.iter_mut().zip(xyz) {
+                    *sum += f64::from(dot(simd, g, x, 0.0));
+                }
+            }
+        } else {
+            let y = at.cloud.linear(at.layer, at.idx, at.patch);
+            let sums = sums.gain.iter_mut().zip(&at.normalized.mean);
+            for ((g, y), (sum, &mean)) in g.iter().zip(y).zip(sums) {
+                *sum += f64::from(dot(simd, g, y, narrow(mean)));
+            }
+        }
+    }
 }
 
 /// Which patch of which cloud, at the output of which layer.
@@ -214,13 +232,10 @@ impl Slopes {
 
     /// Takes `g` of a patch to `dy`.
     fn apply(&self, y: &[Row], by: &mut [Row]) {
-        Arch::new().dispatch(|| {
-            for ((by, y), factors) in by.iter_mut().zip(y).zip(&self.factors) {
-                let [scale, slope, constant] = factors.map(narrow);
-                for (by, &y) in by.iter_mut().zip(y) {
-                    *by = scale * *by + slope * y + constant;
-                }
-            }
+        Arch::new().dispatch(Apply {
+            factors: &self.factors,
+            y,
+            by,
         });
     }
 
@@ -252,6 +267,26 @@ impl Slopes {
             narrow_all(&self.by_gain),
             narrow_all(&self.by_shift),
         ]
+    }
+}
+
+struct Apply<'a> {
+    factors: &'a [[f64; 3]],
+    y: &'a [Row],
+    by: &'a mut [Row],
+}
+
+impl WithSimd for Apply<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for ((by, y), factors) in self.by.iter_mut().zip(self.y).zip(self.factors) {
+            let [scale, slope, constant] = factors.map(narrow);
+            for (by, &y) in by.iter_mut().zip(y) {
+                *by = scale * *by + slope * y + constant;
+            }
+        }
     }
 }
 

@@ -1,6 +1,11 @@
 //! One cloud on its way up the layers.
 
-use pulp::Arch;
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined into the dispatch is not compiled for wide registers"
+)]
+
+use pulp::{Arch, Simd, WithSimd};
 
 use super::{
     Affine, Ladder, Layer,
@@ -95,9 +100,20 @@ impl Cloud {
         };
         let (layer, affine) = (&ladder.layers[below], &ladder.affine[below]);
         if below == 0 {
-            first_hidden(self.coordinates(patch), layer, affine, out);
+            let xyz = self.coordinates(patch);
+            Arch::new().dispatch(FirstHidden {
+                xyz,
+                layer,
+                affine,
+                out,
+            });
         } else {
-            hidden(self.linear(layer, below, patch), affine, out);
+            let linear = self.linear(layer, below, patch);
+            Arch::new().dispatch(Hidden {
+                linear,
+                affine,
+                out,
+            });
         }
     }
 
@@ -197,28 +213,47 @@ struct Below {
 }
 
 /// `max(scale (w · xyz) + offset, 0)` of a patch.
-fn first_hidden(xyz: &[Row], layer: &Layer, affine: &Affine, out: &mut [Row]) {
-    Arch::new().dispatch(|| {
-        let weights = layer.weight.chunks_exact(3);
-        let affine = affine.scale.iter().zip(&affine.offset);
-        for ((out, w), (&scale, &offset)) in out.iter_mut().zip(weights).zip(affine) {
+struct FirstHidden<'a> {
+    xyz: &'a [Row],
+    layer: &'a Layer,
+    affine: &'a Affine,
+    out: &'a mut [Row],
+}
+
+impl WithSimd for FirstHidden<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let [x, y, z] = [&self.xyz[0], &self.xyz[1], &self.xyz[2]];
+        let weights = self.layer.weight.chunks_exact(3);
+        let affine = self.affine.scale.iter().zip(&self.affine.offset);
+        for ((out, w), (&scale, &offset)) in self.out.iter_mut().zip(weights).zip(affine) {
             let [a, b, c] = [w[0] * scale, w[1] * scale, w[2] * scale];
             for (k, out) in out.iter_mut().enumerate() {
-                let y = a * xyz[0][k] + b * xyz[1][k] + c * xyz[2][k];
-                *out = (y + offset).max(0.0);
+                *out = (a * x[k] + b * y[k] + c * z[k] + offset).max(0.0);
             }
         }
-    });
+    }
 }
 
 /// `max(scale y + offset, 0)` of a patch.
-fn hidden(linear: &[Row], affine: &Affine, out: &mut [Row]) {
-    Arch::new().dispatch(|| {
-        let affine = affine.scale.iter().zip(&affine.offset);
-        for ((out, y), (&scale, &offset)) in out.iter_mut().zip(linear).zip(affine) {
+struct Hidden<'a> {
+    linear: &'a [Row],
+    affine: &'a Affine,
+    out: &'a mut [Row],
+}
+
+impl WithSimd for Hidden<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let affine = self.affine.scale.iter().zip(&self.affine.offset);
+        for ((out, y), (&scale, &offset)) in self.out.iter_mut().zip(self.linear).zip(affine) {
             for (out, &y) in out.iter_mut().zip(y) {
                 *out = (scale * y + offset).max(0.0);
             }
         }
-    });
+    }
 }

@@ -3,7 +3,14 @@
 //! Every sum is made by the same operations in the same order wherever it stands, so that results do
 //! not depend on how the work is divided.
 
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined into the dispatch is not compiled for wide registers"
+)]
+
 use pulp::{Arch, Simd, WithSimd};
+
+use crate::precision::row_index;
 
 /// Points that are worked on together: a *patch*.
 pub(super) const LANES: usize = 16;
@@ -64,10 +71,25 @@ impl Sparse {
     pub(super) fn take(&mut self, rows: &[Row]) {
         self.rows.clear();
         self.at.clear();
-        for (k, row) in (0_u32..).zip(rows) {
-            if row.iter().any(|&x| x != 0.0) {
-                self.rows.push(*row);
-                self.at.push(k);
+        Arch::new().dispatch(Take { sparse: self, rows });
+    }
+}
+
+struct Take<'a> {
+    sparse: &'a mut Sparse,
+    rows: &'a [Row],
+}
+
+impl WithSimd for Take<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for (k, row) in (0_u32..).zip(self.rows) {
+            // All bits but the sign's, so that the numbers are looked at together.
+            if row.iter().fold(0, |bits, x| bits | (x.to_bits() << 1)) != 0 {
+                self.sparse.rows.push(*row);
+                self.sparse.at.push(k);
             }
         }
     }
@@ -183,22 +205,15 @@ impl Search<'_> {
                 }
                 let over = simd.greater_than_f32s(top, simd.splat_f32s(*value));
                 if simd.first_true_m32s(over) < S::F32_LANES {
+                    let largest = simd.reduce_max_f32s(top);
                     let mut row = [0.0; LANES];
                     let (vectors, _) = S::as_mut_simd_f32s(&mut row);
                     vectors.copy_from_slice(sums);
-                    improve(&row, self.first, value, point);
+                    let lane = row.iter().position(|&x| x >= largest).unwrap_or(0);
+                    *value = largest;
+                    *point = self.first + row_index(lane);
                 }
             }
-        }
-    }
-}
-
-#[cold]
-fn improve(row: &Row, first: u32, value: &mut f32, point: &mut u32) {
-    for (lane, &x) in (first..).zip(row) {
-        if x > *value {
-            *value = x;
-            *point = lane;
         }
     }
 }

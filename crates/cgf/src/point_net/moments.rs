@@ -1,6 +1,11 @@
 //! Means and covariances of channels over many points, put together from those of parts.
 
-use pulp::Arch;
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined into the dispatch is not compiled for wide registers"
+)]
+
+use pulp::{Arch, Simd, WithSimd};
 
 use super::kernel::{LANES, Pairs, Row, correlate};
 use crate::precision::narrow;
@@ -19,18 +24,13 @@ impl Moments {
     /// differences from the panel's own mean, `f64` everything else.
     pub(super) fn measure(panel: &[Row], width: usize, n: usize, room: &mut Room) -> Self {
         let mut mean = vec![0.0; width];
-        for (patch, rows) in panel.chunks_exact(width).enumerate() {
-            add_sums(rows, n - patch * LANES, &mut mean);
-        }
-        for mean in &mut mean {
-            *mean /= n as f64;
-        }
         room.centered.clear();
         room.centered.extend_from_slice(panel);
-        for (patch, rows) in room.centered.chunks_exact_mut(width).enumerate() {
-            subtract(rows, &mean);
-            clear_beyond(rows, n - patch * LANES);
-        }
+        Arch::new().dispatch(Center {
+            panel: &mut room.centered,
+            n,
+            mean: &mut mean,
+        });
         room.products.resize(width * width, 0.0);
         let centered = (room.centered.as_slice(), width);
         correlate(centered, centered, Pairs::Upper, &mut room.products);
@@ -49,7 +49,7 @@ impl Moments {
         }
     }
 
-    /// Takes in the moments of further rows (Chan, Golub and LeVeque, *Updating formulae and a pairwise
+    /// Takes in the moments of further rows (Chan, Golub and `LeVeque`, *Updating formulae and a pairwise
     /// algorithm for computing sample variances*, 1979, eq. 2.1).
     pub(super) fn add(&mut self, other: &Self) {
         if self.n == 0.0 {
@@ -64,14 +64,11 @@ impl Moments {
             .map(|(b, a)| b - a)
             .collect();
         let factor = self.n * other.n / n;
-        Arch::new().dispatch(|| {
-            let width = apart.len();
-            let rows = self.scatter.chunks_exact_mut(width);
-            for ((row, added), a) in rows.zip(other.scatter.chunks_exact(width)).zip(&apart) {
-                for ((x, added), b) in row.iter_mut().zip(added).zip(&apart) {
-                    *x += added + factor * a * b;
-                }
-            }
+        Arch::new().dispatch(Add {
+            scatter: &mut self.scatter,
+            other: &other.scatter,
+            apart: &apart,
+            factor,
         });
         for (mean, apart) in self.mean.iter_mut().zip(&apart) {
             *mean += apart * other.n / n;
@@ -88,16 +85,57 @@ impl Moments {
             .map(|(m, &w)| m * f64::from(w))
             .sum();
         let mut by = vec![0.0; weight.len()];
-        Arch::new().dispatch(|| {
-            for (row, &w) in self.scatter.chunks_exact(weight.len()).zip(weight) {
-                let w = f64::from(w) / self.n;
-                for (by, x) in by.iter_mut().zip(row) {
-                    *by += w * x;
-                }
-            }
-        });
+        for (row, &w) in self.scatter.chunks_exact(weight.len()).zip(weight) {
+            Arch::new().dispatch(Axpy {
+                factor: f64::from(w) / self.n,
+                x: row,
+                sums: &mut by,
+            });
+        }
         let variance: f64 = by.iter().zip(weight).map(|(b, &w)| b * f64::from(w)).sum();
         (mean, variance.max(0.0), by)
+    }
+}
+
+/// `scatter += other + factor apart apartᵀ`.
+struct Add<'a> {
+    scatter: &'a mut [f64],
+    other: &'a [f64],
+    apart: &'a [f64],
+    factor: f64,
+}
+
+impl WithSimd for Add<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let width = self.apart.len();
+        let rows = self.scatter.chunks_exact_mut(width);
+        for ((row, added), a) in rows.zip(self.other.chunks_exact(width)).zip(self.apart) {
+            let factor = self.factor * a;
+            for ((x, added), b) in row.iter_mut().zip(added).zip(self.apart) {
+                *x += added + factor * b;
+            }
+        }
+    }
+}
+
+/// `sums += factor x`.
+pub(super) struct Axpy<'a> {
+    pub(super) factor: f64,
+    pub(super) x: &'a [f64],
+    pub(super) sums: &'a mut [f64],
+}
+
+impl WithSimd for Axpy<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for (sum, x) in self.sums.iter_mut().zip(self.x) {
+            *sum += self.factor * x;
+        }
     }
 }
 
@@ -108,37 +146,68 @@ pub(super) struct Room {
     products: Vec<f32>,
 }
 
-/// Adds each channel's sum over the first `n` points of a patch.
-pub(super) fn add_sums(rows: &[Row], n: usize, sums: &mut [f64]) {
-    for (row, sum) in rows.iter().zip(sums) {
-        *sum += f64::from(sum_of(row, n));
+/// Measures the mean of each channel over the first `n` points of a panel, subtracts it, and sets what
+/// is beyond them to zero.
+struct Center<'a> {
+    panel: &'a mut [Row],
+    n: usize,
+    mean: &'a mut [f64],
+}
+
+impl WithSimd for Center<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { panel, n, mean } = self;
+        let width = mean.len();
+        for (patch, rows) in panel.chunks_exact_mut(width).enumerate() {
+            clear_beyond(rows, n - patch * LANES);
+            for (row, sum) in rows.iter().zip(mean.iter_mut()) {
+                *sum += f64::from(sum_of(simd, row));
+            }
+        }
+        for mean in mean.iter_mut() {
+            *mean /= n as f64;
+        }
+        for (patch, rows) in panel.chunks_exact_mut(width).enumerate() {
+            for (row, &mean) in rows.iter_mut().zip(mean.iter()) {
+                let mean = narrow(mean);
+                for x in row {
+                    *x -= mean;
+                }
+            }
+            clear_beyond(rows, n - patch * LANES);
+        }
     }
 }
 
-/// Sums the first `n` of a row, in pairs.
-pub(super) fn sum_of(row: &Row, n: usize) -> f32 {
-    if n < LANES {
-        return row[..n].iter().sum();
+/// Sums a row.
+#[inline(always)]
+pub(super) fn sum_of<S: Simd>(simd: S, row: &Row) -> f32 {
+    let (row, _) = S::as_simd_f32s(row);
+    let mut sum = row[0];
+    for &x in &row[1..] {
+        sum = simd.add_f32s(sum, x);
     }
-    let mut eight: [f32; 8] = std::array::from_fn(|k| row[k] + row[k + 8]);
-    for half in [4, 2, 1] {
-        for k in 0..half {
-            eight[k] += eight[k + half];
-        }
-    }
-    eight[0]
+    simd.reduce_sum_f32s(sum)
 }
 
-fn subtract(rows: &mut [Row], mean: &[f64]) {
-    for (row, &mean) in rows.iter_mut().zip(mean) {
-        let mean = narrow(mean);
-        for x in row {
-            *x -= mean;
-        }
+/// `Σ g (y − mean)` of a row.
+#[inline(always)]
+pub(super) fn dot<S: Simd>(simd: S, g: &Row, y: &Row, mean: f32) -> f32 {
+    let mean = simd.splat_f32s(mean);
+    let (g, _) = S::as_simd_f32s(g);
+    let (y, _) = S::as_simd_f32s(y);
+    let mut sum = simd.splat_f32s(0.0);
+    for (&g, &y) in g.iter().zip(y) {
+        sum = simd.mul_add_e_f32s(g, simd.sub_f32s(y, mean), sum);
     }
+    simd.reduce_sum_f32s(sum)
 }
 
 /// Sets what fills up a patch of fewer than sixteen points to zero.
+#[inline(always)]
 pub(super) fn clear_beyond(rows: &mut [Row], n: usize) {
     if n < LANES {
         for row in rows {

@@ -7,6 +7,7 @@ use std::{collections::BTreeMap, path::Path};
 use cgf::{
     Activation, Augmentation, Cgf, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
     LatentNoise, NetworkConfig, Outputs, Reduction, Schedule, Times, TrainingConfig,
+    TrainingDevice,
 };
 use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Partition, Scope, SourceFile, Stage};
 use nalgebra::{Isometry3, Vector3};
@@ -41,6 +42,7 @@ fn config() -> TrainConfig {
             encoder_rotation: EncoderRotation::Columns,
         },
         training: TrainingConfig {
+            device: TrainingDevice::Cpu,
             epochs: 3,
             validation_epochs: 1,
             batch: 8,

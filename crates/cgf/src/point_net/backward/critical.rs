@@ -10,7 +10,7 @@ use crate::{
         EPSILON, Ladder, LayerGradient,
         cloud::Cloud,
         kernel::{LANES, Packed, Row, Sparse, project},
-        moments::Moments,
+        moments::{Axpy, Moments},
     },
     precision::{narrow, narrow_all, row_index},
 };
@@ -201,19 +201,19 @@ impl Dense {
         let factors: Vec<f64> = (0..layer.outputs)
             .map(|c| outputs.scale[c] * outputs.inverse[c] * outputs.by_gain[c] / moments.n)
             .collect();
+        let weights: Vec<f64> = layer.weight.iter().map(|&w| f64::from(w)).collect();
         let mut kernel = vec![0.0_f64; inputs * inputs];
         kernel
             .par_chunks_exact_mut(inputs)
             .enumerate()
             .for_each(|(k, row)| {
-                Arch::new().dispatch(|| {
-                    for (weight, factor) in layer.weight.chunks_exact(inputs).zip(&factors) {
-                        let factor = factor * f64::from(weight[k]);
-                        for (sum, &w) in row.iter_mut().zip(weight) {
-                            *sum += factor * f64::from(w);
-                        }
-                    }
-                });
+                for (weight, factor) in weights.chunks_exact(inputs).zip(&factors) {
+                    Arch::new().dispatch(Axpy {
+                        factor: factor * weight[k],
+                        x: weight,
+                        sums: row,
+                    });
+                }
             });
         let offset = (0..inputs).map(|k| {
             let constant: f64 = (0..layer.outputs)
