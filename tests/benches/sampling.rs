@@ -292,7 +292,7 @@ struct Torch {
 
 impl Torch {
     fn start(ours: &Ours) -> Result<Self, String> {
-        let mut process = python::start("sampling/torch_ways.py", Stdio::null())?;
+        let mut process = python::start("sampling/torch_ways.py", &[], 1, Stdio::null())?;
         let mut torch = Self {
             input: process.stdin.take().unwrap(),
             output: BufReader::new(process.stdout.take().unwrap()),

@@ -280,7 +280,12 @@ impl NetworkConfig {
         }
     }
 
-    pub(crate) fn check(&self) -> Result<(), CgfError> {
+    /// Checks every value.
+    ///
+    /// # Errors
+    ///
+    /// Names the first one that cannot be used.
+    pub fn check(&self) -> Result<(), CgfError> {
         let positive = |key, value: usize| check(key, value, value > 0, "a positive number");
         let widths = |key, widths: &[usize]| {
             let usable = !widths.is_empty() && widths.iter().all(|&width| width > 0);
@@ -307,7 +312,12 @@ impl NetworkConfig {
 }
 
 impl TrainingConfig {
-    pub(crate) fn check(&self) -> Result<(), CgfError> {
+    /// Checks every value.
+    ///
+    /// # Errors
+    ///
+    /// Names the first one that cannot be used.
+    pub fn check(&self) -> Result<(), CgfError> {
         let positive = |key, value: usize| check(key, value, value > 0, "a positive number");
         let not_negative = |key, value: f64| {
             let usable = value.is_finite() && value >= 0.0;

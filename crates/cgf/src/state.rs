@@ -112,9 +112,10 @@ impl Trainer<'_> {
         self.best = best;
         // The last epoch that is done says which statistics it left.
         let fixed = about.curve.len().checked_sub(1);
-        self.statistics = match fixed.is_some_and(|epoch| self.is_fixed_in(epoch)) {
-            true => Statistics::Stored,
-            false => Statistics::Measured,
+        self.statistics = if fixed.is_some_and(|epoch| self.is_fixed_in(epoch)) {
+            Statistics::Stored
+        } else {
+            Statistics::Measured
         };
         self.curve = about.curve;
         Ok(())

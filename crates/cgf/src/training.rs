@@ -75,6 +75,10 @@ pub(crate) struct Best {
 /// # Errors
 ///
 /// Fails if the set or the configuration cannot be used, or if training diverges.
+///
+/// # Panics
+///
+/// If a motion names a scene that the set does not have.
 pub fn train(
     set: &TrainingSet,
     hand: &Arc<RobotModel>,
@@ -96,6 +100,10 @@ impl<'a> Trainer<'a> {
     /// # Errors
     ///
     /// Fails if the set or the configuration cannot be used.
+    ///
+    /// # Panics
+    ///
+    /// If a motion names a scene that the set does not have.
     pub fn new(
         set: &'a TrainingSet,
         hand: &'a Arc<RobotModel>,
@@ -117,23 +125,23 @@ impl<'a> Trainer<'a> {
                     .ok_or_else(|| CgfError::UnknownLink { link: tip.clone() })
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let seen = Seen::of(set, network, training, seed)?;
-        let training_tracks = seen.of_split(Split::Training);
+        let motions = Seen::of(set, network, training, seed)?;
+        let training_tracks = motions.of_split(Split::Training);
         if training_tracks.len() < 2 {
             return Err(CgfError::TooFewTrajectories {
                 found: training_tracks.len(),
             });
         }
-        let rotations = Rotations::new(training.augmentation, seen.tracks.len(), seed);
+        let rotations = Rotations::new(training.augmentation, motions.tracks.len(), seed);
         let mut random = Random::new(seed, BEFORE);
         let mut samples = Vec::new();
         for &idx in &training_tracks {
-            let seen = &seen.tracks[idx];
+            let motion = &motions.tracks[idx];
             for repeat in 0..if rotations.turns() { 4 } else { 1 } {
                 let fixed = rotations.fixed(idx, repeat);
                 let rotation = fixed.unwrap_or_else(|| rotations.draw(&mut random));
                 let times = (0..=20).map(|k| f64::from(k) / 20.0);
-                samples.extend(times.map(|t| turned(&seen.track.at(t), &rotation).to_numbers()));
+                samples.extend(times.map(|t| turned(&motion.track.at(t), &rotation).to_numbers()));
             }
         }
         let initialization = training.initialization;
@@ -143,7 +151,7 @@ impl<'a> Trainer<'a> {
                 network,
                 training,
                 seed,
-                seen,
+                seen: motions,
                 normalization: Normalization::measure(training.outputs, &samples),
                 rotations,
             },
@@ -244,9 +252,12 @@ impl<'a> Trainer<'a> {
         }
         let is_last = number + 1 == self.config().epochs;
         let validates = is_last || (number + 1).is_multiple_of(self.config().validation_epochs);
-        let measure = |split| match validates {
-            true => self.measure(split),
-            false => Ok(None),
+        let measure = |split| {
+            if validates {
+                self.measure(split)
+            } else {
+                Ok(None)
+            }
         };
         let epoch = Epoch {
             epoch: number + 1,

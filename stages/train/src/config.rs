@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use cgf::{NetworkConfig, TrainingConfig};
+use cgf::{CgfError, NetworkConfig, TrainingConfig};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +26,21 @@ pub struct TrainConfig {
 }
 
 impl TrainConfig {
+    /// Checks every value but the hand.
+    pub(crate) fn check(&self) -> Result<(), CgfError> {
+        self.network.check()?;
+        self.training.check()?;
+        if (0.0..1.0).contains(&self.held_out_share) {
+            Ok(())
+        } else {
+            Err(CgfError::Config {
+                key: "held_out_share",
+                value: self.held_out_share.to_string(),
+                expected: "from 0 to below 1",
+            })
+        }
+    }
+
     /// Says whether trajectories of this object are read.
     pub(crate) fn takes(&self, object: &str) -> bool {
         self.objects.is_empty() || named(&self.objects, object) || self.is_unseen(object)

@@ -74,16 +74,18 @@ fn hold_out(set: &mut TrainingSet, share: f64, seed: u64) {
         let object = &set.scenes[set.tracks[idx].scene].object;
         *left.entry(object.clone()).or_default() += 1;
     }
-    let mut wanted = (share * training.len() as f64).round() as usize;
+    let wanted = share * training.len() as f64;
+    let mut held_out = 0.0;
     for k in Random::new(seed, HELD_OUT).permutation(training.len()) {
         let track = &mut set.tracks[training[k]];
         let left = left
             .entry(set.scenes[track.scene].object.clone())
             .or_default();
-        if wanted > 0 && *left > 1 {
+        // To the nearest whole number.
+        if held_out + 0.5 <= wanted && *left > 1 {
             track.split = Split::HeldOut;
             *left -= 1;
-            wanted -= 1;
+            held_out += 1.0;
         }
     }
 }

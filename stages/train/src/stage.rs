@@ -52,8 +52,9 @@ impl Stage for Train {
         output(RECONSTRUCTION, reconstruction::VERSION),
     ];
 
-    /// Checks the hand's description.
+    /// Checks the options and the hand's description.
     fn prepare(config: &TrainConfig) -> Result<(), TrainError> {
+        config.check()?;
         read_hand(&config.hand).map(drop)
     }
 
