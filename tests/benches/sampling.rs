@@ -310,7 +310,7 @@ impl Torch {
         }));
         let said = torch.answer();
         match said["torch"].as_str() {
-            Some(version) => torch.version = version.to_owned(),
+            Some(version) => version.clone_into(&mut torch.version),
             None => return Err(format!("`{}` has no `torch`", python::name().display())),
         }
         Ok(torch)

@@ -36,7 +36,7 @@ fn every_variant_runs_and_what_is_before_the_difference_runs_once() {
         (table[1], "kl_weight=0.001 "),
         (table[0], "kl_weight=0.01 "),
     ] {
-        assert!(row.contains(label) && row.contains("loss"), "{row}");
+        assert!(row.contains(label) && row.contains("finger tips"), "{row}");
         assert!(row.ends_with(" s"), "{row}");
     }
 

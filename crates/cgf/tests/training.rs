@@ -5,7 +5,7 @@ use std::sync::Arc;
 use cgf::{
     Activation, Augmentation, Cgf, CgfError, Contact, EncoderRotation, EncoderTimes, Frame, Grasp,
     GraspError, Initialization, LatentNoise, NetworkConfig, Outputs, Reduction, Scene, Schedule,
-    Split, TimedGrasp, Times, Track, TrainingConfig, TrainingDevice, TrainingSet, train,
+    Split, TimedGrasp, Times, Track, Trainer, TrainingConfig, TrainingDevice, TrainingSet, train,
 };
 use nalgebra::{Isometry3, Point3, Vector3};
 use robot::RobotModel;
@@ -274,6 +274,153 @@ fn divergence_is_said() {
     config.learning_rate = 1e18;
     let err = train(&set(), &hand(), &network(), &config, 7, |_| {}).unwrap_err();
     assert!(matches!(err, CgfError::Diverged { .. }), "{err}");
+}
+
+/// A set with a motion that is held out and one with an unseen object.
+fn split_set() -> TrainingSet {
+    let mut set = set();
+    set.scenes.push(scene("tin", [0.04, 0.04, 0.06]));
+    for (name, scene, split) in [("c", 0, Split::HeldOut), ("d", 2, Split::Unseen)] {
+        let mut track = track(name, scene, Vector3::new(0.01, 0.02, 0.12), 0.1);
+        track.split = split;
+        set.tracks.push(track);
+    }
+    set
+}
+
+#[test]
+fn a_training_that_was_stopped_ends_as_one_that_was_not() {
+    let (set, hand, network) = (split_set(), hand(), network());
+    // Statistics are fixed half-way, and rotations are drawn.
+    let mut config = training(8);
+    config.augmentation = Augmentation::Vertical;
+    let start = || Trainer::new(&set, &hand, &network, &config, 7).unwrap();
+    let bytes = |trainer: Trainer| {
+        let trained = trainer.finish().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let paths = ["w", "d"].map(|name| folder.path().join(name));
+        [&trained.best, &trained.last].map(|cgf| {
+            cgf.save(&paths[0], &paths[1]).unwrap();
+            paths.each_ref().map(|path| std::fs::read(path).unwrap())
+        })
+    };
+    let mut undisturbed = start();
+    while !undisturbed.is_done() {
+        undisturbed.train_epoch().unwrap();
+    }
+    let curve = undisturbed.curve().to_vec();
+    let expected = bytes(undisturbed);
+    for stops in [vec![0], vec![1], vec![3, 5], vec![4], vec![7], vec![8]] {
+        let mut trainer = start();
+        for &stop in &stops {
+            while trainer.curve().len() < stop {
+                trainer.train_epoch().unwrap();
+            }
+            let state = trainer.state().unwrap();
+            trainer = start();
+            trainer.restore(&state).unwrap();
+        }
+        while !trainer.is_done() {
+            trainer.train_epoch().unwrap();
+        }
+        assert_eq!(trainer.curve(), curve);
+        assert!(bytes(trainer) == expected, "stopped after {stops:?}");
+    }
+}
+
+#[test]
+fn a_state_that_is_damaged_or_of_another_training_changes_nothing() {
+    let (set, hand, network, config) = (set(), hand(), network(), training(2));
+    let mut trainer = Trainer::new(&set, &hand, &network, &config, 7).unwrap();
+    trainer.train_epoch().unwrap();
+    let state = trainer.state().unwrap();
+    let mut other = network.clone();
+    other.latent_dim = 5;
+    let mut fresh = Trainer::new(&set, &hand, &other, &config, 7).unwrap();
+    let before = fresh.state().unwrap();
+    for length in [0, 7, 100, state.len() / 2, state.len() - 1, state.len()] {
+        fresh.restore(&state[..length]).unwrap_err();
+        assert!(fresh.state().unwrap() == before, "{length} bytes");
+    }
+}
+
+#[test]
+fn what_is_kept_back_is_measured_and_not_learned_from() {
+    let trained = |set: &TrainingSet| {
+        train(set, &hand(), &network(), &training(5), 7, |_| {})
+            .unwrap()
+            .last
+    };
+    let (with, without) = (trained(&split_set()), trained(&set()));
+    assert_eq!(with.weights(), without.weights());
+    let splits = |cgf: &Cgf| -> Vec<Split> {
+        let demonstrations = cgf.description().demonstrations.iter();
+        demonstrations.map(|shown| shown.split).collect()
+    };
+    let (training, held_out, unseen) = (Split::Training, Split::HeldOut, Split::Unseen);
+    assert_eq!(splits(&with), [training, training, held_out, unseen]);
+    let epoch = with.description().training_curve[4];
+    assert!(epoch.held_out.is_some() && epoch.unseen.is_some());
+    assert_eq!(without.description().training_curve[4].held_out, None);
+}
+
+#[test]
+fn in_its_own_frame_an_object_is_one_however_it_lies() {
+    let mut network = network();
+    network.frame = Frame::Object;
+    let mut set = set();
+    set.scenes[1] = set.scenes[0].clone();
+    set.scenes[1].rest = Rest {
+        up_in_object: Vector3::x_axis(),
+        height_m: 0.05,
+    };
+    let trained = train(&set, &hand(), &network, &training(600), 7, |_| {}).unwrap();
+    let cgf = trained.last;
+    // The same motion about the object is above another table.
+    for (scene, demonstration) in cgf.description().demonstrations.iter().enumerate() {
+        let feature = cgf.feature(&set.scenes[scene]).unwrap();
+        let codes = [demonstration.latent_mean.clone()];
+        let decoded = &cgf.decode(&feature, &codes, &[0.0]).unwrap()[0][0];
+        let error = GraspError::between(decoded, &set.tracks[scene].at(0.0));
+        assert!(
+            error.position_m < 0.01 && error.rotation_rad < 0.1,
+            "{error:?}"
+        );
+    }
+}
+
+#[test]
+fn the_paper_and_its_code_can_be_trained_as_they_are() {
+    let mut network = network();
+    network.frame = Frame::Object;
+    network.activation = Activation::Relu;
+    let mut config = training(60);
+    config.outputs = Outputs::Physical;
+    config.initialization = Initialization::Torch;
+    let check = |network: &NetworkConfig, config: &TrainingConfig| {
+        let trained = train(&split_set(), &hand(), network, config, 7, |_| {}).unwrap();
+        let curve = &trained.last.description().training_curve;
+        let (first, last) = (curve[0].training.total, curve[59].training.total);
+        assert!(last < 0.5 * first, "{first} {last}");
+        curve[59].training
+    };
+    config.reduction = Reduction::Sum;
+    config.origins_weight = 10.0;
+    config.contact_weight = 50.0;
+    config.contact = Contact::TouchCenter;
+    assert_eq!(check(&network, &config).rotations, 0.0);
+    config.reduction = Reduction::Mean;
+    config.times = Times::Recorded;
+    config.latent_noise = LatentNoise::PerTime;
+    config.augmentation = Augmentation::Released;
+    config.translation_weight = 10.0;
+    config.rotations_weight = 0.5;
+    config.contact_weight = 0.0;
+    config.contact = Contact::Demonstrated;
+    network.encoder_times = EncoderTimes::Recorded;
+    network.encoder_rotation = EncoderRotation::AxisAngle;
+    let losses = check(&network, &config);
+    assert!(losses.rotations > 0.0 && losses.contact > 0.0);
 }
 
 /// Runs itself with 1 and 2 threads and compares the bytes of the checkpoints: candle and rayon read

@@ -270,6 +270,7 @@ fn candidates_for_another_hand_are_an_error_with_a_hint() {
             candidates.joints.pop();
             for step in &mut candidates.candidates[0].steps {
                 step.q_rad.pop();
+                step.rates = Rates::still(step.q_rad.len());
             }
         },
         "`joint_0.0`",
