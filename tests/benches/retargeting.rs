@@ -17,8 +17,9 @@ mod problem;
 mod python;
 #[path = "retargeting/slsqp.rs"]
 mod slsqp;
+mod thread_time;
 
-use std::{cell::RefCell, fs, thread, time::Instant};
+use std::{cell::RefCell, time::Instant};
 
 use nalgebra::Point3;
 use ours::{FAST, Objective, TIGHT, points_at, true_minimum};
@@ -77,7 +78,7 @@ fn race(problem: &Problem, least: f64) {
             }
         }
         for repeat in 0..REPEATS {
-            let cpu_us = thread_cpu_us();
+            let cpu_us = 1e6 * thread_time::cpu_s();
             let mut found = sequence(
                 problem,
                 &mut solver,
@@ -85,7 +86,7 @@ fn race(problem: &Problem, least: f64) {
                 ours.path.last().unwrap_or(&start),
                 &FAST,
             );
-            ours.cpu_us += (thread_cpu_us() - cpu_us) / REPEATS as f64;
+            ours.cpu_us += (1e6 * thread_time::cpu_s() - cpu_us) / REPEATS as f64;
             ours.us.append(&mut found.us);
             if repeat + 1 == REPEATS {
                 ours.path.append(&mut found.path);
@@ -342,18 +343,6 @@ fn show_iterations(iterations: &mut [f64]) {
         quantile(iterations, 0.99),
         quantile(iterations, 1.0)
     );
-}
-
-/// Returns the CPU time of this thread in microseconds.
-fn thread_cpu_us() -> f64 {
-    // The scheduler writes the time down when the thread lets go.
-    thread::yield_now();
-    let text = fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    let ns = text
-        .split_whitespace()
-        .next()
-        .and_then(|ns| ns.parse().ok());
-    ns.unwrap_or(f64::NAN) / 1e3
 }
 
 fn quantile(values: &[f64], share: f64) -> f64 {

@@ -8,14 +8,14 @@
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
 
 mod python;
+mod thread_time;
 
 use std::{
-    env, fs,
+    env,
     hint::black_box,
     io::{BufRead, BufReader, Write},
     process::{Child, ChildStdin, ChildStdout, Command, Stdio},
     sync::Arc,
-    thread,
 };
 
 use cgf::{
@@ -251,9 +251,9 @@ impl Ours {
     /// Returns the CPU seconds of the object's feature and of what is done with it.
     fn timed(&self, pool: &ThreadPool, work: impl Fn(&ObjectFeature) + Sync) -> f64 {
         pool.install(|| {
-            let before = thread_cpu_s();
+            let before = thread_time::cpu_s();
             work(&self.cgf.feature(&self.scene).unwrap());
-            thread_cpu_s() - before
+            thread_time::cpu_s() - before
         })
     }
 }
@@ -268,18 +268,6 @@ fn options() -> (NetworkConfig, TrainingConfig) {
         toml_edit::de::from_document(DocumentMut::from(network)).unwrap(),
         toml_edit::de::from_document(DocumentMut::from(training)).unwrap(),
     )
-}
-
-/// Returns the CPU time of this thread in seconds.
-fn thread_cpu_s() -> f64 {
-    // The scheduler writes the time down when the thread lets go.
-    thread::yield_now();
-    let text = fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    let ns = text
-        .split_whitespace()
-        .next()
-        .and_then(|ns| ns.parse().ok());
-    ns.unwrap_or(f64::NAN) / 1e9
 }
 
 /// PyTorch in a process of its own.

@@ -291,13 +291,8 @@ mod tests {
 
     /// A box of these half sides about the origin.
     fn cuboid(half: [f64; 3]) -> TriMesh {
-        let text = format!(
-            "v -{0} -{1} -{2}\nv {0} -{1} -{2}\nv {0} {1} -{2}\nv -{0} {1} -{2}\n\
-             v -{0} -{1} {2}\nv {0} -{1} {2}\nv {0} {1} {2}\nv -{0} {1} {2}\n\
-             f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n",
-            half[0], half[1], half[2]
-        );
-        TriMesh::from_obj(&text).unwrap()
+        let high = Point3::from(half);
+        TriMesh::cuboid(-high, high)
     }
 
     fn field() -> &'static DistanceField {

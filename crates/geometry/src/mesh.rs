@@ -16,6 +16,33 @@ pub struct TriMesh {
 }
 
 impl TriMesh {
+    /// Returns a box from the corner `low` to the corner `high`, in meters.
+    ///
+    /// Corner k is on the high side along x, y, z where bit 0, 1, 2 of k is set.
+    pub fn cuboid(low: Point3<f64>, high: Point3<f64>) -> Self {
+        let corner = |k: usize| {
+            let side = |axis: usize| if k >> axis & 1 == 0 { low } else { high };
+            Point3::new(side(0).x, side(1).y, side(2).z)
+        };
+        Self {
+            vertices_m: (0..8).map(corner).collect(),
+            triangles: vec![
+                [0, 2, 1],
+                [1, 2, 3],
+                [4, 5, 6],
+                [5, 7, 6],
+                [0, 1, 4],
+                [1, 5, 4],
+                [2, 6, 3],
+                [3, 6, 7],
+                [0, 4, 2],
+                [2, 4, 6],
+                [1, 3, 5],
+                [3, 7, 5],
+            ],
+        }
+    }
+
     /// Returns the corners of a triangle, in meters.
     ///
     /// # Panics

@@ -11,31 +11,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// A box from `low` to `high`.
 fn cuboid(low: [f64; 3], high: [f64; 3]) -> TriMesh {
-    let corner = |idx: usize| {
-        let pick = |axis: usize| {
-            if idx >> axis & 1 == 0 {
-                low[axis]
-            } else {
-                high[axis]
-            }
-        };
-        Point3::new(pick(0), pick(1), pick(2))
-    };
-    let quads = [
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-    ];
-    TriMesh {
-        vertices_m: (0..8).map(corner).collect(),
-        triangles: quads
-            .iter()
-            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
-            .collect(),
-    }
+    TriMesh::cuboid(low.into(), high.into())
 }
 
 /// A surface of revolution about z through (radius, height) pairs, bottom first, poles at radius 0.

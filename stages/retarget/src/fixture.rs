@@ -87,28 +87,8 @@ pub(crate) fn hand() -> Hand {
 
 /// Returns a box about the origin.
 pub(crate) fn mesh() -> TriMesh {
-    let [x, y, z] = BOX_HALF_M;
-    let corner = |i: u32| {
-        let side = |bit: u32, half: f64| if i & bit == 0 { -half } else { half };
-        Point3::new(side(1, x), side(2, y), side(4, z))
-    };
-    TriMesh {
-        vertices_m: (0..8).map(corner).collect(),
-        triangles: vec![
-            [0, 2, 1],
-            [1, 2, 3],
-            [4, 5, 6],
-            [5, 7, 6],
-            [0, 1, 4],
-            [1, 5, 4],
-            [2, 6, 3],
-            [3, 6, 7],
-            [0, 4, 2],
-            [2, 4, 6],
-            [1, 3, 5],
-            [3, 7, 5],
-        ],
-    }
+    let high = Point3::from(BOX_HALF_M);
+    TriMesh::cuboid(-high, high)
 }
 
 /// Returns how the box stands.

@@ -5,6 +5,7 @@
 
 use std::{collections::BTreeMap, path::Path};
 
+use geometry::TriMesh;
 use lake::{LakeError, recording::Recording};
 use nalgebra::{Isometry3, Point3};
 use robot::{RobotModel, Shape, balls};
@@ -209,15 +210,13 @@ impl<'a> Shown<'a> {
     /// Returns a box as it is, any other shape as the balls that fill it.
     fn shape(&self, frame: &str, collision: &robot::Collision) -> Marker {
         if let Shape::Box { half_extents_m } = collision.shape {
-            let corner = |idx: usize| {
-                let side = |axis: usize| {
-                    let half = half_extents_m[axis];
-                    if idx >> axis & 1 == 0 { -half } else { half }
-                };
-                (collision.link_from_shape * Point3::new(side(0), side(1), side(2))).into()
-            };
-            let corners: Vec<[f64; 3]> = (0..8).map(corner).collect();
-            return motion::mesh_marker(START_NS, frame, &corners, &BOX, self.color);
+            let high = Point3::from(half_extents_m);
+            let mesh = TriMesh::cuboid(-high, high);
+            let corners = mesh.vertices_m.iter();
+            let corners: Vec<[f64; 3]> = corners
+                .map(|corner| (collision.link_from_shape * corner).into())
+                .collect();
+            return motion::mesh_marker(START_NS, frame, &corners, &mesh.triangles, self.color);
         }
         let balls = balls::fill(collision);
         let centers: Vec<Point3<f64>> = balls.iter().map(|ball| ball.center_in_link).collect();
@@ -225,22 +224,6 @@ impl<'a> Shown<'a> {
         motion::points_marker(START_NS, frame, "balls", &centers, diameter_m, self.color)
     }
 }
-
-/// Triangles of a box whose corner k is on the far side along x, y, z where bit 0, 1, 2 of k is set.
-const BOX: [[u32; 3]; 12] = [
-    [0, 2, 1],
-    [1, 2, 3],
-    [4, 5, 6],
-    [5, 7, 6],
-    [0, 1, 4],
-    [1, 5, 4],
-    [2, 6, 3],
-    [3, 6, 7],
-    [0, 4, 2],
-    [2, 4, 6],
-    [1, 3, 5],
-    [3, 7, 5],
-];
 
 /// Returns a color that says how far along the row a motion is.
 #[expect(

@@ -107,27 +107,8 @@ mod tests {
 
     /// A cube of 10 cm about the origin.
     fn cube() -> DistanceField {
-        let corner = |idx: u32| {
-            let sign = |bit: u32| if idx >> bit & 1 == 0 { -0.05 } else { 0.05 };
-            Point3::new(sign(0), sign(1), sign(2))
-        };
-        let mesh = TriMesh {
-            vertices_m: (0..8).map(corner).collect(),
-            triangles: vec![
-                [0, 2, 1],
-                [1, 2, 3],
-                [4, 5, 6],
-                [5, 7, 6],
-                [0, 1, 4],
-                [1, 5, 4],
-                [2, 6, 3],
-                [3, 6, 7],
-                [0, 4, 2],
-                [2, 4, 6],
-                [1, 3, 5],
-                [3, 7, 5],
-            ],
-        };
+        let high = Point3::new(0.05, 0.05, 0.05);
+        let mesh = TriMesh::cuboid(-high, high);
         DistanceField::new(&mesh, 0.0025, 0.025).unwrap().unwrap()
     }
 

@@ -57,33 +57,8 @@ fn rest(up: Vector3<f64>, height_m: f64) -> Rest {
 }
 
 fn mesh() -> TriMesh {
-    let corner = |idx: usize| {
-        let side = |axis: usize| {
-            if idx >> axis & 1 == 0 {
-                -HALF_M[axis]
-            } else {
-                HALF_M[axis]
-            }
-        };
-        Point3::new(side(0), side(1), side(2))
-    };
-    TriMesh {
-        vertices_m: (0..8).map(corner).collect(),
-        triangles: vec![
-            [0, 2, 1],
-            [1, 2, 3],
-            [4, 5, 6],
-            [5, 7, 6],
-            [0, 1, 4],
-            [1, 5, 4],
-            [2, 6, 3],
-            [3, 6, 7],
-            [0, 4, 2],
-            [2, 4, 6],
-            [1, 3, 5],
-            [3, 7, 5],
-        ],
-    }
+    let high = Point3::from(HALF_M);
+    TriMesh::cuboid(-high, high)
 }
 
 fn object() -> Object {

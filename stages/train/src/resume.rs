@@ -40,7 +40,8 @@ impl Saver {
             pause: LEAST,
         };
         let found = match fs::read(&saver.state) {
-            Err(_) => Found::Nothing,
+            Err(err) if err.kind() == io::ErrorKind::NotFound => Found::Nothing,
+            Err(err) => Found::Damaged(err.to_string()),
             Ok(bytes) => match trainer.restore(&bytes) {
                 Ok(()) => Found::Epochs(trainer.curve().len()),
                 Err(err) => Found::Damaged(err.to_string()),

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use cgf::{Grasp, Random, Scene, Split, TimedGrasp, Track, TrainingSet};
-use dataflow::Artifact;
+use dataflow::{Artifact, Inputs};
 use nalgebra::Point3;
 use schemas::{
     objects::{self, Object},
@@ -20,13 +20,12 @@ const HELD_OUT: u64 = 3;
 /// learned from.
 pub(crate) fn read(
     config: &TrainConfig,
-    objects: &[Artifact],
-    trajectories: &[Artifact],
+    inputs: &Inputs,
     joints: &[String],
     seed: u64,
 ) -> Result<TrainingSet, TrainError> {
     let mut known = BTreeMap::new();
-    for artifact in objects {
+    for artifact in inputs.artifacts("objects") {
         let batch = lake::table::read(artifact)?;
         let object = objects::from_batch(&artifact.key, &batch)
             .map_err(|source| schema(artifact, source))?;
@@ -37,7 +36,7 @@ pub(crate) fn read(
         tracks: Vec::new(),
     };
     let mut scenes = BTreeMap::new();
-    for artifact in trajectories {
+    for artifact in inputs.artifacts("trajectories") {
         let batch = lake::table::read(artifact)?;
         let trajectory = trajectories::from_batch(&artifact.key, &batch)
             .map_err(|source| schema(artifact, source))?;

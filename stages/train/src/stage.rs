@@ -109,13 +109,7 @@ impl Stage for Train {
             return report::make(config, inputs, cx);
         }
         let hand = Arc::new(hand(config, inputs)?);
-        let set = set::read(
-            config,
-            inputs.artifacts("objects"),
-            inputs.artifacts("trajectories"),
-            &hand.joint_names(),
-            cx.seed(),
-        )?;
+        let set = set::read(config, inputs, &hand.joint_names(), cx.seed())?;
         let trained = train(config, &set, &hand, cx)?;
         for (cgf, files) in [
             (&trained.best, checkpoint::BEST),

@@ -109,21 +109,13 @@ fn between<T: Number, F: Function>(
     order: Order,
 ) -> Vec<T> {
     let mut outputs = vec![T::zero(); products.len()];
-    let arch = Arch::new();
-    match order {
-        Order::Values => arch.dispatch(Between {
-            function,
-            products,
-            bias,
-            outputs: &mut outputs,
-        }),
-        Order::Derivatives => arch.dispatch(BetweenDerivatives {
-            function,
-            products,
-            bias,
-            outputs: &mut outputs,
-        }),
-    }
+    Arch::new().dispatch(Between {
+        function,
+        products,
+        bias,
+        order,
+        outputs: &mut outputs,
+    });
     outputs
 }
 
@@ -131,6 +123,7 @@ struct Between<'a, T, F> {
     function: F,
     products: &'a [T],
     bias: &'a [T],
+    order: Order,
     outputs: &'a mut [T],
 }
 
@@ -143,6 +136,20 @@ impl<T: Number, F: Function> WithSimd for Between<'_, T, F> {
     )]
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
+        match self.order {
+            Order::Values => self.values(),
+            Order::Derivatives => self.derivatives(),
+        }
+    }
+}
+
+impl<T: Number, F: Function> Between<'_, T, F> {
+    #[expect(
+        clippy::inline_always,
+        reason = "part of a loop for an instruction set"
+    )]
+    #[inline(always)]
+    fn values(self) {
         let width = self.bias.len();
         let rows = self.products.chunks_exact(width);
         for (row, outputs) in rows.zip(self.outputs.chunks_exact_mut(width)) {
@@ -151,24 +158,13 @@ impl<T: Number, F: Function> WithSimd for Between<'_, T, F> {
             }
         }
     }
-}
-
-struct BetweenDerivatives<'a, T, F> {
-    function: F,
-    products: &'a [T],
-    bias: &'a [T],
-    outputs: &'a mut [T],
-}
-
-impl<T: Number, F: Function> WithSimd for BetweenDerivatives<'_, T, F> {
-    type Output = ();
 
     #[expect(
         clippy::inline_always,
         reason = "part of a loop for an instruction set"
     )]
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn derivatives(self) {
         let width = self.bias.len();
         let block = self.products.len() / 3;
         let (values, rates) = self.products.split_at(block);
@@ -194,7 +190,7 @@ impl<T: Number, F: Function> WithSimd for BetweenDerivatives<'_, T, F> {
     }
 }
 
-/// One row of [`BetweenDerivatives`]: as arguments of a function the slices are known not to overlap.
+/// One row of values and derivatives: as arguments of a function the slices are known not to overlap.
 #[expect(
     clippy::inline_always,
     reason = "part of a loop for an instruction set"

@@ -60,13 +60,7 @@ pub(super) fn make(
     let hand = Arc::new(stage::hand(config, inputs)?);
     cgf.check_hand(&hand.joint_names())?;
     let tips = tips(description, &hand)?;
-    let set = set::read(
-        config,
-        inputs.artifacts("objects"),
-        inputs.artifacts("trajectories"),
-        &hand.joint_names(),
-        cx.seed(),
-    )?;
+    let set = set::read(config, inputs, &hand.joint_names(), cx.seed())?;
     let known: BTreeMap<&str, &Demonstration> = description
         .demonstrations
         .iter()
