@@ -5,7 +5,7 @@
 //! reads and writes both.
 
 /// Bump on any change to the names or shapes of the tensors or to the JSON's keys.
-pub const VERSION: &str = "checkpoint/2";
+pub const VERSION: &str = "checkpoint/3";
 
 /// File names of the weights and of their description.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

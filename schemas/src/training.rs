@@ -15,6 +15,7 @@
 //! | `rotations`     | f64  | 1    | squared errors of two columns of the links' rotations          |
 //! | `kl_nats`       | f64  | nat  | divergence of the latent codes from the standard normal        |
 //! | `contact_m2`    | f64  | m²   | squared distances of the finger tips from contact              |
+//! | `penetration_m2` | f64 | m²   | squared depths of the links in object and table                |
 //!
 //! `training` is as the motions were seen, turned and with noise; the others as they were recorded,
 //! after the epoch, decoded from their mean codes.
@@ -24,7 +25,7 @@ use arrow::{datatypes::Schema, record_batch::RecordBatch};
 use crate::columns::{Columns, Reader, SchemaError};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "training/1";
+pub const VERSION: &str = "training/2";
 
 /// The losses of one set of motions in one epoch.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -49,6 +50,8 @@ pub struct Row {
     pub kl_nats: f64,
     /// Squared distances of the finger tips from contact, in m².
     pub contact_m2: f64,
+    /// Squared depths of the links in object and table, in m².
+    pub penetration_m2: f64,
 }
 
 /// A column: its name, unit, meaning, and where its number is.
@@ -60,7 +63,7 @@ type Column = (
 );
 
 /// The columns of numbers.
-const NUMBERS: [Column; 8] = [
+const NUMBERS: [Column; 9] = [
     ("learning_rate", "1", "the optimizer's", |row| {
         &mut row.learning_rate
     }),
@@ -102,6 +105,12 @@ const NUMBERS: [Column; 8] = [
         "m²",
         "squared distances of the finger tips from contact",
         |row| &mut row.contact_m2,
+    ),
+    (
+        "penetration_m2",
+        "m²",
+        "squared depths of the links in object and table",
+        |row| &mut row.penetration_m2,
     ),
 ];
 

@@ -216,6 +216,7 @@ impl Ours {
         let set = TrainingSet {
             scenes: vec![scene.clone()],
             tracks: vec![track("a", 0.1), track("b", -0.1)],
+            distances: BTreeMap::new(),
         };
         let cgf = cgf::train(&set, &Arc::new(hand), &network, &training, 7, |_| {})
             .unwrap()

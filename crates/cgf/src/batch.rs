@@ -11,6 +11,7 @@ use crate::{
     data::{Split, Track, View, turned},
     grasp::Normalization,
     model::equal_times,
+    penetration::Surroundings,
     point_net::Clouds,
     precision::{narrow, row_index},
     random::Random,
@@ -31,6 +32,8 @@ pub(crate) struct SeenTrack {
     pub(crate) track: Track,
     /// Times that are drawn once, if times are.
     fixed_times: Vec<f64>,
+    /// What the hand can be in, if the set says where it is.
+    surroundings: Option<Surroundings>,
 }
 
 /// How batches are made.
@@ -54,6 +57,8 @@ pub(crate) struct Batch {
     pub(crate) surfaces: Vec<Vec<Point3<f64>>>,
     /// Which of them each motion has.
     pub(crate) views: Vec<u32>,
+    /// What each motion's hand can be in, if the set says where it is.
+    pub(crate) surroundings: Vec<Surroundings>,
     /// `(batch, encoder steps, encoder inputs)`, in the network's units.
     pub(crate) motions: Vec<f32>,
     /// `(batch, times)`.
@@ -79,7 +84,7 @@ impl Seen {
         let mut origins = Vec::with_capacity(set.scenes.len());
         for scene in &set.scenes {
             let view = View::of(scene, network.frame)?;
-            origins.push(view.table_from_network);
+            origins.push((view.table_from_network, view.object_from_network));
             // In its own frame an object looks the same however it lies.
             let same = |other: &View| other.object == view.object && other.points == view.points;
             let known = views.iter().position(same);
@@ -91,7 +96,15 @@ impl Seen {
         let tracks = set.tracks.iter().map(|track| SeenTrack {
             view: of_scenes[track.scene],
             split: track.split,
-            track: track.seen_from(&origins[track.scene]),
+            track: track.seen_from(&origins[track.scene].0),
+            surroundings: set
+                .distances
+                .get(&set.scenes[track.scene].object)
+                .map(|field| Surroundings {
+                    field: field.clone(),
+                    object_from_seen: origins[track.scene].1,
+                    table_from_seen: origins[track.scene].0,
+                }),
             fixed_times: match training.times {
                 Times::Continuous => equal_times(training.random_times).collect(),
                 Times::Recorded => track.recorded_times(training.random_times, seed),
@@ -183,6 +196,7 @@ impl Batches<'_> {
             }),
             surfaces: Vec::new(),
             views: Vec::new(),
+            surroundings: Vec::new(),
             motions: Vec::new(),
             times: Vec::new(),
             physical: Vec::new(),
@@ -211,6 +225,11 @@ impl Batches<'_> {
     ) {
         batch.size += 1;
         batch.views.push(row_index(view));
+        let surroundings = seen
+            .surroundings
+            .iter()
+            .map(|around| around.turned(rotation));
+        batch.surroundings.extend(surroundings);
         let steps = encoder_times(self.network, &seen.track, self.seed);
         batch.motions.extend(encoder_motion(
             self.network,

@@ -32,6 +32,10 @@ pub struct NetworkConfig {
     pub encoder_times: EncoderTimes,
     /// How the encoder sees the palm's rotation; released code: "`axis_angle`"
     pub encoder_rotation: EncoderRotation,
+    /// How uncertain the encoder can be of a motion's code; paper: "free"
+    pub latent_variance: LatentVariance,
+    /// Where the decoder's joint positions can be; paper: "free"
+    pub joints: JointOutputs,
 }
 
 /// The frame in which the network sees object and hand.
@@ -62,6 +66,28 @@ pub enum EncoderRotation {
     Columns,
     /// As axis times angle, which jumps at a half turn.
     AxisAngle,
+}
+
+/// How uncertain the encoder can be of a motion's code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LatentVariance {
+    /// The encoder gives the logarithm of any variance: for a motion unlike all others it can be so
+    /// large that one step spoils a training.
+    Free,
+    /// Its variance is at most the prior's, which is 1: `sigmoid(x)` of the last layer's x.
+    BelowPrior,
+}
+
+/// Where the decoder's joint positions can be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum JointOutputs {
+    /// Anywhere.
+    Free,
+    /// Within the hand's limits: `middle + half · tanh((x − middle) / half)` of the last layer's x, where
+    /// `half` is half of the joint's range.
+    WithinLimits,
 }
 
 /// What stands between two layers.
@@ -130,6 +156,8 @@ pub struct TrainingConfig {
     pub kl_weight: f64,
     /// Weight of the finger tips' squared distances from contact, 1/m²; paper: 50
     pub contact_weight: f64,
+    /// Weight of the squared depths of the links in object and table, 1/m²; paper: 0
+    pub penetration_weight: f64,
     /// What the contact loss asks of the finger tips at the grasp; paper: "`touch_center`"
     pub contact: Contact,
     /// Names of the hand's finger tip links
@@ -340,7 +368,8 @@ impl TrainingConfig {
         not_negative("rotations_weight", self.rotations_weight)?;
         not_negative("origins_weight", self.origins_weight)?;
         not_negative("kl_weight", self.kl_weight)?;
-        not_negative("contact_weight", self.contact_weight)
+        not_negative("contact_weight", self.contact_weight)?;
+        not_negative("penetration_weight", self.penetration_weight)
     }
 
     /// Returns the learning rate of an epoch, counted from 0.

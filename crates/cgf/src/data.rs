@@ -24,6 +24,7 @@ pub(crate) struct View {
     pub(crate) object: String,
     /// Where the network's frame is.
     pub(crate) table_from_network: Isometry3<f64>,
+    pub(crate) object_from_network: Isometry3<f64>,
     /// Points on the surface in the network's frame, in meters.
     pub(crate) points: Vec<Point3<f64>>,
 }
@@ -59,6 +60,7 @@ impl View {
         Ok(Self {
             object: scene.object.clone(),
             table_from_network,
+            object_from_network: network_from_object.inverse(),
             points,
         })
     }

@@ -26,6 +26,7 @@ use crate::{
     CgfError, ObjectFeature,
     config::{Activation, NetworkConfig},
     grasp::{Grasp, Normalization},
+    limits::Limits,
     weights::Weights,
 };
 
@@ -51,6 +52,8 @@ pub(crate) struct Decoder<T> {
     /// What takes the last layer's products to meters, matrix entries and radians.
     scale: Vec<f64>,
     shift: Vec<f64>,
+    /// Takes these to where the joints are.
+    limits: Limits,
 }
 
 #[derive(Debug, Clone)]
@@ -69,6 +72,7 @@ impl<T: Number> Decoder<T> {
     pub(crate) fn new(
         config: &NetworkConfig,
         normalization: &Normalization,
+        limits: Limits,
         weights: &Weights,
     ) -> Result<Self, CgfError> {
         let numbers = |name: &str| -> Result<Vec<T>, CgfError> {
@@ -114,6 +118,7 @@ impl<T: Number> Decoder<T> {
                 .map(|((mean, scale), bias)| mean + scale * bias.to_f64())
                 .collect(),
             scale: normalization.scale.clone(),
+            limits,
             layers,
         })
     }
@@ -132,9 +137,10 @@ impl<T: Number> Decoder<T> {
     ) -> Result<Vec<Vec<Grasp>>, CgfError> {
         self.motions(feature, latents, times, Order::Values, &|[outputs, ..]| {
             let outputs = outputs.iter().zip(self.scale.iter().zip(&self.shift));
-            let numbers: Vec<f64> = outputs
+            let mut numbers: Vec<f64> = outputs
                 .map(|(y, (scale, shift))| y.to_f64() * scale + shift)
                 .collect();
+            self.limits.apply(&mut numbers);
             let grasp = Grasp::from_numbers(&numbers)?;
             Some(grasp.moved(&feature.table_from_network))
         })
@@ -165,6 +171,7 @@ impl<T: Number> Decoder<T> {
             for (x, shift) in numbers[0].iter_mut().zip(&self.shift) {
                 *x += shift;
             }
+            self.limits.apply_with_rates(&mut numbers);
             let moving = rates::moving_grasp(&numbers)?;
             Some(moving.moved(&feature.table_from_network))
         })

@@ -70,6 +70,18 @@ pub enum CgfError {
         /// The link's name.
         link: String,
     },
+    /// The hand is to be kept out of an object about whose surface nothing is known.
+    #[error("object `{object}` has no distance field, which `penetration_weight` needs")]
+    NoDistances {
+        /// The object's name.
+        object: String,
+    },
+    /// The hand's collision shapes are far larger than a hand's.
+    #[error("the collision shapes up to link `{link}` are far larger than a hand's")]
+    LargeShapes {
+        /// Name of the link with whose shapes they come to be so.
+        link: String,
+    },
     /// A value of the configuration cannot be used.
     #[error("`{key}` is {value}, expected {expected}")]
     Config {

@@ -7,7 +7,8 @@ use candle_core::{Device, Tensor, Var};
 use nalgebra::Point3;
 
 use crate::{
-    Activation, Contact, EncoderRotation, EncoderTimes, Frame, NetworkConfig, loss,
+    Activation, Contact, EncoderRotation, EncoderTimes, Frame, JointOutputs, LatentVariance,
+    NetworkConfig, loss,
     network::{Network, constant},
     point_net::{self, Clouds, PointNet, Statistics},
     weights::{Array, Weights},
@@ -119,6 +120,8 @@ fn encoder_and_decoder_equal_pytorch_with_either_activation() {
             frame: Frame::Resting,
             encoder_times: EncoderTimes::Equal,
             encoder_rotation: EncoderRotation::Columns,
+            latent_variance: LatentVariance::Free,
+            joints: JointOutputs::Free,
         };
         let leaves = below(&golden, &format!("{kind}/weights/"), "")
             .variables(&Device::Cpu)

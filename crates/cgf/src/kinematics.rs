@@ -48,19 +48,13 @@ impl LinkPoses {
         self.parts.width() * self.hand.links().len()
     }
 
-    /// The links in the palm frame; all at the origin if the joint positions are too few.
-    fn palm_from_links(&self, row: &[f32]) -> Vec<Isometry3<f64>> {
-        let q: Vec<f64> = row[ROOT..].iter().map(|&x| f64::from(x)).collect();
-        let dof = self.hand.forward_kinematics(&q);
-        dof.unwrap_or_else(|_| vec![Isometry3::identity(); self.hand.links().len()])
-    }
-
     fn forward_row(&self, row: &[f32], poses: &mut [f32]) {
-        let frame = Frame::of(row);
+        let posed = Posed::new(&self.hand, row);
+        let rotation = posed.frame.rotation;
         let width = self.parts.width();
-        for (pose, link) in poses.chunks_exact_mut(width).zip(self.palm_from_links(row)) {
-            let point = frame.translation + frame.rotation * link.translation.vector;
-            let rotation = frame.rotation * link.rotation.to_rotation_matrix();
+        for (pose, link) in poses.chunks_exact_mut(width).zip(&posed.palm_from_links) {
+            let point = posed.seen(&link.translation.vector);
+            let rotation = rotation * link.rotation.to_rotation_matrix();
             let columns = rotation.fixed_columns::<2>(0);
             // As many of these as are asked for.
             for (number, x) in pose.iter_mut().zip(point.iter().chain(columns.iter())) {
@@ -70,46 +64,102 @@ impl LinkPoses {
     }
 
     /// Takes the forces `by_poses` on the link origins, and on the tips of the unit vectors that are
-    /// their columns, to the generalized forces on the row: for a revolute joint the torque about its
-    /// axis of all forces on the links that it moves.
+    /// their columns, to the generalized forces on the row.
     fn backward_row(&self, row: &[f32], by_poses: &[f32], by_row: &mut [f32]) {
-        let frame = Frame::of(row);
-        let palm_from_links = self.palm_from_links(row);
-        let turned_back = frame.rotation.transpose();
-        // Force and torque about the palm's origin, in the palm frame, of each link and all below it.
-        let mut wrenches = Vec::with_capacity(palm_from_links.len());
-        let mut by_translation = Vector3::zeros();
-        let mut by_rotation = Matrix3::zeros();
+        let posed = Posed::new(&self.hand, row);
+        let mut forces = Forces::on(&posed);
         let by_links = by_poses.chunks_exact(self.parts.width());
-        for (link, by_link) in palm_from_links.iter().zip(by_links) {
+        for (idx, (link, by_link)) in posed.palm_from_links.iter().zip(by_links).enumerate() {
             let mut by_vectors = by_link
                 .chunks_exact(3)
                 .map(|by| Vector3::from_iterator(by.iter().map(|&x| f64::from(x))));
             let force = by_vectors.next().unwrap_or_default();
-            let point = link.translation.vector;
-            by_translation += force;
-            by_rotation += force * point.transpose();
-            let force_in_palm = turned_back * force;
-            let mut torque = point.cross(&force_in_palm);
+            forces.push(idx, &link.translation.vector, &force);
             let columns = link.rotation.to_rotation_matrix();
             for (by_column, column) in by_vectors.zip(columns.matrix().column_iter()) {
-                by_rotation += by_column * column.transpose();
-                torque += column.cross(&(turned_back * by_column));
+                forces.turn(idx, &column.into_owned(), &by_column);
             }
-            wrenches.push((force_in_palm, torque));
         }
-        let mut by_q = vec![0.0; row.len() - ROOT];
-        for (idx, link) in self.hand.links().iter().enumerate().rev() {
-            let (force, torque) = wrenches[idx];
+        forces.generalized(by_row);
+    }
+}
+
+/// A hand where a row of numbers puts it.
+pub(crate) struct Posed<'a> {
+    hand: &'a RobotModel,
+    frame: Frame,
+    /// The links in the palm frame.
+    pub(crate) palm_from_links: Vec<Isometry3<f64>>,
+}
+
+impl<'a> Posed<'a> {
+    /// All links are at the palm's origin if the row has too few joint positions.
+    pub(crate) fn new(hand: &'a RobotModel, row: &[f32]) -> Self {
+        let q: Vec<f64> = row[ROOT..].iter().map(|&x| f64::from(x)).collect();
+        let links = hand.forward_kinematics(&q);
+        Self {
+            hand,
+            frame: Frame::of(row),
+            palm_from_links: links
+                .unwrap_or_else(|_| vec![Isometry3::identity(); hand.links().len()]),
+        }
+    }
+
+    /// Takes a point from the palm frame to the frame in which the row is.
+    pub(crate) fn seen(&self, point_in_palm: &Vector3<f64>) -> Vector3<f64> {
+        self.frame.translation + self.frame.rotation * point_in_palm
+    }
+}
+
+/// Forces on a hand, which are gradients by points that move with it.
+pub(crate) struct Forces<'a> {
+    posed: &'a Posed<'a>,
+    /// Force and torque about the palm's origin, in the palm frame, on each link.
+    wrenches: Vec<(Vector3<f64>, Vector3<f64>)>,
+    by_translation: Vector3<f64>,
+    by_rotation: Matrix3<f64>,
+}
+
+impl<'a> Forces<'a> {
+    pub(crate) fn on(posed: &'a Posed<'a>) -> Self {
+        Self {
+            posed,
+            wrenches: vec![(Vector3::zeros(), Vector3::zeros()); posed.palm_from_links.len()],
+            by_translation: Vector3::zeros(),
+            by_rotation: Matrix3::zeros(),
+        }
+    }
+
+    /// Adds a force, in the frame in which the row is, on a point of a link.
+    pub(crate) fn push(&mut self, link: usize, point_in_palm: &Vector3<f64>, force: &Vector3<f64>) {
+        self.by_translation += force;
+        self.wrenches[link].0 += self.posed.frame.rotation.transpose() * force;
+        self.turn(link, point_in_palm, force);
+    }
+
+    /// Adds a force on the tip of a vector that turns with a link and starts anywhere.
+    fn turn(&mut self, link: usize, vector_in_palm: &Vector3<f64>, force: &Vector3<f64>) {
+        self.by_rotation += force * vector_in_palm.transpose();
+        let force_in_palm = self.posed.frame.rotation.transpose() * force;
+        self.wrenches[link].1 += vector_in_palm.cross(&force_in_palm);
+    }
+
+    /// Returns the generalized forces on the row: for a revolute joint the torque about its axis of
+    /// all forces on the links that it moves.
+    pub(crate) fn generalized(mut self, by_row: &mut [f32]) {
+        let posed = self.posed;
+        let mut by_q = vec![0.0; by_row.len() - ROOT];
+        for (idx, link) in posed.hand.links().iter().enumerate().rev() {
+            let (force, torque) = self.wrenches[idx];
             if let Some(parent) = link.parent {
-                wrenches[parent].0 += force;
-                wrenches[parent].1 += torque;
+                self.wrenches[parent].0 += force;
+                self.wrenches[parent].1 += torque;
             }
             let (Some(joint), Some(kind)) = (link.joint, link.kind) else {
                 continue;
             };
-            let axis = palm_from_links[idx].rotation * link.axis;
-            let origin = palm_from_links[idx].translation.vector;
+            let axis = posed.palm_from_links[idx].rotation * link.axis;
+            let origin = posed.palm_from_links[idx].translation.vector;
             let along = match kind {
                 JointKind::Revolute | JointKind::Continuous => {
                     axis.dot(&(torque - origin.cross(&force)))
@@ -118,8 +168,8 @@ impl LinkPoses {
             };
             by_q[joint] += link.multiplier * along;
         }
-        let by_columns = frame.by_columns(&by_rotation);
-        let by_root = by_translation.iter().chain(by_columns.iter());
+        let by_columns = posed.frame.by_columns(&self.by_rotation);
+        let by_root = self.by_translation.iter().chain(by_columns.iter());
         for (by, x) in by_row.iter_mut().zip(by_root.chain(&by_q)) {
             *by = narrow(*x);
         }

@@ -21,9 +21,11 @@ mod error;
 mod golden;
 mod grasp;
 mod kinematics;
+mod limits;
 mod loss;
 mod model;
 mod network;
+mod penetration;
 mod point_net;
 mod precision;
 mod random;
@@ -34,17 +36,16 @@ mod weights;
 
 pub use config::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
-    LatentNoise, NetworkConfig, Outputs, Reduction, Schedule, Times, TrainingConfig,
-    TrainingDevice,
+    JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Schedule, Times,
+    TrainingConfig, TrainingDevice,
 };
 pub use curve::Epoch;
 pub use data::{Scene, Split, TimedGrasp, Track};
 pub use decoder::{HandRate, MovingGrasp};
 pub use error::CgfError;
 pub use grasp::{Grasp, Normalization};
-pub use model::{
-    Cgf, Demonstration, Description, GraspError, JointRange, ObjectFeature, Posterior, VERSION,
-};
+pub use limits::JointRange;
+pub use model::{Cgf, Demonstration, Description, GraspError, ObjectFeature, Posterior, VERSION};
 pub use random::Random;
 pub use step::Losses;
 pub use training::{Trained, Trainer, TrainingSet, train};

@@ -7,7 +7,6 @@ use std::{
 };
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use robot::Joint;
 use serde::{Deserialize, Serialize};
 use spatial::Rest;
 
@@ -18,13 +17,14 @@ use crate::{
     data::View,
     decoder::Decoder,
     grasp::{Grasp, Normalization, ROOT},
+    limits::{JointRange, Limits},
     network::{self, Network, constant},
     point_net::{Clouds, PointNet, Statistics},
     weights::{Leaves, Weights},
 };
 
 /// Version of the two files' form.
-pub const VERSION: &str = "checkpoint/2";
+pub const VERSION: &str = "checkpoint/3";
 
 /// A continuous grasping function f(t, z, object) with the encoder it was trained with.
 #[derive(Debug, Clone)]
@@ -59,16 +59,6 @@ pub struct Description {
     pub demonstrations: Vec<Demonstration>,
     /// All epochs.
     pub training_curve: Vec<Epoch>,
-}
-
-/// Where a joint can be.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct JointRange {
-    /// Least position in radians (meters if prismatic); none if it turns on and on.
-    pub lower: Option<f64>,
-    /// Greatest position in radians (meters if prismatic); none if it turns on and on.
-    pub upper: Option<f64>,
 }
 
 /// What a motion of the training set became.
@@ -125,7 +115,9 @@ pub struct Posterior {
 impl Cgf {
     pub(crate) fn new(description: Description, weights: Weights) -> Result<Self, CgfError> {
         let leaves = weights.constants()?;
-        let decoder = Decoder::new(&description.network, &description.normalization, &weights)?;
+        let limits = Limits::new(description.network.joints, &description.joint_ranges);
+        let normalization = &description.normalization;
+        let decoder = Decoder::new(&description.network, normalization, limits, &weights)?;
         Ok(Self {
             description,
             weights,
@@ -343,22 +335,6 @@ impl Cgf {
 /// Returns `n` times from 1 (far) to 0 (the grasp).
 pub(crate) fn equal_times(n: usize) -> impl Iterator<Item = f64> {
     (0..n).map(move |k| (n - 1 - k) as f64 / (n.max(2) - 1) as f64)
-}
-
-impl JointRange {
-    pub(crate) fn of(joint: &Joint) -> Self {
-        let finite = |limit: f64| limit.is_finite().then_some(limit);
-        Self {
-            lower: finite(joint.lower),
-            upper: finite(joint.upper),
-        }
-    }
-
-    /// Returns the nearest position in the range.
-    pub fn clamp(&self, position: f64) -> f64 {
-        let above = self.lower.map_or(position, |lower| position.max(lower));
-        self.upper.map_or(above, |upper| above.min(upper))
-    }
 }
 
 impl Description {

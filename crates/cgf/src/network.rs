@@ -4,7 +4,7 @@ use candle_core::{Device, Tensor};
 
 use crate::{
     CgfError,
-    config::{Activation, Initialization, NetworkConfig},
+    config::{Activation, Initialization, LatentVariance, NetworkConfig},
     grasp::ROOT,
     point_net,
     random::Random,
@@ -131,6 +131,10 @@ impl Network<'_> {
         }
         let mean = self.linear("encoder.mean", &x)?;
         let log_variance = self.linear("encoder.log_variance", &x)?;
+        let log_variance = match self.config.latent_variance {
+            LatentVariance::Free => log_variance,
+            LatentVariance::BelowPrior => log_sigmoid(&log_variance)?,
+        };
         Ok((mean, log_variance))
     }
 
@@ -185,6 +189,13 @@ impl Network<'_> {
     }
 }
 
+/// `ln(1 / (1 + exp(−x)))`, from parts of which none overflows.
+fn log_sigmoid(x: &Tensor) -> Result<Tensor, CgfError> {
+    let below = (x.neg()?.relu()? * -1.0)?;
+    let near = (x.abs()?.neg()?.exp()? + 1.0)?.log()?;
+    Ok((below - near)?)
+}
+
 /// Returns a constant on the CPU from numbers, the last dimension fastest.
 pub(crate) fn constant(values: Vec<f32>, shape: &[usize]) -> Result<Tensor, CgfError> {
     Ok(Tensor::from_vec(values, shape, &Device::Cpu)?)
@@ -192,4 +203,23 @@ pub(crate) fn constant(values: Vec<f32>, shape: &[usize]) -> Result<Tensor, CgfE
 
 fn last(widths: &[usize]) -> usize {
     widths.last().copied().unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{constant, log_sigmoid};
+
+    #[test]
+    fn variances_stay_below_the_priors_without_overflow() {
+        let xs = [-100.0, -3.0, 0.0, 3.0, 100.0];
+        let logs = log_sigmoid(&constant(xs.to_vec(), &[5]).unwrap()).unwrap();
+        for (x, log) in xs.iter().zip(logs.to_vec1::<f32>().unwrap()) {
+            let expected = -(-f64::from(*x)).exp().ln_1p();
+            assert!(
+                (f64::from(log) - expected).abs() < 1e-5 * expected.abs() + 1e-6,
+                "{x}: {log}"
+            );
+            assert!(log <= 0.0);
+        }
+    }
 }

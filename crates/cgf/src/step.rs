@@ -13,8 +13,10 @@ use crate::{
     config::{Contact, LatentNoise, NetworkConfig, Reduction, TrainingConfig},
     grasp::{Normalization, ROOT},
     kinematics::{LinkParts, LinkPoses},
+    limits::Limits,
     loss,
     network::{Network, constant},
+    penetration::Body,
     point_net::{self, Measured, PointNet, Statistics},
     precision::{narrow_all, row_index},
     weights::Weights,
@@ -38,6 +40,8 @@ pub struct Losses {
     pub kl: f32,
     /// `L_contact` in m².
     pub contact: f32,
+    /// Squared depths of the links in object and table, in m²; 0 if they have no weight.
+    pub penetration: f32,
 }
 
 /// What is made small.
@@ -47,6 +51,10 @@ pub(crate) struct Objective<'a> {
     pub(crate) training: &'a TrainingConfig,
     /// Links whose origins are the finger tips.
     pub(crate) tips: Vec<usize>,
+    /// The room that the hand takes up, if it is kept out of object and table.
+    pub(crate) body: Option<Body>,
+    /// Takes the decoder's numbers to where the joints are.
+    pub(crate) limits: Limits,
     /// Where it is computed.
     pub(crate) device: Device,
 }
@@ -121,7 +129,14 @@ impl Objective<'_> {
         let training = self.training;
         let outputs = ROOT + self.hand.dof();
         let rows = batch.size * batch.n_times;
-        let (decoded, mean, log_variance) = self.decoded(batch, tape, features)?;
+        let (mut decoded, mean, log_variance) = self.decoded(batch, tape, features)?;
+        let scale = self.constant(narrow_all(&normalization.scale), &[outputs])?;
+        let shift = self.constant(narrow_all(&normalization.mean), &[outputs])?;
+        let mut physical = decoded.broadcast_mul(&scale)?.broadcast_add(&shift)?;
+        if let Some(within) = self.limits.on_tape(&physical)? {
+            decoded = within.broadcast_sub(&shift)?.broadcast_div(&scale)?;
+            physical = within;
+        }
         let targets = self.constant(batch.targets.clone(), &[rows, outputs])?;
         let row_weights = loss::row_weights(
             batch.size,
@@ -136,9 +151,6 @@ impl Objective<'_> {
             &targets.narrow(1, 0, 3)?,
             &row_weights,
         )?;
-        let scale = self.constant(narrow_all(&normalization.scale), &[outputs])?;
-        let shift = self.constant(narrow_all(&normalization.mean), &[outputs])?;
-        let physical = decoded.broadcast_mul(&scale)?.broadcast_add(&shift)?;
         let parts = if training.rotations_weight > 0.0 {
             LinkParts::OriginsAndColumns
         } else {
@@ -146,13 +158,11 @@ impl Objective<'_> {
         };
         let fk = LinkPoses::new(self.hand.clone(), parts);
         // Kinematics are the host's.
+        let physical = physical.to_device(&Device::Cpu)?;
         let wanted = constant(batch.physical.clone(), &[rows, outputs])?
             .apply_op1_no_bwd(&fk)?
             .to_device(&self.device)?;
-        let reached = physical
-            .to_device(&Device::Cpu)?
-            .apply_op1(fk)?
-            .to_device(&self.device)?;
+        let reached = physical.apply_op1(fk)?.to_device(&self.device)?;
         let [reached, wanted] = [reached, wanted].map(|poses| split(&poses, parts, rows));
         let (reached, wanted) = (reached?, wanted?);
         let origins = loss::squared_distance(&reached.origins, &wanted.origins, &row_weights)?;
@@ -167,6 +177,14 @@ impl Objective<'_> {
         };
         let (tips, surfaces) = self.tips_at_grasp(batch, tips_of)?;
         let contact = loss::contact(&tips, &surfaces, training.contact, training.tip_radius_m)?;
+        let penetration = match &self.body {
+            Some(body) => {
+                let depths = body.penetration(&physical, &batch.surroundings)?;
+                let depths = depths.to_device(&self.device)?;
+                (depths * &row_weights)?.sum_all()?
+            }
+            None => Tensor::zeros((), candle_core::DType::F32, &self.device)?,
+        };
         // A sum is a mean of so many more.
         let count = |n: usize| match training.reduction {
             Reduction::Mean => 1.0,
@@ -189,16 +207,20 @@ impl Objective<'_> {
             ),
             (kl, training.kl_weight),
             ((contact * count(self.tips.len()))?, training.contact_weight),
+            (
+                (penetration * count(n_times * n_links))?,
+                training.penetration_weight,
+            ),
         ];
         let mut total = Tensor::zeros((), candle_core::DType::F32, &self.device)?;
-        let mut numbers = [0.0; 6];
+        let mut numbers = [0.0; 7];
         for ((term, weight), number) in terms.iter().zip(&mut numbers) {
             *number = term.to_scalar::<f32>()?;
             if *weight > 0.0 {
                 total = (total + (term * *weight)?)?;
             }
         }
-        let [q, translation, origins, rotations, kl, contact] = numbers;
+        let [q, translation, origins, rotations, kl, contact, penetration] = numbers;
         let losses = Losses {
             total: total.to_scalar()?,
             q,
@@ -207,6 +229,7 @@ impl Objective<'_> {
             rotations,
             kl,
             contact,
+            penetration,
         };
         Ok((total, losses))
     }
@@ -315,6 +338,7 @@ impl Losses {
             rotations,
             kl,
             contact,
+            penetration,
         } = other;
         self.total += share * total;
         self.q += share * q;
@@ -323,5 +347,6 @@ impl Losses {
         self.rotations += share * rotations;
         self.kl += share * kl;
         self.contact += share * contact;
+        self.penetration += share * penetration;
     }
 }

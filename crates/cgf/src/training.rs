@@ -1,7 +1,8 @@
 //! Training: demonstrations in, a grasping function out (section III-C of the paper).
 
-use std::sync::Arc;
+use std::{collections::BTreeMap, sync::Arc};
 
+use geometry::DistanceField;
 use robot::RobotModel;
 
 use crate::{
@@ -13,8 +14,10 @@ use crate::{
     curve::Epoch,
     data::{Scene, Split, Track, turned},
     grasp::Normalization,
-    model::{Description, JointRange, VERSION},
+    limits::{JointRange, Limits},
+    model::{Description, VERSION},
     network,
+    penetration::Body,
     point_net::{self, PointNet, Statistics},
     random::Random,
     step::{Losses, Objective},
@@ -37,6 +40,9 @@ pub struct TrainingSet {
     pub scenes: Vec<Scene>,
     /// The motions, those that are learned from and those that are kept back.
     pub tracks: Vec<Track>,
+    /// Distances to the surfaces of the objects, in the object frame, by the objects' names: of all of
+    /// them if the training keeps the hand out of them, and otherwise of any.
+    pub distances: BTreeMap<String, Arc<DistanceField>>,
 }
 
 /// What came out of a training.
@@ -132,6 +138,17 @@ impl<'a> Trainer<'a> {
                 found: training_tracks.len(),
             });
         }
+        let body = if training.penetration_weight > 0.0 {
+            let named = |scene: &&Scene| !set.distances.contains_key(&scene.object);
+            if let Some(scene) = set.scenes.iter().find(named) {
+                let object = scene.object.clone();
+                return Err(CgfError::NoDistances { object });
+            }
+            let body = Body::new(hand.clone());
+            Some(body.map_err(|large| CgfError::LargeShapes { link: large.link })?)
+        } else {
+            None
+        };
         let rotations = Rotations::new(training.augmentation, motions.tracks.len(), seed);
         let mut random = Random::new(seed, BEFORE);
         let mut samples = Vec::new();
@@ -160,6 +177,8 @@ impl<'a> Trainer<'a> {
                 network,
                 training,
                 tips,
+                body,
+                limits: Limits::new(network.joints, &ranges(hand)),
                 device: training.device.open()?,
             },
             training_tracks,
@@ -345,7 +364,7 @@ impl<'a> Trainer<'a> {
             version: VERSION.to_owned(),
             epoch,
             joints: hand.joint_names(),
-            joint_ranges: hand.joints().iter().map(JointRange::of).collect(),
+            joint_ranges: ranges(hand),
             network: self.batches.network.clone(),
             training: self.batches.training.clone(),
             seed: self.batches.seed,
@@ -365,6 +384,10 @@ impl<'a> Trainer<'a> {
         };
         Ok(Trained { best, last })
     }
+}
+
+fn ranges(hand: &RobotModel) -> Vec<JointRange> {
+    hand.joints().iter().map(JointRange::of).collect()
 }
 
 /// Cuts into as few chunks of at most `longest` as possible, of equal length but for one.

@@ -1,18 +1,21 @@
 //! A grasping function learned from made-up motions of a two-joint hand.
 
-use std::sync::Arc;
+use std::{collections::BTreeMap, sync::Arc};
 
 use cgf::{
     Activation, Augmentation, Cgf, CgfError, Contact, EncoderRotation, EncoderTimes, Frame, Grasp,
-    GraspError, Initialization, LatentNoise, NetworkConfig, Outputs, Reduction, Scene, Schedule,
-    Split, TimedGrasp, Times, Track, Trainer, TrainingConfig, TrainingDevice, TrainingSet, train,
+    GraspError, Initialization, JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs,
+    Reduction, Scene, Schedule, Split, TimedGrasp, Times, Track, Trainer, TrainingConfig,
+    TrainingDevice, TrainingSet, train,
 };
+use geometry::{DistanceField, TriMesh};
 use nalgebra::{Isometry3, Point3, Vector3};
 use robot::RobotModel;
 use spatial::{Pose, Rest};
 
 const HAND: &str = r#"<robot name="h">
-  <link name="palm"/><link name="a"/><link name="tip"/>
+  <link name="palm"/><link name="a"/><link name="tip">
+    <collision><geometry><sphere radius="0.01"/></geometry></collision></link>
   <joint name="ja" type="revolute"><parent link="palm"/><child link="a"/><axis xyz="0 1 0"/>
     <origin xyz="0 0 0.1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
   <joint name="jb" type="revolute"><parent link="a"/><child link="tip"/><axis xyz="1 0 0"/>
@@ -77,6 +80,7 @@ fn set() -> TrainingSet {
             track("a", 0, Vector3::new(0.02, 0.0, 0.15), 0.3),
             track("b", 1, Vector3::new(0.0, 0.05, 0.08), -0.4),
         ],
+        distances: BTreeMap::new(),
     }
 }
 
@@ -93,6 +97,8 @@ fn network() -> NetworkConfig {
         frame: Frame::Resting,
         encoder_times: EncoderTimes::Equal,
         encoder_rotation: EncoderRotation::Columns,
+        latent_variance: LatentVariance::Free,
+        joints: JointOutputs::Free,
     }
 }
 
@@ -122,6 +128,7 @@ fn training(epochs: usize) -> TrainingConfig {
         rotations_weight: 0.0,
         kl_weight: 1e-3,
         contact_weight: 0.0,
+        penetration_weight: 0.0,
         contact: Contact::TouchSurface,
         tips: vec!["tip".to_owned()],
         tip_radius_m: 0.01,
@@ -266,6 +273,64 @@ fn device_that_the_program_was_built_without_is_refused() {
         let refused = train(&set(), &hand(), &network(), &config, 7, |_| {});
         assert!(matches!(refused, Err(CgfError::NotBuiltFor { .. })));
     }
+}
+
+/// A set that says where the surfaces of its two boxes are.
+fn solid_set() -> TrainingSet {
+    let mut set = set();
+    for (object, half) in [("box", [0.05, 0.03, 0.1]), ("brick", [0.1, 0.05, 0.03])] {
+        let high = Point3::from(half);
+        let field = DistanceField::new(&TriMesh::cuboid(-high, high), 0.0025, 0.025);
+        let field = Arc::new(field.unwrap().unwrap());
+        set.distances.insert(object.to_owned(), field);
+    }
+    set
+}
+
+#[test]
+fn a_hand_is_kept_out_of_object_and_table() {
+    let set = solid_set();
+    // Both motions end with the finger tip in the object.
+    let penetration = |weight: f64| {
+        let mut config = training(200);
+        config.penetration_weight = weight;
+        let trained = train(&set, &hand(), &network(), &config, 7, |_| {}).unwrap();
+        let curve = &trained.last.description().training_curve;
+        f64::from(curve[199].training.penetration)
+    };
+    let (free, kept_out) = (penetration(1e-9), penetration(1e5));
+    assert!(free > 1e-6, "{free}");
+    assert!(kept_out < 0.2 * free, "{kept_out} of {free}");
+}
+
+#[test]
+fn an_object_without_a_distance_field_is_refused_where_one_is_needed() {
+    let mut set = solid_set();
+    set.distances.remove("brick");
+    let mut config = training(1);
+    let train = |config: &TrainingConfig| train(&set, &hand(), &network(), config, 7, |_| {});
+    assert!(train(&config).is_ok());
+    config.penetration_weight = 1.0;
+    let err = train(&config).unwrap_err();
+    let is_named = matches!(&err, CgfError::NoDistances { object } if object == "brick");
+    assert!(is_named, "{err}");
+}
+
+#[test]
+fn joints_stay_within_their_limits_for_any_code() {
+    let farthest = |joints: JointOutputs| {
+        let mut network = network();
+        network.joints = joints;
+        let trained = train(&set(), &hand(), &network, &training(30), 7, |_| {}).unwrap();
+        let feature = trained.last.feature(&set().scenes[0]).unwrap();
+        let codes = [-1.0, 1.0].map(|sign| vec![60.0 * sign; 4]);
+        let motions = trained.last.decode(&feature, &codes, &Cgf::times(9));
+        let motions = motions.unwrap();
+        let q = motions.iter().flatten().flat_map(|grasp| &grasp.q_rad);
+        q.fold(0.0_f64, |m, q| m.max(q.abs()))
+    };
+    assert!(farthest(JointOutputs::WithinLimits) <= 2.0);
+    assert!(farthest(JointOutputs::Free) > 2.0);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::{Collision, Shape};
+use crate::{Collision, RobotModel, Shape};
 
 /// Radius of the balls that line a box, in meters: what they cut off its edges, at most
 /// (√3 − 1) of it or 2 mm at a corner, lies within the softness of a finger pad.
@@ -129,6 +129,65 @@ fn disc(radius: f64) -> Vec<[f64; 2]> {
 
 /// Most balls in one group.
 const GROUP: usize = 12;
+/// Most balls of a hand: those of all sides of a box of one meter, three times.
+const MOST: f64 = 150_000.0;
+
+/// Neighboring balls of one link.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cluster {
+    /// Which of the hand's links they are fixed to.
+    pub link: usize,
+    /// A ball about all of them.
+    pub around: Ball,
+    /// The balls.
+    pub balls: Vec<Ball>,
+}
+
+/// A hand's collision shapes are far larger than a hand's.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TooLarge {
+    /// Name of the link with whose shapes they come to be so.
+    pub link: String,
+}
+
+/// Checks that a hand's collision shapes can be filled with balls.
+///
+/// # Errors
+///
+/// Fails if they are so large that more than 150,000 balls would be made.
+pub fn check(hand: &RobotModel) -> Result<(), TooLarge> {
+    let mut n_balls = 0.0;
+    for body in hand.links() {
+        n_balls += body.collisions.iter().map(count).sum::<f64>();
+        if n_balls > MOST {
+            return Err(TooLarge {
+                link: body.name.clone(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Fills all collision shapes of a hand with balls, link after link.
+///
+/// # Errors
+///
+/// Fails as [`check`] does.
+pub fn clusters(hand: &RobotModel) -> Result<Vec<Cluster>, TooLarge> {
+    check(hand)?;
+    let mut all = Vec::new();
+    for (link, body) in hand.links().iter().enumerate() {
+        let balls: Vec<Ball> = body.collisions.iter().flat_map(fill).collect();
+        all.extend(groups(balls).into_iter().filter_map(|balls| {
+            Some(Cluster {
+                link,
+                around: enclosing(&balls)?,
+                balls,
+            })
+        }));
+    }
+    Ok(all)
+}
 
 /// Parts balls into groups of neighbors.
 pub fn groups(mut balls: Vec<Ball>) -> Vec<Vec<Ball>> {

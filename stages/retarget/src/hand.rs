@@ -3,18 +3,12 @@
 use std::ops::Range;
 
 use nalgebra::Point3;
-use robot::{
-    RobotModel,
-    balls::{Ball, count, enclosing, fill, groups},
-};
+use robot::{RobotModel, balls};
 
 use crate::{
     HandTable, RetargetError,
     solver::{CompiledHand, Root},
 };
-
-/// Most balls of a hand: those of all sides of a box of one meter, three times.
-const MOST_BALLS: f64 = 150_000.0;
 
 /// A robot hand with the points that follow landmarks and the balls that take up room.
 #[derive(Debug, Clone)]
@@ -90,21 +84,20 @@ impl Hand {
             .filter_map(|(link, point)| Some(palm_from_links.get(*link)? * point))
             .collect();
         let (mut clusters, mut radii_m, mut centers) = (Vec::new(), Vec::new(), Vec::new());
-        for (idx, link) in model.links().iter().enumerate() {
-            let balls: Vec<Ball> = link.collisions.iter().flat_map(fill).collect();
-            for group in groups(balls) {
-                let Some(around) = enclosing(&group) else {
-                    continue;
-                };
-                let first = radii_m.len();
-                radii_m.extend(group.iter().map(|ball| ball.radius_m));
-                places.extend(group.iter().map(|ball| (idx, ball.center_in_link)));
-                clusters.push(Cluster {
-                    balls: first..radii_m.len(),
-                    radius_m: around.radius_m,
-                });
-                centers.push((idx, around.center_in_link));
-            }
+        for balls::Cluster {
+            link,
+            around,
+            balls,
+        } in balls::clusters(&model).map_err(large)?
+        {
+            let first = radii_m.len();
+            radii_m.extend(balls.iter().map(|ball| ball.radius_m));
+            places.extend(balls.iter().map(|ball| (link, ball.center_in_link)));
+            clusters.push(Cluster {
+                balls: first..radii_m.len(),
+                radius_m: around.radius_m,
+            });
+            centers.push((link, around.center_in_link));
         }
         places.extend(centers);
         Ok(Self {
@@ -177,16 +170,11 @@ pub(crate) fn check(model: &RobotModel) -> Result<(), RetargetError> {
             joint: joint.clone(),
         });
     }
-    let mut balls_n = 0.0;
-    for link in model.links() {
-        balls_n += link.collisions.iter().map(count).sum::<f64>();
-        if balls_n > MOST_BALLS {
-            return Err(RetargetError::LargeShapes {
-                link: link.name.clone(),
-            });
-        }
-    }
-    Ok(())
+    balls::check(model).map_err(large)
+}
+
+fn large(shapes: balls::TooLarge) -> RetargetError {
+    RetargetError::LargeShapes { link: shapes.link }
 }
 
 /// Says whether a link is fixed to the root.

@@ -33,6 +33,11 @@ pub struct SampleConfig {
     pub demonstrations: Vec<String>,
     /// Factor on the standard deviation of what is drawn; paper: 1
     pub spread: f64,
+    /// Latent codes drawn for a motion until its hand stays out of object and table; of them all the
+    /// least deep if none does; paper: 1
+    pub draws: usize,
+    /// Depth in object or table up to which a hand stays out of them, m; unused if `draws` is 1
+    pub max_depth_m: f64,
     /// Names of two demonstrations: instead of drawing, latent codes go from the one's mean to the
     /// other's in equal steps, the object lying as in the first; empty: they are drawn
     #[serde(default)]
@@ -61,6 +66,11 @@ pub enum Rests {
 }
 
 impl SampleConfig {
+    /// Says whether motions are drawn anew because of what their hand is in.
+    pub(crate) fn chooses(&self) -> bool {
+        self.draws > 1 && self.path.is_empty()
+    }
+
     /// Checks what can be checked without the lake.
     pub(crate) fn check(&self) -> Result<(), SampleError> {
         let at_least = if self.path.is_empty() { 1 } else { 2 };
@@ -79,6 +89,10 @@ impl SampleConfig {
         let share = self.demonstrated_share;
         let usable = (0.0..=1.0).contains(&share);
         check("demonstrated_share", share, usable, "from 0 to 1")?;
+        check("draws", self.draws, self.draws > 0, "at least 1")?;
+        let depth_m = self.max_depth_m;
+        let usable = depth_m.is_finite() && depth_m >= 0.0;
+        check("max_depth_m", depth_m, usable, "0 or more")?;
         let names = format!("{:?}", self.path);
         let usable = matches!(self.path.len(), 0 | 2);
         check("path", names, usable, "two names or none")?;

@@ -1,7 +1,8 @@
 //! From latent codes to candidates: decoded, in the object's frame, in seconds, within limits.
 
-use cgf::{Cgf, JointRange, MovingGrasp, Random, Scene};
+use cgf::{Cgf, JointRange, MovingGrasp, ObjectFeature, Random, Scene};
 use nalgebra::{Point3, UnitQuaternion};
+use rayon::prelude::*;
 use schemas::{
     candidates::{Candidate, Rates, Step},
     objects::Object,
@@ -11,12 +12,22 @@ use spatial::Rest;
 use crate::{
     SampleConfig, SampleError,
     draw::{self, Draw, Source},
+    quality::Gauge,
 };
 
 /// What the candidates say drew them.
 const GENERATOR: &str = "cgf";
 
-/// Draws and decodes all motions of one object, in the order of their names.
+/// The motions of one object.
+pub(crate) struct Motions {
+    /// In the order of their names.
+    pub(crate) candidates: Vec<Candidate>,
+    /// How many codes were drawn for them.
+    pub(crate) draws: usize,
+}
+
+/// Draws and decodes all motions of one object. With a gauge, a motion whose hand is too deep in object
+/// or table is drawn again, as often as the configuration says; the least deep is kept.
 ///
 /// # Errors
 ///
@@ -25,51 +36,118 @@ pub(crate) fn sample(
     config: &SampleConfig,
     cgf: &Cgf,
     object: &Object,
+    gauge: Option<Gauge<'_>>,
     seed: u64,
-) -> Result<Vec<Candidate>, SampleError> {
+) -> Result<Motions, SampleError> {
     let rests = draw::rests(config, object);
     let source = Source::new(config, cgf, object, &rests)?;
-    let draws: Vec<Draw> = (0..config.per_object)
-        .map(|number| source.draw(number, &mut Random::new(seed, number as u64)))
+    let decoder = Decoder::new(config, cgf, object, &rests)?;
+    // Every motion has its own random numbers, whatever becomes of the others.
+    let mut randoms: Vec<Random> = (0..config.per_object)
+        .map(|number| Random::new(seed, number as u64))
         .collect();
-    let times = Cgf::times(config.steps);
-    let mut candidates: Vec<Option<Candidate>> = vec![None; draws.len()];
-    for (idx, rest) in rests.iter().enumerate() {
-        let numbers: Vec<usize> = (0..draws.len())
-            .filter(|&number| draws[number].rest == idx)
-            .collect();
-        if numbers.is_empty() {
-            continue;
-        }
-        let feature = cgf.feature(&Scene {
-            object: object.name.clone(),
-            rest: *rest,
-            points_in_object: object
-                .points_m
-                .iter()
-                .map(|&point| Point3::from(point))
-                .collect(),
-        })?;
-        let latents: Vec<Vec<f64>> = numbers
+    let mut best: Vec<Option<(f64, Candidate)>> = vec![None; config.per_object];
+    let mut left: Vec<usize> = (0..config.per_object).collect();
+    let mut draws_n = 0;
+    let rounds = if config.chooses() { config.draws } else { 1 };
+    for _ in 0..rounds {
+        let draws: Vec<(usize, Draw)> = left
             .iter()
-            .map(|&number| draws[number].latent.clone())
+            .map(|&number| (number, source.draw(number, &mut randoms[number])))
             .collect();
-        let motions = cgf.decode_with_rates(&feature, &latents, &times)?;
-        let ranges = &cgf.description().joint_ranges;
-        let placed = Placed::new(rest, ranges, config.duration_s);
-        for ((number, latent), motion) in numbers.into_iter().zip(latents).zip(motions) {
-            let (steps, limit_excess_rad) = placed.steps(motion, &times);
-            candidates[number] = Some(Candidate {
-                candidate_id: format!("{}-{number:05}", object.name),
-                generator: GENERATOR.to_owned(),
-                latent,
-                table_from_object: rest.table_from_object(),
-                limit_excess_rad,
-                steps,
-            });
+        draws_n += draws.len();
+        let measured: Vec<(usize, f64, Candidate)> = decoder
+            .decode(&draws)?
+            .into_par_iter()
+            .map(|(number, candidate)| {
+                let depth_m = gauge.map_or(0.0, |gauge| gauge.deepest_m(&candidate));
+                (number, depth_m, candidate)
+            })
+            .collect();
+        left.clear();
+        for (number, depth_m, candidate) in measured {
+            let kept = &mut best[number];
+            if kept.as_ref().is_none_or(|(least_m, _)| depth_m < *least_m) {
+                *kept = Some((depth_m, candidate));
+            }
+            if depth_m > config.max_depth_m {
+                left.push(number);
+            }
         }
+        left.sort_unstable();
     }
-    Ok(candidates.into_iter().flatten().collect())
+    let candidates = best.into_iter().flatten().map(|(_, candidate)| candidate);
+    Ok(Motions {
+        candidates: candidates.collect(),
+        draws: draws_n,
+    })
+}
+
+/// Takes draws to candidates of one object.
+struct Decoder<'a> {
+    config: &'a SampleConfig,
+    cgf: &'a Cgf,
+    object: &'a Object,
+    /// How the object can lie, and what the function knows of it then.
+    rests: Vec<(&'a Rest, ObjectFeature)>,
+    times: Vec<f64>,
+}
+
+impl<'a> Decoder<'a> {
+    fn new(
+        config: &'a SampleConfig,
+        cgf: &'a Cgf,
+        object: &'a Object,
+        rests: &'a [Rest],
+    ) -> Result<Self, SampleError> {
+        let points = object.points_m.iter().map(|&point| Point3::from(point));
+        let points: Vec<_> = points.collect();
+        let with_feature = |rest: &'a Rest| {
+            let feature = cgf.feature(&Scene {
+                object: object.name.clone(),
+                rest: *rest,
+                points_in_object: points.clone(),
+            })?;
+            Ok((rest, feature))
+        };
+        Ok(Self {
+            config,
+            cgf,
+            object,
+            rests: rests
+                .iter()
+                .map(with_feature)
+                .collect::<Result<_, SampleError>>()?,
+            times: Cgf::times(config.steps),
+        })
+    }
+
+    /// Decodes draws, each with the number of its motion.
+    fn decode(&self, draws: &[(usize, Draw)]) -> Result<Vec<(usize, Candidate)>, SampleError> {
+        let mut candidates = Vec::with_capacity(draws.len());
+        for (idx, (rest, feature)) in self.rests.iter().enumerate() {
+            let draws: Vec<&(usize, Draw)> =
+                draws.iter().filter(|(_, draw)| draw.rest == idx).collect();
+            let latents: Vec<Vec<f64>> =
+                draws.iter().map(|(_, draw)| draw.latent.clone()).collect();
+            let motions = self.cgf.decode_with_rates(feature, &latents, &self.times)?;
+            let ranges = &self.cgf.description().joint_ranges;
+            let placed = Placed::new(rest, ranges, self.config.duration_s);
+            for (((number, _), latent), motion) in draws.into_iter().zip(latents).zip(motions) {
+                let (steps, limit_excess_rad) = placed.steps(motion, &self.times);
+                let candidate = Candidate {
+                    candidate_id: format!("{}-{number:05}", self.object.name),
+                    generator: GENERATOR.to_owned(),
+                    latent,
+                    table_from_object: rest.table_from_object(),
+                    limit_excess_rad,
+                    steps,
+                };
+                candidates.push((*number, candidate));
+            }
+        }
+        Ok(candidates)
+    }
 }
 
 /// Where and how fast motions take place.

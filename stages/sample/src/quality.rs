@@ -23,13 +23,45 @@ pub(crate) struct Shown {
     pub(crate) grasp: Step,
 }
 
-/// What motions of an object are measured against.
-pub(crate) struct Measure<'a> {
+/// What tells how deep motions of an object are in things.
+#[derive(Clone, Copy)]
+pub(crate) struct Gauge<'a> {
     pub(crate) room: &'a Room<'a>,
     /// Distances about the object.
     pub(crate) field: &'a DistanceField,
     /// Which of a candidate's joints each of the hand's is.
     pub(crate) columns: &'a [usize],
+}
+
+impl Gauge<'_> {
+    /// Measures how deep the hand is at one step.
+    fn depth(&self, candidate: &Candidate, step: &Step) -> Depth {
+        let q: Vec<f64> = self
+            .columns
+            .iter()
+            .filter_map(|&column| step.q_rad.get(column).copied())
+            .collect();
+        self.room.depth(
+            self.field,
+            step.object_from_palm.isometry(),
+            candidate.table_from_object.isometry(),
+            &q,
+        )
+    }
+
+    /// Returns how deep the hand is in object or table at its deepest, in meters.
+    pub(crate) fn deepest_m(&self, candidate: &Candidate) -> f64 {
+        let depths = candidate.steps.iter().map(|step| {
+            let depth = self.depth(candidate, step);
+            depth.object_m.max(depth.table_m)
+        });
+        depths.fold(0.0, f64::max)
+    }
+}
+
+/// What motions of an object are measured against.
+pub(crate) struct Measure<'a> {
+    pub(crate) gauge: Gauge<'a>,
     /// The object's demonstrations.
     pub(crate) shown: &'a [Shown],
 }
@@ -70,31 +102,17 @@ impl Measure<'_> {
             return sampled;
         };
         for step in approach {
-            let depth = self.depth(candidate, step);
+            let depth = self.gauge.depth(candidate, step);
             if depth.object_m > sampled.approach_depth_m {
                 sampled.approach_depth_m = depth.object_m;
                 sampled.approach_depth_time_s = step.time_s;
             }
             sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
         }
-        let depth = self.depth(candidate, grasp);
+        let depth = self.gauge.depth(candidate, grasp);
         sampled.grasp_depth_m = depth.object_m;
         sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
         sampled
-    }
-
-    fn depth(&self, candidate: &Candidate, step: &Step) -> Depth {
-        let q: Vec<f64> = self
-            .columns
-            .iter()
-            .filter_map(|&column| step.q_rad.get(column).copied())
-            .collect();
-        self.room.depth(
-            self.field,
-            step.object_from_palm.isometry(),
-            candidate.table_from_object.isometry(),
-            &q,
-        )
     }
 
     /// Returns the demonstration whose grasp is nearest, a radian counting as much as [`ARM_M`].

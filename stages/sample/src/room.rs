@@ -4,27 +4,18 @@ use geometry::DistanceField;
 use nalgebra::{Isometry3, Point3};
 use robot::{
     RobotModel,
-    balls::{Ball, count, enclosing, fill, groups},
+    balls::{Cluster, clusters},
 };
 
 use crate::SampleError;
 
-/// Most balls of a hand: those of all sides of a box of one meter, three times.
-const MOST_BALLS: f64 = 150_000.0;
-/// Factor on the size of a group of balls that allows for the interpolation's slope above 1.
+/// Factor on the size of a cluster of balls that allows for the interpolation's slope above 1.
 const SLACK: f64 = 1.1;
 
 /// The room that a hand takes up: its collision shapes filled with balls.
 pub(crate) struct Room<'a> {
     hand: &'a RobotModel,
-    groups: Vec<Group>,
-}
-
-/// Neighboring balls of one link.
-struct Group {
-    link: usize,
-    around: Ball,
-    balls: Vec<Ball>,
+    clusters: Vec<Cluster>,
 }
 
 /// How deep a hand is in things, in meters; 0 where it is not.
@@ -41,25 +32,9 @@ impl<'a> Room<'a> {
     ///
     /// Fails if they are far larger than a hand's.
     pub(crate) fn new(hand: &'a RobotModel) -> Result<Self, SampleError> {
-        let mut n_balls = 0.0;
-        let mut all = Vec::new();
-        for (link, body) in hand.links().iter().enumerate() {
-            n_balls += body.collisions.iter().map(count).sum::<f64>();
-            if n_balls > MOST_BALLS {
-                return Err(SampleError::LargeShapes {
-                    link: body.name.clone(),
-                });
-            }
-            let balls: Vec<Ball> = body.collisions.iter().flat_map(fill).collect();
-            all.extend(groups(balls).into_iter().filter_map(|balls| {
-                Some(Group {
-                    link,
-                    around: enclosing(&balls)?,
-                    balls,
-                })
-            }));
-        }
-        Ok(Self { hand, groups: all })
+        let clusters =
+            clusters(hand).map_err(|large| SampleError::LargeShapes { link: large.link })?;
+        Ok(Self { hand, clusters })
     }
 
     /// Returns how deep the hand is in the object of the field and below the table; `q` has the order
@@ -74,20 +49,20 @@ impl<'a> Room<'a> {
         // Joints are matched by name before: there is one position for each.
         let palm_from_links = self.hand.forward_kinematics(q).unwrap_or_default();
         let mut depth = Depth::default();
-        for group in &self.groups {
-            let Some(palm_from_link) = palm_from_links.get(group.link) else {
+        for cluster in &self.clusters {
+            let Some(palm_from_link) = palm_from_links.get(cluster.link) else {
                 continue;
             };
             let object_from_link = object_from_palm * palm_from_link;
             let height_m = |center: &Point3<f64>| (table_from_object * center).z;
-            let center = object_from_link * group.around.center_in_link;
-            let reach_m = group.around.radius_m;
+            let center = object_from_link * cluster.around.center_in_link;
+            let reach_m = cluster.around.radius_m;
             let may_be_in_object = field.distance(&center).0 < SLACK * reach_m;
             let may_be_in_table = height_m(&center) < reach_m;
             if !(may_be_in_object || may_be_in_table) {
                 continue;
             }
-            for ball in &group.balls {
+            for ball in &cluster.balls {
                 let center = object_from_link * ball.center_in_link;
                 let deep_m = ball.radius_m - field.distance(&center).0;
                 depth.object_m = depth.object_m.max(deep_m);

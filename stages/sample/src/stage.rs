@@ -9,8 +9,9 @@ use dataflow::{
     Artifact, Code, Context, Input, Inputs, Labels, Outcome, Output, Scope, SourceFile, Stage,
     Summary, Unit,
 };
+use geometry::DistanceField;
 use robot::RobotModel;
-use schemas::SchemaError;
+use schemas::{SchemaError, distance_fields};
 
 use crate::{SampleConfig, SampleError};
 
@@ -104,11 +105,7 @@ impl Stage for Sample {
     fn describe(output: &str, summary: &Summary) -> String {
         match output {
             SAMPLING => sampling::describe(summary),
-            _ => format!(
-                "{} objects → {} candidates",
-                summary.n_made,
-                summary.total("candidates")
-            ),
+            _ => candidates::describe(summary),
         }
     }
 }
@@ -133,6 +130,22 @@ fn read_hand(path: &Path) -> Result<(String, RobotModel), SampleError> {
         source,
     })?;
     Ok((xml, model))
+}
+
+/// Reads the distances about an object.
+fn read_field(artifact: &Artifact) -> Result<DistanceField, SampleError> {
+    let path = artifact
+        .file(distance_fields::FIELD)
+        .ok_or(SampleError::Missing {
+            what: "distance field of an object",
+        })?;
+    let bytes = fs::read(path).map_err(|source| SampleError::ReadField {
+        object: artifact.key.clone(),
+        source,
+    })?;
+    DistanceField::from_bytes(&bytes).ok_or_else(|| SampleError::BadField {
+        object: artifact.key.clone(),
+    })
 }
 
 /// Returns which of `joints`, those of `what`, each of the hand's joints is.

@@ -14,8 +14,8 @@ use std::{
 
 use cgf::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Grasp, Initialization,
-    LatentNoise, NetworkConfig, Outputs, Reduction, Scene, Schedule, Split, TimedGrasp, Times,
-    Track, TrainingConfig, TrainingDevice, TrainingSet,
+    JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Scene, Schedule,
+    Split, TimedGrasp, Times, Track, TrainingConfig, TrainingDevice, TrainingSet,
 };
 use dataflow::{Advise, Artifact, Context, Inputs, Made, Outcome, SourceFile, Stage, Summary};
 use geometry::{DistanceField, TriMesh};
@@ -136,6 +136,7 @@ fn write_checkpoint(folder: &Path) {
     let set = TrainingSet {
         scenes: vec![scene],
         tracks: vec![track("a", 0.1), track("b", -0.1)],
+        distances: BTreeMap::new(),
     };
     let network = NetworkConfig {
         points: 64,
@@ -149,6 +150,8 @@ fn write_checkpoint(folder: &Path) {
         frame: Frame::Resting,
         encoder_times: EncoderTimes::Equal,
         encoder_rotation: EncoderRotation::Columns,
+        latent_variance: LatentVariance::Free,
+        joints: JointOutputs::Free,
     };
     let training = TrainingConfig {
         device: TrainingDevice::Cpu,
@@ -175,6 +178,7 @@ fn write_checkpoint(folder: &Path) {
         kl_weight: 1e-3,
         contact_weight: 0.0,
         fixed_statistics_after: 0.5,
+        penetration_weight: 0.0,
         contact: Contact::TouchCenter,
         tips: vec!["tip".to_owned()],
         tip_radius_m: 0.0,
@@ -267,6 +271,8 @@ fn config() -> SampleConfig {
         duration_s: 2.0,
         demonstrated_share: 0.0,
         demonstrations: Vec::new(),
+        draws: 1,
+        max_depth_m: 0.004,
         spread: 1.0,
         path: Vec::new(),
         rests: Rests::Seen,
@@ -710,6 +716,46 @@ fn a_decoder_that_ignores_the_code_is_flagged_as_collapsed() {
         said.contains("COLLAPSED for 1 objects") && said.contains("spread 0 mm"),
         "{said}"
     );
+}
+
+#[test]
+fn motions_too_deep_in_the_object_are_drawn_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    let drawn = |draws: usize| {
+        let config = SampleConfig {
+            spread: 3.0,
+            draws,
+            ..config()
+        };
+        let (out, made) = run(&config, &inputs, 7, "candidates");
+        let batch = lake::table::read(&made_in(out.path())).unwrap();
+        let candidates = candidates::from_batch("can", &batch).unwrap().candidates;
+        let (sampled, _) = measure(&config, &inputs);
+        let deepest = |s: &Sampled| {
+            let in_object = s.approach_depth_m.max(s.grasp_depth_m);
+            in_object.max(s.table_depth_m)
+        };
+        let depths: Vec<f64> = sampled.iter().map(deepest).collect();
+        (candidates, depths, made.metrics["draws"])
+    };
+    let (once, deep, draws) = drawn(1);
+    assert_eq!(draws, 40.0);
+    let (chosen, depths, draws) = drawn(20);
+    let too_deep = |depths: &[f64]| depths.iter().filter(|&&depth| depth > 0.004).count();
+    let (before, after) = (too_deep(&deep), too_deep(&depths));
+    assert!(before > 4 && after < before / 2, "{before}, then {after}");
+    assert!(draws > 40.0 && draws <= 800.0, "{draws}");
+    for (number, depth) in deep.iter().enumerate() {
+        // What was out of it is as it was; what was not is not deeper now.
+        assert_eq!(
+            chosen[number] == once[number],
+            *depth <= 0.004 || depths[number] == *depth
+        );
+        assert!(depths[number] <= depth.max(0.004));
+    }
+    let (again, ..) = drawn(20);
+    assert_eq!(again, chosen);
 }
 
 #[test]

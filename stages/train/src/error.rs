@@ -61,6 +61,20 @@ pub enum TrainError {
         /// Why it failed.
         source: io::Error,
     },
+    /// An object's distance field cannot be read from the lake.
+    #[error("cannot read the distance field of object `{object}`")]
+    ReadField {
+        /// The object's name.
+        object: String,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// An object's distance field is damaged.
+    #[error("the distance field of object `{object}` is damaged")]
+    BadField {
+        /// The object's name.
+        object: String,
+    },
     /// An artifact cannot be read.
     #[error(transparent)]
     Lake(#[from] LakeError),
@@ -99,7 +113,7 @@ impl Advise for TrainError {
                 Some("set `hand` in `train` and `retarget` to the same URDF".to_owned())
             }
             Self::Lake(err) => err.hint(),
-            Self::Schema { .. } => {
+            Self::Schema { .. } | Self::ReadField { .. } | Self::BadField { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Cgf(CgfError::Diverged { .. }) => {
@@ -116,6 +130,7 @@ impl Advise for TrainError {
             Self::Cgf(CgfError::UnknownLink { .. }) => {
                 Some("give `training.tips` the names of the hand's finger tip links".to_owned())
             }
+            Self::Cgf(CgfError::LargeShapes { .. }) => Some("URDFs are in meters".to_owned()),
             Self::Curve { .. } | Self::Cgf(_) | Self::Dof(_) | Self::Chart(_) => None,
         }
     }

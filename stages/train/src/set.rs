@@ -1,11 +1,14 @@
 //! From artifacts to a training set.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, fs, sync::Arc};
 
 use cgf::{Grasp, Random, Scene, Split, TimedGrasp, Track, TrainingSet};
 use dataflow::{Artifact, Inputs};
+use geometry::DistanceField;
+use lake::LakeError;
 use nalgebra::Point3;
 use schemas::{
+    distance_fields,
     objects::{self, Object},
     trajectories::{self, Trajectory},
 };
@@ -13,6 +16,8 @@ use spatial::Rest;
 
 use crate::{TrainConfig, TrainError};
 
+/// The artifact of the distances about an object.
+pub(crate) const FIELDS: &str = "distance_fields";
 /// Stream of the random numbers that say which motions are held out.
 const HELD_OUT: u64 = 3;
 
@@ -34,7 +39,12 @@ pub(crate) fn read(
     let mut set = TrainingSet {
         scenes: Vec::new(),
         tracks: Vec::new(),
+        distances: BTreeMap::new(),
     };
+    for artifact in inputs.artifacts(FIELDS) {
+        let field = read_field(artifact)?;
+        set.distances.insert(artifact.key.clone(), Arc::new(field));
+    }
     let mut scenes = BTreeMap::new();
     for artifact in inputs.artifacts("trajectories") {
         let batch = lake::table::read(artifact)?;
@@ -59,6 +69,21 @@ pub(crate) fn read(
     }
     hold_out(&mut set, config.held_out_share, seed);
     Ok(set)
+}
+
+fn read_field(artifact: &Artifact) -> Result<DistanceField, TrainError> {
+    let name = distance_fields::FIELD;
+    let path = artifact.file(name).ok_or_else(|| LakeError::MissingFile {
+        key: artifact.key.clone(),
+        file: name.to_owned(),
+    })?;
+    let bytes = fs::read(path).map_err(|source| TrainError::ReadField {
+        object: artifact.key.clone(),
+        source,
+    })?;
+    DistanceField::from_bytes(&bytes).ok_or_else(|| TrainError::BadField {
+        object: artifact.key.clone(),
+    })
 }
 
 /// Keeps back a share of the motions that would be learned from, never the last one of an object.

@@ -44,6 +44,10 @@ impl Stage for Train {
             name: "objects",
             artifact: "objects",
         },
+        Input {
+            name: set::FIELDS,
+            artifact: set::FIELDS,
+        },
     ];
     const OUTPUTS: &'static [Output] = &[
         output(CHECKPOINT, checkpoint::VERSION),
@@ -89,9 +93,12 @@ impl Stage for Train {
                 found: trajectories.len(),
             });
         }
+        let keeps_out = config.training.penetration_weight > 0.0;
+        let fields: BTreeSet<String> = objects.iter().filter(|_| keeps_out).cloned().collect();
         let unit = Unit::new(MODEL)
             .reading("trajectories", keys)
             .reading("objects", objects)
+            .reading(set::FIELDS, fields)
             .with_file(SourceFile::named_by_file(&config.hand));
         Ok(match output {
             CHECKPOINT => vec![unit],

@@ -1,11 +1,12 @@
 //! This crate's training step: an epoch of one batch, which is drawn, learned from and recorded.
 
-use std::{fs, sync::Arc};
+use std::{collections::BTreeMap, fs, sync::Arc};
 
 use cgf::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Grasp, Initialization,
-    LatentNoise, NetworkConfig, Outputs, Random, Reduction, Scene, Schedule, Split, TimedGrasp,
-    Times, Track, Trainer, TrainingConfig, TrainingDevice, TrainingSet,
+    JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Random, Reduction, Scene,
+    Schedule, Split, TimedGrasp, Times, Track, Trainer, TrainingConfig, TrainingDevice,
+    TrainingSet,
 };
 use nalgebra::{Isometry3, Point3, Vector3};
 use robot::RobotModel;
@@ -21,6 +22,7 @@ pub(crate) fn serve() {
         tracks: (0..CLOUDS)
             .map(|number| track(number, hand.dof()))
             .collect(),
+        distances: BTreeMap::new(),
     };
     let (network, training) = (network(), training());
     let mut trainer = Trainer::new(&set, &hand, &network, &training, 1).unwrap();
@@ -97,6 +99,8 @@ fn network() -> NetworkConfig {
         frame: Frame::Object,
         encoder_times: EncoderTimes::Recorded,
         encoder_rotation: EncoderRotation::AxisAngle,
+        latent_variance: LatentVariance::Free,
+        joints: JointOutputs::Free,
     }
 }
 
@@ -127,6 +131,7 @@ fn training() -> TrainingConfig {
         rotations_weight: 0.5,
         kl_weight: 1e-3,
         contact_weight: 50.0,
+        penetration_weight: 0.0,
         contact: Contact::TouchCenter,
         tips: [
             "link_3.0_tip",

@@ -4,7 +4,8 @@ use rayon::ThreadPoolBuilder;
 
 use super::*;
 use crate::{
-    config::{EncoderRotation, EncoderTimes, Frame, Initialization},
+    config::{EncoderRotation, EncoderTimes, Frame, Initialization, JointOutputs, LatentVariance},
+    limits::JointRange,
     network,
     network::{Network, constant},
     random::Random,
@@ -26,7 +27,20 @@ fn config(activation: Activation) -> NetworkConfig {
         frame: Frame::Object,
         encoder_times: EncoderTimes::Equal,
         encoder_rotation: EncoderRotation::Columns,
+        latent_variance: LatentVariance::Free,
+        joints: match activation {
+            Activation::Relu => JointOutputs::Free,
+            Activation::Silu => JointOutputs::WithinLimits,
+        },
     }
+}
+
+fn limits(config: &NetworkConfig) -> Limits {
+    let range = JointRange {
+        lower: Some(-1.0),
+        upper: Some(1.6),
+    };
+    Limits::new(config.joints, &[range; DOF])
 }
 
 /// A network with weights so large that its motions bend and turn.
@@ -59,7 +73,13 @@ fn normalization() -> Normalization {
 
 fn decoder<T: Number>(activation: Activation) -> Decoder<T> {
     let config = config(activation);
-    Decoder::new(&config, &normalization(), &weights(&config)).unwrap()
+    Decoder::new(
+        &config,
+        &normalization(),
+        limits(&config),
+        &weights(&config),
+    )
+    .unwrap()
 }
 
 /// An object that lies on its side: the network's frame is not the table's.
@@ -275,7 +295,8 @@ fn decoding_agrees_with_the_tape() {
             mean: vec![0.0; OUTPUTS],
             scale: vec![1.0; OUTPUTS],
         };
-        let decoder = Decoder::<f32>::new(&config, &normalization, &weights).unwrap();
+        let decoder =
+            Decoder::<f32>::new(&config, &normalization, limits(&config), &weights).unwrap();
         let (n, times) = (9, equal_times(33));
         let latents = latents(n);
         let finish = |[values, ..]: [&[f32]; 3]| {

@@ -3,14 +3,16 @@
 use std::collections::BTreeMap;
 
 use cgf::Cgf;
-use dataflow::{Artifact, Context, Inputs, Made, Outcome, Scope, Unit};
+use dataflow::{Artifact, Context, Inputs, Made, Outcome, Scope, Summary, Unit};
 use schemas::{
     candidates::{self, Candidate, Candidates},
     checkpoint, objects,
 };
 
-use super::{columns, hand_file, labels, only, read_hand, schema};
-use crate::{Epoch, SampleConfig, SampleError, motions::sample, recording};
+use super::{FIELDS, columns, hand_file, labels, only, read_field, read_hand, schema};
+use crate::{
+    Epoch, SampleConfig, SampleError, motions::sample, quality::Gauge, recording, room::Room,
+};
 
 /// One unit per object.
 pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
@@ -27,6 +29,7 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
         .partitions("checkpoint")
         .iter()
         .map(|model| &model.key);
+    let fields = scope.partitions(FIELDS);
     let units = objects
         .iter()
         .map(|object| &object.key)
@@ -35,7 +38,14 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
             let unit = Unit::new(object.as_str())
                 .reading("checkpoint", checkpoint.clone().map(String::as_str))
                 .reading("objects", [object.as_str()]);
-            if config.recorded_per_object > 0 {
+            let unit = if config.chooses() {
+                // An object without a field is planned without, and not chosen for.
+                let field = fields.iter().find(|field| field.key == **object);
+                unit.reading(FIELDS, field.map(|field| field.key.as_str()))
+            } else {
+                unit
+            };
+            if config.chooses() || config.recorded_per_object > 0 {
                 unit.with_file(hand_file(config))
             } else {
                 unit
@@ -54,33 +64,67 @@ pub(super) fn make(
     let artifact = only(inputs, "objects", "object")?;
     let batch = lake::table::read(artifact)?;
     let object = objects::from_batch(&artifact.key, &batch).map_err(schema(&artifact.key))?;
+    let hand = inputs.files().first();
+    let hand = hand.map(|file| read_hand(&file.path)).transpose()?;
+    let columns = hand.as_ref().map_or(Ok(Vec::new()), |(_, model)| {
+        columns(model, &cgf.description().joints, "grasping function")
+    })?;
+    let field = inputs.artifacts(FIELDS).first();
+    let field = field.map(read_field).transpose()?;
+    let room = hand
+        .as_ref()
+        .map(|(_, model)| Room::new(model))
+        .transpose()?;
+    let gauge = room.as_ref().zip(field.as_ref());
+    let gauge = gauge.filter(|_| config.chooses());
+    let gauge = gauge.map(|(room, field)| Gauge {
+        room,
+        field,
+        columns: &columns,
+    });
+    let sample = sample(config, &cgf, &object, gauge, cx.seed())?;
     let drawn = Candidates {
         object: object.name.clone(),
         joints: cgf.description().joints.clone(),
-        candidates: sample(config, &cgf, &object, cx.seed())?,
+        candidates: sample.candidates,
     };
     let batch = candidates::to_batch(&drawn).map_err(schema(&artifact.key))?;
     lake::table::write(cx.folder(), &batch)?;
-    if let Some(file) = inputs.files().first() {
-        let (urdf, model) = read_hand(&file.path)?;
+    if config.recorded_per_object > 0
+        && let Some((urdf, model)) = &hand
+    {
         let numbers = recording::chosen(config.recorded_per_object, drawn.candidates.len());
         let motions: Vec<&Candidate> = numbers
             .into_iter()
             .filter_map(|number| drawn.candidates.get(number))
             .collect();
         let stage = recording::Stage {
-            urdf: &urdf,
-            model: &model,
+            urdf,
+            model,
             object: &object,
-            columns: &columns(&model, &drawn.joints, "grasping function")?,
+            columns: &columns,
         };
         recording::record(&stage, &motions, cx.folder())?;
     }
     let n = drawn.candidates.len() as f64;
     Ok(Outcome::Made(Made {
         labels: labels(&object.name),
-        metrics: BTreeMap::from([("candidates".to_owned(), n)]),
+        metrics: BTreeMap::from([
+            ("candidates".to_owned(), n),
+            ("draws".to_owned(), sample.draws as f64),
+        ]),
     }))
+}
+
+/// Says how many motions were drawn, and of how many draws if they were chosen.
+pub(super) fn describe(summary: &Summary) -> String {
+    let (candidates, draws) = (summary.total("candidates"), summary.total("draws"));
+    let of = if draws > candidates {
+        format!(" of {draws} draws")
+    } else {
+        String::new()
+    };
+    format!("{} objects → {candidates} candidates{of}", summary.n_made)
 }
 
 fn read_checkpoint(epoch: Epoch, artifact: &Artifact) -> Result<Cgf, SampleError> {

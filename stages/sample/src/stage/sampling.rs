@@ -1,22 +1,20 @@
 //! How plausible and different the motions of one object are.
 
-use std::fs;
-
 use dataflow::{Artifact, Context, Inputs, Made, Outcome, Scope, Summary, Unit};
-use geometry::DistanceField;
 use schemas::{
     candidates::{self, Step},
-    distance_fields, sampling,
+    sampling,
     sampling::{LIMIT_TOLERANCE_RAD, Sampled},
     trajectories,
 };
 
 use super::{
-    CANDIDATES, FIELDS, TRAJECTORIES, columns, hand_file, labels, only, read_hand, schema,
+    CANDIDATES, FIELDS, TRAJECTORIES, columns, hand_file, labels, only, read_field, read_hand,
+    schema,
 };
 use crate::{
     SampleConfig, SampleError,
-    quality::{Measure, Shown},
+    quality::{Gauge, Measure, Shown},
     room::Room,
     spread::Diversity,
 };
@@ -72,9 +70,11 @@ pub(super) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleError
         .collect::<Result<Vec<_>, _>>()?;
     let shown: Vec<Shown> = shown.into_iter().flatten().collect();
     let measure = Measure {
-        room: &Room::new(&hand)?,
-        field: &field,
-        columns: &columns(&hand, &drawn.joints, "set of candidates")?,
+        gauge: Gauge {
+            room: &Room::new(&hand)?,
+            field: &field,
+            columns: &columns(&hand, &drawn.joints, "set of candidates")?,
+        },
         shown: &shown,
     };
     let diversity = Diversity::of(&drawn.candidates);
@@ -126,21 +126,6 @@ pub(super) fn describe(summary: &Summary) -> String {
         line = format!("{line}; COLLAPSED for {collapsed} objects: all their motions are one");
     }
     line
-}
-
-fn read_field(artifact: &Artifact) -> Result<DistanceField, SampleError> {
-    let path = artifact
-        .file(distance_fields::FIELD)
-        .ok_or(SampleError::Missing {
-            what: "distance field of an object",
-        })?;
-    let bytes = fs::read(path).map_err(|source| SampleError::ReadField {
-        object: artifact.key.clone(),
-        source,
-    })?;
-    DistanceField::from_bytes(&bytes).ok_or_else(|| SampleError::BadField {
-        object: artifact.key.clone(),
-    })
 }
 
 /// Reads a demonstration's grasp with its joints in this order; `None` if it has no step.

@@ -14,7 +14,7 @@ use crate::TrainError;
 type Term = (&'static str, fn(&Losses) -> f32, fn(&TrainingConfig) -> f64);
 
 /// The terms that are weighted and summed.
-const TERMS: [Term; 6] = [
+const TERMS: [Term; 7] = [
     ("outputs", |losses| losses.q, |config| config.q_weight),
     (
         "translation",
@@ -40,6 +40,11 @@ const TERMS: [Term; 6] = [
         "contact",
         |losses| losses.contact,
         |config| config.contact_weight,
+    ),
+    (
+        "penetration",
+        |losses| losses.penetration,
+        |config| config.penetration_weight,
     ),
 ];
 
@@ -103,6 +108,7 @@ fn rows(curve: &[Epoch]) -> Vec<Row> {
                 rotations: losses.rotations.into(),
                 kl_nats: losses.kl.into(),
                 contact_m2: losses.contact.into(),
+                penetration_m2: losses.penetration.into(),
             });
         }
     }

@@ -6,13 +6,13 @@ use std::{collections::BTreeMap, path::Path};
 
 use cgf::{
     Activation, Augmentation, Cgf, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
-    LatentNoise, NetworkConfig, Outputs, Reduction, Schedule, Times, TrainingConfig,
-    TrainingDevice,
+    JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Schedule, Times,
+    TrainingConfig, TrainingDevice,
 };
 use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Partition, Scope, SourceFile, Stage};
 use nalgebra::{Isometry3, Vector3};
 use schemas::{
-    checkpoint, objects,
+    checkpoint, distance_fields, objects,
     objects::{Object, RestingOrientation},
     trajectories,
     trajectories::{Rates, Step, Tracking, Trajectory},
@@ -40,6 +40,8 @@ fn config() -> TrainConfig {
             frame: Frame::Resting,
             encoder_times: EncoderTimes::Equal,
             encoder_rotation: EncoderRotation::Columns,
+            latent_variance: LatentVariance::Free,
+            joints: JointOutputs::Free,
         },
         training: TrainingConfig {
             device: TrainingDevice::Cpu,
@@ -66,6 +68,7 @@ fn config() -> TrainConfig {
             kl_weight: 1e-3,
             contact_weight: 1.0,
             fixed_statistics_after: 0.5,
+            penetration_weight: 0.0,
             contact: Contact::TouchSurface,
             tips: vec!["link_3.0_tip".to_owned(), "link_15.0_tip".to_owned()],
             tip_radius_m: 0.012,
@@ -230,6 +233,42 @@ fn one_unit_reads_the_chosen_objects() {
     let units = Train::units(&config, "checkpoint", &scope()).unwrap();
     assert_eq!(units[0].reads["trajectories"], ["c"]);
     assert_eq!(units[0].reads["objects"], ["tin"]);
+    // Distances are read where the hand is kept out of the objects.
+    assert!(units[0].reads["distance_fields"].is_empty());
+    config.training.penetration_weight = 1.0;
+    let units = Train::units(&config, "checkpoint", &scope()).unwrap();
+    assert_eq!(units[0].reads["distance_fields"], ["tin"]);
+}
+
+#[test]
+fn a_damaged_distance_field_is_named() {
+    let (lake, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let path = lake.path().join(distance_fields::FIELD);
+    std::fs::write(&path, b"sdfield1 and no more").unwrap();
+    let mut field = artifact(
+        lake.path(),
+        "field",
+        "tin",
+        &objects::to_batch(&[object("tin")]).unwrap(),
+    );
+    field.key = "tin".to_owned();
+    let inputs = Inputs::new(
+        BTreeMap::from([("distance_fields".to_owned(), vec![field.clone()])]),
+        vec![SourceFile::named_by_file(&config().hand)],
+    );
+    let cx = Context::detached("checkpoint", "cgf", 7, out.path());
+    let err = Train::run(&config(), &inputs, &cx).unwrap_err();
+    assert!(matches!(err, TrainError::Lake(_)), "{err}");
+    field.files.insert(distance_fields::FIELD.to_owned(), path);
+    let inputs = Inputs::new(
+        BTreeMap::from([("distance_fields".to_owned(), vec![field])]),
+        vec![SourceFile::named_by_file(&config().hand)],
+    );
+    let err = Train::run(&config(), &inputs, &cx).unwrap_err();
+    assert!(
+        err.to_string().contains("`tin` is damaged") && err.hint().is_some(),
+        "{err}"
+    );
 }
 
 #[test]
