@@ -6,6 +6,7 @@ mod doctor;
 mod errors;
 mod history;
 mod incremental;
+mod interpolation;
 mod questions;
 mod repeatable;
 mod retargeting;

@@ -1,14 +1,19 @@
 //! The same weights and inputs give `PyTorch`'s outputs and gradients: `tests/golden/make.py` says how
 //! they were made.
 
+mod objective;
+
 use std::{fs, sync::Arc};
 
 use candle_core::{Device, Tensor, Var};
 use nalgebra::Point3;
+use robot::RobotModel;
 
 use crate::{
     Activation, Contact, EncoderRotation, EncoderTimes, Frame, JointOutputs, LatentVariance,
-    NetworkConfig, loss,
+    NetworkConfig,
+    kinematics::{LinkParts, LinkPoses},
+    loss,
     network::{Network, constant},
     point_net::{self, Clouds, PointNet, Statistics},
     weights::{Array, Weights},
@@ -23,6 +28,35 @@ fn golden() -> Weights {
         "/tests/golden/golden.safetensors"
     );
     Weights::from_bytes(&fs::read(path).unwrap()).unwrap()
+}
+
+/// The hand of `hand.urdf`, its links in the order of the file, as the arrays have them.
+fn hand() -> Arc<RobotModel> {
+    let hand = RobotModel::from_urdf(include_str!("../tests/golden/hand.urdf")).unwrap();
+    let names: Vec<&str> = hand.links().iter().map(|link| link.name.as_str()).collect();
+    let expected = "palm finger finger_end finger_tip thumb thumb_tip";
+    assert_eq!(names, expected.split(' ').collect::<Vec<_>>());
+    assert_eq!(hand.joint_names(), ["bend", "bend_more", "slide"]);
+    Arc::new(hand)
+}
+
+/// A small network of any hand.
+fn network_config(activation: Activation, encoder_rotation: EncoderRotation) -> NetworkConfig {
+    NetworkConfig {
+        points: 64,
+        point_widths: vec![8, 16, 32],
+        encoder_steps: 4,
+        hand_widths: vec![8, 5],
+        encoder_widths: vec![7, 6],
+        latent_dim: 3,
+        decoder_widths: vec![9, 11],
+        activation,
+        frame: Frame::Resting,
+        encoder_times: EncoderTimes::Equal,
+        encoder_rotation,
+        latent_variance: LatentVariance::Free,
+        joints: JointOutputs::Free,
+    }
 }
 
 /// The arrays below a folder of names, under the names `to` gives them.
@@ -108,21 +142,7 @@ fn encoder_and_decoder_equal_pytorch_with_either_activation() {
     let golden = golden();
     for (kind, activation) in [("relu", Activation::Relu), ("silu", Activation::Silu)] {
         let array = |name: &str| golden.array(&format!("{kind}/{name}")).unwrap();
-        let config = NetworkConfig {
-            points: 64,
-            point_widths: vec![8, 16, 32],
-            encoder_steps: 4,
-            hand_widths: vec![8, 5],
-            encoder_widths: vec![7, 6],
-            latent_dim: 3,
-            decoder_widths: vec![9, 11],
-            activation,
-            frame: Frame::Resting,
-            encoder_times: EncoderTimes::Equal,
-            encoder_rotation: EncoderRotation::Columns,
-            latent_variance: LatentVariance::Free,
-            joints: JointOutputs::Free,
-        };
+        let config = network_config(activation, EncoderRotation::Columns);
         let leaves = below(&golden, &format!("{kind}/weights/"), "")
             .variables(&Device::Cpu)
             .unwrap();
@@ -157,6 +177,51 @@ fn encoder_and_decoder_equal_pytorch_with_either_activation() {
             assert_near(&gradient(leaf), expected, &format!("{kind} {name}"));
         }
     }
+}
+
+#[test]
+fn link_poses_equal_pytorch() {
+    let golden = golden();
+    let array = |name: &str| golden.array(&format!("hand/{name}")).unwrap();
+    let hand = hand();
+    let n_links = hand.links().len();
+    let (poses, by) = (array("poses"), array("by"));
+    // Of each link, the origin's three numbers come before the columns' six.
+    let only = |all: &Array, wanted: fn(usize) -> bool| Array {
+        shape: vec![all.values.len()],
+        values: all
+            .values
+            .iter()
+            .enumerate()
+            .map(|(idx, x)| if wanted(idx % 9) { *x } else { 0.0 })
+            .collect(),
+    };
+    let whole = LinkPoses::new(hand.clone(), LinkParts::OriginsAndColumns);
+    for (part, wanted) in [
+        ("origins", (|k| k < 3) as fn(usize) -> bool),
+        ("columns", |k| k >= 3),
+    ] {
+        let rows = variable(array("rows"));
+        let found = rows.apply_op1(whole.clone()).unwrap();
+        let found = found.reshape(((), n_links, 9)).unwrap();
+        assert_near(&numbers(&found), poses, "poses");
+        let gradients = weighted(&found, &only(by, wanted)).backward().unwrap();
+        let found = numbers(gradients.get(&rows).unwrap());
+        assert_near(&found, array(&format!("by_rows_of_{part}")), part);
+    }
+    // Where only the origins are asked for, they and their gradient are the same.
+    let rows = variable(array("rows"));
+    let origins = LinkPoses::new(hand, LinkParts::Origins);
+    let found = rows.apply_op1(origins).unwrap();
+    let found = found.reshape(((), n_links, 3)).unwrap();
+    let origins_of = |all: &Array| Array {
+        shape: found.dims().to_vec(),
+        values: all.values.chunks(9).flat_map(|x| x[..3].to_vec()).collect(),
+    };
+    assert_near(&numbers(&found), &origins_of(poses), "origins alone");
+    let gradients = weighted(&found, &origins_of(by)).backward().unwrap();
+    let found = numbers(gradients.get(&rows).unwrap());
+    assert_near(&found, array("by_rows_of_origins"), "origins alone");
 }
 
 /// Compares a loss and its gradients by some of its arguments.

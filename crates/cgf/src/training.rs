@@ -386,7 +386,8 @@ impl<'a> Trainer<'a> {
     }
 }
 
-fn ranges(hand: &RobotModel) -> Vec<JointRange> {
+/// Where each joint of a hand can be.
+pub(crate) fn ranges(hand: &RobotModel) -> Vec<JointRange> {
     hand.joints().iter().map(JointRange::of).collect()
 }
 

@@ -275,9 +275,14 @@ fn device_that_the_program_was_built_without_is_refused() {
     }
 }
 
-/// A set that says where the surfaces of its two boxes are.
+/// A set that says where the surfaces of its two boxes are, in which both motions end with the finger
+/// tip.
 fn solid_set() -> TrainingSet {
     let mut set = set();
+    set.tracks = vec![
+        track("a", 0, Vector3::new(-0.08, 0.0, 0.03), 0.0),
+        track("b", 1, Vector3::new(-0.08, 0.0, -0.04), 0.0),
+    ];
     for (object, half) in [("box", [0.05, 0.03, 0.1]), ("brick", [0.1, 0.05, 0.03])] {
         let high = Point3::from(half);
         let field = DistanceField::new(&TriMesh::cuboid(-high, high), 0.0025, 0.025);
@@ -290,7 +295,6 @@ fn solid_set() -> TrainingSet {
 #[test]
 fn a_hand_is_kept_out_of_object_and_table() {
     let set = solid_set();
-    // Both motions end with the finger tip in the object.
     let penetration = |weight: f64| {
         let mut config = training(200);
         config.penetration_weight = weight;

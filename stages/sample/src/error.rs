@@ -3,6 +3,7 @@
 use std::{io, path::PathBuf};
 
 use cgf::CgfError;
+use charts::ChartError;
 use dataflow::Advise;
 use lake::LakeError;
 use robot::RobotError;
@@ -101,6 +102,9 @@ pub enum SampleError {
         /// How it differs.
         source: SchemaError,
     },
+    /// A chart's data is not as it should be.
+    #[error(transparent)]
+    Chart(#[from] ChartError),
     /// The grasping function cannot be used.
     #[error(transparent)]
     Cgf(#[from] CgfError),
@@ -136,7 +140,11 @@ impl Advise for SampleError {
                 | CgfError::Tensor { .. }
                 | CgfError::Version { .. },
             ) => Some("train again with `pipeline run FILE --fresh`".to_owned()),
-            Self::Config { .. } | Self::ReadHand { .. } | Self::Hand { .. } | Self::Cgf(_) => None,
+            Self::Config { .. }
+            | Self::ReadHand { .. }
+            | Self::Hand { .. }
+            | Self::Chart(_)
+            | Self::Cgf(_) => None,
         }
     }
 }

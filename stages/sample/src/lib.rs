@@ -6,7 +6,7 @@
 //! frame. Joint positions are kept within the hand's limits; nothing else is judged here.
 //! A second output says of each motion how plausible it is (limits, depth in object and table) and how
 //! far from the object's demonstrations and from the others: where all are one, the function has
-//! collapsed.
+//! collapsed. Charts show the same, the spread of what was drawn beside that of the demonstrations.
 
 mod config;
 mod draw;

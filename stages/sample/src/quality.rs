@@ -6,6 +6,7 @@ use schemas::{
     candidates::{Candidate, Step},
     sampling::{GraspDistance, Sampled},
 };
+use spatial::Rest;
 
 use crate::{
     room::{Depth, Room},
@@ -15,11 +16,15 @@ use crate::{
 /// Meters that count as much as a radian where grasps are compared: about a hand's length.
 const ARM_M: f64 = 0.1;
 
-/// The grasp of a demonstration, its joints in the candidates' order.
+/// A demonstration, its joints in the candidates' order.
 pub(crate) struct Shown {
     /// Name of its sequence.
     pub(crate) sequence: String,
-    /// The hand.
+    /// How the object lay.
+    pub(crate) rest: Rest,
+    /// The steps before the grasp.
+    pub(crate) approach: Vec<Step>,
+    /// The hand at the grasp.
     pub(crate) grasp: Step,
 }
 
@@ -73,10 +78,8 @@ impl Measure<'_> {
             .par_iter()
             .enumerate()
             .map(|(idx, candidate)| {
-                let group = diversity.group_of.get(idx).copied();
-                let mean = group.and_then(|group| diversity.mean_grasps.get(group));
                 let grasp = candidate.steps.last();
-                let from_mean = mean.zip(grasp).map(|(mean, grasp)| mean.distance(grasp));
+                let from_mean = diversity.from_mean.get(idx).copied().flatten();
                 Sampled {
                     demonstration: grasp.and_then(|grasp| self.nearest(grasp)),
                     from_mean: from_mean.unwrap_or_default(),

@@ -1,10 +1,30 @@
-//! How different the motions drawn for an object are: where they are not, the function has collapsed.
+//! How different the motions for an object are: where those that are drawn are not, the function has
+//! collapsed.
 
 use nalgebra::{Matrix4, Quaternion, UnitQuaternion, Vector3, Vector4};
 use schemas::{
     candidates::{Candidate, Step},
     sampling::GraspDistance,
 };
+use spatial::{Object, Pose, Table};
+
+/// A motion that is compared with others.
+#[derive(Debug, Clone)]
+pub(crate) struct Motion<'a> {
+    /// How the object lies.
+    pub(crate) table_from_object: Pose<Table, Object>,
+    /// The hand at equal parts of the motion's time; the last one is the grasp.
+    pub(crate) steps: Vec<&'a Step>,
+}
+
+impl<'a> From<&'a Candidate> for Motion<'a> {
+    fn from(candidate: &'a Candidate) -> Self {
+        Self {
+            table_from_object: candidate.table_from_object,
+            steps: candidate.steps.iter().collect(),
+        }
+    }
+}
 
 /// The hand over the motions of an object: means, and spread about them.
 ///
@@ -12,21 +32,26 @@ use schemas::{
 /// that share its resting orientation.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Diversity {
-    /// For each candidate, the mean of those with which it is compared.
-    pub(crate) group_of: Vec<usize>,
-    /// The mean grasp of each of these.
-    pub(crate) mean_grasps: Vec<MeanHand>,
+    /// How far each motion's grasp is from the mean of those with which it is compared; `None` if it
+    /// has no step.
+    pub(crate) from_mean: Vec<Option<GraspDistance>>,
+    /// Whether each of them has another one to be compared with.
+    pub(crate) is_compared: Vec<bool>,
     /// Root mean square distance from the mean at the grasp.
     pub(crate) at_grasp: GraspDistance,
     /// The same over all steps.
     pub(crate) over_time: GraspDistance,
+    /// The same at each step.
+    pub(crate) by_step: Vec<GraspDistance>,
+    /// The same of each joint at the grasp, in radians (meters if prismatic).
+    pub(crate) joints_rad: Vec<f64>,
     /// Motions that have another one to be compared with.
     pub(crate) compared_n: usize,
 }
 
 /// The mean of several hands.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct MeanHand {
+struct MeanHand {
     position: Vector3<f64>,
     rotation: UnitQuaternion<f64>,
     q: Vec<f64>,
@@ -55,7 +80,7 @@ impl MeanHand {
     }
 
     /// Returns how far a hand is from the mean.
-    pub(crate) fn distance(&self, step: &Step) -> GraspDistance {
+    fn distance(&self, step: &Step) -> GraspDistance {
         let pose = step.object_from_palm.isometry();
         GraspDistance {
             palm_m: (pose.translation.vector - self.position).norm(),
@@ -75,47 +100,57 @@ impl Diversity {
     };
 
     /// Measures motions of equally many steps.
-    pub(crate) fn of(candidates: &[Candidate]) -> Self {
-        let mut lying = Vec::new();
-        let mut group_of = Vec::with_capacity(candidates.len());
-        for candidate in candidates {
-            let pose = candidate.table_from_object;
+    pub(crate) fn of(motions: &[Motion]) -> Self {
+        let mut lying: Vec<Pose<Table, Object>> = Vec::new();
+        let mut group_of = Vec::with_capacity(motions.len());
+        for motion in motions {
+            let pose = motion.table_from_object;
             let known = lying.iter().position(|other| *other == pose);
             group_of.push(known.unwrap_or_else(|| {
                 lying.push(pose);
                 lying.len() - 1
             }));
         }
-        let n_steps = candidates
-            .iter()
-            .map(|candidate| candidate.steps.len())
-            .min();
-        let (mut mean_grasps, mut compared_n) = (Vec::new(), 0);
-        let (mut at_grasp, mut over_time) = (Squares::default(), Squares::default());
+        let n_steps = motions.iter().map(|motion| motion.steps.len()).min();
+        let mut over_time = Squares::default();
+        let mut by_step = vec![Squares::default(); n_steps.unwrap_or(0)];
+        let mut at_grasp = Squares::default();
+        let mut from_mean = vec![None; motions.len()];
+        let mut is_compared = vec![false; motions.len()];
         for group in 0..lying.len() {
-            let members = candidates.iter().zip(&group_of);
-            let members: Vec<&Candidate> = members
-                .filter(|&(_, of)| *of == group)
-                .map(|(candidate, _)| candidate)
+            let members: Vec<usize> = (0..motions.len())
+                .filter(|&number| group_of[number] == group)
                 .collect();
-            let grasps: Vec<&Step> = members.iter().filter_map(|m| m.steps.last()).collect();
-            mean_grasps.push(MeanHand::of(&grasps));
+            let grasp_of = |&number: &usize| motions[number].steps.last().copied();
+            let grasps: Vec<&Step> = members.iter().filter_map(grasp_of).collect();
+            let mean = MeanHand::of(&grasps);
+            for number in &members {
+                from_mean[*number] = grasp_of(number).map(|grasp| mean.distance(grasp));
+            }
             if members.len() < 2 {
                 continue;
             }
-            compared_n += members.len();
+            for number in &members {
+                is_compared[*number] = true;
+            }
             at_grasp.add(&grasps);
-            for step in 0..n_steps.unwrap_or(0) {
-                let steps: Vec<&Step> = members.iter().filter_map(|m| m.steps.get(step)).collect();
+            for (step, squares) in by_step.iter_mut().enumerate() {
+                let steps: Vec<&Step> = members
+                    .iter()
+                    .filter_map(|&number| motions[number].steps.get(step).copied())
+                    .collect();
+                squares.add(&steps);
                 over_time.add(&steps);
             }
         }
         Self {
-            group_of,
-            mean_grasps,
+            from_mean,
+            compared_n: is_compared.iter().filter(|is_one| **is_one).count(),
+            is_compared,
             at_grasp: at_grasp.root_mean(),
             over_time: over_time.root_mean(),
-            compared_n,
+            by_step: by_step.iter().map(Squares::root_mean).collect(),
+            joints_rad: at_grasp.joints(),
         }
     }
 
@@ -150,16 +185,22 @@ fn mean_rotation(rotations: impl Iterator<Item = UnitQuaternion<f64>>) -> UnitQu
 }
 
 /// Sums of squared distances from means.
-#[derive(Default)]
+#[derive(Debug, Clone, Default)]
 struct Squares {
     sum: GraspDistance,
+    of_joints: Vec<f64>,
     n: usize,
 }
 
 impl Squares {
     fn add(&mut self, steps: &[&Step]) {
         let mean = MeanHand::of(steps);
+        self.of_joints.resize(mean.q.len(), 0.0);
         for step in steps {
+            let joints = step.q_rad.iter().zip(&mean.q);
+            for (sum, (q, mean)) in self.of_joints.iter_mut().zip(joints) {
+                *sum += (q - mean).powi(2);
+            }
             let distance = mean.distance(step);
             self.sum.palm_m += distance.palm_m.powi(2);
             self.sum.palm_rad += distance.palm_rad.powi(2);
@@ -169,12 +210,19 @@ impl Squares {
     }
 
     fn root_mean(&self) -> GraspDistance {
-        let root = |sum: f64| (sum / self.n.max(1) as f64).sqrt();
         GraspDistance {
-            palm_m: root(self.sum.palm_m),
-            palm_rad: root(self.sum.palm_rad),
-            q_rad: root(self.sum.q_rad),
+            palm_m: self.root(self.sum.palm_m),
+            palm_rad: self.root(self.sum.palm_rad),
+            q_rad: self.root(self.sum.q_rad),
         }
+    }
+
+    fn joints(&self) -> Vec<f64> {
+        self.of_joints.iter().map(|sum| self.root(*sum)).collect()
+    }
+
+    fn root(&self, sum: f64) -> f64 {
+        (sum / self.n.max(1) as f64).sqrt()
     }
 }
 
@@ -213,15 +261,30 @@ mod tests {
         }
     }
 
+    fn of(candidates: &[Candidate]) -> Diversity {
+        Diversity::of(&candidates.iter().map(Motion::from).collect::<Vec<_>>())
+    }
+
     #[test]
     fn spread_is_the_standard_deviation_about_the_mean() {
-        let found = Diversity::of(&[motion(0.1, 0.02, 0.3, 0.2), motion(0.1, -0.02, -0.3, -0.2)]);
+        let found = of(&[
+            motion(0.1, 0.02, 0.3, 0.2),
+            motion(0.1, -0.02, -0.3, -0.2),
+            // Nothing lies like this one: it is not compared.
+            motion(0.3, 9.0, 0.0, 9.0),
+        ]);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
         near(found.at_grasp.palm_m, 0.02);
         near(found.at_grasp.palm_rad, 0.3);
         near(found.at_grasp.q_rad, 0.2 / 2.0_f64.sqrt());
         // At the first step both palms are in one place.
         near(found.over_time.palm_m, 0.02 / 2.0_f64.sqrt());
+        near(found.by_step[0].palm_m, 0.0);
+        near(found.by_step[1].palm_m, 0.02);
+        near(found.joints_rad[0], 0.2);
+        near(found.joints_rad[1], 0.0);
+        near(found.from_mean[1].unwrap().palm_m, 0.02);
+        assert_eq!(found.is_compared, [true, true, false]);
         assert!(!found.is_collapsed());
     }
 
@@ -233,12 +296,12 @@ mod tests {
             motion(0.3, -0.2, 1.0, 0.1),
             motion(0.3, -0.2, 1.0, 0.1),
         ];
-        let found = Diversity::of(&collapsed);
+        let found = of(&collapsed);
         assert!(found.is_collapsed(), "{found:?}");
-        assert_eq!(found.group_of, [0, 0, 1, 1]);
+        assert_eq!(found.is_compared, [true; 4]);
         assert_eq!(found.compared_n, 4);
         // One motion cannot be told from a collapse.
-        assert!(!Diversity::of(&collapsed[..1]).is_collapsed());
-        assert!(!Diversity::of(&[]).is_collapsed());
+        assert!(!of(&collapsed[..1]).is_collapsed());
+        assert!(!of(&[]).is_collapsed());
     }
 }

@@ -1,6 +1,7 @@
 //! The stage: the candidates of one object, and how plausible and different they are.
 
 mod candidates;
+mod charts;
 mod sampling;
 
 use std::{fs, path::Path};

@@ -312,15 +312,20 @@ fn sample(config: &SampleConfig, inputs: &Inputs, seed: u64) -> Candidates {
 
 /// Samples, then measures what was sampled.
 fn measure(config: &SampleConfig, inputs: &Inputs) -> (Vec<Sampled>, Made) {
+    let (out, made) = measured(config, inputs);
+    let batch = lake::table::read(&made_in(out.path())).unwrap();
+    (sampling::from_batch(&batch).unwrap(), made)
+}
+
+/// Samples, then measures into a folder, which is returned.
+fn measured(config: &SampleConfig, inputs: &Inputs) -> (TempDir, Made) {
     let (out, _) = run(config, inputs, 7, "candidates");
     let mut artifacts: BTreeMap<String, Vec<Artifact>> = ["distance_fields", "trajectories"]
         .map(|input| (input.to_owned(), inputs.artifacts(input).to_vec()))
         .into();
     artifacts.insert("candidates".to_owned(), vec![made_in(out.path())]);
     let inputs = Inputs::new(artifacts, inputs.files().to_vec());
-    let (out, made) = run(config, &inputs, 7, "sampling");
-    let batch = lake::table::read(&made_in(out.path())).unwrap();
-    (sampling::from_batch(&batch).unwrap(), made)
+    run(config, &inputs, 7, "sampling")
 }
 
 fn refused(config: &SampleConfig, inputs: &Inputs) -> String {
@@ -676,6 +681,54 @@ fn motions_are_measured_against_object_table_and_demonstrations() {
     );
 }
 
+#[test]
+fn charts_show_what_was_drawn_beside_the_demonstrations() {
+    let folder = tempfile::tempdir().unwrap();
+    let with = inputs(folder.path());
+    let check = |inputs: &Inputs, per_object: usize, expected: &[(&str, bool)]| {
+        let config = SampleConfig {
+            per_object,
+            ..config()
+        };
+        let (out, _) = measured(&config, inputs);
+        let mut files = made_in(out.path()).files;
+        files.remove(lake::table::FILE).unwrap();
+        let found = files.iter().map(|(name, path)| {
+            let svg = fs::read_to_string(path).unwrap();
+            assert!(svg.starts_with("<svg ") && svg.ends_with("</svg>\n"));
+            (name.as_str(), svg.contains(">demonstrations</text>"))
+        });
+        assert_eq!(found.collect::<Vec<_>>(), expected);
+    };
+    let plausible = [("depth.svg", false), ("limits.svg", false)];
+    let [depth, limits] = plausible;
+    check(
+        &with,
+        40,
+        &[
+            depth,
+            ("grasps.svg", true),
+            ("joints.svg", true),
+            limits,
+            ("palm.svg", true),
+        ],
+    );
+    let without = BTreeMap::from([
+        (
+            "checkpoint".to_owned(),
+            with.artifacts("checkpoint").to_vec(),
+        ),
+        ("objects".to_owned(), with.artifacts("objects").to_vec()),
+        (
+            "distance_fields".to_owned(),
+            with.artifacts("distance_fields").to_vec(),
+        ),
+    ]);
+    let without = Inputs::new(without, with.files().to_vec());
+    // One motion and nothing beside it: there is no spread to be drawn.
+    check(&without, 1, &plausible);
+}
+
 /// What a network learns to do whose decoder finds the latent code of no use.
 #[test]
 fn a_decoder_that_ignores_the_code_is_flagged_as_collapsed() {
@@ -724,7 +777,7 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
     let inputs = inputs(folder.path());
     let drawn = |draws: usize| {
         let config = SampleConfig {
-            spread: 3.0,
+            spread: 100.0,
             draws,
             ..config()
         };

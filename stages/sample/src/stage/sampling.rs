@@ -9,14 +9,14 @@ use schemas::{
 };
 
 use super::{
-    CANDIDATES, FIELDS, TRAJECTORIES, columns, hand_file, labels, only, read_field, read_hand,
-    schema,
+    CANDIDATES, FIELDS, TRAJECTORIES, charts, columns, hand_file, labels, only, read_field,
+    read_hand, schema,
 };
 use crate::{
     SampleConfig, SampleError,
     quality::{Gauge, Measure, Shown},
     room::Room,
-    spread::Diversity,
+    spread::{Diversity, Motion},
 };
 
 /// Depth in the object, in meters, up to which a motion counts as clear of it before the grasp.
@@ -66,7 +66,7 @@ pub(super) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleError
     let shown = inputs
         .artifacts(TRAJECTORIES)
         .iter()
-        .map(|artifact| read_grasp(artifact, &drawn.joints))
+        .map(|artifact| read_shown(artifact, &drawn.joints))
         .collect::<Result<Vec<_>, _>>()?;
     let shown: Vec<Shown> = shown.into_iter().flatten().collect();
     let measure = Measure {
@@ -77,10 +77,18 @@ pub(super) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleError
         },
         shown: &shown,
     };
-    let diversity = Diversity::of(&drawn.candidates);
+    let motions: Vec<Motion> = drawn.candidates.iter().map(Motion::from).collect();
+    let diversity = Diversity::of(&motions);
     let sampled = measure.all(&drawn.candidates, &diversity);
     let batch = sampling::to_batch(&sampled).map_err(schema(&artifact.key))?;
     lake::table::write(cx.folder(), &batch)?;
+    charts::Charts {
+        joints: &drawn.joints,
+        sampled: &sampled,
+        drawn: &diversity,
+        shown: &charts::of_shown(&shown, &motions),
+    }
+    .put(cx)?;
     Ok(Outcome::Made(Made {
         labels: labels(&artifact.key),
         metrics: metrics(&sampled, &diversity)
@@ -128,8 +136,8 @@ pub(super) fn describe(summary: &Summary) -> String {
     line
 }
 
-/// Reads a demonstration's grasp with its joints in this order; `None` if it has no step.
-fn read_grasp(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, SampleError> {
+/// Reads a demonstration with its joints in this order; `None` if it has no step.
+fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, SampleError> {
     let batch = lake::table::read(artifact)?;
     let shown = trajectories::from_batch(&artifact.key, &batch).map_err(schema(&artifact.key))?;
     let columns: Option<Vec<usize>> = joints
@@ -141,16 +149,20 @@ fn read_grasp(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, S
         expected: joints.to_vec(),
         found: shown.joints.clone(),
     })?;
-    Ok(shown.steps.last().map(|last| Shown {
+    let steps = shown.steps.iter().map(|step| Step {
+        time_s: step.time_s,
+        object_from_palm: step.object_from_palm,
+        q_rad: columns
+            .iter()
+            .filter_map(|&column| step.q_rad.get(column).copied())
+            .collect(),
+        rates: candidates::Rates::still(joints.len()),
+    });
+    let mut approach: Vec<Step> = steps.collect();
+    Ok(approach.pop().map(|grasp| Shown {
         sequence: shown.sequence.clone(),
-        grasp: Step {
-            time_s: last.time_s,
-            object_from_palm: last.object_from_palm,
-            q_rad: columns
-                .iter()
-                .filter_map(|&column| last.q_rad.get(column).copied())
-                .collect(),
-            rates: candidates::Rates::still(joints.len()),
-        },
+        rest: shown.rest,
+        approach,
+        grasp,
     }))
 }
