@@ -329,6 +329,7 @@ fn what_shows_a_training_reads_back() {
             rotations: 6.0,
             kl_nats: 7.0,
             contact_m2: 8.0,
+            penetration_m2: 2e-5,
         })
         .into();
     let batch = training::to_batch(&rows).unwrap();

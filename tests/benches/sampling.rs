@@ -11,6 +11,7 @@ mod python;
 mod thread_time;
 
 use std::{
+    collections::BTreeMap,
     env,
     hint::black_box,
     io::{BufRead, BufReader, Write},

@@ -49,11 +49,11 @@ impl LinkPoses {
     }
 
     fn forward_row(&self, row: &[f32], poses: &mut [f32]) {
-        let posed = Posed::new(&self.hand, row);
-        let rotation = posed.frame.rotation;
+        let hand = Posed::new(&self.hand, row);
+        let rotation = hand.frame.rotation;
         let width = self.parts.width();
-        for (pose, link) in poses.chunks_exact_mut(width).zip(&posed.palm_from_links) {
-            let point = posed.seen(&link.translation.vector);
+        for (pose, link) in poses.chunks_exact_mut(width).zip(&hand.palm_from_links) {
+            let point = hand.seen(&link.translation.vector);
             let rotation = rotation * link.rotation.to_rotation_matrix();
             let columns = rotation.fixed_columns::<2>(0);
             // As many of these as are asked for.
@@ -66,10 +66,10 @@ impl LinkPoses {
     /// Takes the forces `by_poses` on the link origins, and on the tips of the unit vectors that are
     /// their columns, to the generalized forces on the row.
     fn backward_row(&self, row: &[f32], by_poses: &[f32], by_row: &mut [f32]) {
-        let posed = Posed::new(&self.hand, row);
-        let mut forces = Forces::on(&posed);
+        let hand = Posed::new(&self.hand, row);
+        let mut forces = Forces::on(&hand);
         let by_links = by_poses.chunks_exact(self.parts.width());
-        for (idx, (link, by_link)) in posed.palm_from_links.iter().zip(by_links).enumerate() {
+        for (idx, (link, by_link)) in hand.palm_from_links.iter().zip(by_links).enumerate() {
             let mut by_vectors = by_link
                 .chunks_exact(3)
                 .map(|by| Vector3::from_iterator(by.iter().map(|&x| f64::from(x))));

@@ -47,7 +47,7 @@ impl Limits {
     pub(crate) fn new(outputs: JointOutputs, ranges: &[JointRange]) -> Self {
         let limits = |range: &JointRange| match (outputs, range.lower, range.upper) {
             (JointOutputs::WithinLimits, Some(lower), Some(upper)) if upper > lower => {
-                Some(((lower + upper) / 2.0, (upper - lower) / 2.0))
+                Some((lower.midpoint(upper), (upper - lower) / 2.0))
             }
             _ => None,
         };

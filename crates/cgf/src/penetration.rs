@@ -101,7 +101,7 @@ impl Body {
         let n_links = posed.palm_from_links.len();
         let mut deepest = vec![[None; 2]; n_links];
         for cluster in &self.clusters {
-            self.search(&posed, cluster, around, &mut deepest[cluster.link]);
+            search(&posed, cluster, around, &mut deepest[cluster.link]);
         }
         if deepest.iter().flatten().all(Option::is_none) {
             return 0.0;
@@ -118,53 +118,51 @@ impl Body {
         forces.generalized(gradient);
         narrow(squares / n_links as f64)
     }
+}
 
-    /// Looks for balls of a cluster that are deeper, in the object and in the table.
-    fn search(
-        &self,
-        posed: &Posed<'_>,
-        cluster: &Cluster,
-        around: &Surroundings,
-        deepest: &mut [Option<Deepest>; 2],
-    ) {
-        let palm_from_link = &posed.palm_from_links[cluster.link];
-        let place = |center_in_link: &Point3<f64>| {
-            let in_palm = (palm_from_link * center_in_link).coords;
-            (in_palm, Point3::from(posed.seen(&in_palm)))
+/// Looks for balls of a cluster that are deeper, in the object and in the table.
+fn search(
+    posed: &Posed<'_>,
+    cluster: &Cluster,
+    around: &Surroundings,
+    deepest: &mut [Option<Deepest>; 2],
+) {
+    let palm_from_link = &posed.palm_from_links[cluster.link];
+    let place = |center_in_link: &Point3<f64>| {
+        let in_palm = (palm_from_link * center_in_link).coords;
+        (in_palm, Point3::from(posed.seen(&in_palm)))
+    };
+    let (_, center) = place(&cluster.around.center_in_link);
+    let reach_m = cluster.around.radius_m;
+    let distance = |seen: &Point3<f64>| around.field.distance(&(around.object_from_seen * seen));
+    let height = |seen: &Point3<f64>| (around.table_from_seen * seen).z;
+    let may_be_in = [
+        distance(&center).0 < SLACK * reach_m,
+        height(&center) < reach_m,
+    ];
+    if may_be_in == [false; 2] {
+        return;
+    }
+    for ball in &cluster.balls {
+        let (center_in_palm, seen) = place(&ball.center_in_link);
+        let mut note = |which: usize, depth_m: f64, outwards: &dyn Fn() -> Vector3<f64>| {
+            let known_m = deepest[which].map_or(0.0, |known| known.depth_m);
+            if depth_m > known_m {
+                deepest[which] = Some(Deepest {
+                    depth_m,
+                    center_in_palm,
+                    outwards: outwards(),
+                });
+            }
         };
-        let (_, center) = place(&cluster.around.center_in_link);
-        let reach_m = cluster.around.radius_m;
-        let distance =
-            |seen: &Point3<f64>| around.field.distance(&(around.object_from_seen * seen));
-        let height = |seen: &Point3<f64>| (around.table_from_seen * seen).z;
-        let may_be_in = [
-            distance(&center).0 < SLACK * reach_m,
-            height(&center) < reach_m,
-        ];
-        if may_be_in == [false; 2] {
-            return;
+        if may_be_in[0] {
+            let (distance, away) = distance(&seen);
+            let turned = || around.object_from_seen.rotation.inverse() * away;
+            note(0, ball.radius_m - distance, &turned);
         }
-        for ball in &cluster.balls {
-            let (center_in_palm, seen) = place(&ball.center_in_link);
-            let mut note = |which: usize, depth_m: f64, outwards: &dyn Fn() -> Vector3<f64>| {
-                let known_m = deepest[which].map_or(0.0, |known| known.depth_m);
-                if depth_m > known_m {
-                    deepest[which] = Some(Deepest {
-                        depth_m,
-                        center_in_palm,
-                        outwards: outwards(),
-                    });
-                }
-            };
-            if may_be_in[0] {
-                let (distance, away) = distance(&seen);
-                let turned = || around.object_from_seen.rotation.inverse() * away;
-                note(0, ball.radius_m - distance, &turned);
-            }
-            if may_be_in[1] {
-                let up = || around.table_from_seen.rotation.inverse() * Vector3::z();
-                note(1, ball.radius_m - height(&seen), &up);
-            }
+        if may_be_in[1] {
+            let up = || around.table_from_seen.rotation.inverse() * Vector3::z();
+            note(1, ball.radius_m - height(&seen), &up);
         }
     }
 }

@@ -129,14 +129,8 @@ impl Objective<'_> {
         let training = self.training;
         let outputs = ROOT + self.hand.dof();
         let rows = batch.size * batch.n_times;
-        let (mut decoded, mean, log_variance) = self.decoded(batch, tape, features)?;
-        let scale = self.constant(narrow_all(&normalization.scale), &[outputs])?;
-        let shift = self.constant(narrow_all(&normalization.mean), &[outputs])?;
-        let mut physical = decoded.broadcast_mul(&scale)?.broadcast_add(&shift)?;
-        if let Some(within) = self.limits.on_tape(&physical)? {
-            decoded = within.broadcast_sub(&shift)?.broadcast_div(&scale)?;
-            physical = within;
-        }
+        let (decoded, mean, log_variance) = self.decoded(batch, tape, features)?;
+        let (decoded, physical) = self.within_limits(decoded, normalization)?;
         let targets = self.constant(batch.targets.clone(), &[rows, outputs])?;
         let row_weights = loss::row_weights(
             batch.size,
@@ -177,14 +171,7 @@ impl Objective<'_> {
         };
         let (tips, surfaces) = self.tips_at_grasp(batch, tips_of)?;
         let contact = loss::contact(&tips, &surfaces, training.contact, training.tip_radius_m)?;
-        let penetration = match &self.body {
-            Some(body) => {
-                let depths = body.penetration(&physical, &batch.surroundings)?;
-                let depths = depths.to_device(&self.device)?;
-                (depths * &row_weights)?.sum_all()?
-            }
-            None => Tensor::zeros((), candle_core::DType::F32, &self.device)?,
-        };
+        let penetration = self.penetration(&physical, batch, &row_weights)?;
         // A sum is a mean of so many more.
         let count = |n: usize| match training.reduction {
             Reduction::Mean => 1.0,
@@ -279,6 +266,38 @@ impl Objective<'_> {
             }
         };
         Ok((decoded, mean, log_variance))
+    }
+
+    /// Keeps the joints of decoded hands within their limits, if they are: the hands in the network's
+    /// units and in physical ones, `(rows, outputs)` each.
+    fn within_limits(
+        &self,
+        decoded: Tensor,
+        normalization: &Normalization,
+    ) -> Result<(Tensor, Tensor), CgfError> {
+        let outputs = normalization.scale.len();
+        let scale = self.constant(narrow_all(&normalization.scale), &[outputs])?;
+        let shift = self.constant(narrow_all(&normalization.mean), &[outputs])?;
+        let physical = decoded.broadcast_mul(&scale)?.broadcast_add(&shift)?;
+        let Some(within) = self.limits.on_tape(&physical)? else {
+            return Ok((decoded, physical));
+        };
+        let decoded = within.broadcast_sub(&shift)?.broadcast_div(&scale)?;
+        Ok((decoded, within))
+    }
+
+    /// Measures how deep hands are in object and table: the weighted mean over rows and links, in m².
+    fn penetration(
+        &self,
+        physical: &Tensor,
+        batch: &Batch,
+        row_weights: &Tensor,
+    ) -> Result<Tensor, CgfError> {
+        let Some(body) = &self.body else {
+            return Ok(Tensor::zeros((), candle_core::DType::F32, &self.device)?);
+        };
+        let depths = body.penetration(physical, &batch.surroundings)?;
+        Ok((depths.to_device(&self.device)? * row_weights)?.sum_all()?)
     }
 
     /// Picks the finger tips at t = 0, the last of the grasp's steps, and the surface that each of them

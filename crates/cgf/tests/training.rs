@@ -503,10 +503,13 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
         network.points = 128;
         network.point_widths = vec![64, 128, 256];
         network.decoder_widths = vec![256, 256];
+        network.joints = JointOutputs::WithinLimits;
+        network.latent_variance = LatentVariance::BelowPrior;
         let mut config = training(4);
         config.random_times = 120;
         config.augmentation = Augmentation::Vertical;
-        let trained = train(&set(), &hand(), &network, &config, 7, |_| {}).unwrap();
+        config.penetration_weight = 1e3;
+        let trained = train(&solid_set(), &hand(), &network, &config, 7, |_| {}).unwrap();
         let out = std::path::Path::new(&out);
         trained.last.save(&out.join("w"), &out.join("d")).unwrap();
         return;

@@ -775,7 +775,7 @@ fn a_decoder_that_ignores_the_code_is_flagged_as_collapsed() {
 fn motions_too_deep_in_the_object_are_drawn_again() {
     let folder = tempfile::tempdir().unwrap();
     let inputs = inputs(folder.path());
-    let drawn = |draws: usize| {
+    let make = |draws: usize| {
         let config = SampleConfig {
             spread: 100.0,
             draws,
@@ -792,13 +792,13 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
         let depths: Vec<f64> = sampled.iter().map(deepest).collect();
         (candidates, depths, made.metrics["draws"])
     };
-    let (once, deep, draws) = drawn(1);
-    assert_eq!(draws, 40.0);
-    let (chosen, depths, draws) = drawn(20);
+    let (once, deep, drawn) = make(1);
+    assert_eq!(drawn, 40.0);
+    let (chosen, depths, drawn) = make(20);
     let too_deep = |depths: &[f64]| depths.iter().filter(|&&depth| depth > 0.004).count();
     let (before, after) = (too_deep(&deep), too_deep(&depths));
     assert!(before > 4 && after < before / 2, "{before}, then {after}");
-    assert!(draws > 40.0 && draws <= 800.0, "{draws}");
+    assert!(drawn > 40.0 && drawn <= 800.0, "{drawn}");
     for (number, depth) in deep.iter().enumerate() {
         // What was out of it is as it was; what was not is not deeper now.
         assert_eq!(
@@ -807,7 +807,7 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
         );
         assert!(depths[number] <= depth.max(0.004));
     }
-    let (again, ..) = drawn(20);
+    let (again, ..) = make(20);
     assert_eq!(again, chosen);
 }
 
