@@ -186,6 +186,7 @@ impl Ours {
         network.decoder_widths = vec![256, 512, 256];
         network.activation = activation;
         training.epochs = 1;
+        training.penetration_weight = 0.0;
         let mut random = Random::new(1, 0);
         let mut point = |_| Point3::from(Vector3::from_fn(|_, _| 0.05 * random.normal()));
         let scene = Scene {

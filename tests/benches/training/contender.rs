@@ -35,6 +35,7 @@ impl Contender {
         let process = Command::new(program)
             .args([ROLE, role])
             .env("RAYON_NUM_THREADS", THREADS.to_string())
+            .envs(threads_of(role))
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn();
@@ -170,4 +171,9 @@ fn peak_kb() -> String {
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
+}
+
+/// What the program tells candle before it trains; the naive contender has candle's own way.
+fn threads_of(role: &str) -> Option<(&'static str, &'static str)> {
+    (role == "ours").then_some(("CANDLE_NUM_THREADS", "1"))
 }

@@ -19,7 +19,8 @@ pub(super) const LANES: usize = 16;
 pub(super) type Row = [f32; LANES];
 
 /// Outputs whose sums are kept in registers together: with sixteen points, twelve of the sixteen
-/// registers of eight numbers that most processors have.
+/// registers of eight numbers that most processors have. Where a register holds sixteen numbers, two
+/// groups are worked on together: sums of one alone would wait for each other.
 const GROUP: usize = 6;
 
 /// A matrix laid out for products with patches.
@@ -112,34 +113,34 @@ struct Project<'a> {
     out: &'a mut [Row],
 }
 
-impl WithSimd for Project<'_> {
-    type Output = ();
+impl Tiles for Project<'_> {
+    fn factors(&self) -> (&Packed, &Sparse) {
+        (self.weights, self.x)
+    }
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        match S::F32_LANES {
-            16 => self.run::<S, 1>(simd),
-            8 => self.run::<S, 2>(simd),
-            4 => self.run::<S, 4>(simd),
-            _ => self.run::<S, LANES>(simd),
+    fn take<S: Simd, const V: usize>(
+        &mut self,
+        simd: S,
+        first: usize,
+        sums: &[[S::f32s; V]; GROUP],
+    ) {
+        let outs = self.out.iter_mut().zip(self.offset).skip(first);
+        for ((out, &offset), sums) in outs.zip(sums) {
+            let (out, _) = S::as_mut_simd_f32s(out);
+            for (out, &sum) in out.iter_mut().zip(sums) {
+                *out = simd.add_f32s(sum, simd.splat_f32s(offset));
+            }
         }
     }
 }
 
-impl Project<'_> {
+impl WithSimd for Project<'_> {
+    type Output = ();
+
     #[inline(always)]
-    fn run<S: Simd, const V: usize>(self, simd: S) {
-        let groups = self.weights.groups.chunks_exact(self.weights.inputs);
-        let outs = self.out.chunks_mut(GROUP);
-        for ((weights, out), offset) in groups.zip(outs).zip(self.offset.chunks(GROUP)) {
-            let sums = tile::<S, V>(simd, self.x, weights);
-            for ((out, sums), &offset) in out.iter_mut().zip(&sums).zip(offset) {
-                let (out, _) = S::as_mut_simd_f32s(out);
-                for (out, &sum) in out.iter_mut().zip(sums) {
-                    *out = simd.add_f32s(sum, simd.splat_f32s(offset));
-                }
-            }
-        }
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        self.all(simd);
     }
 }
 
@@ -176,67 +177,112 @@ struct Search<'a> {
     largest: &'a mut Largest,
 }
 
+impl Tiles for Search<'_> {
+    fn factors(&self) -> (&Packed, &Sparse) {
+        (self.weights, self.x)
+    }
+
+    #[inline(always)]
+    fn take<S: Simd, const V: usize>(
+        &mut self,
+        simd: S,
+        first: usize,
+        sums: &[[S::f32s; V]; GROUP],
+    ) {
+        let Largest { value, point } = &mut *self.largest;
+        let known = value.iter_mut().zip(point).skip(first);
+        for (sums, (value, point)) in sums.iter().zip(known) {
+            let mut top = sums[0];
+            for &sum in &sums[1..] {
+                top = simd.max_f32s(top, sum);
+            }
+            let over = simd.greater_than_f32s(top, simd.splat_f32s(*value));
+            if simd.first_true_m32s(over) < S::F32_LANES {
+                let largest = simd.reduce_max_f32s(top);
+                let mut row = [0.0; LANES];
+                let (vectors, _) = S::as_mut_simd_f32s(&mut row);
+                vectors.copy_from_slice(sums);
+                let lane = row.iter().position(|&x| x >= largest).unwrap_or(0);
+                *value = largest;
+                *point = self.first + row_index(lane);
+            }
+        }
+    }
+}
+
 impl WithSimd for Search<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        match S::F32_LANES {
-            16 => self.run::<S, 1>(simd),
-            8 => self.run::<S, 2>(simd),
-            4 => self.run::<S, 4>(simd),
-            _ => self.run::<S, LANES>(simd),
-        }
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        self.all(simd);
     }
 }
 
-impl Search<'_> {
+/// Something that is done with the products of a matrix with a patch, group after group of outputs.
+trait Tiles {
+    /// The matrix and the patch.
+    fn factors(&self) -> (&Packed, &Sparse);
+
+    /// Takes the products of a group of outputs, whose first has this number: for each output `V`
+    /// registers.
+    fn take<S: Simd, const V: usize>(
+        &mut self,
+        simd: S,
+        first: usize,
+        sums: &[[S::f32s; V]; GROUP],
+    );
+
+    /// Goes through all groups, as many together as the registers hold.
     #[inline(always)]
-    fn run<S: Simd, const V: usize>(self, simd: S) {
-        let groups = self.weights.groups.chunks_exact(self.weights.inputs);
-        let values = self.largest.value.chunks_exact_mut(GROUP);
-        let points = self.largest.point.chunks_exact_mut(GROUP);
-        for ((weights, values), points) in groups.zip(values).zip(points) {
-            let sums = tile::<S, V>(simd, self.x, weights);
-            for ((sums, value), point) in sums.iter().zip(values).zip(points) {
-                let mut top = sums[0];
-                for &sum in &sums[1..] {
-                    top = simd.max_f32s(top, sum);
-                }
-                let over = simd.greater_than_f32s(top, simd.splat_f32s(*value));
-                if simd.first_true_m32s(over) < S::F32_LANES {
-                    let largest = simd.reduce_max_f32s(top);
-                    let mut row = [0.0; LANES];
-                    let (vectors, _) = S::as_mut_simd_f32s(&mut row);
-                    vectors.copy_from_slice(sums);
-                    let lane = row.iter().position(|&x| x >= largest).unwrap_or(0);
-                    *value = largest;
-                    *point = self.first + row_index(lane);
-                }
+    fn all<S: Simd>(&mut self, simd: S) {
+        match S::F32_LANES {
+            16 => self.run::<S, 1, 2>(simd),
+            8 => self.run::<S, 2, 1>(simd),
+            4 => self.run::<S, 4, 1>(simd),
+            _ => self.run::<S, LANES, 1>(simd),
+        }
+    }
+
+    /// Goes through all groups, `G` together.
+    #[inline(always)]
+    fn run<S: Simd, const V: usize, const G: usize>(&mut self, simd: S) {
+        let mut group = 0;
+        while let Some(sums) = tile::<S, V, G>(simd, self.factors(), group) {
+            for sums in &sums {
+                self.take(simd, group * GROUP, sums);
+                group += 1;
             }
         }
+        while let Some([sums]) = tile::<S, V, 1>(simd, self.factors(), group) {
+            self.take(simd, group * GROUP, &sums);
+            group += 1;
+        }
     }
 }
 
-/// The products of one group of outputs with a patch.
+/// The products of `G` groups of outputs with a patch; `None` if there are not as many from `group` on.
 #[inline(always)]
-fn tile<S: Simd, const V: usize>(
+fn tile<S: Simd, const V: usize, const G: usize>(
     simd: S,
-    x: &Sparse,
-    weights: &[[f32; GROUP]],
-) -> [[S::f32s; V]; GROUP] {
-    let mut sums = [[simd.splat_f32s(0.0); V]; GROUP];
+    (weights, x): (&Packed, &Sparse),
+    group: usize,
+) -> Option<[[[S::f32s; V]; GROUP]; G]> {
+    let n = weights.inputs;
+    let groups = weights.groups.get(group * n..(group + G) * n)?;
+    let mut sums = [[[simd.splat_f32s(0.0); V]; GROUP]; G];
     for (row, &k) in x.rows.iter().zip(&x.at) {
         let (row, _) = S::as_simd_f32s(row);
-        let weights = &weights[k as usize];
-        for (sums, &weight) in sums.iter_mut().zip(weights) {
-            let weight = simd.splat_f32s(weight);
-            for (sum, &x) in sums.iter_mut().zip(row) {
-                *sum = simd.mul_add_e_f32s(weight, x, *sum);
+        for (sums, weights) in sums.iter_mut().zip(groups.chunks_exact(n)) {
+            for (sums, &weight) in sums.iter_mut().zip(&weights[k as usize]) {
+                let weight = simd.splat_f32s(weight);
+                for (sum, &x) in sums.iter_mut().zip(row) {
+                    *sum = simd.mul_add_e_f32s(weight, x, *sum);
+                }
             }
         }
     }
-    sums
+    Some(sums)
 }
 
 /// Which products of channels are wanted.
