@@ -1,3 +1,5 @@
+use std::sync::LazyLock;
+
 use candle_core::Var;
 use geometry::TriMesh;
 
@@ -20,12 +22,14 @@ fn body() -> Body {
 
 /// A cube of 10 cm about its origin, 4 cm above the table, turned and off the origin of what is seen.
 fn surroundings() -> Surroundings {
-    let high = Point3::new(0.05, 0.05, 0.05);
-    let mesh = TriMesh::cuboid(-high, high);
-    let field = DistanceField::new(&mesh, 0.0025, 0.05).unwrap().unwrap();
+    static FIELD: LazyLock<Arc<DistanceField>> = LazyLock::new(|| {
+        let high = Point3::new(0.05, 0.05, 0.05);
+        let mesh = TriMesh::cuboid(-high, high);
+        Arc::new(DistanceField::new(&mesh, 0.0025, 0.05).unwrap().unwrap())
+    });
     let seen = Isometry3::new(Vector3::new(0.01, 0.02, 0.0), Vector3::new(0.0, 0.0, 0.4));
     Surroundings {
-        field: Arc::new(field),
+        field: FIELD.clone(),
         object_from_seen: Isometry3::translation(0.0, 0.0, -0.09) * seen,
         table_from_seen: seen,
     }
