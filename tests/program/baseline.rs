@@ -1,5 +1,5 @@
 //! What `pipelines/baseline.toml` promises: beside each motion that is drawn the straight line between its
-//! ends, both through the same physics.
+//! ends, both through the same physics, and one table that compares them.
 
 use std::{collections::BTreeMap, fs, process::Command};
 
@@ -105,6 +105,32 @@ fn motions_and_their_lines_are_judged_by_the_same_physics() {
         };
         assert_eq!(text(row, "stage"), stage);
         assert!(candidates.contains_key(text(row, "candidate_id")));
+    }
+
+    // One table compares them.
+    let success = ask(
+        &bench,
+        "select object, generator, candidates_n, successes_n, rate_low, rate_high from success \
+         order by object, generator",
+    );
+    let rows: Vec<(&str, &str)> = success
+        .iter()
+        .map(|row| (text(row, "object"), text(row, "generator")))
+        .collect();
+    let both = |object| [(object, "cgf"), (object, "interpolate")];
+    assert_eq!(rows, OBJECTS.map(both).concat());
+    for row in &success {
+        let number = |column: &str| row[column].as_f64().unwrap();
+        assert_eq!(number("candidates_n"), PER_OBJECT as f64);
+        let rate = number("successes_n") / number("candidates_n");
+        assert!((number("rate_low")..=number("rate_high")).contains(&rate));
+        let chart = match text(row, "generator") {
+            "cgf" => "screen",
+            _ => "screen_line",
+        };
+        let chart = format!("reports/baseline/{chart}/success/all/rates.svg");
+        let svg = fs::read_to_string(bench.lake().join(chart)).unwrap();
+        assert!(svg.contains(text(row, "object")));
     }
 }
 
