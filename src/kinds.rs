@@ -10,6 +10,7 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<stage_replay::Replay>(),
         Kind::of::<stage_train::Train>(),
         Kind::of::<stage_sample::Sample>(),
+        Kind::of::<stage_interpolate::Interpolate>(),
         Kind::of::<stage_screen::Screen>(),
         Kind::of::<stage_dispatch::Dispatch>(),
     ]

@@ -16,6 +16,7 @@ pub mod reconstruction;
 pub mod rollouts;
 pub mod ros2;
 pub mod sampling;
+pub mod success;
 pub mod tracking;
 pub mod training;
 pub mod trajectories;

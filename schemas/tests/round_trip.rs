@@ -1,9 +1,10 @@
 //! What is written reads back equal; what breaks a schema is refused.
 
+use arrow::record_batch::RecordBatch;
 use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
     SchemaError, candidates, demonstrations, distance_fields, executions, latents, objects,
-    reconstruction, rollouts, sampling, tracking, training, trajectories,
+    reconstruction, rollouts, sampling, success, tracking, training, trajectories,
 };
 use spatial::{Pose, Rest};
 
@@ -219,6 +220,43 @@ fn sampling_reads_back() {
 }
 
 #[test]
+fn success_reads_back() {
+    let row = |generator: &str, successes_n: i64| success::Success {
+        object: "can".to_owned(),
+        generator: generator.to_owned(),
+        verdicts_n: [successes_n, 2, 3, 4, 5, 6, 7, 8, 9],
+        control_steps_n: 1000,
+        spread: sampling::GraspDistance {
+            palm_m: 1.0,
+            palm_rad: 2.0,
+            q_rad: 3.0,
+        },
+        spread_n: successes_n,
+    };
+    let rows = [row("cgf", 40), row("interpolate", 0)];
+    assert_eq!(
+        rows.each_ref().map(success::Success::candidates_n),
+        [84, 44]
+    );
+    let per_success = rows
+        .each_ref()
+        .map(success::Success::control_steps_per_success);
+    assert_eq!(per_success, [25.0, 0.0]);
+    assert_eq!(rows[0].count(rollouts::Verdict::Table), 3);
+    let batch = success::to_batch(&rows).unwrap();
+    assert_eq!(success::from_batch(&batch).unwrap(), rows);
+    assert_eq!(batch.schema().as_ref(), &success::schema());
+
+    // Counts that do not add up are another's.
+    let idx = batch.schema().index_of("candidates_n").unwrap();
+    let mut columns = batch.columns().to_vec();
+    columns[idx] = batch.column(idx + 1).clone();
+    let wrong = RecordBatch::try_new(batch.schema(), columns).unwrap();
+    let err = success::from_batch(&wrong).unwrap_err();
+    assert!(err.to_string().contains("40 candidates, and 84"), "{err}");
+}
+
+#[test]
 fn rollouts_and_executions_read_back() {
     let rollouts: Vec<_> = rollouts::Verdict::ALL
         .into_iter()
@@ -291,6 +329,7 @@ fn every_number_has_a_unit_and_every_column_a_meaning() {
         candidates::schema(&joints()),
         rollouts::schema(),
         sampling::schema(),
+        success::schema(),
         executions::schema(),
         training::schema(),
         reconstruction::schema(&joints()),

@@ -6,7 +6,10 @@
 
 use std::{env, error::Error, fs::File, io::Write, path::PathBuf};
 
-use charts::{Bars, Captions, Sample, Scale, Series, bars, histogram, lines, scatter};
+use charts::{
+    Bars, Captions, Estimate, Estimates, Sample, Scale, Series, bars, histogram, intervals, lines,
+    scatter,
+};
 
 const OBJECTS: [&str; 6] = [
     "002_master_chef_can",
@@ -27,6 +30,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         ("bars", errors(1)?),
         ("bars_grouped", errors(3)?),
         ("bars_signed", signed()?),
+        ("intervals", rates(1)?),
+        ("intervals_grouped", rates(2)?),
         ("scatter", spread()?),
         ("histogram", spread_of_one()?),
     ] {
@@ -150,6 +155,33 @@ fn signed() -> Result<String, charts::ChartError> {
         values: values.collect(),
     };
     bars(&captions, &OBJECTS.map(str::to_owned), &[series])
+}
+
+fn rates(n_series: usize) -> Result<String, charts::ChartError> {
+    let captions = Captions {
+        title: "Success by object",
+        x: "share that held, 95 % interval [%]",
+        y: "",
+    };
+    let series = ["cgf", "interpolate"].iter().take(n_series).enumerate();
+    let series = series.map(|(idx, name)| Estimates {
+        name: (*name).to_owned(),
+        values: (0..OBJECTS.len())
+            .map(|object| {
+                let value = 60.0 - 30.0 * idx as f64 + 25.0 * wave(object * 3 + idx);
+                (idx + object != 4).then_some(Estimate {
+                    value,
+                    low: value - 8.0,
+                    high: value + 9.0,
+                })
+            })
+            .collect(),
+    });
+    intervals(
+        &captions,
+        &OBJECTS.map(str::to_owned),
+        &series.collect::<Vec<_>>(),
+    )
 }
 
 fn spread() -> Result<String, charts::ChartError> {

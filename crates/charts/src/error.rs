@@ -12,8 +12,8 @@ pub enum ChartError {
         /// The chart's title.
         title: String,
     },
-    /// The bars of a series are not as many as their names.
-    #[error("the series `{series}` of the chart `{title}` has {found} bars for {expected} names")]
+    /// The values of a series are not as many as their names.
+    #[error("the series `{series}` of the chart `{title}` has {found} values for {expected} names")]
     WrongCount {
         /// The chart's title.
         title: String,

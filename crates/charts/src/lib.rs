@@ -1,4 +1,4 @@
-//! Charts as SVG, for reports: lines, scattered points, bars and histograms.
+//! Charts as SVG, for reports: lines, scattered points, bars, estimates and histograms.
 //!
 //! ```
 //! use charts::{Captions, Scale, Series, lines};
@@ -34,6 +34,7 @@ mod captions;
 mod error;
 mod figure;
 mod histogram;
+mod intervals;
 mod lines;
 mod scatter;
 mod style;
@@ -43,5 +44,6 @@ pub use bars::{Bars, bars};
 pub use captions::{Captions, Series};
 pub use error::ChartError;
 pub use histogram::{Sample, histogram};
+pub use intervals::{Estimate, Estimates, intervals};
 pub use lines::lines;
 pub use scatter::scatter;

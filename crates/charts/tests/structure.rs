@@ -1,6 +1,9 @@
 //! What is in a chart: every point, name and caption, inside the picture, and nothing else.
 
-use charts::{Bars, Captions, ChartError, Sample, Scale, Series, bars, histogram, lines, scatter};
+use charts::{
+    Bars, Captions, ChartError, Estimate, Estimates, Sample, Scale, Series, bars, histogram,
+    intervals, lines, scatter,
+};
 use quick_xml::{Reader, events::Event};
 
 const CAPTIONS: Captions = Captions {
@@ -261,6 +264,57 @@ fn bars_are_as_long_as_their_values_and_begin_at_zero() {
 }
 
 #[test]
+fn an_estimate_is_a_dot_between_the_ends_of_its_interval() {
+    let names = ["can", "box"].map(str::to_owned);
+    let estimate = |value: f64, low: f64, high: f64| Some(Estimate { value, low, high });
+    let all = [
+        Estimates {
+            name: "cgf".to_owned(),
+            values: vec![estimate(50.0, 20.0, 100.0), estimate(0.0, 0.0, 40.0)],
+        },
+        Estimates {
+            name: "interpolate".to_owned(),
+            values: vec![None, estimate(f64::NAN, 0.0, 1.0)],
+        },
+    ];
+    let whole = elements(&intervals(&CAPTIONS, &names, &all).unwrap());
+    let dots: Vec<&Element> = whole.iter().filter(|e| e.name == "circle").collect();
+    // Two in the legend, two of the four estimates.
+    assert_eq!(dots.len(), 2 + 2);
+    let (of_can, of_box) = (dots[2], dots[3]);
+    assert!(of_box.number("cy") > of_can.number("cy"));
+    let drawn = curves(&whole);
+    assert_eq!(
+        drawn.len(),
+        2 * 3,
+        "an interval and the strokes at its ends"
+    );
+    let zero = of_box.number("cx");
+    let unit = (of_can.number("cx") - zero) / 50.0;
+    let is_at = |x: f64, value: f64| assert!((x - zero - value * unit).abs() < 0.05, "{x}");
+    for (line, (dot, [low, high])) in [
+        (drawn[0], (of_can, [20.0, 100.0])),
+        (drawn[3], (of_box, [0.0, 40.0])),
+    ] {
+        let ends = path_of(line);
+        is_at(ends[0][0], low);
+        is_at(ends[1][0], high);
+        assert!(ends.iter().all(|end| end[1] == dot.number("cy")));
+    }
+    assert_inside(&whole);
+
+    let short = Estimates {
+        name: "cgf".to_owned(),
+        values: vec![None],
+    };
+    let wrong = intervals(&CAPTIONS, &names, &[short]).unwrap_err();
+    assert!(
+        wrong.to_string().contains("1 values for 2 names"),
+        "{wrong}"
+    );
+}
+
+#[test]
 fn a_histogram_holds_every_value_once() {
     let sample = |name: &str, values: Vec<f64>| Sample {
         name: name.to_owned(),
@@ -302,7 +356,8 @@ fn nothing_to_draw_is_an_error() {
     );
     assert_eq!(lines(&CAPTIONS, Scale::Linear, &[]), Err(nothing.clone()));
     assert_eq!(histogram(&CAPTIONS, 5, &[]), Err(nothing.clone()));
-    assert_eq!(bars(&CAPTIONS, &[], &[]), Err(nothing));
+    assert_eq!(bars(&CAPTIONS, &[], &[]), Err(nothing.clone()));
+    assert_eq!(intervals(&CAPTIONS, &[], &[]), Err(nothing));
     // An empty series beside one with points is in the legend alone.
     let both = [series("a", &[]), series("b", &[[0.0, 1.0], [1.0, 2.0]])];
     let whole = elements(&lines(&CAPTIONS, Scale::Linear, &both).unwrap());
@@ -313,7 +368,10 @@ fn nothing_to_draw_is_an_error() {
         values: vec![1.0, 2.0],
     };
     let wrong = bars(&CAPTIONS, &names, &[wrong]).unwrap_err();
-    assert!(wrong.to_string().contains("2 bars for 1 names"), "{wrong}");
+    assert!(
+        wrong.to_string().contains("2 values for 1 names"),
+        "{wrong}"
+    );
 }
 
 #[test]

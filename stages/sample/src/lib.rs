@@ -15,7 +15,6 @@ mod motions;
 mod quality;
 mod recording;
 mod room;
-mod spread;
 mod stage;
 
 pub use config::{Epoch, Rests, SampleConfig};

@@ -1,5 +1,6 @@
 //! How plausible each motion is and how far from the object's demonstrations.
 
+use diversity::{Diversity, root_mean_square};
 use geometry::DistanceField;
 use rayon::prelude::*;
 use schemas::{
@@ -8,10 +9,7 @@ use schemas::{
 };
 use spatial::Rest;
 
-use crate::{
-    room::{Depth, Room},
-    spread::{Diversity, root_mean_square},
-};
+use crate::room::{Depth, Room};
 
 /// Meters that count as much as a radian where grasps are compared: about a hand's length.
 const ARM_M: f64 = 0.1;

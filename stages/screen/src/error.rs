@@ -2,6 +2,7 @@
 
 use std::{io, path::PathBuf};
 
+use charts::ChartError;
 use dataflow::Advise;
 use lake::LakeError;
 use robot::RobotError;
@@ -75,6 +76,17 @@ pub enum ScreenError {
         /// What is missing.
         what: &'static str,
     },
+    /// A rollout is of a candidate that there is not.
+    #[error("a rollout of `{partition}` is of `{candidate}`, which is not among the candidates")]
+    UnknownCandidate {
+        /// The object.
+        partition: String,
+        /// The candidate's name.
+        candidate: String,
+    },
+    /// A chart's data is not as it should be.
+    #[error(transparent)]
+    Chart(#[from] ChartError),
     /// A table or recording could not be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
@@ -103,8 +115,14 @@ impl Advise for ScreenError {
             Self::UnknownJoint { .. } | Self::MissingJoint { .. } => {
                 Some("use the same `hand` in `retarget` and in `screen`, then run again".to_owned())
             }
+            Self::UnknownCandidate { .. } => {
+                Some("make them again with `pipeline run FILE --fresh`".to_owned())
+            }
             Self::Lake(err) => err.hint(),
-            Self::NoCandidates | Self::MissingInput { .. } | Self::Schema { .. } => None,
+            Self::NoCandidates
+            | Self::MissingInput { .. }
+            | Self::Chart(_)
+            | Self::Schema { .. } => None,
         }
     }
 }

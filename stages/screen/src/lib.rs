@@ -6,11 +6,15 @@
 //!
 //! Candidates are independent: they run on all threads and keep their order, and each can be run
 //! again alone with the same verdict. This stage does not know who drew them.
+//!
+//! A second output says for each object and generator how often they hold, with what confidence, why the
+//! others fail, at what cost, and how different the grasps that hold are.
 
 mod config;
 mod error;
 mod recording;
 mod stage;
+mod success;
 mod verdicts;
 
 pub use config::ScreenConfig;

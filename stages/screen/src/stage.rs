@@ -13,6 +13,7 @@ use simulation::{Record, SimulationError};
 use crate::{
     ScreenConfig, ScreenError,
     recording::{self, record},
+    success::{self, ROLLOUTS, SUCCESS},
     verdicts::Screening,
 };
 
@@ -36,23 +37,30 @@ impl Stage for Screen {
             artifact: "objects",
         },
     ];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: "rollouts",
-        schema: rollouts::VERSION,
-        partition: "object",
-        parallel: true,
-    }];
+    const OUTPUTS: &'static [Output] = &[
+        Output {
+            artifact: ROLLOUTS,
+            schema: rollouts::VERSION,
+            partition: "object",
+            parallel: true,
+        },
+        Output {
+            artifact: SUCCESS,
+            schema: schemas::success::VERSION,
+            partition: "screening",
+            parallel: true,
+        },
+    ];
 
     /// Checks that the hand can be read.
     fn prepare(config: &ScreenConfig) -> Result<(), ScreenError> {
         load_hand(&config.hand).map(|_| ())
     }
 
-    fn units(
-        config: &ScreenConfig,
-        _output: &str,
-        scope: &Scope,
-    ) -> Result<Vec<Unit>, ScreenError> {
+    fn units(config: &ScreenConfig, output: &str, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
+        if output == SUCCESS {
+            return Ok(success::units(scope));
+        }
         let candidates = scope.partitions("candidates");
         if candidates.is_empty() {
             return Err(ScreenError::NoCandidates);
@@ -73,15 +81,26 @@ impl Stage for Screen {
 
     fn foretell(
         _config: &ScreenConfig,
-        _output: &str,
+        output: &str,
         unit: &Unit,
         _scope: &Scope,
     ) -> Option<Labels> {
+        if output == SUCCESS {
+            return Some(Labels::new());
+        }
         let object = unit.partition.clone();
         Some(Labels::from([("object".to_owned(), object)]))
     }
 
+    /// How often candidates hold goes by what the rollouts say of them.
+    fn decides(_option: &str, output: &str) -> bool {
+        output == ROLLOUTS
+    }
+
     fn run(config: &ScreenConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, ScreenError> {
+        if cx.output() == SUCCESS {
+            return success::make(inputs, cx);
+        }
         let missing = |what| ScreenError::MissingInput {
             partition: cx.partition().to_owned(),
             what,
@@ -150,7 +169,10 @@ impl Stage for Screen {
         }))
     }
 
-    fn describe(_output: &str, summary: &Summary) -> String {
+    fn describe(output: &str, summary: &Summary) -> String {
+        if output == SUCCESS {
+            return success::describe(summary);
+        }
         format!(
             "{:.0} candidates → {:.0} accepted",
             summary.total("candidates_n"),

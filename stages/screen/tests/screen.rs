@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, f64::consts::TAU, fs, path::Path};
 
 use dataflow::{
-    Advise, Artifact, Context, Inputs, Made, Outcome, Partition, Scope, SourceFile, Stage,
+    Advise, Artifact, Context, Inputs, Made, Outcome, Partition, Scope, SourceFile, Stage, Summary,
 };
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use robot::RobotModel;
@@ -11,6 +11,7 @@ use schemas::{
     candidates::{self, Candidate, Candidates, Rates, Step},
     objects::{self, RestingOrientation},
     rollouts::{self, Rollout, Verdict},
+    success,
 };
 use simulation::{Approach, DriveConfig, Offset, Protocol, SceneConfig};
 use spatial::{Pose, Rest};
@@ -233,6 +234,46 @@ fn judges_candidates_in_their_order_and_records_the_accepted() {
     let moments = recording.topic("/joint_states").count();
     assert_eq!(moments, rows[1].cost_n as usize + 1);
     assert_eq!(fs::read_dir(folder.path().join("out")).unwrap().count(), 2);
+}
+
+#[test]
+fn says_of_all_objects_how_often_their_candidates_hold() {
+    let folder = tempfile::tempdir().unwrap();
+    made(run(&config(), &can(0.35), &three(), folder.path()).unwrap());
+    let success = folder.path().join("success");
+    fs::create_dir(&success).unwrap();
+    let read = [("rollouts", "out"), ("candidates", "candidates")]
+        .map(|(input, made)| (input.to_owned(), vec![artifact(&folder.path().join(made))]));
+    let inputs = Inputs::new(BTreeMap::from(read), Vec::new());
+    let cx = Context::detached("success", "all", 7, &success);
+    let made = made(Screen::run(&config(), &inputs, &cx).unwrap());
+    assert!(made.labels.is_empty());
+    let said = success::from_batch(&lake::table::read(&artifact(&success)).unwrap()).unwrap();
+    assert_eq!(said.len(), 1);
+    let row = &said[0];
+    assert_eq!(
+        (row.object.as_str(), row.generator.as_str()),
+        ("can", "test")
+    );
+    assert_eq!((row.candidates_n(), row.successes_n()), (3, 1));
+    let counted = [Verdict::Limit, Verdict::NotGrasped].map(|verdict| row.count(verdict));
+    assert_eq!(counted, [1, 1]);
+    let rollouts = rows(folder.path());
+    let cost_n: i64 = rollouts.iter().map(|r| i64::from(r.cost_n)).sum();
+    assert_eq!(row.control_steps_n, cost_n);
+    // One grasp has no spread.
+    assert_eq!((row.spread_n, row.spread.palm_m), (0, 0.0));
+    let svg = fs::read_to_string(success.join("rates.svg")).unwrap();
+    assert!(svg.contains(">can</text>"), "{svg}");
+    let said = Screen::describe(
+        "success",
+        &Summary {
+            n_made: 1,
+            totals: made.metrics,
+            ..Summary::default()
+        },
+    );
+    assert!(said.starts_with("33.3 % hold (6.1 to 79.2 %"), "{said}");
 }
 
 #[test]

@@ -2,14 +2,11 @@
 
 use charts::{Bars, Captions, ChartError, Sample, Scale, Series, bars, histogram, lines, scatter};
 use dataflow::Context;
+use diversity::{Diversity, Motion};
 use schemas::{candidates::Step, sampling::Sampled};
 use spatial::{Object, Pose, Rest, Table};
 
-use crate::{
-    SampleError,
-    quality::Shown,
-    spread::{Diversity, Motion},
-};
+use crate::{SampleError, quality::Shown};
 
 /// Motions of which each is a dot of its own; more would make pictures of megabytes.
 const DOTS: usize = 1000;

@@ -1,6 +1,7 @@
 //! How plausible and different the motions of one object are.
 
 use dataflow::{Artifact, Context, Inputs, Made, Outcome, Scope, Summary, Unit};
+use diversity::{Diversity, Motion};
 use schemas::{
     candidates::{self, Step},
     sampling,
@@ -16,7 +17,6 @@ use crate::{
     SampleConfig, SampleError,
     quality::{Gauge, Measure, Shown},
     room::Room,
-    spread::{Diversity, Motion},
 };
 
 /// Depth in the object, in meters, up to which a motion counts as clear of it before the grasp.

@@ -1,5 +1,5 @@
-//! How different the motions for an object are: where those that are drawn are not, the function has
-//! collapsed.
+//! Means of hands, and distances from them: where motions that are drawn are not different, the function
+//! has collapsed.
 
 use nalgebra::{Matrix4, Quaternion, UnitQuaternion, Vector3, Vector4};
 use schemas::{
@@ -10,11 +10,11 @@ use spatial::{Object, Pose, Table};
 
 /// A motion that is compared with others.
 #[derive(Debug, Clone)]
-pub(crate) struct Motion<'a> {
+pub struct Motion<'a> {
     /// How the object lies.
-    pub(crate) table_from_object: Pose<Table, Object>,
+    pub table_from_object: Pose<Table, Object>,
     /// The hand at equal parts of the motion's time; the last one is the grasp.
-    pub(crate) steps: Vec<&'a Step>,
+    pub steps: Vec<&'a Step>,
 }
 
 impl<'a> From<&'a Candidate> for Motion<'a> {
@@ -31,22 +31,22 @@ impl<'a> From<&'a Candidate> for Motion<'a> {
 /// Motions with the object lying differently are not compared: each is measured from the mean of those
 /// that share its resting orientation.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Diversity {
+pub struct Diversity {
     /// How far each motion's grasp is from the mean of those with which it is compared; `None` if it
     /// has no step.
-    pub(crate) from_mean: Vec<Option<GraspDistance>>,
+    pub from_mean: Vec<Option<GraspDistance>>,
     /// Whether each of them has another one to be compared with.
-    pub(crate) is_compared: Vec<bool>,
+    pub is_compared: Vec<bool>,
     /// Root mean square distance from the mean at the grasp.
-    pub(crate) at_grasp: GraspDistance,
+    pub at_grasp: GraspDistance,
     /// The same over all steps.
-    pub(crate) over_time: GraspDistance,
+    pub over_time: GraspDistance,
     /// The same at each step.
-    pub(crate) by_step: Vec<GraspDistance>,
+    pub by_step: Vec<GraspDistance>,
     /// The same of each joint at the grasp, in radians (meters if prismatic).
-    pub(crate) joints_rad: Vec<f64>,
+    pub joints_rad: Vec<f64>,
     /// Motions that have another one to be compared with.
-    pub(crate) compared_n: usize,
+    pub compared_n: usize,
 }
 
 /// The mean of several hands.
@@ -100,7 +100,7 @@ impl Diversity {
     };
 
     /// Measures motions of equally many steps.
-    pub(crate) fn of(motions: &[Motion]) -> Self {
+    pub fn of(motions: &[Motion]) -> Self {
         let mut lying: Vec<Pose<Table, Object>> = Vec::new();
         let mut group_of = Vec::with_capacity(motions.len());
         for motion in motions {
@@ -155,7 +155,7 @@ impl Diversity {
     }
 
     /// Says whether the motions are all one: the latent code then decides nothing.
-    pub(crate) fn is_collapsed(&self) -> bool {
+    pub fn is_collapsed(&self) -> bool {
         let GraspDistance {
             palm_m,
             palm_rad,
@@ -227,7 +227,7 @@ impl Squares {
 }
 
 /// Returns the root mean square difference of joint positions.
-pub(crate) fn root_mean_square(a: &[f64], b: &[f64]) -> f64 {
+pub fn root_mean_square(a: &[f64], b: &[f64]) -> f64 {
     let squares: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
     (squares / a.len().max(1) as f64).sqrt()
 }

@@ -1,0 +1,29 @@
+//! How different the motions for an object are: of those that are drawn, and of those that hold.
+//!
+//! ```
+//! use diversity::{Diversity, Motion};
+//! use nalgebra::Isometry3;
+//! use schemas::candidates::{Rates, Step};
+//! use spatial::Pose;
+//!
+//! let grasp = |x: f64| Step {
+//!     time_s: 0.0,
+//!     object_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.1)),
+//!     q_rad: vec![0.5],
+//!     rates: Rates::still(1),
+//! };
+//! let grasps = [grasp(-0.02), grasp(0.02)];
+//! let motions = grasps.each_ref().map(|grasp| Motion {
+//!     table_from_object: Pose::identity(),
+//!     steps: vec![grasp],
+//! });
+//! let spread = Diversity::of(&motions).at_grasp;
+//! assert!((spread.palm_m - 0.02).abs() < 1e-12);
+//! assert_eq!(spread.q_rad, 0.0);
+//! ```
+//!
+//! Only motions with the object lying in the same way are compared. This crate does no input or output.
+
+mod spread;
+
+pub use spread::{Diversity, Motion, root_mean_square};

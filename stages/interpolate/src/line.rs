@@ -1,0 +1,251 @@
+//! The straight line between the ends of one motion.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use schemas::candidates::{Candidate, Rates, Step};
+use spatial::Pose;
+
+/// What the candidates say drew them.
+const GENERATOR: &str = "interpolate";
+
+/// Why a motion has no line.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub(crate) enum NoLine {
+    /// Its first step is its last.
+    #[error("it has {steps_n} of at least 2 steps, and no line between its ends")]
+    TooFewSteps {
+        /// How many steps it has.
+        steps_n: usize,
+    },
+    /// Its ends are at one time.
+    #[error("it takes {duration_s} s from its first step to its last, and nothing is that fast")]
+    NoDuration {
+        /// From the first step to the last.
+        duration_s: f64,
+    },
+}
+
+/// Returns the motion that goes from the first step of another straight to its last one, at its times:
+/// the linear baseline (Ye et al., *Learning Continuous Grasping Function with a Dexterous Hand from
+/// Human Demonstrations*, 2023, section IV).
+///
+/// # Errors
+///
+/// Fails if the motion has fewer than two steps or takes no time.
+pub(crate) fn line(motion: &Candidate) -> Result<Candidate, NoLine> {
+    let [first, .., last] = motion.steps.as_slice() else {
+        return Err(NoLine::TooFewSteps {
+            steps_n: motion.steps.len(),
+        });
+    };
+    let line = Line::between(first, last)?;
+    Ok(Candidate {
+        candidate_id: format!("{}-line", motion.candidate_id),
+        generator: GENERATOR.to_owned(),
+        latent: motion.latent.clone(),
+        table_from_object: motion.table_from_object,
+        // Both ends are within the limits, and so is what lies between them.
+        limit_excess_rad: 0.0,
+        steps: motion
+            .steps
+            .iter()
+            .map(|step| line.at(step.time_s))
+            .collect(),
+    })
+}
+
+/// A hand that moves at constant rates.
+struct Line<'a> {
+    first: &'a Step,
+    last: &'a Step,
+    duration_s: f64,
+    /// From the first orientation to the last: an axis, object frame, times an angle of at most π.
+    turn: Vector3<f64>,
+    rates: Rates,
+}
+
+impl<'a> Line<'a> {
+    fn between(first: &'a Step, last: &'a Step) -> Result<Self, NoLine> {
+        let duration_s = last.time_s - first.time_s;
+        if duration_s.is_nan() || duration_s <= 0.0 {
+            return Err(NoLine::NoDuration { duration_s });
+        }
+        let [from, to] = [first, last].map(|step| step.object_from_palm.isometry());
+        let way = to.translation.vector - from.translation.vector;
+        // Of the two quaternions of a rotation, `scaled_axis` takes the one with the smaller angle.
+        let turn = (to.rotation * from.rotation.inverse()).scaled_axis();
+        let velocity = way / duration_s;
+        // A turn leaves its own axis where it is: the angular velocity is the same all along.
+        let spin = turn / duration_s;
+        let joints = first.q_rad.iter().zip(&last.q_rad);
+        let q_velocity = joints.map(|(from, to)| (to - from) / duration_s);
+        let rates = Rates {
+            palm_velocity: [velocity.x, velocity.y, velocity.z, spin.x, spin.y, spin.z],
+            q_velocity_rad_per_s: q_velocity.collect(),
+            ..Rates::still(first.q_rad.len())
+        };
+        Ok(Self {
+            first,
+            last,
+            duration_s,
+            turn,
+            rates,
+        })
+    }
+
+    /// Returns the hand at a time, in seconds on the motion's clock.
+    fn at(&self, time_s: f64) -> Step {
+        let share = (time_s - self.first.time_s) / self.duration_s;
+        let [from, to] = [self.first, self.last].map(|step| step.object_from_palm.isometry());
+        let position = from.translation.vector.lerp(&to.translation.vector, share);
+        let rotation = UnitQuaternion::from_scaled_axis(self.turn * share) * from.rotation;
+        let joints = self.first.q_rad.iter().zip(&self.last.q_rad);
+        Step {
+            time_s,
+            object_from_palm: Pose::new(Isometry3::from_parts(
+                Translation3::from(position),
+                rotation,
+            )),
+            q_rad: joints
+                .map(|(from, to)| from * (1.0 - share) + to * share)
+                .collect(),
+            rates: self.rates.clone(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn step(time_s: f64, place: [f64; 3], rotation: UnitQuaternion<f64>, q_rad: [f64; 2]) -> Step {
+        let place = Translation3::from(Vector3::from(place));
+        Step {
+            time_s,
+            object_from_palm: Pose::new(Isometry3::from_parts(place, rotation)),
+            q_rad: q_rad.to_vec(),
+            rates: Rates {
+                palm_velocity: [9.0; 6],
+                palm_acceleration: [9.0; 6],
+                q_velocity_rad_per_s: vec![9.0; 2],
+                q_acceleration_rad_per_s2: vec![9.0; 2],
+            },
+        }
+    }
+
+    fn turned(axis_angle: [f64; 3]) -> UnitQuaternion<f64> {
+        UnitQuaternion::from_scaled_axis(Vector3::from(axis_angle))
+    }
+
+    /// A motion at unequal times, with a detour in the middle.
+    fn motion() -> Candidate {
+        Candidate {
+            candidate_id: "can-00007".to_owned(),
+            generator: "cgf".to_owned(),
+            latent: vec![0.5],
+            table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, 0.05)),
+            limit_excess_rad: 0.3,
+            steps: vec![
+                step(0.5, [0.3, -0.1, 0.2], turned([0.4, -1.0, 0.2]), [0.1, 1.2]),
+                step(0.7, [9.0, 9.0, 9.0], turned([0.0, 0.0, 3.0]), [5.0, -5.0]),
+                step(1.1, [8.0, 8.0, 8.0], turned([3.0, 0.0, 0.0]), [5.0, -5.0]),
+                step(2.0, [0.0, 0.05, 0.1], turned([-0.8, 0.6, 1.1]), [0.7, 0.3]),
+            ],
+        }
+    }
+
+    fn assert_near(found: &Step, expected: &Step) {
+        let [a, b] = [found, expected].map(|step| step.object_from_palm.isometry());
+        let way = (a.translation.vector - b.translation.vector).norm();
+        assert!(way < 1e-12 && a.rotation.angle_to(&b.rotation) < 1e-7);
+        for (a, b) in found.q_rad.iter().zip(&expected.q_rad) {
+            assert!((a - b).abs() < 1e-12, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn ends_and_times_are_the_motion_s_and_its_name_says_whose() {
+        let motion = motion();
+        let line = line(&motion).unwrap();
+        assert_eq!(line.candidate_id, "can-00007-line");
+        assert_eq!(line.generator, "interpolate");
+        assert_eq!(line.table_from_object, motion.table_from_object);
+        assert_eq!(line.limit_excess_rad, 0.0);
+        let times = |motion: &Candidate| -> Vec<f64> {
+            motion.steps.iter().map(|step| step.time_s).collect()
+        };
+        assert_eq!(times(&line), times(&motion));
+        assert_near(&line.steps[0], &motion.steps[0]);
+        assert_near(&line.steps[3], &motion.steps[3]);
+        // 0.2 s of 1.5 s later, not a third of the steps.
+        let share = 0.2 / 1.5;
+        let place = line.steps[1].object_from_palm.isometry().translation;
+        assert!((place.x - 0.3 * (1.0 - share)).abs() < 1e-12, "{place}");
+        assert!((line.steps[1].q_rad[0] - (0.1 + 0.6 * share)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn rates_are_those_of_central_differences() {
+        const H_S: f64 = 1e-4;
+        let motion = motion();
+        let line = Line::between(&motion.steps[0], &motion.steps[3]).unwrap();
+        for time_s in [0.6, 1.0, 1.9] {
+            let [before, now, after] = [-H_S, 0.0, H_S].map(|by_s| line.at(time_s + by_s));
+            let [a, b, c] = [&before, &now, &after].map(|step| *step.object_from_palm.isometry());
+            let near = |found: f64, expected: f64, tolerance: f64| {
+                assert!((found - expected).abs() < tolerance, "{found} {expected}");
+            };
+            let velocity = (c.translation.vector - a.translation.vector) / (2.0 * H_S);
+            let spin = (c.rotation * a.rotation.inverse()).scaled_axis() / (2.0 * H_S);
+            // How the spin changes, and the velocity: not at all.
+            let spins = [(&b, &a), (&c, &b)]
+                .map(|(to, from)| (to.rotation * from.rotation.inverse()).scaled_axis() / H_S);
+            let changes = [
+                c.translation.vector + a.translation.vector - 2.0 * b.translation.vector,
+                (spins[1] - spins[0]) * H_S,
+            ]
+            .map(|change| change / H_S.powi(2));
+            for k in 0..3 {
+                near(now.rates.palm_velocity[k], velocity[k], 1e-9);
+                near(now.rates.palm_velocity[k + 3], spin[k], 1e-9);
+                near(now.rates.palm_acceleration[k], changes[0][k], 1e-6);
+                near(now.rates.palm_acceleration[k + 3], changes[1][k], 1e-6);
+            }
+            for joint in 0..2 {
+                let [a, b, c] = [&before, &now, &after].map(|step| step.q_rad[joint]);
+                let velocity = (c - a) / (2.0 * H_S);
+                near(now.rates.q_velocity_rad_per_s[joint], velocity, 1e-9);
+                let change = (c + a - 2.0 * b) / H_S.powi(2);
+                near(now.rates.q_acceleration_rad_per_s2[joint], change, 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn the_palm_turns_the_shorter_way_whichever_quaternion_it_is_given() {
+        let mut motion = motion();
+        let [from, to] = [turned([0.0, 0.0, -2.0]), turned([0.0, 0.0, 2.5])];
+        for to in [to, UnitQuaternion::new_unchecked(-to.into_inner())] {
+            motion.steps[0] = step(0.0, [0.0; 3], from, [0.0; 2]);
+            motion.steps[3] = step(2.0, [0.0; 3], to, [0.0; 2]);
+            let line = Line::between(&motion.steps[0], &motion.steps[3]).unwrap();
+            // 4.5 rad one way is 1.78 rad the other way.
+            let angle = 2.0 * std::f64::consts::PI - 4.5;
+            assert!((line.rates.palm_velocity[5] + angle / 2.0).abs() < 1e-12);
+            let middle = line.at(1.0);
+            let expected = turned([0.0, 0.0, -2.0 - angle / 2.0]);
+            let found = middle.object_from_palm.isometry().rotation;
+            assert!(found.angle_to(&expected) < 1e-7);
+        }
+    }
+
+    #[test]
+    fn a_motion_without_two_ends_has_no_line() {
+        let mut short = motion();
+        short.steps.truncate(1);
+        let refused = line(&short).unwrap_err().to_string();
+        assert!(refused.contains("1 of at least 2 steps"), "{refused}");
+        let mut still = motion();
+        still.steps[3].time_s = 0.5;
+        assert_eq!(line(&still), Err(NoLine::NoDuration { duration_s: 0.0 }));
+    }
+}

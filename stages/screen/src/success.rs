@@ -1,0 +1,326 @@
+//! How often the candidates of each object hold, for each generator.
+
+use std::collections::BTreeMap;
+
+use charts::{Captions, ChartError, Estimate, Estimates, intervals};
+use dataflow::{Artifact, Context, Inputs, Labels, Made, Outcome, Scope, Summary, Unit};
+use diversity::{Diversity, Motion};
+use schemas::{
+    SchemaError,
+    candidates::{self, Candidate, Candidates},
+    rollouts::{self, Rollout, Verdict},
+    success::{self, Success},
+};
+
+use crate::ScreenError;
+
+/// The artifact of what became of each candidate.
+pub(crate) const ROLLOUTS: &str = "rollouts";
+/// The artifact of how often they hold.
+pub(crate) const SUCCESS: &str = "success";
+/// The input, and the artifact in it.
+const CANDIDATES: &str = "candidates";
+/// Key of the one partition.
+const ALL: &str = "all";
+
+/// One unit, of all objects whose candidates were screened.
+pub(crate) fn units(scope: &Scope) -> Vec<Unit> {
+    let screened = scope.partitions(ROLLOUTS).iter();
+    let keys: Vec<&str> = screened.map(|rollouts| rollouts.key.as_str()).collect();
+    if keys.is_empty() {
+        return Vec::new();
+    }
+    let file = [lake::table::FILE];
+    let unit = Unit::new(ALL)
+        .reading(ROLLOUTS, keys.clone())
+        .only_files(ROLLOUTS, file)
+        .reading(CANDIDATES, keys)
+        .only_files(CANDIDATES, file);
+    vec![unit]
+}
+
+/// Makes the table and its chart.
+pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, ScreenError> {
+    let mut rows = Vec::new();
+    for artifact in inputs.artifacts(ROLLOUTS) {
+        let mut given = inputs.artifacts(CANDIDATES).iter();
+        let given = given.find(|given| given.key == artifact.key);
+        let given = given.ok_or_else(|| ScreenError::MissingInput {
+            partition: artifact.key.clone(),
+            what: "candidates",
+        })?;
+        let schema = |source| of_partition(&artifact.key, source);
+        let rollouts = rollouts::from_batch(&lake::table::read(artifact)?).map_err(schema)?;
+        rows.extend(of_object(&rollouts, &read_candidates(given)?)?);
+    }
+    let batch = success::to_batch(&rows).map_err(|err| of_partition(cx.partition(), err))?;
+    lake::table::write(cx.folder(), &batch)?;
+    match chart(&rows) {
+        Ok(svg) => lake::write_whole(&cx.folder().join("rates.svg"), svg.as_bytes())?,
+        Err(ChartError::Nothing { .. }) => {}
+        Err(err) => return Err(err.into()),
+    }
+    Ok(Outcome::Made(Made {
+        labels: Labels::new(),
+        metrics: metrics(&rows),
+    }))
+}
+
+/// Says how often candidates hold, of whichever object.
+pub(crate) fn describe(summary: &Summary) -> String {
+    let [objects, accepted, steps] =
+        ["objects_n", "accepted_n", "control_steps_n"].map(|metric| summary.total(metric));
+    let [rate, low, high] =
+        ["rate", "rate_low", "rate_high"].map(|metric| 100.0 * summary.total(metric));
+    let mut line =
+        format!("{rate:.1} % hold ({low:.1} to {high:.1} %, 95 % interval) over {objects} objects");
+    if accepted > 0.0 {
+        line += &format!(", {:.0} control steps for each", steps / accepted);
+    }
+    line
+}
+
+fn read_candidates(artifact: &Artifact) -> Result<Candidates, ScreenError> {
+    let batch = lake::table::read(artifact)?;
+    candidates::from_batch(&artifact.key, &batch)
+        .map_err(|source| of_partition(&artifact.key, source))
+}
+
+fn of_partition(partition: &str, source: SchemaError) -> ScreenError {
+    ScreenError::Schema {
+        partition: partition.to_owned(),
+        source,
+    }
+}
+
+/// Returns one row for each generator of an object's candidates, in the order of their names.
+fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, ScreenError> {
+    let by_name: BTreeMap<&str, &Candidate> = given
+        .candidates
+        .iter()
+        .map(|candidate| (candidate.candidate_id.as_str(), candidate))
+        .collect();
+    let mut by_generator: BTreeMap<&str, Vec<&Rollout>> = BTreeMap::new();
+    for rollout in rollouts {
+        let all = by_generator.entry(&rollout.generator).or_default();
+        all.push(rollout);
+    }
+    let row = |(generator, rollouts): (&str, Vec<&Rollout>)| {
+        let held = rollouts.iter().filter(|r| r.verdict == Verdict::Held);
+        let held = held
+            .map(|rollout| {
+                let name = rollout.candidate_id.as_str();
+                let candidate = by_name.get(name).copied();
+                candidate.ok_or_else(|| ScreenError::UnknownCandidate {
+                    partition: given.object.clone(),
+                    candidate: name.to_owned(),
+                })
+            })
+            .collect::<Result<Vec<&Candidate>, _>>()?;
+        let grasps: Vec<Motion> = held.into_iter().map(grasp).collect();
+        let diversity = Diversity::of(&grasps);
+        Ok(Success {
+            object: given.object.clone(),
+            generator: generator.to_owned(),
+            verdicts_n: Verdict::ALL.map(|verdict| {
+                let so = rollouts.iter().filter(|r| r.verdict == verdict);
+                as_stored(so.count())
+            }),
+            control_steps_n: rollouts.iter().map(|r| i64::from(r.cost_n)).sum(),
+            spread: diversity.at_grasp,
+            spread_n: as_stored(diversity.compared_n),
+        })
+    };
+    by_generator.into_iter().map(row).collect()
+}
+
+/// The last step of a motion, without the others.
+fn grasp(candidate: &Candidate) -> Motion<'_> {
+    Motion {
+        table_from_object: candidate.table_from_object,
+        steps: candidate.steps.last().into_iter().collect(),
+    }
+}
+
+/// A count as it is stored; no count in memory is larger than the largest `i64`.
+fn as_stored(n: usize) -> i64 {
+    i64::try_from(n).unwrap_or(i64::MAX)
+}
+
+/// The figures of all candidates together.
+fn metrics(rows: &[Success]) -> BTreeMap<String, f64> {
+    let sum = |number: fn(&Success) -> i64| rows.iter().map(number).sum::<i64>();
+    let (candidates, successes) = (sum(Success::candidates_n), sum(Success::successes_n));
+    let [low, high] = success::wilson(successes, candidates);
+    [
+        ("objects_n", objects(rows).len() as f64),
+        ("candidates_n", candidates as f64),
+        ("accepted_n", successes as f64),
+        ("rate", successes as f64 / candidates.max(1) as f64),
+        ("rate_low", low),
+        ("rate_high", high),
+        ("control_steps_n", sum(|row| row.control_steps_n) as f64),
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+    .into()
+}
+
+/// The objects of the rows, each once, in their order.
+fn objects(rows: &[Success]) -> Vec<String> {
+    let mut objects: Vec<String> = rows.iter().map(|row| row.object.clone()).collect();
+    objects.dedup();
+    objects
+}
+
+/// Draws how often the candidates of each object hold, with the interval of each share.
+fn chart(rows: &[Success]) -> Result<String, ChartError> {
+    let objects = objects(rows);
+    let mut generators: Vec<&str> = rows.iter().map(|row| row.generator.as_str()).collect();
+    generators.sort_unstable();
+    generators.dedup();
+    let estimate = |object: &String, generator: &str| {
+        let mut rows = rows.iter();
+        let row = rows.find(|row| row.object == *object && row.generator == generator)?;
+        let [low, high] = row.interval().map(|end| 100.0 * end);
+        Some(Estimate {
+            value: 100.0 * row.rate(),
+            low,
+            high,
+        })
+    };
+    let series = generators.into_iter().map(|generator| Estimates {
+        name: generator.to_owned(),
+        values: objects
+            .iter()
+            .map(|object| estimate(object, generator))
+            .collect(),
+    });
+    let captions = Captions {
+        title: "Candidates that hold, by object",
+        x: "share of the candidates, with its 95 % interval [%]",
+        y: "",
+    };
+    intervals(&captions, &objects, &series.collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use dataflow::Partition;
+    use nalgebra::{Isometry3, Vector3};
+    use schemas::candidates::{Rates, Step};
+    use spatial::Pose;
+
+    use super::*;
+
+    /// A motion that ends at `x`, turned by `angle` about z, its joints at `q`.
+    fn motion(name: &str, height_m: f64, x: f64, angle: f64, q: f64) -> Candidate {
+        let step = |x: f64, q: f64| Step {
+            time_s: 0.0,
+            object_from_palm: Pose::new(Isometry3::new(
+                Vector3::new(x, 0.0, 0.1),
+                Vector3::z() * angle,
+            )),
+            q_rad: vec![q, q],
+            rates: Rates::still(2),
+        };
+        Candidate {
+            candidate_id: name.to_owned(),
+            generator: "whatever".to_owned(),
+            latent: Vec::new(),
+            table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
+            limit_excess_rad: 0.0,
+            steps: vec![step(9.0, 9.0), step(x, q)],
+        }
+    }
+
+    fn rollout(name: &str, generator: &str, verdict: Verdict) -> Rollout {
+        Rollout {
+            candidate_id: name.to_owned(),
+            generator: generator.to_owned(),
+            verdict,
+            cost_n: 100,
+            lift_m: 0.0,
+            slip_m: 0.0,
+            displacement_m: 0.0,
+            penetration_m: 0.0,
+            contacts_n: 0,
+        }
+    }
+
+    fn given() -> Candidates {
+        Candidates {
+            object: "can".to_owned(),
+            joints: vec!["j".to_owned(), "k".to_owned()],
+            candidates: vec![
+                motion("a", 0.05, 0.02, 0.3, 0.2),
+                motion("b", 0.05, 8.0, 3.0, 8.0),
+                motion("c", 0.05, -0.02, -0.3, -0.2),
+                // The can lies: there is nothing to compare it with.
+                motion("d", 0.03, 7.0, 1.0, 7.0),
+                motion("e", 0.05, 5.0, 1.0, 5.0),
+            ],
+        }
+    }
+
+    #[test]
+    fn rows_are_by_generator_and_spread_is_that_of_the_grasps_that_hold() {
+        let rollouts = [
+            rollout("a", "cgf", Verdict::Held),
+            rollout("b", "cgf", Verdict::Dropped),
+            rollout("c", "cgf", Verdict::Held),
+            rollout("d", "cgf", Verdict::Held),
+            rollout("e", "another", Verdict::Table),
+        ];
+        let rows = of_object(&rollouts, &given()).unwrap();
+        let [another, cgf] = &rows[..] else {
+            panic!("{rows:?}");
+        };
+        let names = [another, cgf].map(|row| (row.object.as_str(), row.generator.as_str()));
+        assert_eq!(names, [("can", "another"), ("can", "cgf")]);
+        assert_eq!((cgf.candidates_n(), cgf.successes_n()), (4, 3));
+        assert_eq!(cgf.count(Verdict::Dropped), 1);
+        assert_eq!(cgf.control_steps_n, 400);
+        assert_eq!(cgf.spread_n, 2);
+        let near = |found: f64, expected: f64| {
+            assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+        };
+        near(cgf.spread.palm_m, 0.02);
+        near(cgf.spread.palm_rad, 0.3);
+        near(cgf.spread.q_rad, 0.2);
+        assert_eq!((another.successes_n(), another.spread_n), (0, 0));
+        assert_eq!(another.count(Verdict::Table), 1);
+        assert_eq!(another.control_steps_per_success(), 0.0);
+        let metrics = metrics(&rows);
+        assert_eq!(metrics["objects_n"], 1.0);
+        assert_eq!((metrics["accepted_n"], metrics["candidates_n"]), (3.0, 5.0));
+        assert!(metrics["rate_low"] < 0.6 && 0.6 < metrics["rate_high"]);
+        let svg = chart(&rows).unwrap();
+        for name in ["can", "cgf", "another"] {
+            assert!(svg.contains(&format!(">{name}</text>")), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_rollout_of_no_candidate_is_refused() {
+        let stray = rollout("z", "cgf", Verdict::Held);
+        let err = of_object(&[stray], &given()).unwrap_err();
+        assert!(err.to_string().contains("`z`"), "{err}");
+    }
+
+    #[test]
+    fn one_unit_reads_what_was_screened() {
+        let partition = |key: &str| Partition::new(key, BTreeMap::new());
+        let scope = Scope::new(BTreeMap::from([
+            (
+                CANDIDATES.to_owned(),
+                ["box", "can", "cup"].map(partition).to_vec(),
+            ),
+            (ROLLOUTS.to_owned(), ["box", "can"].map(partition).to_vec()),
+        ]));
+        let units = units(&scope);
+        assert_eq!(units.len(), 1);
+        assert_eq!(units[0].reads[ROLLOUTS], ["box", "can"]);
+        assert_eq!(units[0].reads[CANDIDATES], ["box", "can"]);
+        assert!(super::units(&Scope::default()).is_empty());
+    }
+}

@@ -1,0 +1,159 @@
+//! What `pipelines/baseline.toml` promises: beside each motion that is drawn the straight line between its
+//! ends, both through the same physics, and one table that compares them.
+
+use std::{collections::BTreeMap, fs, process::Command};
+
+use serde_json::Value;
+use toml_edit::{DocumentMut, Item};
+
+use crate::bench::{Bench, stderr};
+
+/// The pipeline file, from the root of the project.
+const FILE: &str = "pipelines/baseline.toml";
+const OBJECTS: [&str; 2] = ["003_cracker_box", "006_mustard_bottle"];
+const PER_OBJECT: usize = 6;
+
+/// Runs the file with little training and few motions of two objects.
+fn compared() -> Bench {
+    let bench = Bench::new();
+    let mut program = Command::new(env!("CARGO_BIN_EXE_pipeline"));
+    program
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["run", FILE, "--lake"])
+        .arg(bench.lake());
+    for value in [
+        &format!("ingest.root={}", bench.root().display()),
+        &format!("sample.objects={OBJECTS:?}"),
+        "train.held_out_share=0.0",
+        "train.network.points=64",
+        "train.training.epochs=40",
+        &format!("sample.per_object={PER_OBJECT}"),
+    ] {
+        program.args(["--set", value]);
+    }
+    let ran = program.output().unwrap();
+    assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
+    bench
+}
+
+/// Asks the lake in SQL.
+fn ask(bench: &Bench, sql: &str) -> Vec<Value> {
+    let answer = bench.ask(&["query", sql, "--format", "json"]);
+    assert!(answer.status.success(), "{}", stderr(&answer));
+    let rows = serde_json::Deserializer::from_slice(&answer.stdout).into_iter();
+    rows.collect::<Result<_, _>>().unwrap()
+}
+
+fn text<'a>(row: &'a Value, column: &str) -> &'a str {
+    row[column].as_str().unwrap()
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    serde_json::from_value(value.clone()).unwrap()
+}
+
+#[test]
+fn motions_and_their_lines_are_judged_by_the_same_physics() {
+    let bench = compared();
+    let rows = ask(
+        &bench,
+        "select candidate_id, generator, object, time_s, object_from_palm, q_rad from candidates",
+    );
+    let all = |generator: &str| -> BTreeMap<&str, &Value> {
+        let rows = rows
+            .iter()
+            .filter(|row| text(row, "generator") == generator);
+        rows.map(|row| (text(row, "candidate_id"), row)).collect()
+    };
+    let (drawn, lines) = (all("cgf"), all("interpolate"));
+    assert_eq!(drawn.len(), OBJECTS.len() * PER_OBJECT);
+    assert_eq!(lines.len(), drawn.len());
+    let mut bent_n = 0;
+    for (name, motion) in &drawn {
+        let line = lines[format!("{name}-line").as_str()];
+        assert_eq!(line["object"], motion["object"]);
+        assert_eq!(line["time_s"], motion["time_s"]);
+        let steps_n = numbers(&line["time_s"]).len();
+        let [of_line, of_motion] = [line, motion].map(|row| {
+            let q_rad = numbers(&row["q_rad"]);
+            let poses = row["object_from_palm"].as_array().unwrap();
+            let poses: Vec<Vec<f64>> = poses.iter().map(numbers).collect();
+            let dof = q_rad.len() / steps_n;
+            let steps = q_rad.chunks_exact(dof).zip(poses);
+            steps
+                .map(|(q, pose)| [q, &pose].concat())
+                .collect::<Vec<Vec<f64>>>()
+        });
+        let apart = |step: usize| {
+            let both = of_line[step].iter().zip(&of_motion[step]);
+            both.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        };
+        assert!(apart(0) < 1e-9 && apart(steps_n - 1) < 1e-9, "{name}");
+        bent_n += usize::from(apart(steps_n / 2) > 1e-3);
+    }
+    assert!(bent_n > drawn.len() / 2, "{bent_n} of {}", drawn.len());
+
+    let rollouts = ask(
+        &bench,
+        "select stage, generator, candidate_id from rollouts order by candidate_id",
+    );
+    assert_eq!(rollouts.len(), rows.len());
+    for row in &rollouts {
+        let (stage, candidates) = match text(row, "generator") {
+            "cgf" => ("screen", &drawn),
+            _ => ("screen_line", &lines),
+        };
+        assert_eq!(text(row, "stage"), stage);
+        assert!(candidates.contains_key(text(row, "candidate_id")));
+    }
+
+    // One table compares them.
+    let success = ask(
+        &bench,
+        "select object, generator, candidates_n, successes_n, rate_low, rate_high from success \
+         order by object, generator",
+    );
+    let rows: Vec<(&str, &str)> = success
+        .iter()
+        .map(|row| (text(row, "object"), text(row, "generator")))
+        .collect();
+    let both = |object| [(object, "cgf"), (object, "interpolate")];
+    assert_eq!(rows, OBJECTS.map(both).concat());
+    for row in &success {
+        let number = |column: &str| row[column].as_f64().unwrap();
+        assert_eq!(number("candidates_n"), PER_OBJECT as f64);
+        let rate = number("successes_n") / number("candidates_n");
+        assert!((number("rate_low")..=number("rate_high")).contains(&rate));
+        let chart = match text(row, "generator") {
+            "cgf" => "screen",
+            _ => "screen_line",
+        };
+        let chart = format!("reports/baseline/{chart}/success/all/rates.svg");
+        let svg = fs::read_to_string(bench.lake().join(chart)).unwrap();
+        assert!(svg.contains(text(row, "object")));
+    }
+}
+
+#[test]
+fn both_screens_are_that_of_the_whole_flow_but_follow_the_motion() {
+    let read = |file: &str| -> DocumentMut {
+        let path = format!("{}/{file}", env!("CARGO_MANIFEST_DIR"));
+        fs::read_to_string(path).unwrap().parse().unwrap()
+    };
+    let file = read(FILE);
+    let said = |screen: &Item| {
+        // A document, so that tables in tables are said too.
+        let mut alone = DocumentMut::new();
+        alone["screen"] = screen.clone();
+        alone["screen"]
+            .as_table_like_mut()
+            .unwrap()
+            .remove("inputs");
+        alone.to_string()
+    };
+    let [drawn, line] = ["screen", "screen_line"].map(|name| said(&file["stages"][name]));
+    assert_eq!(drawn, line);
+    let whole = said(&read("pipelines/cgf.toml")["stages"]["screen"]);
+    assert_ne!(drawn, whole);
+    assert_eq!(drawn, whole.replace("\"open\"", "\"follow\""));
+}
