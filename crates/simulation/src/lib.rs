@@ -32,5 +32,5 @@ pub use error::SimulationError;
 pub use object::ObjectShape;
 pub use rollout::{Record, Rollout, Trace, TraceStep};
 pub use schemas::rollouts::Verdict;
-pub use script::Motion;
+pub use script::{Instruction, Motion, Phase};
 pub use template::Template;

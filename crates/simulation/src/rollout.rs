@@ -1,6 +1,6 @@
 //! One motion carried out in physics, and its verdict.
 
-use nalgebra::{Isometry3, Point3, Translation3};
+use nalgebra::{Isometry3, Point3};
 use schemas::rollouts::Verdict;
 
 use crate::{
@@ -100,7 +100,7 @@ pub(crate) fn run(
     let believed = *template.table_from_believed().isometry();
     template.hand.place(
         &mut world,
-        &table_from_palm(&believed, &script.start),
+        &script.start.table_from_palm(&believed),
         &script.start.hand.q,
     );
     let mut judge = Judge::new(template, protocol, script);
@@ -116,7 +116,7 @@ pub(crate) fn run(
     for command in &script.commands {
         template
             .hand
-            .move_palm(&mut world, &table_from_palm(&believed, command), control_s);
+            .move_palm(&mut world, &command.table_from_palm(&believed), control_s);
         let finite = control_step(template, &mut world, &command.hand.q);
         cost_n += 1;
         if let Some(trace) = &mut trace {
@@ -160,10 +160,6 @@ fn control_step(template: &Template, world: &mut World, q_command: &[f64]) -> Fi
         }
     }
     Finite::Yes
-}
-
-fn table_from_palm(believed: &Isometry3<f64>, command: &Command) -> Isometry3<f64> {
-    Translation3::new(0.0, 0.0, command.lift_m) * (believed * command.hand.object_from_palm)
 }
 
 fn table_from_object(template: &Template, world: &World) -> Isometry3<f64> {

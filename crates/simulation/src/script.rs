@@ -104,7 +104,7 @@ fn blend(from: &Isometry3<f64>, to: &Isometry3<f64>, part: f64) -> Isometry3<f64
 
 /// A part of a rollout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Phase {
+pub enum Phase {
     /// The palm moves and the hand must not touch hard.
     Reach,
     /// The fingers close; still part of the reach.
@@ -135,6 +135,34 @@ pub(crate) struct Command {
     pub(crate) hand: HandPose,
     /// How far above that, along the table's z, in meters.
     pub(crate) lift_m: f64,
+}
+
+/// What palm and fingers are told at the end of one control step, for who carries it out elsewhere.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Instruction {
+    /// The part of the rollout.
+    pub phase: Phase,
+    /// Where the palm shall be, in the table's frame.
+    pub table_from_palm: Isometry3<f64>,
+    /// Commanded joint positions in radians.
+    pub q: Vec<f64>,
+}
+
+impl Command {
+    /// Returns where the palm shall be, in the table's frame, if the object lies as believed.
+    pub(crate) fn table_from_palm(&self, table_from_believed: &Isometry3<f64>) -> Isometry3<f64> {
+        Translation3::new(0.0, 0.0, self.lift_m)
+            * (table_from_believed * self.hand.object_from_palm)
+    }
+
+    /// Returns the command in the table's frame.
+    pub(crate) fn instruction(&self, table_from_believed: &Isometry3<f64>) -> Instruction {
+        Instruction {
+            phase: self.phase,
+            table_from_palm: self.table_from_palm(table_from_believed),
+            q: self.hand.q.clone(),
+        }
+    }
 }
 
 /// All commands of a rollout, the starting pose first.

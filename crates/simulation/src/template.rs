@@ -14,7 +14,7 @@ use crate::{
     precision::isometry,
     rejection::reject,
     rollout::{Record, Rollout, run},
-    script::{Motion, Script},
+    script::{Instruction, Motion, Script},
     world::{Finite, World},
 };
 
@@ -110,6 +110,24 @@ impl Template {
             Some(verdict) => Rollout::refused(verdict),
             None => run(self, &script, protocol, record),
         })
+    }
+
+    /// Returns what palm and fingers are told in the rollout of a motion: where they start, then one
+    /// instruction per control step to the end of the hold, whatever becomes of the object.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the motion does not fit the hand or the protocol names a joint that it lacks.
+    pub fn instructions(
+        &self,
+        motion: &Motion,
+        protocol: &Protocol,
+    ) -> Result<Vec<Instruction>, SimulationError> {
+        let script = Script::new(motion, protocol, &self.scene, &self.model)?;
+        Ok(std::iter::once(&script.start)
+            .chain(&script.commands)
+            .map(|command| command.instruction(&self.table_from_believed))
+            .collect())
     }
 
     /// Returns why geometry alone refuses a motion, if it does.

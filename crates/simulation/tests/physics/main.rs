@@ -1,5 +1,7 @@
-//! Rollouts through the public interface: known grasps, refusals, determinism, divergence.
+//! Rollouts through the public interface: known grasps, refusals, determinism, divergence,
+//! agreement with recorded verdicts of another engine.
 
 mod errors;
 mod grasps;
+mod recorded;
 mod scene;

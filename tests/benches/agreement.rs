@@ -1,0 +1,278 @@
+//! How many of the motions that hold here hold in `MuJoCo` too: the candidates of a lake, screened again
+//! here and carried out there with the same shapes, masses, limits, friction and script; and what both
+//! cost, one thread each, object by object in turns: here with what is refused and ended early, there to
+//! the end.
+//!
+//! `PIPELINE_LAKE` names the lake, the newest `candidates` and `objects` in it are taken, and the options
+//! are those of `pipelines/cgf.toml`. `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3`
+//! where it is not set. What is missing is skipped.
+
+#![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
+#![expect(clippy::unwrap_used, reason = "a bench may break off")]
+
+#[path = "screening/mujoco.rs"]
+mod mujoco;
+#[path = "screening/options.rs"]
+mod options;
+mod python;
+mod thread_time;
+
+use std::{
+    collections::BTreeMap,
+    env, fs,
+    path::{Path, PathBuf},
+};
+
+use dataflow::Artifact;
+use lake::Lake;
+use mujoco::{Engine, Mujoco};
+use nalgebra::Vector3;
+use robot::RobotModel;
+use schemas::{
+    candidates::{self, Candidate},
+    objects,
+};
+use serde_json::Value;
+use simulation::{Motion, ObjectShape, Record, Template, Verdict};
+use spatial::{Object, Pose, Rest, Table};
+
+/// Share that holds there too, at least.
+const LEAST: f64 = 0.75;
+/// Each with what it asks.
+const ENGINES: [(&str, Engine); 2] = [
+    (
+        "elliptic",
+        Engine {
+            cone: "elliptic",
+            impratio: 10.0,
+            solref: [0.02, 1.0],
+        },
+    ),
+    (
+        "pyramidal",
+        Engine {
+            cone: "pyramidal",
+            impratio: 1.0,
+            solref: [0.02, 1.0],
+        },
+    ),
+];
+
+fn main() {
+    let Some(lake) = env::var_os("PIPELINE_LAKE").map(PathBuf::from) else {
+        println!("skipped: PIPELINE_LAKE names no lake with candidates and objects");
+        return;
+    };
+    let mut mujoco = match Mujoco::start() {
+        Ok(mujoco) => mujoco,
+        Err(reason) => {
+            println!("skipped: {reason}");
+            return;
+        }
+    };
+    println!("MuJoCo {}", mujoco.version);
+    let lake = Lake::open(&lake);
+    let objects = partitions(&lake, "objects");
+    let hand = options::hand();
+    let mut totals = Counts::default();
+    println!("{:24} {}", "object", Counts::header());
+    for (name, candidates) in partitions(&lake, "candidates") {
+        let Some(object) = objects.get(&name) else {
+            continue;
+        };
+        let batch = lake::table::read(object).unwrap();
+        let object = ObjectShape::from_artifact(&objects::from_batch(&name, &batch).unwrap());
+        let batch = lake::table::read(&candidates).unwrap();
+        let candidates = candidates::from_batch(&name, &batch).unwrap();
+        assert_eq!(candidates.joints, hand.joint_names());
+        let counts = compare(&mut mujoco, &hand, &object, &candidates.candidates);
+        println!("{name:24} {}", counts.line());
+        totals.add(&counts);
+    }
+    println!("{:24} {}", "all", totals.line());
+    println!("at least {:.0} % of them have to hold", LEAST * 100.0);
+    println!(
+        "{}: {:?}; held there alone {}",
+        ENGINES[0].0, totals.reasons, totals.only_there
+    );
+    let all = totals.candidates as f64;
+    println!(
+        "here       {:7.2} ms of CPU per candidate, {:6.1} µs per physics step of those that hold",
+        totals.here_s / all * 1e3,
+        totals.here_held_s / (totals.held as f64 * totals.steps) * 1e6
+    );
+    for ((name, _), cpu_s) in ENGINES.iter().zip(totals.there_s) {
+        println!(
+            "{name:10} {:7.2} ms of CPU per candidate ({:.2} times), {:6.1} µs per physics step",
+            cpu_s / all * 1e3,
+            cpu_s / totals.here_s,
+            cpu_s / (all * totals.steps) * 1e6
+        );
+    }
+    mujoco.finish();
+}
+
+/// Candidates of an object, and what became of them.
+#[derive(Default)]
+struct Counts {
+    candidates: usize,
+    held: usize,
+    /// Of those, by engine.
+    there: [usize; ENGINES.len()],
+    /// Why they do not hold with the first engine.
+    reasons: BTreeMap<String, usize>,
+    /// Held with the first engine, and not here.
+    only_there: usize,
+    /// Physics steps of a candidate to the end.
+    steps: f64,
+    /// CPU seconds of all here, of those that hold, and of all there by engine.
+    here_s: f64,
+    here_held_s: f64,
+    there_s: [f64; ENGINES.len()],
+}
+
+impl Counts {
+    fn header() -> String {
+        let engines = ENGINES.map(|(name, _)| format!("{name:>18}"));
+        format!("candidates  held here  {}", engines.join(" "))
+    }
+
+    fn line(&self) -> String {
+        let there = self.there.map(|n| {
+            let share = 100.0 * n as f64 / self.held as f64;
+            format!("{n:9} ({share:5.1} %)")
+        });
+        format!(
+            "{:10}  {:9}  {}",
+            self.candidates,
+            self.held,
+            there.join(" ")
+        )
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.candidates += other.candidates;
+        self.held += other.held;
+        for (sum, n) in self.there.iter_mut().zip(other.there) {
+            *sum += n;
+        }
+        self.only_there += other.only_there;
+        self.steps = other.steps;
+        self.here_s += other.here_s;
+        self.here_held_s += other.here_held_s;
+        for (sum, cpu_s) in self.there_s.iter_mut().zip(other.there_s) {
+            *sum += cpu_s;
+        }
+        for (reason, n) in &other.reasons {
+            *self.reasons.entry(reason.clone()).or_default() += n;
+        }
+    }
+}
+
+/// Screens the candidates of an object here, and carries them out there.
+fn compare(
+    mujoco: &mut Mujoco,
+    hand: &RobotModel,
+    object: &ObjectShape,
+    candidates: &[Candidate],
+) -> Counts {
+    let (scene, protocol) = options::options();
+    let mut counts = Counts {
+        candidates: candidates.len(),
+        ..Counts::default()
+    };
+    let mut templates: Vec<(Pose<Table, Object>, Template)> = Vec::new();
+    let mut scripts: Vec<Value> = Vec::new();
+    let mut held: Vec<bool> = Vec::new();
+    for candidate in candidates {
+        let before = thread_time::cpu_s();
+        let pose = candidate.table_from_object;
+        let known = templates.iter().position(|(other, _)| *other == pose);
+        let at = known.unwrap_or_else(|| {
+            let template = Template::new(&scene, hand, object, &rest(&pose)).unwrap();
+            templates.push((pose, template));
+            templates.len() - 1
+        });
+        let (template, motion) = (&templates[at].1, motion(candidate));
+        counts.here_s += thread_time::cpu_s() - before;
+        let before = thread_time::cpu_s();
+        let rollout = template.rollout(&motion, &protocol, Record::Nothing);
+        let cpu_s = thread_time::cpu_s() - before;
+        held.push(rollout.unwrap().verdict == Verdict::Held);
+        counts.here_s += cpu_s;
+        if held.last() == Some(&true) {
+            counts.held += 1;
+            counts.here_held_s += cpu_s;
+        }
+        let instructions = template.instructions(&motion, &protocol).unwrap();
+        counts.steps = (instructions.len() - 1) as f64 * f64::from(scene.steps_per_control);
+        scripts.push(mujoco::rollout(template, &instructions));
+    }
+    for (idx, (_, engine)) in ENGINES.into_iter().enumerate() {
+        mujoco.build(&mujoco::scene(&scene, &protocol, hand, object, engine));
+        for (rolled, held) in mujoco.roll(&scripts).into_iter().zip(&held) {
+            counts.there_s[idx] += rolled.cpu_s;
+            let held_there = rolled.verdict == Verdict::Held.as_str();
+            match (held, held_there) {
+                (true, true) => counts.there[idx] += 1,
+                (true, false) if idx == 0 => {
+                    *counts.reasons.entry(rolled.verdict).or_default() += 1;
+                }
+                (false, true) if idx == 0 => counts.only_there += 1,
+                _ => {}
+            }
+        }
+    }
+    counts
+}
+
+/// Returns how an object lies, without its yaw and its place.
+fn rest(table_from_object: &Pose<Table, Object>) -> Rest {
+    let isometry = table_from_object.isometry();
+    Rest {
+        up_in_object: isometry
+            .rotation
+            .inverse_transform_unit_vector(&Vector3::z_axis()),
+        height_m: isometry.translation.z,
+    }
+}
+
+fn motion(candidate: &Candidate) -> Motion {
+    let steps = candidate.steps.iter();
+    Motion {
+        time_s: steps.clone().map(|step| step.time_s).collect(),
+        object_from_palm: steps
+            .clone()
+            .map(|step| *step.object_from_palm.isometry())
+            .collect(),
+        q: steps.map(|step| step.q_rad.clone()).collect(),
+    }
+}
+
+/// The newest partitions of a lake's table by object, in order.
+fn partitions(lake: &Lake, table: &str) -> BTreeMap<String, Artifact> {
+    let tables = lake.newest_tables().unwrap();
+    let mut found = BTreeMap::new();
+    for newest in tables.iter().filter(|newest| newest.table == table) {
+        look(&newest.folder, &mut found);
+    }
+    found
+}
+
+/// Looks for folders `object=NAME` with a table.
+fn look(folder: &Path, found: &mut BTreeMap<String, Artifact>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        if let Some(object) = name.strip_prefix("object=") {
+            let artifact = Artifact {
+                key: object.to_owned(),
+                labels: BTreeMap::new(),
+                files: BTreeMap::from([("part.parquet".to_owned(), path.join("part.parquet"))]),
+            };
+            found.insert(object.to_owned(), artifact);
+        } else if path.is_dir() {
+            look(&path, found);
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! What screening 1,000 candidates of one object costs, beside `MuJoCo` stepping the same rollouts to
+//! their end: the same hand, object, script and friction, one thread each, in turns of ten.
+//!
+//! `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3` where it is not set; without it
+//! `MuJoCo` is skipped.
+
+#![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
+#![expect(clippy::unwrap_used, reason = "a bench may break off")]
+
+#[path = "screening/can.rs"]
+mod can;
+#[path = "screening/mujoco.rs"]
+mod mujoco;
+#[path = "screening/options.rs"]
+mod options;
+mod python;
+mod thread_time;
+
+use std::{collections::BTreeMap, hint::black_box, time::Instant};
+
+use mujoco::{Engine, Mujoco, Rolled};
+use rayon::{ThreadPoolBuilder, prelude::*};
+use serde_json::Value;
+use simulation::{Motion, Protocol, Record, Rollout, Template, Verdict};
+
+const CANDIDATES: usize = 1000;
+/// Candidates of one turn.
+const TURN: usize = 10;
+/// Candidates and rounds with which threads are compared.
+const THREADED: usize = 300;
+const ROUNDS: usize = 4;
+/// Times as much CPU that `MuJoCo` takes per candidate, and as fast two threads are as one, at least.
+const LEAST_BESIDE_MUJOCO: f64 = 1.0;
+const LEAST_OF_TWO_THREADS: f64 = 1.8;
+/// The cheapest that it has.
+const ENGINE: Engine = Engine {
+    cone: "pyramidal",
+    impratio: 1.0,
+    solref: [0.02, 1.0],
+};
+
+fn main() {
+    let hand = options::hand();
+    let (scene, protocol) = options::options();
+    let object = can::can();
+    let motions = can::grasps(&hand, CANDIDATES);
+    let before = thread_time::cpu_s();
+    let template = Template::new(&scene, &hand, &object, &can::upright()).unwrap();
+    let build_s = thread_time::cpu_s() - before;
+    let mut peer = Mujoco::start();
+    match &mut peer {
+        Ok(mujoco) => {
+            println!("MuJoCo {}, {} cones", mujoco.version, ENGINE.cone);
+            mujoco.build(&mujoco::scene(&scene, &protocol, &hand, &object, ENGINE));
+        }
+        Err(reason) => println!("MuJoCo: skipped, {reason}"),
+    }
+
+    let mut ours: Vec<(Rollout, f64)> = Vec::new();
+    let mut theirs: Vec<Rolled> = Vec::new();
+    for turn in motions.chunks(TURN) {
+        for motion in turn {
+            let before = thread_time::cpu_s();
+            let rollout = template.rollout(motion, &protocol, Record::Nothing);
+            ours.push((rollout.unwrap(), thread_time::cpu_s() - before));
+        }
+        if let Ok(mujoco) = &mut peer {
+            let scripts: Vec<Value> = turn
+                .iter()
+                .map(|motion| {
+                    let instructions = template.instructions(motion, &protocol).unwrap();
+                    mujoco::rollout(&template, &instructions)
+                })
+                .collect();
+            theirs.extend(mujoco.roll(&scripts));
+        }
+    }
+    if let Ok(mujoco) = peer {
+        mujoco.finish();
+    }
+
+    let steps = template.instructions(&motions[0], &protocol).unwrap().len() - 1;
+    let steps = steps as f64 * f64::from(scene.steps_per_control);
+    println!("{CANDIDATES} candidates of a can, {steps} physics steps each to the end");
+    count(
+        "here",
+        ours.iter().map(|(rollout, _)| rollout.verdict.as_str()),
+    );
+    let substeps = f64::from(scene.steps_per_control);
+    let simulated: f64 = ours
+        .iter()
+        .map(|(r, _)| f64::from(r.cost_n) * substeps)
+        .sum();
+    let candidates = CANDIDATES as f64;
+    println!(
+        "here     {:.0} steps simulated per candidate, {:.1} ms to build the scene",
+        simulated / candidates,
+        build_s * 1e3
+    );
+    let ours_s = ours.iter().map(|(_, cpu_s)| cpu_s).sum::<f64>() + build_s;
+    println!(
+        "here     {:8.3} ms of CPU per candidate",
+        ours_s / candidates * 1e3
+    );
+    // Those that hold are stepped to the end by both.
+    let whole = |idx: &usize| ours[*idx].0.verdict == Verdict::Held;
+    let whole: Vec<usize> = (0..CANDIDATES).filter(whole).collect();
+    let all_steps = whole.len() as f64 * steps;
+    let our_step = whole.iter().map(|&idx| ours[idx].1).sum::<f64>() / all_steps;
+    println!(
+        "here     {:8.2} µs per physics step of those that hold",
+        our_step * 1e6
+    );
+    if !theirs.is_empty() {
+        count(
+            "MuJoCo",
+            theirs.iter().map(|rolled| rolled.verdict.as_str()),
+        );
+        let is_same = |idx: &usize| {
+            (ours[*idx].0.verdict == Verdict::Held) == (theirs[*idx].verdict == "held")
+        };
+        let same = (0..CANDIDATES).filter(is_same).count();
+        println!("held or not: {same} of {CANDIDATES} agree");
+        let theirs_s: f64 = theirs.iter().map(|rolled| rolled.cpu_s).sum();
+        println!(
+            "MuJoCo   {:8.3} ms of CPU per candidate",
+            theirs_s / candidates * 1e3
+        );
+        let their_step = whole.iter().map(|&idx| theirs[idx].cpu_s).sum::<f64>() / all_steps;
+        println!(
+            "MuJoCo   {:8.2} µs per physics step of the same",
+            their_step * 1e6
+        );
+        println!(
+            "MuJoCo over here: {:.2} per candidate (at least {LEAST_BESIDE_MUJOCO}), {:.2} per step",
+            theirs_s / ours_s,
+            their_step / our_step
+        );
+    }
+    threads(&template, &protocol, &motions[..THREADED]);
+}
+
+/// Prints how often each verdict was given.
+fn count<'a>(who: &str, verdicts: impl Iterator<Item = &'a str>) {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for verdict in verdicts {
+        *counts.entry(verdict).or_default() += 1;
+    }
+    let counts: Vec<String> = counts.iter().map(|(v, n)| format!("{v} {n}")).collect();
+    println!("{who:8} {}", counts.join(", "));
+}
+
+/// Prints how much faster two threads are than one, in turns.
+fn threads(template: &Template, protocol: &Protocol, motions: &[Motion]) {
+    let pools = [1, 2].map(|n| ThreadPoolBuilder::new().num_threads(n).build().unwrap());
+    let mut walls = [Vec::new(), Vec::new()];
+    let mut cpus = [Vec::new(), Vec::new()];
+    for _ in 0..ROUNDS {
+        for (idx, pool) in pools.iter().enumerate() {
+            let cpu_s = || pool.broadcast(|_| thread_time::cpu_s()).iter().sum::<f64>();
+            let before = (Instant::now(), cpu_s());
+            pool.install(|| {
+                motions.par_iter().for_each(|motion| {
+                    let rollout = template.rollout(motion, protocol, Record::Nothing);
+                    black_box(rollout.unwrap());
+                });
+            });
+            walls[idx].push(before.0.elapsed().as_secs_f64());
+            cpus[idx].push(cpu_s() - before.1);
+        }
+    }
+    let least = |times: &[f64]| times.iter().copied().fold(f64::INFINITY, f64::min);
+    let [one, two] = [&walls[0], &walls[1]].map(|times| least(times));
+    let [cpu_of_one, cpu_of_two] = [&cpus[0], &cpus[1]].map(|times| least(times));
+    println!(
+        "2 threads {:.2} times as fast as 1 (at least {LEAST_OF_TWO_THREADS}; wall, best of {ROUNDS}), \
+         {:.2} if both had a core to themselves (CPU)",
+        one / two,
+        2.0 * cpu_of_one / cpu_of_two
+    );
+}

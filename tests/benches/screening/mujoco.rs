@@ -1,0 +1,229 @@
+//! `MuJoCo` in a process of its own, and the scene and the scripts as it is told of them.
+
+use std::{
+    io::{BufRead, BufReader, Write},
+    process::{Child, ChildStdin, ChildStdout, Stdio},
+};
+
+use nalgebra::{Isometry3, Matrix3};
+use robot::{JointKind, Link, RobotModel, Shape};
+use serde_json::{Value, json};
+use simulation::{Instruction, ObjectShape, Phase, Protocol, SceneConfig, Template};
+use spatial::{Object, Pose, Table};
+
+use crate::python;
+
+/// A running `MuJoCo`.
+pub(crate) struct Mujoco {
+    process: Child,
+    input: ChildStdin,
+    output: BufReader<ChildStdout>,
+    /// Its version.
+    pub(crate) version: String,
+}
+
+/// What became of a script there.
+pub(crate) struct Rolled {
+    /// CPU seconds of its physics steps.
+    pub(crate) cpu_s: f64,
+    /// As in column `reason` of the rollouts.
+    pub(crate) verdict: String,
+}
+
+impl Mujoco {
+    /// Starts it on one thread; an error says what is missing.
+    pub(crate) fn start() -> Result<Self, String> {
+        let script = "screening/mujoco_rollouts.py";
+        let mut process = python::start(script, &[], 1, Stdio::inherit())?;
+        let mut mujoco = Self {
+            input: process.stdin.take().unwrap(),
+            output: BufReader::new(process.stdout.take().unwrap()),
+            process,
+            version: String::new(),
+        };
+        let said = mujoco.answer();
+        match said["mujoco"].as_str() {
+            Some(version) => version.clone_into(&mut mujoco.version),
+            None => return Err(format!("`{}` has no `mujoco`", python::name().display())),
+        }
+        Ok(mujoco)
+    }
+
+    /// Builds a scene; all scripts after it are carried out there.
+    pub(crate) fn build(&mut self, scene: &Value) {
+        self.ask(&json!({ "scene": scene }));
+    }
+
+    /// Carries out scripts, one after the other.
+    pub(crate) fn roll(&mut self, rollouts: &[Value]) -> Vec<Rolled> {
+        let answer = self.ask(&json!({ "rollouts": rollouts }));
+        let seconds = answer["cpu_s"].as_array().unwrap();
+        let verdicts = answer["verdicts"].as_array().unwrap();
+        let rolled = seconds.iter().zip(verdicts).map(|(cpu_s, verdict)| Rolled {
+            cpu_s: cpu_s.as_f64().unwrap(),
+            verdict: verdict.as_str().unwrap().to_owned(),
+        });
+        rolled.collect()
+    }
+
+    /// Ends the process.
+    pub(crate) fn finish(mut self) {
+        drop(self.input);
+        self.process.wait().unwrap();
+    }
+
+    fn ask(&mut self, what: &Value) -> Value {
+        // A process that has ended says so by its answer.
+        let _ = writeln!(self.input, "{what}");
+        let _ = self.input.flush();
+        let answer = self.answer();
+        assert!(!answer.is_null(), "MuJoCo broke off");
+        answer
+    }
+
+    fn answer(&mut self) -> Value {
+        let mut line = String::new();
+        self.output.read_line(&mut line).unwrap();
+        serde_json::from_str(&line).unwrap_or(Value::Null)
+    }
+}
+
+/// How `MuJoCo` computes contacts.
+#[derive(Clone, Copy)]
+pub(crate) struct Engine {
+    /// `pyramidal`, its default, or `elliptic`.
+    pub(crate) cone: &'static str,
+    /// How much stiffer friction is than the normal; 1 by default.
+    pub(crate) impratio: f64,
+    /// Time constant in seconds and damping ratio of contacts; 0.02 and 1 by default.
+    pub(crate) solref: [f64; 2],
+}
+
+/// Describes the scene of a template.
+pub(crate) fn scene(
+    scene: &SceneConfig,
+    protocol: &Protocol,
+    model: &RobotModel,
+    object: &ObjectShape,
+    engine: Engine,
+) -> Value {
+    let links: Vec<Value> = model.links().iter().map(|l| link(model, l)).collect();
+    let parts = object.parts_m.iter();
+    let parts: Vec<Vec<[f64; 3]>> = parts
+        .map(|part| part.iter().map(|p| p.coords.into()).collect())
+        .collect();
+    json!({
+        "time_step_s": scene.time_step_s,
+        "steps_per_control": scene.steps_per_control,
+        "friction": scene.friction,
+        "drive": scene.drive,
+        "protocol": protocol,
+        "links": links,
+        "object": {
+            "parts": parts,
+            "mass": object.mass_kg * scene.mass_scale,
+            "center_of_mass": object.center_of_mass_m.coords.as_slice(),
+            "inertia": six(&(object.inertia_kg_m2 * scene.mass_scale)),
+        },
+        "engine": {
+            "cone": engine.cone,
+            "impratio": engine.impratio,
+            "multiccd": "enable",
+            "solref": engine.solref,
+        },
+    })
+}
+
+/// Describes what is done in a rollout of a template, from where the object lies.
+pub(crate) fn rollout(template: &Template, instructions: &[Instruction]) -> Value {
+    let instructions: Vec<Value> = instructions
+        .iter()
+        .map(|instruction| {
+            json!({
+                "phase": match instruction.phase {
+                    Phase::Reach => "reach",
+                    Phase::Close => "close",
+                    Phase::Squeeze => "squeeze",
+                    Phase::Lift => "lift",
+                    Phase::Hold => "hold",
+                },
+                "palm": seven(&instruction.table_from_palm),
+                "q": instruction.q,
+            })
+        })
+        .collect();
+    json!({
+        "table_from_object": template.table_from_object().to_array(),
+        "instructions": instructions,
+    })
+}
+
+fn link(model: &RobotModel, link: &Link) -> Value {
+    let joint = link.joint.map(|number| {
+        let joint = &model.joints()[number];
+        assert_eq!((link.multiplier, link.offset), (1.0, 0.0), "no mimics");
+        json!({
+            "number": number,
+            "name": joint.name,
+            "kind": match joint.kind {
+                JointKind::Revolute => "revolute",
+                JointKind::Continuous => "continuous",
+                JointKind::Prismatic => "prismatic",
+            },
+            "axis": link.axis.as_slice(),
+            "lower": joint.lower,
+            "upper": joint.upper,
+        })
+    });
+    let shapes: Vec<Value> = link
+        .collisions
+        .iter()
+        .map(|collision| {
+            let (kind, size) = match &collision.shape {
+                Shape::Box { half_extents_m } => ("box", half_extents_m.as_slice().to_vec()),
+                Shape::Sphere { radius_m } => ("sphere", vec![*radius_m]),
+                Shape::Cylinder {
+                    radius_m,
+                    half_length_m,
+                } => ("cylinder", vec![*radius_m, *half_length_m]),
+                Shape::Capsule {
+                    radius_m,
+                    half_length_m,
+                } => ("capsule", vec![*radius_m, *half_length_m]),
+            };
+            json!({
+                "type": kind,
+                "size": size,
+                "link_from_shape": seven(&collision.link_from_shape),
+            })
+        })
+        .collect();
+    let inertial = link.inertial.as_ref();
+    json!({
+        "name": link.name,
+        "parent": link.parent,
+        "parent_from_joint": seven(&link.parent_from_joint),
+        "joint": joint,
+        "mass": inertial.map_or(0.0, |inertial| inertial.mass_kg),
+        "center_of_mass": inertial.map(|i| i.center_of_mass_m.coords.as_slice().to_vec()),
+        "inertia": inertial.map(|inertial| six(&inertial.inertia_kg_m2)),
+        "shapes": shapes,
+    })
+}
+
+/// A pose as seven numbers, the quaternion's w last.
+fn seven(isometry: &Isometry3<f64>) -> [f64; 7] {
+    Pose::<Table, Object>::new(*isometry).to_array()
+}
+
+/// A symmetric matrix as xx, yy, zz, xy, xz, yz.
+fn six(m: &Matrix3<f64>) -> [f64; 6] {
+    [
+        m[(0, 0)],
+        m[(1, 1)],
+        m[(2, 2)],
+        m[(0, 1)],
+        m[(0, 2)],
+        m[(1, 2)],
+    ]
+}

@@ -1,0 +1,286 @@
+"""Carries out scripted grasps in MuJoCo: the scene, the script and the verdicts of `crates/simulation`.
+
+Reads lines of JSON. {"scene": ...} builds a model: a hand as a tree of links with primitives, masses,
+joint limits and torque limits, one object of convex parts, a table. {"rollouts": [...]} carries out one
+script after the other to its end and answers with the CPU seconds of the physics steps alone (this
+thread's, without Python's share) and the verdicts. Lengths in meters, quaternions as x y z w.
+
+What is told to the palm is done: its mass is 10 t, and each control step gives it the velocity that takes
+it to its place, so that it yields to nothing; it never touches the table, which yields as little. Finger
+joints are position servos with damping and a torque limit, the hand feels no gravity, and hand touches
+hand nowhere. All contacts have the scene's friction and no friction about the normal.
+"""
+
+import json
+import sys
+import time
+
+try:
+    import mujoco
+    import numpy as np
+except ImportError as error:
+    print(json.dumps({"missing": error.name}), flush=True)
+    sys.exit()
+
+PALM_MASS, PALM_INERTIA = 1e4, 1e2
+HAND, OBJECT = 2, 1
+DIVERGED = [
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+]
+FINAL_WINDOW_S, TOUCHING_SHARE = 0.5, 0.5
+
+
+def say(what):
+    print(json.dumps(what), flush=True)
+
+
+def text(numbers):
+    return " ".join(repr(float(number)) for number in numbers)
+
+
+def placed(pose):
+    """A pose as MJCF writes it: the quaternion's w first."""
+    x, y, z, i, j, k, w = pose
+    return f'pos="{text([x, y, z])}" quat="{text([w, i, j, k])}"'
+
+
+def inertial(body):
+    xx, yy, zz, xy, xz, yz = body["inertia"]
+    return (
+        f'<inertial pos="{text(body["center_of_mass"])}" mass="{body["mass"]!r}" '
+        f'fullinertia="{text([xx, yy, zz, xy, xz, yz])}"/>'
+    )
+
+
+def geom(shape):
+    sizes = text(shape["size"])
+    return (
+        f'<geom type="{shape["type"]}" size="{sizes}" {placed(shape["link_from_shape"])} '
+        f'contype="{HAND}" conaffinity="{OBJECT}"/>'
+    )
+
+
+def link_xml(links, number, armature):
+    link = links[number]
+    if link["parent"] is None:
+        own = (
+            f'<freejoint/><inertial pos="0 0 0" mass="{PALM_MASS}" '
+            f'diaginertia="{PALM_INERTIA} {PALM_INERTIA} {PALM_INERTIA}"/>'
+        )
+        place = ""
+    else:
+        place = placed(link["parent_from_joint"])
+        own = inertial(link) if link["mass"] > 0 else ""
+        if link["joint"] is not None:
+            joint = link["joint"]
+            kind = {"prismatic": "slide"}.get(joint["kind"], "hinge")
+            limits = (
+                'limited="false"'
+                if joint["kind"] == "continuous"
+                else f'limited="true" range="{text([joint["lower"], joint["upper"]])}"'
+            )
+            own += (
+                f'<joint name="{joint["name"]}" type="{kind}" axis="{text(joint["axis"])}" '
+                f'{limits} armature="{armature!r}"/>'
+            )
+    own += "".join(geom(shape) for shape in link["shapes"])
+    children = (idx for idx, other in enumerate(links) if other["parent"] == number)
+    inside = "".join(link_xml(links, child, armature) for child in children)
+    name = "palm" if link["parent"] is None else link["name"]
+    return f'<body name="{name}" {place} gravcomp="1">{own}{inside}</body>'
+
+
+def mjcf(scene):
+    """The scene as MuJoCo reads it; coordinates are palm, fingers, object."""
+    drive, engine = scene["drive"], scene["engine"]
+    links, thing = scene["links"], scene["object"]
+    joints = [link["joint"] for link in links if link["joint"] is not None]
+    joints.sort(key=lambda joint: joint["number"])
+    meshes = "".join(
+        f'<mesh name="part{idx}" inertia="convex" vertex="{text(np.ravel(part))}"/>'
+        for idx, part in enumerate(thing["parts"])
+    )
+    parts = "".join(
+        f'<geom type="mesh" mesh="part{idx}" contype="{OBJECT}" conaffinity="{HAND}"/>'
+        for idx in range(len(thing["parts"]))
+    )
+    k, d, limit = drive["stiffness"], drive["damping"], drive["torque_limit"]
+    servos = "".join(
+        f'<general joint="{joint["name"]}" biastype="affine" gainprm="{k!r}" '
+        f'biasprm="0 {-k!r} {-d!r}" forcelimited="true" forcerange="{-limit!r} {limit!r}"/>'
+        for joint in joints
+    )
+    return f"""<mujoco>
+<compiler angle="radian" fusestatic="true"/>
+<option timestep="{scene["time_step_s"]!r}" integrator="implicitfast" cone="{engine["cone"]}"
+ impratio="{engine["impratio"]!r}"><flag multiccd="{engine["multiccd"]}"/></option>
+<default><geom friction="{scene["friction"]!r} 0 0" condim="3" solref="{text(engine["solref"])}"/></default>
+<asset>{meshes}</asset>
+<worldbody>
+<geom name="table" type="box" size="1 1 0.025" pos="0 0 -0.025" contype="0" conaffinity="{HAND | OBJECT}"/>
+{link_xml(links, 0, drive["armature"])}
+<body name="object"><freejoint/>{inertial(thing)}{parts}</body>
+</worldbody>
+<contact><exclude body1="world" body2="palm"/></contact>
+<actuator>{servos}</actuator>
+</mujoco>"""
+
+
+def turned(xyzw):
+    x, y, z, w = xyzw
+    return np.array([w, x, y, z])
+
+
+class Scene:
+    def __init__(self, scene):
+        self.scene, self.protocol = scene, scene["protocol"]
+        self.model = mujoco.MjModel.from_xml_string(mjcf(scene))
+        self.data = mujoco.MjData(self.model)
+        joints = [link["joint"] for link in scene["links"] if link["joint"] is not None]
+        joints.sort(key=lambda joint: joint["number"])
+        self.lower = np.array([joint["lower"] for joint in joints])
+        self.upper = np.array([joint["upper"] for joint in joints])
+        ids = [mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_JOINT, j["name"]) for j in joints]
+        self.q = self.model.jnt_qposadr[ids]
+        body = lambda name: mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
+        self.palm, self.thing = body("palm"), body("object")
+        # The coordinates of the two free joints.
+        self.palm_q = self.model.jnt_qposadr[self.model.body_jntadr[self.palm]]
+        self.palm_v = self.model.jnt_dofadr[self.model.body_jntadr[self.palm]]
+        self.thing_q = self.model.jnt_qposadr[self.model.body_jntadr[self.thing]]
+
+    def palm_pose(self):
+        at = self.data.qpos[self.palm_q :]
+        return at[:3].copy(), at[3:7].copy()
+
+    def object_pose(self):
+        at = self.data.qpos[self.thing_q :]
+        return at[:3].copy(), at[3:7].copy()
+
+    def move_palm(self, target, seconds):
+        """Gives the palm the velocity that takes it there."""
+        place, turn = self.palm_pose()
+        velocity = self.data.qvel[self.palm_v :]
+        velocity[:3] = (np.array(target[:3]) - place) / seconds
+        local = np.zeros(3)
+        mujoco.mju_subQuat(local, turned(target[3:]), turn)
+        velocity[3:6] = local / seconds
+
+    def touching(self):
+        """The hand's bodies that press on the object."""
+        bodies, force = set(), np.zeros(6)
+        for idx in range(self.data.ncon):
+            contact = self.data.contact[idx]
+            pair = [int(self.model.geom_bodyid[g]) for g in (contact.geom1, contact.geom2)]
+            if self.thing in pair and 0 not in pair:
+                mujoco.mj_contactForce(self.model, self.data, idx, force)
+                if force[0] > 0:
+                    bodies.add(pair[0] if pair[1] == self.thing else pair[1])
+        return bodies
+
+    def roll(self, rollout):
+        """Carries out one script; returns the seconds of stepping and the verdict."""
+        model, data = self.model, self.data
+        substeps = self.scene["steps_per_control"]
+        control_s = substeps * self.scene["time_step_s"]
+        mujoco.mj_resetData(model, data)
+        start, *instructions = rollout["instructions"]
+        for at, pose in ((self.palm_q, start["palm"]), (self.thing_q, rollout["table_from_object"])):
+            data.qpos[at : at + 3] = pose[:3]
+            data.qpos[at + 3 : at + 7] = turned(pose[3:])
+        data.qpos[self.q] = start["q"]
+        mujoco.mj_forward(model, data)
+        judge = Judge(self, instructions, control_s)
+        seconds = 0.0
+        for instruction in instructions:
+            self.move_palm(instruction["palm"], control_s)
+            data.ctrl[:] = np.clip(instruction["q"], self.lower, self.upper)
+            before = time.thread_time()
+            mujoco.mj_step(model, data, substeps)
+            seconds += time.thread_time() - before
+            judge.see(instruction["phase"])
+        return seconds, judge.verdict()
+
+
+def angle(one, other):
+    return 2 * np.arccos(min(1.0, abs(float(np.dot(one, other)))))
+
+
+class Judge:
+    """What `crates/simulation/src/rollout.rs` judges, but that nothing ends early."""
+
+    def __init__(self, scene, instructions, control_s):
+        self.scene, self.protocol, self.control_s = scene, scene.protocol, control_s
+        self.start = scene.object_pose()
+        self.failure = None
+        self.lift_left = sum(i["phase"] == "lift" for i in instructions)
+        self.hold_left = sum(i["phase"] == "hold" for i in instructions)
+        self.window = min(max(round(FINAL_WINDOW_S / control_s), 1), self.hold_left)
+        self.pressed, self.in_palm = {}, []
+
+    def fail(self, verdict):
+        self.failure = self.failure or verdict
+
+    def see(self, phase):
+        protocol, (place, turn) = self.protocol, self.scene.object_pose()
+        # MuJoCo starts again from the beginning where numbers overflow, and warns.
+        if any(self.scene.data.warning[idx].number for idx in DIVERGED):
+            self.fail("diverged")
+        rise = place[2] - self.start[0][2]
+        if phase in ("reach", "close"):
+            moved = np.linalg.norm(place - self.start[0])
+            if moved > protocol["knocked_m"] or angle(turn, self.start[1]) > protocol["knocked_rad"]:
+                self.fail("knocked_over")
+        if phase == "lift":
+            self.lift_left -= 1
+            if self.lift_left == 0:
+                self.follow(place)
+                if rise <= protocol["lifted_m"]:
+                    self.fail("not_grasped")
+        if phase == "hold":
+            self.follow(place)
+            if rise <= protocol["lifted_m"]:
+                self.fail("dropped")
+            if self.hold_left <= self.window:
+                for body in self.scene.touching():
+                    self.pressed[body] = self.pressed.get(body, 0) + 1
+            self.hold_left -= 1
+
+    def follow(self, place):
+        """Notes where the object is in the palm's frame."""
+        palm, turn = self.scene.palm_pose()
+        inverse, local = np.zeros(4), np.zeros(3)
+        mujoco.mju_negQuat(inverse, turn)
+        mujoco.mju_rotVecQuat(local, place - palm, inverse)
+        self.in_palm.append(local)
+
+    def verdict(self):
+        if self.failure:
+            return self.failure
+        touching = sum(n >= TOUCHING_SHARE * self.window for n in self.pressed.values())
+        if touching < self.protocol["min_links"]:
+            return "dropped"
+        back = max(len(self.in_palm) - self.window - 1, 0)
+        slip = np.linalg.norm(self.in_palm[-1] - self.in_palm[back])
+        too_far = slip > self.protocol["max_slip_m_per_s"] * self.window * self.control_s
+        return "slipped" if too_far else "held"
+
+
+def serve():
+    say({"mujoco": mujoco.__version__})
+    scene = None
+    for line in sys.stdin:
+        request = json.loads(line)
+        if "scene" in request:
+            scene = Scene(request["scene"])
+            say({})
+        else:
+            rolled = [scene.roll(rollout) for rollout in request["rollouts"]]
+            seconds, verdicts = zip(*rolled)
+            say({"cpu_s": seconds, "verdicts": verdicts})
+
+
+if __name__ == "__main__":
+    serve()
