@@ -11,7 +11,7 @@ use crate::bench::{Bench, stderr};
 /// The pipeline file, from the root of the project.
 const FILE: &str = "pipelines/baseline.toml";
 const OBJECTS: [&str; 2] = ["003_cracker_box", "006_mustard_bottle"];
-const PER_OBJECT: usize = 6;
+const PER_OBJECT: usize = 4;
 
 /// Runs the file with little training and few motions of two objects.
 fn compared() -> Bench {
@@ -26,7 +26,7 @@ fn compared() -> Bench {
         &format!("sample.objects={OBJECTS:?}"),
         "train.held_out_share=0.0",
         "train.network.points=64",
-        "train.training.epochs=40",
+        "train.training.epochs=20",
         &format!("sample.per_object={PER_OBJECT}"),
     ] {
         program.args(["--set", value]);

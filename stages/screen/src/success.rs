@@ -188,6 +188,10 @@ fn chart(rows: &[Success]) -> Result<String, ChartError> {
             high,
         })
     };
+    let title = match generators[..] {
+        [only] => format!("Candidates of `{only}` that hold, by object"),
+        _ => "Candidates that hold, by object".to_owned(),
+    };
     let series = generators.into_iter().map(|generator| Estimates {
         name: generator.to_owned(),
         values: objects
@@ -196,7 +200,7 @@ fn chart(rows: &[Success]) -> Result<String, ChartError> {
             .collect(),
     });
     let captions = Captions {
-        title: "Candidates that hold, by object",
+        title: &title,
         x: "share of the candidates, with its 95 % interval [%]",
         y: "",
     };

@@ -264,7 +264,12 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     // One grasp has no spread.
     assert_eq!((row.spread_n, row.spread.palm_m), (0, 0.0));
     let svg = fs::read_to_string(success.join("rates.svg")).unwrap();
-    assert!(svg.contains(">can</text>"), "{svg}");
+    for text in [
+        ">can</text>",
+        ">Candidates of `test` that hold, by object</text>",
+    ] {
+        assert!(svg.contains(text), "{svg}");
+    }
     let said = Screen::describe(
         "success",
         &Summary {
