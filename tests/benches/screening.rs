@@ -16,7 +16,7 @@ mod options;
 mod python;
 mod thread_time;
 
-use std::{collections::BTreeMap, hint::black_box, time::Instant};
+use std::{collections::BTreeMap, fmt::Display, hint::black_box, time::Instant};
 
 use mujoco::{Engine, Mujoco, Rolled};
 use rayon::{ThreadPoolBuilder, prelude::*};
@@ -121,6 +121,11 @@ fn main() {
         };
         let same = (0..CANDIDATES).filter(is_same).count();
         println!("held or not: {same} of {CANDIDATES} agree");
+        let pairs = ours.iter().zip(&theirs).map(|((rollout, _), rolled)| {
+            let [here, there] = [rollout.verdict.as_str(), rolled.verdict.as_str()];
+            format!("{here} here and {there} there")
+        });
+        count("both", pairs);
         let theirs_s: f64 = theirs.iter().map(|rolled| rolled.cpu_s).sum();
         println!(
             "MuJoCo   {:8.3} ms of CPU per candidate",
@@ -141,8 +146,8 @@ fn main() {
 }
 
 /// Prints how often each verdict was given.
-fn count<'a>(who: &str, verdicts: impl Iterator<Item = &'a str>) {
-    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+fn count<T: Display + Ord>(who: &str, verdicts: impl Iterator<Item = T>) {
+    let mut counts: BTreeMap<T, usize> = BTreeMap::new();
     for verdict in verdicts {
         *counts.entry(verdict).or_default() += 1;
     }
