@@ -162,8 +162,8 @@ fn threads(template: &Template, protocol: &Protocol, motions: &[Motion]) {
     let mut cpus = [Vec::new(), Vec::new()];
     for _ in 0..ROUNDS {
         for (idx, pool) in pools.iter().enumerate() {
-            let cpu_s = || pool.broadcast(|_| thread_time::cpu_s()).iter().sum::<f64>();
-            let before = (Instant::now(), cpu_s());
+            let of_pool = || pool.broadcast(|_| thread_time::cpu_s()).iter().sum::<f64>();
+            let before = (Instant::now(), of_pool());
             pool.install(|| {
                 motions.par_iter().for_each(|motion| {
                     let rollout = template.rollout(motion, protocol, Record::Nothing);
@@ -171,7 +171,7 @@ fn threads(template: &Template, protocol: &Protocol, motions: &[Motion]) {
                 });
             });
             walls[idx].push(before.0.elapsed().as_secs_f64());
-            cpus[idx].push(cpu_s() - before.1);
+            cpus[idx].push(of_pool() - before.1);
         }
     }
     let least = |times: &[f64]| times.iter().copied().fold(f64::INFINITY, f64::min);
