@@ -33,7 +33,7 @@ fn an_unknown_key_is_shown_with_line_caret_and_near_name() {
     let says = [
         "error: unknown key `kl_wieght` in stage `train`",
         "edited.toml:",
-        "kl_wieght = 2e-2\n",
+        "kl_wieght = 2e-3\n",
         "^^^^^^^^^",
         "hint: did you mean `kl_weight`?",
         "pipeline stages train",

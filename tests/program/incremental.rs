@@ -44,7 +44,7 @@ fn a_changed_value_reruns_its_stage_and_what_follows_and_plan_names_it() {
     let plan = bench.command("plan", &change).output().unwrap();
     let text = stdout(&plan);
     assert!(
-        text.contains("`training.kl_weight` changed from 0.02 to 0.5"),
+        text.contains("`training.kl_weight` changed from 0.002 to 0.5"),
         "{text}"
     );
     assert!(
