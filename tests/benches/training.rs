@@ -19,6 +19,11 @@ mod python;
 use std::{env, thread, time::Duration};
 
 use contender::Contender;
+use mimalloc::MiMalloc;
+
+/// As in the program.
+#[global_allocator]
+static ALLOCATOR: MiMalloc = MiMalloc;
 
 /// Clouds of a step, points of a cloud.
 const CLOUDS: usize = 32;

@@ -21,12 +21,13 @@ mod cloud;
 mod kernel;
 mod moments;
 mod order;
+mod search;
 mod tape;
 
 use rayon::prelude::*;
 
 pub(crate) use self::tape::{Measured, features};
-use self::{cloud::Cloud, kernel::Packed, moments::Moments};
+use self::{cloud::Cloud, kernel::Packed, moments::Moments, search::Columns};
 use crate::{
     CgfError, config::Initialization, precision::narrow, random::Random, weights::Weights,
 };
@@ -227,7 +228,7 @@ struct Ladder<'a> {
     packed: Vec<Packed>,
     /// The last layer's matrix, rows of negative gain turned over: what is largest after
     /// normalization is largest in its products.
-    signed: Packed,
+    signed: Columns,
     /// As far as they are known.
     normalized: Vec<Normalized>,
     affine: Vec<Affine>,
@@ -245,7 +246,7 @@ impl<'a> Ladder<'a> {
         Self {
             layers,
             packed: layers[..net.last()].iter().skip(1).map(pack).collect(),
-            signed: Packed::new(top.outputs, top.inputs, |output, input| {
+            signed: Columns::new(top.outputs, top.inputs, |output, input| {
                 let weight = top.weight[output * top.inputs + input];
                 if top.gain[output] < 0.0 {
                     -weight

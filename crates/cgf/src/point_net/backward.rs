@@ -6,16 +6,20 @@
 )]
 
 mod critical;
+mod sums;
 
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use self::critical::Top;
+use self::{
+    critical::Top,
+    sums::{Place, Running, Sums},
+};
 use super::{
     EPSILON, Ladder, Layer, LayerGradient, Normalized, Pass, PointNet, Statistics,
     cloud::{BLOCK, Cloud},
-    kernel::{LANES, Packed, Pairs, Row, Sparse, correlate, project},
-    moments::{Moments, clear_beyond, dot, sum_of},
+    kernel::{LANES, Packed, Pairs, Row, Sparse, by_channels, correlate, project},
+    moments::{Moments, clear_beyond},
 };
 use crate::precision::{narrow, narrow_all};
 
@@ -94,99 +98,6 @@ struct Descent {
     sums: Sums,
     /// Gradient by the weight of the layer above.
     by_weight: Vec<f64>,
-}
-
-/// Sums over points of the gradient `g` by a layer's normalized output.
-struct Sums {
-    /// `Σ g`.
-    shift: Vec<f64>,
-    /// `Σ g (y − mean)`; of the first layer `Σ g xyz` instead, three for each output.
-    gain: Vec<f64>,
-}
-
-impl Sums {
-    fn new(layer: &Layer, idx: usize) -> Self {
-        Self {
-            shift: vec![0.0; layer.outputs],
-            gain: vec![0.0; if idx == 0 { 3 } else { 1 } * layer.outputs],
-        }
-    }
-
-    fn add(&mut self, other: &Self) {
-        add(&mut self.shift, &other.shift);
-        add(&mut self.gain, &other.gain);
-    }
-
-    /// Takes in a patch: sets `g` to zero where the output `x` was cut off and beyond the cloud's
-    /// points, and sums it.
-    fn absorb(&mut self, at: &Place, x: &[Row], g: &mut [Row]) {
-        Arch::new().dispatch(Absorb {
-            sums: self,
-            at,
-            x,
-            g,
-        });
-    }
-}
-
-struct Absorb<'a> {
-    sums: &'a mut Sums,
-    at: &'a Place<'a>,
-    x: &'a [Row],
-    g: &'a mut [Row],
-}
-
-impl WithSimd for Absorb<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { sums, at, x, g } = self;
-        for (g, x) in g.iter_mut().zip(x) {
-            for (g, &x) in g.iter_mut().zip(x) {
-                *g = if x > 0.0 { *g } else { 0.0 };
-            }
-        }
-        clear_beyond(g, at.cloud.points_of(at.patch));
-        for (sum, g) in sums.shift.iter_mut().zip(g.iter()) {
-            *sum += f64::from(sum_of(simd, g));
-        }
-        if at.idx == 0 {
-            let xyz = at.cloud.coordinates(at.patch);
-            for (sums, g) in sums.gain.chunks_exact_mut(3).zip(g.iter()) {
-                for (sum, x) in sums.iter_mut().zip(xyz) {
-                    *sum += f64::from(dot(simd, g, x, 0.0));
-                }
-            }
-        } else {
-            let y = at.cloud.linear(at.layer, at.idx, at.patch);
-            let sums = sums.gain.iter_mut().zip(&at.normalized.mean);
-            for ((g, y), (sum, &mean)) in g.iter().zip(y).zip(sums) {
-                *sum += f64::from(dot(simd, g, y, narrow(mean)));
-            }
-        }
-    }
-}
-
-/// Which patch of which cloud, at the output of which layer.
-struct Place<'a> {
-    cloud: &'a Cloud,
-    patch: usize,
-    idx: usize,
-    layer: &'a Layer,
-    normalized: &'a Normalized,
-}
-
-impl<'a> Place<'a> {
-    fn new(ladder: &'a Ladder, idx: usize, cloud: &'a Cloud, patch: usize) -> Self {
-        Self {
-            cloud,
-            patch,
-            idx,
-            layer: &ladder.layers[idx],
-            normalized: &ladder.normalized[idx],
-        }
-    }
 }
 
 /// `dy = scale g + slope y + constant` for each output of a layer: backward through batch
@@ -280,11 +191,12 @@ impl WithSimd for Apply<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn with_simd<S: Simd>(self, simd: S) {
         for ((by, y), factors) in self.by.iter_mut().zip(self.y).zip(self.factors) {
-            let [scale, slope, constant] = factors.map(narrow);
+            let [scale, slope, constant] = factors.map(|factor| simd.splat_f32s(narrow(factor)));
+            let (by, y) = (S::as_mut_simd_f32s(by).0, S::as_simd_f32s(y).0);
             for (by, &y) in by.iter_mut().zip(y) {
-                *by = scale * *by + slope * y + constant;
+                *by = simd.mul_add_e_f32s(scale, *by, simd.mul_add_e_f32s(slope, y, constant));
             }
         }
     }
@@ -305,17 +217,23 @@ impl Step<'_> {
         let layer = &self.ladder.layers[self.idx];
         let (inputs, outputs) = (layer.inputs, layer.outputs);
         let mut by = from.by;
-        let mut down = Descent {
-            by: Vec::new(),
-            sums: Sums::new(&self.ladder.layers[self.below], self.below),
-            by_weight: vec![0.0; outputs * inputs],
+        let below = &self.ladder.layers[self.below];
+        let mut running = Running::new(below, self.below);
+        let kept = if self.below > 0 {
+            cloud.patches() * inputs
+        } else {
+            0
         };
+        let mut down = Vec::with_capacity(kept);
+        let mut by_weight = vec![0.0; outputs * inputs];
         let (mut sparse, mut xs) = (Sparse::default(), Vec::new());
+        let mut channels = [Vec::new(), Vec::new()];
         let mut g = vec![[0.0; LANES]; inputs];
         let zeros = vec![0.0; inputs];
         let mut products = vec![0.0; outputs * inputs];
         for (block, by) in by.chunks_mut(BLOCK * outputs).enumerate() {
-            xs.resize(by.len() / outputs * inputs, [0.0; LANES]);
+            let n = by.len() / outputs;
+            xs.resize(n * inputs, [0.0; LANES]);
             let patches = block * BLOCK..;
             for ((patch, by), x) in patches
                 .zip(by.chunks_exact_mut(outputs))
@@ -327,17 +245,24 @@ impl Step<'_> {
                 sparse.take(by);
                 project(self.transposed, &sparse, &zeros, &mut g);
                 let place = Place::new(self.ladder, self.below, cloud, patch);
-                down.sums.absorb(&place, x, &mut g);
+                running.absorb(&place, x, &mut g);
                 if self.below > 0 {
-                    down.by.extend_from_slice(&g);
+                    down.extend_from_slice(&g);
                 }
             }
-            correlate((by, outputs), (&xs, inputs), Pairs::All, &mut products);
-            for (sum, &product) in down.by_weight.iter_mut().zip(&products) {
+            let [by_channel, x_channel] = &mut channels;
+            by_channels(by, outputs, by_channel);
+            by_channels(&xs, inputs, x_channel);
+            correlate(by_channel, x_channel, n, Pairs::All, &mut products);
+            for (sum, &product) in by_weight.iter_mut().zip(&products) {
                 *sum += f64::from(product);
             }
         }
-        down
+        Descent {
+            by: down,
+            sums: running.finish(),
+            by_weight,
+        }
     }
 }
 

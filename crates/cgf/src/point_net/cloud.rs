@@ -9,11 +9,11 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::{
     Affine, Ladder, Layer,
-    kernel::{LANES, Largest, Row, Sparse, project},
+    kernel::{LANES, Row, Sparse, project},
     moments::{Moments, Room},
     order::near_together,
+    search::Largest,
 };
-use crate::precision::row_index;
 
 /// Patches whose moments are measured together.
 pub(super) const BLOCK: usize = 32;
@@ -121,7 +121,8 @@ impl Cloud {
     pub(super) fn raise(&mut self, ladder: &Ladder, level: usize) {
         let mut room = Below::default();
         for level in 2..=level {
-            self.linear.push(Vec::new());
+            let below = ladder.layers[level - 1].outputs;
+            self.linear.push(Vec::with_capacity(self.patches() * below));
             for patch in 0..self.patches() {
                 self.raise_patch(ladder, level, patch, &mut room);
             }
@@ -138,7 +139,8 @@ impl Cloud {
         let (mut room, mut block) = (Below::default(), Vec::new());
         let raises = level >= 2 && self.linear.len() < level - 1;
         if raises {
-            self.linear.push(Vec::new());
+            let below = ladder.layers[level - 1].outputs;
+            self.linear.push(Vec::with_capacity(self.patches() * below));
         }
         for first in (0..self.patches()).step_by(BLOCK) {
             let patches = first..(first + BLOCK).min(self.patches());
@@ -149,22 +151,20 @@ impl Cloud {
                 }
                 self.input(ladder, level, patch, x);
                 if top {
-                    room.sparse.take(x);
-                    largest.search(&ladder.signed, &room.sparse, row_index(patch * LANES));
+                    largest.search(&ladder.signed, x, patch * LANES);
                 }
             }
             see(&block, patches.map(|patch| self.points_of(patch)).sum());
         }
         if top {
             let gain = &ladder.layers[level].gain;
-            self.attained = largest
-                .value
+            let (value, point) = largest.found();
+            self.attained = value
                 .iter()
                 .zip(gain)
                 .map(|(&value, &gain)| if gain < 0.0 { -value } else { value })
                 .collect();
-            self.critical = largest.point;
-            self.critical.truncate(gain.len());
+            self.critical = point;
         }
     }
 
@@ -224,14 +224,19 @@ impl WithSimd for FirstHidden<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let [x, y, z] = [&self.xyz[0], &self.xyz[1], &self.xyz[2]];
+    fn with_simd<S: Simd>(self, simd: S) {
+        let [x, y, z] = [0, 1, 2].map(|axis| S::as_simd_f32s(&self.xyz[axis]).0);
+        let zero = simd.splat_f32s(0.0);
         let weights = self.layer.weight.chunks_exact(3);
         let affine = self.affine.scale.iter().zip(&self.affine.offset);
         for ((out, w), (&scale, &offset)) in self.out.iter_mut().zip(weights).zip(affine) {
-            let [a, b, c] = [w[0] * scale, w[1] * scale, w[2] * scale];
-            for (k, out) in out.iter_mut().enumerate() {
-                *out = (a * x[k] + b * y[k] + c * z[k] + offset).max(0.0);
+            let [a, b, c] = [0, 1, 2].map(|axis| simd.splat_f32s(w[axis] * scale));
+            let offset = simd.splat_f32s(offset);
+            let (out, _) = S::as_mut_simd_f32s(out);
+            for (((out, &x), &y), &z) in out.iter_mut().zip(x).zip(y).zip(z) {
+                let sum = simd.mul_add_e_f32s(a, x, offset);
+                let sum = simd.mul_add_e_f32s(c, z, simd.mul_add_e_f32s(b, y, sum));
+                *out = simd.max_f32s(sum, zero);
             }
         }
     }
@@ -248,11 +253,14 @@ impl WithSimd for Hidden<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn with_simd<S: Simd>(self, simd: S) {
+        let zero = simd.splat_f32s(0.0);
         let affine = self.affine.scale.iter().zip(&self.affine.offset);
         for ((out, y), (&scale, &offset)) in self.out.iter_mut().zip(self.linear).zip(affine) {
+            let [scale, offset] = [scale, offset].map(|x| simd.splat_f32s(x));
+            let (out, y) = (S::as_mut_simd_f32s(out).0, S::as_simd_f32s(y).0);
             for (out, &y) in out.iter_mut().zip(y) {
-                *out = (scale * y + offset).max(0.0);
+                *out = simd.max_f32s(simd.mul_add_e_f32s(scale, y, offset), zero);
             }
         }
     }

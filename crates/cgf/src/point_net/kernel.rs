@@ -10,8 +10,6 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::precision::row_index;
-
 /// Points that are worked on together: a *patch*.
 pub(super) const LANES: usize = 16;
 
@@ -26,7 +24,6 @@ const GROUP: usize = 6;
 /// A matrix laid out for products with patches.
 pub(super) struct Packed {
     inputs: usize,
-    outputs: usize,
     /// For each group of outputs and each input, the group's entries; zero where there is no output.
     groups: Vec<[f32; GROUP]>,
 }
@@ -47,16 +44,7 @@ impl Packed {
                 })
             }));
         }
-        Self {
-            inputs,
-            outputs,
-            groups,
-        }
-    }
-
-    /// Outputs and what fills up their last group.
-    pub(super) fn padded(&self) -> usize {
-        self.outputs.next_multiple_of(GROUP)
+        Self { inputs, groups }
     }
 }
 
@@ -113,13 +101,41 @@ struct Project<'a> {
     out: &'a mut [Row],
 }
 
-impl Tiles for Project<'_> {
-    fn factors(&self) -> (&Packed, &Sparse) {
-        (self.weights, self.x)
-    }
+impl WithSimd for Project<'_> {
+    type Output = ();
 
     #[inline(always)]
-    fn take<S: Simd, const V: usize>(
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        // As many groups together as the registers hold.
+        match S::F32_LANES {
+            16 => self.run::<S, 1, 2>(simd),
+            8 => self.run::<S, 2, 1>(simd),
+            4 => self.run::<S, 4, 1>(simd),
+            _ => self.run::<S, LANES, 1>(simd),
+        }
+    }
+}
+
+impl Project<'_> {
+    /// Goes through all groups, `G` together, for each output `V` registers.
+    #[inline(always)]
+    fn run<S: Simd, const V: usize, const G: usize>(&mut self, simd: S) {
+        let mut group = 0;
+        while let Some(sums) = tile::<S, V, G>(simd, (self.weights, self.x), group) {
+            for sums in &sums {
+                self.store(simd, group * GROUP, sums);
+                group += 1;
+            }
+        }
+        while let Some([sums]) = tile::<S, V, 1>(simd, (self.weights, self.x), group) {
+            self.store(simd, group * GROUP, &sums);
+            group += 1;
+        }
+    }
+
+    /// Stores the products of a group of outputs, whose first has this number.
+    #[inline(always)]
+    fn store<S: Simd, const V: usize>(
         &mut self,
         simd: S,
         first: usize,
@@ -131,132 +147,6 @@ impl Tiles for Project<'_> {
             for (out, &sum) in out.iter_mut().zip(sums) {
                 *out = simd.add_f32s(sum, simd.splat_f32s(offset));
             }
-        }
-    }
-}
-
-impl WithSimd for Project<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) {
-        self.all(simd);
-    }
-}
-
-/// The largest product of each output so far, and the point that attained it.
-pub(super) struct Largest {
-    pub(super) value: Vec<f32>,
-    pub(super) point: Vec<u32>,
-}
-
-impl Largest {
-    pub(super) fn new(weights: &Packed) -> Self {
-        Self {
-            value: vec![f32::NEG_INFINITY; weights.padded()],
-            point: vec![0; weights.padded()],
-        }
-    }
-
-    /// Takes in the products with one patch, whose first point has the number `first`. Of equal ones
-    /// the point that came first stays.
-    pub(super) fn search(&mut self, weights: &Packed, x: &Sparse, first: u32) {
-        Arch::new().dispatch(Search {
-            weights,
-            x,
-            first,
-            largest: self,
-        });
-    }
-}
-
-struct Search<'a> {
-    weights: &'a Packed,
-    x: &'a Sparse,
-    first: u32,
-    largest: &'a mut Largest,
-}
-
-impl Tiles for Search<'_> {
-    fn factors(&self) -> (&Packed, &Sparse) {
-        (self.weights, self.x)
-    }
-
-    #[inline(always)]
-    fn take<S: Simd, const V: usize>(
-        &mut self,
-        simd: S,
-        first: usize,
-        sums: &[[S::f32s; V]; GROUP],
-    ) {
-        let Largest { value, point } = &mut *self.largest;
-        let known = value.iter_mut().zip(point).skip(first);
-        for (sums, (value, point)) in sums.iter().zip(known) {
-            let mut top = sums[0];
-            for &sum in &sums[1..] {
-                top = simd.max_f32s(top, sum);
-            }
-            let over = simd.greater_than_f32s(top, simd.splat_f32s(*value));
-            if simd.first_true_m32s(over) < S::F32_LANES {
-                let largest = simd.reduce_max_f32s(top);
-                let mut row = [0.0; LANES];
-                let (vectors, _) = S::as_mut_simd_f32s(&mut row);
-                vectors.copy_from_slice(sums);
-                let lane = row.iter().position(|&x| x >= largest).unwrap_or(0);
-                *value = largest;
-                *point = self.first + row_index(lane);
-            }
-        }
-    }
-}
-
-impl WithSimd for Search<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) {
-        self.all(simd);
-    }
-}
-
-/// Something that is done with the products of a matrix with a patch, group after group of outputs.
-trait Tiles {
-    /// The matrix and the patch.
-    fn factors(&self) -> (&Packed, &Sparse);
-
-    /// Takes the products of a group of outputs, whose first has this number: for each output `V`
-    /// registers.
-    fn take<S: Simd, const V: usize>(
-        &mut self,
-        simd: S,
-        first: usize,
-        sums: &[[S::f32s; V]; GROUP],
-    );
-
-    /// Goes through all groups, as many together as the registers hold.
-    #[inline(always)]
-    fn all<S: Simd>(&mut self, simd: S) {
-        match S::F32_LANES {
-            16 => self.run::<S, 1, 2>(simd),
-            8 => self.run::<S, 2, 1>(simd),
-            4 => self.run::<S, 4, 1>(simd),
-            _ => self.run::<S, LANES, 1>(simd),
-        }
-    }
-
-    /// Goes through all groups, `G` together.
-    #[inline(always)]
-    fn run<S: Simd, const V: usize, const G: usize>(&mut self, simd: S) {
-        let mut group = 0;
-        while let Some(sums) = tile::<S, V, G>(simd, self.factors(), group) {
-            for sums in &sums {
-                self.take(simd, group * GROUP, sums);
-                group += 1;
-            }
-        }
-        while let Some([sums]) = tile::<S, V, 1>(simd, self.factors(), group) {
-            self.take(simd, group * GROUP, &sums);
-            group += 1;
         }
     }
 }
@@ -293,51 +183,76 @@ pub(super) enum Pairs {
     Upper,
 }
 
-/// Sets `out` `(width of a, width of b)` to the sums over all points of the products of two panels'
-/// channels; a panel is patch after patch, channel after channel.
-pub(super) fn correlate(a: (&[Row], usize), b: (&[Row], usize), pairs: Pairs, out: &mut [f32]) {
-    Arch::new().dispatch(Correlate { a, b, pairs, out });
+/// Turns a panel, patch after patch, channel after channel, into channel after channel, patch after
+/// patch: what [`correlate`] reads lies together.
+pub(super) fn by_channels(panel: &[Row], width: usize, out: &mut Vec<Row>) {
+    let patches = panel.len() / width;
+    out.resize(panel.len(), [0.0; LANES]);
+    for (patch, rows) in panel.chunks_exact(width).enumerate() {
+        for (row, out) in rows.iter().zip(out.iter_mut().skip(patch).step_by(patches)) {
+            *out = *row;
+        }
+    }
+}
+
+/// Sets `out` `(width of a, width of b)` to the sums over all points of the products of channels, each
+/// of which has so many `patches`, one after the other.
+pub(super) fn correlate(a: &[Row], b: &[Row], patches: usize, pairs: Pairs, out: &mut [f32]) {
+    Arch::new().dispatch(Correlate {
+        a,
+        b,
+        patches,
+        pairs,
+        out,
+    });
 }
 
 struct Correlate<'a> {
-    a: (&'a [Row], usize),
-    b: (&'a [Row], usize),
+    a: &'a [Row],
+    b: &'a [Row],
+    patches: usize,
     pairs: Pairs,
     out: &'a mut [f32],
 }
-
-/// Channels of either side whose sums are kept in registers together.
-const LEFT: usize = 4;
-const RIGHT: usize = 3;
 
 impl WithSimd for Correlate<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let ((a, n_a), (b, n_b)) = (self.a, self.b);
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        // As many channels of either side as there are registers for their sums.
+        match S::F32_LANES {
+            16 => self.tiles::<S, 8, 3>(simd),
+            _ => self.tiles::<S, 4, 3>(simd),
+        }
+    }
+}
+
+impl Correlate<'_> {
+    #[inline(always)]
+    fn tiles<S: Simd, const LEFT: usize, const RIGHT: usize>(&mut self, simd: S) {
+        let (n_a, n_b) = (self.a.len() / self.patches, self.b.len() / self.patches);
         if n_a < LEFT || n_b < RIGHT {
             return self.plain();
         }
         for left in (0..n_a).step_by(LEFT) {
-            // The last block overlaps the one before it and finds the same again.
+            // The last tile overlaps the one before it and finds the same again.
             let left = left.min(n_a - LEFT);
             for right in (0..n_b).step_by(RIGHT) {
                 let right = right.min(n_b - RIGHT);
                 if self.pairs == Pairs::Upper && right + RIGHT <= left {
                     continue;
                 }
+                let a: [&[S::f32s]; LEFT] =
+                    std::array::from_fn(|i| channel::<S>(self.a, left + i, self.patches));
+                let b: [&[S::f32s]; RIGHT] =
+                    std::array::from_fn(|j| channel::<S>(self.b, right + j, self.patches));
                 let mut sums = [[simd.splat_f32s(0.0); RIGHT]; LEFT];
-                for (a, b) in a.chunks_exact(n_a).zip(b.chunks_exact(n_b)) {
-                    let a: [&[S::f32s]; LEFT] =
-                        std::array::from_fn(|i| S::as_simd_f32s(&a[left + i]).0);
-                    let b: [&[S::f32s]; RIGHT] =
-                        std::array::from_fn(|j| S::as_simd_f32s(&b[right + j]).0);
-                    for v in 0..LANES / S::F32_LANES {
-                        for (sums, a) in sums.iter_mut().zip(&a) {
-                            for (sum, b) in sums.iter_mut().zip(&b) {
-                                *sum = simd.mul_add_e_f32s(a[v], b[v], *sum);
-                            }
+                for v in 0..a[0].len() {
+                    let b: [S::f32s; RIGHT] = std::array::from_fn(|j| b[j][v]);
+                    for (sums, a) in sums.iter_mut().zip(&a) {
+                        for (sum, &b) in sums.iter_mut().zip(&b) {
+                            *sum = simd.mul_add_e_f32s(a[v], b, *sum);
                         }
                     }
                 }
@@ -349,18 +264,21 @@ impl WithSimd for Correlate<'_> {
             }
         }
     }
-}
 
-impl Correlate<'_> {
-    fn plain(self) {
-        let ((a, n_a), (b, n_b)) = (self.a, self.b);
-        self.out.fill(0.0);
-        for (a, b) in a.chunks_exact(n_a).zip(b.chunks_exact(n_b)) {
-            for (out, a) in self.out.chunks_exact_mut(n_b).zip(a) {
-                for (out, b) in out.iter_mut().zip(b) {
-                    *out += a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
-                }
+    fn plain(&mut self) {
+        let n_b = self.b.len() / self.patches;
+        for (i, a) in self.a.chunks_exact(self.patches).enumerate() {
+            for (j, b) in self.b.chunks_exact(self.patches).enumerate() {
+                let pairs = a.as_flattened().iter().zip(b.as_flattened());
+                self.out[i * n_b + j] = pairs.map(|(a, b)| a * b).sum();
             }
         }
     }
+}
+
+/// All numbers of a channel.
+#[inline(always)]
+fn channel<S: Simd>(channels: &[Row], channel: usize, patches: usize) -> &[S::f32s] {
+    let rows = &channels[channel * patches..(channel + 1) * patches];
+    S::as_simd_f32s(rows.as_flattened()).0
 }

@@ -24,16 +24,22 @@ impl Moments {
     /// differences from the panel's own mean, `f64` everything else.
     pub(super) fn measure(panel: &[Row], width: usize, n: usize, room: &mut Room) -> Self {
         let mut mean = vec![0.0; width];
-        room.centered.clear();
-        room.centered.extend_from_slice(panel);
+        room.centered.resize(panel.len(), [0.0; LANES]);
         Arch::new().dispatch(Center {
-            panel: &mut room.centered,
+            panel,
             n,
             mean: &mut mean,
+            centered: &mut room.centered,
         });
         room.products.resize(width * width, 0.0);
-        let centered = (room.centered.as_slice(), width);
-        correlate(centered, centered, Pairs::Upper, &mut room.products);
+        let (centered, patches) = (&room.centered, panel.len() / width);
+        correlate(
+            centered,
+            centered,
+            patches,
+            Pairs::Upper,
+            &mut room.products,
+        );
         let mut scatter = vec![0.0; width * width];
         for i in 0..width {
             for j in i..width {
@@ -146,12 +152,13 @@ pub(super) struct Room {
     products: Vec<f32>,
 }
 
-/// Measures the mean of each channel over the first `n` points of a panel, subtracts it, and sets what
-/// is beyond them to zero.
+/// Measures the mean of each channel over the first `n` points of a panel, and sets `centered` to the
+/// differences from it, channel after channel; what is beyond the `n` points is zero.
 struct Center<'a> {
-    panel: &'a mut [Row],
+    panel: &'a [Row],
     n: usize,
     mean: &'a mut [f64],
+    centered: &'a mut [Row],
 }
 
 impl WithSimd for Center<'_> {
@@ -159,25 +166,33 @@ impl WithSimd for Center<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { panel, n, mean } = self;
+        let Self {
+            panel,
+            n,
+            mean,
+            centered,
+        } = self;
         let width = mean.len();
-        for (patch, rows) in panel.chunks_exact_mut(width).enumerate() {
-            clear_beyond(rows, n - patch * LANES);
-            for (row, sum) in rows.iter().zip(mean.iter_mut()) {
-                *sum += f64::from(sum_of(simd, row));
+        let patches = panel.len() / width;
+        let channels = centered.chunks_exact_mut(patches).zip(mean).enumerate();
+        for (channel, (centered, mean)) in channels {
+            let rows = panel.iter().skip(channel).step_by(width);
+            for (centered, row) in centered.iter_mut().zip(rows) {
+                *centered = *row;
             }
-        }
-        for mean in mean.iter_mut() {
-            *mean /= n as f64;
-        }
-        for (patch, rows) in panel.chunks_exact_mut(width).enumerate() {
-            for (row, &mean) in rows.iter_mut().zip(mean.iter()) {
-                let mean = narrow(mean);
-                for x in row {
-                    *x -= mean;
-                }
+            centered.as_flattened_mut()[n..].fill(0.0);
+            let (values, _) = S::as_simd_f32s(centered.as_flattened());
+            let mut sum = simd.splat_f32s(0.0);
+            for &value in values {
+                sum = simd.add_f32s(sum, value);
             }
-            clear_beyond(rows, n - patch * LANES);
+            *mean = f64::from(simd.reduce_sum_f32s(sum)) / n as f64;
+            let mean = simd.splat_f32s(narrow(*mean));
+            let (values, _) = S::as_mut_simd_f32s(centered.as_flattened_mut());
+            for value in values {
+                *value = simd.sub_f32s(*value, mean);
+            }
+            centered.as_flattened_mut()[n..].fill(0.0);
         }
     }
 }
@@ -189,19 +204,6 @@ pub(super) fn sum_of<S: Simd>(simd: S, row: &Row) -> f32 {
     let mut sum = row[0];
     for &x in &row[1..] {
         sum = simd.add_f32s(sum, x);
-    }
-    simd.reduce_sum_f32s(sum)
-}
-
-/// `Σ g (y − mean)` of a row.
-#[inline(always)]
-pub(super) fn dot<S: Simd>(simd: S, g: &Row, y: &Row, mean: f32) -> f32 {
-    let mean = simd.splat_f32s(mean);
-    let (g, _) = S::as_simd_f32s(g);
-    let (y, _) = S::as_simd_f32s(y);
-    let mut sum = simd.splat_f32s(0.0);
-    for (&g, &y) in g.iter().zip(y) {
-        sum = simd.mul_add_e_f32s(g, simd.sub_f32s(y, mean), sum);
     }
     simd.reduce_sum_f32s(sum)
 }

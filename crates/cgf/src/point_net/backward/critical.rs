@@ -4,7 +4,7 @@
 use pulp::Arch;
 use rayon::prelude::*;
 
-use super::{Descent, Place, Sums};
+use super::{Descent, Place, Running};
 use crate::{
     point_net::{
         EPSILON, Ladder, LayerGradient,
@@ -123,11 +123,13 @@ impl Top {
     ) -> Descent {
         let width = ladder.layers[below].outputs;
         let critical = &self.critical[number];
-        let mut down = Descent {
-            by: Vec::new(),
-            sums: Sums::new(&ladder.layers[below], below),
-            by_weight: Vec::new(),
+        let mut running = Running::new(&ladder.layers[below], below);
+        let kept = if below > 0 {
+            cloud.patches() * width
+        } else {
+            0
         };
+        let mut down = Vec::with_capacity(kept);
         let mut x = vec![[0.0; LANES]; width];
         let mut g = vec![[0.0; LANES]; width];
         let mut sparse = Sparse::default();
@@ -152,12 +154,16 @@ impl Top {
                 }
             }
             let place = Place::new(ladder, below, cloud, patch);
-            down.sums.absorb(&place, &x, &mut g);
+            running.absorb(&place, &x, &mut g);
             if below > 0 {
-                down.by.extend_from_slice(&g);
+                down.extend_from_slice(&g);
             }
         }
-        down
+        Descent {
+            by: down,
+            sums: running.finish(),
+            by_weight: Vec::new(),
+        }
     }
 }
 
