@@ -9,7 +9,7 @@ use schemas::{
     objects::Object,
     rollouts,
 };
-use simulation::{Motion, ObjectShape, Record, Rollout, SimulationError, Template};
+use simulation::{JointRates, Motion, ObjectShape, Record, Rollout, SimulationError, Template};
 use spatial::{Pose, Rest, Table};
 
 use crate::ScreenConfig;
@@ -93,21 +93,28 @@ impl<'a> Screening<'a> {
     /// Returns a candidate's motion with the joints in the hand's order.
     fn motion(&self, candidate: &Candidate) -> Motion {
         let steps = &candidate.steps;
+        let in_order = |numbers: &[f64]| -> Vec<f64> {
+            let columns = self.columns.iter();
+            columns
+                .filter_map(|&column| numbers.get(column).copied())
+                .collect()
+        };
         Motion {
             time_s: steps.iter().map(|step| step.time_s).collect(),
             object_from_palm: steps
                 .iter()
                 .map(|step| *step.object_from_palm.isometry())
                 .collect(),
-            q: steps
-                .iter()
-                .map(|step| {
-                    self.columns
-                        .iter()
-                        .filter_map(|&column| step.q_rad.get(column).copied())
-                        .collect()
-                })
-                .collect(),
+            q: steps.iter().map(|step| in_order(&step.q_rad)).collect(),
+            rates: Some(
+                steps
+                    .iter()
+                    .map(|step| JointRates {
+                        velocity: in_order(&step.rates.q_velocity_rad_per_s),
+                        acceleration: in_order(&step.rates.q_acceleration_rad_per_s2),
+                    })
+                    .collect(),
+            ),
         }
     }
 }

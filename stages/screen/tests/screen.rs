@@ -13,7 +13,7 @@ use schemas::{
     rollouts::{self, Rollout, Verdict},
     success,
 };
-use simulation::{Approach, DriveConfig, Offset, Protocol, SceneConfig};
+use simulation::{Approach, ControllerKind, DriveConfig, Offset, Protocol, SceneConfig};
 use spatial::{Pose, Rest};
 use stage_screen::{Screen, ScreenConfig, ScreenError};
 
@@ -32,12 +32,14 @@ fn config() -> ScreenConfig {
         scene: SceneConfig {
             friction: 1.0,
             mass_scale: 1.0,
+            hand_mass_scale: 1.0,
             object_offset: Offset::default(),
             time_step_s: 0.004,
             steps_per_control: 5,
             prediction_m: 0.002,
             settle_s: 1.0,
             drive: DriveConfig {
+                controller: ControllerKind::Pd,
                 stiffness: 20.0,
                 damping: 1.0,
                 torque_limit: 0.7,
