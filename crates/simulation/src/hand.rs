@@ -1,7 +1,10 @@
 //! The hand as a multibody: a palm that follows its path and fingers that are driven.
 
 mod bodies;
+#[cfg(test)]
+mod closed_forms;
 mod controller;
+mod feedforward;
 
 use nalgebra::Isometry3;
 use rapier3d::{
@@ -11,7 +14,7 @@ use rapier3d::{
         MultibodyLink, RigidBodyBuilder, RigidBodyHandle,
     },
 };
-use robot::{JointKind, RobotModel};
+use robot::{Bodies, JointKind, RobotModel};
 
 pub(crate) use self::bodies::engine_shape;
 use self::{
@@ -39,6 +42,8 @@ pub(crate) struct Hand {
     drives: Vec<Drive>,
     /// Index into `drives` of each independent joint.
     joints: Vec<usize>,
+    /// What the controller knows of masses and inertias.
+    dynamics: Bodies,
 }
 
 /// The drive of one movable link.
@@ -57,12 +62,31 @@ struct Drive {
     controller: Controller,
 }
 
+/// What carries the palm.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum PalmJoint {
+    /// It follows its path whatever acts on it.
+    Driven,
+    /// Nothing: it flies.
+    #[cfg(test)]
+    Free,
+}
+
 impl Hand {
     /// Puts the hand into the world, waiting high above the table with all joints at zero.
     pub(crate) fn insert(
         world: &mut World,
         scene: &SceneConfig,
         model: &RobotModel,
+    ) -> Result<Self, SimulationError> {
+        Self::insert_on(world, scene, model, PalmJoint::Driven)
+    }
+
+    fn insert_on(
+        world: &mut World,
+        scene: &SceneConfig,
+        model: &RobotModel,
+        palm: PalmJoint,
     ) -> Result<Self, SimulationError> {
         if model.links().iter().all(|link| link.collisions.is_empty()) {
             return Err(SimulationError::NoCollisions);
@@ -77,7 +101,11 @@ impl Hand {
                 RigidBodyBuilder::dynamic()
                     .gravity_scale(0.0)
                     .can_sleep(false)
-                    .additional_mass_properties(mass_properties(model, group)?),
+                    .additional_mass_properties(mass_properties(
+                        model,
+                        group,
+                        scene.hand_mass_scale,
+                    )?),
             );
             for (link, body_from_link) in &group.links {
                 body_of_link[*link] = (idx, *body_from_link);
@@ -103,9 +131,14 @@ impl Hand {
                 None => {
                     let free = GenericJointBuilder::new(JointAxesMask::empty())
                         .local_frame1(Pose::translation(0.0, 0.0, real(PARKING_HEIGHT_M)));
-                    world
-                        .multibodies
-                        .insert_kinematic(anchor, body, free.build(), true)
+                    let joints = &mut world.multibodies;
+                    match palm {
+                        PalmJoint::Driven => {
+                            joints.insert_kinematic(anchor, body, free.build(), true)
+                        }
+                        #[cfg(test)]
+                        PalmJoint::Free => joints.insert(anchor, body, free.build(), true),
+                    }
                 }
                 Some((parent, parent_body_from_parent)) => world.multibodies.insert(
                     bodies[parent],
@@ -132,6 +165,9 @@ impl Hand {
             palm: 1,
             drives: Vec::new(),
             joints: Vec::new(),
+            dynamics: Bodies::new(model)
+                .with_mass_scale(scene.hand_mass_scale)
+                .with_armature(scene.drive.armature),
         };
         hand.configure(world, scene, model, &groups);
         Ok(hand)
@@ -238,6 +274,7 @@ impl Hand {
             };
             let spring = drive.controller.spring(
                 drive.multiplier * real(*command) + drive.offset,
+                0.0,
                 coordinate(multibody, drive),
                 multibody.generalized_velocity()[drive.coordinate],
             );
@@ -344,7 +381,7 @@ mod tests {
     use crate::testing;
 
     /// A palm with one finger of 10 cm along x that turns about y, down where positive.
-    const FINGER: &str = r#"<robot name="finger">
+    pub(super) const FINGER: &str = r#"<robot name="finger">
         <link name="palm">
           <inertial><mass value="1"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/></inertial>
         </link>
@@ -364,7 +401,7 @@ mod tests {
         </joint>
       </robot>"#;
 
-    fn finger(scene: &SceneConfig) -> (World, Hand) {
+    pub(super) fn finger(scene: &SceneConfig) -> (World, Hand) {
         let model = RobotModel::from_urdf(FINGER).unwrap();
         let mut world = World::empty(scene);
         let hand = Hand::insert(&mut world, scene, &model).unwrap();

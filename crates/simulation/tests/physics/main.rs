@@ -2,6 +2,7 @@
 //! agreement with recorded verdicts of another engine.
 
 mod errors;
+mod feedforward;
 mod grasps;
 mod recorded;
 mod scene;
