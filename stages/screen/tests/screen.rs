@@ -424,7 +424,11 @@ fn a_mistaken_place_spoils_grasps_the_more_the_larger_and_the_same_again() {
                 ..good.clone()
             })
             .collect();
-        made(run(&config, &can(0.35), &candidates, folder.path()).unwrap());
+        // Its extent is that of its points.
+        let mut can = can(0.35);
+        can.points_m.clone_from(&can.vertices_m);
+        can.normals = vec![[1.0, 0.0, 0.0]; can.points_m.len()];
+        made(run(&config, &can, &candidates, folder.path()).unwrap());
         rows(folder.path())
     };
     let held = |rows: &[Rollout]| rows.iter().filter(|r| r.verdict == Verdict::Held).count();
