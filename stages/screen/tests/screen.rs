@@ -13,7 +13,9 @@ use schemas::{
     rollouts::{self, Rollout, Verdict},
     success,
 };
-use simulation::{Approach, DriveConfig, Offset, Protocol, SceneConfig};
+use simulation::{
+    Approach, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Shortcuts, Trial,
+};
 use spatial::{Pose, Rest};
 use stage_screen::{Screen, ScreenConfig, ScreenError};
 
@@ -44,6 +46,7 @@ fn config() -> ScreenConfig {
                 armature: 0.001,
                 stop_stiffness: 200.0,
             },
+            shortcuts: Shortcuts::ALL,
         },
         protocol: Protocol {
             approach: Approach::Open,
@@ -65,6 +68,8 @@ fn config() -> ScreenConfig {
             limit_tolerance_rad: 0.1,
             table_tolerance_m: 0.01,
             early_tolerance_m: 0.02,
+            trial: Trial::Lift,
+            pull: PullConfig::default(),
         },
     }
 }
