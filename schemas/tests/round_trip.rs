@@ -21,6 +21,18 @@ fn pose<To, From>(x: f64) -> Pose<To, From> {
     Pose::from_array(pose.to_array()).unwrap()
 }
 
+fn variations(first: f64) -> rollouts::Variations {
+    let variation = |first: f64| rollouts::Variation {
+        position: first,
+        velocity: first + 1.0,
+        acceleration: first + 2.0,
+    };
+    rollouts::Variations {
+        joints: variation(first),
+        cartesian: variation(first + 3.0),
+    }
+}
+
 fn joints() -> Vec<String> {
     ["joint_0", "joint_1"].map(str::to_owned).to_vec()
 }
@@ -270,6 +282,11 @@ fn rollouts_and_executions_read_back() {
             displacement_m: 0.002,
             penetration_m: 0.0005,
             contacts_n: 4,
+            smoothness: rollouts::Smoothness {
+                paper: variations(1.0),
+                released: variations(10.0),
+                robust: variations(100.0),
+            },
         })
         .collect();
     let batch = rollouts::to_batch(&rollouts).unwrap();

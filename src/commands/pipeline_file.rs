@@ -23,6 +23,13 @@ pub(crate) fn read_with(
     parse(kinds, file, values, &single(values)?)
 }
 
+/// Returns the lists of values to go through: those of the file, then those that are given.
+pub(crate) fn sweeps(args: &PipelineArgs) -> Result<Vec<Sweep>, Trouble> {
+    let mut sweeps = Sweep::in_file(&args.file, &read_text(&args.file)?)?;
+    sweeps.extend(args.values.overrides.iter().cloned());
+    Ok(sweeps)
+}
+
 /// Reads and checks the file, and lets every `dispatch` in it move a real robot.
 pub(crate) fn read_to_execute(kinds: &[Kind], args: &PipelineArgs) -> Result<Pipeline, Trouble> {
     let pipeline = read(kinds, args)?;
@@ -51,14 +58,18 @@ fn parse(
     values: &ValueArgs,
     overrides: &[Override],
 ) -> Result<Pipeline, Trouble> {
-    let source = fs::read_to_string(path).map_err(|err| {
+    let source = read_text(path)?;
+    let profile = values.profile.as_deref();
+    Ok(Pipeline::parse(path, &source, kinds, profile, overrides)?)
+}
+
+fn read_text(path: &Path) -> Result<String, Trouble> {
+    fs::read_to_string(path).map_err(|err| {
         Trouble::usage(
             format!("cannot read the pipeline file `{}`: {err}", path.display()),
             "name a pipeline file, e.g. `pipelines/cgf.toml`",
         )
-    })?;
-    let profile = values.profile.as_deref();
-    Ok(Pipeline::parse(path, &source, kinds, profile, overrides)?)
+    })
 }
 
 /// Returns what to run and how.

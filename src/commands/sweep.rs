@@ -1,4 +1,4 @@
-//! Going through the variants that `--set` asks for.
+//! Going through the variants that the pipeline file or `--set` asks for.
 
 use std::time::Instant;
 
@@ -39,11 +39,7 @@ pub(crate) fn each(
     args: &PipelineArgs,
     command: impl Fn(PipelineArgs) -> Result<Done, Trouble>,
 ) -> Result<Outcome, Trouble> {
-    let variants = Sweep::variants(&args.values.overrides);
-    if variants.len() <= 1 {
-        return command(args.clone()).map(|done| done.outcome);
-    }
-    let variants: Vec<(String, PipelineArgs)> = variants
+    let mut variants: Vec<(String, PipelineArgs)> = Sweep::variants(&pipeline_file::sweeps(args)?)
         .into_iter()
         .map(|variant| {
             let values = ValueArgs {
@@ -57,6 +53,11 @@ pub(crate) fn each(
             (variant.label, args)
         })
         .collect();
+    if variants.len() == 1
+        && let Some((_, only)) = variants.pop()
+    {
+        return command(only).map(|done| done.outcome);
+    }
     // A value that cannot be is found before the first variant takes its time.
     for (_, args) in &variants {
         pipeline_file::read(program.kinds, args)?;

@@ -13,7 +13,7 @@ use std::{
     time::Instant,
 };
 
-use schemas::rollouts::{self, Rollout, Verdict};
+use schemas::rollouts::{self, Rollout, Smoothness, Verdict};
 
 /// Rows of the table, if `ROLLOUTS` does not say.
 const ROWS: usize = 1_000_000;
@@ -92,6 +92,7 @@ fn rollout(object: &str, row: usize) -> Rollout {
         displacement_m: 2e-2 * number,
         penetration_m: 3e-3 * number,
         contacts_n: 6,
+        smoothness: Smoothness::default(),
     }
 }
 

@@ -11,4 +11,5 @@ mod interpolation;
 mod questions;
 mod repeatable;
 mod retargeting;
+mod studies;
 mod sweeps;

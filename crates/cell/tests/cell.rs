@@ -9,7 +9,8 @@ use cell::{
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use schemas::executions::Outcome;
 use simulation::{
-    Approach, DriveConfig, ObjectShape, Offset, Protocol, PullConfig, SceneConfig, Shortcuts, Trial,
+    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, PullConfig, SceneConfig,
+    Shortcuts, Trial,
 };
 use spatial::{Pose, Rest};
 use zenoh::Wait;
@@ -29,12 +30,14 @@ fn scene() -> SceneConfig {
     SceneConfig {
         friction: 1.0,
         mass_scale: 1.0,
+        hand_mass_scale: 1.0,
         object_offset: Offset::default(),
         time_step_s: 0.002,
         steps_per_control: 5,
         prediction_m: 0.002,
         settle_s: 0.5,
         drive: DriveConfig {
+            controller: ControllerKind::Pd,
             stiffness: 2000.0,
             damping: 60.0,
             torque_limit: 20.0,

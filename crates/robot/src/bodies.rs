@@ -12,6 +12,8 @@ use crate::{Inertial, JointKind, RobotModel, WrongDof};
 pub struct Bodies {
     pub(crate) bodies: Vec<Body>,
     pub(crate) dof: usize,
+    /// Inertia of the motor's rotor as felt at each moving joint, in kg m² (kg if prismatic).
+    pub(crate) armature: f64,
 }
 
 /// A body and the joint that moves it.
@@ -265,7 +267,28 @@ impl Bodies {
         Self {
             bodies,
             dof: model.dof(),
+            armature: 0.0,
         }
+    }
+
+    /// Gives every joint, those that mimic others too, a motor whose rotor is felt there as this
+    /// inertia, in kg m² (kg if prismatic); its gyroscopic effect is not part of the model
+    /// (Featherstone, *Rigid Body Dynamics Algorithms*, 2008, §9.6).
+    #[must_use]
+    pub fn with_armature(self, armature: f64) -> Self {
+        Self { armature, ..self }
+    }
+
+    /// Makes every mass, and so every inertia, this many times as great.
+    #[must_use]
+    pub fn with_mass_scale(mut self, scale: f64) -> Self {
+        for body in &mut self.bodies {
+            let inertia = &mut body.inertia;
+            inertia.mass *= scale;
+            inertia.moment *= scale;
+            inertia.inertia *= scale;
+        }
+        self
     }
 
     /// Returns the mass of all bodies in kilograms.

@@ -38,7 +38,8 @@ impl Bodies {
     /// (Featherstone 2008, table 5.1).
     ///
     /// `gravity` is the acceleration of a falling body in the world's frame, in m/s².
-    /// Friction and the rotors of the motors are not part of the model.
+    /// Friction is not part of the model, and the rotors of the motors are if
+    /// [`Bodies::with_armature`] gave them an inertia.
     ///
     /// # Errors
     ///
@@ -49,6 +50,40 @@ impl Bodies {
         motion: &JointMotion<'_>,
         gravity: &Vector3<f64>,
     ) -> Result<Efforts, WrongDof> {
+        let (root, of_links) = self.efforts(root, motion, gravity)?;
+        let mut joints = DVector::zeros(self.dof);
+        let moving = self.bodies.iter().filter_map(|body| body.joint.as_ref());
+        for (joint, effort) in moving.zip(of_links) {
+            joints[joint.number] += joint.multiplier * effort;
+        }
+        Ok(Efforts { root, joints })
+    }
+
+    /// Returns what has to act in the joint of each moving link, in the order of the links, those that
+    /// mimic another's joint too: torque in Nm about the link's own axis (force in N if prismatic).
+    ///
+    /// What [`Bodies::inverse_dynamics`] adds up where several links move as one.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a slice does not hold exactly one number per independent joint.
+    pub fn link_efforts(
+        &self,
+        root: &Root,
+        motion: &JointMotion<'_>,
+        gravity: &Vector3<f64>,
+    ) -> Result<Vec<f64>, WrongDof> {
+        self.efforts(root, motion, gravity)
+            .map(|(_, of_links)| of_links)
+    }
+
+    /// Returns what acts on the root, and in the joint of each moving link.
+    fn efforts(
+        &self,
+        root: &Root,
+        motion: &JointMotion<'_>,
+        gravity: &Vector3<f64>,
+    ) -> Result<(Vector6<f64>, Vec<f64>), WrongDof> {
         let parent_from_bodies = self.parent_from_bodies(motion.q)?;
         self.check(motion.velocity)?;
         self.check(motion.acceleration)?;
@@ -87,19 +122,19 @@ impl Bodies {
             velocities[idx] = velocity;
             accelerations[idx] = acceleration;
         }
-        let mut joints = DVector::zeros(self.dof);
+        let mut of_links = Vec::with_capacity(n);
         for idx in (0..n).rev() {
             let body = &self.bodies[idx];
             if let Some(joint) = &body.joint {
-                joints[joint.number] += joint.multiplier * joint.unit_motion().dot(&forces[idx]);
+                let rotor = joint.multiplier * motion.acceleration[joint.number] * self.armature;
+                of_links.push(joint.unit_motion().dot(&forces[idx]) + rotor);
                 let on_parent = forces[idx].force_in_parent(&parent_from_bodies[idx]);
                 forces[body.parent] = forces[body.parent].plus(on_parent);
             }
         }
-        Ok(Efforts {
-            root: forces.first().map_or_else(Vector6::zeros, Spatial::vector),
-            joints,
-        })
+        of_links.reverse();
+        let root = forces.first().map_or_else(Vector6::zeros, Spatial::vector);
+        Ok((root, of_links))
     }
 
     /// Returns what holds the robot still against gravity.
@@ -158,6 +193,7 @@ impl Bodies {
             let unit = joint.unit_motion();
             let mut force = composites[idx].times(&unit).times(joint.multiplier);
             matrix[(row, row)] += joint.multiplier * unit.dot(&force);
+            matrix[(row, row)] += joint.multiplier.powi(2) * self.armature;
             let mut current = idx;
             while let Some(_joint) = &self.bodies[current].joint {
                 force = force.force_in_parent(&parent_from_bodies[current]);

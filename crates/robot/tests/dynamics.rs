@@ -129,7 +129,7 @@ proptest! {
     ) {
         for model in robots() {
             let n = model.dof();
-            let bodies = Bodies::new(&model);
+            let bodies = Bodies::new(&model).with_armature(0.02).with_mass_scale(1.5);
             let efforts = |acceleration: &[f64]| {
                 let root = Root {
                     world_from_root,
@@ -316,6 +316,96 @@ fn free_robot_in_free_fall_keeps_its_momentum() {
     let drift = (momentum(&root, &q, &velocity) - before).norm() / before.norm();
     assert!(drift < 1e-3, "{drift}");
     assert!(before.norm() > 0.1);
+}
+
+/// Two rods that hang on each other and swing in one plane, against the equations of motion that
+/// Lagrange's method gives (Spong, Hutchinson and Vidyasagar, *Robot Modeling and Control*, 2006,
+/// §6.4, with angles from the vertical).
+#[test]
+fn double_pendulum_moves_by_the_equations_of_lagrange() {
+    let (m1, m2, l1, c1, c2, i1, i2) = (0.7, 0.4, 0.3, 0.12, 0.2, 3e-3, 2e-3);
+    let rod = |name: &str, mass: f64, center: f64, inertia: f64| {
+        format!(
+            r#"<link name="{name}"><inertial><origin xyz="0 0 -{center}"/><mass value="{mass}"/><inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="1e-3"/></inertial></link>"#
+        )
+    };
+    let hinge = |name: &str, parent: &str, child: &str, z: f64| {
+        format!(
+            r#"<joint name="{name}" type="continuous"><origin xyz="0 0 {z}"/><parent link="{parent}"/><child link="{child}"/><axis xyz="1 0 0"/></joint>"#
+        )
+    };
+    let urdf = format!(
+        r#"<robot name="pendulum"><link name="base"/>{}{}{}{}</robot>"#,
+        rod("upper", m1, c1, i1),
+        rod("lower", m2, c2, i2),
+        hinge("shoulder", "base", "upper", 0.0),
+        hinge("elbow", "upper", "lower", -l1),
+    );
+    let rotor = 5e-3;
+    let bodies = Bodies::new(&RobotModel::from_urdf(&urdf).unwrap()).with_armature(rotor);
+    for [q1, q2, v1, v2, a1, a2] in [
+        [0.3, -0.8, 1.5, -2.5, 4.0, 7.0],
+        [2.0, 1.1, -3.0, 0.5, -6.0, 1.0],
+        [-1.2, 0.0, 0.0, 2.0, 0.0, -9.0],
+    ] {
+        let g = 9.81;
+        let (sin, cos) = f64::sin_cos(q2);
+        let m22 = i2 + m2 * c2 * c2;
+        let m12 = m22 + m2 * l1 * c2 * cos;
+        let m11 = i1 + m1 * c1 * c1 + m2 * l1 * l1 + m22 + 2.0 * m2 * l1 * c2 * cos;
+        let h = m2 * l1 * c2 * sin;
+        let weight2 = m2 * g * c2 * (q1 + q2).sin();
+        let weight1 = (m1 * c1 + m2 * l1) * g * q1.sin() + weight2;
+        let expected = [
+            (m11 + rotor) * a1 + m12 * a2 - h * (2.0 * v1 * v2 + v2 * v2) + weight1,
+            m12 * a1 + (m22 + rotor) * a2 + h * v1 * v1 + weight2,
+        ];
+        let motion = JointMotion {
+            q: &[q1, q2],
+            velocity: &[v1, v2],
+            acceleration: &[a1, a2],
+        };
+        let root = Root::still(Isometry3::identity());
+        let found = bodies.inverse_dynamics(&root, &motion, &GRAVITY).unwrap();
+        for (found, expected) in found.joints.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+        }
+        let of_links = bodies.link_efforts(&root, &motion, &GRAVITY).unwrap();
+        assert_eq!(of_links, found.joints.as_slice());
+    }
+}
+
+/// What moves several links takes the sum of what each of them takes, by its gearing.
+#[test]
+fn a_joint_takes_what_its_links_take_together() {
+    let model = RobotModel::from_urdf(ROBOTS[1]).unwrap();
+    let bodies = Bodies::new(&model).with_armature(0.01);
+    let numbers = |factor: f64| -> Vec<f64> {
+        (0..model.dof())
+            .map(|joint| (factor * (1.0 + joint as f64)).sin())
+            .collect()
+    };
+    let (q, velocity, acceleration) = (numbers(1.3), numbers(2.1), numbers(3.7));
+    let motion = JointMotion {
+        q: &q,
+        velocity: &velocity,
+        acceleration: &acceleration,
+    };
+    let root = Root::still(Isometry3::identity());
+    let together = bodies.inverse_dynamics(&root, &motion, &GRAVITY).unwrap();
+    let alone = bodies.link_efforts(&root, &motion, &GRAVITY).unwrap();
+    let mut sums = vec![0.0; model.dof()];
+    let moving = model.links().iter().filter(|link| link.kind.is_some());
+    let mut followers = 0;
+    for (link, effort) in moving.zip(&alone) {
+        let joint = link.joint.unwrap();
+        sums[joint] += link.multiplier * effort;
+        followers += usize::from(model.joints()[joint].link != model.link(&link.name).unwrap());
+    }
+    assert!(followers > 0);
+    for (sum, joint) in sums.iter().zip(&together.joints) {
+        assert!((sum - joint).abs() < 1e-12, "{sum} {joint}");
+    }
 }
 
 #[test]

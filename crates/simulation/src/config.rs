@@ -14,6 +14,8 @@ pub struct SceneConfig {
     pub friction: f64,
     /// Factor on the object's true mass and inertia.
     pub mass_scale: f64,
+    /// Factor on the masses and inertias of the hand's links, of which its controller knows.
+    pub hand_mass_scale: f64,
     /// Where the object really lies, relative to where the motion believes it to lie.
     pub object_offset: Offset,
     /// Physics time step in seconds.
@@ -51,11 +53,13 @@ pub struct Offset {
     pub yaw_rad: f64,
 }
 
-/// The drive of each finger joint: `torque = stiffness (command − q) − damping q̇`, clamped.
+/// The drive of each finger joint: a torque that a [`ControllerKind`] asks for, clamped.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct DriveConfig {
+    /// What torque is asked for: that of `pd`, or of `pd_feedforward`.
+    pub controller: ControllerKind,
     /// Stiffness in newton meters per radian.
     pub stiffness: f64,
     /// Damping in newton meter seconds per radian.
@@ -66,6 +70,23 @@ pub struct DriveConfig {
     pub armature: f64,
     /// Stiffness of the mechanical end stops in newton meters per radian.
     pub stop_stiffness: f64,
+}
+
+/// What torque a finger's drive asks for, at a joint at `q` that shall be at `q_d`.
+///
+/// Both are integrated implicitly and clamped to the torque limit as a whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum ControllerKind {
+    /// A spring to the command and a brake: `stiffness (q_d − q) − damping q̇`, the command held over
+    /// each control step.
+    Pd,
+    /// The torque of the motion itself, and a spring and a damper to it:
+    /// `ID(q̈_d, q, q̇) + stiffness (q_d − q) + damping (q̇_d − q̇)` with the hand's inverse dynamics
+    /// ID, armature included (Ye et al., *Learning Continuous Grasping Function with a Dexterous Hand
+    /// from Human Demonstrations*, 2023, section III). `q_d` is followed between control steps too.
+    PdFeedforward,
 }
 
 /// How the fingers behave while the palm follows its path.

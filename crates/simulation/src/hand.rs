@@ -6,7 +6,10 @@
 //! are none of theirs any more.
 
 mod bodies;
+#[cfg(test)]
+mod closed_forms;
 mod controller;
+mod feedforward;
 
 use nalgebra::Isometry3;
 use rapier3d::{
@@ -17,7 +20,7 @@ use rapier3d::{
         RigidBodyHandle, RigidBodyType,
     },
 };
-use robot::{JointKind, RobotModel};
+use robot::{Bodies, JointKind, RobotModel};
 
 pub(crate) use self::bodies::engine_shape;
 use self::{
@@ -46,6 +49,8 @@ pub(crate) struct Hand {
     drives: Vec<Drive>,
     /// Index into `drives` of each independent joint.
     joints: Vec<usize>,
+    /// What the controller knows of masses and inertias.
+    dynamics: Bodies,
 }
 
 /// The root of a finger's multibody.
@@ -70,12 +75,31 @@ struct Drive {
     controller: Controller,
 }
 
+/// What carries the palm.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum PalmJoint {
+    /// It follows its path whatever acts on it.
+    Driven,
+    /// Nothing: it flies.
+    #[cfg(test)]
+    Free,
+}
+
 impl Hand {
     /// Puts the hand into the world, waiting high above the table with all joints at zero.
     pub(crate) fn insert(
         world: &mut World,
         scene: &SceneConfig,
         model: &RobotModel,
+    ) -> Result<Self, SimulationError> {
+        Self::insert_on(world, scene, model, PalmJoint::Driven)
+    }
+
+    fn insert_on(
+        world: &mut World,
+        scene: &SceneConfig,
+        model: &RobotModel,
+        palm: PalmJoint,
     ) -> Result<Self, SimulationError> {
         if model.links().iter().all(|link| link.collisions.is_empty()) {
             return Err(SimulationError::NoCollisions);
@@ -85,15 +109,16 @@ impl Hand {
         let mut body_of_link = vec![(0, Isometry3::identity()); model.links().len()];
         let mut roots = Vec::new();
         let parking = Pose::translation(0.0, 0.0, real(PARKING_HEIGHT_M));
+        let anywhere = GenericJointBuilder::new(JointAxesMask::empty()).local_frame1(parking);
         for (idx, group) in groups.iter().enumerate() {
-            let mass = mass_properties(model, group)?;
+            let mass = mass_properties(model, group, scene.hand_mass_scale)?;
             let link = &model.links()[group.root];
             let parent = link.parent.map(|parent| body_of_link[parent]);
-            let body = world.bodies.insert(match parent {
-                None => RigidBodyBuilder::kinematic_velocity_based()
+            let body = world.bodies.insert(match (parent, palm) {
+                (None, PalmJoint::Driven) => RigidBodyBuilder::kinematic_velocity_based()
                     .pose(parking)
                     .can_sleep(false),
-                Some(_) => movable(mass),
+                _ => movable(mass),
             });
             for (link, body_from_link) in &group.links {
                 body_of_link[*link] = (idx, *body_from_link);
@@ -114,24 +139,30 @@ impl Hand {
                     );
                 }
             }
-            if let Some((parent, parent_body_from_parent)) = parent {
-                let on = if parent == 0 {
+            match (parent, palm) {
+                (None, PalmJoint::Driven) => {}
+                #[cfg(test)]
+                (None, PalmJoint::Free) => {
                     let anchor = world.bodies.insert(RigidBodyBuilder::fixed());
-                    let root = movable(mass_properties(model, &groups[0])?);
-                    let root = world.bodies.insert(root);
-                    let free =
-                        GenericJointBuilder::new(JointAxesMask::empty()).local_frame1(parking);
-                    let joint =
-                        world
-                            .multibodies
-                            .insert_kinematic(anchor, root, free.build(), true);
-                    roots.extend(joint.map(|joint| Root { body: root, joint }));
-                    root
-                } else {
-                    bodies[parent]
-                };
-                let joint = engine_joint(link, &parent_body_from_parent);
-                world.multibodies.insert(on, body, joint, true);
+                    let free = anywhere.build();
+                    let joint = world.multibodies.insert(anchor, body, free, true);
+                    roots.extend(joint.map(|joint| Root { body, joint }));
+                }
+                (Some((parent, parent_body_from_parent)), _) => {
+                    let on = if parent == 0 && palm == PalmJoint::Driven {
+                        let anchor = world.bodies.insert(RigidBodyBuilder::fixed());
+                        let mass = mass_properties(model, &groups[0], scene.hand_mass_scale)?;
+                        let body = world.bodies.insert(movable(mass));
+                        let free = anywhere.build();
+                        let joint = world.multibodies.insert_kinematic(anchor, body, free, true);
+                        roots.extend(joint.map(|joint| Root { body, joint }));
+                        body
+                    } else {
+                        bodies[parent]
+                    };
+                    let joint = engine_joint(link, &parent_body_from_parent);
+                    world.multibodies.insert(on, body, joint, true);
+                }
             }
             bodies.push(body);
         }
@@ -144,6 +175,9 @@ impl Hand {
             roots,
             drives: Vec::new(),
             joints: Vec::new(),
+            dynamics: Bodies::new(model)
+                .with_mass_scale(scene.hand_mass_scale)
+                .with_armature(scene.drive.armature),
         };
         hand.configure(world, scene, model, &groups);
         Ok(hand)
@@ -206,7 +240,7 @@ impl Hand {
     /// Puts the hand somewhere at once, at rest.
     pub(crate) fn place(&self, world: &mut World, table_from_palm: &Isometry3<f64>, q: &[f64]) {
         let target = pose(table_from_palm);
-        if let Some(palm) = self.palm_mut(world) {
+        if let Some(palm) = self.palm_mut(world).filter(|palm| palm.is_kinematic()) {
             palm.set_position(target, true);
             palm.set_linvel(Vector::ZERO, true);
             palm.set_angvel(Vector::ZERO, true);
@@ -297,6 +331,7 @@ impl Hand {
             };
             let spring = drive.controller.spring(
                 drive.multiplier * real(*command) + drive.offset,
+                0.0,
                 position(multibody, place.link, drive.axis),
                 multibody.generalized_velocity()[place.coordinate],
             );
@@ -456,7 +491,7 @@ mod tests {
     use crate::testing;
 
     /// A palm with one finger of 10 cm along x that turns about y, down where positive.
-    const FINGER: &str = r#"<robot name="finger">
+    pub(super) const FINGER: &str = r#"<robot name="finger">
         <link name="palm">
           <inertial><mass value="1"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/></inertial>
         </link>
@@ -476,7 +511,7 @@ mod tests {
         </joint>
       </robot>"#;
 
-    fn finger(scene: &SceneConfig) -> (World, Hand) {
+    pub(super) fn finger(scene: &SceneConfig) -> (World, Hand) {
         let model = RobotModel::from_urdf(FINGER).unwrap();
         let mut world = World::empty(scene);
         let hand = Hand::insert(&mut world, scene, &model).unwrap();

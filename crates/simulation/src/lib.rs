@@ -7,7 +7,8 @@
 //! - The hand is a reduced-coordinate multibody made from the same [`robot::RobotModel`] that
 //!   kinematics uses. Its palm is a kinematic joint with six degrees of freedom: it follows its
 //!   path exactly and is infinitely strong. Only the fingers yield.
-//! - Finger joints are PD drives, integrated implicitly, with their torque clamped.
+//! - Finger joints are PD drives, with feedforward of inverse dynamics if asked for, integrated
+//!   implicitly, with their torque clamped.
 //! - Equal arguments give equal bytes: no clock, no threads, a fresh copy of the world each time.
 //! - Everything outside is `f64` and in the frames of [`spatial`]; inside, physics is `f32`.
 //!
@@ -15,6 +16,7 @@
 
 mod config;
 mod contact;
+mod desired;
 mod error;
 mod hand;
 mod judge;
@@ -29,11 +31,13 @@ mod template;
 mod testing;
 mod world;
 
-pub use config::{Approach, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Trial};
+pub use config::{
+    Approach, ControllerKind, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Trial,
+};
 pub use error::SimulationError;
 pub use object::ObjectShape;
 pub use rollout::{Record, Rollout, Trace, TraceStep};
 pub use schemas::rollouts::Verdict;
-pub use script::{Instruction, Motion, Phase};
+pub use script::{Instruction, JointRates, Motion, Phase};
 pub use shortcuts::Shortcuts;
 pub use template::Template;

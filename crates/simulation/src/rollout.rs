@@ -5,6 +5,7 @@ use schemas::rollouts::Verdict;
 
 use crate::{
     config::Protocol,
+    desired::Desired,
     judge::Judge,
     script::{Phase, Script},
     shortcuts::Shortcuts,
@@ -127,7 +128,10 @@ pub(crate) fn run(
         if command.phase == Phase::Pull {
             world.pull(template.object, &command.pull_m_per_s2);
         }
-        let finite = control_step(template, &mut world, &command.hand.q);
+        let finite = match &script.desired {
+            None => control_step(template, &mut world, &command.hand.q),
+            Some(desired) => control_step_along(template, &mut world, desired, idx),
+        };
         cost_n += 1;
         if let Some(trace) = &mut trace {
             let time_s = f64::from(cost_n) * control_s;
@@ -166,6 +170,26 @@ fn sane(figure: f64) -> f64 {
 fn control_step(template: &Template, world: &mut World, q_command: &[f64]) -> Finite {
     for _ in 0..template.scene.steps_per_control {
         template.hand.drive(world, q_command);
+        if world.step() == Finite::No {
+            return Finite::No;
+        }
+    }
+    Finite::Yes
+}
+
+/// Advances by one control step with the fingers on their course.
+fn control_step_along(
+    template: &Template,
+    world: &mut World,
+    desired: &Desired,
+    control_step: usize,
+) -> Finite {
+    let step_s = template.scene.time_step_s;
+    for step in 0..template.scene.steps_per_control {
+        let time_s = f64::from(step) * step_s;
+        if let Some(asked) = desired.asked(control_step, time_s, step_s) {
+            template.hand.follow(world, &asked);
+        }
         if world.step() == Finite::No {
             return Finite::No;
         }

@@ -4,7 +4,8 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use robot::RobotModel;
 
 use crate::{
-    config::{Approach, Protocol, SceneConfig, Trial},
+    config::{Approach, ControllerKind, Protocol, SceneConfig, Trial},
+    desired::Desired,
     error::SimulationError,
 };
 
@@ -27,6 +28,27 @@ pub struct Motion {
     pub object_from_palm: Vec<Isometry3<f64>>,
     /// Joint positions in radians at each step, in the order of the hand's joints.
     pub q: Vec<Vec<f64>>,
+    /// How fast the joints move at each step, if that is known better than from their positions.
+    pub rates: Option<Vec<JointRates>>,
+}
+
+/// How fast the joints move at one step, in their order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointRates {
+    /// Velocities in rad/s.
+    pub velocity: Vec<f64>,
+    /// Accelerations in rad/s².
+    pub acceleration: Vec<f64>,
+}
+
+impl JointRates {
+    /// Returns the rates of joints that do not move.
+    pub fn still(dof: usize) -> Self {
+        Self {
+            velocity: vec![0.0; dof],
+            acceleration: vec![0.0; dof],
+        }
+    }
 }
 
 impl Motion {
@@ -47,10 +69,20 @@ impl Motion {
         if let Some(q) = self.q.iter().find(|q| q.len() != dof) {
             return fail(format!("{} joint positions for {dof} joints", q.len()));
         }
+        let rates = self.rates.as_deref().unwrap_or_default();
+        if self.rates.is_some() && rates.len() != steps {
+            return fail(format!("{} joint rates for {steps} steps", rates.len()));
+        }
+        let numbers_of = |rates: &JointRates| [rates.velocity.len(), rates.acceleration.len()];
+        if let Some(wrong) = rates.iter().flat_map(numbers_of).find(|&n| n != dof) {
+            return fail(format!("{wrong} joint rates for {dof} joints"));
+        }
         let finite = self
             .time_s
             .iter()
             .chain(self.q.iter().flatten())
+            .chain(rates.iter().flat_map(|rates| &rates.velocity))
+            .chain(rates.iter().flat_map(|rates| &rates.acceleration))
             .chain(self.object_from_palm.iter().flat_map(|pose| {
                 pose.translation
                     .vector
@@ -188,6 +220,8 @@ pub(crate) struct Script {
     pub(crate) commands: Vec<Command>,
     /// The motion itself over the control steps of the reach, its first step included.
     pub(crate) asked: Vec<HandPose>,
+    /// The fingers' course between the commands, if their drives look ahead.
+    pub(crate) desired: Option<Desired>,
 }
 
 impl Script {
@@ -246,10 +280,17 @@ impl Script {
                 }
             }
         }
+        let desired = match scene.drive.controller {
+            ControllerKind::Pd => None,
+            ControllerKind::PdFeedforward => {
+                Some(Desired::new(&start, &commands, motion, protocol, scene))
+            }
+        };
         Ok(Self {
             start,
             commands,
             asked,
+            desired,
         })
     }
 

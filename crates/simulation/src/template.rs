@@ -165,6 +165,7 @@ impl Template {
 fn check(scene: &SceneConfig) -> Result<(), SimulationError> {
     let positive = [
         ("mass_scale", scene.mass_scale),
+        ("hand_mass_scale", scene.hand_mass_scale),
         ("time_step_s", scene.time_step_s),
         ("steps_per_control", f64::from(scene.steps_per_control)),
         ("drive.stiffness", scene.drive.stiffness),

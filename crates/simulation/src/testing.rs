@@ -1,7 +1,7 @@
 //! Settings that the unit tests share.
 
 use crate::{
-    config::{DriveConfig, Offset, SceneConfig},
+    config::{ControllerKind, DriveConfig, Offset, SceneConfig},
     shortcuts::Shortcuts,
 };
 
@@ -10,12 +10,14 @@ pub(crate) fn scene() -> SceneConfig {
     SceneConfig {
         friction: 1.0,
         mass_scale: 1.0,
+        hand_mass_scale: 1.0,
         object_offset: Offset::default(),
         time_step_s: 0.004,
         steps_per_control: 5,
         prediction_m: 0.002,
         settle_s: 1.0,
         drive: DriveConfig {
+            controller: ControllerKind::Pd,
             stiffness: 20.0,
             damping: 1.0,
             torque_limit: 0.7,

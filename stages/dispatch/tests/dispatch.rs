@@ -103,6 +103,7 @@ fn rollout(id: &str, verdict: Verdict) -> Rollout {
         displacement_m: 0.0,
         penetration_m: 0.0,
         contacts_n: 0,
+        smoothness: rollouts::Smoothness::default(),
     }
 }
 

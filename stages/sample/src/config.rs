@@ -47,6 +47,10 @@ pub struct SampleConfig {
     /// Unit vector against gravity, object frame, for `rests = "given"`
     #[serde(default)]
     pub rest_up: Option<[f64; 3]>,
+    /// How much the object's points are off, for a study: by normally distributed lengths, whose
+    /// deviation along each axis of the object is this share of its extent there (0); paper: 0 to 1
+    #[serde(default)]
+    pub point_noise: f64,
     /// Motions per object that are shown side by side in one recording for a viewer (0)
     #[serde(default)]
     pub recorded_per_object: usize,
@@ -86,6 +90,9 @@ impl SampleConfig {
         check("duration_s", duration_s, usable, "more than 0")?;
         let usable = self.spread.is_finite() && self.spread >= 0.0;
         check("spread", self.spread, usable, "0 or more")?;
+        let noise = self.point_noise;
+        let usable = noise.is_finite() && noise >= 0.0;
+        check("point_noise", noise, usable, "0 or more")?;
         let share = self.demonstrated_share;
         let usable = (0.0..=1.0).contains(&share);
         check("demonstrated_share", share, usable, "from 0 to 1")?;

@@ -41,7 +41,7 @@ pub(crate) fn sample(
 ) -> Result<Motions, SampleError> {
     let rests = draw::rests(config, object);
     let source = Source::new(config, cgf, object, &rests)?;
-    let decoder = Decoder::new(config, cgf, object, &rests)?;
+    let decoder = Decoder::new(config, cgf, object, &rests, seed)?;
     // Every motion has its own random numbers, whatever becomes of the others.
     let mut randoms: Vec<Random> = (0..config.per_object)
         .map(|number| Random::new(seed, number as u64))
@@ -99,9 +99,9 @@ impl<'a> Decoder<'a> {
         cgf: &'a Cgf,
         object: &'a Object,
         rests: &'a [Rest],
+        seed: u64,
     ) -> Result<Self, SampleError> {
-        let points = object.points_m.iter().map(|&point| Point3::from(point));
-        let points: Vec<_> = points.collect();
+        let points = seen_points(object, config.point_noise, seed);
         let with_feature = |rest: &'a Rest| {
             let feature = cgf.feature(&Scene {
                 object: object.name.clone(),
@@ -148,6 +148,28 @@ impl<'a> Decoder<'a> {
         }
         Ok(candidates)
     }
+}
+
+/// Stream of random numbers of an object's points, which no motion's number reaches.
+const POINTS_STREAM: u64 = u64::MAX;
+
+/// Returns the object's points, each off by `noise` times its extent along each axis (standard
+/// deviation).
+fn seen_points(object: &Object, noise: f64, seed: u64) -> Vec<Point3<f64>> {
+    let points = object.points_m.iter().map(|&point| Point3::from(point));
+    let points: Vec<Point3<f64>> = points.collect();
+    if noise <= 0.0 {
+        return points;
+    }
+    let coords = || points.iter().map(|point| point.coords);
+    let most = coords().reduce(|a, b| a.sup(&b)).unwrap_or_default();
+    let least = coords().reduce(|a, b| a.inf(&b)).unwrap_or_default();
+    let deviation = (most - least) * noise;
+    let mut random = Random::new(seed, POINTS_STREAM);
+    points
+        .iter()
+        .map(|point| point + deviation.map(|deviation| deviation * random.normal()))
+        .collect()
 }
 
 /// Where and how fast motions take place.

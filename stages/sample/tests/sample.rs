@@ -277,6 +277,7 @@ fn config() -> SampleConfig {
         path: Vec::new(),
         rests: Rests::Seen,
         rest_up: None,
+        point_noise: 0.0,
         recorded_per_object: 0,
     }
 }
@@ -896,4 +897,27 @@ fn another_hand_and_a_damaged_field_are_errors() {
     let cx = Context::detached("sampling", "can", 7, out.path());
     let err = Sample::run(&config(), &damaged, &cx).unwrap_err();
     assert!(matches!(err, SampleError::BadField { .. }), "{err}");
+}
+
+#[test]
+fn noisy_points_change_the_motions_by_the_seed_and_leave_the_draws() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    let with = |point_noise: f64| SampleConfig {
+        point_noise,
+        ..config()
+    };
+    let exact = sample(&with(0.0), &inputs, 7);
+    let noisy = sample(&with(0.1), &inputs, 7);
+    assert_eq!(noisy, sample(&with(0.1), &inputs, 7));
+    let latents = |drawn: &Candidates| -> Vec<Vec<f64>> {
+        let all = drawn.candidates.iter();
+        all.map(|candidate| candidate.latent.clone()).collect()
+    };
+    assert_eq!(latents(&exact), latents(&noisy));
+    assert_ne!(exact, noisy);
+    for noise in [-1.0, f64::NAN] {
+        let said = refused(&with(noise), &inputs);
+        assert!(said.contains("point_noise"), "{said}");
+    }
 }

@@ -29,6 +29,9 @@ pub enum ScreenError {
         /// What is wrong with it.
         source: RobotError,
     },
+    /// No number says by how much the object's place is mistaken.
+    #[error("`pose_noise` is {0}, expected 0 or more")]
+    PoseNoise(f64),
     /// Nothing can be simulated with this hand and these options.
     #[error("cannot simulate `{partition}` with the hand `{}`", path.display())]
     Simulation {
@@ -120,6 +123,7 @@ impl Advise for ScreenError {
             }
             Self::Lake(err) => err.hint(),
             Self::NoCandidates
+            | Self::PoseNoise(_)
             | Self::MissingInput { .. }
             | Self::Chart(_)
             | Self::Schema { .. } => None,

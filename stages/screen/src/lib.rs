@@ -12,7 +12,9 @@
 
 mod config;
 mod error;
+mod mistake;
 mod recording;
+mod smoothness;
 mod stage;
 mod success;
 mod verdicts;

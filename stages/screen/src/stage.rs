@@ -54,6 +54,7 @@ impl Stage for Screen {
 
     /// Checks that the hand can be read.
     fn prepare(config: &ScreenConfig) -> Result<(), ScreenError> {
+        check(config)?;
         load_hand(&config.hand).map(|_| ())
     }
 
@@ -61,6 +62,7 @@ impl Stage for Screen {
         if output == SUCCESS {
             return Ok(success::units(scope));
         }
+        check(config)?;
         let candidates = scope.partitions("candidates");
         if candidates.is_empty() {
             return Err(ScreenError::NoCandidates);
@@ -134,10 +136,11 @@ impl Stage for Screen {
                 source,
             })
         };
-        let screening = match Screening::new(config, &model, &object, &candidates, columns) {
-            Ok(screening) => screening,
-            Err(err) => return failed(None, err),
-        };
+        let screening =
+            match Screening::new(config, &model, &object, &candidates, columns, cx.seed()) {
+                Ok(screening) => screening,
+                Err(err) => return failed(None, err),
+            };
         let rollouts = match screening.judge(|share| cx.progress(share, "in physics")) {
             Ok(rollouts) => rollouts,
             Err((candidate, err)) => return failed(Some(candidate), err),
@@ -178,6 +181,16 @@ impl Stage for Screen {
             summary.total("candidates_n"),
             summary.total("accepted_n")
         )
+    }
+}
+
+/// Refuses options that make no sense whatever the candidates.
+fn check(config: &ScreenConfig) -> Result<(), ScreenError> {
+    let noise = config.pose_noise;
+    if noise.is_finite() && noise >= 0.0 {
+        Ok(())
+    } else {
+        Err(ScreenError::PoseNoise(noise))
     }
 }
 

@@ -248,6 +248,7 @@ mod tests {
             displacement_m: 0.0,
             penetration_m: 0.0,
             contacts_n: 0,
+            smoothness: rollouts::Smoothness::default(),
         }
     }
 

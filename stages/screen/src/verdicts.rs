@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use nalgebra::{Translation3, Vector3};
 use rayon::prelude::*;
 use robot::RobotModel;
 use schemas::{
@@ -9,16 +10,24 @@ use schemas::{
     objects::Object,
     rollouts,
 };
-use simulation::{Motion, ObjectShape, Record, Rollout, SimulationError, Template};
+use simulation::{JointRates, Motion, ObjectShape, Record, Rollout, SimulationError, Template};
 use spatial::{Pose, Rest, Table};
 
-use crate::ScreenConfig;
+use crate::{
+    ScreenConfig,
+    mistake::mistaken_m,
+    smoothness::{Posture, smoothness},
+};
 
 /// One settled scene per way in which the object lies, and where each joint's position stands in
 /// a candidate.
 pub(crate) struct Screening<'a> {
     config: &'a ScreenConfig,
     candidates: &'a Candidates,
+    model: &'a RobotModel,
+    /// How far the object reaches along its axes, in meters.
+    extent_m: Vector3<f64>,
+    seed: u64,
     columns: Vec<usize>,
     templates: Vec<Template>,
     /// The template of each candidate.
@@ -26,13 +35,15 @@ pub(crate) struct Screening<'a> {
 }
 
 impl<'a> Screening<'a> {
-    /// Builds the scenes; `columns` says which of a candidate's positions each joint takes.
+    /// Builds the scenes; `columns` says which of a candidate's positions each joint takes, and of `seed`
+    /// are the mistakes about the object's place.
     pub(crate) fn new(
         config: &'a ScreenConfig,
-        model: &RobotModel,
+        model: &'a RobotModel,
         object: &Object,
         candidates: &'a Candidates,
         columns: Vec<usize>,
+        seed: u64,
     ) -> Result<Self, SimulationError> {
         let mut poses: Vec<Pose<Table, spatial::Object>> = Vec::new();
         let mut template_of = Vec::with_capacity(candidates.candidates.len());
@@ -52,6 +63,9 @@ impl<'a> Screening<'a> {
         Ok(Self {
             config,
             candidates,
+            model,
+            extent_m: extent_m(object),
+            seed,
             columns,
             templates,
             template_of,
@@ -71,7 +85,7 @@ impl<'a> Screening<'a> {
                 let (candidate, rollout) = self.rollout(idx, Record::Nothing)?;
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(done as f64 / total as f64);
-                Ok(row(candidate, &rollout))
+                Ok(self.row(candidate, &rollout))
             })
             .collect()
     }
@@ -85,29 +99,46 @@ impl<'a> Screening<'a> {
         let candidate = &self.candidates.candidates[idx];
         let template = &self.templates[self.template_of[idx]];
         template
-            .rollout(&self.motion(candidate), &self.config.protocol, record)
+            .rollout(&self.motion(idx, candidate), &self.config.protocol, record)
             .map(|rollout| (candidate, rollout))
             .map_err(|err| (candidate.candidate_id.clone(), err))
     }
 
-    /// Returns a candidate's motion with the joints in the hand's order.
-    fn motion(&self, candidate: &Candidate) -> Motion {
+    /// Returns a candidate's numbers in the order of the hand's joints.
+    fn in_order(&self, numbers: &[f64]) -> Vec<f64> {
+        let columns = self.columns.iter();
+        columns
+            .filter_map(|&column| numbers.get(column).copied())
+            .collect()
+    }
+
+    /// Returns a candidate's motion with the joints in the hand's order, shifted with the object's place
+    /// if that is mistaken.
+    fn motion(&self, idx: usize, candidate: &Candidate) -> Motion {
         let steps = &candidate.steps;
+        let in_order = |numbers: &[f64]| self.in_order(numbers);
+        let noise = self.config.pose_noise;
+        let mistake = Translation3::from(if noise > 0.0 {
+            mistaken_m(&(self.extent_m * noise), self.seed, idx)
+        } else {
+            Vector3::zeros()
+        });
         Motion {
             time_s: steps.iter().map(|step| step.time_s).collect(),
             object_from_palm: steps
                 .iter()
-                .map(|step| *step.object_from_palm.isometry())
+                .map(|step| mistake * step.object_from_palm.isometry())
                 .collect(),
-            q: steps
-                .iter()
-                .map(|step| {
-                    self.columns
-                        .iter()
-                        .filter_map(|&column| step.q_rad.get(column).copied())
-                        .collect()
-                })
-                .collect(),
+            q: steps.iter().map(|step| in_order(&step.q_rad)).collect(),
+            rates: Some(
+                steps
+                    .iter()
+                    .map(|step| JointRates {
+                        velocity: in_order(&step.rates.q_velocity_rad_per_s),
+                        acceleration: in_order(&step.rates.q_acceleration_rad_per_s2),
+                    })
+                    .collect(),
+            ),
         }
     }
 }
@@ -124,16 +155,35 @@ fn rest(table_from_object: &Pose<Table, spatial::Object>) -> Rest {
     }
 }
 
-fn row(candidate: &Candidate, rollout: &Rollout) -> rollouts::Rollout {
-    rollouts::Rollout {
-        candidate_id: candidate.candidate_id.clone(),
-        generator: candidate.generator.clone(),
-        verdict: rollout.verdict,
-        cost_n: rollout.cost_n,
-        lift_m: rollout.lift_m,
-        slip_m: rollout.slip_m,
-        displacement_m: rollout.displacement_m,
-        penetration_m: rollout.penetration_m,
-        contacts_n: rollout.contacts_n,
+/// Returns how far an object's points reach along its axes.
+fn extent_m(object: &Object) -> Vector3<f64> {
+    let points = || object.points_m.iter().map(|&point| Vector3::from(point));
+    let most = points().reduce(|a, b| a.sup(&b)).unwrap_or_default();
+    let least = points().reduce(|a, b| a.inf(&b)).unwrap_or_default();
+    most - least
+}
+
+impl Screening<'_> {
+    fn row(&self, candidate: &Candidate, rollout: &Rollout) -> rollouts::Rollout {
+        let steps: Vec<Posture> = candidate
+            .steps
+            .iter()
+            .map(|step| Posture {
+                object_from_palm: *step.object_from_palm.isometry(),
+                q: self.in_order(&step.q_rad),
+            })
+            .collect();
+        rollouts::Rollout {
+            candidate_id: candidate.candidate_id.clone(),
+            generator: candidate.generator.clone(),
+            verdict: rollout.verdict,
+            cost_n: rollout.cost_n,
+            lift_m: rollout.lift_m,
+            slip_m: rollout.slip_m,
+            displacement_m: rollout.displacement_m,
+            penetration_m: rollout.penetration_m,
+            contacts_n: rollout.contacts_n,
+            smoothness: smoothness(&steps, self.model),
+        }
     }
 }

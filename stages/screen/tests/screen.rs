@@ -14,7 +14,8 @@ use schemas::{
     success,
 };
 use simulation::{
-    Approach, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Shortcuts, Trial,
+    Approach, ControllerKind, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Shortcuts,
+    Trial,
 };
 use spatial::{Pose, Rest};
 use stage_screen::{Screen, ScreenConfig, ScreenError};
@@ -31,15 +32,18 @@ fn config() -> ScreenConfig {
     ScreenConfig {
         hand: HAND.into(),
         recorded_per_object: 1,
+        pose_noise: 0.0,
         scene: SceneConfig {
             friction: 1.0,
             mass_scale: 1.0,
+            hand_mass_scale: 1.0,
             object_offset: Offset::default(),
             time_step_s: 0.004,
             steps_per_control: 5,
             prediction_m: 0.002,
             settle_s: 1.0,
             drive: DriveConfig {
+                controller: ControllerKind::Pd,
                 stiffness: 20.0,
                 damping: 1.0,
                 torque_limit: 0.7,
@@ -399,4 +403,77 @@ fn the_hand_is_found_to_be_missing_before_anything_runs() {
     assert!(Screen::prepare(&config).is_ok());
     let xml = fs::read_to_string(HAND).unwrap();
     assert_eq!(RobotModel::from_urdf(&xml).unwrap().dof(), 16);
+}
+
+#[test]
+fn smoothness_of_a_straight_reach_is_that_of_a_line_for_the_palm() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut candidates = three();
+    // One finger joint moves with the palm, evenly.
+    for candidate in &mut candidates.candidates {
+        for (idx, step) in candidate.steps.iter_mut().enumerate() {
+            step.q_rad[15] = 0.01 * idx as f64;
+        }
+    }
+    made(run(&config(), &can(0.35), &candidates, folder.path()).unwrap());
+    for row in rows(folder.path()) {
+        let found = row.smoothness;
+        for line in [
+            found.paper.joints,
+            found.robust.joints,
+            found.released.joints,
+        ] {
+            assert!((line.position - 1.0).abs() < 1e-9, "{line:?}");
+            assert!(line.velocity < 1e-9 && line.acceleration < 1e-6, "{line:?}");
+        }
+        // Links go along with the palm, but for those that the finger bends away.
+        let links = found.robust.cartesian;
+        assert!((1.0..1.01).contains(&links.position), "{links:?}");
+        assert!(found.paper.cartesian.position >= 1.0 - 1e-9);
+    }
+}
+
+#[test]
+fn a_mistaken_place_spoils_grasps_the_more_the_larger_and_the_same_again() {
+    let judged = |pose_noise: f64| {
+        let folder = tempfile::tempdir().unwrap();
+        let mut config = config();
+        config.pose_noise = pose_noise;
+        let mut candidates = three();
+        let good = candidates.candidates[1].clone();
+        candidates.candidates = (0..12)
+            .map(|number| Candidate {
+                candidate_id: format!("can-{number:04}"),
+                ..good.clone()
+            })
+            .collect();
+        made(run(&config, &can(0.35), &candidates, folder.path()).unwrap());
+        rows(folder.path())
+    };
+    let held = |rows: &[Rollout]| rows.iter().filter(|r| r.verdict == Verdict::Held).count();
+    let exact = judged(0.0);
+    assert_eq!(held(&exact), 12);
+    let little = judged(0.001);
+    assert!(held(&little) >= 10, "{}", held(&little));
+    // The twelve are mistaken each in its own way.
+    assert!(
+        little
+            .windows(2)
+            .any(|pair| pair[0].slip_m != pair[1].slip_m)
+    );
+    let much = judged(1.0);
+    assert!(held(&much) <= 3, "{}", held(&much));
+    assert_eq!(judged(1.0), much);
+}
+
+#[test]
+fn a_share_that_is_no_share_is_refused() {
+    for pose_noise in [-0.1, f64::NAN, f64::INFINITY] {
+        let mut config = config();
+        config.pose_noise = pose_noise;
+        assert!(matches!(
+            Screen::prepare(&config),
+            Err(ScreenError::PoseNoise(_))
+        ));
+    }
 }

@@ -30,6 +30,7 @@ pub(crate) fn motion(candidate: &Candidate) -> Motion {
             .map(|step| *step.object_from_palm.isometry())
             .collect(),
         q: steps.map(|step| step.q_rad.clone()).collect(),
+        rates: None,
     }
 }
 

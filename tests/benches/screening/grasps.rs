@@ -46,5 +46,6 @@ fn grasp(hand: &RobotModel, rng: &mut ChaCha8Rng) -> Motion {
             })
             .collect(),
         q: vec![q; 9],
+        rates: None,
     }
 }

@@ -74,6 +74,7 @@ fn motion(goal: &Goal, model: &RobotModel) -> Motion {
             .iter()
             .map(|step| in_order(&step.q_rad))
             .collect(),
+        rates: None,
     }
 }
 

@@ -1,19 +1,29 @@
 //! Several values for one key, and the variants that they make together.
 
-use std::str::FromStr;
+use std::{ops::Range, path::Path, str::FromStr};
 
-use toml_edit::Value;
+use toml_edit::{Document, Key, Value};
 
 use super::{KeyPath, Override, OverrideError, parse_value, split};
+use crate::{
+    error::{FileError, Problem},
+    source::Location,
+};
 
-/// One `--set` with one value or several: `train.training.kl_weight=1e-4,1e-3`.
+/// What the tables are called in a pipeline file.
+const TABLES: &str = "sweep";
+/// How they are written.
+const HINT: &str = "write, e.g., `[[sweep]]` and below it `\"train.training.epochs\" = [50, 100]`";
+
+/// Several values for one key, or for keys that change together: one `--set` with one value or several,
+/// `train.training.kl_weight=1e-4,1e-3`, or one `[[sweep]]` table of a pipeline file.
 ///
-/// A value that is TOML as a whole is one value: `[1, 2]`, `"a,b"`. Other text is cut at the commas
-/// that are in neither quotes nor brackets.
+/// On the command line, a value that is TOML as a whole is one value: `[1, 2]`, `"a,b"`. Other text is
+/// cut at the commas that are in neither quotes nor brackets.
 #[derive(Debug, Clone)]
 pub struct Sweep {
-    path: KeyPath,
-    values: Vec<Value>,
+    /// Each with its values, of which there are as many for every key.
+    keys: Vec<(KeyPath, Vec<Value>)>,
 }
 
 /// One value for every key that was given.
@@ -27,12 +37,12 @@ pub struct Variant {
 
 impl From<Override> for Sweep {
     fn from(given: Override) -> Self {
+        let path = KeyPath {
+            stage: given.stage,
+            keys: given.keys,
+        };
         Self {
-            path: KeyPath {
-                stage: given.stage,
-                keys: given.keys,
-            },
-            values: vec![given.value],
+            keys: vec![(path, vec![given.value])],
         }
     }
 }
@@ -54,11 +64,72 @@ impl FromStr for Sweep {
                 .map(|part| parse_value(part).unwrap_or_else(|| Value::from(part)))
                 .collect()
         };
-        Ok(Self { path, values })
+        Ok(Self {
+            keys: vec![(path, values)],
+        })
     }
 }
 
 impl Sweep {
+    /// Reads the `[[sweep]]` tables of a pipeline file, in their order: none if it has none, or is no
+    /// TOML.
+    ///
+    /// Each key of a table is a path as in `--set`, each value a list. The keys of one table change
+    /// together; several tables make every combination.
+    ///
+    /// # Errors
+    ///
+    /// Fails with everything that is wrong in these tables, each fault with its place and a hint.
+    pub fn in_file(path: &Path, source: &str) -> Result<Vec<Self>, FileError> {
+        let Ok(document) = Document::parse(source) else {
+            // The file's reader says what is wrong with it.
+            return Ok(Vec::new());
+        };
+        let Some(item) = document.as_table().get(TABLES) else {
+            return Ok(Vec::new());
+        };
+        let problem = |message: String, span: Option<Range<usize>>| {
+            let location = span.map(|span| Location::of(path, source, span));
+            Problem::new(message).at(location).hint(HINT.to_owned())
+        };
+        let Some(tables) = item.as_array_of_tables() else {
+            let message = "`sweep` is no list of tables".to_owned();
+            return Err(problem(message, item.span()).into());
+        };
+        let mut problems = Vec::new();
+        let mut sweeps = Vec::new();
+        for table in tables {
+            let mut keys: Vec<(KeyPath, Vec<Value>)> = Vec::new();
+            for (key, item) in table {
+                let values: Vec<Value> = item.as_array().into_iter().flatten().cloned().collect();
+                let expected = keys.first().map_or(values.len(), |(_, first)| first.len());
+                let Ok((path, _)) = split(&format!("{key}=")) else {
+                    let span = table.key(key).and_then(Key::span);
+                    problems.push(problem(format!("`{key}` names no value"), span));
+                    continue;
+                };
+                if values.is_empty() {
+                    let message = format!("`{key}` has no list of values to go through");
+                    problems.push(problem(message, item.span()));
+                } else if values.len() != expected {
+                    let n = values.len();
+                    let message = format!(
+                        "`{key}` has {n} values, and the key before it in its table {expected}"
+                    );
+                    problems.push(problem(message, item.span()));
+                } else {
+                    keys.push((path, values));
+                }
+            }
+            sweeps.push(Self { keys });
+        }
+        if problems.is_empty() {
+            Ok(sweeps)
+        } else {
+            Err(FileError { problems })
+        }
+    }
+
     /// Returns every combination of the values, at least one; the last key varies fastest. Of two
     /// that name the same key, the later counts.
     pub fn variants(given: &[Self]) -> Vec<Variant> {
@@ -68,37 +139,44 @@ impl Sweep {
         }];
         for (idx, sweep) in given.iter().enumerate() {
             let later = given.get(idx + 1..).unwrap_or_default();
-            if later.iter().any(|later| later.path == sweep.path) {
+            let is_later = |path: &KeyPath| {
+                let mut keys = later.iter().flat_map(|later| &later.keys);
+                keys.any(|(known, _)| known == path)
+            };
+            let keys = sweep.keys.iter().filter(|(path, _)| !is_later(path));
+            let keys: Vec<&(KeyPath, Vec<Value>)> = keys.collect();
+            let Some(n) = keys.first().map(|(_, values)| values.len()) else {
                 continue;
-            }
+            };
             variants = variants
                 .iter()
-                .flat_map(|variant| {
-                    sweep
-                        .values
-                        .iter()
-                        .map(|value| sweep.extend(variant, value))
-                })
+                .flat_map(|variant| (0..n).map(|number| extend(variant, &keys, number)))
                 .collect();
         }
         variants
     }
+}
 
-    fn extend(&self, variant: &Variant, value: &Value) -> Variant {
-        let mut extended = variant.clone();
-        extended.overrides.push(self.path.with(value.clone()));
-        if self.values.len() > 1 {
+/// Adds the values of this number to a variant.
+fn extend(variant: &Variant, keys: &[&(KeyPath, Vec<Value>)], number: usize) -> Variant {
+    let mut extended = variant.clone();
+    for (path, values) in keys {
+        let Some(value) = values.get(number) else {
+            continue;
+        };
+        extended.overrides.push(path.with(value.clone()));
+        if values.len() > 1 {
             if !extended.label.is_empty() {
                 extended.label.push_str(", ");
             }
-            let words = self.path.stage.iter().chain(&self.path.keys);
+            let words = path.stage.iter().chain(&path.keys);
             let words: Vec<&str> = words.map(String::as_str).collect();
             extended
                 .label
                 .push_str(&format!("{}={}", words.join("."), shown(value)));
         }
-        extended
     }
+    extended
 }
 
 /// A value as a label names it.
@@ -201,6 +279,61 @@ mod tests {
         let variants = Sweep::variants(&given);
         assert_eq!(variants[0].overrides.len(), 1);
         assert_eq!(variants[0].overrides[0].value.as_integer(), Some(3));
+    }
+
+    #[test]
+    fn tables_of_a_file_go_through_their_lists_and_keys_of_one_table_together() {
+        let source = r#"
+            [[sweep]]
+            "a.x" = [0.0, 0.5]
+            "b.y" = ["red", "blue"]
+            [[sweep]]
+            "a.z.w" = [1, 2]
+        "#;
+        let read = || Sweep::in_file(Path::new("x.toml"), source).unwrap();
+        let labels = |given: Vec<Sweep>| -> Vec<String> {
+            let variants = Sweep::variants(&given).into_iter();
+            variants.map(|variant| variant.label).collect()
+        };
+        assert_eq!(
+            labels(read()),
+            [
+                "a.x=0, b.y=red, a.z.w=1",
+                "a.x=0, b.y=red, a.z.w=2",
+                "a.x=0.5, b.y=blue, a.z.w=1",
+                "a.x=0.5, b.y=blue, a.z.w=2",
+            ]
+        );
+        // What is given later takes a key out of its table.
+        let set = |text: &str| text.parse::<Sweep>().unwrap();
+        let given = [read(), vec![set("a.x=7"), set("a.z.w=3")]].concat();
+        assert_eq!(labels(given), ["b.y=red", "b.y=blue"]);
+        assert!(
+            Sweep::in_file(Path::new("x.toml"), "seed = 1")
+                .unwrap()
+                .is_empty()
+        );
+    }
+
+    #[test]
+    fn faulty_tables_are_refused_where_they_are_faulty() {
+        let check = |source: &str, line: usize, expected: &str| {
+            let err = Sweep::in_file(Path::new("x.toml"), source).unwrap_err();
+            let problem = &err.problems[0];
+            assert_eq!(problem.message, expected);
+            assert_eq!(problem.location.as_ref().unwrap().line, line);
+            assert!(problem.hint.is_some());
+        };
+        check("sweep = 3", 1, "`sweep` is no list of tables");
+        let no_list = "`a.x` has no list of values to go through";
+        check("[[sweep]]\n\"a.x\" = 3", 2, no_list);
+        check("[[sweep]]\n\"a.x\" = []", 2, no_list);
+        check("[[sweep]]\n\"a..x\" = [1]", 2, "`a..x` names no value");
+        check(
+            "[[sweep]]\n\"a.x\" = [1, 2]\n\"a.y\" = [1]",
+            3,
+            "`a.y` has 1 values, and the key before it in its table 2",
+        );
     }
 
     #[test]

@@ -40,7 +40,7 @@ impl FileReader<'_> {
         profile: Option<&str>,
         overrides: &[Override],
     ) -> Option<Pipeline> {
-        const KEYS: [&str; 3] = ["seed", "stages", "profiles"];
+        const KEYS: [&str; 4] = ["seed", "stages", "profiles", "sweep"];
         for (key, _) in root {
             if !KEYS.contains(&key) {
                 let span = root.key(key).and_then(Key::span);

@@ -51,10 +51,11 @@ pub(crate) fn rigid_groups(model: &RobotModel) -> Vec<RigidGroup> {
     groups
 }
 
-/// Adds up the mass properties of a body's links; refuses a body that has none.
+/// Adds up the mass properties of a body's links, each times `scale`; refuses a body that has none.
 pub(crate) fn mass_properties(
     model: &RobotModel,
     group: &RigidGroup,
+    scale: f64,
 ) -> Result<MassProperties, SimulationError> {
     let no_inertia = || SimulationError::NoInertia {
         link: model.links()[group.root].name.clone(),
@@ -66,9 +67,9 @@ pub(crate) fn mass_properties(
             let inertial = model.links()[*link].inertial.as_ref()?;
             let axes = body_from_link.rotation.to_rotation_matrix();
             Some((
-                inertial.mass_kg,
+                inertial.mass_kg * scale,
                 body_from_link * inertial.center_of_mass_m,
-                axes * inertial.inertia_kg_m2 * axes.inverse(),
+                axes * inertial.inertia_kg_m2 * axes.inverse() * scale,
             ))
         })
         .collect();

@@ -46,14 +46,21 @@ impl Controller {
         }
     }
 
-    /// Returns the spring for the next physics step of a joint at `q` that moves at `speed`.
+    /// Returns what a drive gives beside its spring and its brake to go on at a speed: the torque that
+    /// this takes, and what the brake takes away.
+    pub(crate) fn ahead(&self, torque: f32, speed: f32) -> f32 {
+        torque + self.damping * speed
+    }
+
+    /// Returns the spring for the next physics step of a joint at `q` that moves at `speed`, with a
+    /// torque that is `ahead` of command and brake.
     ///
     /// A drive that asks for more than its limit, and still will at the end of the step even if
     /// nothing is in its way, gives its limit and neither spring nor damper. Close to the limit,
     /// the spring's rest position is moved so that both together stay within it. An end stop is a
     /// second spring in parallel, without a limit.
-    pub(crate) fn spring(&self, command: f32, q: f32, speed: f32) -> Spring {
-        let command = command.max(self.lower).min(self.upper);
+    pub(crate) fn spring(&self, command: f32, ahead: f32, q: f32, speed: f32) -> Spring {
+        let command = command.max(self.lower).min(self.upper) + ahead / self.stiffness;
         let mut spring = self.constant(command, q, speed).unwrap_or_else(|| {
             let friction = self.damping * speed;
             let torque = (self.stiffness * (command - q))

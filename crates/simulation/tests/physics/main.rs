@@ -3,6 +3,7 @@
 
 mod bodies;
 mod errors;
+mod feedforward;
 mod grasps;
 mod known;
 mod recorded;

@@ -102,6 +102,7 @@ fn motion(grasp: &Value, height_m: f64) -> Motion {
         time_s: vec![0.0, 0.2, 0.8, 1.0],
         object_from_palm: vec![object_from_palm; 4],
         q: vec![open.clone(), open, closed.clone(), closed],
+        rates: None,
     }
 }
 

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use robot::RobotModel;
 use simulation::{
-    Approach, DriveConfig, Motion, ObjectShape, Offset, Protocol, PullConfig, SceneConfig,
-    Shortcuts, Template, Trial,
+    Approach, ControllerKind, DriveConfig, Motion, ObjectShape, Offset, Protocol, PullConfig,
+    SceneConfig, Shortcuts, Template, Trial,
 };
 use spatial::Rest;
 
@@ -29,12 +29,14 @@ pub(crate) fn scene() -> SceneConfig {
     SceneConfig {
         friction: 1.0,
         mass_scale: 1.0,
+        hand_mass_scale: 1.0,
         object_offset: Offset::default(),
         time_step_s: 0.004,
         steps_per_control: 5,
         prediction_m: 0.002,
         settle_s: 1.0,
         drive: DriveConfig {
+            controller: ControllerKind::Pd,
             stiffness: 20.0,
             damping: 1.0,
             torque_limit: 0.7,
@@ -136,5 +138,6 @@ pub(crate) fn side_grasp(at: [f64; 3], q: Vec<f64>) -> Motion {
             .map(|step| palm(-0.15 * (1.0 - f64::from(step) / f64::from(steps))))
             .collect(),
         q: vec![q; usize::try_from(steps).unwrap() + 1],
+        rates: None,
     }
 }

@@ -1,0 +1,211 @@
+//! How the fingers are meant to move between the ends of the control steps, for a drive that looks ahead.
+
+use crate::{
+    config::{Approach, Protocol, SceneConfig},
+    script::{Command, JointRates, Motion, Phase},
+};
+
+/// What each joint does at one time: position, velocity and acceleration, in rad, rad/s and rad/s²
+/// (m, m/s and m/s² if prismatic).
+#[derive(Debug, Clone, PartialEq)]
+struct Knot {
+    q: Vec<f64>,
+    rates: JointRates,
+}
+
+/// The joints' course over a rollout: through one knot per control step, the start first, and
+/// between two of them the one polynomial of fifth degree that has both ends' positions, velocities
+/// and accelerations.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Desired {
+    knots: Vec<Knot>,
+    control_s: f64,
+}
+
+/// What is asked of the joints over one physics step.
+///
+/// The engine moves with the velocity at a step's end, so that its velocities stand for the middles
+/// of the steps and its accelerations for their beginnings; followed so, what is asked of it is
+/// reached but for terms of second order in the step.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Asked {
+    /// Positions at the end of the step.
+    pub(crate) q: Vec<f64>,
+    /// Velocities in the middle of the step.
+    pub(crate) velocity: Vec<f64>,
+    /// Accelerations at the beginning of the step.
+    pub(crate) acceleration: Vec<f64>,
+}
+
+impl Desired {
+    /// Takes the course of a script's commands.
+    ///
+    /// While the fingers follow a motion that knows its rates, they are the motion's own. Everywhere
+    /// else, in the script's ramps and for a motion without rates, they are differences: velocity and
+    /// acceleration of the parabola through a command and its two neighbors, 0 at the ends.
+    pub(crate) fn new(
+        start: &Command,
+        commands: &[Command],
+        motion: &Motion,
+        protocol: &Protocol,
+        scene: &SceneConfig,
+    ) -> Self {
+        let control_s = scene.control_step_s();
+        let all: Vec<&Command> = std::iter::once(start).chain(commands).collect();
+        let reach_n = commands
+            .iter()
+            .filter(|command| matches!(command.phase, Phase::Reach | Phase::Close))
+            .count();
+        let follows = protocol.approach == Approach::Follow;
+        let knot = |idx: usize, command: &&Command| {
+            let own = (follows && idx < reach_n)
+                .then(|| followed(motion, idx as f64 / reach_n as f64, reach_n, control_s));
+            own.flatten().unwrap_or_else(|| Knot {
+                q: command.hand.q.clone(),
+                rates: differences(&all, idx, control_s),
+            })
+        };
+        Self {
+            knots: all.iter().enumerate().map(|(i, c)| knot(i, c)).collect(),
+            control_s,
+        }
+    }
+
+    /// Returns what is asked in a physics step that begins `time_s` after the beginning of a control
+    /// step (counted from 0) and lasts `step_s`; `None` beyond the end.
+    pub(crate) fn asked(&self, control_step: usize, time_s: f64, step_s: f64) -> Option<Asked> {
+        let (from, to) = (
+            self.knots.get(control_step)?,
+            self.knots.get(control_step + 1)?,
+        );
+        let at = |time_s: f64| between(from, to, self.control_s, time_s);
+        Some(Asked {
+            q: at(time_s + step_s).q,
+            velocity: at(time_s + step_s / 2.0).rates.velocity,
+            acceleration: at(time_s).rates.acceleration,
+        })
+    }
+}
+
+/// Returns a motion's joints after a fraction of its duration, when it is stretched to `reach_n`
+/// control steps; `None` if it does not know its rates.
+fn followed(motion: &Motion, fraction: f64, reach_n: usize, control_s: f64) -> Option<Knot> {
+    let rates = motion.rates.as_ref()?;
+    let (first, last) = (motion.time_s.first()?, motion.time_s.last()?);
+    let time = first + (last - first) * fraction;
+    let after = motion.time_s.partition_point(|&t| t < time);
+    let after = after.clamp(1.min(rates.len() - 1), rates.len() - 1);
+    let before = after.saturating_sub(1);
+    let knot = |idx: usize| {
+        Some(Knot {
+            q: motion.q.get(idx)?.clone(),
+            rates: rates.get(idx)?.clone(),
+        })
+    };
+    let (from_s, to_s) = (motion.time_s.get(before)?, motion.time_s.get(after)?);
+    let mut found = between(&knot(before)?, &knot(after)?, to_s - from_s, time - from_s);
+    // Seconds of the motion per second of the rollout.
+    let speed = (last - first) / (reach_n as f64 * control_s);
+    for velocity in &mut found.rates.velocity {
+        *velocity *= speed;
+    }
+    for acceleration in &mut found.rates.acceleration {
+        *acceleration *= speed * speed;
+    }
+    Some(found)
+}
+
+/// Returns the rates of the parabola through a command and its neighbors; 0 where it lacks one.
+fn differences(commands: &[&Command], idx: usize, control_s: f64) -> JointRates {
+    let q = |idx: usize| commands.get(idx).map(|command| &command.hand.q);
+    let (Some(before), Some(now), Some(after)) =
+        (idx.checked_sub(1).and_then(q), q(idx), q(idx + 1))
+    else {
+        let dof = q(idx).map_or(0, Vec::len);
+        return JointRates::still(dof);
+    };
+    let neighbors = || before.iter().zip(now).zip(after);
+    JointRates {
+        velocity: neighbors()
+            .map(|((before, _), after)| (after - before) / (2.0 * control_s))
+            .collect(),
+        acceleration: neighbors()
+            .map(|((before, now), after)| (after - 2.0 * now + before) / control_s.powi(2))
+            .collect(),
+    }
+}
+
+/// Returns the joints `time_s` after one knot, of which the other is `between_s` away.
+fn between(from: &Knot, to: &Knot, between_s: f64, time_s: f64) -> Knot {
+    let dof = from.q.len();
+    let mut knot = Knot {
+        q: Vec::with_capacity(dof),
+        rates: JointRates {
+            velocity: Vec::with_capacity(dof),
+            acceleration: Vec::with_capacity(dof),
+        },
+    };
+    let ends = ends(from).zip(ends(to));
+    for (from, to) in ends {
+        let [q, velocity, acceleration] = quintic(from, to, between_s, time_s);
+        knot.q.push(q);
+        knot.rates.velocity.push(velocity);
+        knot.rates.acceleration.push(acceleration);
+    }
+    knot
+}
+
+/// Position, velocity and acceleration of each joint.
+fn ends(knot: &Knot) -> impl Iterator<Item = [f64; 3]> {
+    let rates = knot.rates.velocity.iter().zip(&knot.rates.acceleration);
+    knot.q.iter().zip(rates).map(|(&q, (&v, &a))| [q, v, a])
+}
+
+/// Returns position, velocity and acceleration, `time` after `from`, of the polynomial of fifth degree
+/// that has these at `from` and, `duration` later, at `to` (Lynch and Park, *Modern Robotics*, 2017,
+/// §9.2.2.2); those of `from` if no time is between them.
+fn quintic(from: [f64; 3], to: [f64; 3], duration: f64, time: f64) -> [f64; 3] {
+    if duration.is_nan() || duration <= 0.0 {
+        return from;
+    }
+    let ([p0, v0, a0], [p1, v1, a1]) = (from, to);
+    let (h, s) = (duration, time / duration);
+    // What the parabola through the first end lacks at the second, in units of the duration.
+    let way = p1 - p0 - v0 * h - 0.5 * a0 * h * h;
+    let speed = (v1 - v0 - a0 * h) * h;
+    let bend = (a1 - a0) * h * h;
+    let c3 = 10.0 * way - 4.0 * speed + 0.5 * bend;
+    let c4 = -15.0 * way + 7.0 * speed - bend;
+    let c5 = 6.0 * way - 3.0 * speed + 0.5 * bend;
+    let s2 = s * s;
+    [
+        p0 + v0 * time + 0.5 * a0 * time * time + s2 * s * (c3 + s * (c4 + s * c5)),
+        v0 + a0 * time + s2 * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)) / h,
+        a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5)) / (h * h),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_polynomial_has_both_ends_and_its_own_derivatives() {
+        let (from, to, h) = ([0.2, -1.0, 3.0], [0.5, 2.0, -4.0], 0.3);
+        for (time, expected) in [(0.0, from), (h, to)] {
+            let found = quintic(from, to, h, time);
+            for (found, expected) in found.into_iter().zip(expected) {
+                assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+            }
+        }
+        let step = 1e-5;
+        for part in 1..10 {
+            let time = h * f64::from(part) / 10.0;
+            let [before, now, after] = [-step, 0.0, step].map(|d| quintic(from, to, h, time + d));
+            for order in 0..2 {
+                let slope = (after[order] - before[order]) / (2.0 * step);
+                assert!((slope - now[order + 1]).abs() < 1e-6, "order {order}");
+            }
+        }
+    }
+}

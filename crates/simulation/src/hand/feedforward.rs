@@ -1,0 +1,89 @@
+//! Fingers that are driven along a motion by the torque that it takes.
+
+use nalgebra::{Isometry3, UnitQuaternion, Vector3, Vector6};
+use robot::{JointMotion, Root};
+
+use super::{DIMENSIONS, Hand, finger, finger_mut, position};
+use crate::{
+    desired::Asked,
+    precision::{isometry, real},
+    world::World,
+};
+
+impl Hand {
+    /// Sets every finger's torque for the next physics step: what the hand's own inertia takes for the
+    /// accelerations asked for, at the positions and velocities that it has, and a spring and a
+    /// damper to what is asked for.
+    ///
+    /// The hand's weight is compensated, as in [`Hand::drive`], and the palm moves at constant
+    /// velocity between the jumps that the engine makes without any effect on the fingers.
+    pub(crate) fn follow(&self, world: &mut World, asked: &Asked) {
+        let drives = self.joints.iter().filter_map(|&idx| self.drives.get(idx));
+        let states = drives.filter_map(|drive| {
+            let (multibody, place) = finger(&world.multibodies, drive.body)?;
+            let q = position(multibody, place.link, drive.axis);
+            let speed = multibody.generalized_velocity()[place.coordinate];
+            Some((f64::from(q), f64::from(speed)))
+        });
+        let (q, velocity): (Vec<f64>, Vec<f64>) = states.unzip();
+        let motion = JointMotion {
+            q: &q,
+            velocity: &velocity,
+            acceleration: &asked.acceleration,
+        };
+        let Some(palm) = self.palm_mut(world) else {
+            return;
+        };
+        let (linear, angular) = (palm.linvel(), palm.angvel());
+        let velocity_of_palm = [
+            linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
+        ];
+        let orientation = isometry(palm.position()).rotation;
+        let root = root(&orientation, velocity_of_palm.map(f64::from));
+        // The hand was built of the same model: the numbers of joints agree.
+        let torques = self
+            .dynamics
+            .link_efforts(&root, &motion, &Vector3::zeros())
+            .unwrap_or_default();
+        for (drive, torque) in self.drives.iter().zip(torques) {
+            let (Some(q_asked), Some(speed_asked)) =
+                (asked.q.get(drive.joint), asked.velocity.get(drive.joint))
+            else {
+                continue;
+            };
+            let Some((multibody, place)) = finger_mut(&mut world.multibodies, drive.body) else {
+                continue;
+            };
+            let spring = drive.controller.spring(
+                drive.multiplier * real(*q_asked) + drive.offset,
+                drive
+                    .controller
+                    .ahead(real(torque), drive.multiplier * real(*speed_asked)),
+                position(multibody, place.link, drive.axis),
+                multibody.generalized_velocity()[place.coordinate],
+            );
+            multibody.damping_mut()[place.coordinate] = spring.damping;
+            if let Some(link) = multibody.link_mut(place.link) {
+                link.joint
+                    .set_spring(drive.axis, spring.stiffness, spring.rest);
+            }
+        }
+    }
+}
+
+/// Returns the palm as a root that keeps its velocity (linear, then angular, along the world's axes).
+fn root(orientation: &UnitQuaternion<f64>, palm: [f64; DIMENSIONS]) -> Root {
+    let into_palm = orientation.inverse();
+    let [x, y, z, a, b, c] = palm;
+    let linear = into_palm * Vector3::new(x, y, z);
+    let angular = into_palm * Vector3::new(a, b, c);
+    // Along the turning axes of the palm, a constant velocity turns the other way.
+    let turning = -angular.cross(&linear);
+    Root {
+        world_from_root: Isometry3::from_parts(nalgebra::Translation3::identity(), *orientation),
+        velocity: Vector6::new(
+            linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
+        ),
+        acceleration: Vector6::new(turning.x, turning.y, turning.z, 0.0, 0.0, 0.0),
+    }
+}

@@ -1,0 +1,162 @@
+//! Whole rollouts under PD with feedforward, beside PD alone.
+
+use simulation::{
+    Approach, ControllerKind, JointRates, Motion, Offset, Record, Rollout, SceneConfig, Template,
+    TraceStep, Verdict,
+};
+
+use crate::scene::{hand, protocol, q, scene, side_grasp, template};
+
+const BESIDE: [f64; 3] = [-0.015, -0.055, 0.02];
+
+fn with(controller: ControllerKind) -> SceneConfig {
+    let mut scene = scene();
+    scene.drive.controller = controller;
+    scene
+}
+
+/// How far along a wave is after a share of the reach, with its first two derivatives by the share.
+fn wave(share: f64) -> [f64; 3] {
+    let turns = 1.5 * std::f64::consts::TAU;
+    let (sin, cos) = (turns * share).sin_cos();
+    [0.3 * sin, 0.3 * turns * cos, -0.3 * turns * turns * sin]
+}
+
+/// A hand that waves all flexion joints on its way, and knows how fast, or does not.
+fn waving(knows_rates: bool) -> Motion {
+    const DURATION_S: f64 = 0.8;
+    let middle = q([0.7, 0.7, 0.7], [0.8, 0.5, 0.7, 0.7]);
+    let mut motion = side_grasp(BESIDE, middle.clone());
+    let n = 20;
+    let shares: Vec<f64> = (0..=n).map(|step| f64::from(step) / f64::from(n)).collect();
+    motion.time_s = shares.iter().map(|share| DURATION_S * share).collect();
+    motion.object_from_palm = vec![motion.object_from_palm[0]; shares.len()];
+    let flexes: Vec<f64> = hand()
+        .joint_names()
+        .iter()
+        .map(|name| f64::from(u8::from(protocol().flexion_joints.contains(name))))
+        .collect();
+    let waved = |share: &f64, order: usize, by: f64| -> Vec<f64> {
+        let number = wave(*share)[order] / by;
+        flexes.iter().map(|weight| weight * number).collect()
+    };
+    motion.q = shares
+        .iter()
+        .map(|share| {
+            let wave = waved(share, 0, 1.0);
+            middle.iter().zip(wave).map(|(q, wave)| q + wave).collect()
+        })
+        .collect();
+    let rates = shares.iter().map(|share| JointRates {
+        velocity: waved(share, 1, DURATION_S),
+        acceleration: waved(share, 2, DURATION_S.powi(2)),
+    });
+    motion.rates = knows_rates.then(|| rates.collect());
+    motion
+}
+
+/// Returns the most that a flexion joint is off the wave at the ends of the control steps, the first
+/// fifth of the reach left out, in which the hand picks up its speed.
+fn most_lag(steps: &[TraceStep], reach_n: usize) -> f64 {
+    let middle = q([0.7, 0.7, 0.7], [0.8, 0.5, 0.7, 0.7]);
+    let names = hand().joint_names();
+    let mut most: f64 = 0.0;
+    for step in reach_n / 5..reach_n {
+        let expected = wave(step as f64 / reach_n as f64)[0];
+        for (joint, name) in names.iter().enumerate() {
+            if protocol().flexion_joints.contains(name) {
+                most = most.max((steps[step].q[joint] - middle[joint] - expected).abs());
+            }
+        }
+    }
+    most
+}
+
+#[test]
+fn a_motion_with_its_rates_is_followed_far_closer_than_by_pd_and_closer_than_without() {
+    let lag = |controller: ControllerKind, knows_rates: bool, reach_s: f64| {
+        let mut scene = with(controller);
+        // Nothing is in the way.
+        scene.object_offset = Offset {
+            x_m: 0.5,
+            ..Offset::default()
+        };
+        let mut protocol = protocol();
+        protocol.approach = Approach::Follow;
+        protocol.reach_s = reach_s;
+        let rollout = template(&scene)
+            .rollout(&waving(knows_rates), &protocol, Record::Trace)
+            .unwrap();
+        most_lag(
+            &rollout.trace.unwrap().steps,
+            (reach_s / 0.02).round() as usize,
+        )
+    };
+    // At the speed of the motion, and at half of it.
+    for reach_s in [0.8, 1.6] {
+        let pd = lag(ControllerKind::Pd, true, reach_s);
+        let exact = lag(ControllerKind::PdFeedforward, true, reach_s);
+        let guessed = lag(ControllerKind::PdFeedforward, false, reach_s);
+        println!("{reach_s} s: PD {pd} rad, feedforward {exact} rad, of differences {guessed} rad");
+        assert!(pd > 0.05, "{pd}");
+        assert!(10.0 * exact < pd, "{exact} of {pd}");
+        assert!(exact < guessed && guessed < 0.3 * pd, "{guessed} of {pd}");
+    }
+}
+
+#[test]
+fn a_good_grasp_holds_under_feedforward_too() {
+    for approach in [Approach::Open, Approach::Follow] {
+        let mut protocol = protocol();
+        protocol.approach = approach;
+        let motion = side_grasp(BESIDE, q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]));
+        let template = template(&with(ControllerKind::PdFeedforward));
+        let run = |template: &Template| -> Rollout {
+            template.rollout(&motion, &protocol, Record::Trace).unwrap()
+        };
+        let rollout = run(&template);
+        if approach == Approach::Open {
+            assert_eq!(rollout.verdict, Verdict::Held, "{rollout:?}");
+        }
+        assert_eq!(rollout, run(&template));
+        assert_ne!(rollout.verdict, Verdict::Diverged);
+    }
+}
+
+#[test]
+fn rates_that_do_not_fit_the_motion_are_refused() {
+    let template = template(&with(ControllerKind::PdFeedforward));
+    let check = |spoil: &dyn Fn(&mut Vec<JointRates>), expected: &str| {
+        let mut motion = waving(true);
+        spoil(motion.rates.as_mut().unwrap());
+        let error = template
+            .rollout(&motion, &protocol(), Record::Nothing)
+            .unwrap_err();
+        assert!(error.to_string().contains(expected), "{error}");
+    };
+    check(&|rates| rates.truncate(3), "3 joint rates for 21 steps");
+    check(
+        &|rates| rates[2].velocity.truncate(1),
+        "1 joint rates for 16 joints",
+    );
+    check(
+        &|rates| rates[4].acceleration[0] = f64::NAN,
+        "a number is not finite",
+    );
+}
+
+#[test]
+fn a_heavier_hand_moves_otherwise() {
+    let trace = |hand_mass_scale: f64| {
+        let mut scene = scene();
+        scene.hand_mass_scale = hand_mass_scale;
+        let mut protocol = protocol();
+        protocol.approach = Approach::Follow;
+        let rollout = template(&scene)
+            .rollout(&waving(true), &protocol, Record::Trace)
+            .unwrap();
+        most_lag(&rollout.trace.unwrap().steps, 40)
+    };
+    let (light, heavy) = (trace(1.0), trace(3.0));
+    assert!(light != heavy, "{light}");
+}

@@ -1,0 +1,227 @@
+//! How smooth a candidate is, by the definitions of [`Smoothness`].
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use robot::RobotModel;
+use schemas::rollouts::{Smoothness, Variation, Variations};
+
+/// Net motion below which a channel has no shape of its own, in rad or m.
+const STANDING: f64 = 1e-6;
+
+/// One step of a motion, its joints in the hand's order.
+pub(crate) struct Posture {
+    /// Pose of the palm in the object frame.
+    pub(crate) object_from_palm: Isometry3<f64>,
+    /// Joint positions in radians.
+    pub(crate) q: Vec<f64>,
+}
+
+/// Measures a motion by all definitions.
+pub(crate) fn smoothness(steps: &[Posture], model: &RobotModel) -> Smoothness {
+    let joints: Vec<Vec<f64>> = steps.iter().map(|step| step.q.clone()).collect();
+    let with_palm: Vec<Vec<f64>> = steps
+        .iter()
+        .map(|step| {
+            let palm = step.object_from_palm.translation.vector;
+            palm.iter().chain(&step.q).copied().collect()
+        })
+        .collect();
+    let links: Vec<Vec<f64>> = steps
+        .iter()
+        .map(|step| origins(model, step, &step.object_from_palm))
+        .collect();
+    let misread: Vec<Vec<f64>> = steps
+        .iter()
+        .map(|step| {
+            let mut origins = origins(model, step, &misread(&step.object_from_palm));
+            // The released hand has a link `palm` at its root.
+            origins.extend_from_within(..origins.len().min(3));
+            origins
+        })
+        .collect();
+    let own = 1.0 / steps.len().saturating_sub(1).max(1) as f64;
+    let released = 1.0 / steps.len().max(1) as f64;
+    Smoothness {
+        paper: Variations {
+            joints: of_channels(&joints, own),
+            cartesian: of_channels(&links, own),
+        },
+        released: Variations {
+            joints: of_channels(&with_palm, released),
+            cartesian: of_channels(&misread, released),
+        },
+        robust: Variations {
+            joints: of_vector(&joints, own),
+            cartesian: of_vector(&links, own),
+        },
+    }
+}
+
+/// Returns the coordinates of all links' origins.
+fn origins(model: &RobotModel, step: &Posture, object_from_palm: &Isometry3<f64>) -> Vec<f64> {
+    // The columns were chosen for this hand, so that the positions fit.
+    let palm_from_links = model.forward_kinematics(&step.q).unwrap_or_default();
+    palm_from_links
+        .iter()
+        .flat_map(|palm_from_link| {
+            let origin: Vector3<f64> = (object_from_palm * palm_from_link).translation.vector;
+            [origin.x, origin.y, origin.z]
+        })
+        .collect()
+}
+
+/// Returns the pose with its angles about its own x, y and z taken for a rotation vector.
+fn misread(pose: &Isometry3<f64>) -> Isometry3<f64> {
+    let rotation = pose.rotation.to_rotation_matrix();
+    let r = rotation.matrix();
+    let angles = Vector3::new(
+        (-r[(1, 2)]).atan2(r[(2, 2)]),
+        r[(0, 2)].clamp(-1.0, 1.0).asin(),
+        (-r[(0, 1)]).atan2(r[(0, 0)]),
+    );
+    Isometry3::from_parts(
+        Translation3::from(pose.translation.vector),
+        UnitQuaternion::from_scaled_axis(angles),
+    )
+}
+
+/// Returns the mean over the channels that move; `steps` are `(step, channel)`.
+fn of_channels(steps: &[Vec<f64>], step_time: f64) -> Variation {
+    let channels_n = steps.first().map_or(0, Vec::len);
+    let mut sum = [0.0; 3];
+    let mut moving_n = 0_usize;
+    for channel in 0..channels_n {
+        let alone: Vec<Vec<f64>> = steps
+            .iter()
+            .map(|step| step.get(channel).copied().into_iter().collect())
+            .collect();
+        if let Some(of_one) = variation(&alone, step_time) {
+            moving_n += 1;
+            for (sum, number) in sum.iter_mut().zip(of_one) {
+                *sum += number;
+            }
+        }
+    }
+    let [position, velocity, acceleration] = sum.map(|sum| sum / moving_n.max(1) as f64);
+    Variation {
+        position,
+        velocity,
+        acceleration,
+    }
+}
+
+/// Returns that of all channels as one vector.
+fn of_vector(steps: &[Vec<f64>], step_time: f64) -> Variation {
+    let [position, velocity, acceleration] = variation(steps, step_time).unwrap_or_default();
+    Variation {
+        position,
+        velocity,
+        acceleration,
+    }
+}
+
+/// Returns the total variation of a vector's course, of its velocity and of its acceleration, in units
+/// of its net motion; `None` if it has none.
+fn variation(steps: &[Vec<f64>], step_time: f64) -> Option<[f64; 3]> {
+    let net = distance(steps.first()?, steps.last()?);
+    if net.is_nan() || net <= STANDING {
+        return None;
+    }
+    let velocity = gradient(steps, step_time);
+    let acceleration = gradient(&velocity, step_time);
+    let total = |steps: &[Vec<f64>]| {
+        let pairs = steps.windows(2);
+        pairs.map(|pair| distance(&pair[0], &pair[1])).sum::<f64>() / net
+    };
+    Some([total(steps), total(&velocity), total(&acceleration)])
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    let squares = a.iter().zip(b).map(|(a, b)| (b - a).powi(2));
+    squares.sum::<f64>().sqrt()
+}
+
+/// Returns central differences, one-sided at the ends, as `numpy.gradient` does.
+fn gradient(steps: &[Vec<f64>], step_time: f64) -> Vec<Vec<f64>> {
+    let last = steps.len().saturating_sub(1);
+    (0..steps.len())
+        .map(|idx| {
+            let (before, after) = (idx.saturating_sub(1), (idx + 1).min(last));
+            let time = (after - before).max(1) as f64 * step_time;
+            let neighbors = steps[before].iter().zip(&steps[after]);
+            neighbors
+                .map(|(before, after)| (after - before) / time)
+                .collect()
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const N: usize = 40;
+
+    fn course(y: impl Fn(f64) -> f64) -> Vec<Vec<f64>> {
+        let shares = (0..N).map(|step| step as f64 / (N - 1) as f64);
+        shares.map(|share| vec![y(share)]).collect()
+    }
+
+    fn near(found: f64, expected: f64, tolerance: f64) {
+        assert!((found - expected).abs() < tolerance, "{found} {expected}");
+    }
+
+    #[test]
+    fn a_straight_line_has_one_and_nothing_else() {
+        let line = of_channels(&course(|s| 3.0 - 2.0 * s), 1.0 / (N - 1) as f64);
+        near(line.position, 1.0, 1e-12);
+        near(line.velocity, 0.0, 1e-9);
+        near(line.acceleration, 0.0, 1e-7);
+    }
+
+    /// Minimum jerk: 1.00, 0.58 and 1.35 are what the released code's formula gives in logarithms.
+    #[test]
+    fn minimum_jerk_has_the_known_figures() {
+        let course = course(|s| s.powi(3) * (10.0 + s * (6.0 * s - 15.0)));
+        let found = of_channels(&course, 1.0 / N as f64);
+        near(found.position, 1.0, 1e-12);
+        near(found.velocity.log10(), 0.58, 0.01);
+        near(found.acceleration.log10(), 1.35, 0.01);
+    }
+
+    #[test]
+    fn a_channel_that_hardly_moves_rules_the_mean_and_not_the_vector() {
+        // A bump of 0.1 and a net motion of 0.003, beside a joint that goes straight.
+        let bump = |s: f64| 0.003 * s + 0.1 * (std::f64::consts::PI * s).sin();
+        let both: Vec<Vec<f64>> = course(bump)
+            .into_iter()
+            .zip(course(|s| s))
+            .map(|(a, b)| [a, b].concat())
+            .collect();
+        let alone = of_channels(&course(bump), 1.0 / (N - 1) as f64);
+        near(alone.position, 67.0, 1.0);
+        near(of_channels(&both, 1.0 / (N - 1) as f64).position, 34.0, 0.5);
+        near(of_vector(&both, 1.0 / (N - 1) as f64).position, 1.03, 0.02);
+    }
+
+    #[test]
+    fn what_stands_still_has_no_measure() {
+        assert_eq!(of_channels(&course(|_| 0.4), 0.1), Variation::default());
+        assert_eq!(of_vector(&course(|_| 0.4), 0.1), Variation::default());
+        assert_eq!(of_channels(&[], 0.1), Variation::default());
+    }
+
+    #[test]
+    fn angles_are_misread_as_the_released_code_does() {
+        let [a, b, c] = [0.3, -0.5, 0.9];
+        let about = |axis: Vector3<f64>, angle: f64| UnitQuaternion::from_scaled_axis(axis * angle);
+        let rotation = about(Vector3::x(), a) * about(Vector3::y(), b) * about(Vector3::z(), c);
+        let pose = Isometry3::from_parts(Translation3::new(1.0, 2.0, 3.0), rotation);
+        let found = misread(&pose);
+        near(
+            (found.rotation.scaled_axis() - Vector3::new(a, b, c)).norm(),
+            0.0,
+            1e-12,
+        );
+        assert_eq!(found.translation, pose.translation);
+    }
+}
