@@ -9,6 +9,8 @@
 
 #[path = "screening/can.rs"]
 mod can;
+#[path = "screening/grasps.rs"]
+mod grasps;
 #[path = "screening/mujoco.rs"]
 mod mujoco;
 #[path = "screening/options.rs"]
@@ -43,7 +45,7 @@ fn main() {
     let hand = options::hand();
     let (scene, protocol) = options::options();
     let object = can::can();
-    let motions = can::grasps(&hand, CANDIDATES);
+    let motions = grasps::grasps(&hand, CANDIDATES);
     let before = thread_time::cpu_s();
     let template = Template::new(&scene, &hand, &object, &can::upright()).unwrap();
     let build_s = thread_time::cpu_s() - before;

@@ -236,7 +236,7 @@ impl From<WireError> for Rejection {
 #[cfg(test)]
 mod tests {
     use nalgebra::{Isometry3, Vector3};
-    use simulation::Approach;
+    use simulation::{Approach, PullConfig, Trial};
 
     use super::*;
 
@@ -262,6 +262,8 @@ mod tests {
             limit_tolerance_rad: 0.01,
             table_tolerance_m: 0.002,
             early_tolerance_m: 0.005,
+            trial: Trial::Lift,
+            pull: PullConfig::default(),
         }
     }
 

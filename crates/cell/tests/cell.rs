@@ -9,7 +9,8 @@ use cell::{
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use schemas::executions::Outcome;
 use simulation::{
-    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, SceneConfig,
+    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, PullConfig, SceneConfig,
+    Shortcuts, Trial,
 };
 use spatial::{Pose, Rest};
 use zenoh::Wait;
@@ -43,6 +44,7 @@ fn scene() -> SceneConfig {
             armature: 0.0,
             stop_stiffness: 10_000.0,
         },
+        shortcuts: Shortcuts::ALL,
     }
 }
 
@@ -67,6 +69,8 @@ fn grasp() -> Protocol {
         limit_tolerance_rad: 0.001,
         table_tolerance_m: 0.002,
         early_tolerance_m: 0.005,
+        trial: Trial::Lift,
+        pull: PullConfig::default(),
     }
 }
 

@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::shortcuts::Shortcuts;
+
 /// The physical scene: object, table, hand and how time is cut.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -26,6 +28,9 @@ pub struct SceneConfig {
     pub settle_s: f64,
     /// Drives of the finger joints.
     pub drive: DriveConfig,
+    /// What is not simulated because it cannot change the verdict.
+    #[serde(default)]
+    pub shortcuts: Shortcuts,
 }
 
 impl SceneConfig {
@@ -139,4 +144,51 @@ pub struct Protocol {
     pub table_tolerance_m: f64,
     /// How far inside the object the hand may be asked to reach before the closing, in meters.
     pub early_tolerance_m: f64,
+    /// What is done to the object once it is squeezed: `lift` (the default) or `six_directions`.
+    #[serde(default)]
+    pub trial: Trial,
+    /// The pulls of `six_directions`.
+    #[serde(default)]
+    pub pull: PullConfig,
+}
+
+/// What is done to the object once it is squeezed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Trial {
+    /// The palm rises by `lift_m` and holds for `hold_s`.
+    #[default]
+    Lift,
+    /// Gravity and the table vanish, and a force pulls the object along each axis of the table's frame,
+    /// first one way and then the other, as in `DexGraspBench` (J. Chen et al., "`BODex`: Scalable and
+    /// Efficient Robotic Dexterous Grasp Synthesis Using Bilevel Optimization", 2025): all six must hold.
+    SixDirections,
+}
+
+/// The pulls of the trial `six_directions`, one after the other.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(inline)]
+pub struct PullConfig {
+    /// Force over the object's mass, in newtons per kilogram (10).
+    pub force_n_per_kg: f64,
+    /// Duration of each pull in seconds (2).
+    pub pull_s: f64,
+    /// Displacement in the hand, since the first pull, that counts as lost, in meters (0.05).
+    pub max_displacement_m: f64,
+    /// Rotation in the hand, since the first pull, that counts as lost, in radians (15 degrees).
+    pub max_rotation_rad: f64,
+}
+
+impl Default for PullConfig {
+    /// `DexGraspBench`'s.
+    fn default() -> Self {
+        Self {
+            force_n_per_kg: 10.0,
+            pull_s: 2.0,
+            max_displacement_m: 0.05,
+            max_rotation_rad: 15.0_f64.to_radians(),
+        }
+    }
 }

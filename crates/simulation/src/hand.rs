@@ -1,4 +1,9 @@
-//! The hand as a multibody: a palm that follows its path and fingers that are driven.
+//! The hand: a palm that follows its path and, on it, fingers that are driven.
+//!
+//! The palm yields to nothing, so that no finger feels what happens to another one: each finger is a
+//! multibody of its own, whose root has the palm's motion. Four systems of four equations cost a
+//! fraction of one of sixteen; and once the palm stands still ([`Hand::halt`]), its six coordinates
+//! are none of theirs any more.
 
 mod bodies;
 #[cfg(test)]
@@ -8,10 +13,11 @@ mod feedforward;
 
 use nalgebra::Isometry3;
 use rapier3d::{
-    math::Pose,
+    math::{Pose, Vector},
     prelude::{
-        ColliderBuilder, GenericJointBuilder, JointAxesMask, Multibody, MultibodyIndex,
-        MultibodyLink, RigidBodyBuilder, RigidBodyHandle,
+        ColliderBuilder, GenericJointBuilder, JointAxesMask, MassProperties, Multibody,
+        MultibodyJointHandle, MultibodyJointSet, MultibodyLink, RigidBody, RigidBodyBuilder,
+        RigidBodyHandle, RigidBodyType,
     },
 };
 use robot::{Bodies, JointKind, RobotModel};
@@ -24,7 +30,7 @@ use self::{
 use crate::{
     config::SceneConfig,
     error::SimulationError,
-    precision::{isometry, pose, real},
+    precision::{pose, real},
     world::{World, groups},
 };
 
@@ -36,9 +42,10 @@ const DIMENSIONS: usize = 6;
 /// The hand's place in a world and its drives.
 #[derive(Debug, Clone)]
 pub(crate) struct Hand {
+    /// The palm, then the movable links.
     bodies: Vec<RigidBodyHandle>,
-    multibody: MultibodyIndex,
-    palm: usize,
+    /// The root of each finger, where the palm is.
+    roots: Vec<Root>,
     drives: Vec<Drive>,
     /// Index into `drives` of each independent joint.
     joints: Vec<usize>,
@@ -46,13 +53,19 @@ pub(crate) struct Hand {
     dynamics: Bodies,
 }
 
+/// The root of a finger's multibody.
+#[derive(Debug, Clone, Copy)]
+struct Root {
+    body: RigidBodyHandle,
+    /// Lets it move in the world as it is told.
+    joint: MultibodyJointHandle,
+}
+
 /// The drive of one movable link.
 #[derive(Debug, Clone, Copy)]
 struct Drive {
-    /// Link of the multibody.
-    link: usize,
-    /// First of its coordinates in the multibody's vectors.
-    coordinate: usize,
+    /// The link's body.
+    body: RigidBodyHandle,
     /// Its axis among the six of a joint.
     axis: usize,
     /// The independent joint that commands it.
@@ -92,21 +105,21 @@ impl Hand {
             return Err(SimulationError::NoCollisions);
         }
         let groups = rigid_groups(model);
-        let anchor = world.bodies.insert(RigidBodyBuilder::fixed());
-        let mut bodies = Vec::with_capacity(groups.len());
+        let mut bodies: Vec<RigidBodyHandle> = Vec::with_capacity(groups.len());
         let mut body_of_link = vec![(0, Isometry3::identity()); model.links().len()];
-        let mut palm_joint = None;
+        let mut roots = Vec::new();
+        let parking = Pose::translation(0.0, 0.0, real(PARKING_HEIGHT_M));
+        let anywhere = GenericJointBuilder::new(JointAxesMask::empty()).local_frame1(parking);
         for (idx, group) in groups.iter().enumerate() {
-            let body = world.bodies.insert(
-                RigidBodyBuilder::dynamic()
-                    .gravity_scale(0.0)
-                    .can_sleep(false)
-                    .additional_mass_properties(mass_properties(
-                        model,
-                        group,
-                        scene.hand_mass_scale,
-                    )?),
-            );
+            let mass = mass_properties(model, group, scene.hand_mass_scale)?;
+            let link = &model.links()[group.root];
+            let parent = link.parent.map(|parent| body_of_link[parent]);
+            let body = world.bodies.insert(match (parent, palm) {
+                (None, PalmJoint::Driven) => RigidBodyBuilder::kinematic_velocity_based()
+                    .pose(parking)
+                    .can_sleep(false),
+                _ => movable(mass),
+            });
             for (link, body_from_link) in &group.links {
                 body_of_link[*link] = (idx, *body_from_link);
                 for collision in &model.links()[*link].collisions {
@@ -126,43 +139,40 @@ impl Hand {
                     );
                 }
             }
-            let link = &model.links()[group.root];
-            let handle = match link.parent.map(|parent| body_of_link[parent]) {
-                None => {
-                    let free = GenericJointBuilder::new(JointAxesMask::empty())
-                        .local_frame1(Pose::translation(0.0, 0.0, real(PARKING_HEIGHT_M)));
-                    let joints = &mut world.multibodies;
-                    match palm {
-                        PalmJoint::Driven => {
-                            joints.insert_kinematic(anchor, body, free.build(), true)
-                        }
-                        #[cfg(test)]
-                        PalmJoint::Free => joints.insert(anchor, body, free.build(), true),
-                    }
+            match (parent, palm) {
+                (None, PalmJoint::Driven) => {}
+                #[cfg(test)]
+                (None, PalmJoint::Free) => {
+                    let anchor = world.bodies.insert(RigidBodyBuilder::fixed());
+                    let free = anywhere.build();
+                    let joint = world.multibodies.insert(anchor, body, free, true);
+                    roots.extend(joint.map(|joint| Root { body, joint }));
                 }
-                Some((parent, parent_body_from_parent)) => world.multibodies.insert(
-                    bodies[parent],
-                    body,
-                    engine_joint(link, &parent_body_from_parent),
-                    true,
-                ),
-            };
-            palm_joint = palm_joint.or(handle);
+                (Some((parent, parent_body_from_parent)), _) => {
+                    let on = if parent == 0 && palm == PalmJoint::Driven {
+                        let anchor = world.bodies.insert(RigidBodyBuilder::fixed());
+                        let mass = mass_properties(model, &groups[0], scene.hand_mass_scale)?;
+                        let body = world.bodies.insert(movable(mass));
+                        let free = anywhere.build();
+                        let joint = world.multibodies.insert_kinematic(anchor, body, free, true);
+                        roots.extend(joint.map(|joint| Root { body, joint }));
+                        body
+                    } else {
+                        bodies[parent]
+                    };
+                    let joint = engine_joint(link, &parent_body_from_parent);
+                    world.multibodies.insert(on, body, joint, true);
+                }
+            }
             bodies.push(body);
         }
         for body in &bodies {
             let body = &mut world.bodies[*body];
             body.recompute_mass_properties_from_colliders(&world.colliders);
         }
-        let multibody = world
-            .multibodies
-            .rigid_body_link(anchor)
-            .map(|link| link.multibody);
-        let multibody = multibody.ok_or(SimulationError::NoCollisions)?;
         let mut hand = Self {
             bodies,
-            multibody,
-            palm: 1,
+            roots,
             drives: Vec::new(),
             joints: Vec::new(),
             dynamics: Bodies::new(model)
@@ -173,7 +183,7 @@ impl Hand {
         Ok(hand)
     }
 
-    /// Sets damping, armature and drives once the multibody knows that its root is fixed.
+    /// Sets damping, armature and drives once the multibodies know that their roots are fixed.
     fn configure(
         &mut self,
         world: &mut World,
@@ -181,22 +191,24 @@ impl Hand {
         model: &RobotModel,
         groups: &[RigidGroup],
     ) {
-        let Some(multibody) = world.multibodies.get_multibody_mut(self.multibody) else {
-            return;
-        };
-        multibody.set_self_contacts_enabled(false);
-        multibody.forward_kinematics(&world.bodies, true);
-        multibody.update_rigid_bodies(&mut world.bodies, true);
-        multibody.damping_mut().fill(0.0);
+        for root in &self.roots {
+            let Some((multibody, _)) = finger_mut(&mut world.multibodies, root.body) else {
+                continue;
+            };
+            multibody.set_self_contacts_enabled(false);
+            multibody.forward_kinematics(&world.bodies, true);
+            multibody.update_rigid_bodies(&mut world.bodies, true);
+            multibody.damping_mut().fill(0.0);
+        }
         self.joints = vec![0; model.dof()];
-        for (idx, group) in groups.iter().enumerate() {
+        for (group, body) in groups.iter().zip(&self.bodies) {
             let link = &model.links()[group.root];
             let (Some(joint), Some(kind)) = (link.joint, link.kind) else {
                 continue;
             };
-            // Link 0 of the multibody is the anchor.
-            let number = idx + 1;
-            let coordinate = multibody.link(number).map_or(0, MultibodyLink::assembly_id);
+            let Some((multibody, place)) = finger_mut(&mut world.multibodies, *body) else {
+                continue;
+            };
             let limits = &model.joints()[joint];
             let (multiplier, offset) = (link.multiplier, link.offset);
             let ends = [limits.lower, limits.upper].map(|end| multiplier * end + offset);
@@ -204,8 +216,7 @@ impl Hand {
                 self.joints[joint] = self.drives.len();
             }
             self.drives.push(Drive {
-                link: number,
-                coordinate,
+                body: *body,
                 axis: match kind {
                     JointKind::Revolute | JointKind::Continuous => 3,
                     JointKind::Prismatic => 0,
@@ -215,36 +226,52 @@ impl Hand {
                 offset: real(offset),
                 controller: Controller::new(scene, ends),
             });
-            multibody.damping_mut()[coordinate] = real(scene.drive.damping);
-            multibody.armature_mut()[coordinate] = real(scene.drive.armature);
+            multibody.damping_mut()[place.coordinate] = real(scene.drive.damping);
+            multibody.armature_mut()[place.coordinate] = real(scene.drive.armature);
         }
-        let inverse = multibody.dof_inverse_inertia(&world.bodies);
         for drive in &mut self.drives {
-            drive.controller.inverse_inertia = inverse[drive.coordinate];
+            if let Some((multibody, place)) = finger_mut(&mut world.multibodies, drive.body) {
+                let inverse = multibody.dof_inverse_inertia(&world.bodies);
+                drive.controller.inverse_inertia = inverse[place.coordinate];
+            }
         }
     }
 
     /// Puts the hand somewhere at once, at rest.
     pub(crate) fn place(&self, world: &mut World, table_from_palm: &Isometry3<f64>, q: &[f64]) {
-        let Some(multibody) = world.multibodies.get_multibody_mut(self.multibody) else {
-            return;
-        };
-        let mut displacement = vec![0.0; multibody.ndofs()];
-        if let Some(target) = displacement.get_mut(..DIMENSIONS) {
-            target.copy_from_slice(&twist(multibody, self.palm, &pose(table_from_palm), 1.0));
+        let target = pose(table_from_palm);
+        if let Some(palm) = self.palm_mut(world).filter(|palm| palm.is_kinematic()) {
+            palm.set_position(target, true);
+            palm.set_linvel(Vector::ZERO, true);
+            palm.set_angvel(Vector::ZERO, true);
         }
-        for drive in &self.drives {
-            let position = coordinate(multibody, drive);
-            if let (Some(target), Some(q)) =
-                (displacement.get_mut(drive.coordinate), q.get(drive.joint))
-            {
-                *target = drive.multiplier * real(*q) + drive.offset - position;
+        for root in &self.roots {
+            let Some((multibody, place)) = finger_mut(&mut world.multibodies, root.body) else {
+                continue;
+            };
+            let mut displacement = vec![0.0; multibody.ndofs()];
+            let now = multibody
+                .link(place.link)
+                .map(|root| *root.local_to_world());
+            if let (Some(now), Some(part)) = (now, displacement.get_mut(..DIMENSIONS)) {
+                part.copy_from_slice(&twist(&now, &target, 1.0));
             }
+            for drive in &self.drives {
+                let Some(link) = link_of(multibody, drive.body) else {
+                    continue;
+                };
+                if let (Some(target), Some(q)) =
+                    (displacement.get_mut(link.assembly_id()), q.get(drive.joint))
+                {
+                    let position = link.joint.coords()[drive.axis];
+                    *target = drive.multiplier * real(*q) + drive.offset - position;
+                }
+            }
+            multibody.apply_displacements(&displacement);
+            multibody.generalized_velocity_mut().fill(0.0);
+            multibody.forward_kinematics(&world.bodies, false);
+            multibody.update_rigid_bodies(&mut world.bodies, true);
         }
-        multibody.apply_displacements(&displacement);
-        multibody.generalized_velocity_mut().fill(0.0);
-        multibody.forward_kinematics(&world.bodies, false);
-        multibody.update_rigid_bodies(&mut world.bodies, true);
     }
 
     /// Gives the palm the velocity with which it is at `table_from_palm` in `seconds`.
@@ -254,32 +281,62 @@ impl Hand {
         table_from_palm: &Isometry3<f64>,
         seconds: f64,
     ) {
-        let Some(multibody) = world.multibodies.get_multibody_mut(self.multibody) else {
-            return;
-        };
-        let velocity = twist(multibody, self.palm, &pose(table_from_palm), real(seconds));
-        for (idx, number) in velocity.into_iter().enumerate() {
-            multibody.generalized_velocity_mut()[idx] = number;
+        let (target, seconds) = (pose(table_from_palm), real(seconds));
+        if let Some(palm) = self.palm_mut(world) {
+            let [x, y, z, about_x, about_y, about_z] = twist(palm.position(), &target, seconds);
+            palm.set_linvel(Vector::new(x, y, z), true);
+            palm.set_angvel(Vector::new(about_x, about_y, about_z), true);
         }
+        for root in &self.roots {
+            let Some((multibody, place)) = finger_mut(&mut world.multibodies, root.body) else {
+                continue;
+            };
+            let Some(root) = multibody.link(place.link) else {
+                continue;
+            };
+            let velocity = twist(root.local_to_world(), &target, seconds);
+            let mut velocities = multibody.generalized_velocity_mut();
+            for (number, coordinate) in velocity.into_iter().zip(velocities.iter_mut()) {
+                *coordinate = number;
+            }
+        }
+    }
+
+    /// Stops the palm for good: from now on it cannot be moved.
+    pub(crate) fn halt(&self, world: &mut World) {
+        if let Some(palm) = self.palm_mut(world) {
+            palm.set_linvel(Vector::ZERO, true);
+            palm.set_angvel(Vector::ZERO, true);
+        }
+        for root in &self.roots {
+            world.multibodies.remove(root.joint, true);
+            if let Some(body) = world.bodies.get_mut(root.body) {
+                body.set_body_type(RigidBodyType::Fixed, true);
+            }
+        }
+    }
+
+    fn palm_mut<'a>(&self, world: &'a mut World) -> Option<&'a mut RigidBody> {
+        world.bodies.get_mut(*self.bodies.first()?)
     }
 
     /// Sets every finger's torque for the next physics step.
     pub(crate) fn drive(&self, world: &mut World, q_command: &[f64]) {
-        let Some(multibody) = world.multibodies.get_multibody_mut(self.multibody) else {
-            return;
-        };
         for drive in &self.drives {
-            let Some(command) = q_command.get(drive.joint) else {
+            let (Some((multibody, place)), Some(command)) = (
+                finger_mut(&mut world.multibodies, drive.body),
+                q_command.get(drive.joint),
+            ) else {
                 continue;
             };
             let spring = drive.controller.spring(
                 drive.multiplier * real(*command) + drive.offset,
                 0.0,
-                coordinate(multibody, drive),
-                multibody.generalized_velocity()[drive.coordinate],
+                position(multibody, place.link, drive.axis),
+                multibody.generalized_velocity()[place.coordinate],
             );
-            multibody.damping_mut()[drive.coordinate] = spring.damping;
-            if let Some(link) = multibody.link_mut(drive.link) {
+            multibody.damping_mut()[place.coordinate] = spring.damping;
+            if let Some(link) = multibody.link_mut(place.link) {
                 link.joint
                     .set_spring(drive.axis, spring.stiffness, spring.rest);
             }
@@ -290,16 +347,19 @@ impl Hand {
     pub(crate) fn table_from_palm(&self, world: &World) -> Isometry3<f64> {
         self.bodies
             .first()
-            .and_then(|palm| world.bodies.get(*palm))
-            .map_or_else(Isometry3::identity, |palm| isometry(palm.position()))
+            .and_then(|palm| world.table_from_body(*palm))
+            .unwrap_or_default()
     }
 
     /// Returns the joint positions in radians.
     pub(crate) fn positions(&self, world: &World) -> Vec<f64> {
-        let multibody = world.multibodies.get_multibody(self.multibody);
         self.joints
             .iter()
-            .filter_map(|&drive| Some(f64::from(coordinate(multibody?, self.drives.get(drive)?))))
+            .filter_map(|&drive| {
+                let drive = self.drives.get(drive)?;
+                let (multibody, place) = finger(&world.multibodies, drive.body)?;
+                Some(f64::from(position(multibody, place.link, drive.axis)))
+            })
             .collect()
     }
 
@@ -307,17 +367,15 @@ impl Hand {
     /// in the last physics step.
     #[cfg(test)]
     pub(crate) fn torques(&self, world: &World) -> Vec<f64> {
-        let Some(multibody) = world.multibodies.get_multibody(self.multibody) else {
-            return Vec::new();
-        };
         self.joints
             .iter()
             .filter_map(|&drive| {
                 let drive = self.drives.get(drive)?;
-                let (stiffness, rest) = multibody.link(drive.link)?.joint.spring(drive.axis);
-                let q = coordinate(multibody, drive);
-                let velocity = multibody.generalized_velocity()[drive.coordinate];
-                let damping = multibody.damping()[drive.coordinate];
+                let (multibody, place) = finger(&world.multibodies, drive.body)?;
+                let (stiffness, rest) = multibody.link(place.link)?.joint.spring(drive.axis);
+                let q = position(multibody, place.link, drive.axis);
+                let velocity = multibody.generalized_velocity()[place.coordinate];
+                let damping = multibody.damping()[place.coordinate];
                 Some(f64::from(stiffness * (rest - q) - damping * velocity))
             })
             .collect()
@@ -325,21 +383,21 @@ impl Hand {
 
     /// Returns the largest speed of any coordinate (m/s, rad/s); NaN if one is not a number.
     pub(crate) fn fastest(&self, world: &World) -> f32 {
-        world
-            .multibodies
-            .get_multibody(self.multibody)
-            .map_or(f32::NAN, |multibody| {
-                multibody
-                    .generalized_velocity()
-                    .iter()
-                    .fold(0.0, |most: f32, speed| {
-                        if speed.is_nan() || most.is_nan() {
-                            f32::NAN
-                        } else {
-                            most.max(speed.abs())
-                        }
-                    })
+        let fingers = self.roots.iter().map(|root| {
+            finger(&world.multibodies, root.body).map_or(f32::NAN, |(multibody, _)| {
+                most(multibody.generalized_velocity().iter().copied())
             })
+        });
+        let palm = self.bodies.first().and_then(|palm| world.bodies.get(*palm));
+        let palm = palm.map_or(f32::NAN, |palm| {
+            palm.linvel().length().max(palm.angvel().length())
+        });
+        most(fingers.chain([palm]))
+    }
+
+    /// Returns the rigid bodies that have shapes, the palm first.
+    pub(crate) fn bodies(&self) -> &[RigidBodyHandle] {
+        &self.bodies
     }
 
     /// Returns the number of rigid bodies, the palm included.
@@ -348,19 +406,71 @@ impl Hand {
     }
 }
 
-fn coordinate(multibody: &Multibody, drive: &Drive) -> f32 {
-    multibody
-        .link(drive.link)
-        .map_or(f32::NAN, |link| link.joint.coords()[drive.axis])
+/// A body's place in its finger's multibody; another one once the palm has been halted.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    link: usize,
+    /// First of its coordinates in the multibody's vectors.
+    coordinate: usize,
 }
 
-/// Returns the velocity (linear, then angular) that takes a free link to `world_from_link` in
-/// `seconds`, in the axes of its joint, which are the world's.
-fn twist(multibody: &Multibody, link: usize, world_from_link: &Pose, seconds: f32) -> [f32; 6] {
-    let Some(link) = multibody.link(link) else {
-        return [0.0; DIMENSIONS];
-    };
-    let now = link.local_to_world();
+/// Returns the multibody of a body and its place there.
+fn finger(fingers: &MultibodyJointSet, body: RigidBodyHandle) -> Option<(&Multibody, Place)> {
+    let at = *fingers.rigid_body_link(body)?;
+    let multibody = fingers.get_multibody(at.multibody)?;
+    Some((multibody, place(multibody, at.id)?))
+}
+
+/// As [`finger`], to be changed.
+fn finger_mut(
+    fingers: &mut MultibodyJointSet,
+    body: RigidBodyHandle,
+) -> Option<(&mut Multibody, Place)> {
+    let at = *fingers.rigid_body_link(body)?;
+    let multibody = fingers.get_multibody_mut(at.multibody)?;
+    let place = place(multibody, at.id)?;
+    Some((multibody, place))
+}
+
+fn place(multibody: &Multibody, link: usize) -> Option<Place> {
+    let coordinate = multibody.link(link)?.assembly_id();
+    Some(Place { link, coordinate })
+}
+
+fn link_of(multibody: &Multibody, body: RigidBodyHandle) -> Option<&MultibodyLink> {
+    multibody
+        .links()
+        .find(|link| link.rigid_body_handle() == body)
+}
+
+fn position(multibody: &Multibody, link: usize, axis: usize) -> f32 {
+    multibody
+        .link(link)
+        .map_or(f32::NAN, |link| link.joint.coords()[axis])
+}
+
+/// Returns the largest of some numbers without their signs; NaN if one is not a number.
+fn most(numbers: impl Iterator<Item = f32>) -> f32 {
+    numbers.fold(0.0, |most, number| {
+        if number.is_nan() || most.is_nan() {
+            f32::NAN
+        } else {
+            most.max(number.abs())
+        }
+    })
+}
+
+/// Returns a body with a mass that nothing but its joints holds.
+fn movable(mass: MassProperties) -> RigidBodyBuilder {
+    RigidBodyBuilder::dynamic()
+        .gravity_scale(0.0)
+        .can_sleep(false)
+        .additional_mass_properties(mass)
+}
+
+/// Returns the velocity (linear, then angular) that takes a free link from `now` to
+/// `world_from_link` in `seconds`, in the world's axes.
+fn twist(now: &Pose, world_from_link: &Pose, seconds: f32) -> [f32; 6] {
     let linear = (world_from_link.translation - now.translation) / seconds;
     let mut turn = world_from_link.rotation * now.rotation.inverse();
     if turn.w < 0.0 {

@@ -19,20 +19,25 @@ mod contact;
 mod desired;
 mod error;
 mod hand;
+mod judge;
 mod object;
 mod precision;
 mod rejection;
 mod rollout;
 mod script;
+mod shortcuts;
 mod template;
 #[cfg(test)]
 mod testing;
 mod world;
 
-pub use config::{Approach, ControllerKind, DriveConfig, Offset, Protocol, SceneConfig};
+pub use config::{
+    Approach, ControllerKind, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Trial,
+};
 pub use error::SimulationError;
 pub use object::ObjectShape;
 pub use rollout::{Record, Rollout, Trace, TraceStep};
 pub use schemas::rollouts::Verdict;
 pub use script::{Instruction, JointRates, Motion, Phase};
+pub use shortcuts::Shortcuts;
 pub use template::Template;

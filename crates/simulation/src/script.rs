@@ -1,13 +1,23 @@
 //! What palm and fingers are told at each control step.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use robot::RobotModel;
 
 use crate::{
-    config::{Approach, ControllerKind, Protocol, SceneConfig},
+    config::{Approach, ControllerKind, Protocol, SceneConfig, Trial},
     desired::Desired,
     error::SimulationError,
 };
+
+/// The ways in which an object is pulled.
+const DIRECTIONS: [[f64; 3]; 6] = [
+    [1.0, 0.0, 0.0],
+    [-1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, -1.0, 0.0],
+    [0.0, 0.0, 1.0],
+    [0.0, 0.0, -1.0],
+];
 
 /// A motion of the hand relative to an object that still lies where it lay.
 #[derive(Debug, Clone, PartialEq)]
@@ -147,6 +157,8 @@ pub enum Phase {
     Lift,
     /// Nothing moves any more.
     Hold,
+    /// The object is pulled; nothing else moves.
+    Pull,
 }
 
 /// Where the hand is and how its joints stand.
@@ -167,6 +179,9 @@ pub(crate) struct Command {
     pub(crate) hand: HandPose,
     /// How far above that, along the table's z, in meters.
     pub(crate) lift_m: f64,
+    /// Acceleration with which the object is pulled, in the table's frame, in meters per second
+    /// squared.
+    pub(crate) pull_m_per_s2: Vector3<f64>,
 }
 
 /// What palm and fingers are told at the end of one control step, for who carries it out elsewhere.
@@ -243,12 +258,27 @@ impl Script {
         for _ in 0..pause {
             commands.push(writer.grasp(Phase::Squeeze, 1.0, 0.0)?);
         }
-        for fraction in fractions(lift) {
-            let smooth = fraction * fraction * (3.0 - 2.0 * fraction);
-            commands.push(writer.grasp(Phase::Lift, 1.0, smooth * protocol.lift_m)?);
-        }
-        for _ in 0..hold {
-            commands.push(writer.grasp(Phase::Hold, 1.0, protocol.lift_m)?);
+        match protocol.trial {
+            Trial::Lift => {
+                for fraction in fractions(lift) {
+                    let smooth = fraction * fraction * (3.0 - 2.0 * fraction);
+                    commands.push(writer.grasp(Phase::Lift, 1.0, smooth * protocol.lift_m)?);
+                }
+                for _ in 0..hold {
+                    commands.push(writer.grasp(Phase::Hold, 1.0, protocol.lift_m)?);
+                }
+            }
+            Trial::SixDirections => {
+                let pulls = steps(protocol.pull.pull_s, scene).max(1);
+                for direction in DIRECTIONS {
+                    for _ in 0..pulls {
+                        commands.push(Command {
+                            pull_m_per_s2: Vector3::from(direction) * protocol.pull.force_n_per_kg,
+                            ..writer.grasp(Phase::Pull, 1.0, 0.0)?
+                        });
+                    }
+                }
+            }
         }
         let desired = match scene.drive.controller {
             ControllerKind::Pd => None,
@@ -262,6 +292,21 @@ impl Script {
             asked,
             desired,
         })
+    }
+
+    /// Returns the first of the commands from which on the palm stays where it is, but for its lift.
+    pub(crate) fn arrival(&self) -> usize {
+        let Some(last) = self.commands.last() else {
+            return 0;
+        };
+        let is_there =
+            |command: &Command| command.hand.object_from_palm == last.hand.object_from_palm;
+        let before = [&self.start].into_iter().chain(&self.commands);
+        before
+            .enumerate()
+            .filter(|(_, command)| !is_there(command))
+            .last()
+            .map_or(0, |(idx, _)| idx + 1)
     }
 }
 
@@ -330,6 +375,7 @@ impl Writer<'_> {
             phase,
             hand,
             lift_m: 0.0,
+            pull_m_per_s2: Vector3::zeros(),
         })
     }
 
@@ -343,6 +389,7 @@ impl Writer<'_> {
                 ..grasp
             },
             lift_m,
+            pull_m_per_s2: Vector3::zeros(),
         })
     }
 

@@ -107,9 +107,19 @@ impl Template {
             &self.table_from_believed,
         );
         Ok(match refused {
-            Some(verdict) => Rollout::refused(verdict),
+            Some(verdict) if self.scene.shortcuts.refused => Rollout::refused(verdict, &script),
+            Some(verdict) => Rollout {
+                verdict,
+                trace: None,
+                ..run(self, &script, protocol, record)
+            },
             None => run(self, &script, protocol, record),
         })
+    }
+
+    /// Returns where the object is in a copy of the world, in the table's frame.
+    pub(crate) fn now(&self, world: &World) -> Isometry3<f64> {
+        world.table_from_body(self.object).unwrap_or_default()
     }
 
     /// Returns what palm and fingers are told in the rollout of a motion: where they start, then one

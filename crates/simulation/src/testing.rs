@@ -1,6 +1,9 @@
 //! Settings that the unit tests share.
 
-use crate::config::{ControllerKind, DriveConfig, Offset, SceneConfig};
+use crate::{
+    config::{ControllerKind, DriveConfig, Offset, SceneConfig},
+    shortcuts::Shortcuts,
+};
 
 /// A scene whose settings hold.
 pub(crate) fn scene() -> SceneConfig {
@@ -21,5 +24,6 @@ pub(crate) fn scene() -> SceneConfig {
             armature: 0.001,
             stop_stiffness: 200.0,
         },
+        shortcuts: Shortcuts::NONE,
     }
 }

@@ -1,13 +1,17 @@
 //! The physics engine's state as one value that can be copied.
 
+use nalgebra::{Isometry3, Translation3, Vector3};
 use rapier3d::prelude::{
     BroadPhaseBvh, CCDSolver, ColliderBuilder, ColliderSet, Group, ImpulseJointSet,
     IntegrationParameters, InteractionGroups, InteractionTestMode, IslandManager,
-    MultibodyJointSet, NarrowPhase, PhysicsPipeline, RigidBodyBuilder, RigidBodySet, SoftBodySet,
-    Vector,
+    MultibodyJointSet, NarrowPhase, PhysicsPipeline, RigidBody, RigidBodyBuilder, RigidBodyHandle,
+    RigidBodySet, RigidBodyType, SoftBodySet, Vector,
 };
 
-use crate::{config::SceneConfig, precision::real};
+use crate::{
+    config::SceneConfig,
+    precision::{isometry, real, vector},
+};
 
 /// Standard gravity in meters per second squared.
 const GRAVITY: f32 = 9.81;
@@ -62,6 +66,20 @@ pub(crate) struct World {
     parameters: IntegrationParameters,
     pipeline: PhysicsPipeline,
     ccd: CCDSolver,
+    table: Option<RigidBodyHandle>,
+    rise: Rise,
+    gravity: Vector,
+}
+
+/// How far the coordinates in which the engine computes have risen above the table, and how fast they
+/// do.
+///
+/// While the palm is lifted it stands still in them, the table sinks, and what is held is held at rest;
+/// nothing else is different in a frame that moves evenly.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Rise {
+    height_m: f64,
+    speed_m_per_s: f64,
 }
 
 impl World {
@@ -82,6 +100,7 @@ impl World {
             table,
             &mut world.bodies,
         );
+        world.table = Some(table);
         world
     }
 
@@ -91,6 +110,8 @@ impl World {
             dt: real(scene.time_step_s),
             // One substep holds with implicit drives; each further one costs as much as a step.
             num_solver_iterations: 1,
+            // Nothing here is fast enough to pass through anything.
+            max_ccd_substeps: 0,
             // Nearly free, and stops the creep of held objects.
             num_internal_pgs_iterations: 2,
             normalized_prediction_distance: real(scene.prediction_m),
@@ -108,6 +129,9 @@ impl World {
             parameters,
             pipeline: PhysicsPipeline::new(),
             ccd: CCDSolver::new(),
+            table: None,
+            rise: Rise::default(),
+            gravity: Vector::new(0.0, 0.0, -GRAVITY),
         }
     }
 
@@ -125,13 +149,16 @@ impl World {
             parameters: self.parameters,
             pipeline: PhysicsPipeline::new(),
             ccd: CCDSolver::new(),
+            table: self.table,
+            rise: self.rise,
+            gravity: self.gravity,
         }
     }
 
     /// Advances by one time step; `false` if a body's numbers overflowed in it.
     pub(crate) fn step(&mut self) -> Finite {
         self.pipeline.step(
-            Vector::new(0.0, 0.0, -GRAVITY),
+            self.gravity,
             &self.parameters,
             &mut self.islands,
             &mut self.broad_phase,
@@ -145,11 +172,75 @@ impl World {
             &(),
             &(),
         );
+        self.rise.height_m += self.rise.speed_m_per_s * f64::from(self.parameters.dt);
         if self.pipeline.quarantine().is_empty() {
             Finite::Yes
         } else {
             Finite::No
         }
+    }
+
+    /// From now on the engine's coordinates rise so that they have risen by `height_m` in `seconds`;
+    /// the `object` keeps its velocity over the table.
+    pub(crate) fn rise(&mut self, object: RigidBodyHandle, height_m: f64, seconds: f64) {
+        let speed_m_per_s = (height_m - self.rise.height_m) / seconds;
+        let faster = real(speed_m_per_s - self.rise.speed_m_per_s);
+        self.rise.speed_m_per_s = speed_m_per_s;
+        if faster == 0.0 {
+            return;
+        }
+        if let Some(body) = self.bodies.get_mut(object) {
+            let velocity = body.linvel();
+            body.set_linvel(velocity - Vector::new(0.0, 0.0, faster), true);
+        }
+        if let Some(table) = self.table.and_then(|table| self.bodies.get_mut(table)) {
+            table.set_body_type(RigidBodyType::KinematicVelocityBased, true);
+            table.set_linvel(Vector::new(0.0, 0.0, -real(speed_m_per_s)), true);
+        }
+    }
+
+    /// Takes away gravity and the table, and pulls the `object` with an acceleration.
+    pub(crate) fn pull(&mut self, object: RigidBodyHandle, acceleration_m_per_s2: &Vector3<f64>) {
+        self.gravity = Vector::ZERO;
+        if let Some(table) = self.table.take() {
+            let (islands, colliders) = (&mut self.islands, &mut self.colliders);
+            let (joints, fingers) = (&mut self.impulse_joints, &mut self.multibodies);
+            let soft = &mut self.soft_bodies;
+            self.bodies
+                .remove(table, islands, colliders, joints, fingers, soft, true);
+        }
+        if let Some(body) = self.bodies.get_mut(object) {
+            let force = vector(acceleration_m_per_s2) * body.mass();
+            body.reset_forces(true);
+            body.add_force(force, true);
+        }
+    }
+
+    /// Whether a body that does not rise lies below all of some others.
+    pub(crate) fn is_below(&self, body: RigidBodyHandle, others: &[RigidBodyHandle]) -> bool {
+        let shapes = |body: RigidBodyHandle| {
+            let body = self.bodies.get(body);
+            let handles = body.into_iter().flat_map(RigidBody::colliders);
+            handles.filter_map(|handle| self.colliders.get(*handle))
+        };
+        let top = shapes(body)
+            .map(|shape| shape.compute_aabb().maxs.z)
+            .fold(f32::NEG_INFINITY, f32::max);
+        let rises = self
+            .bodies
+            .get(body)
+            .is_none_or(|body| f64::from(body.linvel().z) + self.rise.speed_m_per_s > 0.0);
+        !rises
+            && others
+                .iter()
+                .flat_map(|other| shapes(*other))
+                .all(|shape| shape.compute_aabb().mins.z > top)
+    }
+
+    /// Returns where a body is, in the table's frame.
+    pub(crate) fn table_from_body(&self, body: RigidBodyHandle) -> Option<Isometry3<f64>> {
+        let engine_from_body = isometry(self.bodies.get(body)?.position());
+        Some(Translation3::new(0.0, 0.0, self.rise.height_m) * engine_from_body)
     }
 }
 

@@ -146,6 +146,7 @@ pub(crate) fn rollout(template: &Template, instructions: &[Instruction]) -> Valu
                     Phase::Squeeze => "squeeze",
                     Phase::Lift => "lift",
                     Phase::Hold => "hold",
+                    Phase::Pull => "pull",
                 },
                 "palm": seven(&instruction.table_from_palm),
                 "q": instruction.q,

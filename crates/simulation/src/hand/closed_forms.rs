@@ -5,7 +5,7 @@ use rapier3d::prelude::{ColliderBuilder, RigidBodyBuilder};
 use robot::{Bodies, JointMotion, RobotModel, Root};
 
 use super::{
-    Hand, PalmJoint,
+    Hand, PalmJoint, finger_mut,
     tests::{FINGER, finger},
 };
 use crate::{
@@ -149,9 +149,9 @@ fn the_engine_accelerates_joints_as_inverse_dynamics_says() {
     let wanted: Vec<f64> = (0..dof).map(|joint| 60.0 * number(joint, 3.1)).collect();
     hand.place(&mut world, &Isometry3::identity(), &q);
     let set = |world: &mut World| {
-        let multibody = world.multibodies.get_multibody_mut(hand.multibody).unwrap();
         for drive in &hand.drives {
-            multibody.generalized_velocity_mut()[drive.coordinate] = real(velocity[drive.joint]);
+            let (multibody, place) = finger_mut(&mut world.multibodies, drive.body).unwrap();
+            multibody.generalized_velocity_mut()[place.coordinate] = real(velocity[drive.joint]);
         }
     };
     set(&mut world);
@@ -162,10 +162,10 @@ fn the_engine_accelerates_joints_as_inverse_dynamics_says() {
     };
     hand.follow(&mut world, &asked);
     world.step();
-    let multibody = world.multibodies.get_multibody(hand.multibody).unwrap();
     let mut worst: f64 = 0.0;
     for drive in &hand.drives {
-        let after = f64::from(multibody.generalized_velocity()[drive.coordinate]);
+        let (multibody, place) = super::finger(&world.multibodies, drive.body).unwrap();
+        let after = f64::from(multibody.generalized_velocity()[place.coordinate]);
         let found = (after - velocity[drive.joint]) / scene.time_step_s;
         worst = worst.max((found - wanted[drive.joint]).abs());
     }
@@ -175,17 +175,22 @@ fn the_engine_accelerates_joints_as_inverse_dynamics_says() {
 
 /// Linear and angular momentum about the origin, and the energy, of what moves freely.
 fn carried(hand: &Hand, world: &World, bodies: &Bodies) -> (Vector3<f64>, Vector3<f64>, f64) {
-    let multibody = world.multibodies.get_multibody(hand.multibody).unwrap();
+    let (multibody, _) = super::finger(&world.multibodies, hand.roots[0].body).unwrap();
     let q = hand.positions(world);
     let palm = hand.table_from_palm(world);
     let speed = |idx: usize| f64::from(multibody.generalized_velocity()[idx]);
     let into_palm = palm.rotation.inverse();
     let linear = into_palm * Vector3::new(speed(0), speed(1), speed(2));
     let angular = into_palm * Vector3::new(speed(3), speed(4), speed(5));
-    let joints = hand
-        .joints
-        .iter()
-        .map(|&idx| speed(hand.drives[idx].coordinate));
+    let joints = hand.joints.iter().map(|&idx| {
+        let body = hand.drives[idx].body;
+        speed(
+            super::finger(&world.multibodies, body)
+                .unwrap()
+                .1
+                .coordinate,
+        )
+    });
     let all: Vec<f64> = linear
         .iter()
         .chain(&angular)
@@ -213,7 +218,8 @@ fn a_free_hand_keeps_its_momentum_and_its_energy() {
     let hand = Hand::insert_on(&mut world, &scene, &model, PalmJoint::Free).unwrap();
     hand.place(&mut world, &Isometry3::translation(0.1, -0.2, 0.3), &[0.2]);
     {
-        let multibody = world.multibodies.get_multibody_mut(hand.multibody).unwrap();
+        let root = hand.roots[0].body;
+        let (multibody, _) = finger_mut(&mut world.multibodies, root).unwrap();
         let velocities = [0.3, -0.2, 0.1, 0.5, 1.0, -0.8, 3.0];
         for (target, speed) in multibody
             .generalized_velocity_mut()

@@ -3,8 +3,12 @@
 use nalgebra::{Isometry3, UnitQuaternion, Vector3, Vector6};
 use robot::{JointMotion, Root};
 
-use super::{DIMENSIONS, Hand, coordinate};
-use crate::{desired::Asked, precision::real, world::World};
+use super::{DIMENSIONS, Hand, finger, finger_mut, position};
+use crate::{
+    desired::Asked,
+    precision::{isometry, real},
+    world::World,
+};
 
 impl Hand {
     /// Sets every finger's torque for the next physics step: what the hand's own inertia takes for the
@@ -14,34 +18,28 @@ impl Hand {
     /// The hand's weight is compensated, as in [`Hand::drive`], and the palm moves at constant
     /// velocity between the jumps that the engine makes without any effect on the fingers.
     pub(crate) fn follow(&self, world: &mut World, asked: &Asked) {
-        let Some(multibody) = world.multibodies.get_multibody_mut(self.multibody) else {
-            return;
-        };
-        let states = || {
-            let drives = self.joints.iter().filter_map(|&idx| self.drives.get(idx));
-            drives.map(|drive| {
-                let q = coordinate(multibody, drive);
-                let speed = multibody.generalized_velocity()[drive.coordinate];
-                (f64::from(q), f64::from(speed))
-            })
-        };
-        let q: Vec<f64> = states().map(|(q, _)| q).collect();
-        let velocity: Vec<f64> = states().map(|(_, velocity)| velocity).collect();
+        let drives = self.joints.iter().filter_map(|&idx| self.drives.get(idx));
+        let states = drives.filter_map(|drive| {
+            let (multibody, place) = finger(&world.multibodies, drive.body)?;
+            let q = position(multibody, place.link, drive.axis);
+            let speed = multibody.generalized_velocity()[place.coordinate];
+            Some((f64::from(q), f64::from(speed)))
+        });
+        let (q, velocity): (Vec<f64>, Vec<f64>) = states.unzip();
         let motion = JointMotion {
             q: &q,
             velocity: &velocity,
             acceleration: &asked.acceleration,
         };
-        let mut palm = [0.0; DIMENSIONS];
-        for (number, speed) in palm.iter_mut().zip(multibody.generalized_velocity().iter()) {
-            *number = f64::from(*speed);
-        }
-        let orientation = multibody
-            .link(self.palm)
-            .map_or_else(UnitQuaternion::identity, |link| {
-                crate::precision::isometry(link.local_to_world()).rotation
-            });
-        let root = root(&orientation, palm);
+        let Some(palm) = self.palm_mut(world) else {
+            return;
+        };
+        let (linear, angular) = (palm.linvel(), palm.angvel());
+        let velocity_of_palm = [
+            linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
+        ];
+        let orientation = isometry(palm.position()).rotation;
+        let root = root(&orientation, velocity_of_palm.map(f64::from));
         // The hand was built of the same model: the numbers of joints agree.
         let torques = self
             .dynamics
@@ -53,16 +51,19 @@ impl Hand {
             else {
                 continue;
             };
+            let Some((multibody, place)) = finger_mut(&mut world.multibodies, drive.body) else {
+                continue;
+            };
             let spring = drive.controller.spring(
                 drive.multiplier * real(*q_asked) + drive.offset,
                 drive
                     .controller
                     .ahead(real(torque), drive.multiplier * real(*speed_asked)),
-                coordinate(multibody, drive),
-                multibody.generalized_velocity()[drive.coordinate],
+                position(multibody, place.link, drive.axis),
+                multibody.generalized_velocity()[place.coordinate],
             );
-            multibody.damping_mut()[drive.coordinate] = spring.damping;
-            if let Some(link) = multibody.link_mut(drive.link) {
+            multibody.damping_mut()[place.coordinate] = spring.damping;
+            if let Some(link) = multibody.link_mut(place.link) {
                 link.joint
                     .set_spring(drive.axis, spring.stiffness, spring.rest);
             }

@@ -1,8 +1,11 @@
-//! Rollouts through the public interface: known grasps, refusals, determinism, divergence,
+//! Rollouts through the public interface: known grasps, refusals, determinism, divergence, shortcuts,
 //! agreement with recorded verdicts of another engine.
 
+mod bodies;
 mod errors;
 mod feedforward;
 mod grasps;
+mod known;
 mod recorded;
 mod scene;
+mod shortcuts;

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use robot::RobotModel;
 use simulation::{
-    Approach, ControllerKind, DriveConfig, Motion, ObjectShape, Offset, Protocol, SceneConfig,
-    Template,
+    Approach, ControllerKind, DriveConfig, Motion, ObjectShape, Offset, Protocol, PullConfig,
+    SceneConfig, Shortcuts, Template, Trial,
 };
 use spatial::Rest;
 
@@ -43,6 +43,10 @@ pub(crate) fn scene() -> SceneConfig {
             armature: 0.001,
             stop_stiffness: 200.0,
         },
+        shortcuts: Shortcuts {
+            refused: true,
+            ..Shortcuts::NONE
+        },
     }
 }
 
@@ -68,6 +72,8 @@ pub(crate) fn protocol() -> Protocol {
         limit_tolerance_rad: 0.1,
         table_tolerance_m: 0.01,
         early_tolerance_m: 0.02,
+        trial: Trial::Lift,
+        pull: PullConfig::default(),
     }
 }
 

@@ -1,0 +1,298 @@
+//! What a rollout's steps say about its verdict.
+
+use nalgebra::{Isometry3, Point3};
+use schemas::rollouts::Verdict;
+
+use crate::{
+    config::Protocol,
+    contact::{Touch, touch},
+    script::{Command, Phase, Script, steps},
+    shortcuts::Shortcuts,
+    template::Template,
+    world::World,
+};
+
+/// Speed (m/s, rad/s) beyond which nothing moves in this scene unless the simulation failed.
+const IMPLAUSIBLE_SPEED: f32 = 500.0;
+/// Distance in meters from the table's origin beyond which the object is lost.
+const IMPLAUSIBLE_DISTANCE_M: f64 = 10.0;
+/// Time at the end of the hold over which slip and contact are judged, in seconds.
+const FINAL_WINDOW_S: f64 = 0.5;
+/// Share of the final window's steps in which a link must press to count as in contact.
+const TOUCHING_SHARE: f64 = 0.5;
+/// How long a held object must have rested in the hand to have settled, in seconds.
+const SETTLED_S: f64 = 0.3;
+/// Motion in the hand up to which it rests, in meters and radians.
+const SETTLED_M: f64 = 2e-4;
+const SETTLED_RAD: f64 = 4e-3;
+
+/// Follows a rollout and ends it as soon as its verdict is known.
+pub(crate) struct Judge<'a> {
+    protocol: &'a Protocol,
+    start: Isometry3<f64>,
+    rise_m: f64,
+    displacement_m: f64,
+    penetration_m: f64,
+    /// The object's origin in the palm frame, from the end of the lift on.
+    in_palm: Vec<Point3<f64>>,
+    /// The object's origin in the palm frame after the latest step.
+    last_in_palm: Point3<f64>,
+    lift_left: usize,
+    hold_left: usize,
+    window: usize,
+    control_s: f64,
+    /// Steps of the final window in which each body of the hand pressed.
+    pressed: Vec<usize>,
+    /// The object's pose in the palm frame when the pulling began.
+    pulled_from: Option<Isometry3<f64>>,
+    shortcuts: Shortcuts,
+    rest: Option<Resting>,
+    /// Links that pressed throughout, of a rollout that was ended because it had settled.
+    settled: Option<usize>,
+}
+
+/// Since when the object has not moved in the hand.
+struct Resting {
+    palm_from_object: Isometry3<f64>,
+    steps: usize,
+    /// For each body of the hand, whether it has pressed ever since.
+    pressing: Vec<bool>,
+}
+
+impl<'a> Judge<'a> {
+    pub(crate) fn new(
+        template: &Template,
+        protocol: &'a Protocol,
+        script: &Script,
+        shortcuts: Shortcuts,
+    ) -> Self {
+        let count = |phase: Phase| script.commands.iter().filter(|c| c.phase == phase).count();
+        let hold_left = count(Phase::Hold) + count(Phase::Pull);
+        Self {
+            protocol,
+            start: *template.table_from_object().isometry(),
+            rise_m: 0.0,
+            displacement_m: 0.0,
+            penetration_m: 0.0,
+            in_palm: Vec::new(),
+            last_in_palm: Point3::origin(),
+            lift_left: count(Phase::Lift),
+            hold_left,
+            window: steps(FINAL_WINDOW_S, &template.scene).clamp(1, hold_left.max(1)),
+            control_s: template.scene.control_step_s(),
+            pressed: vec![0; template.hand.bodies_n()],
+            pulled_from: None,
+            shortcuts,
+            rest: None,
+            settled: None,
+        }
+    }
+
+    /// Takes in the state after a command; returns the verdict if it is certain.
+    pub(crate) fn see(
+        &mut self,
+        template: &Template,
+        world: &World,
+        command: &Command,
+    ) -> Option<Verdict> {
+        let object = template.now(world);
+        if implausible(template, world, &object) {
+            return Some(Verdict::Diverged);
+        }
+        self.rise_m = object.translation.z - self.start.translation.z;
+        let palm_from_object = template.hand.table_from_palm(world).inv_mul(&object);
+        self.last_in_palm = palm_from_object.translation.vector.into();
+        match command.phase {
+            Phase::Reach | Phase::Close => {
+                let moved = object.translation.vector - self.start.translation.vector;
+                self.displacement_m = moved.norm();
+                let turned = object.rotation.angle_to(&self.start.rotation);
+                (self.displacement_m > self.protocol.knocked_m
+                    || turned > self.protocol.knocked_rad)
+                    .then_some(Verdict::KnockedOver)
+            }
+            Phase::Squeeze => None,
+            Phase::Lift => {
+                let felt = self.feel(template, world);
+                self.lift_left = self.lift_left.saturating_sub(1);
+                if self.lift_left == 0 {
+                    self.in_palm.push(self.last_in_palm);
+                } else if !(self.is_low() && self.is_lost(template, world, &felt)) {
+                    return None;
+                }
+                self.is_low().then_some(Verdict::NotGrasped)
+            }
+            Phase::Hold => {
+                let felt = self.feel(template, world);
+                self.in_palm.push(self.last_in_palm);
+                self.count_pressing(&felt);
+                if self.is_low() || self.will_be_dropped(template, world, &felt) {
+                    return Some(Verdict::Dropped);
+                }
+                self.has_settled(&palm_from_object, felt)
+                    .then_some(Verdict::Held)
+            }
+            Phase::Pull => {
+                let felt = self.feel(template, world);
+                self.in_palm.push(self.last_in_palm);
+                self.count_pressing(&felt);
+                let from = *self.pulled_from.get_or_insert(palm_from_object);
+                let away = from.inv_mul(&palm_from_object);
+                let limits = &self.protocol.pull;
+                if away.translation.vector.norm() <= limits.max_displacement_m
+                    && away.rotation.angle() <= limits.max_rotation_rad
+                {
+                    return None;
+                }
+                let touching = felt.bodies.iter().filter(|pressed| **pressed).count();
+                let held = touching >= self.protocol.min_links as usize;
+                Some(if held {
+                    Verdict::Slipped
+                } else {
+                    Verdict::Dropped
+                })
+            }
+        }
+    }
+
+    /// Whether the object is not lifted.
+    fn is_low(&self) -> bool {
+        self.rise_m <= self.protocol.lifted_m
+    }
+
+    /// Counts, in the final window, in how many steps each body of the hand pressed.
+    fn count_pressing(&mut self, felt: &Touch) {
+        if self.hold_left <= self.window {
+            for (count, pressed) in self.pressed.iter_mut().zip(&felt.bodies) {
+                *count += usize::from(*pressed);
+            }
+        }
+        self.hold_left = self.hold_left.saturating_sub(1);
+    }
+
+    /// Whether the whole hand is above the whole object, which does not rise: a hand that only rises
+    /// will not touch it any more.
+    fn is_lost(&self, template: &Template, world: &World, felt: &Touch) -> bool {
+        self.shortcuts.lost
+            && felt.bodies.iter().all(|pressed| !pressed)
+            && world.is_below(template.object, template.hand.bodies())
+    }
+
+    /// Whether a lost object has the time to fall before contacts are counted.
+    fn will_be_dropped(&self, template: &Template, world: &World, felt: &Touch) -> bool {
+        self.hold_left > self.window
+            && self.protocol.min_links > 0
+            && self.is_lost(template, world, felt)
+    }
+
+    /// Whether the object has rested in the hand for so long, with enough links pressing all the
+    /// time, that nothing more will happen: a creep that is 10 times too slow to be a slip would have
+    /// been seen.
+    fn has_settled(&mut self, palm_from_object: &Isometry3<f64>, felt: Touch) -> bool {
+        if !self.shortcuts.settled {
+            return false;
+        }
+        let moved = |rest: &Resting| {
+            let away = rest.palm_from_object.inv_mul(palm_from_object);
+            away.translation.vector.norm() > SETTLED_M || away.rotation.angle() > SETTLED_RAD
+        };
+        let rest = match self.rest.take() {
+            Some(mut rest) if !moved(&rest) => {
+                rest.steps += 1;
+                for (pressing, pressed) in rest.pressing.iter_mut().zip(felt.bodies) {
+                    *pressing &= pressed;
+                }
+                rest
+            }
+            _ => Resting {
+                palm_from_object: *palm_from_object,
+                steps: 0,
+                pressing: felt.bodies,
+            },
+        };
+        let links = rest.pressing.iter().filter(|pressing| **pressing).count();
+        if links < self.protocol.min_links as usize {
+            return false;
+        }
+        let long_enough = rest.steps as f64 * self.control_s >= SETTLED_S;
+        self.rest = Some(rest);
+        if long_enough {
+            self.settled = Some(links);
+        }
+        long_enough
+    }
+
+    /// Notes how deep hand and object overlap while the object is carried.
+    fn feel(&mut self, template: &Template, world: &World) -> Touch {
+        let felt = touch(world, template.object, template.hand.bodies_n());
+        self.penetration_m = self.penetration_m.max(felt.depth_m);
+        felt
+    }
+
+    /// Judges a rollout that was carried out to the end.
+    pub(crate) fn conclude(&self) -> Verdict {
+        if self.contacts_n() < self.protocol.min_links {
+            return Verdict::Dropped;
+        }
+        let back = self.in_palm.len().saturating_sub(self.window + 1);
+        let slipped = self
+            .in_palm
+            .get(back)
+            .map_or(0.0, |before| (self.last_in_palm - before).norm());
+        let seconds = self.window as f64 * self.control_s;
+        if slipped > self.protocol.max_slip_m_per_s * seconds {
+            Verdict::Slipped
+        } else {
+            Verdict::Held
+        }
+    }
+
+    /// Rise of the object's origin, in meters.
+    pub(crate) fn rise_m(&self) -> f64 {
+        self.rise_m
+    }
+
+    /// Motion of the object on the table before the squeeze, in meters.
+    pub(crate) fn displacement_m(&self) -> f64 {
+        self.displacement_m
+    }
+
+    /// Deepest contact between hand and object while held, in meters.
+    pub(crate) fn penetration_m(&self) -> f64 {
+        self.penetration_m
+    }
+
+    /// Motion of the object in the palm frame since the end of the lift, in meters.
+    pub(crate) fn slip_m(&self) -> f64 {
+        self.in_palm
+            .first()
+            .map_or(0.0, |lifted| (self.last_in_palm - lifted).norm())
+    }
+
+    /// Hand links in contact with the object at the end.
+    pub(crate) fn contacts_n(&self) -> u32 {
+        if let Some(links) = self.settled {
+            return u32::try_from(links).unwrap_or(u32::MAX);
+        }
+        let enough = TOUCHING_SHARE * self.window as f64;
+        let touching = self.pressed.iter().filter(|&&n| n as f64 >= enough);
+        u32::try_from(touching.count()).unwrap_or(u32::MAX)
+    }
+}
+
+/// Whether the state lies outside what can happen in this scene.
+fn implausible(template: &Template, world: &World, table_from_object: &Isometry3<f64>) -> bool {
+    let numbers = table_from_object
+        .translation
+        .vector
+        .iter()
+        .chain(table_from_object.rotation.coords.iter());
+    let finite = numbers.into_iter().all(|number| number.is_finite());
+    let far = table_from_object.translation.vector.norm() > IMPLAUSIBLE_DISTANCE_M;
+    let speed = world.bodies.get(template.object).map_or(f32::NAN, |body| {
+        body.linvel().length().max(body.angvel().length())
+    });
+    let slow = |speed: f32| speed <= IMPLAUSIBLE_SPEED;
+    // A comparison with NaN is false, so that NaN is implausible.
+    !finite || far || !slow(speed) || !slow(template.hand.fastest(world))
+}

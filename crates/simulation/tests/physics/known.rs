@@ -1,0 +1,113 @@
+//! Grasps of six bodies that are known to hold or known not to, in both trials.
+
+use simulation::{PullConfig, Record, Rollout, SceneConfig, Template, Trial, Verdict};
+
+use crate::{
+    bodies::bodies,
+    scene::{hand, protocol, q, scene, side_grasp},
+};
+
+/// How far the fingers close around each body, in radians per joint: to its middle.
+const CLOSED: [(&str, f64); 6] = [
+    ("can", 0.9),
+    ("thin can", 0.9),
+    ("wide can", 0.7),
+    ("box", 0.8),
+    ("brick", 0.7),
+    ("hexagonal prism", 0.85),
+];
+
+/// Grasps a body from the side, the fingers closed by `closed`.
+fn roll(name: &str, closed: f64, scene: &SceneConfig, trial: Trial, pull: PullConfig) -> Rollout {
+    let (_, object, rest) = bodies().into_iter().find(|body| body.0 == name).unwrap();
+    let template = Template::new(scene, &hand(), &object, &rest).unwrap();
+    let q = q(
+        [closed, closed + 0.1, closed],
+        [1.3, 0.5 * closed, 0.6 * closed, 0.8 * closed],
+    );
+    let mut protocol = protocol();
+    (protocol.trial, protocol.pull) = (trial, pull);
+    template
+        .rollout(
+            &side_grasp([-0.02, -0.057, 0.02], q),
+            &protocol,
+            Record::Nothing,
+        )
+        .unwrap()
+}
+
+fn lift(name: &str, closed: f64, scene: &SceneConfig) -> Verdict {
+    roll(name, closed, scene, Trial::Lift, PullConfig::default()).verdict
+}
+
+#[test]
+fn fingers_closed_around_a_body_hold_it() {
+    for (name, closed) in CLOSED {
+        assert_eq!(lift(name, closed, &scene()), Verdict::Held, "{name}");
+    }
+}
+
+#[test]
+fn open_fingers_hold_nothing() {
+    for (name, _) in CLOSED {
+        assert_eq!(lift(name, 0.2, &scene()), Verdict::NotGrasped, "{name}");
+    }
+}
+
+#[test]
+fn slippery_or_heavy_bodies_are_not_held() {
+    for (name, closed) in CLOSED {
+        let mut slippery = scene();
+        slippery.friction = 0.02;
+        assert_ne!(lift(name, closed, &slippery), Verdict::Held, "{name}");
+        let mut heavy = scene();
+        heavy.mass_scale = 60.0;
+        assert_ne!(lift(name, closed, &heavy), Verdict::Held, "{name}");
+    }
+}
+
+fn pulled(name: &str, closed: f64, pull: PullConfig) -> Rollout {
+    roll(name, closed, &scene(), Trial::SixDirections, pull)
+}
+
+#[test]
+fn what_is_grasped_all_around_withstands_pulls_in_six_directions() {
+    for (name, closed) in [("can", 0.9), ("thin can", 0.9), ("wide can", 0.7)] {
+        let rollout = pulled(name, closed, PullConfig::default());
+        assert_eq!(rollout.verdict, Verdict::Held, "{name}: {rollout:?}");
+        // 0.8 s reach, 0.3 s squeeze, 0.3 s pause, six pulls of 2 s, at 50 Hz.
+        assert_eq!(rollout.cost_n, 670);
+        assert!(rollout.slip_m < 0.05 && rollout.contacts_n >= 2);
+    }
+}
+
+#[test]
+fn a_pull_beyond_the_strength_of_the_fingers_tears_the_can_away() {
+    let pull = PullConfig {
+        force_n_per_kg: 500.0,
+        ..PullConfig::default()
+    };
+    let rollout = pulled("can", 0.9, pull);
+    assert!(
+        matches!(rollout.verdict, Verdict::Slipped | Verdict::Dropped),
+        "{rollout:?}"
+    );
+    assert!(rollout.slip_m > 0.05 && rollout.cost_n < 200, "{rollout:?}");
+}
+
+#[test]
+fn what_lies_in_open_fingers_is_pulled_away() {
+    for (name, _) in CLOSED {
+        let rollout = pulled(name, 0.2, PullConfig::default());
+        let lost = matches!(rollout.verdict, Verdict::Slipped | Verdict::Dropped);
+        assert!(lost && rollout.cost_n < 200, "{name}: {rollout:?}");
+    }
+}
+
+#[test]
+fn a_brick_that_two_sides_hold_turns_in_the_hand_and_is_lost() {
+    // It is lifted, but what pulls it along the fingers turns it by more than 15 degrees.
+    assert_eq!(lift("brick", 0.7, &scene()), Verdict::Held);
+    let rollout = pulled("brick", 0.7, PullConfig::default());
+    assert_eq!(rollout.verdict, Verdict::Slipped, "{rollout:?}");
+}

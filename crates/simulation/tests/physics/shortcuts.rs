@@ -1,0 +1,91 @@
+//! What is not simulated does not change a verdict. `cargo bench --bench shortcuts` looks at thousands
+//! of rollouts.
+
+use simulation::{Motion, Record, Rollout, Shortcuts, Template, Verdict};
+
+use crate::{
+    bodies::bodies,
+    scene::{hand, protocol, q, scene, side_grasp},
+};
+
+/// Grasps from the side, some of which fail in each way.
+fn motions() -> Vec<Motion> {
+    let mut motions = Vec::new();
+    for x in [-0.035, -0.015] {
+        for y in [-0.058, -0.052] {
+            for closed in [0.5, 0.8, 1.1] {
+                for z in [0.0, 0.02] {
+                    let q = q([closed; 3], [1.3, closed / 2.0, closed / 2.0, closed]);
+                    motions.push(side_grasp([x, y, z], q));
+                }
+            }
+        }
+    }
+    motions
+}
+
+fn roll(shortcuts: Shortcuts) -> Vec<Rollout> {
+    let mut scene = scene();
+    scene.shortcuts = shortcuts;
+    let templates = bodies()
+        .into_iter()
+        .map(|(_, object, rest)| Template::new(&scene, &hand(), &object, &rest).unwrap());
+    let roll = |template: Template| {
+        let motions = motions();
+        let rollouts = motions
+            .iter()
+            .map(|motion| template.rollout(motion, &protocol(), Record::Nothing));
+        rollouts.collect::<Result<Vec<_>, _>>().unwrap()
+    };
+    templates.flat_map(roll).collect()
+}
+
+#[test]
+fn shortcuts_spare_steps_and_change_no_verdict() {
+    let all = roll(Shortcuts::NONE);
+    let few = roll(Shortcuts::ALL);
+    let verdicts = |rollouts: &[Rollout]| rollouts.iter().map(|r| r.verdict).collect::<Vec<_>>();
+    assert_eq!(verdicts(&few), verdicts(&all));
+    for verdict in [
+        Verdict::Held,
+        Verdict::NotGrasped,
+        Verdict::KnockedOver,
+        Verdict::EarlyContact,
+    ] {
+        let n = all.iter().filter(|r| r.verdict == verdict).count();
+        assert!(n >= 3, "{n} are {}", verdict.as_str());
+    }
+    for (few, all) in few.iter().zip(&all) {
+        assert_eq!(few.cost_n + few.saved_n, all.cost_n + all.saved_n);
+        assert!(few.cost_n <= all.cost_n);
+        match all.verdict {
+            Verdict::Held => assert!(all.saved_n == 0 && few.saved_n > 0, "{few:?}"),
+            Verdict::EarlyContact => assert!(all.cost_n > 0 && few.cost_n == 0),
+            _ => {}
+        }
+    }
+    // The hold is more than half of the script, and is cut to a third where nothing slips.
+    let held = || few.iter().filter(|r| r.verdict == Verdict::Held);
+    let early = held().filter(|r| r.saved_n > 60).count();
+    assert!(10 * early > 9 * held().count(), "{early}");
+}
+
+#[test]
+fn a_recorded_rollout_is_carried_out_to_its_end() {
+    let mut scene = scene();
+    scene.shortcuts = Shortcuts::ALL;
+    let (_, can, rest) = bodies().remove(0);
+    let template = Template::new(&scene, &hand(), &can, &rest).unwrap();
+    let motion = side_grasp(
+        [-0.015, -0.055, 0.02],
+        q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]),
+    );
+    let roll = |record| template.rollout(&motion, &protocol(), record).unwrap();
+    let (short, whole) = (roll(Record::Nothing), roll(Record::Trace));
+    assert_eq!(
+        (short.verdict, whole.verdict),
+        (Verdict::Held, Verdict::Held)
+    );
+    assert!(short.saved_n > 0 && whole.saved_n == 0);
+    assert_eq!(whole.trace.unwrap().steps.len() - 1, whole.cost_n as usize);
+}

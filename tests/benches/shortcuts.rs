@@ -1,0 +1,189 @@
+//! Whether what is not simulated ever changes a verdict: the same motions with every shortcut of
+//! `screen.scene.shortcuts` and with none, and what they spare; where
+//! `PIPELINE_SHORTCUTS_EACH` is set, also with each one alone.
+//!
+//! 400 scripted grasps of each of six bodies; and, where `PIPELINE_LAKE` names a lake, the newest
+//! `candidates` and `objects` in it, with the options of `pipelines/cgf.toml`.
+
+#![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
+#![expect(clippy::unwrap_used, reason = "a bench may break off")]
+
+#[path = "../../crates/simulation/tests/physics/bodies.rs"]
+mod bodies;
+#[path = "screening/candidates.rs"]
+mod candidates_of_lake;
+#[path = "screening/grasps.rs"]
+mod grasps;
+#[path = "screening/options.rs"]
+mod options;
+mod thread_time;
+
+use std::{collections::BTreeMap, env, path::PathBuf};
+
+use candidates_of_lake::{motion, partitions, rest};
+use lake::Lake;
+use rayon::prelude::*;
+use robot::RobotModel;
+use schemas::{candidates, objects};
+use simulation::{
+    Motion, ObjectShape, Protocol, Record, SceneConfig, Shortcuts, Template, Verdict,
+};
+use spatial::Rest;
+
+const GRASPS: usize = 400;
+/// All, each alone, none.
+const SETS: [(&str, Shortcuts); 5] = [
+    ("none", Shortcuts::NONE),
+    ("all", Shortcuts::ALL),
+    (
+        "refused",
+        Shortcuts {
+            refused: true,
+            ..Shortcuts::NONE
+        },
+    ),
+    (
+        "lost",
+        Shortcuts {
+            lost: true,
+            ..Shortcuts::NONE
+        },
+    ),
+    (
+        "settled",
+        Shortcuts {
+            settled: true,
+            ..Shortcuts::NONE
+        },
+    ),
+];
+
+/// What became of the motions of an object with one set of shortcuts.
+#[derive(Default)]
+struct Counts {
+    rollouts: usize,
+    steps: u64,
+    cpu_s: f64,
+    held: usize,
+    /// Verdicts that are not as with no shortcut.
+    changed: Vec<String>,
+}
+
+fn main() {
+    let hand = options::hand();
+    let (scene, protocol) = options::options();
+    let mut totals: BTreeMap<usize, Counts> = BTreeMap::new();
+    let motions = grasps::grasps(&hand, GRASPS);
+    for (name, object, rest) in bodies::bodies() {
+        let motions: Vec<(Rest, &Motion)> = motions.iter().map(|m| (rest, m)).collect();
+        compare(
+            name,
+            &hand,
+            &object,
+            &motions,
+            &scene,
+            &protocol,
+            &mut totals,
+        );
+    }
+    if let Some(folder) = env::var_os("PIPELINE_LAKE").map(PathBuf::from) {
+        let lake = Lake::open(&folder);
+        let objects = partitions(&lake, "objects");
+        for (name, artifact) in partitions(&lake, "candidates") {
+            let Some(object) = objects.get(&name) else {
+                continue;
+            };
+            let object = objects::from_batch(&name, &lake::table::read(object).unwrap()).unwrap();
+            let object = ObjectShape::from_artifact(&object);
+            let batch = lake::table::read(&artifact).unwrap();
+            let candidates = candidates::from_batch(&name, &batch).unwrap();
+            let rests = candidates
+                .candidates
+                .iter()
+                .map(|c| rest(&c.table_from_object));
+            let motions: Vec<Motion> = candidates.candidates.iter().map(motion).collect();
+            let motions: Vec<(Rest, &Motion)> = rests.zip(&motions).collect();
+            compare(
+                &name,
+                &hand,
+                &object,
+                &motions,
+                &scene,
+                &protocol,
+                &mut totals,
+            );
+        }
+    } else {
+        println!("lake: skipped, PIPELINE_LAKE names none");
+    }
+    for (idx, counts) in &totals {
+        say("all", SETS[*idx].0, counts, &totals[&0]);
+    }
+    println!("changed verdicts have to be 0");
+}
+
+fn say(object: &str, set: &str, counts: &Counts, none: &Counts) {
+    println!(
+        "{object:24} {set:8} {:6} rollouts, {:6} held, {:3} verdicts changed, {:5.1} % of the control \
+         steps, {:5.1} % of the CPU time",
+        counts.rollouts,
+        counts.held,
+        counts.changed.len(),
+        100.0 * counts.steps as f64 / none.steps as f64,
+        100.0 * counts.cpu_s / none.cpu_s
+    );
+    for changed in &counts.changed {
+        println!("    {changed}");
+    }
+}
+
+/// Carries out the motions of an object with each set of shortcuts.
+fn compare(
+    name: &str,
+    hand: &RobotModel,
+    object: &ObjectShape,
+    motions: &[(Rest, &Motion)],
+    scene: &SceneConfig,
+    protocol: &Protocol,
+    totals: &mut BTreeMap<usize, Counts>,
+) {
+    let sets = if env::var_os("PIPELINE_SHORTCUTS_EACH").is_some() {
+        &SETS[..]
+    } else {
+        &SETS[..2]
+    };
+    let rows: Vec<Vec<(Verdict, u32, f64, String)>> = motions
+        .par_iter()
+        .map(|(rest, motion)| {
+            let roll = |shortcuts: Shortcuts| {
+                let mut scene = scene.clone();
+                scene.shortcuts = shortcuts;
+                let template = Template::new(&scene, hand, object, rest).unwrap();
+                let before = thread_time::cpu_s();
+                let rollout = template.rollout(motion, protocol, Record::Nothing).unwrap();
+                let cpu_s = thread_time::cpu_s() - before;
+                let said = format!("{rollout:?}");
+                (rollout.verdict, rollout.cost_n, cpu_s, said)
+            };
+            sets.iter().map(|(_, shortcuts)| roll(*shortcuts)).collect()
+        })
+        .collect();
+    let mut here: BTreeMap<usize, Counts> = BTreeMap::new();
+    for (number, row) in rows.iter().enumerate() {
+        for (idx, (verdict, cost_n, cpu_s, said)) in row.iter().enumerate() {
+            for counts in [totals.entry(idx).or_default(), here.entry(idx).or_default()] {
+                counts.rollouts += 1;
+                counts.steps += u64::from(*cost_n);
+                counts.cpu_s += cpu_s;
+                counts.held += usize::from(*verdict == Verdict::Held);
+                if *verdict != row[0].0 {
+                    let line = format!("{name} {number}: {said} instead of {}", row[0].3);
+                    counts.changed.push(line);
+                }
+            }
+        }
+    }
+    for (idx, counts) in &here {
+        say(name, SETS[*idx].0, counts, &here[&0]);
+    }
+}
