@@ -2,7 +2,7 @@
 
 use std::{
     thread,
-    time::{Duration, Instant},
+    time::{Duration, Instant, SystemTime},
 };
 
 use zenoh::{
@@ -13,15 +13,52 @@ use zenoh::{
 
 use crate::{
     CellError, Goal, Keys, PROTOCOL, SealedGoal,
-    report::{Answer, Capabilities, Report},
+    heartbeat::Heartbeat,
+    report::{Answer, Capabilities, NEVER_TAKEN, Report, Word},
     session, wire,
 };
 
-/// How often a question is repeated that no cell has heard: right after a cell reconnects, routers
+/// Pause before a question is repeated that no cell has heard: right after a cell reconnects, routers
 /// may not know it yet and answer for nobody.
-const TRIES: u32 = 3;
-/// Pause between repetitions.
 const PAUSE: Duration = Duration::from_millis(100);
+/// How long is waited for an answer before the question is repeated, at least.
+const PIECE: Duration = Duration::from_secs(1);
+
+/// A cell's word that a goal is not one of its own.
+struct NeverTaken;
+
+/// What is known of a goal that was sent.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Executed {
+    /// What came of it.
+    Over(Report),
+    /// Nothing was heard, as this says: the robot may have moved.
+    Unheard(String),
+}
+
+/// What a cell says about a goal that was sent before.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Recovered {
+    /// What came of it.
+    Report(Report),
+    /// It never took the goal: nothing of it has moved.
+    NeverTaken,
+    /// Nothing was heard of it.
+    Silent,
+}
+
+/// What a cell says to somebody who wants a motion broken off.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Halt {
+    /// It is done: nothing moves any more.
+    Done,
+    /// The motion was over before.
+    Over,
+    /// The cell never took that goal.
+    NeverTaken,
+    /// Nothing was heard: the robot may be moving.
+    Unheard,
+}
 
 /// A connection to one cell.
 pub struct CellClient {
@@ -53,7 +90,7 @@ impl CellClient {
         let key = self.keys.capabilities();
         let started = Instant::now();
         let answers = self.ask(&key, &[], QueryTarget::All, timeout)?;
-        let [answer] = answers.as_slice() else {
+        let [Ok(answer)] = answers.as_slice() else {
             return Err(if answers.is_empty() {
                 CellError::NoAnswer {
                     key,
@@ -82,9 +119,11 @@ impl CellClient {
     }
 
     /// Sends a goal and waits for its report: `answer` for the cell's word that it takes the goal,
-    /// then `result` for the end of the motion.
+    /// then `result` for the end of the motion. Meanwhile the cell hears a heartbeat.
     ///
-    /// Silence is reported as `Unknown`: the cell may have moved, and only a person can tell.
+    /// The same goal is sent again while nothing is heard: a cell moves once for one goal. After silence
+    /// to the end the cell may have moved, and only it or a person can tell. Ask again with
+    /// [`CellClient::recover`]; never send the motion as another goal.
     ///
     /// # Errors
     ///
@@ -94,32 +133,134 @@ impl CellClient {
         goal: &Goal,
         answer: Duration,
         result: Duration,
-    ) -> Result<Report, CellError> {
-        let sealed = goal.seal();
+    ) -> Result<Executed, CellError> {
+        // A goal that comes later than anybody waits for its answer does not start.
+        let sealed = goal.seal().valid_until(SystemTime::now() + answer);
         let id = sealed.goal_id.as_str();
-        let silence = |about: &str, waited: Duration| {
-            let message = format!(
-                "no answer about the {about} within {waited:.1?}; the robot may have moved"
-            );
-            Ok(Report::unknown(id, message))
-        };
+        let _heartbeat = Heartbeat::start(&self.session, self.keys.heartbeat())?;
         let key = self.keys.goal();
         let answers = self.ask(&key, &sealed.bytes, QueryTarget::BestMatching, answer)?;
-        let Some(bytes) = answers.first() else {
-            return silence("goal", answer);
+        let Some(bytes) = answers.iter().find_map(|answer| answer.as_ref().ok()) else {
+            return Ok(silence("goal", answer));
         };
         let (word, _): (Answer, _) = wire::split_line("answer", bytes)
             .map_err(|source| CellError::Answer { key, source })?;
-        if let Answer::Rejected(rejection) = word {
-            return Ok(Report::rejected(id, rejection));
+        match word {
+            Answer::Rejected(rejection) => {
+                return Ok(Executed::Over(Report::rejected(id, rejection)));
+            }
+            Answer::Accepted { known: false } => self.show(&sealed)?,
+            Answer::Accepted { known: true } => {}
         }
-        self.show(&sealed)?;
-        let key = self.keys.result(id);
-        let answers = self.ask(&key, &[], QueryTarget::BestMatching, result)?;
-        let Some(bytes) = answers.first() else {
-            return silence("result", result);
-        };
-        Report::from_bytes(bytes).map_err(|source| CellError::Answer { key, source })
+        Ok(match self.report(id, answer, result)? {
+            Recovered::Report(report) => Executed::Over(report),
+            Recovered::NeverTaken => {
+                Executed::Unheard("the cell took it and has forgotten it".to_owned())
+            }
+            Recovered::Silent => silence("result", result),
+        })
+    }
+
+    /// Asks what came of a goal that was sent before, perhaps by a dispatcher that has gone; waits up
+    /// to `result` for the end of its motion.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the session is broken or the report cannot be read.
+    pub fn recover(
+        &self,
+        goal_id: &str,
+        answer: Duration,
+        result: Duration,
+    ) -> Result<Recovered, CellError> {
+        let _heartbeat = Heartbeat::start(&self.session, self.keys.heartbeat())?;
+        self.report(goal_id, answer, result)
+    }
+
+    /// Has a goal broken off; returns when nothing of it moves any more.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the session is broken or the answer cannot be read.
+    pub fn cancel(&self, goal_id: &str, answer: Duration) -> Result<Halt, CellError> {
+        self.halt(self.keys.cancel(goal_id), answer)
+    }
+
+    /// Has whatever moves broken off, and every goal refused until [`CellClient::resume`].
+    ///
+    /// # Errors
+    ///
+    /// Fails if the session is broken or the answer cannot be read.
+    pub fn stop(&self, answer: Duration) -> Result<Halt, CellError> {
+        self.halt(self.keys.stop(), answer)
+    }
+
+    /// Has goals taken again after a stop.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the session is broken or the answer cannot be read.
+    pub fn resume(&self, answer: Duration) -> Result<Halt, CellError> {
+        self.halt(self.keys.resume(), answer)
+    }
+
+    fn halt(&self, key: String, answer: Duration) -> Result<Halt, CellError> {
+        let answers = self.ask(&key, &[], QueryTarget::BestMatching, answer)?;
+        match answers.first() {
+            None => Ok(Halt::Unheard),
+            Some(Err(_)) => Ok(Halt::NeverTaken),
+            Some(Ok(bytes)) => {
+                let (word, _) = wire::split_line("answer", bytes)
+                    .map_err(|source| CellError::Answer { key, source })?;
+                Ok(match word {
+                    Word::Done => Halt::Done,
+                    Word::Over => Halt::Over,
+                })
+            }
+        }
+    }
+
+    /// Asks for a report until it comes: in pieces, because a question may be lost as well as its
+    /// answer, and gives up early if the cell does not even say what it is.
+    fn report(
+        &self,
+        goal_id: &str,
+        answer: Duration,
+        result: Duration,
+    ) -> Result<Recovered, CellError> {
+        let key = self.keys.result(goal_id);
+        let deadline = Instant::now() + result;
+        let mut heard = Instant::now();
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() || heard.elapsed() > answer {
+                return Ok(Recovered::Silent);
+            }
+            let answers = self.ask_once(
+                &key,
+                &[],
+                QueryTarget::BestMatching,
+                Instant::now() + left.min(PIECE),
+            )?;
+            match answers.first() {
+                Some(Ok(bytes)) => {
+                    let report = Report::from_bytes(bytes)
+                        .map_err(|source| CellError::Answer { key, source })?;
+                    return Ok(Recovered::Report(report));
+                }
+                Some(Err(NeverTaken)) => return Ok(Recovered::NeverTaken),
+                None => {
+                    let key = self.keys.capabilities();
+                    let until = Instant::now() + left.min(PIECE);
+                    let there = self.ask_once(&key, &[], QueryTarget::All, until)?;
+                    if there.is_empty() {
+                        thread::sleep(PAUSE.min(left));
+                    } else {
+                        heard = Instant::now();
+                    }
+                }
+            }
+        }
     }
 
     /// Publishes a goal that the cell took, for those who watch.
@@ -134,47 +275,70 @@ impl CellClient {
             })
     }
 
-    /// Asks a question; returns what was answered within `timeout`, which may be nothing.
+    /// Asks a question until something is answered, or `timeout` is over.
     fn ask(
         &self,
         key: &str,
         payload: &[u8],
         target: QueryTarget,
         timeout: Duration,
-    ) -> Result<Vec<Vec<u8>>, CellError> {
+    ) -> Result<Vec<Result<Vec<u8>, NeverTaken>>, CellError> {
         let deadline = Instant::now() + timeout;
-        for _ in 0..TRIES {
+        // The first try gets all the time but what others need: an answer may only be late.
+        let mut piece = timeout / 2;
+        loop {
             let left = deadline.saturating_duration_since(Instant::now());
             if left.is_zero() {
-                break;
+                return Ok(Vec::new());
             }
-            let replies = self
-                .session
-                .get(key)
-                .payload(payload)
-                .target(target)
-                .consolidation(ConsolidationMode::None)
-                // Commands wait for room rather than being dropped, and never behind bulk data.
-                .congestion_control(CongestionControl::Block)
-                .priority(Priority::RealTime)
-                .timeout(left)
-                .wait()
-                .map_err(|source| CellError::Zenoh {
-                    action: "ask the robot cell",
-                    source: source.into(),
-                })?;
-            let mut answers = Vec::new();
-            while let Ok(Some(reply)) = replies.recv_deadline(deadline) {
-                // An error is a timeout told by a router, or a cell that knows no such goal.
-                if let Ok(sample) = reply.into_result() {
-                    answers.push(sample.payload().to_bytes().into_owned());
-                }
-            }
+            let until = Instant::now() + left.min(piece.max(PIECE));
+            let answers = self.ask_once(key, payload, target, until)?;
             if !answers.is_empty() {
                 return Ok(answers);
             }
+            piece /= 2;
             thread::sleep(PAUSE.min(deadline.saturating_duration_since(Instant::now())));
         }
-        Ok(Vec::new())
     }
+
+    /// Asks a question once; returns what was answered in time, which may be nothing.
+    fn ask_once(
+        &self,
+        key: &str,
+        payload: &[u8],
+        target: QueryTarget,
+        deadline: Instant,
+    ) -> Result<Vec<Result<Vec<u8>, NeverTaken>>, CellError> {
+        let replies = self
+            .session
+            .get(key)
+            .payload(payload)
+            .target(target)
+            .consolidation(ConsolidationMode::None)
+            // Commands wait for room rather than being dropped, and never behind bulk data.
+            .congestion_control(CongestionControl::Block)
+            .priority(Priority::RealTime)
+            .timeout(deadline.saturating_duration_since(Instant::now()))
+            .wait()
+            .map_err(|source| CellError::Zenoh {
+                action: "ask the robot cell",
+                source: source.into(),
+            })?;
+        let mut answers = Vec::new();
+        while let Ok(Some(reply)) = replies.recv_deadline(deadline) {
+            match reply.into_result() {
+                Ok(sample) => answers.push(Ok(sample.payload().to_bytes().into_owned())),
+                // Any other error is a timeout told by a router.
+                Err(err) if err.payload().to_bytes() == NEVER_TAKEN.as_bytes() => {
+                    answers.push(Err(NeverTaken));
+                }
+                Err(_) => {}
+            }
+        }
+        Ok(answers)
+    }
+}
+
+fn silence(about: &str, waited: Duration) -> Executed {
+    Executed::Unheard(format!("no answer about the {about} within {waited:.1?}"))
 }

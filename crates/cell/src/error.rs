@@ -1,6 +1,6 @@
 //! Why a cell could not be reached or started.
 
-use std::time::Duration;
+use std::{path::PathBuf, time::Duration};
 
 use crate::wire::WireError;
 
@@ -111,6 +111,14 @@ pub enum CellError {
         /// What zenoh says.
         source: Cause,
     },
+    /// The simulated cell cannot keep what it has done.
+    #[error("cannot use the cell's journal in `{}`", path.display())]
+    Journal {
+        /// The folder.
+        path: PathBuf,
+        /// Why not.
+        source: std::io::Error,
+    },
     /// The robot's URDF cannot be used.
     #[error("the simulated cell cannot use the robot's description")]
     Robot(#[from] robot::RobotError),
@@ -146,6 +154,10 @@ impl CellError {
             Self::Protocol { .. } | Self::Answer { .. } => {
                 Some("run the same version of the program on both sides".to_owned())
             }
+            Self::Journal { .. } => Some(
+                "give the cell a folder of its own that can be written to; another cell may be using this one"
+                    .to_owned(),
+            ),
             Self::Zenoh { .. } | Self::Robot(_) | Self::Thread(_) => None,
         }
     }

@@ -1,5 +1,7 @@
 //! A goal: one motion to execute, and the reasons for which a cell refuses it.
 
+use std::time::{SystemTime, UNIX_EPOCH};
+
 use serde::{Deserialize, Serialize};
 use simulation::Protocol;
 use spatial::{Object, Palm, Pose, Table};
@@ -53,6 +55,9 @@ pub struct SealedGoal {
     pub goal_id: String,
     /// BLAKE3 of the content, in hexadecimal digits.
     pub digest: String,
+    /// When it is too late to start, in milliseconds since 1970; never if absent. It is no part of
+    /// the content, so that a goal sent again later is the same goal.
+    pub valid_until_unix_ms: Option<u64>,
     /// The whole message.
     pub bytes: Vec<u8>,
 }
@@ -64,6 +69,8 @@ struct Seal {
     protocol: u32,
     goal_id: String,
     digest: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    valid_until_unix_ms: Option<u64>,
 }
 
 /// Second line of a goal; its rows follow.
@@ -99,22 +106,49 @@ impl Goal {
             wire::push_numbers(&mut content, step.q_rad.iter().copied());
         }
         let digest = blake3::hash(&content).to_hex().to_string();
+        SealedGoal::new(digest, None, &content)
+    }
+}
+
+impl SealedGoal {
+    fn new(digest: String, valid_until_unix_ms: Option<u64>, content: &[u8]) -> Self {
         let goal_id = id_of(&digest);
         let mut bytes = wire::line(&Seal {
             protocol: PROTOCOL,
             goal_id: goal_id.clone(),
             digest: digest.clone(),
+            valid_until_unix_ms,
         });
-        bytes.extend_from_slice(&content);
-        SealedGoal {
+        bytes.extend_from_slice(content);
+        Self {
             goal_id,
             digest,
+            valid_until_unix_ms,
             bytes,
         }
     }
-}
 
-impl SealedGoal {
+    /// Returns the same goal, to be refused by a cell that has not taken it before `until`.
+    #[must_use]
+    pub fn valid_until(&self, until: SystemTime) -> Self {
+        let since_1970 = until.duration_since(UNIX_EPOCH).unwrap_or_default();
+        let until_ms = u64::try_from(since_1970.as_millis()).unwrap_or(u64::MAX);
+        let end = self.bytes.iter().position(|&byte| byte == b'\n');
+        let content = end.and_then(|end| self.bytes.get(end + 1..));
+        Self::new(
+            self.digest.clone(),
+            Some(until_ms),
+            content.unwrap_or_default(),
+        )
+    }
+
+    /// Returns whether it is too late to start.
+    pub fn has_expired(&self, now: SystemTime) -> bool {
+        let now_ms = now.duration_since(UNIX_EPOCH).unwrap_or_default();
+        self.valid_until_unix_ms
+            .is_some_and(|until| u128::from(until) < now_ms.as_millis())
+    }
+
     /// Reads a goal and checks that it is whole: its version, digest, id and form.
     ///
     /// # Errors
@@ -142,6 +176,7 @@ impl SealedGoal {
         let sealed = Self {
             goal_id: seal.goal_id,
             digest,
+            valid_until_unix_ms: seal.valid_until_unix_ms,
             bytes: bytes.to_vec(),
         };
         Ok((sealed, goal))
@@ -218,6 +253,12 @@ pub enum RejectionCode {
     Object,
     /// The cell executes another goal.
     Busy,
+    /// It is too late for the goal to start.
+    Expired,
+    /// The cell was stopped, and no person had it resume.
+    Stopped,
+    /// The cell cannot write down that it takes the goal.
+    Storage,
 }
 
 impl Rejection {
@@ -326,6 +367,22 @@ mod tests {
     }
 
     #[test]
+    fn a_time_to_start_does_not_change_the_goal() {
+        let first = goal().seal();
+        let now = SystemTime::now();
+        let timed = first.valid_until(now);
+        assert_eq!(
+            (&timed.goal_id, &timed.digest),
+            (&first.goal_id, &first.digest)
+        );
+        let (again, _) = SealedGoal::open(&timed.bytes).unwrap();
+        assert_eq!(again, timed);
+        assert!(!again.has_expired(now));
+        assert!(again.has_expired(now + std::time::Duration::from_millis(2)));
+        assert!(!first.has_expired(now));
+    }
+
+    #[test]
     fn refusals_name_the_fault() {
         assert_eq!(code(b""), RejectionCode::Malformed);
         assert_eq!(code(b"{}\n{}\n"), RejectionCode::Malformed);
@@ -333,7 +390,7 @@ mod tests {
         strange.steps[2].time_s = f64::NAN;
         assert_eq!(code(&strange.seal().bytes), RejectionCode::Malformed);
         let text = String::from_utf8_lossy(&goal().seal().bytes).replacen(
-            "\"protocol\":1",
+            "\"protocol\":2",
             "\"protocol\":9",
             1,
         );

@@ -46,6 +46,27 @@ impl Keys {
         self.key(&format!("goal/{goal_id}/result"))
     }
 
+    /// Query: breaks a goal off; answered when nothing of it moves any more.
+    pub fn cancel(&self, goal_id: &str) -> String {
+        self.key(&format!("goal/{goal_id}/cancel"))
+    }
+
+    /// Query: breaks off whatever is executed, and has every goal refused until [`Keys::resume`].
+    pub fn stop(&self) -> String {
+        self.key("stop")
+    }
+
+    /// Query: has goals taken again after a stop.
+    pub fn resume(&self) -> String {
+        self.key("resume")
+    }
+
+    /// Publication of the dispatcher while it waits for a motion: a cell in real time breaks a motion
+    /// off when it hears none for a while.
+    pub fn heartbeat(&self) -> String {
+        self.key("heartbeat")
+    }
+
     /// Publication of the cell: how a goal ended.
     pub fn outcome(&self, goal_id: &str) -> String {
         self.key(&format!("goal/{goal_id}/outcome"))
@@ -76,7 +97,7 @@ impl Keys {
     }
 }
 
-/// Returns the goal's id in a key made by [`Keys::result`].
+/// Returns the goal's id in a key made by [`Keys::result`] or [`Keys::cancel`].
 pub(crate) fn goal_id_of(key: &str) -> Option<&str> {
     key.rsplit('/').nth(1)
 }

@@ -9,26 +9,32 @@
 //! - A goal's id follows from its content. A cell asked twice answers twice and moves once.
 //! - What a cell publishes (states, motions, outcomes) is for watching; the report holds every
 //!   sample again, so that nothing depends on a stream that may lose some.
-//! - There are no clocks in messages: equal goals to a simulated cell give equal reports.
+//! - The only clock in a message says until when a goal may start, and is no part of the goal:
+//!   equal goals to a simulated cell give equal reports.
+//! - A cell writes down that it takes a goal before it says so. One that is started again knows what
+//!   it did, and of the motion in which it went down that nobody knows.
 //! - Sessions scout for nobody and listen on the loopback interface only.
 
 mod client;
 mod error;
 mod goal;
+mod heartbeat;
 mod keys;
 mod report;
 mod session;
 mod simulated;
 mod wire;
 
-pub use client::CellClient;
+pub use client::{CellClient, Executed, Halt, Recovered};
 pub use error::{Cause, CellError};
 pub use goal::{Goal, GoalStep, Rejection, RejectionCode, SealedGoal};
 pub use keys::Keys;
 pub use report::{Capabilities, Report, Sample};
 pub use session::subscribe;
-pub use simulated::{ObjectError, SimulatedCell, SimulatedCellConfig};
+pub use simulated::{
+    Fault, ObjectError, PlannedFault, Service, SimulatedCell, SimulatedCellConfig,
+};
 pub use wire::{StateHeader, WireError, robot_digest};
 
 /// Version of the protocol; a cell refuses goals of any other.
-pub const PROTOCOL: u32 = 1;
+pub const PROTOCOL: u32 = 2;

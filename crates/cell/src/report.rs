@@ -29,6 +29,10 @@ pub struct Capabilities {
     pub max_goal_bytes: usize,
     /// What is known about how it differs from what was planned for, for people.
     pub gap: String,
+    /// Whether a motion takes as long as it says; a simulated cell may be faster.
+    pub real_time: bool,
+    /// Longest time without a heartbeat before a motion is broken off, in seconds; never if absent.
+    pub silence_s: Option<f64>,
 }
 
 /// A cell's reply to a goal.
@@ -36,9 +40,25 @@ pub struct Capabilities {
 #[serde(rename_all = "snake_case", tag = "answer")]
 pub(crate) enum Answer {
     /// It executes the goal, or has done so.
-    Accepted,
+    Accepted {
+        /// Whether it had taken the goal before, so that nothing moves because of this answer.
+        known: bool,
+    },
     /// It does not.
     Rejected(Rejection),
+}
+
+/// A cell's error to a question about a goal that it never took.
+pub(crate) const NEVER_TAKEN: &str = "never_taken";
+
+/// A cell's reply to somebody who wants a motion broken off, or goals taken again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "answer")]
+pub(crate) enum Word {
+    /// It is done: nothing of the motion moves any more.
+    Done,
+    /// The motion was over before.
+    Over,
 }
 
 /// What came of a goal.
@@ -180,7 +200,7 @@ impl Report {
     }
 
     /// Writes the report as it travels.
-    pub(crate) fn to_bytes(&self) -> Vec<u8> {
+    pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = self.to_line();
         for sample in &self.samples {
             wire::push_numbers(&mut bytes, sample.to_row());
@@ -189,7 +209,11 @@ impl Report {
     }
 
     /// Reads a report.
-    pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self, WireError> {
+    ///
+    /// # Errors
+    ///
+    /// Fails if the bytes are no report.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, WireError> {
         let (header, numbers): (Header, &[u8]) = wire::split_line("report", bytes)?;
         let outcome = Outcome::parse(&header.outcome).ok_or_else(|| WireError::Json {
             part: "report",

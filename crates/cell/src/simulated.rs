@@ -1,13 +1,17 @@
 //! A cell made of physics alone, behind the same protocol as a real one.
 
 mod acceptance;
+mod control;
+mod fault;
 mod journal;
 mod physics;
 
 use std::{
     collections::BTreeMap,
+    path::PathBuf,
     sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc},
     thread::{self, JoinHandle},
+    time::{Duration, Instant, SystemTime},
 };
 
 use robot::RobotModel;
@@ -15,19 +19,23 @@ use simulation::{ObjectShape, SceneConfig};
 use zenoh::{
     Session, Wait,
     liveliness::LivelinessToken,
+    pubsub::{Publisher, Subscriber},
     qos::CongestionControl,
     query::{Query, Queryable},
 };
 
+pub use self::fault::{Fault, PlannedFault};
 use self::{
     acceptance::MAX_GOAL_BYTES,
+    control::Control,
+    fault::Faults,
     journal::{Asked, Job, Journal},
 };
 use crate::{
     CellError, Goal, Keys, PROTOCOL,
-    goal::SealedGoal,
+    goal::{Rejection, RejectionCode, SealedGoal},
     keys::goal_id_of,
-    report::{Answer, Capabilities, Report},
+    report::{Answer, Capabilities, NEVER_TAKEN, Report, Sample, Word},
     session,
     wire::{self, StateHeader},
 };
@@ -43,7 +51,25 @@ pub struct SimulatedCellConfig {
     pub scene: SceneConfig,
     /// How wrong the motions are about where the object lies.
     pub object_error: ObjectError,
+    /// How it serves.
+    pub service: Service,
 }
+
+/// How a simulated cell serves its dispatcher.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Service {
+    /// Folder in which it keeps what it has done, for the cell that is started after it; without one
+    /// it forgets its goals when it ends.
+    pub journal: Option<PathBuf>,
+    /// Whether motions take as long as they say, and are broken off when the dispatcher falls silent;
+    /// else they are simulated as fast as possible.
+    pub real_time: bool,
+    /// What goes wrong.
+    pub faults: Vec<PlannedFault>,
+}
+
+/// Longest time without a dispatcher's heartbeat before a motion in real time is broken off.
+const SILENCE: Duration = Duration::from_millis(250);
 
 /// Bounds of the error with which the object's pose on the table is known; the error of each goal
 /// is drawn evenly from within them, by the goal's digest.
@@ -67,7 +93,8 @@ pub struct SimulatedCell {
 /// What keeps the cell reachable.
 struct Served {
     _alive: LivelinessToken,
-    _queryables: [Queryable<()>; 3],
+    _queryables: Vec<Queryable<()>>,
+    _heartbeat: Subscriber<()>,
 }
 
 /// What the threads of a cell share.
@@ -78,6 +105,8 @@ struct Shared {
     robot: String,
     objects: Mutex<BTreeMap<String, ObjectShape>>,
     journal: Mutex<Journal>,
+    control: Control,
+    faults: Faults,
 }
 
 impl SimulatedCell {
@@ -85,14 +114,20 @@ impl SimulatedCell {
     ///
     /// # Errors
     ///
-    /// Fails if the endpoint cannot be listened on or the URDF cannot be used.
+    /// Fails if the endpoint cannot be listened on, or the URDF or the journal cannot be used.
     pub fn start(config: SimulatedCellConfig, urdf: &str) -> Result<Self, CellError> {
+        let journal = match &config.service.journal {
+            Some(folder) => Journal::open(folder)?,
+            None => Journal::default(),
+        };
         let shared = Arc::new(Shared {
             keys: Keys::new(&config.name)?,
             model: RobotModel::from_urdf(urdf)?,
             robot: wire::robot_digest(urdf),
             objects: Mutex::default(),
-            journal: Mutex::default(),
+            journal: Mutex::new(journal),
+            control: Control::new(config.service.real_time.then_some(SILENCE)),
+            faults: Faults::new(config.service.faults.clone()),
             config,
         });
         let (session, endpoint) = session::listen(&shared.config.listen)?;
@@ -166,40 +201,54 @@ fn serve(
     jobs: &mpsc::Sender<Job>,
 ) -> Result<Served, zenoh::Error> {
     let keys = &shared.keys;
-    let capabilities = {
+    let answer = |key: String, answer: fn(&Shared, Query)| {
         let shared = Arc::clone(shared);
         session
-            .declare_queryable(keys.capabilities())
-            .callback(move |query| reply(&query, &wire::line(&shared.capabilities())))
-            .wait()?
+            .declare_queryable(key)
+            .callback(move |query| answer(&shared, query))
+            .wait()
     };
     let goal = {
         let (shared, jobs) = (Arc::clone(shared), jobs.clone());
         session
             .declare_queryable(keys.goal())
-            .callback(move |query| {
-                let payload = query.payload().map(|payload| payload.to_bytes());
-                let answer = shared.take(&payload.unwrap_or_default(), &jobs);
-                reply(&query, &wire::line(&answer));
-            })
+            .callback(move |query| shared.goal(&query, &jobs))
             .wait()?
     };
-    let result = {
+    let heartbeat = {
         let shared = Arc::clone(shared);
         session
-            .declare_queryable(keys.result("*"))
-            .callback(move |query| shared.result(query))
+            .declare_subscriber(keys.heartbeat())
+            .callback(move |_| shared.control.beat())
             .wait()?
     };
     Ok(Served {
+        _queryables: vec![
+            answer(keys.capabilities(), |shared, query| {
+                reply(&query, &wire::line(&shared.capabilities()));
+            })?,
+            goal,
+            answer(keys.result("*"), Shared::result)?,
+            answer(keys.cancel("*"), Shared::cancel)?,
+            answer(keys.stop(), Shared::stop)?,
+            answer(keys.resume(), |shared, query| {
+                shared.control.resume();
+                reply(&query, &wire::line(&Word::Done));
+            })?,
+        ],
+        _heartbeat: heartbeat,
         _alive: session.liveliness().declare_token(keys.alive()).wait()?,
-        _queryables: [capabilities, goal, result],
     })
 }
 
 /// Answers a question; who asked may be gone, which is theirs to notice.
 fn reply(query: &Query, bytes: &[u8]) {
     let _sent = query.reply(query.key_expr(), bytes).wait();
+}
+
+/// Answers that the goal is not one of this cell's.
+fn never_taken(query: &Query) {
+    let _sent = query.reply_err(NEVER_TAKEN).wait();
 }
 
 impl Shared {
@@ -221,27 +270,67 @@ impl Shared {
                 error.position_m,
                 error.yaw_rad
             ),
+            real_time: self.config.service.real_time,
+            silence_s: (self.config.service.real_time).then_some(SILENCE.as_secs_f64()),
+        }
+    }
+
+    /// Answers a goal.
+    fn goal(&self, query: &Query, jobs: &mpsc::Sender<Job>) {
+        self.faults.goal();
+        let payload = query.payload().map(|payload| payload.to_bytes());
+        let (answer, job) = self.take(&payload.unwrap_or_default());
+        self.faults.die(Fault::DieBeforeAnswer);
+        self.faults.delay();
+        let answer = wire::line(&answer);
+        if !self.faults.strikes(Fault::LoseAnswer) {
+            reply(query, &answer);
+        }
+        if self.faults.strikes(Fault::DoubleAnswer) {
+            reply(query, &answer);
+        }
+        self.faults.die(Fault::DieAfterAnswer);
+        if let Some(job) = job {
+            // The worker ends only after the last queryable, whose callback this is.
+            let _queued = jobs.send(job);
         }
     }
 
     /// Takes or refuses a goal; a goal taken before is not taken again.
-    fn take(&self, bytes: &[u8], jobs: &mpsc::Sender<Job>) -> Answer {
+    fn take(&self, bytes: &[u8]) -> (Answer, Option<Job>) {
         let (sealed, goal) = match self.check(bytes) {
             Ok(checked) => checked,
-            Err(rejection) => return Answer::Rejected(rejection),
+            Err(rejection) => return (Answer::Rejected(rejection), None),
         };
-        match lock(&self.journal).admit(&sealed) {
+        let mut journal = lock(&self.journal);
+        let refusal = if journal.knows(&sealed.goal_id) {
+            None
+        } else if self.control.is_stopped() {
+            let reason = "the cell was stopped and has not been told to resume";
+            Some(Rejection::new(RejectionCode::Stopped, reason.to_owned()))
+        } else if sealed.has_expired(SystemTime::now()) {
+            let reason = "the goal came after the time until which it was valid";
+            Some(Rejection::new(RejectionCode::Expired, reason.to_owned()))
+        } else {
+            None
+        };
+        if let Some(rejection) = refusal {
+            return (Answer::Rejected(rejection), None);
+        }
+        match journal.admit(&sealed) {
             Ok(true) => {
-                // The worker ends only after the last queryable, whose callback this is.
-                let _queued = jobs.send(Job { sealed, goal });
-                Answer::Accepted
+                self.control.begin();
+                (
+                    Answer::Accepted { known: false },
+                    Some(Job { sealed, goal }),
+                )
             }
-            Ok(false) => Answer::Accepted,
-            Err(rejection) => Answer::Rejected(rejection),
+            Ok(false) => (Answer::Accepted { known: true }, None),
+            Err(rejection) => (Answer::Rejected(rejection), None),
         }
     }
 
-    fn check(&self, bytes: &[u8]) -> Result<(SealedGoal, Goal), crate::Rejection> {
+    fn check(&self, bytes: &[u8]) -> Result<(SealedGoal, Goal), Rejection> {
         acceptance::check_length(bytes)?;
         let (sealed, goal) = SealedGoal::open(bytes)?;
         let known = |object: &str| lock(&self.objects).contains_key(object);
@@ -251,57 +340,125 @@ impl Shared {
 
     /// Answers with the report on a goal, now or when it is over.
     fn result(&self, query: Query) {
+        if self.faults.strikes(Fault::LoseResult) {
+            return;
+        }
         let id = goal_id_of(query.key_expr().as_str()).map(ToOwned::to_owned);
         let asked = lock(&self.journal).ask(id.as_deref().unwrap_or_default(), query);
         match asked {
             Asked::Kept => {}
             Asked::Over(query, report) => reply(&query, &report),
-            Asked::NeverTaken(query) => {
-                let _sent = query.reply_err("this cell took no such goal").wait();
-            }
+            Asked::NeverTaken(query) => never_taken(&query),
+        }
+    }
+
+    /// Breaks a goal off, and answers when that is done.
+    fn cancel(&self, query: Query) {
+        let id = goal_id_of(query.key_expr().as_str()).map(ToOwned::to_owned);
+        let id = id.unwrap_or_default();
+        let journal = lock(&self.journal);
+        if journal.executing() == Some(&id) {
+            self.control.cancel(&id, query);
+        } else if journal.knows(&id) {
+            reply(&query, &wire::line(&Word::Over));
+        } else {
+            never_taken(&query);
+        }
+    }
+
+    /// Breaks off whatever moves and takes no more goals.
+    fn stop(&self, query: Query) {
+        let journal = lock(&self.journal);
+        if let Some(query) = self.control.stop(query, journal.executing().is_some()) {
+            reply(&query, &wire::line(&Word::Done));
         }
     }
 
     /// Carries out a goal and reports on it.
-    fn execute(&self, job: &Job) -> Report {
+    fn execute(&self, session: &Session, job: &Job) -> Report {
         let id = &job.sealed.goal_id;
         let object = lock(&self.objects).get(&job.goal.object).cloned();
         let Some(object) = object else {
             return Report::aborted(id, format!("`{}` was taken away", job.goal.object));
         };
-        physics::carry_out(job, &object, &self.model, &self.config)
+        let mut motion = Watched::new(self, session, id);
+        physics::carry_out(job, &object, &self.model, &self.config, &mut motion)
             .unwrap_or_else(|err| Report::aborted(id, err.to_string()))
+    }
+}
+
+/// A motion in execution, as those see it who watch or have a word in it.
+struct Watched<'a> {
+    shared: &'a Shared,
+    goal_id: &'a str,
+    joints: Vec<String>,
+    /// Whoever watches may lose samples: they are all in the report.
+    publisher: Option<Publisher<'a>>,
+    /// When the first sample was shown.
+    started: Option<Instant>,
+    seq: u64,
+}
+
+impl<'a> Watched<'a> {
+    fn new(shared: &'a Shared, session: &'a Session, goal_id: &'a str) -> Self {
+        Self {
+            shared,
+            goal_id,
+            joints: shared.model.joint_names(),
+            publisher: session.declare_publisher(shared.keys.state()).wait().ok(),
+            started: None,
+            seq: 0,
+        }
+    }
+
+    /// Shows a sample at its time; returns why the motion is to be broken off now, if it is.
+    fn see(&mut self, sample: &Sample) -> Option<String> {
+        if self.shared.config.service.real_time {
+            let started = *self.started.get_or_insert_with(Instant::now);
+            let at = started + Duration::from_secs_f64(sample.time_s);
+            thread::sleep(at.saturating_duration_since(Instant::now()));
+        }
+        if self.seq > 0 {
+            self.shared.faults.die(Fault::DieInMotion);
+        }
+        let mut bytes = wire::line(&StateHeader {
+            goal_id: self.goal_id.to_owned(),
+            seq: self.seq,
+            joints: self.joints.clone(),
+        });
+        wire::push_numbers(&mut bytes, sample.to_row());
+        self.seq += 1;
+        let _published = self
+            .publisher
+            .as_ref()
+            .map(|publisher| publisher.put(bytes).wait());
+        self.shared.control.reason(self.goal_id)
+    }
+
+    /// Tells those who asked that the palm stands still.
+    fn halted(&self) {
+        for query in self.shared.control.asking() {
+            reply(&query, &wire::line(&Word::Done));
+        }
     }
 }
 
 /// Executes goals one after another until the cell stops.
 fn work(shared: &Shared, session: &Session, queue: &mpsc::Receiver<Job>) {
     for job in queue {
-        let report = shared.execute(&job);
-        // Whoever watches may lose samples: they are all in the report.
-        let _published = publish(shared, session, &report);
+        let report = shared.execute(session, &job);
         let bytes = report.to_bytes();
         let waiting = lock(&shared.journal).conclude(&report.goal_id, bytes.clone());
+        // Somebody may have asked for an end when the motion was over already.
+        for query in shared.control.asking() {
+            reply(&query, &wire::line(&Word::Over));
+        }
+        let _published = session
+            .put(shared.keys.outcome(&report.goal_id), report.to_line())
+            .congestion_control(CongestionControl::Block)
+            .wait();
         for query in waiting {
             reply(&query, &bytes);
         }
     }
-}
-
-/// Publishes a report's samples one by one, as a real cell does while it moves, and the outcome.
-fn publish(shared: &Shared, session: &Session, report: &Report) -> Result<(), zenoh::Error> {
-    let publisher = session.declare_publisher(shared.keys.state()).wait()?;
-    for (seq, sample) in report.samples.iter().enumerate() {
-        let mut bytes = wire::line(&StateHeader {
-            goal_id: report.goal_id.clone(),
-            seq: seq as u64,
-            joints: report.joints.clone(),
-        });
-        wire::push_numbers(&mut bytes, sample.to_row());
-        publisher.put(bytes).wait()?;
-    }
-    session
-        .put(shared.keys.outcome(&report.goal_id), report.to_line())
-        .congestion_control(CongestionControl::Block)
-        .wait()
 }

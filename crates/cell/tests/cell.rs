@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use cell::{
-    CellClient, CellError, Goal, GoalStep, Keys, ObjectError, RejectionCode, SealedGoal,
-    SimulatedCell, SimulatedCellConfig, StateHeader, robot_digest, subscribe,
+    CellClient, CellError, Executed, Goal, GoalStep, Keys, ObjectError, RejectionCode, Report,
+    SealedGoal, Service, SimulatedCell, SimulatedCellConfig, StateHeader, robot_digest, subscribe,
 };
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use schemas::executions::Outcome;
@@ -131,10 +131,19 @@ fn start() -> SimulatedCell {
         listen: LISTEN.to_owned(),
         scene: scene(),
         object_error: ObjectError::default(),
+        service: Service::default(),
     };
     let cell = SimulatedCell::start(config, GRIPPER).unwrap();
     cell.put_object("cube", cube());
     cell
+}
+
+/// Has a goal executed to its end.
+fn execute(client: &CellClient, goal: &Goal) -> Report {
+    match client.execute(goal, SOON, SOON).unwrap() {
+        Executed::Over(report) => report,
+        Executed::Unheard(message) => panic!("{message}"),
+    }
 }
 
 fn connect(cell: &SimulatedCell) -> CellClient {
@@ -150,7 +159,7 @@ fn a_motion_that_holds_is_accepted_executed_and_measured() {
     assert_eq!(capabilities.robot, robot_digest(GRIPPER));
     assert_eq!(capabilities.joints, joints());
 
-    let held = client.execute(&goal(0.04), SOON, SOON).unwrap();
+    let held = execute(&client, &goal(0.04));
     assert_eq!(
         (held.outcome, held.message.as_str()),
         (Outcome::Succeeded, "held")
@@ -166,7 +175,7 @@ fn a_motion_that_holds_is_accepted_executed_and_measured() {
         "squeezing leaves an error"
     );
 
-    let missed = client.execute(&goal(0.0), SOON, SOON).unwrap();
+    let missed = execute(&client, &goal(0.0));
     assert_eq!(missed.outcome, Outcome::Failed);
     assert!(missed.lift_m < 0.01);
     cell.stop();
@@ -176,7 +185,7 @@ fn a_motion_that_holds_is_accepted_executed_and_measured() {
 fn equal_goals_on_two_cells_give_equal_reports() {
     let run = || {
         let cell = start();
-        connect(&cell).execute(&goal(0.04), SOON, SOON).unwrap()
+        execute(&connect(&cell), &goal(0.04))
     };
     assert_eq!(run(), run());
 }
@@ -184,13 +193,13 @@ fn equal_goals_on_two_cells_give_equal_reports() {
 #[test]
 fn a_goal_sent_twice_is_executed_once_and_answered_twice() {
     let cell = start();
-    let first = connect(&cell).execute(&goal(0.04), SOON, SOON).unwrap();
-    let second = connect(&cell).execute(&goal(0.04), SOON, SOON).unwrap();
+    let first = execute(&connect(&cell), &goal(0.04));
+    let second = execute(&connect(&cell), &goal(0.04));
     assert_eq!(first, second);
     assert_eq!(cell.executed_n(), 1);
     let mut again = goal(0.04);
     again.attempt = 2;
-    connect(&cell).execute(&again, SOON, SOON).unwrap();
+    execute(&connect(&cell), &again);
     assert_eq!(cell.executed_n(), 2);
 }
 
@@ -201,7 +210,7 @@ fn what_the_robot_cannot_do_is_rejected_with_a_reason() {
     let check = |change: fn(&mut Goal), code: RejectionCode, reason: &str| {
         let mut goal = goal(0.04);
         change(&mut goal);
-        let report = client.execute(&goal, SOON, SOON).unwrap();
+        let report = execute(&client, &goal);
         let rejection = report.rejection.unwrap();
         assert_eq!((report.outcome, rejection.code), (Outcome::Rejected, code));
         assert!(rejection.reason.contains(reason), "{}", rejection.reason);
@@ -254,7 +263,7 @@ fn bytes_that_are_no_goal_are_rejected_by_code() {
     *damaged.last_mut().unwrap() ^= 1;
     for (bytes, code) in [
         (Vec::new(), "malformed"),
-        (b"{\"protocol\":1}".to_vec(), "malformed"),
+        (b"{\"protocol\":2}".to_vec(), "malformed"),
         (vec![0xff; 1000], "malformed"),
         (damaged, "digest"),
         (vec![b' '; 33 * 1024 * 1024], "too_large"),
@@ -280,7 +289,7 @@ fn a_second_subscriber_sees_motions_states_and_outcomes() {
     let keys = Keys::new("simulated").unwrap();
     let (_session, watched) = subscribe(cell.endpoint(), &keys.all(), SOON).unwrap();
     // Asking something proves that the subscription arrived: one connection keeps its order.
-    let report = connect(&cell).execute(&goal(0.04), SOON, SOON).unwrap();
+    let report = execute(&connect(&cell), &goal(0.04));
     let outcome_key = keys.outcome(&report.goal_id);
     let (mut motions, mut states, mut outcome) = (0, 0, None);
     while (outcome.is_none() || motions == 0)
@@ -343,7 +352,10 @@ fn a_cell_that_takes_a_goal_and_falls_silent_leaves_it_unknown() {
         .declare_queryable(keys.goal())
         .callback(|query| {
             query
-                .reply(query.key_expr(), "{\"answer\":\"accepted\"}\n")
+                .reply(
+                    query.key_expr(),
+                    "{\"answer\":\"accepted\",\"known\":false}\n",
+                )
                 .wait()
                 .unwrap();
         })
@@ -356,14 +368,12 @@ fn a_cell_that_takes_a_goal_and_falls_silent_leaves_it_unknown() {
         .wait()
         .unwrap();
     let client = CellClient::connect(router.endpoint(), "mute", SOON).unwrap();
-    let report = client
+    let executed = client
         .execute(&goal(0.04), SOON, Duration::from_millis(300))
         .unwrap();
-    assert_eq!(report.outcome, Outcome::Unknown);
     assert!(
-        report.message.contains("may have moved"),
-        "{}",
-        report.message
+        matches!(&executed, Executed::Unheard(message) if message.contains("no answer about the result")),
+        "{executed:?}"
     );
     assert!(matches!(
         client.capabilities(Duration::from_millis(300)),
@@ -379,6 +389,7 @@ fn a_taken_port_is_an_error_that_says_what_to_do() {
         listen: cell.endpoint().to_owned(),
         scene: scene(),
         object_error: ObjectError::default(),
+        service: Service::default(),
     };
     let err = SimulatedCell::start(config, GRIPPER).map(drop).unwrap_err();
     assert!(matches!(err, CellError::Listen { .. }), "{err}");

@@ -36,7 +36,7 @@ pub use config::{
 };
 pub use error::SimulationError;
 pub use object::ObjectShape;
-pub use rollout::{Record, Rollout, Trace, TraceStep};
+pub use rollout::{Flow, Record, Rollout, Trace, TraceStep, WatchedRollout};
 pub use schemas::rollouts::Verdict;
 pub use script::{Instruction, JointRates, Motion, Phase};
 pub use shortcuts::Shortcuts;

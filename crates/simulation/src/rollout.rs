@@ -88,6 +88,30 @@ pub struct TraceStep {
     pub table_from_object: Isometry3<f64>,
 }
 
+/// Whether a rollout that is watched goes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Flow {
+    /// As the motion says.
+    GoOn,
+    /// The palm stays where it is, and the fingers are told no more than they were.
+    Hold,
+}
+
+/// A rollout that was watched.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WatchedRollout {
+    /// What became of the motion, with its trace; of one that was broken off, its verdict says nothing.
+    pub rollout: Rollout,
+    /// Whether it was broken off.
+    pub broken_off: bool,
+}
+
+/// Who sees each step as it is made, and how long a motion that is broken off is held.
+pub(crate) struct Watcher<'a> {
+    pub(crate) see: &'a mut dyn FnMut(&TraceStep) -> Flow,
+    pub(crate) hold_n: u32,
+}
+
 /// Carries out a script in a copy of the template's world.
 pub(crate) fn run(
     template: &Template,
@@ -95,6 +119,17 @@ pub(crate) fn run(
     protocol: &Protocol,
     record: Record,
 ) -> Rollout {
+    run_watched(template, script, protocol, record, None).rollout
+}
+
+/// As [`run`], seen by somebody who may break it off, which needs a trace.
+pub(crate) fn run_watched(
+    template: &Template,
+    script: &Script,
+    protocol: &Protocol,
+    record: Record,
+    mut watcher: Option<Watcher>,
+) -> WatchedRollout {
     let shortcuts = match record {
         Record::Nothing => template.scene.shortcuts,
         Record::Trace => Shortcuts::NONE,
@@ -115,7 +150,21 @@ pub(crate) fn run(
         trace.steps.push(look(template, &world, 0.0, &start.hand.q));
     }
     let mut cost_n: u32 = 0;
+    let mut broken_off = false;
+    let hold_n = watcher.as_ref().map_or(0, |watcher| watcher.hold_n);
+    let mut tell = |trace: &Option<Trace>| match (&mut watcher, trace) {
+        (Some(watcher), Some(trace)) => trace
+            .steps
+            .last()
+            .map_or(Flow::GoOn, |step| (watcher.see)(step)),
+        _ => Flow::GoOn,
+    };
+    let mut flow = tell(&trace);
     for (idx, command) in script.commands.iter().enumerate() {
+        if flow == Flow::Hold {
+            broken_off = true;
+            break;
+        }
         if idx < arrival {
             let target = command.table_from_palm(&believed);
             template.hand.move_palm(&mut world, &target, control_s);
@@ -139,6 +188,7 @@ pub(crate) fn run(
                 .steps
                 .push(look(template, &world, time_s, &command.hand.q));
         }
+        flow = tell(&trace);
         verdict = match finite {
             Finite::No => Some(Verdict::Diverged),
             Finite::Yes => judge.see(template, &world, command),
@@ -147,8 +197,33 @@ pub(crate) fn run(
             break;
         }
     }
+    // The last command again: the palm stands still, and the fingers press as they did.
+    let last = usize::try_from(cost_n).unwrap_or(usize::MAX).checked_sub(1);
+    let last = last.and_then(|idx| Some((idx, script.commands.get(idx)?)));
+    if let (true, Some((idx, command))) = (broken_off, last) {
+        for _ in 0..hold_n {
+            if idx < arrival {
+                let target = command.table_from_palm(&believed);
+                template.hand.move_palm(&mut world, &target, control_s);
+            } else {
+                world.rise(template.object, command.lift_m, control_s);
+            }
+            if control_step(template, &mut world, &command.hand.q) == Finite::No {
+                verdict = Some(Verdict::Diverged);
+                break;
+            }
+            cost_n += 1;
+            if let Some(trace) = &mut trace {
+                let time_s = f64::from(cost_n) * control_s;
+                trace
+                    .steps
+                    .push(look(template, &world, time_s, &command.hand.q));
+            }
+            tell(&trace);
+        }
+    }
     let verdict = verdict.unwrap_or_else(|| judge.conclude());
-    Rollout {
+    let rollout = Rollout {
         verdict,
         cost_n,
         saved_n: count(script.commands.len()).saturating_sub(cost_n),
@@ -158,6 +233,10 @@ pub(crate) fn run(
         penetration_m: sane(judge.penetration_m()),
         contacts_n: judge.contacts_n(),
         trace: trace.filter(|_| verdict != Verdict::Diverged),
+    };
+    WatchedRollout {
+        rollout,
+        broken_off,
     }
 }
 

@@ -13,8 +13,8 @@ use crate::{
     object::ObjectShape,
     precision::isometry,
     rejection::reject,
-    rollout::{Record, Rollout, run},
-    script::{Instruction, Motion, Script},
+    rollout::{Flow, Record, Rollout, TraceStep, WatchedRollout, Watcher, run, run_watched},
+    script::{Instruction, Motion, Script, steps},
     world::{Finite, World},
 };
 
@@ -99,14 +99,7 @@ impl Template {
         record: Record,
     ) -> Result<Rollout, SimulationError> {
         let script = Script::new(motion, protocol, &self.scene, &self.model)?;
-        let refused = reject(
-            &script,
-            protocol,
-            &self.model,
-            &self.hulls,
-            &self.table_from_believed,
-        );
-        Ok(match refused {
+        Ok(match self.refuses(&script, protocol) {
             Some(verdict) if self.scene.shortcuts.refused => Rollout::refused(verdict, &script),
             Some(verdict) => Rollout {
                 verdict,
@@ -115,6 +108,43 @@ impl Template {
             },
             None => run(self, &script, protocol, record),
         })
+    }
+
+    /// Carries out a motion as [`Template::rollout`] with its trace, and shows every step as it is made;
+    /// when `see` asks for it, the motion is broken off and the hand stands still for `hold_s`, which
+    /// is shown as well.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the motion does not fit the hand or the protocol names a joint that it lacks.
+    pub fn watched_rollout(
+        &self,
+        motion: &Motion,
+        protocol: &Protocol,
+        hold_s: f64,
+        see: &mut dyn FnMut(&TraceStep) -> Flow,
+    ) -> Result<WatchedRollout, SimulationError> {
+        let script = Script::new(motion, protocol, &self.scene, &self.model)?;
+        if let Some(verdict) = self.refuses(&script, protocol) {
+            return Ok(WatchedRollout {
+                rollout: Rollout::refused(verdict, &script),
+                broken_off: false,
+            });
+        }
+        let hold_n = u32::try_from(steps(hold_s, &self.scene)).unwrap_or(u32::MAX);
+        let watcher = Some(Watcher { see, hold_n });
+        Ok(run_watched(self, &script, protocol, Record::Trace, watcher))
+    }
+
+    /// Returns why geometry alone refuses a script, if it does.
+    fn refuses(&self, script: &Script, protocol: &Protocol) -> Option<Verdict> {
+        reject(
+            script,
+            protocol,
+            &self.model,
+            &self.hulls,
+            &self.table_from_believed,
+        )
     }
 
     /// Returns where the object is in a copy of the world, in the table's frame.

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use cell::{
-    Capabilities, CellClient, CellError, ObjectError, SimulatedCell, SimulatedCellConfig,
+    Capabilities, CellClient, CellError, ObjectError, Service, SimulatedCell, SimulatedCellConfig,
     robot_digest,
 };
 use schemas::objects::Object;
@@ -85,6 +85,7 @@ fn simulated(config: &DispatchConfig, urdf: &str) -> Result<Arc<SimulatedCell>, 
                 position_m: *object_error_m,
                 yaw_rad: *object_error_rad,
             },
+            service: Service::default(),
         },
         robot: robot_digest(urdf),
     };

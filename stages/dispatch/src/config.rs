@@ -116,6 +116,8 @@ mod tests {
             joints: Vec::new(),
             max_goal_bytes: 0,
             gap: String::new(),
+            real_time: false,
+            silence_s: None,
         };
         assert!(config.permits(&cell));
         cell.simulated = false;

@@ -47,6 +47,20 @@ pub enum DispatchError {
         /// The URDF for which the motions are.
         hand: PathBuf,
     },
+    /// Nobody knows what came of a motion: the cell does not answer.
+    #[error(
+        "what came of motion `{candidate_id}` at cell `{cell}` is unknown, the robot may have moved: {message} (goal {goal_id})"
+    )]
+    Unknown {
+        /// The cell's name.
+        cell: String,
+        /// The motion.
+        candidate_id: String,
+        /// The goal.
+        goal_id: String,
+        /// What was waited for.
+        message: String,
+    },
     /// A report does not hold the robot's joints.
     #[error("the report on goal {goal_id} does not name the joints of `{}`", hand.display())]
     Report {
@@ -99,6 +113,11 @@ impl Advise for DispatchError {
             Self::Cell(err) => err.hint(),
             Self::OtherRobot { .. } => Some(
                 "set `hand` of every stage to the URDF that the cell was started with".to_owned(),
+            ),
+            Self::Unknown { .. } => Some(
+                "look at the robot; when its cell is up again, the same command asks it what came of \
+                 this motion before it sends another"
+                    .to_owned(),
             ),
             Self::NoCandidate { .. } => {
                 Some("wire `candidates` to the stage whose motions were screened".to_owned())

@@ -18,6 +18,7 @@ mod cells;
 mod config;
 mod error;
 mod goals;
+mod journal;
 mod recording;
 mod stage;
 

@@ -6,7 +6,7 @@ use std::{
     path::{Component, Path},
 };
 
-use cell::Report;
+use cell::{CellClient, Executed, Goal, Recovered, Report};
 use dataflow::{
     Artifact, Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage,
     Summary, Unit,
@@ -23,6 +23,7 @@ use schemas::{
 use crate::{
     DispatchConfig, DispatchError, cells,
     goals::{accepted, goal},
+    journal::{Journal, Past},
     recording::{Setting, record},
 };
 
@@ -218,23 +219,73 @@ fn send(
         cell: &capabilities.cell,
         gap: &capabilities.gap,
     };
+    let sender = Sender {
+        config,
+        client: &connected.client,
+        cell: &capabilities.cell,
+        journal: Journal::new(cx.resume_folder().to_owned()),
+    };
     for (idx, &candidate) in motions.iter().enumerate() {
         cx.progress(idx as f64 / motions.len() as f64, &candidate.candidate_id);
         check_name(candidate)?;
         let goal = goal(config, &urdf, candidates, candidate);
-        let report =
-            connected
-                .client
-                .execute(&goal, config.answer_timeout(), config.result_timeout())?;
+        let report = sender.carry_out(&goal)?;
         record(&setting, &goal, &report, cx.folder())?;
         sent.executions
             .push(execution(&capabilities.cell, candidate, &report));
-        if report.outcome == executions::Outcome::Unknown {
-            // Until somebody has looked, nothing more is sent to this robot.
-            break;
-        }
     }
     Ok(sent)
+}
+
+/// Sends goals, each at most once whatever becomes of this process.
+struct Sender<'a> {
+    config: &'a DispatchConfig,
+    client: &'a CellClient,
+    cell: &'a str,
+    journal: Journal,
+}
+
+impl Sender<'_> {
+    /// Has a goal carried out, or finds out what became of it when it was sent before.
+    ///
+    /// Where nothing is heard of it the run ends: until somebody has looked, nothing more is sent to
+    /// this robot, and the next run asks the cell again.
+    fn carry_out(&self, goal: &Goal) -> Result<Report, DispatchError> {
+        let (answer, result) = (self.config.answer_timeout(), self.config.result_timeout());
+        let id = goal.seal().goal_id;
+        let unknown = |message: String| DispatchError::Unknown {
+            cell: self.cell.to_owned(),
+            candidate_id: goal.candidate_id.clone(),
+            goal_id: id.clone(),
+            message,
+        };
+        match self.journal.past(&id) {
+            Past::Over(report) => return Ok(*report),
+            Past::New => self.journal.send(&id)?,
+            Past::Sent => match self.client.recover(&id, answer, result)? {
+                Recovered::Report(report) => {
+                    self.journal.conclude(&report)?;
+                    return Ok(report);
+                }
+                // Only a goal that the cell never took goes out again, under its own name.
+                Recovered::NeverTaken => {}
+                Recovered::Silent => {
+                    let message = format!("no answer about it within {answer:.1?}");
+                    return Err(unknown(message));
+                }
+            },
+        }
+        // A second cell of the name may have come: it would move too.
+        self.client.capabilities(answer)?;
+        let report = match self.client.execute(goal, answer, result)? {
+            Executed::Over(report) => report,
+            Executed::Unheard(message) => return Err(unknown(message)),
+        };
+        if report.outcome != executions::Outcome::Rejected {
+            self.journal.conclude(&report)?;
+        }
+        Ok(report)
+    }
 }
 
 fn execution(cell: &str, candidate: &Candidate, report: &Report) -> Execution {

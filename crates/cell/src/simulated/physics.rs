@@ -3,14 +3,19 @@
 use nalgebra::Vector3;
 use robot::RobotModel;
 use schemas::{executions::Outcome, rollouts::Verdict};
-use simulation::{Motion, ObjectShape, Offset, Record, SimulationError, Template, TraceStep};
+use simulation::{
+    Flow, Motion, ObjectShape, Offset, SimulationError, Template, TraceStep, WatchedRollout,
+};
 use spatial::{Pose, Rest};
 
-use super::{ObjectError, SimulatedCellConfig, journal::Job};
+use super::{ObjectError, SimulatedCellConfig, Watched, journal::Job};
 use crate::{
     goal::Goal,
     report::{Report, Sample},
 };
+
+/// How long a hand is watched that holds after its motion was broken off, in seconds.
+const HOLD_S: f64 = 0.5;
 
 /// Lays the object down as the goal says, but for the cell's error, and moves.
 pub(super) fn carry_out(
@@ -18,20 +23,41 @@ pub(super) fn carry_out(
     object: &ObjectShape,
     model: &RobotModel,
     config: &SimulatedCellConfig,
+    watched: &mut Watched,
 ) -> Result<Report, SimulationError> {
     let goal = &job.goal;
     let mut scene = config.scene.clone();
     scene.object_offset = misplaced(scene.object_offset, config.object_error, &job.sealed.digest);
     let template = Template::new(&scene, model, object, &rest(goal))?;
-    let rollout = template.rollout(&motion(goal, model), &goal.grasp, Record::Trace)?;
+    let mut reason = None;
+    let mut see = |step: &TraceStep| {
+        let asked = watched.see(&sample(step));
+        if reason.is_none() && asked.is_some() {
+            reason = asked;
+            watched.halted();
+        }
+        match reason {
+            None => Flow::GoOn,
+            Some(_) => Flow::Hold,
+        }
+    };
+    let motion = motion(goal, model);
+    let WatchedRollout {
+        rollout,
+        broken_off,
+    } = template.watched_rollout(&motion, &goal.grasp, HOLD_S, &mut see)?;
+    let broken_off = reason.filter(|_| broken_off);
     let samples = rollout
         .trace
         .map_or_else(Vec::new, |trace| trace.steps.iter().map(sample).collect());
     Ok(Report {
         goal_id: job.sealed.goal_id.clone(),
         rejection: None,
-        outcome: outcome(rollout.verdict),
-        message: rollout.verdict.as_str().to_owned(),
+        outcome: match broken_off {
+            None => outcome(rollout.verdict),
+            Some(_) => Outcome::Aborted,
+        },
+        message: broken_off.unwrap_or_else(|| rollout.verdict.as_str().to_owned()),
         lift_m: rollout.lift_m,
         joints: model.joint_names(),
         samples,

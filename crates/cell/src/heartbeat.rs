@@ -1,0 +1,62 @@
+//! The dispatcher's heartbeat.
+
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::{self, JoinHandle},
+    time::Duration,
+};
+
+use zenoh::{
+    Session, Wait,
+    qos::{CongestionControl, Priority},
+};
+
+use crate::CellError;
+
+/// Time between two beats: a cell that waits a quarter of a second misses four before it stops.
+const PERIOD: Duration = Duration::from_millis(50);
+
+/// Tells a cell that its dispatcher is there, until this is dropped.
+pub(crate) struct Heartbeat {
+    over: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Heartbeat {
+    pub(crate) fn start(session: &Session, key: String) -> Result<Self, CellError> {
+        let over = Arc::new(AtomicBool::new(false));
+        let (session, until) = (session.clone(), Arc::clone(&over));
+        let thread = thread::Builder::new()
+            .name("heartbeat".to_owned())
+            .spawn(move || {
+                while !until.load(Ordering::Relaxed) {
+                    // A beat that would have to wait is better lost: the next one is as good.
+                    let _sent = session
+                        .put(key.as_str(), [])
+                        .congestion_control(CongestionControl::Drop)
+                        .priority(Priority::RealTime)
+                        .express(true)
+                        .wait();
+                    thread::park_timeout(PERIOD);
+                }
+            })
+            .map_err(CellError::Thread)?;
+        Ok(Self {
+            over,
+            thread: Some(thread),
+        })
+    }
+}
+
+impl Drop for Heartbeat {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
+            let _ended = thread.join();
+        }
+    }
+}
