@@ -2,7 +2,7 @@
 //! `screen.scene.shortcuts` and with none, and what they spare; where
 //! `PIPELINE_SHORTCUTS_EACH` is set, also with each one alone.
 //!
-//! 400 scripted grasps of each of six bodies; and, where `PIPELINE_LAKE` names a lake, the newest
+//! 400 scripted grasps of each of seven bodies; and, where `PIPELINE_LAKE` names a lake, the newest
 //! `candidates` and `objects` in it, with the options of `pipelines/cgf.toml`.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]

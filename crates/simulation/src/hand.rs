@@ -312,6 +312,9 @@ impl Hand {
             world.multibodies.remove(root.joint, true);
             if let Some(body) = world.bodies.get_mut(root.body) {
                 body.set_body_type(RigidBodyType::Fixed, true);
+                // The engine leaves what has become fixed among what moves, and would move the
+                // finger once for its root and once for itself; it forgets what is disabled.
+                body.set_enabled(false);
             }
         }
     }
@@ -574,6 +577,27 @@ mod tests {
         }
         assert!((hand.positions(&world)[0] - 0.6).abs() < 1e-4);
         assert!(hand.fastest(&world) < 1e-3);
+    }
+
+    #[test]
+    fn a_halted_palm_makes_no_difference_to_its_fingers() {
+        let scene = testing::scene();
+        let (mut world, hand) = finger(&scene);
+        hand.place(&mut world, &Isometry3::identity(), &[-0.4]);
+        let mut halted = world.fork();
+        hand.halt(&mut halted);
+        let mut farthest: f64 = 0.0;
+        for _ in 0..50 {
+            let [moved, still] = [&mut world, &mut halted].map(|world| {
+                hand.drive(world, &[0.6]);
+                world.step();
+                (hand.positions(world)[0], hand.torques(world)[0])
+            });
+            assert!((moved.0 - still.0).abs() < 1e-6, "{moved:?}, {still:?}");
+            assert!((moved.1 - still.1).abs() < 1e-4, "{moved:?}, {still:?}");
+            farthest = farthest.max(still.0 + 0.4);
+        }
+        assert!(farthest > 0.3, "{farthest}");
     }
 
     #[test]

@@ -1,15 +1,16 @@
-//! Six bodies that a hand can take from the side.
+//! Seven bodies that a hand can take from the side.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use simulation::ObjectShape;
 use spatial::Rest;
 
 /// Name, sides (0: a box), half extents in meters, mass in kilograms.
-const BODIES: [(&str, u32, [f64; 3], f64); 6] = [
+const BODIES: [(&str, u32, [f64; 3], f64); 7] = [
     ("can", 16, [0.034, 0.034, 0.051], 0.349),
     ("thin can", 16, [0.025, 0.025, 0.06], 0.15),
     ("wide can", 16, [0.042, 0.042, 0.045], 0.5),
     ("box", 0, [0.03, 0.03, 0.06], 0.2),
+    ("block", 0, [0.036, 0.03, 0.06], 0.25),
     ("brick", 0, [0.045, 0.025, 0.05], 0.4),
     ("hexagonal prism", 6, [0.036, 0.036, 0.055], 0.3),
 ];

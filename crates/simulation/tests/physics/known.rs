@@ -9,11 +9,11 @@ use crate::{
 
 /// How far the fingers close around each body, in radians per joint: to its middle.
 const CLOSED: [(&str, f64); 6] = [
-    ("can", 0.9),
-    ("thin can", 0.9),
-    ("wide can", 0.7),
-    ("box", 0.8),
+    ("can", 0.85),
+    ("wide can", 0.75),
+    ("box", 0.7),
     ("brick", 0.7),
+    ("block", 0.7),
     ("hexagonal prism", 0.85),
 ];
 
@@ -29,7 +29,7 @@ fn roll(name: &str, closed: f64, scene: &SceneConfig, trial: Trial, pull: PullCo
     (protocol.trial, protocol.pull) = (trial, pull);
     template
         .rollout(
-            &side_grasp([-0.02, -0.057, 0.02], q),
+            &side_grasp([-0.02, -0.054, 0.02], q),
             &protocol,
             Record::Nothing,
         )
@@ -72,7 +72,7 @@ fn pulled(name: &str, closed: f64, pull: PullConfig) -> Rollout {
 
 #[test]
 fn what_is_grasped_all_around_withstands_pulls_in_six_directions() {
-    for (name, closed) in [("can", 0.9), ("thin can", 0.9), ("wide can", 0.7)] {
+    for (name, closed) in CLOSED {
         let rollout = pulled(name, closed, PullConfig::default());
         assert_eq!(rollout.verdict, Verdict::Held, "{name}: {rollout:?}");
         // 0.8 s reach, 0.3 s squeeze, 0.3 s pause, six pulls of 2 s, at 50 Hz.
@@ -87,12 +87,12 @@ fn a_pull_beyond_the_strength_of_the_fingers_tears_the_can_away() {
         force_n_per_kg: 500.0,
         ..PullConfig::default()
     };
-    let rollout = pulled("can", 0.9, pull);
+    let rollout = pulled("can", 0.85, pull);
     assert!(
         matches!(rollout.verdict, Verdict::Slipped | Verdict::Dropped),
         "{rollout:?}"
     );
-    assert!(rollout.slip_m > 0.05 && rollout.cost_n < 200, "{rollout:?}");
+    assert!(rollout.slip_m > 0.02 && rollout.cost_n < 75, "{rollout:?}");
 }
 
 #[test]
@@ -105,9 +105,9 @@ fn what_lies_in_open_fingers_is_pulled_away() {
 }
 
 #[test]
-fn a_brick_that_two_sides_hold_turns_in_the_hand_and_is_lost() {
-    // It is lifted, but what pulls it along the fingers turns it by more than 15 degrees.
-    assert_eq!(lift("brick", 0.7, &scene()), Verdict::Held);
-    let rollout = pulled("brick", 0.7, PullConfig::default());
-    assert_eq!(rollout.verdict, Verdict::Slipped, "{rollout:?}");
+fn fingers_that_do_not_reach_around_a_thin_can_hold_it_in_neither_trial() {
+    assert_eq!(lift("thin can", 0.7, &scene()), Verdict::NotGrasped);
+    let rollout = pulled("thin can", 0.7, PullConfig::default());
+    let lost = matches!(rollout.verdict, Verdict::Slipped | Verdict::Dropped);
+    assert!(lost, "{rollout:?}");
 }
