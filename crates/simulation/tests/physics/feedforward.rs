@@ -74,7 +74,7 @@ fn most_lag(steps: &[TraceStep], reach_n: usize) -> f64 {
 
 #[test]
 fn a_motion_with_its_rates_is_followed_far_closer_than_by_pd_and_closer_than_without() {
-    let lag = |controller: ControllerKind, knows_rates: bool, reach_s: f64| {
+    let lag = |controller: ControllerKind, knows_rates: bool, reach_n: u32| {
         let mut scene = with(controller);
         // Nothing is in the way.
         scene.object_offset = Offset {
@@ -83,21 +83,20 @@ fn a_motion_with_its_rates_is_followed_far_closer_than_by_pd_and_closer_than_wit
         };
         let mut protocol = protocol();
         protocol.approach = Approach::Follow;
-        protocol.reach_s = reach_s;
+        protocol.reach_s = scene.control_step_s() * f64::from(reach_n);
         let rollout = template(&scene)
             .rollout(&waving(knows_rates), &protocol, Record::Trace)
             .unwrap();
-        most_lag(
-            &rollout.trace.unwrap().steps,
-            (reach_s / 0.02).round() as usize,
-        )
+        most_lag(&rollout.trace.unwrap().steps, reach_n as usize)
     };
     // At the speed of the motion, and at half of it.
-    for reach_s in [0.8, 1.6] {
-        let pd = lag(ControllerKind::Pd, true, reach_s);
-        let exact = lag(ControllerKind::PdFeedforward, true, reach_s);
-        let guessed = lag(ControllerKind::PdFeedforward, false, reach_s);
-        println!("{reach_s} s: PD {pd} rad, feedforward {exact} rad, of differences {guessed} rad");
+    for reach_n in [40, 80] {
+        let pd = lag(ControllerKind::Pd, true, reach_n);
+        let exact = lag(ControllerKind::PdFeedforward, true, reach_n);
+        let guessed = lag(ControllerKind::PdFeedforward, false, reach_n);
+        println!(
+            "{reach_n} steps: PD {pd} rad, feedforward {exact} rad, of differences {guessed} rad"
+        );
         assert!(pd > 0.05, "{pd}");
         assert!(10.0 * exact < pd, "{exact} of {pd}");
         assert!(exact < guessed && guessed < 0.3 * pd, "{guessed} of {pd}");
