@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use cell::PlannedFault;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use dataflow::Sweep;
@@ -46,6 +47,8 @@ pub(crate) enum Command {
     Graph(GraphArgs),
     /// Check that the lake, what a pipeline file names and the robot cell are ready
     Doctor(DoctorArgs),
+    /// Serve a simulated robot cell until it is interrupted
+    Cell(CellArgs),
     /// Check every byte of the lake against what was stored
     Verify(VerifyArgs),
     /// Remove what no run that counts, and no pipeline file, refers to any more
@@ -73,6 +76,36 @@ pub(crate) struct PipelineArgs {
     /// repeated [default: none]
     #[arg(long, value_name = "STAGE", num_args = 0..=1, default_missing_value = "")]
     pub(crate) fresh: Vec<String>,
+}
+
+/// Which cell, and how it serves.
+#[derive(Args)]
+pub(crate) struct CellArgs {
+    /// Pipeline file whose `dispatch` says what the simulated cell is like
+    #[arg(default_value = "pipelines/cgf.toml")]
+    pub(crate) file: PathBuf,
+    #[command(flatten)]
+    pub(crate) values: ValueArgs,
+    /// URDF of the robot hand
+    #[arg(
+        long,
+        value_name = "FILE",
+        default_value = "data/robots/allegro_right.urdf"
+    )]
+    pub(crate) hand: PathBuf,
+    /// Where to listen, on the loopback interface; port 0 takes any free one, which is printed
+    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
+    pub(crate) listen: String,
+    /// Folder in which the cell keeps what it has done [default: cells/NAME in the lake]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) journal: Option<PathBuf>,
+    /// Simulate as fast as possible, without a heartbeat [default: motions take as long as they say]
+    #[arg(long)]
+    pub(crate) fast: bool,
+    /// Let something go wrong, to try a dispatcher: e.g. `die_after_answer@2`, at the second goal;
+    /// may be repeated [default: nothing]
+    #[arg(long, value_name = "FAULT")]
+    pub(crate) fault: Vec<PlannedFault>,
 }
 
 /// Values that replace those of a pipeline file.

@@ -45,6 +45,7 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
         Command::Stages(args) => commands::stages(&program, args),
         Command::Graph(args) => commands::graph(&program, args),
         Command::Doctor(args) => commands::doctor(&program, args),
+        Command::Cell(args) => commands::cell(&program, args),
         Command::Verify(args) => commands::verify(&program, args),
         Command::Gc(args) => commands::gc(&program, args),
         Command::Unit(args) => commands::unit(&program, args),

@@ -1,5 +1,6 @@
 //! One file per command.
 
+mod cell;
 mod chosen;
 mod completions;
 mod diff;
@@ -19,6 +20,7 @@ mod tags;
 mod unit;
 mod verify;
 
+pub(crate) use cell::cell;
 pub(crate) use completions::completions;
 pub(crate) use diff::diff;
 pub(crate) use doctor::doctor;

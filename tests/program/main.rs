@@ -2,6 +2,7 @@
 
 mod baseline;
 mod bench;
+mod cell;
 mod commands;
 mod doctor;
 mod errors;

@@ -32,7 +32,7 @@ pub use keys::Keys;
 pub use report::{Capabilities, Report, Sample};
 pub use session::subscribe;
 pub use simulated::{
-    Fault, ObjectError, PlannedFault, Service, SimulatedCell, SimulatedCellConfig,
+    Fault, ObjectError, ObjectFinder, PlannedFault, Service, SimulatedCell, SimulatedCellConfig,
 };
 pub use wire::{StateHeader, WireError, robot_digest};
 

@@ -90,6 +90,9 @@ pub struct SimulatedCell {
     worker: Option<JoinHandle<()>>,
 }
 
+/// Returns an object by its name, if it is there.
+pub type ObjectFinder = Box<dyn Fn(&str) -> Option<ObjectShape> + Send + Sync>;
+
 /// What keeps the cell reachable.
 struct Served {
     _alive: LivelinessToken,
@@ -104,6 +107,7 @@ struct Shared {
     model: RobotModel,
     robot: String,
     objects: Mutex<BTreeMap<String, ObjectShape>>,
+    finder: Mutex<Option<ObjectFinder>>,
     journal: Mutex<Journal>,
     control: Control,
     faults: Faults,
@@ -125,6 +129,7 @@ impl SimulatedCell {
             model: RobotModel::from_urdf(urdf)?,
             robot: wire::robot_digest(urdf),
             objects: Mutex::default(),
+            finder: Mutex::default(),
             journal: Mutex::new(journal),
             control: Control::new(config.service.real_time.then_some(SILENCE)),
             faults: Faults::new(config.service.faults.clone()),
@@ -165,6 +170,11 @@ impl SimulatedCell {
     /// Puts an object within the robot's reach: goals name it.
     pub fn put_object(&self, name: &str, object: ObjectShape) {
         lock(&self.shared.objects).insert(name.to_owned(), object);
+    }
+
+    /// Has objects that were not put before the robot looked for when a goal names them.
+    pub fn find_objects(&self, finder: ObjectFinder) {
+        *lock(&self.shared.finder) = Some(finder);
     }
 
     /// Returns how many goals the cell has executed.
@@ -296,6 +306,16 @@ impl Shared {
         }
     }
 
+    /// Returns an object that lies before the robot.
+    fn object(&self, name: &str) -> Option<ObjectShape> {
+        let known = lock(&self.objects).get(name).cloned();
+        known.or_else(|| {
+            let found = lock(&self.finder).as_ref()?(name)?;
+            lock(&self.objects).insert(name.to_owned(), found.clone());
+            Some(found)
+        })
+    }
+
     /// Takes or refuses a goal; a goal taken before is not taken again.
     fn take(&self, bytes: &[u8]) -> (Answer, Option<Job>) {
         let (sealed, goal) = match self.check(bytes) {
@@ -333,7 +353,7 @@ impl Shared {
     fn check(&self, bytes: &[u8]) -> Result<(SealedGoal, Goal), Rejection> {
         acceptance::check_length(bytes)?;
         let (sealed, goal) = SealedGoal::open(bytes)?;
-        let known = |object: &str| lock(&self.objects).contains_key(object);
+        let known = |object: &str| self.object(object).is_some();
         acceptance::check(&goal, &self.model, &self.robot, known)?;
         Ok((sealed, goal))
     }
@@ -377,8 +397,7 @@ impl Shared {
     /// Carries out a goal and reports on it.
     fn execute(&self, session: &Session, job: &Job) -> Report {
         let id = &job.sealed.goal_id;
-        let object = lock(&self.objects).get(&job.goal.object).cloned();
-        let Some(object) = object else {
+        let Some(object) = self.object(&job.goal.object) else {
             return Report::aborted(id, format!("`{}` was taken away", job.goal.object));
         };
         let mut motion = Watched::new(self, session, id);

@@ -7,6 +7,7 @@ use cell::{
     robot_digest,
 };
 use schemas::objects::Object;
+use serde::{Deserialize, Deserializer};
 use simulation::ObjectShape;
 
 use crate::{
@@ -70,23 +71,47 @@ pub(crate) fn connect(
     })
 }
 
-fn simulated(config: &DispatchConfig, urdf: &str) -> Result<Arc<SimulatedCell>, CellError> {
-    let SimulatedConfig {
-        object_error_m,
-        object_error_rad,
-        scene,
-    } = &config.simulated;
-    let asked = Asked {
-        config: SimulatedCellConfig {
-            name: config.cell_name.clone(),
-            listen: config.listen.clone(),
-            scene: scene.clone(),
-            object_error: ObjectError {
-                position_m: *object_error_m,
-                yaw_rad: *object_error_rad,
-            },
-            service: Service::default(),
+/// Returns how the simulated cell of a `dispatch` stage is set up, which listens at `listen`, from the
+/// stage's options.
+///
+/// # Errors
+///
+/// Fails if they are not the options of a `dispatch` stage.
+pub fn simulated_cell<'de, D: Deserializer<'de>>(
+    options: D,
+    listen: String,
+) -> Result<SimulatedCellConfig, D::Error> {
+    let Options {
+        cell_name,
+        simulated,
+    } = Options::deserialize(options)?;
+    Ok(setup(cell_name, listen, simulated))
+}
+
+/// The options that describe the simulated cell.
+#[derive(Deserialize)]
+struct Options {
+    cell_name: String,
+    simulated: SimulatedConfig,
+}
+
+fn setup(name: String, listen: String, config: SimulatedConfig) -> SimulatedCellConfig {
+    SimulatedCellConfig {
+        name,
+        listen,
+        scene: config.scene,
+        object_error: ObjectError {
+            position_m: config.object_error_m,
+            yaw_rad: config.object_error_rad,
         },
+        service: Service::default(),
+    }
+}
+
+fn simulated(config: &DispatchConfig, urdf: &str) -> Result<Arc<SimulatedCell>, CellError> {
+    let (name, listen) = (config.cell_name.clone(), config.listen.clone());
+    let asked = Asked {
+        config: setup(name, listen, config.simulated.clone()),
         robot: robot_digest(urdf),
     };
     let mut running = RUNNING.lock().unwrap_or_else(PoisonError::into_inner);

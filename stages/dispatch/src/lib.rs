@@ -11,8 +11,8 @@
 //!
 //! The protocol and the simulated cell are in crate `cell`; this stage chooses the motions, asks the
 //! cell, and writes the table `executions` and one recording per motion executed.
-//! Nothing real moves without `execute = true`; a goal of which nobody knows the outcome ends the
-//! sending for its object and is listed as unknown, never repeated.
+//! Nothing real moves without `execute = true`. A goal of which nothing is heard ends the run: the next
+//! one asks the cell what came of it before it sends another, and never sends it under another name.
 
 mod cells;
 mod config;
@@ -22,6 +22,7 @@ mod journal;
 mod recording;
 mod stage;
 
+pub use cells::simulated_cell;
 pub use config::{DispatchConfig, SimulatedConfig};
 pub use error::DispatchError;
 pub use stage::Dispatch;
