@@ -7,6 +7,7 @@
 //! | `success`              | bool    |      | lifted, held to the end and still in contact                |
 //! | `reason`               | utf8    |      | `held`, or why it failed (see [`Verdict`])                  |
 //! | `cost_n`               | i64     |      | control steps simulated                                     |
+//! | `saved_n`              | i64     |      | control steps of the script that were not simulated         |
 //! | `lift_m`               | f64     | m    | rise of the object's origin at the end of the rollout       |
 //! | `slip_m`               | f64     | m    | motion of the object in the palm frame, lift to end         |
 //! | `displacement_m`       | f64     | m    | motion of the object on the table before the squeeze        |
@@ -196,6 +197,8 @@ pub struct Rollout {
     pub verdict: Verdict,
     /// Control steps simulated.
     pub cost_n: u32,
+    /// Control steps of the script that were not simulated.
+    pub saved_n: u32,
     /// Rise of the object's origin at the end, in meters.
     pub lift_m: f64,
     /// Motion of the object in the palm frame between lift and end, in meters.
@@ -242,6 +245,11 @@ fn columns(rollouts: &[Rollout]) -> Columns {
         "cost_n",
         "control steps simulated",
         rows().map(|r| i64::from(r.cost_n)),
+    );
+    c.i64(
+        "saved_n",
+        "control steps of the script that were not simulated",
+        rows().map(|r| i64::from(r.saved_n)),
     );
     c.f64(
         "lift_m",
@@ -313,6 +321,7 @@ pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Rollout>, SchemaError> {
                 verdict: Verdict::parse(word)
                     .ok_or_else(|| r.invalid("reason", format!("`{word}` is no verdict")))?,
                 cost_n: r.u32("cost_n", row)?,
+                saved_n: r.u32("saved_n", row)?,
                 lift_m: r.f64("lift_m", row)?,
                 slip_m: r.f64("slip_m", row)?,
                 displacement_m: r.f64("displacement_m", row)?,

@@ -277,6 +277,7 @@ fn rollouts_and_executions_read_back() {
             generator: "cgf".to_owned(),
             verdict,
             cost_n: 65,
+            saved_n: 125,
             lift_m: 0.15,
             slip_m: 0.001,
             displacement_m: 0.002,

@@ -96,7 +96,7 @@ fn main() {
     println!(
         "here       {:7.2} ms of CPU per candidate, {:6.1} µs per physics step of those that hold",
         totals.here_s / all * 1e3,
-        totals.here_held_s / (totals.held as f64 * totals.steps) * 1e6
+        totals.here_held_s / totals.here_held_steps * 1e6
     );
     for ((name, _), cpu_s) in ENGINES.iter().zip(totals.there_s) {
         println!(
@@ -125,6 +125,8 @@ struct Counts {
     /// CPU seconds of all here, of those that hold, and of all there by engine.
     here_s: f64,
     here_held_s: f64,
+    /// Physics steps here of those that hold.
+    here_held_steps: f64,
     there_s: [f64; ENGINES.len()],
 }
 
@@ -157,6 +159,7 @@ impl Counts {
         self.steps = other.steps;
         self.here_s += other.here_s;
         self.here_held_s += other.here_held_s;
+        self.here_held_steps += other.here_held_steps;
         for (sum, cpu_s) in self.there_s.iter_mut().zip(other.there_s) {
             *sum += cpu_s;
         }
@@ -195,11 +198,14 @@ fn compare(
         let before = thread_time::cpu_s();
         let rollout = template.rollout(&motion, &protocol, Record::Nothing);
         let cpu_s = thread_time::cpu_s() - before;
-        held.push(rollout.unwrap().verdict == Verdict::Held);
+        let rollout = rollout.unwrap();
+        held.push(rollout.verdict == Verdict::Held);
         counts.here_s += cpu_s;
         if held.last() == Some(&true) {
             counts.held += 1;
             counts.here_held_s += cpu_s;
+            counts.here_held_steps +=
+                f64::from(rollout.cost_n) * f64::from(scene.steps_per_control);
         }
         let instructions = template.instructions(&motion, &protocol).unwrap();
         counts.steps = (instructions.len() - 1) as f64 * f64::from(scene.steps_per_control);

@@ -87,6 +87,7 @@ fn rollout(object: &str, row: usize) -> Rollout {
         generator: "cgf".to_owned(),
         verdict: Verdict::ALL[row % Verdict::ALL.len()],
         cost_n: 190,
+        saved_n: 0,
         lift_m: 0.15 * number,
         slip_m: 1e-3 * number,
         displacement_m: 2e-2 * number,

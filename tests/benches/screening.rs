@@ -104,11 +104,15 @@ fn main() {
         "here     {:8.3} ms of CPU per candidate",
         ours_s / candidates * 1e3
     );
-    // Those that hold are stepped to the end by both.
+    // Those that hold are stepped to the end there, and here until they have settled.
     let whole = |idx: &usize| ours[*idx].0.verdict == Verdict::Held;
     let whole: Vec<usize> = (0..CANDIDATES).filter(whole).collect();
     let all_steps = whole.len() as f64 * steps;
-    let our_step = whole.iter().map(|&idx| ours[idx].1).sum::<f64>() / all_steps;
+    let our_steps: f64 = whole
+        .iter()
+        .map(|&idx| f64::from(ours[idx].0.cost_n) * substeps)
+        .sum();
+    let our_step = whole.iter().map(|&idx| ours[idx].1).sum::<f64>() / our_steps;
     println!(
         "here     {:8.2} µs per physics step of those that hold",
         our_step * 1e6

@@ -98,6 +98,7 @@ fn rollout(id: &str, verdict: Verdict) -> Rollout {
         generator: "test".to_owned(),
         verdict,
         cost_n: 1,
+        saved_n: 0,
         lift_m: 0.0,
         slip_m: 0.0,
         displacement_m: 0.0,

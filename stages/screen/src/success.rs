@@ -243,6 +243,7 @@ mod tests {
             generator: generator.to_owned(),
             verdict,
             cost_n: 100,
+            saved_n: 0,
             lift_m: 0.0,
             slip_m: 0.0,
             displacement_m: 0.0,

@@ -178,6 +178,7 @@ impl Screening<'_> {
             generator: candidate.generator.clone(),
             verdict: rollout.verdict,
             cost_n: rollout.cost_n,
+            saved_n: rollout.saved_n,
             lift_m: rollout.lift_m,
             slip_m: rollout.slip_m,
             displacement_m: rollout.displacement_m,

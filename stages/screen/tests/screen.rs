@@ -245,6 +245,9 @@ fn judges_candidates_in_their_order_and_records_the_accepted() {
     // 0.8 s reach, 0.3 s squeeze, 0.3 s pause, 0.4 s lift, 0.5 s hold, at 50 Hz, and the start.
     assert_eq!(moments, 116);
     assert!((90..=115).contains(&rows[1].cost_n), "{}", rows[1].cost_n);
+    for row in &rows {
+        assert_eq!(row.cost_n + row.saved_n, 115);
+    }
     assert_eq!(fs::read_dir(folder.path().join("out")).unwrap().count(), 2);
 }
 
