@@ -14,7 +14,7 @@ use std::{
 
 use serde_json::Value;
 
-use crate::bench::{Bench, stderr};
+use crate::bench::{Bench, stderr, stdout};
 
 /// A lake in which everything is made but what a cell does.
 struct Lab {
@@ -114,9 +114,10 @@ impl Lab {
         assert_eq!(ids.len(), n, "{:#?}", self.over);
         let sql = "select outcome, count(*) as n from executions group by outcome";
         let asked = self.bench.ask(&["query", "--format", "json", sql]);
-        let rows: Vec<Value> = serde_json::from_slice(&asked.stdout).unwrap();
-        rows.iter()
-            .map(|row| {
+        stdout(&asked)
+            .lines()
+            .map(|line| {
+                let row: Value = serde_json::from_str(line).unwrap();
                 let outcome = row["outcome"].as_str().unwrap().to_owned();
                 (outcome, row["n"].as_u64().unwrap())
             })
