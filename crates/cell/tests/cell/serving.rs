@@ -1,154 +1,15 @@
-//! Dispatcher and simulated cell over real sockets of the loopback interface.
+//! What a cell answers.
 
 use std::time::Duration;
 
 use cell::{
-    CellClient, CellError, Executed, Goal, GoalStep, Keys, ObjectError, RejectionCode, Report,
-    SealedGoal, Service, SimulatedCell, SimulatedCellConfig, StateHeader, robot_digest, subscribe,
+    CellClient, CellError, Executed, Goal, Keys, ObjectError, RejectionCode, SealedGoal, Service,
+    SimulatedCell, SimulatedCellConfig, StateHeader, robot_digest, subscribe,
 };
-use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use schemas::executions::Outcome;
-use simulation::{
-    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, PullConfig, SceneConfig,
-    Shortcuts, Trial,
-};
-use spatial::{Pose, Rest};
 use zenoh::Wait;
 
-const LISTEN: &str = "tcp/127.0.0.1:0";
-const SOON: Duration = Duration::from_secs(20);
-const HALF_EDGE_M: f64 = 0.02;
-
-/// Two plates that slide towards each other below a palm that points down.
-const GRIPPER: &str = include_str!("gripper.urdf");
-
-fn joints() -> Vec<String> {
-    vec!["slide_left".to_owned(), "slide_right".to_owned()]
-}
-
-fn scene() -> SceneConfig {
-    SceneConfig {
-        friction: 1.0,
-        mass_scale: 1.0,
-        hand_mass_scale: 1.0,
-        object_offset: Offset::default(),
-        time_step_s: 0.002,
-        steps_per_control: 5,
-        prediction_m: 0.002,
-        settle_s: 0.5,
-        drive: DriveConfig {
-            controller: ControllerKind::Pd,
-            stiffness: 2000.0,
-            damping: 60.0,
-            torque_limit: 20.0,
-            armature: 0.0,
-            stop_stiffness: 10_000.0,
-        },
-        shortcuts: Shortcuts::ALL,
-    }
-}
-
-fn grasp() -> Protocol {
-    Protocol {
-        approach: Approach::Follow,
-        reach_s: 0.6,
-        close_fraction: 0.3,
-        flexion_joints: joints(),
-        open_rad: 0.0,
-        squeeze_rad: 0.01,
-        squeeze_s: 0.2,
-        pause_s: 0.1,
-        lift_m: 0.1,
-        lift_s: 0.4,
-        hold_s: 0.5,
-        lifted_m: 0.05,
-        min_links: 2,
-        max_slip_m_per_s: 0.02,
-        knocked_m: 0.02,
-        knocked_rad: 0.3,
-        limit_tolerance_rad: 0.001,
-        table_tolerance_m: 0.002,
-        early_tolerance_m: 0.005,
-        trial: Trial::Lift,
-        pull: PullConfig::default(),
-    }
-}
-
-fn cube() -> ObjectShape {
-    let corners = (0..8).map(|corner| {
-        let side = |bit: u32| {
-            if corner >> bit & 1 == 0 {
-                -HALF_EDGE_M
-            } else {
-                HALF_EDGE_M
-            }
-        };
-        Point3::new(side(0), side(1), side(2))
-    });
-    let mass_kg = 0.1;
-    ObjectShape {
-        parts_m: vec![corners.collect()],
-        mass_kg,
-        center_of_mass_m: Point3::origin(),
-        inertia_kg_m2: Matrix3::identity() * mass_kg * (2.0 * HALF_EDGE_M).powi(2) / 6.0,
-    }
-}
-
-/// Comes from above, closes the plates to `closed_m`, which touches the cube at 0.04.
-fn goal(closed_m: f64) -> Goal {
-    let rest = Rest {
-        up_in_object: Vector3::z_axis(),
-        height_m: HALF_EDGE_M,
-    };
-    let step = |time_s: f64, above_m: f64, q: f64| GoalStep {
-        time_s,
-        object_from_palm: Pose::new(Isometry3::from_parts(
-            nalgebra::Translation3::new(0.0, 0.0, above_m),
-            UnitQuaternion::identity(),
-        )),
-        q_rad: vec![q, q],
-    };
-    Goal {
-        candidate_id: "cube-0001".to_owned(),
-        object: "cube".to_owned(),
-        robot: robot_digest(GRIPPER),
-        attempt: 1,
-        table_from_object: rest.table_from_object(),
-        joints: joints(),
-        start_tolerance_rad: 0.1,
-        grasp: grasp(),
-        steps: vec![
-            step(0.0, 0.15, 0.0),
-            step(0.7, 0.02, 0.0),
-            step(1.0, 0.02, closed_m),
-        ],
-    }
-}
-
-fn start() -> SimulatedCell {
-    let config = SimulatedCellConfig {
-        name: "simulated".to_owned(),
-        listen: LISTEN.to_owned(),
-        scene: scene(),
-        object_error: ObjectError::default(),
-        service: Service::default(),
-    };
-    let cell = SimulatedCell::start(config, GRIPPER).unwrap();
-    cell.put_object("cube", cube());
-    cell
-}
-
-/// Has a goal executed to its end.
-fn execute(client: &CellClient, goal: &Goal) -> Report {
-    match client.execute(goal, SOON, SOON).unwrap() {
-        Executed::Over(report) => report,
-        Executed::Unheard(message) => panic!("{message}"),
-    }
-}
-
-fn connect(cell: &SimulatedCell) -> CellClient {
-    CellClient::connect(cell.endpoint(), cell.name(), SOON).unwrap()
-}
+use crate::lab::{GRIPPER, SOON, connect, execute, goal, joints, scene, start};
 
 #[test]
 fn a_motion_that_holds_is_accepted_executed_and_measured() {

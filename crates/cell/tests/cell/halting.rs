@@ -1,0 +1,137 @@
+//! Motions that are broken off: by a word, or because nobody is heard.
+
+use std::{thread, time::Instant};
+
+use cell::{Halt, Keys, RejectionCode, Report, Service, StateHeader, subscribe};
+use schemas::executions::Outcome;
+use zenoh::Wait;
+
+use crate::lab::{SOON, connect, execute, goal, start, start_with};
+
+/// How long the hand is watched after it stopped, in seconds.
+const HOLD_S: f64 = 0.5;
+/// Seconds after which the gripper lifts, and after which it has lifted.
+const LIFT_S: [f64; 2] = [0.9, 1.3];
+
+fn in_real_time() -> Service {
+    Service {
+        real_time: true,
+        ..Service::default()
+    }
+}
+
+/// Makes sure that the cube stayed in the hand where the motion was broken off, and returns when.
+fn held_s(report: &Report) -> f64 {
+    let stopped_s = report.duration_s() - HOLD_S;
+    let height = |time_s: f64| {
+        let mut samples = report.samples.iter();
+        let sample = samples
+            .find(|sample| sample.time_s > time_s - 1e-6)
+            .unwrap();
+        sample.table_from_object.isometry().translation.z
+    };
+    let (then, at_last) = (height(stopped_s), height(report.duration_s()));
+    assert!((then - at_last).abs() < 0.002, "{then} m, then {at_last} m");
+    let moved = |sample: &cell::Sample| sample.table_from_palm.isometry().translation.vector;
+    let last = report.samples.last().unwrap();
+    let mut after = report.samples.iter();
+    let first = after
+        .find(|sample| sample.time_s > stopped_s - 1e-6)
+        .unwrap();
+    assert!((moved(last) - moved(first)).norm() < 1e-4);
+    stopped_s
+}
+
+#[test]
+fn a_motion_that_is_canceled_stops_where_it_is_and_the_hand_holds() {
+    let cell = start_with(in_real_time());
+    let keys = Keys::new("simulated").unwrap();
+    let (_session, states) = subscribe(cell.endpoint(), &keys.state(), SOON).unwrap();
+    let (client, watcher) = (connect(&cell), connect(&cell));
+    assert!(client.capabilities(SOON).unwrap().silence_s.is_some());
+    let goal = goal(0.04);
+    let id = goal.seal().goal_id;
+    let report = thread::scope(|scope| {
+        let executing = scope.spawn(|| execute(&client, &goal));
+        // In the middle of the lift.
+        while let Ok(Some(sample)) = states.recv_timeout(SOON) {
+            let bytes = sample.payload().to_bytes();
+            let line = bytes.split(|&byte| byte == b'\n').next().unwrap();
+            let header: StateHeader = serde_json::from_slice(line).unwrap();
+            if header.seq >= 110 {
+                break;
+            }
+        }
+        let asked = Instant::now();
+        assert_eq!(watcher.cancel(&id, SOON).unwrap(), Halt::Done);
+        println!(
+            "the palm stood {:?} after it was asked for",
+            asked.elapsed()
+        );
+        executing.join().unwrap()
+    });
+    assert_eq!(
+        (report.outcome, report.message.as_str()),
+        (Outcome::Aborted, "canceled")
+    );
+    let stopped_s = held_s(&report);
+    assert!(
+        stopped_s > LIFT_S[0] && stopped_s < LIFT_S[1] + HOLD_S,
+        "{stopped_s} s"
+    );
+    assert_eq!(watcher.cancel(&id, SOON).unwrap(), Halt::Over);
+    assert_eq!(watcher.cancel("00", SOON).unwrap(), Halt::NeverTaken);
+}
+
+#[test]
+fn a_motion_whose_dispatcher_falls_silent_stops_within_three_tenths_of_a_second() {
+    let cell = start_with(in_real_time());
+    let keys = Keys::new("simulated").unwrap();
+    // Somebody who sends a goal and is never heard again.
+    let (session, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
+    let sealed = goal(0.04).seal();
+    let ask = |key: String, payload: &[u8]| {
+        let replies = session
+            .get(key)
+            .payload(payload)
+            .timeout(SOON)
+            .wait()
+            .unwrap();
+        let reply = replies.recv().unwrap().into_result().unwrap();
+        reply.payload().to_bytes().into_owned()
+    };
+    ask(keys.goal(), &sealed.bytes);
+    let report = Report::from_bytes(&ask(keys.result(&sealed.goal_id), &[])).unwrap();
+    assert_eq!(report.outcome, Outcome::Aborted);
+    assert!(
+        report.message.contains("no heartbeat"),
+        "{}",
+        report.message
+    );
+    // The motion is never ahead of the clock.
+    let stopped_s = held_s(&report);
+    println!("broken off after {stopped_s} s of silence");
+    assert!(stopped_s > 0.0 && stopped_s < 0.3, "{stopped_s} s");
+}
+
+#[test]
+fn a_heartbeat_lets_a_motion_in_real_time_come_to_its_end() {
+    let cell = start_with(in_real_time());
+    let started = Instant::now();
+    let report = execute(&connect(&cell), &goal(0.04));
+    assert_eq!(report.outcome, Outcome::Succeeded, "{}", report.message);
+    assert!(started.elapsed().as_secs_f64() > report.duration_s() - 0.05);
+}
+
+#[test]
+fn a_cell_that_was_stopped_takes_nothing_until_it_is_told_to_resume() {
+    let cell = start();
+    let client = connect(&cell);
+    assert_eq!(client.stop(SOON).unwrap(), Halt::Done);
+    let refused = execute(&client, &goal(0.04));
+    assert_eq!(refused.rejection.unwrap().code, RejectionCode::Stopped);
+    assert_eq!(cell.executed_n(), 0);
+    assert_eq!(client.resume(SOON).unwrap(), Halt::Done);
+    let report = execute(&client, &goal(0.04));
+    assert_eq!(report.outcome, Outcome::Succeeded);
+}

@@ -1,0 +1,6 @@
+//! Dispatcher and simulated cell over real sockets of the loopback interface.
+
+mod halting;
+mod lab;
+mod remembering;
+mod serving;
