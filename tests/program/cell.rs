@@ -68,10 +68,10 @@ impl Lab {
             .unwrap();
         let said = process.stderr.take().map(BufReader::new);
         let cell = Cell { process, said };
-        if line.trim() != self.endpoint {
-            panic!("{}", cell.end());
+        if line.trim() == self.endpoint {
+            return cell;
         }
-        cell
+        panic!("{}", cell.end());
     }
 
     /// `pipeline run` of the last stage alone, at this cell.
@@ -274,7 +274,7 @@ fn a_cell_that_hangs_is_unknown_and_tells_when_it_goes_on() {
     let cell = lab.cell(&["--fast", "--fault", "late_answer@2"]);
     let mut run = lab.dispatch().stderr(Stdio::piped()).spawn().unwrap();
     // Stopped while it is late with the answer to its second goal.
-    let deadline = Instant::now() + Duration::from_secs(60);
+    let deadline = Instant::now() + Duration::from_mins(1);
     while lab.taken() < 2 && Instant::now() < deadline {
         thread::sleep(Duration::from_millis(5));
     }

@@ -2,7 +2,7 @@
 
 use std::{
     thread,
-    time::{Duration, Instant, SystemTime},
+    time::{Duration, Instant},
 };
 
 use zenoh::{
@@ -13,6 +13,7 @@ use zenoh::{
 
 use crate::{
     CellError, Goal, Keys, PROTOCOL, SealedGoal,
+    goal::now,
     heartbeat::Heartbeat,
     report::{Answer, Capabilities, NEVER_TAKEN, Report, Word},
     session, wire,
@@ -135,7 +136,7 @@ impl CellClient {
         result: Duration,
     ) -> Result<Executed, CellError> {
         // A goal that comes later than anybody waits for its answer does not start.
-        let sealed = goal.seal().valid_until(SystemTime::now() + answer);
+        let sealed = goal.seal().valid_until(now() + answer);
         let id = sealed.goal_id.as_str();
         let _heartbeat = Heartbeat::start(&self.session, self.keys.heartbeat())?;
         let key = self.keys.goal();

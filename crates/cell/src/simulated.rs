@@ -11,7 +11,7 @@ use std::{
     path::PathBuf,
     sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc},
     thread::{self, JoinHandle},
-    time::{Duration, Instant, SystemTime},
+    time::{Duration, Instant},
 };
 
 use robot::RobotModel;
@@ -33,7 +33,7 @@ use self::{
 };
 use crate::{
     CellError, Goal, Keys, PROTOCOL,
-    goal::{Rejection, RejectionCode, SealedGoal},
+    goal::{Rejection, RejectionCode, SealedGoal, now},
     keys::goal_id_of,
     report::{Answer, Capabilities, NEVER_TAKEN, Report, Sample, Word},
     session,
@@ -328,7 +328,7 @@ impl Shared {
         } else if self.control.is_stopped() {
             let reason = "the cell was stopped and has not been told to resume";
             Some(Rejection::new(RejectionCode::Stopped, reason.to_owned()))
-        } else if sealed.has_expired(SystemTime::now()) {
+        } else if sealed.has_expired(now()) {
             let reason = "the goal came after the time until which it was valid";
             Some(Rejection::new(RejectionCode::Expired, reason.to_owned()))
         } else {

@@ -10,7 +10,7 @@ use crate::{Inertial, JointKind, RobotModel, WrongDof};
 /// holds the root link. Links without mass weigh nothing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bodies {
-    pub(crate) bodies: Vec<Body>,
+    pub(crate) all: Vec<Body>,
     pub(crate) dof: usize,
     /// Inertia of the motor's rotor as felt at each moving joint, in kg m² (kg if prismatic).
     pub(crate) armature: f64,
@@ -265,7 +265,7 @@ impl Bodies {
             places.push(place);
         }
         Self {
-            bodies,
+            all: bodies,
             dof: model.dof(),
             armature: 0.0,
         }
@@ -282,7 +282,7 @@ impl Bodies {
     /// Makes every mass, and so every inertia, this many times as great.
     #[must_use]
     pub fn with_mass_scale(mut self, scale: f64) -> Self {
-        for body in &mut self.bodies {
+        for body in &mut self.all {
             let inertia = &mut body.inertia;
             inertia.mass *= scale;
             inertia.moment *= scale;
@@ -293,7 +293,7 @@ impl Bodies {
 
     /// Returns the mass of all bodies in kilograms.
     pub fn mass_kg(&self) -> f64 {
-        self.bodies.iter().map(|body| body.inertia.mass).sum()
+        self.all.iter().map(|body| body.inertia.mass).sum()
     }
 
     /// Returns the pose of each body in its parent's frame; the identity for the root.
@@ -303,7 +303,7 @@ impl Bodies {
             Some(joint) => joint.parent_from_body(q),
             None => Isometry3::identity(),
         };
-        Ok(self.bodies.iter().map(pose).collect())
+        Ok(self.all.iter().map(pose).collect())
     }
 
     /// Checks that there is one number per independent joint.

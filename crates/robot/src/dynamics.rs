@@ -52,7 +52,7 @@ impl Bodies {
     ) -> Result<Efforts, WrongDof> {
         let (root, of_links) = self.efforts(root, motion, gravity)?;
         let mut joints = DVector::zeros(self.dof);
-        let moving = self.bodies.iter().filter_map(|body| body.joint.as_ref());
+        let moving = self.all.iter().filter_map(|body| body.joint.as_ref());
         for (joint, effort) in moving.zip(of_links) {
             joints[joint.number] += joint.multiplier * effort;
         }
@@ -87,12 +87,11 @@ impl Bodies {
         let parent_from_bodies = self.parent_from_bodies(motion.q)?;
         self.check(motion.velocity)?;
         self.check(motion.acceleration)?;
-        let n = self.bodies.len();
+        let n = self.all.len();
         let mut velocities = vec![Spatial::zero(); n];
         let mut accelerations = vec![Spatial::zero(); n];
         let mut forces = vec![Spatial::zero(); n];
-        for (idx, (body, parent_from_body)) in
-            self.bodies.iter().zip(&parent_from_bodies).enumerate()
+        for (idx, (body, parent_from_body)) in self.all.iter().zip(&parent_from_bodies).enumerate()
         {
             let (velocity, acceleration) = match &body.joint {
                 None => {
@@ -124,7 +123,7 @@ impl Bodies {
         }
         let mut of_links = Vec::with_capacity(n);
         for idx in (0..n).rev() {
-            let body = &self.bodies[idx];
+            let body = &self.all[idx];
             if let Some(joint) = &body.joint {
                 let rotor = joint.multiplier * motion.acceleration[joint.number] * self.armature;
                 of_links.push(joint.unit_motion().dot(&forces[idx]) + rotor);
@@ -187,7 +186,7 @@ impl Bodies {
             .first()
             .map_or_else(nalgebra::Matrix6::zeros, SpatialInertia::matrix);
         matrix.view_mut((0, 0), (ROOT, ROOT)).copy_from(&whole);
-        for (idx, body) in self.bodies.iter().enumerate() {
+        for (idx, body) in self.all.iter().enumerate() {
             let Some(joint) = &body.joint else { continue };
             let row = ROOT + joint.number;
             let unit = joint.unit_motion();
@@ -195,10 +194,10 @@ impl Bodies {
             matrix[(row, row)] += joint.multiplier * unit.dot(&force);
             matrix[(row, row)] += joint.multiplier.powi(2) * self.armature;
             let mut current = idx;
-            while let Some(_joint) = &self.bodies[current].joint {
+            while let Some(_joint) = &self.all[current].joint {
                 force = force.force_in_parent(&parent_from_bodies[current]);
-                current = self.bodies[current].parent;
-                if let Some(above) = &self.bodies[current].joint {
+                current = self.all[current].parent;
+                if let Some(above) = &self.all[current].joint {
                     let column = ROOT + above.number;
                     let entry = above.multiplier * above.unit_motion().dot(&force);
                     // Both entries, which are one and the same if one joint moves both bodies.
@@ -232,9 +231,9 @@ impl Bodies {
     /// Returns the inertia of each body with all that hangs on it, in its frame.
     fn composites(&self, parent_from_bodies: &[Isometry3<f64>]) -> Vec<SpatialInertia> {
         let mut composites: Vec<SpatialInertia> =
-            self.bodies.iter().map(|body| body.inertia).collect();
+            self.all.iter().map(|body| body.inertia).collect();
         for idx in (0..composites.len()).rev() {
-            let body = &self.bodies[idx];
+            let body = &self.all[idx];
             if body.joint.is_some() {
                 let in_parent = composites[idx].in_parent(&parent_from_bodies[idx]);
                 composites[body.parent].add(&in_parent);

@@ -7,7 +7,7 @@ use crate::{
     config::Protocol,
     desired::Desired,
     judge::Judge,
-    script::{Phase, Script},
+    script::{Command, Phase, Script},
     shortcuts::Shortcuts,
     template::Template,
     world::{Finite, World},
@@ -123,105 +123,46 @@ pub(crate) fn run(
 }
 
 /// As [`run`], seen by somebody who may break it off, which needs a trace.
-pub(crate) fn run_watched(
-    template: &Template,
+pub(crate) fn run_watched<'a>(
+    template: &'a Template,
     script: &Script,
     protocol: &Protocol,
     record: Record,
-    mut watcher: Option<Watcher>,
+    watcher: Option<Watcher<'a>>,
 ) -> WatchedRollout {
     let shortcuts = match record {
         Record::Nothing => template.scene.shortcuts,
         Record::Trace => Shortcuts::NONE,
     };
-    let mut world = template.world.fork();
-    let believed = *template.table_from_believed().isometry();
-    let start = &script.start;
-    let table_from_palm = start.table_from_palm(&believed);
-    template
-        .hand
-        .place(&mut world, &table_from_palm, &start.hand.q);
-    let arrival = script.arrival();
     let mut judge = Judge::new(template, protocol, script, shortcuts);
-    let mut trace = (record == Record::Trace).then(Trace::default);
     let mut verdict = None;
-    let control_s = template.scene.control_step_s();
-    if let Some(trace) = &mut trace {
-        trace.steps.push(look(template, &world, 0.0, &start.hand.q));
-    }
-    let mut cost_n: u32 = 0;
-    let mut broken_off = false;
     let hold_n = watcher.as_ref().map_or(0, |watcher| watcher.hold_n);
-    let mut tell = |trace: &Option<Trace>| match (&mut watcher, trace) {
-        (Some(watcher), Some(trace)) => trace
-            .steps
-            .last()
-            .map_or(Flow::GoOn, |step| (watcher.see)(step)),
-        _ => Flow::GoOn,
-    };
-    let mut flow = tell(&trace);
+    let mut performance = Performance::begin(template, script, record, watcher);
+    let mut broken_off = None;
     for (idx, command) in script.commands.iter().enumerate() {
-        if flow == Flow::Hold {
-            broken_off = true;
+        if performance.flow == Flow::Hold {
+            broken_off = Some(idx.checked_sub(1));
             break;
         }
-        if idx < arrival {
-            let target = command.table_from_palm(&believed);
-            template.hand.move_palm(&mut world, &target, control_s);
-        } else {
-            if idx == arrival {
-                template.hand.halt(&mut world);
-            }
-            world.rise(template.object, command.lift_m, control_s);
-        }
-        if command.phase == Phase::Pull {
-            world.pull(template.object, &command.pull_m_per_s2);
-        }
-        let finite = match &script.desired {
-            None => control_step(template, &mut world, &command.hand.q),
-            Some(desired) => control_step_along(template, &mut world, desired, idx),
-        };
-        cost_n += 1;
-        if let Some(trace) = &mut trace {
-            let time_s = f64::from(cost_n) * control_s;
-            trace
-                .steps
-                .push(look(template, &world, time_s, &command.hand.q));
-        }
-        flow = tell(&trace);
-        verdict = match finite {
+        verdict = match performance.advance(idx, command, script.desired.as_ref()) {
             Finite::No => Some(Verdict::Diverged),
-            Finite::Yes => judge.see(template, &world, command),
+            Finite::Yes => judge.see(template, &performance.world, command),
         };
         if verdict.is_some() {
             break;
         }
     }
     // The last command again: the palm stands still, and the fingers press as they did.
-    let last = usize::try_from(cost_n).unwrap_or(usize::MAX).checked_sub(1);
-    let last = last.and_then(|idx| Some((idx, script.commands.get(idx)?)));
-    if let (true, Some((idx, command))) = (broken_off, last) {
+    let last = broken_off.flatten();
+    if let Some((idx, command)) = last.and_then(|idx| Some((idx, script.commands.get(idx)?))) {
         for _ in 0..hold_n {
-            if idx < arrival {
-                let target = command.table_from_palm(&believed);
-                template.hand.move_palm(&mut world, &target, control_s);
-            } else {
-                world.rise(template.object, command.lift_m, control_s);
-            }
-            if control_step(template, &mut world, &command.hand.q) == Finite::No {
+            if performance.advance(idx, command, None) == Finite::No {
                 verdict = Some(Verdict::Diverged);
                 break;
             }
-            cost_n += 1;
-            if let Some(trace) = &mut trace {
-                let time_s = f64::from(cost_n) * control_s;
-                trace
-                    .steps
-                    .push(look(template, &world, time_s, &command.hand.q));
-            }
-            tell(&trace);
         }
     }
+    let Performance { cost_n, trace, .. } = performance;
     let verdict = verdict.unwrap_or_else(|| judge.conclude());
     let rollout = Rollout {
         verdict,
@@ -236,7 +177,90 @@ pub(crate) fn run_watched(
     };
     WatchedRollout {
         rollout,
-        broken_off,
+        broken_off: broken_off.is_some(),
+    }
+}
+
+/// A script on its way through a copy of the template's world.
+struct Performance<'a> {
+    template: &'a Template,
+    world: World,
+    believed: Isometry3<f64>,
+    /// First command from which on the palm stays where it is, but for its lift.
+    arrival: usize,
+    /// Whether the palm has been made to stay.
+    halted: bool,
+    cost_n: u32,
+    trace: Option<Trace>,
+    watcher: Option<Watcher<'a>>,
+    /// What the watcher said last.
+    flow: Flow,
+}
+
+impl<'a> Performance<'a> {
+    fn begin(
+        template: &'a Template,
+        script: &Script,
+        record: Record,
+        watcher: Option<Watcher<'a>>,
+    ) -> Self {
+        let start = &script.start;
+        let mut begun = Self {
+            template,
+            world: template.world.fork(),
+            believed: *template.table_from_believed().isometry(),
+            arrival: script.arrival(),
+            halted: false,
+            cost_n: 0,
+            trace: (record == Record::Trace).then(Trace::default),
+            watcher,
+            flow: Flow::GoOn,
+        };
+        let table_from_palm = start.table_from_palm(&begun.believed);
+        template
+            .hand
+            .place(&mut begun.world, &table_from_palm, &start.hand.q);
+        begun.note(&start.hand.q);
+        begun
+    }
+
+    /// Advances by one control step with this command, along the fingers' course if there is one.
+    fn advance(&mut self, idx: usize, command: &Command, desired: Option<&Desired>) -> Finite {
+        let (template, world) = (self.template, &mut self.world);
+        let control_s = template.scene.control_step_s();
+        if idx < self.arrival {
+            let target = command.table_from_palm(&self.believed);
+            template.hand.move_palm(world, &target, control_s);
+        } else {
+            if !self.halted {
+                template.hand.halt(world);
+                self.halted = true;
+            }
+            world.rise(template.object, command.lift_m, control_s);
+        }
+        if command.phase == Phase::Pull {
+            world.pull(template.object, &command.pull_m_per_s2);
+        }
+        let finite = match desired {
+            None => control_step(template, world, &command.hand.q),
+            Some(desired) => control_step_along(template, world, desired, idx),
+        };
+        self.cost_n += 1;
+        self.note(&command.hand.q);
+        finite
+    }
+
+    /// Keeps what is seen now, and shows it.
+    fn note(&mut self, q_command: &[f64]) {
+        let Some(trace) = &mut self.trace else {
+            return;
+        };
+        let time_s = f64::from(self.cost_n) * self.template.scene.control_step_s();
+        let step = look(self.template, &self.world, time_s, q_command);
+        if let Some(watcher) = &mut self.watcher {
+            self.flow = (watcher.see)(&step);
+        }
+        trace.steps.push(step);
     }
 }
 

@@ -321,7 +321,7 @@ fn a_candidate_alone_gets_the_same_row() {
         alone.candidates = vec![alone.candidates.swap_remove(idx)];
         let folder = tempfile::tempdir().unwrap();
         made(run(&config(), &can(0.35), &alone, folder.path()).unwrap());
-        assert_eq!(rows(folder.path()), [row.clone()]);
+        assert_eq!(rows(folder.path()), std::slice::from_ref(row));
     }
 }
 
