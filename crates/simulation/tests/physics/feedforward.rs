@@ -61,11 +61,11 @@ fn most_lag(steps: &[TraceStep], reach_n: usize) -> f64 {
     let middle = q([0.7, 0.7, 0.7], [0.8, 0.5, 0.7, 0.7]);
     let names = hand().joint_names();
     let mut most: f64 = 0.0;
-    for step in reach_n / 5..reach_n {
-        let expected = wave(step as f64 / reach_n as f64)[0];
+    for (number, step) in steps.iter().enumerate().take(reach_n).skip(reach_n / 5) {
+        let expected = wave(number as f64 / reach_n as f64)[0];
         for (joint, name) in names.iter().enumerate() {
             if protocol().flexion_joints.contains(name) {
-                most = most.max((steps[step].q[joint] - middle[joint] - expected).abs());
+                most = most.max((step.q[joint] - middle[joint] - expected).abs());
             }
         }
     }
