@@ -102,6 +102,10 @@ pub(crate) struct CellArgs {
     /// Simulate as fast as possible, without a heartbeat [default: motions take as long as they say]
     #[arg(long)]
     pub(crate) fast: bool,
+    /// Show the joints to ROS 2 in this domain, as `/joint_states` and `/joint_trajectory` under the
+    /// keys of `rmw_zenoh` [default: not]
+    #[arg(long, value_name = "DOMAIN")]
+    pub(crate) ros2_domain: Option<u32>,
     /// Let something go wrong, to try a dispatcher: e.g. `die_after_answer@2`, at the second goal;
     /// may be repeated [default: nothing]
     #[arg(long, value_name = "FAULT")]

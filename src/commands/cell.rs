@@ -50,6 +50,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Troubl
     config.service = Service {
         journal: Some(journal.clone()),
         real_time: !args.fast,
+        ros2_domain: args.ros2_domain,
         faults: args.fault.clone(),
     };
     let name = config.name.clone();

@@ -21,6 +21,7 @@ mod goal;
 mod heartbeat;
 mod keys;
 mod report;
+mod ros2;
 mod session;
 mod simulated;
 mod wire;

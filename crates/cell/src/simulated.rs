@@ -36,6 +36,7 @@ use crate::{
     goal::{Rejection, RejectionCode, SealedGoal, now},
     keys::goal_id_of,
     report::{Answer, Capabilities, NEVER_TAKEN, Report, Sample, Word},
+    ros2::Mirror,
     session,
     wire::{self, StateHeader},
 };
@@ -64,6 +65,9 @@ pub struct Service {
     /// Whether motions take as long as they say, and are broken off when the dispatcher falls silent;
     /// else they are simulated as fast as possible.
     pub real_time: bool,
+    /// ROS 2 domain in which it shows its joints, if it does: `/joint_states` while it moves, and
+    /// `/joint_trajectory` of each goal, under the keys and types of `rmw_zenoh`.
+    pub ros2_domain: Option<u32>,
     /// What goes wrong.
     pub faults: Vec<PlannedFault>,
 }
@@ -141,11 +145,17 @@ impl SimulatedCell {
             action: "serve the simulated cell",
             source: source.into(),
         })?;
+        let mirror = shared.config.service.ros2_domain;
+        let mirror = mirror.map(|domain| Mirror::new(&session, domain));
+        let mirror = mirror.transpose().map_err(|source| CellError::Zenoh {
+            action: "show the cell to ROS 2",
+            source: source.into(),
+        })?;
         let worker = {
             let (shared, session) = (Arc::clone(&shared), session.clone());
             thread::Builder::new()
                 .name(format!("cell {}", shared.config.name))
-                .spawn(move || work(&shared, &session, &queue))
+                .spawn(move || work(&shared, &session, mirror.as_ref(), &queue))
                 .map_err(CellError::Thread)?
         };
         Ok(Self {
@@ -395,12 +405,15 @@ impl Shared {
     }
 
     /// Carries out a goal and reports on it.
-    fn execute(&self, session: &Session, job: &Job) -> Report {
+    fn execute(&self, session: &Session, mirror: Option<&Mirror>, job: &Job) -> Report {
         let id = &job.sealed.goal_id;
         let Some(object) = self.object(&job.goal.object) else {
             return Report::aborted(id, format!("`{}` was taken away", job.goal.object));
         };
-        let mut motion = Watched::new(self, session, id);
+        if let Some(mirror) = mirror {
+            mirror.announce(&job.goal);
+        }
+        let mut motion = Watched::new(self, session, mirror, id);
         physics::carry_out(job, &object, &self.model, &self.config, &mut motion)
             .unwrap_or_else(|err| Report::aborted(id, err.to_string()))
     }
@@ -413,18 +426,25 @@ struct Watched<'a> {
     joints: Vec<String>,
     /// Whoever watches may lose samples: they are all in the report.
     publisher: Option<Publisher<'a>>,
+    mirror: Option<&'a Mirror>,
     /// When the first sample was shown.
     started: Option<Instant>,
     seq: u64,
 }
 
 impl<'a> Watched<'a> {
-    fn new(shared: &'a Shared, session: &'a Session, goal_id: &'a str) -> Self {
+    fn new(
+        shared: &'a Shared,
+        session: &'a Session,
+        mirror: Option<&'a Mirror>,
+        goal_id: &'a str,
+    ) -> Self {
         Self {
             shared,
             goal_id,
             joints: shared.model.joint_names(),
             publisher: session.declare_publisher(shared.keys.state()).wait().ok(),
+            mirror,
             started: None,
             seq: 0,
         }
@@ -447,6 +467,9 @@ impl<'a> Watched<'a> {
         });
         wire::push_numbers(&mut bytes, sample.to_row());
         self.seq += 1;
+        if let Some(mirror) = self.mirror {
+            mirror.show(&self.joints, sample);
+        }
         let _published = self
             .publisher
             .as_ref()
@@ -463,9 +486,9 @@ impl<'a> Watched<'a> {
 }
 
 /// Executes goals one after another until the cell stops.
-fn work(shared: &Shared, session: &Session, queue: &mpsc::Receiver<Job>) {
+fn work(shared: &Shared, session: &Session, mirror: Option<&Mirror>, queue: &mpsc::Receiver<Job>) {
     for job in queue {
-        let report = shared.execute(session, &job);
+        let report = shared.execute(session, mirror, &job);
         let bytes = report.to_bytes();
         let waiting = lock(&shared.journal).conclude(&report.goal_id, bytes.clone());
         // Somebody may have asked for an end when the motion was over already.

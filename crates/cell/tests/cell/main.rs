@@ -3,4 +3,5 @@
 mod halting;
 mod lab;
 mod remembering;
+mod ros2;
 mod serving;
