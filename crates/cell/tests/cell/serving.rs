@@ -204,6 +204,24 @@ fn a_cell_that_is_not_there_is_named_in_the_error() {
 }
 
 #[test]
+fn two_cells_that_answer_to_one_name_are_refused() {
+    let cell = start();
+    // Another program on the same router has the same name.
+    let (other, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
+    let _second = other
+        .declare_queryable(Keys::new("simulated").unwrap().capabilities())
+        .callback(|query| query.reply(query.key_expr(), "{}\n").wait().unwrap())
+        .wait()
+        .unwrap();
+    let err = connect(&cell).capabilities(SOON).unwrap_err();
+    assert!(
+        matches!(err, CellError::SeveralCells { count: 2, .. }),
+        "{err}"
+    );
+    assert!(err.to_string().contains("nothing was sent"), "{err}");
+}
+
+#[test]
 fn a_cell_that_takes_a_goal_and_falls_silent_leaves_it_unknown() {
     // The simulated cell only forwards here: another program is the cell `mute`.
     let router = start();

@@ -1,0 +1,148 @@
+//! Feeds damaged goals to the decoder for a while: `cargo run --release -p cell --example fuzz_goal -- [SECONDS]`.
+//!
+//! Half of them have the digest of what they hold, so that the damage reaches what lies behind the
+//! seal. A decoder that panics, or opens what does not come out as it went in, ends the program.
+
+#![expect(clippy::print_stdout, reason = "an example for a terminal")]
+
+use std::{
+    env,
+    error::Error,
+    time::{Duration, Instant},
+};
+
+use cell::{Goal, GoalStep, PROTOCOL, SealedGoal, robot_digest};
+use nalgebra::Isometry3;
+use spatial::Pose;
+
+/// Pieces that mean something to the decoder.
+const PIECES: [&[u8]; 12] = [
+    b"\n",
+    b"{",
+    b"}",
+    b"\"",
+    b"null",
+    b"-1e999",
+    b"NaN",
+    b"[]",
+    &[0xff; 8],
+    &[0; 8],
+    b"\"steps\":",
+    b"\xf0\x9f\x92\xa5",
+];
+
+/// Numbers drawn one after another (Marsaglia, *Xorshift RNGs*, 2003, section 3).
+struct Numbers(u64);
+
+impl Numbers {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        usize::try_from(self.0 % (n.max(1) as u64)).unwrap_or(0)
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let seconds = env::args().nth(1).map_or(Ok(60), |text| text.parse())?;
+    let deadline = Instant::now() + Duration::from_secs(seconds);
+    let whole = goal()?.seal().bytes;
+    let start = whole.iter().position(|&byte| byte == b'\n');
+    let content = start.and_then(|at| whole.get(at + 1..)).unwrap_or_default();
+    let mut numbers = Numbers(0x2026_1122);
+    let (mut n, mut opened_n) = (0_u64, 0_u64);
+    while Instant::now() < deadline {
+        for _ in 0..1000 {
+            let bytes = if numbers.below(2) == 0 {
+                damaged(&whole, &mut numbers)
+            } else {
+                sealed(&damaged(content, &mut numbers))
+            };
+            n += 1;
+            if let Ok((_, goal)) = SealedGoal::open(&bytes) {
+                opened_n += 1;
+                let again = goal.seal();
+                let (_, same) = SealedGoal::open(&again.bytes)
+                    .map_err(|rejection| format!("opened once, and then {}", rejection.reason))?;
+                if !is_same(&same, &goal) {
+                    return Err(format!("opened as {goal:?}, and then as {same:?}").into());
+                }
+            }
+        }
+    }
+    println!("{n} damaged goals in {seconds} s, of which {opened_n} were goals still");
+    Ok(())
+}
+
+fn goal() -> Result<Goal, Box<dyn Error>> {
+    let step = |time_s: f64| GoalStep {
+        time_s,
+        object_from_palm: Pose::new(Isometry3::translation(0.1, time_s, 0.2)),
+        q_rad: vec![0.1, time_s],
+    };
+    Ok(Goal {
+        candidate_id: "cube-0001".to_owned(),
+        object: "cube".to_owned(),
+        robot: robot_digest("<robot/>"),
+        attempt: 1,
+        table_from_object: Pose::identity(),
+        joints: vec!["a".to_owned(), "b".to_owned()],
+        start_tolerance_rad: 0.1,
+        grasp: serde_json::from_str(include_str!("grasp.json"))?,
+        steps: vec![step(0.0), step(0.5), step(1.0)],
+    })
+}
+
+/// Whether two goals are the same but for the rounding with which a rotation is made one.
+fn is_same(a: &Goal, b: &Goal) -> bool {
+    let is_near = |a: &[f64; 7], b: &[f64; 7]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
+    let steps = a.steps.iter().zip(&b.steps).all(|(a, b)| {
+        let [pose_a, pose_b] = [a, b].map(|step| step.object_from_palm.to_array());
+        a.time_s.to_bits() == b.time_s.to_bits() && a.q_rad == b.q_rad && is_near(&pose_a, &pose_b)
+    });
+    let [lying_a, lying_b] = [a, b].map(|goal| goal.table_from_object.to_array());
+    steps
+        && a.steps.len() == b.steps.len()
+        && is_near(&lying_a, &lying_b)
+        && (&a.candidate_id, &a.object, &a.robot, a.attempt, &a.joints)
+            == (&b.candidate_id, &b.object, &b.robot, b.attempt, &b.joints)
+        && a.grasp == b.grasp
+}
+
+/// The message with this content, whatever it is.
+fn sealed(content: &[u8]) -> Vec<u8> {
+    let digest = blake3::hash(content).to_hex().to_string();
+    let id = digest.get(..32).unwrap_or_default();
+    let mut bytes =
+        format!("{{\"protocol\":{PROTOCOL},\"goal_id\":\"{id}\",\"digest\":\"{digest}\"}}\n")
+            .into_bytes();
+    bytes.extend_from_slice(content);
+    bytes
+}
+
+/// Changes, drops, doubles or puts in a few bytes.
+fn damaged(bytes: &[u8], numbers: &mut Numbers) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    for _ in 0..=numbers.below(4) {
+        let at = numbers.below(bytes.len() + 1);
+        let end = (at + numbers.below(40)).min(bytes.len());
+        match numbers.below(5) {
+            0 => {
+                if let Some(byte) = bytes.get_mut(at) {
+                    *byte = u8::try_from(numbers.below(256)).unwrap_or(0);
+                }
+            }
+            1 => drop(bytes.drain(at..end)),
+            2 => {
+                let piece = bytes.get(at..end).unwrap_or_default().to_vec();
+                bytes.splice(at..at, piece);
+            }
+            3 => {
+                let piece = PIECES.get(numbers.below(PIECES.len())).copied();
+                bytes.splice(at..at, piece.unwrap_or_default().iter().copied());
+            }
+            _ => bytes.truncate(at),
+        }
+    }
+    bytes
+}
