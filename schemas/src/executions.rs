@@ -3,7 +3,7 @@
 //!
 //! | column              | type | unit | meaning                                                          |
 //! |---------------------|------|------|------------------------------------------------------------------|
-//! | `goal_id`           | utf8 |      | the goal's name on the wire                                      |
+//! | `goal_id`           | utf8 |      | the goal's name on the wire; empty if nothing was sent           |
 //! | `candidate_id`      | utf8 |      | the motion                                                       |
 //! | `cell`              | utf8 |      | which cell, and whether it is simulated                          |
 //! | `accepted`          | bool |      | whether the cell took the goal                                   |
@@ -23,7 +23,7 @@ pub const VERSION: &str = "executions/1";
 /// What a cell did with one motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Execution {
-    /// The goal's name on the wire.
+    /// The goal's name on the wire; empty if the motion was refused before anything was sent.
     pub goal_id: String,
     /// The motion.
     pub candidate_id: String,

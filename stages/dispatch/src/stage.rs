@@ -22,9 +22,11 @@ use schemas::{
 
 use crate::{
     DispatchConfig, DispatchError, cells,
+    feasible::Planner,
     goals::{accepted, goal},
     journal::{Journal, Past},
     recording::{Setting, record},
+    refusal::Refusal,
 };
 
 /// Sends accepted motions to a robot cell.
@@ -61,7 +63,8 @@ impl Stage for Dispatch {
     /// Checks the options and the hand's URDF.
     fn prepare(config: &DispatchConfig) -> Result<(), DispatchError> {
         config.check()?;
-        load_hand(&config.hand).map(drop)
+        let (_, hand) = load_hand(&config.hand)?;
+        Planner::new(config, &hand).map(drop)
     }
 
     fn units(
@@ -130,9 +133,10 @@ impl Stage for Dispatch {
         if motions == 0.0 {
             return "no accepted motion to execute".to_owned();
         }
-        if summary.total("dry_n") > 0.0 {
+        let dry = summary.total("dry_n");
+        if dry > 0.0 {
             return format!(
-                "{motions} motions would be sent; nothing moved, because `execute` is not set"
+                "{dry} of {motions} motions would be sent; nothing moved, because `execute` is not set"
             );
         }
         let cell = if summary.total("simulated_n") > 0.0 {
@@ -143,6 +147,10 @@ impl Stage for Dispatch {
         let succeeded = summary.total("succeeded_n");
         let mut line = format!("{motions} motions → {succeeded} executed with success by {cell}");
         let unknown = summary.total("unknown_n");
+        let refused = summary.total("refused_n");
+        if refused > 0.0 {
+            line = format!("{line}; {refused} not sent, the robot cannot make them");
+        }
         if unknown > 0.0 {
             line = format!("{line}; {unknown} unknown, look at the robot before going on");
         }
@@ -161,30 +169,24 @@ struct Sent {
 
 impl Sent {
     fn metrics(&self, motions_n: usize) -> BTreeMap<String, f64> {
-        let count = |outcome: executions::Outcome| {
-            self.executions
-                .iter()
-                .filter(|e| e.outcome == outcome)
-                .count()
-        };
+        let count =
+            |so: &dyn Fn(&Execution) -> bool| self.executions.iter().filter(|&e| so(e)).count();
+        let sent_n = count(&|e| !e.goal_id.is_empty());
         [
             ("motions_n", motions_n),
-            ("sent_n", self.executions.len()),
+            ("sent_n", sent_n),
+            ("refused_n", self.executions.len() - sent_n),
+            ("accepted_n", count(&|e| e.accepted)),
             (
-                "accepted_n",
-                self.executions.iter().filter(|e| e.accepted).count(),
+                "succeeded_n",
+                count(&|e| e.outcome == executions::Outcome::Succeeded),
             ),
-            ("succeeded_n", count(executions::Outcome::Succeeded)),
-            ("unknown_n", count(executions::Outcome::Unknown)),
+            (
+                "unknown_n",
+                count(&|e| e.outcome == executions::Outcome::Unknown),
+            ),
             ("dry_n", self.dry_n),
-            (
-                "simulated_n",
-                if self.simulated {
-                    self.executions.len()
-                } else {
-                    0
-                },
-            ),
+            ("simulated_n", if self.simulated { sent_n } else { 0 }),
         ]
         .map(|(name, count)| (name.to_owned(), count as f64))
         .into()
@@ -201,6 +203,23 @@ fn send(
     cx: &Context,
 ) -> Result<Sent, DispatchError> {
     let (urdf, model) = load_hand(hand_path)?;
+    let planner = Planner::new(config, &model)?;
+    // What cannot be made is known before anything moves, or a cell is asked.
+    let goals: Vec<Result<Goal, Refusal>> = motions
+        .iter()
+        .map(|candidate| goal(config, &urdf, &planner, candidates, candidate))
+        .collect();
+    let feasible_n = goals.iter().filter(|goal| goal.is_ok()).count();
+    if feasible_n == 0 {
+        let rows = motions.iter().zip(&goals).filter_map(|(candidate, goal)| {
+            let refusal = goal.as_ref().err()?;
+            Some(refused(&config.cell_name, candidate, refusal))
+        });
+        return Ok(Sent {
+            executions: rows.collect(),
+            ..Sent::default()
+        });
+    }
     let connected = cells::connect(config, &urdf, object)?;
     let capabilities = &connected.capabilities;
     let mut sent = Sent {
@@ -208,7 +227,7 @@ fn send(
         ..Sent::default()
     };
     if !config.permits(capabilities) {
-        sent.dry_n = motions.len();
+        sent.dry_n = feasible_n;
         return Ok(sent);
     }
     let setting = Setting {
@@ -225,12 +244,19 @@ fn send(
         cell: &capabilities.cell,
         journal: Journal::new(cx.resume_folder().to_owned()),
     };
-    for (idx, &candidate) in motions.iter().enumerate() {
+    for (idx, (&candidate, goal)) in motions.iter().zip(&goals).enumerate() {
         cx.progress(idx as f64 / motions.len() as f64, &candidate.candidate_id);
         check_name(candidate)?;
-        let goal = goal(config, &urdf, candidates, candidate);
-        let report = sender.carry_out(&goal)?;
-        record(&setting, &goal, &report, cx.folder())?;
+        let goal = match goal {
+            Ok(goal) => goal,
+            Err(refusal) => {
+                let row = refused(&capabilities.cell, candidate, refusal);
+                sent.executions.push(row);
+                continue;
+            }
+        };
+        let report = sender.carry_out(goal)?;
+        record(&setting, goal, &report, cx.folder())?;
         sent.executions
             .push(execution(&capabilities.cell, candidate, &report));
     }
@@ -302,6 +328,21 @@ fn execution(cell: &str, candidate: &Candidate, report: &Report) -> Execution {
         duration_s: report.duration_s(),
         tracking_error_rad: report.tracking_error_rad(),
         lift_m: report.lift_m,
+    }
+}
+
+/// The row of a motion that was not sent.
+fn refused(cell: &str, candidate: &Candidate, refusal: &Refusal) -> Execution {
+    Execution {
+        goal_id: String::new(),
+        candidate_id: candidate.candidate_id.clone(),
+        cell: cell.to_owned(),
+        accepted: false,
+        outcome: executions::Outcome::Rejected,
+        message: refusal.to_string(),
+        duration_s: 0.0,
+        tracking_error_rad: 0.0,
+        lift_m: 0.0,
     }
 }
 
