@@ -78,11 +78,7 @@ const OTHERS: [(Outcome, &str, &str); 4] = [
         "failed_n",
         "trials that ended without the object held",
     ),
-    (
-        Outcome::Aborted,
-        "aborted_n",
-        "trials that were broken off",
-    ),
+    (Outcome::Aborted, "aborted_n", "trials that were broken off"),
     (
         Outcome::Unknown,
         "unknown_n",

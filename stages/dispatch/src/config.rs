@@ -1,6 +1,6 @@
 //! Options of `kind = "dispatch"`.
 
-use std::{path::PathBuf, time::Duration};
+use std::{collections::BTreeMap, path::PathBuf, time::Duration};
 
 use cell::{Capabilities, Keys};
 use schemars::JsonSchema;
@@ -45,6 +45,10 @@ pub struct DispatchConfig {
     /// URDF of the robot hand; its root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
+    /// What joints are called on the wire, by their names in the URDF, where a cell calls them otherwise,
+    /// e.g. `{ "joint_0.0" = "ah_joint00" }` (none).
+    #[serde(default)]
+    pub joint_names: BTreeMap<String, String>,
     /// How many steps a goal has per second (1/s): the controllers' rate, so that none of them has to
     /// make up what is between two steps.
     pub rate_hz: f64,

@@ -9,6 +9,7 @@ use schemas::{
 use crate::{
     DispatchConfig, DispatchError,
     feasible::{Feasible, Planner},
+    names::JointNames,
     refusal::Refusal,
 };
 
@@ -40,11 +41,12 @@ pub(crate) fn goal(
     config: &DispatchConfig,
     urdf: &str,
     planner: &Planner<'_>,
+    names: &JointNames,
     candidates: &Candidates,
     candidate: &Candidate,
 ) -> Result<Goal, Refusal> {
     let Feasible { steps, grasp } = planner.plan(candidates, candidate)?;
-    Ok(Goal {
+    let mut goal = Goal {
         candidate_id: candidate.candidate_id.clone(),
         object: candidates.object.clone(),
         robot: robot_digest(urdf),
@@ -54,5 +56,7 @@ pub(crate) fn goal(
         start_tolerance_rad: config.start_tolerance_rad,
         grasp,
         steps,
-    })
+    };
+    names.to_wire(&mut goal);
+    Ok(goal)
 }

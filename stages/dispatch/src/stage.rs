@@ -8,8 +8,8 @@ use std::{
 
 use cell::{CellClient, Executed, Goal, Recovered, Report};
 use dataflow::{
-    Artifact, Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage,
-    Summary, Unit,
+    Artifact, Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, SourceFile,
+    Stage, Summary, Unit,
 };
 use robot::RobotModel;
 use schemas::{
@@ -22,11 +22,14 @@ use schemas::{
 
 use crate::{
     DispatchConfig, DispatchError, cells,
+    config::SIMULATED,
     feasible::Planner,
     goals::{accepted, goal},
     journal::{Journal, Past},
+    names::JointNames,
     recording::{Setting, record},
     refusal::Refusal,
+    trials::{self, EXECUTIONS, TRIALS},
 };
 
 /// Sends accepted motions to a robot cell.
@@ -53,25 +56,37 @@ impl Stage for Dispatch {
             artifact: "objects",
         },
     ];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: "executions",
-        schema: executions::VERSION,
-        partition: "object",
-        parallel: false,
-    }];
+    const OUTPUTS: &'static [Output] = &[
+        Output {
+            artifact: EXECUTIONS,
+            schema: executions::VERSION,
+            partition: "object",
+            parallel: false,
+        },
+        Output {
+            artifact: TRIALS,
+            schema: schemas::trials::VERSION,
+            partition: "cell",
+            parallel: true,
+        },
+    ];
 
     /// Checks the options and the hand's URDF.
     fn prepare(config: &DispatchConfig) -> Result<(), DispatchError> {
         config.check()?;
         let (_, hand) = load_hand(&config.hand)?;
+        JointNames::new(&config.joint_names, &hand)?;
         Planner::new(config, &hand).map(drop)
     }
 
     fn units(
         config: &DispatchConfig,
-        _output: &str,
+        output: &str,
         scope: &Scope,
     ) -> Result<Vec<Unit>, DispatchError> {
+        if output == TRIALS {
+            return Ok(trials::units(scope));
+        }
         Ok(scope
             .partitions("rollouts")
             .iter()
@@ -85,11 +100,32 @@ impl Stage for Dispatch {
             .collect())
     }
 
+    fn foretell(
+        _config: &DispatchConfig,
+        output: &str,
+        unit: &Unit,
+        _scope: &Scope,
+    ) -> Option<Labels> {
+        if output == TRIALS {
+            return Some(Labels::new());
+        }
+        let object = unit.partition.clone();
+        Some(Labels::from([("object".to_owned(), object)]))
+    }
+
+    /// How often motions succeed goes by what is known of each.
+    fn decides(_option: &str, output: &str) -> bool {
+        output == EXECUTIONS
+    }
+
     fn run(
         config: &DispatchConfig,
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome, DispatchError> {
+        if cx.output() == TRIALS {
+            return trials::make(inputs, cx);
+        }
         config.check()?;
         let schema = |source: SchemaError| DispatchError::Schema {
             partition: cx.partition().to_owned(),
@@ -128,7 +164,10 @@ impl Stage for Dispatch {
         }))
     }
 
-    fn describe(_output: &str, summary: &Summary) -> String {
+    fn describe(output: &str, summary: &Summary) -> String {
+        if output == TRIALS {
+            return trials::describe(summary);
+        }
         let motions = summary.total("motions_n");
         if motions == 0.0 {
             return "no accepted motion to execute".to_owned();
@@ -204,16 +243,22 @@ fn send(
 ) -> Result<Sent, DispatchError> {
     let (urdf, model) = load_hand(hand_path)?;
     let planner = Planner::new(config, &model)?;
+    let names = JointNames::new(&config.joint_names, &model)?;
     // What cannot be made is known before anything moves, or a cell is asked.
     let goals: Vec<Result<Goal, Refusal>> = motions
         .iter()
-        .map(|candidate| goal(config, &urdf, &planner, candidates, candidate))
+        .map(|candidate| goal(config, &urdf, &planner, &names, candidates, candidate))
         .collect();
     let feasible_n = goals.iter().filter(|goal| goal.is_ok()).count();
     if feasible_n == 0 {
         let rows = motions.iter().zip(&goals).filter_map(|(candidate, goal)| {
             let refusal = goal.as_ref().err()?;
-            Some(refused(&config.cell_name, candidate, refusal))
+            let cell = Cell {
+                name: &config.cell_name,
+                simulated: config.cell == SIMULATED,
+                gap: "",
+            };
+            Some(cell.refused(candidate, refusal))
         });
         return Ok(Sent {
             executions: rows.collect(),
@@ -230,6 +275,11 @@ fn send(
         sent.dry_n = feasible_n;
         return Ok(sent);
     }
+    let cell = Cell {
+        name: &capabilities.cell,
+        simulated: capabilities.simulated,
+        gap: &capabilities.gap,
+    };
     let setting = Setting {
         urdf: &urdf,
         hand_path,
@@ -250,15 +300,14 @@ fn send(
         let goal = match goal {
             Ok(goal) => goal,
             Err(refusal) => {
-                let row = refused(&capabilities.cell, candidate, refusal);
-                sent.executions.push(row);
+                sent.executions.push(cell.refused(candidate, refusal));
                 continue;
             }
         };
-        let report = sender.carry_out(goal)?;
+        let mut report = sender.carry_out(goal)?;
+        names.of_hand(&mut report);
         record(&setting, goal, &report, cx.folder())?;
-        sent.executions
-            .push(execution(&capabilities.cell, candidate, &report));
+        sent.executions.push(cell.execution(candidate, &report));
     }
     Ok(sent)
 }
@@ -314,35 +363,49 @@ impl Sender<'_> {
     }
 }
 
-fn execution(cell: &str, candidate: &Candidate, report: &Report) -> Execution {
-    Execution {
-        goal_id: report.goal_id.clone(),
-        candidate_id: candidate.candidate_id.clone(),
-        cell: cell.to_owned(),
-        accepted: !matches!(
-            report.outcome,
-            executions::Outcome::Rejected | executions::Outcome::Unknown
-        ),
-        outcome: report.outcome,
-        message: report.message.clone(),
-        duration_s: report.duration_s(),
-        tracking_error_rad: report.tracking_error_rad(),
-        lift_m: report.lift_m,
-    }
+/// What a row says of the cell.
+struct Cell<'a> {
+    name: &'a str,
+    simulated: bool,
+    gap: &'a str,
 }
 
-/// The row of a motion that was not sent.
-fn refused(cell: &str, candidate: &Candidate, refusal: &Refusal) -> Execution {
-    Execution {
-        goal_id: String::new(),
-        candidate_id: candidate.candidate_id.clone(),
-        cell: cell.to_owned(),
-        accepted: false,
-        outcome: executions::Outcome::Rejected,
-        message: refusal.to_string(),
-        duration_s: 0.0,
-        tracking_error_rad: 0.0,
-        lift_m: 0.0,
+impl Cell<'_> {
+    /// The row of a motion that was sent.
+    fn execution(&self, candidate: &Candidate, report: &Report) -> Execution {
+        Execution {
+            goal_id: report.goal_id.clone(),
+            candidate_id: candidate.candidate_id.clone(),
+            cell: self.name.to_owned(),
+            simulated: self.simulated,
+            gap: self.gap.to_owned(),
+            accepted: !matches!(
+                report.outcome,
+                executions::Outcome::Rejected | executions::Outcome::Unknown
+            ),
+            outcome: report.outcome,
+            message: report.message.clone(),
+            duration_s: report.duration_s(),
+            tracking_error_rad: report.tracking_error_rad(),
+            lift_m: report.lift_m,
+        }
+    }
+
+    /// The row of a motion that was not sent.
+    fn refused(&self, candidate: &Candidate, refusal: &Refusal) -> Execution {
+        Execution {
+            goal_id: String::new(),
+            candidate_id: candidate.candidate_id.clone(),
+            cell: self.name.to_owned(),
+            simulated: self.simulated,
+            gap: self.gap.to_owned(),
+            accepted: false,
+            outcome: executions::Outcome::Rejected,
+            message: refusal.to_string(),
+            duration_s: 0.0,
+            tracking_error_rad: 0.0,
+            lift_m: 0.0,
+        }
     }
 }
 
