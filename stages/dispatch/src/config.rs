@@ -49,8 +49,8 @@ pub struct DispatchConfig {
     /// e.g. `{ "joint_0.0" = "ah_joint00" }` (none).
     #[serde(default)]
     pub joint_names: BTreeMap<String, String>,
-    /// How many steps a goal has per second (1/s): the controllers' rate, so that none of them has to
-    /// make up what is between two steps.
+    /// How many steps a goal has per second (1/s): the rate of the fastest controller, so that none has to
+    /// make up what is between two steps. At the 333 of a hand of 16 joints a reach of 0.8 s has 51 kB.
     pub rate_hz: f64,
     /// How fast palm and joints may move.
     pub limits: LimitsConfig,

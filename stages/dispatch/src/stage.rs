@@ -66,7 +66,7 @@ impl Stage for Dispatch {
         Output {
             artifact: TRIALS,
             schema: schemas::trials::VERSION,
-            partition: "cell",
+            partition: "dispatching",
             parallel: true,
         },
     ];

@@ -340,3 +340,85 @@ fn limits_that_make_no_sense_are_named() {
     let err = Planner::new(&config(Approach::Follow), &silent).map(drop);
     named(&err.unwrap_err().to_string(), "`jb`");
 }
+
+/// Candidates of the Allegro hand from a lake, e.g.
+/// `PIPELINE_CANDIDATES=data/lake/tables/candidates/pipeline=cgf/stage=sample/object=025_mug`: the goal of
+/// each is where the screen's straight lines between its steps are.
+#[test]
+fn candidates_of_a_lake_stay_where_they_were_screened() {
+    let Some(folder) = std::env::var_os("PIPELINE_CANDIDATES") else {
+        eprintln!("skipped: PIPELINE_CANDIDATES names no folder with a table of candidates");
+        return;
+    };
+    let file = std::path::Path::new(&folder).join(lake::table::FILE);
+    let artifact = dataflow::Artifact {
+        key: "object".to_owned(),
+        labels: std::collections::BTreeMap::new(),
+        files: [(lake::table::FILE.to_owned(), file)].into(),
+    };
+    let batch = lake::table::read(&artifact).unwrap();
+    let given = schemas::candidates::from_batch("object", &batch).unwrap();
+    let urdf = include_str!("../../../../data/robots/allegro_right.urdf");
+    let hand = RobotModel::from_urdf(urdf).unwrap();
+    for approach in [Approach::Follow, Approach::Open] {
+        let mut config = config(approach);
+        config.grasp.flexion_joints = vec!["joint_1.0".to_owned()];
+        config.grasp.reach_s = 0.8;
+        config.grasp.close_fraction = 0.25;
+        config.grasp.limit_tolerance_rad = 0.1;
+        config.grasp.table_tolerance_m = 0.01;
+        let planner = Planner::new(&config, &hand).unwrap();
+        let (mut made_n, mut farthest, mut slowest) = (0, [0.0_f64; 3], 0.0_f64);
+        for candidate in &given.candidates {
+            let planned = match planner.plan(&given, candidate) {
+                Ok(planned) => planned,
+                Err(refusal) => {
+                    eprintln!("{}: {refusal}", candidate.candidate_id);
+                    continue;
+                }
+            };
+            made_n += 1;
+            slowest = slowest.max(planned.grasp.reach_s / config.grasp.reach_s);
+            let screened: Vec<GoalStep> = candidate
+                .steps
+                .iter()
+                .map(|step| GoalStep {
+                    time_s: step.time_s,
+                    object_from_palm: step.object_from_palm,
+                    q_rad: step.q_rad.clone(),
+                })
+                .collect();
+            let end_s = screened[screened.len() - 1].time_s;
+            for step in planned.steps.iter().step_by(10) {
+                let apart = |share: f64| {
+                    let (pose, q) = followed(&screened, share * end_s);
+                    let there = step.object_from_palm.isometry();
+                    let joints = q.iter().zip(&step.q_rad).map(|(a, b)| (a - b).abs());
+                    [
+                        (pose.translation.vector - there.translation.vector).norm(),
+                        pose.rotation.angle_to(&there.rotation),
+                        joints.fold(0.0, f64::max),
+                    ]
+                };
+                let worst = |[way, turn, joint]: [f64; 3]| {
+                    (way / 1e-3).max(turn.max(joint) / 0.5_f64.to_radians())
+                };
+                let near = (0..=4000).map(|k| apart(f64::from(k) / 4000.0));
+                let near = near.min_by(|&a, &b| worst(a).total_cmp(&worst(b))).unwrap();
+                for (farthest, near) in farthest.iter_mut().zip(near) {
+                    *farthest = farthest.max(near);
+                }
+            }
+        }
+        let [way, turn, joint] = farthest;
+        eprintln!(
+            "{approach:?}: {made_n} of {} can be made, the slowest takes {slowest:.3} times as long; at most {:.3} mm, {:.3} degrees and {:.3} degrees of a joint from where it was screened",
+            given.candidates.len(),
+            1e3 * way,
+            turn.to_degrees(),
+            joint.to_degrees()
+        );
+        assert!(made_n > 0);
+        assert!(way < 1e-3 && turn.max(joint) < 0.5_f64.to_radians());
+    }
+}
