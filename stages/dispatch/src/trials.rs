@@ -55,23 +55,33 @@ pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, DispatchErr
 
 /// Says how often motions succeed, of whichever object.
 pub(crate) fn describe(summary: &Summary) -> String {
-    let [objects, trials, successes, simulated] =
-        ["objects_n", "trials_n", "successes_n", "simulated_n"].map(|name| summary.total(name));
+    let [objects, trials, successes, simulated, unknown] = [
+        "objects_n",
+        "trials_n",
+        "successes_n",
+        "simulated_n",
+        "unknown_n",
+    ]
+    .map(|name| summary.total(name));
     if trials == 0.0 {
-        return "no trial".to_owned();
+        return "no trial: no robot cell has moved".to_owned();
     }
     let [rate, low, high] =
         ["rate", "rate_low", "rate_high"].map(|name| 100.0 * summary.total(name));
     let cell = if simulated == trials {
         "the simulated cell"
     } else if simulated > 0.0 {
-        "robot cells, some of them simulated"
+        "cells of which one is simulated"
     } else {
         "the robot cell"
     };
-    format!(
-        "{successes:.0} of {trials:.0} trials by {cell} succeed: {rate:.1} % ({low:.1} to {high:.1} %, 95 % interval) over {objects:.0} objects"
-    )
+    let mut line = format!(
+        "{successes:.0} of {trials:.0} trials succeed at {cell}: {rate:.1} % ({low:.1} to {high:.1} %, 95 % interval) over {objects:.0} objects"
+    );
+    if unknown > 0.0 {
+        line += &format!("; {unknown:.0} unknown, look at the robot before going on");
+    }
+    line
 }
 
 /// Returns one row for each cell that was to move for an object, in the order of their names.
@@ -110,6 +120,10 @@ fn metrics(rows: &[Trials]) -> BTreeMap<String, f64> {
         ("trials_n", trials_n as f64),
         ("successes_n", successes_n as f64),
         ("simulated_n", sum(&simulated) as f64),
+        (
+            "unknown_n",
+            sum(&|row| row.count(executions::Outcome::Unknown)) as f64,
+        ),
         ("rate", successes_n as f64 / trials_n.max(1) as f64),
         ("rate_low", low),
         ("rate_high", high),
@@ -161,7 +175,7 @@ mod tests {
         };
         assert_eq!(
             describe(&summary),
-            "2 of 4 trials by robot cells, some of them simulated succeed: 50.0 % (15.0 to 85.0 %, 95 % interval) over 1 objects"
+            "2 of 4 trials succeed at cells of which one is simulated: 50.0 % (15.0 to 85.0 %, 95 % interval) over 1 objects; 1 unknown, look at the robot before going on"
         );
     }
 }
