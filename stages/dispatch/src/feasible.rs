@@ -150,8 +150,9 @@ impl<'a> Planner<'a> {
         let mut timing =
             Timing::fastest(course, &self.limits, self.joints(), pace).ok_or_else(endless)?;
         for _ in 0..TRIALS {
-            // Written so that what is no number is refused, too.
-            if !(timing.duration_s() <= most * asked_s) {
+            // What is no number is not soon enough.
+            let is_soon_enough = timing.duration_s() <= most * asked_s;
+            if !is_soon_enough {
                 return Err(slow(timing.duration_s()));
             }
             let ticks = (timing.duration_s() * self.rate_hz).ceil().max(1.0);
