@@ -3,9 +3,11 @@
 //!
 //! | column              | type | unit | meaning                                                          |
 //! |---------------------|------|------|------------------------------------------------------------------|
-//! | `goal_id`           | utf8 |      | the goal's name on the wire                                      |
+//! | `goal_id`           | utf8 |      | the goal's name on the wire; empty if nothing was sent           |
 //! | `candidate_id`      | utf8 |      | the motion                                                       |
-//! | `cell`              | utf8 |      | which cell, and whether it is simulated                          |
+//! | `cell`              | utf8 |      | the cell's name                                                  |
+//! | `simulated`         | bool |      | whether the cell says that nothing real moves                    |
+//! | `gap`               | utf8 |      | how it differs from what was planned for, as it says             |
 //! | `accepted`          | bool |      | whether the cell took the goal                                   |
 //! | `outcome`           | utf8 |      | `succeeded`, `failed`, `rejected`, `aborted`, `unknown`          |
 //! | `message`           | utf8 |      | the cell's word on it                                            |
@@ -18,17 +20,21 @@ use arrow::{datatypes::Schema, record_batch::RecordBatch};
 use crate::columns::{Columns, Reader, SchemaError};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "executions/1";
+pub const VERSION: &str = "executions/2";
 
 /// What a cell did with one motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Execution {
-    /// The goal's name on the wire.
+    /// The goal's name on the wire; empty if the motion was refused before anything was sent.
     pub goal_id: String,
     /// The motion.
     pub candidate_id: String,
-    /// Which cell, e.g. `simulated`.
+    /// The cell's name, e.g. `simulated`.
     pub cell: String,
+    /// Whether the cell says that nothing real moves.
+    pub simulated: bool,
+    /// How the cell differs from what was planned for, as it says; empty if it was not asked.
+    pub gap: String,
     /// Whether the cell took the goal.
     pub accepted: bool,
     /// How it ended.
@@ -105,7 +111,17 @@ fn columns(executions: &[Execution]) -> Columns {
         "the motion",
         rows().map(|e| e.candidate_id.clone()),
     );
-    c.utf8("cell", "which cell", rows().map(|e| e.cell.clone()));
+    c.utf8("cell", "the cell's name", rows().map(|e| e.cell.clone()));
+    c.bool(
+        "simulated",
+        "whether the cell says that nothing real moves",
+        rows().map(|e| e.simulated),
+    );
+    c.utf8(
+        "gap",
+        "how it differs from what was planned for, as it says",
+        rows().map(|e| e.gap.clone()),
+    );
     c.bool(
         "accepted",
         "whether the cell took the goal",
@@ -165,6 +181,8 @@ pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Execution>, SchemaError> {
                 goal_id: r.utf8("goal_id", row)?.to_owned(),
                 candidate_id: r.utf8("candidate_id", row)?.to_owned(),
                 cell: r.utf8("cell", row)?.to_owned(),
+                simulated: r.bool("simulated", row)?,
+                gap: r.utf8("gap", row)?.to_owned(),
                 accepted: r.bool("accepted", row)?,
                 outcome: Outcome::parse(word)
                     .ok_or_else(|| r.invalid("outcome", format!("`{word}` is no outcome")))?,

@@ -20,5 +20,6 @@ pub mod success;
 pub mod tracking;
 pub mod training;
 pub mod trajectories;
+pub mod trials;
 
 pub use columns::SchemaError;

@@ -4,7 +4,7 @@ use arrow::record_batch::RecordBatch;
 use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
     SchemaError, candidates, demonstrations, distance_fields, executions, latents, objects,
-    reconstruction, rollouts, sampling, success, tracking, training, trajectories,
+    reconstruction, rollouts, sampling, success, tracking, training, trajectories, trials,
 };
 use spatial::{Pose, Rest};
 
@@ -299,6 +299,8 @@ fn rollouts_and_executions_read_back() {
             goal_id: "00ff".to_owned(),
             candidate_id: "can-0".to_owned(),
             cell: "simulated".to_owned(),
+            simulated: true,
+            gap: "mass times 1.1".to_owned(),
             accepted: outcome != executions::Outcome::Rejected,
             outcome,
             message: "held".to_owned(),
@@ -309,6 +311,23 @@ fn rollouts_and_executions_read_back() {
         .collect();
     let batch = executions::to_batch(&executions).unwrap();
     assert_eq!(executions::from_batch(&batch).unwrap(), executions);
+}
+
+#[test]
+fn trials_read_back_and_add_up() {
+    let trials = vec![trials::Trials {
+        object: "can".to_owned(),
+        cell: "lab".to_owned(),
+        simulated: false,
+        gap: String::new(),
+        // Succeeded, failed, rejected, aborted, unknown.
+        outcomes_n: [11, 4, 5, 3, 2],
+    }];
+    assert_eq!((trials[0].trials_n(), trials[0].successes_n()), (20, 11));
+    let [low, high] = trials[0].interval();
+    assert!(low < 0.55 && 0.55 < high && trials[0].rate() == 0.55);
+    let batch = trials::to_batch(&trials).unwrap();
+    assert_eq!(trials::from_batch(&batch).unwrap(), trials);
 }
 
 #[test]

@@ -33,6 +33,7 @@ mod bodies;
 mod checks;
 mod dynamics;
 mod error;
+mod extent;
 mod findings;
 mod fingers;
 mod forward;

@@ -164,7 +164,9 @@ fn ends(knot: &Knot) -> impl Iterator<Item = [f64; 3]> {
 /// Returns position, velocity and acceleration, `time` after `from`, of the polynomial of fifth degree
 /// that has these at `from` and, `duration` later, at `to` (Lynch and Park, *Modern Robotics*, 2017,
 /// §9.2.2.2); those of `from` if no time is between them.
-fn quintic(from: [f64; 3], to: [f64; 3], duration: f64, time: f64) -> [f64; 3] {
+///
+/// Times are in seconds, the other numbers in any unit, the unit per second and per second squared.
+pub fn quintic(from: [f64; 3], to: [f64; 3], duration: f64, time: f64) -> [f64; 3] {
     if duration.is_nan() || duration <= 0.0 {
         return from;
     }

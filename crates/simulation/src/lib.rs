@@ -34,6 +34,7 @@ mod world;
 pub use config::{
     Approach, ControllerKind, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Trial,
 };
+pub use desired::quintic;
 pub use error::SimulationError;
 pub use object::ObjectShape;
 pub use rollout::{Flow, Record, Rollout, Trace, TraceStep, WatchedRollout};

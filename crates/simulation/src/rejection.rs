@@ -83,19 +83,7 @@ fn lowest_m(shape: &Shape, table_from_shape: &Isometry3<f64>) -> f64 {
     let up = table_from_shape
         .rotation
         .inverse_transform_vector(&nalgebra::Vector3::z());
-    center
-        - match shape {
-            Shape::Box { half_extents_m } => half_extents_m.dot(&up.abs()),
-            Shape::Sphere { radius_m } => *radius_m,
-            Shape::Cylinder {
-                radius_m,
-                half_length_m,
-            } => half_length_m * up.z.abs() + radius_m * up.xy().norm(),
-            Shape::Capsule {
-                radius_m,
-                half_length_m,
-            } => half_length_m * up.z.abs() + radius_m,
-        }
+    center - shape.extent_m(&up)
 }
 
 /// Returns how deep a shape is inside the deepest of the convex parts, in meters.

@@ -1,12 +1,17 @@
 //! The motions to send, as goals.
 
-use cell::{Goal, GoalStep, robot_digest};
+use cell::{Goal, robot_digest};
 use schemas::{
     candidates::{Candidate, Candidates},
     rollouts::{Rollout, Verdict},
 };
 
-use crate::{DispatchConfig, DispatchError};
+use crate::{
+    DispatchConfig, DispatchError,
+    feasible::{Feasible, Planner},
+    names::JointNames,
+    refusal::Refusal,
+};
 
 /// Returns the accepted motions in the order of their rollouts, at most `per_object`.
 pub(crate) fn accepted<'a>(
@@ -31,30 +36,27 @@ pub(crate) fn accepted<'a>(
         .collect()
 }
 
-/// Returns a motion as a goal for the robot described by `urdf`.
+/// Returns a motion that can be made as a goal for the robot described by `urdf`.
 pub(crate) fn goal(
     config: &DispatchConfig,
     urdf: &str,
+    planner: &Planner<'_>,
+    names: &JointNames,
     candidates: &Candidates,
     candidate: &Candidate,
-) -> Goal {
-    Goal {
+) -> Result<Goal, Refusal> {
+    let Feasible { steps, grasp } = planner.plan(candidates, candidate)?;
+    let mut goal = Goal {
         candidate_id: candidate.candidate_id.clone(),
         object: candidates.object.clone(),
         robot: robot_digest(urdf),
         attempt: config.attempt,
         table_from_object: candidate.table_from_object,
-        joints: candidates.joints.clone(),
+        joints: planner.joints_of_hand(),
         start_tolerance_rad: config.start_tolerance_rad,
-        grasp: config.grasp.clone(),
-        steps: candidate
-            .steps
-            .iter()
-            .map(|step| GoalStep {
-                time_s: step.time_s,
-                object_from_palm: step.object_from_palm,
-                q_rad: step.q_rad.clone(),
-            })
-            .collect(),
-    }
+        grasp,
+        steps,
+    };
+    names.to_wire(&mut goal);
+    Ok(goal)
 }

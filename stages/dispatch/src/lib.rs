@@ -10,19 +10,30 @@
 //! ```
 //!
 //! The protocol and the simulated cell are in crate `cell`; this stage chooses the motions, asks the
-//! cell, and writes the table `executions` and one recording per motion executed.
+//! cell, and writes the table `executions` and one recording per motion executed. From these follows
+//! `trials`: how often motions succeed, for each object and cell.
+//! A motion is sent as its continuous course, timed within the robot's limits and sampled at its
+//! controllers' rate; one that cannot be made so is refused, and its row in `executions` says why.
 //! Nothing real moves without `execute = true`. A goal of which nothing is heard ends the run: the next
 //! one asks the cell what came of it before it sends another, and never sends it under another name.
 
 mod cells;
 mod config;
+mod course;
 mod error;
+mod feasible;
 mod goals;
 mod journal;
+mod limits;
+mod names;
 mod recording;
+mod refusal;
 mod stage;
+mod timing;
+mod trials;
 
 pub use cells::simulated_cell;
 pub use config::{DispatchConfig, SimulatedConfig};
 pub use error::DispatchError;
+pub use limits::LimitsConfig;
 pub use stage::Dispatch;

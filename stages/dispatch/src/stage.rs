@@ -8,8 +8,8 @@ use std::{
 
 use cell::{CellClient, Executed, Goal, Recovered, Report};
 use dataflow::{
-    Artifact, Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage,
-    Summary, Unit,
+    Artifact, Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, SourceFile,
+    Stage, Summary, Unit,
 };
 use robot::RobotModel;
 use schemas::{
@@ -22,9 +22,14 @@ use schemas::{
 
 use crate::{
     DispatchConfig, DispatchError, cells,
+    config::SIMULATED,
+    feasible::Planner,
     goals::{accepted, goal},
     journal::{Journal, Past},
+    names::JointNames,
     recording::{Setting, record},
+    refusal::Refusal,
+    trials::{self, EXECUTIONS, TRIALS},
 };
 
 /// Sends accepted motions to a robot cell.
@@ -51,24 +56,37 @@ impl Stage for Dispatch {
             artifact: "objects",
         },
     ];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: "executions",
-        schema: executions::VERSION,
-        partition: "object",
-        parallel: false,
-    }];
+    const OUTPUTS: &'static [Output] = &[
+        Output {
+            artifact: EXECUTIONS,
+            schema: executions::VERSION,
+            partition: "object",
+            parallel: false,
+        },
+        Output {
+            artifact: TRIALS,
+            schema: schemas::trials::VERSION,
+            partition: "dispatching",
+            parallel: true,
+        },
+    ];
 
     /// Checks the options and the hand's URDF.
     fn prepare(config: &DispatchConfig) -> Result<(), DispatchError> {
         config.check()?;
-        load_hand(&config.hand).map(drop)
+        let (_, hand) = load_hand(&config.hand)?;
+        JointNames::new(&config.joint_names, &hand)?;
+        Planner::new(config, &hand).map(drop)
     }
 
     fn units(
         config: &DispatchConfig,
-        _output: &str,
+        output: &str,
         scope: &Scope,
     ) -> Result<Vec<Unit>, DispatchError> {
+        if output == TRIALS {
+            return Ok(trials::units(scope));
+        }
         Ok(scope
             .partitions("rollouts")
             .iter()
@@ -82,11 +100,32 @@ impl Stage for Dispatch {
             .collect())
     }
 
+    fn foretell(
+        _config: &DispatchConfig,
+        output: &str,
+        unit: &Unit,
+        _scope: &Scope,
+    ) -> Option<Labels> {
+        if output == TRIALS {
+            return Some(Labels::new());
+        }
+        let object = unit.partition.clone();
+        Some(Labels::from([("object".to_owned(), object)]))
+    }
+
+    /// How often motions succeed goes by what is known of each.
+    fn decides(_option: &str, output: &str) -> bool {
+        output == EXECUTIONS
+    }
+
     fn run(
         config: &DispatchConfig,
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome, DispatchError> {
+        if cx.output() == TRIALS {
+            return trials::make(inputs, cx);
+        }
         config.check()?;
         let schema = |source: SchemaError| DispatchError::Schema {
             partition: cx.partition().to_owned(),
@@ -125,14 +164,18 @@ impl Stage for Dispatch {
         }))
     }
 
-    fn describe(_output: &str, summary: &Summary) -> String {
+    fn describe(output: &str, summary: &Summary) -> String {
+        if output == TRIALS {
+            return trials::describe(summary);
+        }
         let motions = summary.total("motions_n");
         if motions == 0.0 {
             return "no accepted motion to execute".to_owned();
         }
-        if summary.total("dry_n") > 0.0 {
+        let dry = summary.total("dry_n");
+        if dry > 0.0 {
             return format!(
-                "{motions} motions would be sent; nothing moved, because `execute` is not set"
+                "{dry} of {motions} motions would be sent; nothing moved, because `execute` is not set"
             );
         }
         let cell = if summary.total("simulated_n") > 0.0 {
@@ -143,6 +186,10 @@ impl Stage for Dispatch {
         let succeeded = summary.total("succeeded_n");
         let mut line = format!("{motions} motions → {succeeded} executed with success by {cell}");
         let unknown = summary.total("unknown_n");
+        let refused = summary.total("refused_n");
+        if refused > 0.0 {
+            line = format!("{line}; {refused} not sent, the robot cannot make them");
+        }
         if unknown > 0.0 {
             line = format!("{line}; {unknown} unknown, look at the robot before going on");
         }
@@ -161,30 +208,24 @@ struct Sent {
 
 impl Sent {
     fn metrics(&self, motions_n: usize) -> BTreeMap<String, f64> {
-        let count = |outcome: executions::Outcome| {
-            self.executions
-                .iter()
-                .filter(|e| e.outcome == outcome)
-                .count()
-        };
+        let count =
+            |so: &dyn Fn(&Execution) -> bool| self.executions.iter().filter(|&e| so(e)).count();
+        let sent_n = count(&|e| !e.goal_id.is_empty());
         [
             ("motions_n", motions_n),
-            ("sent_n", self.executions.len()),
+            ("sent_n", sent_n),
+            ("refused_n", self.executions.len() - sent_n),
+            ("accepted_n", count(&|e| e.accepted)),
             (
-                "accepted_n",
-                self.executions.iter().filter(|e| e.accepted).count(),
+                "succeeded_n",
+                count(&|e| e.outcome == executions::Outcome::Succeeded),
             ),
-            ("succeeded_n", count(executions::Outcome::Succeeded)),
-            ("unknown_n", count(executions::Outcome::Unknown)),
+            (
+                "unknown_n",
+                count(&|e| e.outcome == executions::Outcome::Unknown),
+            ),
             ("dry_n", self.dry_n),
-            (
-                "simulated_n",
-                if self.simulated {
-                    self.executions.len()
-                } else {
-                    0
-                },
-            ),
+            ("simulated_n", if self.simulated { sent_n } else { 0 }),
         ]
         .map(|(name, count)| (name.to_owned(), count as f64))
         .into()
@@ -201,6 +242,29 @@ fn send(
     cx: &Context,
 ) -> Result<Sent, DispatchError> {
     let (urdf, model) = load_hand(hand_path)?;
+    let planner = Planner::new(config, &model)?;
+    let names = JointNames::new(&config.joint_names, &model)?;
+    // What cannot be made is known before anything moves, or a cell is asked.
+    let goals: Vec<Result<Goal, Refusal>> = motions
+        .iter()
+        .map(|candidate| goal(config, &urdf, &planner, &names, candidates, candidate))
+        .collect();
+    let feasible_n = goals.iter().filter(|goal| goal.is_ok()).count();
+    if feasible_n == 0 {
+        let rows = motions.iter().zip(&goals).filter_map(|(candidate, goal)| {
+            let refusal = goal.as_ref().err()?;
+            let cell = Cell {
+                name: &config.cell_name,
+                simulated: config.cell == SIMULATED,
+                gap: "",
+            };
+            Some(cell.refused(candidate, refusal))
+        });
+        return Ok(Sent {
+            executions: rows.collect(),
+            ..Sent::default()
+        });
+    }
     let connected = cells::connect(config, &urdf, object)?;
     let capabilities = &connected.capabilities;
     let mut sent = Sent {
@@ -208,9 +272,14 @@ fn send(
         ..Sent::default()
     };
     if !config.permits(capabilities) {
-        sent.dry_n = motions.len();
+        sent.dry_n = feasible_n;
         return Ok(sent);
     }
+    let cell = Cell {
+        name: &capabilities.cell,
+        simulated: capabilities.simulated,
+        gap: &capabilities.gap,
+    };
     let setting = Setting {
         urdf: &urdf,
         hand_path,
@@ -225,14 +294,20 @@ fn send(
         cell: &capabilities.cell,
         journal: Journal::new(cx.resume_folder().to_owned()),
     };
-    for (idx, &candidate) in motions.iter().enumerate() {
+    for (idx, (&candidate, goal)) in motions.iter().zip(&goals).enumerate() {
         cx.progress(idx as f64 / motions.len() as f64, &candidate.candidate_id);
         check_name(candidate)?;
-        let goal = goal(config, &urdf, candidates, candidate);
-        let report = sender.carry_out(&goal)?;
-        record(&setting, &goal, &report, cx.folder())?;
-        sent.executions
-            .push(execution(&capabilities.cell, candidate, &report));
+        let goal = match goal {
+            Ok(goal) => goal,
+            Err(refusal) => {
+                sent.executions.push(cell.refused(candidate, refusal));
+                continue;
+            }
+        };
+        let mut report = sender.carry_out(goal)?;
+        names.of_hand(&mut report);
+        record(&setting, goal, &report, cx.folder())?;
+        sent.executions.push(cell.execution(candidate, &report));
     }
     Ok(sent)
 }
@@ -288,20 +363,49 @@ impl Sender<'_> {
     }
 }
 
-fn execution(cell: &str, candidate: &Candidate, report: &Report) -> Execution {
-    Execution {
-        goal_id: report.goal_id.clone(),
-        candidate_id: candidate.candidate_id.clone(),
-        cell: cell.to_owned(),
-        accepted: !matches!(
-            report.outcome,
-            executions::Outcome::Rejected | executions::Outcome::Unknown
-        ),
-        outcome: report.outcome,
-        message: report.message.clone(),
-        duration_s: report.duration_s(),
-        tracking_error_rad: report.tracking_error_rad(),
-        lift_m: report.lift_m,
+/// What a row says of the cell.
+struct Cell<'a> {
+    name: &'a str,
+    simulated: bool,
+    gap: &'a str,
+}
+
+impl Cell<'_> {
+    /// The row of a motion that was sent.
+    fn execution(&self, candidate: &Candidate, report: &Report) -> Execution {
+        Execution {
+            goal_id: report.goal_id.clone(),
+            candidate_id: candidate.candidate_id.clone(),
+            cell: self.name.to_owned(),
+            simulated: self.simulated,
+            gap: self.gap.to_owned(),
+            accepted: !matches!(
+                report.outcome,
+                executions::Outcome::Rejected | executions::Outcome::Unknown
+            ),
+            outcome: report.outcome,
+            message: report.message.clone(),
+            duration_s: report.duration_s(),
+            tracking_error_rad: report.tracking_error_rad(),
+            lift_m: report.lift_m,
+        }
+    }
+
+    /// The row of a motion that was not sent.
+    fn refused(&self, candidate: &Candidate, refusal: &Refusal) -> Execution {
+        Execution {
+            goal_id: String::new(),
+            candidate_id: candidate.candidate_id.clone(),
+            cell: self.name.to_owned(),
+            simulated: self.simulated,
+            gap: self.gap.to_owned(),
+            accepted: false,
+            outcome: executions::Outcome::Rejected,
+            message: refusal.to_string(),
+            duration_s: 0.0,
+            tracking_error_rad: 0.0,
+            lift_m: 0.0,
+        }
     }
 }
 

@@ -208,6 +208,7 @@ fn accepted_motions_are_executed_by_the_simulated_cell_and_recorded() {
         ]
     );
     assert!(ran.executions[0].lift_m > 0.08);
+    assert!(ran.executions[0].simulated && ran.executions[0].gap.contains("mass times 1.1"));
     assert_eq!(
         describe(&ran.made),
         "2 motions → 1 executed with success by the simulated cell"
@@ -247,6 +248,60 @@ fn accepted_motions_are_executed_by_the_simulated_cell_and_recorded() {
     );
     assert_eq!(recording.topic(MARKERS).count(), 1);
     assert_eq!(recording.topic(GRASP_POSE).count(), 1);
+}
+
+#[test]
+fn motions_that_the_robot_cannot_make_are_rows_and_no_cell_is_asked() {
+    let ran = run(
+        |c| {
+            c.cell = "tcp/127.0.0.1:9".to_owned();
+            c.limits.palm_speed_m_per_s = 0.05;
+            c.limits.most_times_slower = 2.0;
+        },
+        Verdict::Held,
+    )
+    .unwrap();
+    assert_eq!(ran.executions.len(), 2);
+    for row in &ran.executions {
+        assert_eq!(row.outcome, executions::Outcome::Rejected);
+        assert!(row.message.contains("most_times_slower"), "{}", row.message);
+        assert!(row.goal_id.is_empty() && !row.accepted && !row.simulated);
+    }
+    assert_eq!(
+        describe(&ran.made),
+        "2 motions → 0 executed with success by the robot cell; 2 not sent, the robot cannot make them"
+    );
+}
+
+#[test]
+fn a_motion_gets_the_time_that_its_limits_ask_for() {
+    let duration_s = |speed: f64| {
+        let ran = run(|c| c.limits.palm_speed_m_per_s = speed, Verdict::Held).unwrap();
+        assert_eq!(ran.executions[0].outcome, executions::Outcome::Succeeded);
+        ran.executions[0].duration_s
+    };
+    let (fast, slow) = (duration_s(1.0), duration_s(0.2));
+    // The palm comes down by 0.13 m and goes up by 0.1 m, which takes 0.15 m over its speed.
+    let (reach, lift) = (0.13 / 0.2 - 0.6 * 0.7, 0.1 * 1.5 / 0.2 - 0.4);
+    assert!(slow > fast + reach + lift, "{slow} {fast}");
+    assert!(slow < fast + reach + lift + 0.3, "{slow} {fast}");
+}
+
+#[test]
+fn joints_are_called_what_the_cell_is_said_to_call_them() {
+    // The simulated cell calls them what the URDF does.
+    let ran = run(
+        |c| {
+            let name = ("slide_left".to_owned(), "ah_joint00".to_owned());
+            c.joint_names = BTreeMap::from([name]);
+        },
+        Verdict::Held,
+    )
+    .unwrap();
+    assert_eq!(ran.executions[0].outcome, executions::Outcome::Rejected);
+    let message = &ran.executions[0].message;
+    assert!(message.contains("`ah_joint00`"), "{message}");
+    assert!(!ran.executions[0].goal_id.is_empty());
 }
 
 #[test]

@@ -1,0 +1,424 @@
+use nalgebra::{Isometry3, Translation3};
+use proptest::prelude::*;
+
+use super::{
+    testing::{HAND, candidates},
+    *,
+};
+
+fn hand() -> RobotModel {
+    RobotModel::from_urdf(HAND).unwrap()
+}
+
+fn config(approach: Approach) -> DispatchConfig {
+    let mut config: DispatchConfig =
+        serde_json::from_str(include_str!("../../tests/dispatch.json")).unwrap();
+    config.grasp.flexion_joints = vec!["ja".to_owned(), "jc".to_owned()];
+    config.grasp.approach = approach;
+    config.limits.most_times_slower = 1e3;
+    config
+}
+
+fn of(candidate: Candidate) -> Candidates {
+    Candidates {
+        object: "can".to_owned(),
+        joints: hand().joint_names(),
+        candidates: vec![candidate],
+    }
+}
+
+fn plan(config: &DispatchConfig, given: &Candidates) -> Result<Feasible, Refusal> {
+    let hand = hand();
+    let planner = Planner::new(config, &hand).unwrap();
+    planner.plan(given, &given.candidates[0])
+}
+
+/// Where a goal has the hand at a time, on straight lines between its steps.
+fn followed(steps: &[GoalStep], time_s: f64) -> (Isometry3<f64>, Vec<f64>) {
+    let after = steps.partition_point(|step| step.time_s <= time_s);
+    let after = after.clamp(1, steps.len() - 1);
+    let (from, to) = (&steps[after - 1], &steps[after]);
+    let part = ((time_s - from.time_s) / (to.time_s - from.time_s)).clamp(0.0, 1.0);
+    let [a, b] = [from, to].map(|step| step.object_from_palm.isometry());
+    let pose = Isometry3::from_parts(
+        Translation3::from(a.translation.vector.lerp(&b.translation.vector, part)),
+        a.rotation.slerp(&b.rotation, part),
+    );
+    let q = from.q_rad.iter().zip(&to.q_rad);
+    (pose, q.map(|(a, b)| a + (b - a) * part).collect())
+}
+
+/// Largest difference of two hands, where 1 is 1 mm, half a degree, or half a degree of a joint (or 1 mm
+/// where it slides).
+fn off(a: &(Isometry3<f64>, Vec<f64>), b: &(Isometry3<f64>, Vec<f64>)) -> f64 {
+    let degree = 0.5_f64.to_radians();
+    let joints = a.1.iter().zip(&b.1).zip([degree, degree, 1e-3]);
+    let joints = joints.map(|((a, b), unit)| (a - b).abs() / unit);
+    let way = (a.0.translation.vector - b.0.translation.vector).norm() / 1e-3;
+    let turn = a.0.rotation.angle_to(&b.0.rotation) / degree;
+    joints.fold(way.max(turn), f64::max)
+}
+
+/// Returns the least of a distance along a curve, which is gone along from 0 to 1: in coarse steps, then
+/// in fine ones about the least of those.
+fn nearest(distance: impl Fn(f64) -> f64) -> f64 {
+    const COARSE: f64 = 1e-3;
+    let coarse = (0..=1000).map(|k| f64::from(k) * COARSE);
+    let at = coarse.min_by(|&a, &b| distance(a).total_cmp(&distance(b)));
+    let fine = (-400..=400).map(|k| at.unwrap() + f64::from(k) * COARSE / 400.0);
+    let fine = fine.map(|share| distance(share.clamp(0.0, 1.0)));
+    fine.fold(f64::INFINITY, f64::min)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(cases()))]
+
+    /// What the controllers see, period by period, keeps every limit, from rest to rest.
+    #[test]
+    fn every_limit_holds_at_the_rate(
+        candidate in candidates(3),
+        rate_hz in 80.0..500.0_f64,
+        most in (0.2..2.0_f64, 1.0..15.0_f64, 0.5..5.0_f64, 3.0..30.0_f64, 5.0..100.0_f64),
+        open in any::<bool>(),
+    ) {
+        let approach = if open { Approach::Open } else { Approach::Follow };
+        let mut config = config(approach);
+        config.rate_hz = rate_hz;
+        let limits = &mut config.limits;
+        limits.palm_speed_m_per_s = most.0;
+        limits.palm_acceleration_m_per_s2 = most.1;
+        limits.palm_turn_rad_per_s = most.2;
+        limits.palm_turn_acceleration_rad_per_s2 = most.3;
+        limits.joint_acceleration_rad_per_s2 = most.4;
+        let steps = plan(&config, &of(candidate)).unwrap().steps;
+        let dt = 1.0 / rate_hz;
+        let slack = 1.0 + 1e-6;
+        // Rest before and after.
+        let mut all = vec![steps[0].clone()];
+        all.extend(steps.iter().cloned());
+        all.push(steps[steps.len() - 1].clone());
+        let palm = |k: usize| *all[k].object_from_palm.isometry();
+        let spin = |k: usize| (palm(k + 1).rotation * palm(k).rotation.inverse()).scaled_axis() / dt;
+        let place = |k: usize| palm(k).translation.vector;
+        for k in 1..all.len() - 1 {
+            let speed = (place(k + 1) - place(k)).norm() / dt;
+            prop_assert!(speed <= most.0 * slack, "palm {speed} m/s");
+            let bend = (place(k + 1) - 2.0 * place(k) + place(k - 1)).norm() / dt / dt;
+            prop_assert!(bend <= most.1 * slack, "palm {bend} m/s²");
+            prop_assert!(spin(k).norm() <= most.2 * slack);
+            prop_assert!((spin(k) - spin(k - 1)).norm() / dt <= most.3 * slack);
+            if open {
+                continue;
+            }
+            for (j, velocity) in [2.0, 7.0, 0.5].into_iter().enumerate() {
+                let q = |k: usize| all[k].q_rad[j];
+                prop_assert!((q(k + 1) - q(k)).abs() / dt <= velocity * slack);
+                let bend = (q(k + 1) - 2.0 * q(k) + q(k - 1)).abs() / dt / dt;
+                prop_assert!(bend <= most.4 * slack, "joint {j}: {bend}");
+            }
+        }
+        for pair in steps.windows(2) {
+            prop_assert!(pair[1].time_s > pair[0].time_s);
+        }
+    }
+
+    /// As a curve the goal is the course: each is within 1 mm and half a degree of the other, wherever
+    /// one is along it.
+    #[test]
+    fn the_goal_stays_on_the_course(candidate in candidates(3), share in 0.0..=1.0_f64) {
+        let config = config(Approach::Follow);
+        let given = of(candidate);
+        let steps = plan(&config, &given).unwrap().steps;
+        let course = Course::through(&given.candidates[0], 3).unwrap();
+        let laid = |share: f64| {
+            let hand = course.at(share * course.duration_s()).unwrap();
+            (hand.object_from_palm, hand.q)
+        };
+        let end_s = steps[steps.len() - 1].time_s;
+        let there = laid(share);
+        let far = nearest(|share| off(&there, &followed(&steps, share * end_s)));
+        prop_assert!(far <= 1.0, "the course is {far} off the goal");
+        let there = followed(&steps, share * end_s);
+        let far = nearest(|share| off(&there, &laid(share)));
+        prop_assert!(far <= 1.0, "the goal is {far} off the course");
+        prop_assert!(off(&laid(0.0), &followed(&steps, 0.0)) < 1e-6);
+        prop_assert!(off(&laid(1.0), &followed(&steps, end_s)) < 1e-6);
+    }
+
+    /// Limits that no motion reaches leave it as it was screened, but for rest at its ends.
+    #[test]
+    fn nothing_is_slowed_down_without_need(candidate in candidates(3)) {
+        let mut config = config(Approach::Follow);
+        let limits = &mut config.limits;
+        limits.joint_velocity_rad_per_s = Some(1e6);
+        limits.palm_speed_m_per_s = 1e6;
+        limits.palm_turn_rad_per_s = 1e6;
+        limits.palm_acceleration_m_per_s2 = 1e9;
+        limits.palm_turn_acceleration_rad_per_s2 = 1e9;
+        limits.joint_acceleration_rad_per_s2 = 1e9;
+        let planned = plan(&config, &of(candidate)).unwrap();
+        let slower = planned.grasp.reach_s / config.grasp.reach_s;
+        prop_assert!((1.0..1.02).contains(&slower), "{slower}");
+    }
+}
+
+/// How many random motions are tried: more where `PIPELINE_CASES` says so.
+fn cases() -> u32 {
+    let asked = std::env::var("PIPELINE_CASES").ok();
+    asked.and_then(|n| n.parse().ok()).unwrap_or(96)
+}
+
+/// A palm that goes 0.3 m straight down in 1 s at one speed, while the fingers rest.
+fn straight() -> Candidate {
+    let step = |time_s: f64| Step {
+        time_s,
+        object_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, 0.3 - 0.3 * time_s)),
+        q_rad: vec![0.5, 0.0, 0.0],
+        rates: Rates {
+            palm_velocity: [0.0, 0.0, -0.3, 0.0, 0.0, 0.0],
+            ..Rates::still(3)
+        },
+    };
+    Candidate {
+        candidate_id: "straight".to_owned(),
+        generator: "test".to_owned(),
+        latent: Vec::new(),
+        table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, 0.1)),
+        limit_excess_rad: 0.0,
+        steps: (0..=10).map(|k| step(f64::from(k) / 10.0)).collect(),
+    }
+}
+
+#[test]
+fn a_straight_way_takes_the_time_of_a_trapezoid() {
+    let mut config = config(Approach::Follow);
+    config.grasp.reach_s = 0.3;
+    for (speed, acceleration) in [(0.5, 2.0), (10.0, 4.0), (0.5, 1e3)] {
+        config.limits.palm_speed_m_per_s = speed;
+        config.limits.palm_acceleration_m_per_s2 = acceleration;
+        let planned = plan(&config, &of(straight())).unwrap();
+        // The way at 1 m/s would take 0.3 s as asked for.
+        let speed = f64::min(speed, 1.0);
+        let expected_s = if speed * speed / acceleration < 0.3 {
+            0.3 / speed + speed / acceleration
+        } else {
+            2.0 * f64::sqrt(0.3 / acceleration)
+        };
+        let found_s = planned.grasp.reach_s;
+        let off = found_s / expected_s - 1.0;
+        assert!((-1e-9..0.01).contains(&off), "{found_s} for {expected_s}");
+        assert_eq!(planned.steps.last().unwrap().time_s, found_s);
+    }
+}
+
+#[test]
+fn a_protocol_that_opens_keeps_its_closing_time() {
+    let mut config = config(Approach::Open);
+    config.grasp.open_rad = 0.02;
+    config.limits.palm_speed_m_per_s = 0.2;
+    let planned = plan(&config, &of(straight())).unwrap().grasp;
+    let closing_s = |protocol: &Protocol| protocol.reach_s * protocol.close_fraction;
+    assert!((closing_s(&planned) - closing_s(&config.grasp)).abs() < 1e-9);
+    assert!(planned.reach_s > 1.5 + closing_s(&planned));
+    // 0.2 m of the slide at its 0.5 m/s.
+    config.grasp.open_rad = 0.2;
+    let planned = plan(&config, &of(straight())).unwrap().grasp;
+    assert!((closing_s(&planned) - 0.4).abs() < 1e-9);
+}
+
+#[test]
+fn ramps_keep_the_limits() {
+    let mut config = config(Approach::Follow);
+    config.grasp.squeeze_rad = 0.2;
+    config.grasp.lift_m = 0.15;
+    config.limits.palm_speed_m_per_s = 0.1;
+    let planned = plan(&config, &of(straight())).unwrap().grasp;
+    assert!((planned.squeeze_s - 0.4).abs() < 1e-9);
+    assert!((planned.lift_s - 2.25).abs() < 1e-9);
+    config.limits.palm_speed_m_per_s = 10.0;
+    config.limits.palm_acceleration_m_per_s2 = 0.9;
+    let planned = plan(&config, &of(straight())).unwrap().grasp;
+    assert!((planned.lift_s - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn what_cannot_be_made_is_refused_with_its_reason() {
+    let refused = |change: &dyn Fn(&mut DispatchConfig, &mut Candidates)| {
+        let (mut config, mut given) = (config(Approach::Follow), of(straight()));
+        change(&mut config, &mut given);
+        plan(&config, &given).unwrap_err()
+    };
+    let step = |given: &mut Candidates, change: &dyn Fn(&mut Step)| {
+        change(&mut given.candidates[0].steps[4]);
+    };
+    assert!(plan(&config(Approach::Follow), &of(straight())).is_ok());
+    assert_eq!(
+        refused(&|_, given| step(given, &|s| s.q_rad[1] = f64::NAN)),
+        Refusal::Number { step: 4 }
+    );
+    assert_eq!(
+        refused(&|_, given| step(given, &|s| s.rates.palm_velocity[5] = f64::INFINITY)),
+        Refusal::Number { step: 4 }
+    );
+    assert_eq!(
+        refused(&|_, given| step(given, &|s| s.q_rad.truncate(2))),
+        Refusal::Number { step: 4 }
+    );
+    assert!(matches!(
+        refused(&|_, given| step(given, &|s| s.time_s = 0.3)),
+        Refusal::Times { step: 4, .. }
+    ));
+    assert_eq!(
+        refused(&|_, given| given.candidates[0].steps.truncate(1)),
+        Refusal::Steps { found: 1 }
+    );
+    let strange = refused(&|_, given| given.joints[1] = "jx".to_owned());
+    assert!(strange.to_string().contains("`jx`"), "{strange}");
+    let missing = refused(&|_, given| given.joints.truncate(2));
+    assert!(missing.to_string().contains("`jc`"), "{missing}");
+    let limit = refused(&|_, given| step(given, &|s| s.q_rad[2] = 3.5));
+    assert!(limit.to_string().contains("`jc`"), "{limit}");
+    // The palm's ball of 0.05 m ends 0.06 m above the table less what the object sinks.
+    let table = refused(&|_, given| {
+        given.candidates[0].table_from_object = Pose::new(Isometry3::translation(0.0, 0.0, 0.04));
+    });
+    assert!(
+        matches!(&table, Refusal::Table { link, .. } if link == "palm"),
+        "{table}"
+    );
+    let slow = refused(&|config, _| {
+        config.limits.palm_speed_m_per_s = 0.01;
+        config.limits.most_times_slower = 5.0;
+    });
+    assert!(slow.to_string().contains("most_times_slower"), "{slow}");
+}
+
+#[test]
+fn joints_come_in_the_hands_order() {
+    let mut given = of(straight());
+    given.joints.rotate_left(1);
+    for step in &mut given.candidates[0].steps {
+        step.q_rad.rotate_left(1);
+        step.rates.q_velocity_rad_per_s.rotate_left(1);
+        step.rates.q_acceleration_rad_per_s2.rotate_left(1);
+    }
+    let config = config(Approach::Follow);
+    assert_eq!(
+        plan(&config, &given).unwrap(),
+        plan(&config, &of(straight())).unwrap()
+    );
+}
+
+#[test]
+fn limits_that_make_no_sense_are_named() {
+    let hand = hand();
+    let refused = |change: fn(&mut DispatchConfig)| {
+        let mut config = config(Approach::Follow);
+        change(&mut config);
+        let err = Planner::new(&config, &hand).map(drop).unwrap_err();
+        err.to_string()
+    };
+    let named = |text: &str, key: &str| assert!(text.contains(key), "{text}");
+    named(
+        &refused(|c| c.limits.palm_speed_m_per_s = 0.0),
+        "limits.palm_speed_m_per_s",
+    );
+    named(
+        &refused(|c| c.limits.joint_acceleration_rad_per_s2 = f64::NAN),
+        "limits.joint_acceleration_rad_per_s2",
+    );
+    named(
+        &refused(|c| c.limits.most_times_slower = 0.5),
+        "limits.most_times_slower",
+    );
+    named(
+        &refused(|c| c.grasp.flexion_joints = vec!["jq".to_owned()]),
+        "grasp.flexion_joints",
+    );
+    named(&refused(|c| c.grasp.reach_s = 0.0), "grasp.reach_s");
+    let silent = RobotModel::from_urdf(&HAND.replace("velocity=\"7\"", "velocity=\"0\"")).unwrap();
+    let err = Planner::new(&config(Approach::Follow), &silent).map(drop);
+    named(&err.unwrap_err().to_string(), "`jb`");
+}
+
+/// Candidates of the Allegro hand from a lake, e.g.
+/// `PIPELINE_CANDIDATES=data/lake/tables/candidates/pipeline=cgf/stage=sample/object=025_mug`: the goal of
+/// each is where the screen's straight lines between its steps are.
+#[test]
+fn candidates_of_a_lake_stay_where_they_were_screened() {
+    let Some(folder) = std::env::var_os("PIPELINE_CANDIDATES") else {
+        eprintln!("skipped: PIPELINE_CANDIDATES names no folder with a table of candidates");
+        return;
+    };
+    let file = std::path::Path::new(&folder).join(lake::table::FILE);
+    let artifact = dataflow::Artifact {
+        key: "object".to_owned(),
+        labels: std::collections::BTreeMap::new(),
+        files: [(lake::table::FILE.to_owned(), file)].into(),
+    };
+    let batch = lake::table::read(&artifact).unwrap();
+    let given = schemas::candidates::from_batch("object", &batch).unwrap();
+    let urdf = include_str!("../../../../data/robots/allegro_right.urdf");
+    let hand = RobotModel::from_urdf(urdf).unwrap();
+    for approach in [Approach::Follow, Approach::Open] {
+        let mut config = config(approach);
+        config.grasp.flexion_joints = vec!["joint_1.0".to_owned()];
+        config.grasp.reach_s = 0.8;
+        config.grasp.close_fraction = 0.25;
+        config.grasp.limit_tolerance_rad = 0.1;
+        config.grasp.table_tolerance_m = 0.01;
+        let planner = Planner::new(&config, &hand).unwrap();
+        let (mut made_n, mut farthest, mut slowest) = (0, [0.0_f64; 3], 0.0_f64);
+        for candidate in &given.candidates {
+            let planned = match planner.plan(&given, candidate) {
+                Ok(planned) => planned,
+                Err(refusal) => {
+                    eprintln!("{}: {refusal}", candidate.candidate_id);
+                    continue;
+                }
+            };
+            made_n += 1;
+            slowest = slowest.max(planned.grasp.reach_s / config.grasp.reach_s);
+            let screened: Vec<GoalStep> = candidate
+                .steps
+                .iter()
+                .map(|step| GoalStep {
+                    time_s: step.time_s,
+                    object_from_palm: step.object_from_palm,
+                    q_rad: step.q_rad.clone(),
+                })
+                .collect();
+            let end_s = screened[screened.len() - 1].time_s;
+            for step in planned.steps.iter().step_by(10) {
+                let apart = |share: f64| {
+                    let (pose, q) = followed(&screened, share * end_s);
+                    let there = step.object_from_palm.isometry();
+                    let joints = q.iter().zip(&step.q_rad).map(|(a, b)| (a - b).abs());
+                    [
+                        (pose.translation.vector - there.translation.vector).norm(),
+                        pose.rotation.angle_to(&there.rotation),
+                        joints.fold(0.0, f64::max),
+                    ]
+                };
+                let worst = |[way, turn, joint]: [f64; 3]| {
+                    (way / 1e-3).max(turn.max(joint) / 0.5_f64.to_radians())
+                };
+                let near = (0..=4000).map(|k| apart(f64::from(k) / 4000.0));
+                let near = near.min_by(|&a, &b| worst(a).total_cmp(&worst(b))).unwrap();
+                for (farthest, near) in farthest.iter_mut().zip(near) {
+                    *farthest = farthest.max(near);
+                }
+            }
+        }
+        let [way, turn, joint] = farthest;
+        eprintln!(
+            "{approach:?}: {made_n} of {} can be made, the slowest takes {slowest:.3} times as long; at most {:.3} mm, {:.3} degrees and {:.3} degrees of a joint from where it was screened",
+            given.candidates.len(),
+            1e3 * way,
+            turn.to_degrees(),
+            joint.to_degrees()
+        );
+        assert!(made_n > 0);
+        assert!(way < 1e-3 && turn.max(joint) < 0.5_f64.to_radians());
+    }
+}

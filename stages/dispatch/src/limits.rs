@@ -1,0 +1,168 @@
+//! How fast palm and joints may move.
+
+use nalgebra::Vector3;
+use robot::RobotModel;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    DispatchError,
+    course::{Moving, Rate},
+};
+
+/// How fast palm and joints may move; a motion is slowed down until it keeps to this.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct LimitsConfig {
+    /// Largest speed of every joint (rad/s; m/s if prismatic); if absent each has that of the URDF.
+    #[serde(default)]
+    pub joint_velocity_rad_per_s: Option<f64>,
+    /// Largest acceleration of every joint (rad/s²; m/s² if prismatic).
+    pub joint_acceleration_rad_per_s2: f64,
+    /// Largest speed of the palm's origin (m/s).
+    pub palm_speed_m_per_s: f64,
+    /// Largest acceleration of the palm's origin (m/s²).
+    pub palm_acceleration_m_per_s2: f64,
+    /// Largest angular speed of the palm (rad/s).
+    pub palm_turn_rad_per_s: f64,
+    /// Largest angular acceleration of the palm (rad/s²).
+    pub palm_turn_acceleration_rad_per_s2: f64,
+    /// How many times as long as asked for a motion may take; a slower one is not sent.
+    pub most_times_slower: f64,
+}
+
+/// The limits of one hand.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Limits {
+    /// What they were made from.
+    pub(crate) config: LimitsConfig,
+    /// Largest speed of each joint, in the order of the hand's joints.
+    pub(crate) q_velocity: Vec<f64>,
+}
+
+/// A part of the hand that has limits of its own: the palm's place, its rotation, or a joint.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Part {
+    pub(crate) velocity: Vector3<f64>,
+    pub(crate) acceleration: Vector3<f64>,
+    pub(crate) most_velocity: f64,
+    pub(crate) most_acceleration: f64,
+}
+
+impl Limits {
+    /// Takes the limits of a hand.
+    pub(crate) fn new(config: &LimitsConfig, hand: &RobotModel) -> Result<Self, DispatchError> {
+        config.check()?;
+        let velocity = |joint: &robot::Joint| {
+            let most = config.joint_velocity_rad_per_s.unwrap_or(joint.velocity);
+            if most > 0.0 {
+                return Ok(most);
+            }
+            Err(DispatchError::BadOption {
+                key: "limits.joint_velocity_rad_per_s",
+                problem: format!(
+                    "the URDF gives joint `{}` no speed, so that this option must",
+                    joint.name
+                ),
+            })
+        };
+        Ok(Self {
+            config: config.clone(),
+            q_velocity: hand
+                .joints()
+                .iter()
+                .map(velocity)
+                .collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// Returns the parts of a hand in motion, with or without its joints.
+    pub(crate) fn parts(&self, hand: &Moving, joints: Joints) -> Vec<Part> {
+        self.of_rates(&hand.velocity, &hand.acceleration, joints)
+    }
+
+    /// Returns the parts of a hand that moves so.
+    pub(crate) fn of_rates(
+        &self,
+        velocity: &Rate,
+        acceleration: &Rate,
+        joints: Joints,
+    ) -> Vec<Part> {
+        let config = &self.config;
+        let mut parts = vec![
+            Part {
+                velocity: velocity.linear,
+                acceleration: acceleration.linear,
+                most_velocity: config.palm_speed_m_per_s,
+                most_acceleration: config.palm_acceleration_m_per_s2,
+            },
+            Part {
+                velocity: velocity.angular,
+                acceleration: acceleration.angular,
+                most_velocity: config.palm_turn_rad_per_s,
+                most_acceleration: config.palm_turn_acceleration_rad_per_s2,
+            },
+        ];
+        if joints == Joints::Still {
+            return parts;
+        }
+        let rates = velocity.q.iter().zip(&acceleration.q);
+        parts.extend(
+            rates
+                .zip(&self.q_velocity)
+                .map(|((&velocity, &acceleration), &most)| Part {
+                    velocity: Vector3::x() * velocity,
+                    acceleration: Vector3::x() * acceleration,
+                    most_velocity: most,
+                    most_acceleration: config.joint_acceleration_rad_per_s2,
+                }),
+        );
+        parts
+    }
+}
+
+/// Whether the fingers follow a motion or stand still on its way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Joints {
+    Follow,
+    Still,
+}
+
+impl LimitsConfig {
+    fn check(&self) -> Result<(), DispatchError> {
+        let positive = [
+            (
+                "limits.joint_velocity_rad_per_s",
+                self.joint_velocity_rad_per_s.unwrap_or(1.0),
+            ),
+            (
+                "limits.joint_acceleration_rad_per_s2",
+                self.joint_acceleration_rad_per_s2,
+            ),
+            ("limits.palm_speed_m_per_s", self.palm_speed_m_per_s),
+            (
+                "limits.palm_acceleration_m_per_s2",
+                self.palm_acceleration_m_per_s2,
+            ),
+            ("limits.palm_turn_rad_per_s", self.palm_turn_rad_per_s),
+            (
+                "limits.palm_turn_acceleration_rad_per_s2",
+                self.palm_turn_acceleration_rad_per_s2,
+            ),
+        ];
+        for (key, value) in positive {
+            if !(value.is_finite() && value > 0.0) {
+                let problem = format!("{value} is not more than 0");
+                return Err(DispatchError::BadOption { key, problem });
+            }
+        }
+        if self.most_times_slower.is_finite() && self.most_times_slower >= 1.0 {
+            return Ok(());
+        }
+        Err(DispatchError::BadOption {
+            key: "limits.most_times_slower",
+            problem: format!("{} is not 1 or more", self.most_times_slower),
+        })
+    }
+}

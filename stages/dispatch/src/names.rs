@@ -1,0 +1,111 @@
+//! What joints are called on the wire, where a cell's drivers have names of their own.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use cell::{Goal, Report};
+use robot::RobotModel;
+
+use crate::DispatchError;
+
+/// The names of joints on the wire.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct JointNames {
+    /// By the URDF's names.
+    on_wire: BTreeMap<String, String>,
+    /// By the names on the wire.
+    of_hand: BTreeMap<String, String>,
+}
+
+impl JointNames {
+    /// Takes the names that differ from those of the hand's URDF.
+    pub(crate) fn new(
+        named: &BTreeMap<String, String>,
+        hand: &RobotModel,
+    ) -> Result<Self, DispatchError> {
+        let wrong = |problem: String| DispatchError::BadOption {
+            key: "joint_names",
+            problem,
+        };
+        let joints: Vec<&String> = named.keys().collect();
+        hand.require_joints(&joints)
+            .map_err(|err| wrong(err.to_string()))?;
+        let mut taken = BTreeSet::new();
+        for joint in hand.joint_names() {
+            let name = named.get(&joint).unwrap_or(&joint);
+            if name.is_empty() || !taken.insert(name.clone()) {
+                return Err(wrong(format!(
+                    "joint `{joint}` would be `{name}` on the wire, which is empty or another joint's name"
+                )));
+            }
+        }
+        let swapped = named
+            .iter()
+            .map(|(joint, name)| (name.clone(), joint.clone()));
+        Ok(Self {
+            on_wire: named.clone(),
+            of_hand: swapped.collect(),
+        })
+    }
+
+    /// Calls a goal's joints what they are called on the wire.
+    pub(crate) fn to_wire(&self, goal: &mut Goal) {
+        let names = goal.joints.iter_mut();
+        rename(&self.on_wire, names.chain(&mut goal.grasp.flexion_joints));
+    }
+
+    /// Calls a report's joints what the hand's URDF calls them.
+    pub(crate) fn of_hand(&self, report: &mut Report) {
+        rename(&self.of_hand, &mut report.joints);
+    }
+}
+
+fn rename<'a>(names: &BTreeMap<String, String>, joints: impl IntoIterator<Item = &'a mut String>) {
+    for joint in joints {
+        if let Some(name) = names.get(joint) {
+            joint.clone_from(name);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use schemas::executions::Outcome;
+
+    use super::*;
+    use crate::feasible::testing::HAND;
+
+    fn names(named: &[(&str, &str)]) -> Result<JointNames, DispatchError> {
+        let named = named
+            .iter()
+            .map(|(joint, name)| ((*joint).to_owned(), (*name).to_owned()));
+        JointNames::new(&named.collect(), &RobotModel::from_urdf(HAND).unwrap())
+    }
+
+    #[test]
+    fn joints_go_out_and_come_back() {
+        // Even with two names exchanged.
+        let names = names(&[("ja", "jb"), ("jb", "ja"), ("jc", "ah_joint02")]).unwrap();
+        let mut report = Report {
+            goal_id: String::new(),
+            rejection: None,
+            outcome: Outcome::Succeeded,
+            message: String::new(),
+            lift_m: 0.0,
+            joints: ["ah_joint02", "ja", "jb"].map(str::to_owned).to_vec(),
+            samples: Vec::new(),
+        };
+        names.of_hand(&mut report);
+        assert_eq!(report.joints, ["jc", "jb", "ja"]);
+    }
+
+    #[test]
+    fn names_that_are_unknown_or_doubled_are_refused() {
+        let refused = |named: &[(&str, &str)]| names(named).unwrap_err().to_string();
+        assert!(refused(&[("jx", "a")]).contains("`jx`"));
+        assert!(refused(&[("ja", "a"), ("jb", "a")]).contains("`a`"));
+        // `jb` keeps its own name.
+        assert!(refused(&[("ja", "jb")]).contains("`jb`"));
+        assert!(refused(&[("ja", "")]).contains("`ja`"));
+        assert!(names(&[]).is_ok());
+    }
+}

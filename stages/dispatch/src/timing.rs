@@ -1,0 +1,208 @@
+//! When a course is where: as fast as asked for wherever limits allow it, from rest to rest.
+//!
+//! The speed along a path under limits on speed and acceleration is found by going over the path once
+//! backward, for the greatest speed from which the rest can still be followed, and once forward, as fast
+//! as that allows (Bobrow, Dubowsky and Gibson, *Time-Optimal Control of Robotic Manipulators Along
+//! Specified Paths*, 1985; Pham and Pham, *A New Approach to Time-Optimal Path Parameterization Based on
+//! Reachability Analysis*, 2018, §III). What is sought at each place u of the path is x, the square of
+//! the speed u′; with constant u″ between two places, x changes by 2 Δ u″. Velocities of the hand are
+//! its derivatives along the path times u′, accelerations `p″ x + p′ u″`. Their limits are lengths of
+//! vectors, convex in x and u″ and met at rest, so that the speeds from which a place can be passed are
+//! all those up to a greatest one.
+
+use crate::{
+    course::Course,
+    limits::{Joints, Limits, Part},
+};
+
+/// Places of a course at which speeds are sought.
+const PLACES_N: usize = 600;
+/// Halvings of the interval in which a greatest speed lies.
+const HALVINGS: usize = 48;
+/// Of less weight than this in 1/s², a change of speed moves nothing.
+const NOTHING: f64 = 1e-18;
+
+/// Places of a course and when they are passed.
+#[derive(Debug, Clone)]
+pub(crate) struct Timing {
+    passed: Vec<Passed>,
+}
+
+/// A place and when it is passed.
+#[derive(Debug, Clone, Copy)]
+struct Passed {
+    time_s: f64,
+    /// The place: seconds of the course.
+    course_s: f64,
+    /// Seconds of the course per second.
+    speed: f64,
+}
+
+impl Timing {
+    /// Returns the fastest timing within limits, never faster than `pace` seconds of the course per
+    /// second; `None` if the course has no length.
+    pub(crate) fn fastest(
+        course: &Course,
+        limits: &Limits,
+        joints: Joints,
+        pace: f64,
+    ) -> Option<Self> {
+        let step = course.duration_s() / PLACES_N as f64;
+        let places: Vec<Place> = (0..=PLACES_N)
+            .map(|idx| {
+                let hand = course.at(step * idx as f64)?;
+                Some(Place::new(limits.parts(&hand, joints), pace))
+            })
+            .collect::<Option<_>>()?;
+        let greatest = greatest(&places, step);
+        let mut passed = vec![Passed {
+            time_s: 0.0,
+            course_s: 0.0,
+            speed: 0.0,
+        }];
+        let (mut x, mut time_s) = (0.0, 0.0);
+        for (idx, (pair, &most)) in places.windows(2).zip(greatest.get(1..)?).enumerate() {
+            let [from, to] = pair else { return None };
+            // Rounding may leave nothing: then the speed is kept, and the sampled motion tells.
+            let faster = changes(from, to, step, x, most).map_or(0.0, |[_, faster]| faster);
+            let next = (x + 2.0 * step * faster).clamp(0.0, most);
+            time_s += 2.0 * step / (x.sqrt() + next.sqrt());
+            x = next;
+            passed.push(Passed {
+                time_s,
+                course_s: step * (idx + 1) as f64,
+                speed: x.sqrt(),
+            });
+        }
+        Some(Self { passed })
+    }
+
+    /// Returns how long it takes, in seconds; infinite where limits allow no motion at all.
+    pub(crate) fn duration_s(&self) -> f64 {
+        self.passed.last().map_or(0.0, |passed| passed.time_s)
+    }
+
+    /// Returns where the course is `time_s` after its start, in seconds of its own.
+    pub(crate) fn course_s(&self, time_s: f64) -> f64 {
+        let after = self
+            .passed
+            .partition_point(|passed| passed.time_s <= time_s);
+        let after = after.min(self.passed.len().saturating_sub(1));
+        let (Some(from), Some(to)) = (
+            self.passed.get(after.saturating_sub(1)),
+            self.passed.get(after),
+        ) else {
+            return 0.0;
+        };
+        let (whole_s, part_s) = (to.time_s - from.time_s, time_s - from.time_s);
+        if whole_s <= 0.0 || part_s >= whole_s {
+            return to.course_s;
+        }
+        let faster = (to.speed - from.speed) / whole_s;
+        from.course_s + part_s * (from.speed + 0.5 * faster * part_s)
+    }
+
+    /// Returns the same timing, `times` as slow.
+    #[must_use]
+    pub(crate) fn slower(&self, times: f64) -> Self {
+        let slower = |passed: &Passed| Passed {
+            time_s: passed.time_s * times,
+            speed: passed.speed / times,
+            ..*passed
+        };
+        Self {
+            passed: self.passed.iter().map(slower).collect(),
+        }
+    }
+}
+
+/// A place of a course and what limits the speed there.
+struct Place {
+    parts: Vec<Part>,
+    /// Greatest x that keeps every velocity within its limit.
+    ceiling: f64,
+}
+
+impl Place {
+    fn new(parts: Vec<Part>, pace: f64) -> Self {
+        let ceiling = parts
+            .iter()
+            .map(|part| {
+                let speed = part.velocity.norm_squared();
+                if speed > 0.0 {
+                    part.most_velocity.powi(2) / speed
+                } else {
+                    f64::INFINITY
+                }
+            })
+            .fold(pace * pace, f64::min);
+        Self { parts, ceiling }
+    }
+}
+
+/// Returns for each place the greatest x with which it can be passed so that the course ends at rest.
+fn greatest(places: &[Place], step: f64) -> Vec<f64> {
+    let mut greatest = vec![0.0; places.len()];
+    let mut next = 0.0;
+    for (idx, pair) in places.windows(2).enumerate().rev() {
+        let [from, to] = pair else { continue };
+        let is_possible = |x: f64| changes(from, to, step, x, next).is_some();
+        let found = if is_possible(from.ceiling) {
+            from.ceiling
+        } else {
+            let (mut low, mut high) = (0.0, from.ceiling);
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (low + high);
+                if is_possible(middle) {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            low
+        };
+        if let Some(slot) = greatest.get_mut(idx) {
+            *slot = found;
+        }
+        next = found;
+    }
+    greatest
+}
+
+/// Returns the least and the greatest u″ with which a place is left at `x` so that every acceleration
+/// up to the next place keeps its limit and the next x is between 0 and `most`; `None` if none does.
+fn changes(from: &Place, to: &Place, step: f64, x: f64, most: f64) -> Option<[f64; 2]> {
+    let mut range = [-x / (2.0 * step), (most - x) / (2.0 * step)];
+    for part in &from.parts {
+        range = within(range, part, x, 0.0)?;
+    }
+    for part in &to.parts {
+        range = within(range, part, x, 2.0 * step)?;
+    }
+    Some(range)
+}
+
+/// Returns the part of a range of u″ in which `|p″ (x + gain u″) + p′ u″|` keeps its limit.
+///
+/// With `a = p″ x` and `b = p′ + gain p″` the bounds are the roots of `|a + b u″|² = limit²`; of the
+/// discriminant's two forms `|b|² limit² − |a × b|²` does not cancel where a and b are parallel, as they
+/// are for a joint.
+fn within([low, high]: [f64; 2], part: &Part, x: f64, gain: f64) -> Option<[f64; 2]> {
+    let a = part.acceleration * (x / part.most_acceleration);
+    let b = (part.velocity + part.acceleration * gain) / part.most_acceleration;
+    let square = b.norm_squared();
+    let range = if square < NOTHING {
+        if a.norm_squared() > 1.0 {
+            return None;
+        }
+        [low, high]
+    } else {
+        let rest = square - a.cross(&b).norm_squared();
+        if rest < 0.0 {
+            return None;
+        }
+        let (middle, half) = (-a.dot(&b) / square, rest.sqrt() / square);
+        [low.max(middle - half), high.min(middle + half)]
+    };
+    (range[0] <= range[1]).then_some(range)
+}
