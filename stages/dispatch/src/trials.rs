@@ -68,7 +68,7 @@ pub(crate) fn describe(summary: &Summary) -> String {
     }
     let [rate, low, high] =
         ["rate", "rate_low", "rate_high"].map(|name| 100.0 * summary.total(name));
-    let cell = if simulated == trials {
+    let cell = if simulated >= trials {
         "the simulated cell"
     } else if simulated > 0.0 {
         "cells of which one is simulated"

@@ -370,15 +370,15 @@ fn candidates_of_a_lake_stay_where_they_were_screened() {
         let planner = Planner::new(&config, &hand).unwrap();
         let (mut made_n, mut farthest, mut slowest) = (0, [0.0_f64; 3], 0.0_f64);
         for candidate in &given.candidates {
-            let planned = match planner.plan(&given, candidate) {
-                Ok(planned) => planned,
+            let sent = match planner.plan(&given, candidate) {
+                Ok(sent) => sent,
                 Err(refusal) => {
                     eprintln!("{}: {refusal}", candidate.candidate_id);
                     continue;
                 }
             };
             made_n += 1;
-            slowest = slowest.max(planned.grasp.reach_s / config.grasp.reach_s);
+            slowest = slowest.max(sent.grasp.reach_s / config.grasp.reach_s);
             let screened: Vec<GoalStep> = candidate
                 .steps
                 .iter()
@@ -389,7 +389,7 @@ fn candidates_of_a_lake_stay_where_they_were_screened() {
                 })
                 .collect();
             let end_s = screened[screened.len() - 1].time_s;
-            for step in planned.steps.iter().step_by(10) {
+            for step in sent.steps.iter().step_by(10) {
                 let apart = |share: f64| {
                     let (pose, q) = followed(&screened, share * end_s);
                     let there = step.object_from_palm.isometry();
