@@ -28,6 +28,10 @@ pub(crate) const FILES: &str = "files";
 /// Folder of charts, below the lake.
 pub(crate) const REPORTS: &str = "reports";
 
+/// How often a blob is linked that another process replaces with the same bytes at that moment: what
+/// was found by its name has no name any more, and the system refuses to link it.
+const LINK_TRIES: u32 = 100;
+
 /// Ending of a chart's name.
 const CHART: &str = ".svg";
 
@@ -204,12 +208,19 @@ pub(crate) fn show(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), Lake
     }
     let beside = atomic::temporary_name(&lake.staging());
     lake.blobs().touch(digest);
-    match fs::hard_link(&blob, &beside) {
-        Ok(()) => {}
-        Err(err) if has_no_links(&err) => {
-            fs::copy(&blob, &beside).map_err(io_error("copy", &blob))?;
+    let mut tries = LINK_TRIES;
+    loop {
+        tries -= 1;
+        match fs::hard_link(&blob, &beside) {
+            Ok(()) => break,
+            Err(err) if has_no_links(&err) => {
+                fs::copy(&blob, &beside).map_err(io_error("copy", &blob))?;
+                break;
+            }
+            // Another process has just put the same bytes in place of those that were found.
+            Err(err) if err.kind() == io::ErrorKind::NotFound && tries > 0 && blob.exists() => {}
+            Err(err) => return Err(io_error("link", &blob)(err)),
         }
-        Err(err) => return Err(io_error("link", &blob)(err)),
     }
     let renamed = atomic::rename(&beside, path);
     if renamed.is_err() {
