@@ -95,6 +95,19 @@ impl Lab {
         )
     }
 
+    /// Runs the last stage, and expects that the cell has done everything that it took once, and that
+    /// all of it is told.
+    fn dispatch_to_the_end(&mut self, cell: Cell) {
+        let ran = self.dispatch().output().unwrap();
+        assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
+        let taken = self.taken();
+        self.end(cell);
+        let outcomes = self.outcomes();
+        assert!(!outcomes.contains_key("unknown"), "{outcomes:?}");
+        assert_eq!(all_of(&outcomes), taken as u64, "{outcomes:?}");
+        assert_eq!(self.over.len(), taken);
+    }
+
     /// Ends a cell and keeps what it said.
     fn end(&mut self, cell: Cell) {
         let said = cell.end();
@@ -238,14 +251,7 @@ fn answers_that_are_lost_late_or_doubled_change_nothing() {
         arguments.extend(["--fault", fault]);
     }
     let cell = lab.cell(&arguments);
-    let ran = lab.dispatch().output().unwrap();
-    assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
-    let taken = lab.taken();
-    lab.end(cell);
-    let outcomes = lab.outcomes();
-    assert!(!outcomes.contains_key("unknown"), "{outcomes:?}");
-    assert_eq!(all_of(&outcomes), taken as u64);
-    assert_eq!(lab.over.len(), taken);
+    lab.dispatch_to_the_end(cell);
 }
 
 #[test]
@@ -263,14 +269,7 @@ fn a_dispatcher_killed_at_fifty_moments_sends_nothing_twice() {
         let _gone = run.kill();
         run.wait().unwrap();
     }
-    let ran = lab.dispatch().output().unwrap();
-    assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
-    let taken = lab.taken();
-    lab.end(cell);
-    let outcomes = lab.outcomes();
-    assert!(!outcomes.contains_key("unknown"), "{outcomes:?}");
-    assert_eq!(all_of(&outcomes), taken as u64, "{outcomes:?}");
-    assert_eq!(lab.over.len(), taken);
+    lab.dispatch_to_the_end(cell);
 }
 
 #[test]
@@ -287,14 +286,7 @@ fn a_cell_that_hangs_is_unknown_and_tells_when_it_goes_on() {
     let ended = run.wait().unwrap();
     assert_eq!(ended.code(), Some(1));
     signal(&cell, "-CONT");
-    let ran = lab.dispatch().output().unwrap();
-    assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
-    let taken = lab.taken();
-    lab.end(cell);
-    let outcomes = lab.outcomes();
-    assert!(!outcomes.contains_key("unknown"), "{outcomes:?}");
-    assert_eq!(all_of(&outcomes), taken as u64, "{outcomes:?}");
-    assert_eq!(lab.over.len(), taken);
+    lab.dispatch_to_the_end(cell);
 }
 
 #[test]
