@@ -326,46 +326,37 @@ impl Shared {
         })
     }
 
-    /// Takes or refuses a goal; a goal taken before is not taken again.
+    /// Takes or refuses a goal; a goal taken before is known, whatever has changed since.
     fn take(&self, bytes: &[u8]) -> (Answer, Option<Job>) {
-        let (sealed, goal) = match self.check(bytes) {
-            Ok(checked) => checked,
-            Err(rejection) => return (Answer::Rejected(rejection), None),
-        };
-        let mut journal = lock(&self.journal);
-        let refusal = if journal.knows(&sealed.goal_id) {
-            None
-        } else if self.control.is_stopped() {
-            let reason = "the cell was stopped and has not been told to resume";
-            Some(Rejection::new(RejectionCode::Stopped, reason.to_owned()))
-        } else if sealed.has_expired(now()) {
-            let reason = "the goal came after the time until which it was valid";
-            Some(Rejection::new(RejectionCode::Expired, reason.to_owned()))
-        } else {
-            None
-        };
-        if let Some(rejection) = refusal {
-            return (Answer::Rejected(rejection), None);
-        }
-        match journal.admit(&sealed) {
-            Ok(true) => {
-                self.control.begin();
-                (
-                    Answer::Accepted { known: false },
-                    Some(Job { sealed, goal }),
-                )
-            }
-            Ok(false) => (Answer::Accepted { known: true }, None),
+        let opened = acceptance::check_length(bytes).and_then(|()| SealedGoal::open(bytes));
+        match opened.and_then(|(sealed, goal)| self.admit(sealed, goal)) {
+            Ok(Some(job)) => (Answer::Accepted { known: false }, Some(job)),
+            Ok(None) => (Answer::Accepted { known: true }, None),
             Err(rejection) => (Answer::Rejected(rejection), None),
         }
     }
 
-    fn check(&self, bytes: &[u8]) -> Result<(SealedGoal, Goal), Rejection> {
-        acceptance::check_length(bytes)?;
-        let (sealed, goal) = SealedGoal::open(bytes)?;
+    /// Notes a goal; returns it if it is to be executed now.
+    fn admit(&self, sealed: SealedGoal, goal: Goal) -> Result<Option<Job>, Rejection> {
+        if lock(&self.journal).knows(&sealed.goal_id) {
+            return Ok(None);
+        }
         let known = |object: &str| self.object(object).is_some();
         acceptance::check(&goal, &self.model, &self.robot, known)?;
-        Ok((sealed, goal))
+        let mut journal = lock(&self.journal);
+        if self.control.is_stopped() {
+            let reason = "the cell was stopped and has not been told to resume";
+            return Err(Rejection::new(RejectionCode::Stopped, reason.to_owned()));
+        }
+        if sealed.has_expired(now()) {
+            let reason = "the goal came after the time until which it was valid";
+            return Err(Rejection::new(RejectionCode::Expired, reason.to_owned()));
+        }
+        if !journal.admit(&sealed)? {
+            return Ok(None);
+        }
+        self.control.begin();
+        Ok(Some(Job { sealed, goal }))
     }
 
     /// Answers with the report on a goal, now or when it is over.

@@ -62,6 +62,28 @@ fn a_goal_that_comes_too_late_is_refused_and_one_that_was_taken_is_answered() {
 }
 
 #[test]
+fn a_goal_that_was_taken_is_known_even_where_its_object_has_gone() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = || SimulatedCellConfig {
+        name: "simulated".to_owned(),
+        listen: LISTEN.to_owned(),
+        scene: scene(),
+        object_error: cell::ObjectError::default(),
+        service: Service {
+            journal: Some(folder.path().to_owned()),
+            ..Service::default()
+        },
+    };
+    let cell = start_with(config().service);
+    let report = execute(&connect(&cell), &goal(0.04));
+    cell.stop();
+    // No cube lies before this one.
+    let cell = SimulatedCell::start(config(), GRIPPER).unwrap();
+    assert_eq!(execute(&connect(&cell), &goal(0.04)), report);
+    assert_eq!(cell.executed_n(), 1);
+}
+
+#[test]
 fn a_journal_that_cannot_be_used_is_an_error_that_names_it() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("file");
