@@ -1,14 +1,9 @@
 //! `pipeline cell`
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    thread,
-    time::Duration,
-};
+use std::{fs, path::Path, thread, time::Duration};
 
 use cell::{Keys, Report, Service, SimulatedCell, subscribe};
-use dataflow::{Artifact, Stage};
+use dataflow::Stage;
 use lake::{Lake, table};
 use robot::RobotModel;
 use schemas::objects;
@@ -116,30 +111,7 @@ fn tell(served: &SimulatedCell, name: &str) -> Result<(), Trouble> {
 
 /// Looks for an object in the lake's newest table of them.
 fn find(lake: &Path, name: &str) -> Option<ObjectShape> {
-    let tables = Lake::open(lake).newest_tables().ok()?;
-    let mut tables = tables.iter();
-    let newest = tables.find(|newest| newest.table == "objects")?;
-    let folder = partition(&newest.folder, &format!("object={name}"))?;
-    let artifact = Artifact {
-        key: name.to_owned(),
-        labels: std::collections::BTreeMap::new(),
-        files: [(table::FILE.to_owned(), folder.join(table::FILE))].into(),
-    };
-    let object = objects::from_batch(name, &table::read(&artifact).ok()?).ok()?;
+    let objects = Lake::open(lake).newest_partitions("objects").ok()?;
+    let object = objects::from_batch(name, &table::read(objects.get(name)?).ok()?).ok()?;
     Some(ObjectShape::from_artifact(&object))
-}
-
-/// Looks for a partition's folder below a table's.
-fn partition(folder: &Path, name: &str) -> Option<PathBuf> {
-    let here = folder.join(name);
-    if here.is_dir() {
-        return Some(here);
-    }
-    let below = fs::read_dir(folder).ok()?.flatten();
-    let mut below: Vec<PathBuf> = below.map(|entry| entry.path()).collect();
-    below.sort();
-    below
-        .iter()
-        .filter(|path| path.is_dir())
-        .find_map(|path| partition(path, name))
 }

@@ -21,7 +21,7 @@ mod thread_time;
 
 use std::{collections::BTreeMap, env, path::PathBuf};
 
-use candidates_of_lake::{motion, partitions, rest};
+use candidates_of_lake::motion;
 use lake::Lake;
 use mujoco::{Engine, Mujoco};
 use robot::RobotModel;
@@ -69,11 +69,11 @@ fn main() {
     };
     println!("MuJoCo {}", mujoco.version);
     let lake = Lake::open(&lake);
-    let objects = partitions(&lake, "objects");
+    let objects = lake.newest_partitions("objects").unwrap();
     let hand = options::hand();
     let mut totals = Counts::default();
     println!("{:24} {}", "object", Counts::header());
-    for (name, candidates) in partitions(&lake, "candidates") {
+    for (name, candidates) in lake.newest_partitions("candidates").unwrap() {
         let Some(object) = objects.get(&name) else {
             continue;
         };
@@ -189,7 +189,7 @@ fn compare(
         let pose = candidate.table_from_object;
         let known = templates.iter().position(|(other, _)| *other == pose);
         let at = known.unwrap_or_else(|| {
-            let template = Template::new(&scene, hand, object, &rest(&pose)).unwrap();
+            let template = Template::new(&scene, hand, object, &Rest::of(&pose)).unwrap();
             templates.push((pose, template));
             templates.len() - 1
         });

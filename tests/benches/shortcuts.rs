@@ -20,7 +20,7 @@ mod thread_time;
 
 use std::{collections::BTreeMap, env, path::PathBuf};
 
-use candidates_of_lake::{motion, partitions, rest};
+use candidates_of_lake::motion;
 use lake::Lake;
 use rayon::prelude::*;
 use robot::RobotModel;
@@ -88,8 +88,8 @@ fn main() {
     }
     if let Some(folder) = env::var_os("PIPELINE_LAKE").map(PathBuf::from) {
         let lake = Lake::open(&folder);
-        let objects = partitions(&lake, "objects");
-        for (name, artifact) in partitions(&lake, "candidates") {
+        let objects = lake.newest_partitions("objects").unwrap();
+        for (name, artifact) in lake.newest_partitions("candidates").unwrap() {
             let Some(object) = objects.get(&name) else {
                 continue;
             };
@@ -100,7 +100,7 @@ fn main() {
             let rests = candidates
                 .candidates
                 .iter()
-                .map(|c| rest(&c.table_from_object));
+                .map(|c| Rest::of(&c.table_from_object));
             let motions: Vec<Motion> = candidates.candidates.iter().map(motion).collect();
             let motions: Vec<(Rest, &Motion)> = rests.zip(&motions).collect();
             compare(

@@ -7,7 +7,7 @@ use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
-use dataflow::{Digest, FileRef, Record, RecordOutcome, RunStatus, UnitRef};
+use dataflow::{Artifact, Digest, FileRef, Record, RecordOutcome, RunStatus, UnitRef};
 
 use crate::{
     LakeError,
@@ -22,7 +22,7 @@ use crate::{
     runs::{self, Run},
     sources::Sources,
     stamp::Stamp,
-    verify, views,
+    table, verify, views,
 };
 
 /// A folder of artifacts.
@@ -202,6 +202,36 @@ impl Lake {
                 pipeline: pipeline.cloned(),
                 table,
             });
+        }
+        Ok(found)
+    }
+
+    /// Returns the newest partitions of a table by key, each with the table's file alone.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the lake cannot be read.
+    pub fn newest_partitions(&self, name: &str) -> Result<BTreeMap<String, Artifact>, LakeError> {
+        let mut found = BTreeMap::new();
+        for newest in self.newest_tables()? {
+            if newest.table != name {
+                continue;
+            }
+            for stage in names_in(&newest.folder)? {
+                let stage = newest.folder.join(stage);
+                for partition in names_in(&stage)? {
+                    let Some((_, key)) = partition.split_once('=') else {
+                        continue;
+                    };
+                    let file = stage.join(&partition).join(table::FILE);
+                    let artifact = Artifact {
+                        key: key.to_owned(),
+                        labels: BTreeMap::new(),
+                        files: BTreeMap::from([(table::FILE.to_owned(), file)]),
+                    };
+                    found.insert(key.to_owned(), artifact);
+                }
+            }
         }
         Ok(found)
     }

@@ -14,6 +14,17 @@ pub struct Rest {
 }
 
 impl Rest {
+    /// Returns what gravity can tell of an object's pose: how it lies, without its yaw and its place.
+    pub fn of(table_from_object: &Pose<Table, Object>) -> Self {
+        let isometry = table_from_object.isometry();
+        Self {
+            up_in_object: isometry
+                .rotation
+                .inverse_transform_unit_vector(&Vector3::z_axis()),
+            height_m: isometry.translation.z,
+        }
+    }
+
     /// Returns the pose of the object in the table's frame: the shortest rotation that takes
     /// `up_in_object` to +z (half a turn about x where the object lies upside down).
     pub fn table_from_object(&self) -> Pose<Table, Object> {

@@ -58,6 +58,9 @@ proptest! {
         let up = table_from_object.direction(&rest.up_in_object);
         prop_assert!((up - Vector3::z()).norm() < 1e-9);
         prop_assert!((table_from_object.isometry().translation.z - 0.1).abs() < 1e-12);
+        let again = Rest::of(&table_from_object);
+        prop_assert!((again.up_in_object.into_inner() - rest.up_in_object.into_inner()).norm() < 1e-9);
+        prop_assert!((again.height_m - 0.1).abs() < 1e-12);
     }
 }
 

@@ -58,7 +58,7 @@ impl<'a> Screening<'a> {
         let shape = ObjectShape::from_artifact(object);
         let templates = poses
             .par_iter()
-            .map(|pose| Template::new(&config.scene, model, &shape, &rest(pose)))
+            .map(|pose| Template::new(&config.scene, model, &shape, &Rest::of(pose)))
             .collect::<Result<_, _>>()?;
         Ok(Self {
             config,
@@ -140,18 +140,6 @@ impl<'a> Screening<'a> {
                     .collect(),
             ),
         }
-    }
-}
-
-/// Returns how an object lies, without its yaw and its place.
-fn rest(table_from_object: &Pose<Table, spatial::Object>) -> Rest {
-    let isometry = table_from_object.isometry();
-    let up = isometry
-        .rotation
-        .inverse_transform_unit_vector(&nalgebra::Vector3::z_axis());
-    Rest {
-        up_in_object: up,
-        height_m: isometry.translation.z,
     }
 }
 

@@ -1,6 +1,5 @@
 //! One goal carried out in physics.
 
-use nalgebra::Vector3;
 use robot::RobotModel;
 use schemas::{executions::Outcome, rollouts::Verdict};
 use simulation::{
@@ -28,7 +27,7 @@ pub(super) fn carry_out(
     let goal = &job.goal;
     let mut scene = config.scene.clone();
     scene.object_offset = misplaced(scene.object_offset, config.object_error, &job.sealed.digest);
-    let template = Template::new(&scene, model, object, &rest(goal))?;
+    let template = Template::new(&scene, model, object, &Rest::of(&goal.table_from_object))?;
     let mut reason = None;
     let mut see = |step: &TraceStep| {
         let asked = watched.see(&sample(step));
@@ -62,17 +61,6 @@ pub(super) fn carry_out(
         joints: model.joint_names(),
         samples,
     })
-}
-
-/// Returns how the object lies: what of its pose gravity can tell.
-fn rest(goal: &Goal) -> Rest {
-    let table_from_object = goal.table_from_object.isometry();
-    Rest {
-        up_in_object: nalgebra::Unit::new_normalize(
-            table_from_object.rotation.inverse() * Vector3::z(),
-        ),
-        height_m: table_from_object.translation.z,
-    }
 }
 
 /// Returns the motion in the order of the robot's own joints.
