@@ -75,6 +75,24 @@ struct Drive {
     controller: Controller,
 }
 
+impl Drive {
+    /// Sets the drive's torque for the next physics step: towards a joint's command, and what it gives
+    /// `ahead` of that.
+    fn apply(&self, multibody: &mut Multibody, place: Place, q_command: f64, ahead: f32) {
+        let spring = self.controller.spring(
+            self.multiplier * real(q_command) + self.offset,
+            ahead,
+            position(multibody, place.link, self.axis),
+            multibody.generalized_velocity()[place.coordinate],
+        );
+        multibody.damping_mut()[place.coordinate] = spring.damping;
+        if let Some(link) = multibody.link_mut(place.link) {
+            link.joint
+                .set_spring(self.axis, spring.stiffness, spring.rest);
+        }
+    }
+}
+
 /// What carries the palm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum PalmJoint {
@@ -332,17 +350,7 @@ impl Hand {
             ) else {
                 continue;
             };
-            let spring = drive.controller.spring(
-                drive.multiplier * real(*command) + drive.offset,
-                0.0,
-                position(multibody, place.link, drive.axis),
-                multibody.generalized_velocity()[place.coordinate],
-            );
-            multibody.damping_mut()[place.coordinate] = spring.damping;
-            if let Some(link) = multibody.link_mut(place.link) {
-                link.joint
-                    .set_spring(drive.axis, spring.stiffness, spring.rest);
-            }
+            drive.apply(multibody, place, *command, 0.0);
         }
     }
 

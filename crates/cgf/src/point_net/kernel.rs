@@ -64,6 +64,12 @@ impl Sparse {
     }
 }
 
+/// Whether all numbers are zero: all bits but the sign's, so that they are looked at together.
+#[inline(always)]
+pub(super) fn are_zero(numbers: &[f32]) -> bool {
+    numbers.iter().fold(0, |bits, x| bits | (x.to_bits() << 1)) == 0
+}
+
 struct Take<'a> {
     sparse: &'a mut Sparse,
     rows: &'a [Row],
@@ -75,8 +81,7 @@ impl WithSimd for Take<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         for (k, row) in (0_u32..).zip(self.rows) {
-            // All bits but the sign's, so that the numbers are looked at together.
-            if row.iter().fold(0, |bits, x| bits | (x.to_bits() << 1)) != 0 {
+            if !are_zero(row) {
                 self.sparse.rows.push(*row);
                 self.sparse.at.push(k);
             }

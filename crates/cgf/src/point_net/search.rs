@@ -10,7 +10,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::kernel::Row;
+use super::kernel::{Row, are_zero};
 use crate::precision::row_index;
 
 /// Outputs whose entries lie side by side.
@@ -128,8 +128,7 @@ impl Neighbors {
         self.at.clear();
         for (k, row) in (0_u32..).zip(patch) {
             let row: [f32; NEIGHBORS] = std::array::from_fn(|point| row[part * NEIGHBORS + point]);
-            // All bits but the sign's, so that the numbers are looked at together.
-            if row.iter().fold(0, |bits, x| bits | (x.to_bits() << 1)) != 0 {
+            if !are_zero(&row) {
                 self.rows.push(row);
                 self.at.push(k);
             }

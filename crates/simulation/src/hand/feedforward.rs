@@ -54,19 +54,9 @@ impl Hand {
             let Some((multibody, place)) = finger_mut(&mut world.multibodies, drive.body) else {
                 continue;
             };
-            let spring = drive.controller.spring(
-                drive.multiplier * real(*q_asked) + drive.offset,
-                drive
-                    .controller
-                    .ahead(real(torque), drive.multiplier * real(*speed_asked)),
-                position(multibody, place.link, drive.axis),
-                multibody.generalized_velocity()[place.coordinate],
-            );
-            multibody.damping_mut()[place.coordinate] = spring.damping;
-            if let Some(link) = multibody.link_mut(place.link) {
-                link.joint
-                    .set_spring(drive.axis, spring.stiffness, spring.rest);
-            }
+            let speed_asked = drive.multiplier * real(*speed_asked);
+            let ahead = drive.controller.ahead(real(torque), speed_asked);
+            drive.apply(multibody, place, *q_asked, ahead);
         }
     }
 }
