@@ -11,9 +11,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use cell::{Goal, GoalStep, PROTOCOL, SealedGoal, robot_digest};
+use cell::{Carrier, Goal, JointPoint, PROTOCOL, PalmPoint, SealedGoal, Track, robot_digest};
 use nalgebra::Isometry3;
-use spatial::Pose;
+use spatial::{Pose, Twist};
 
 /// Pieces that mean something to the decoder.
 const PIECES: [&[u8]; 12] = [
@@ -27,7 +27,7 @@ const PIECES: [&[u8]; 12] = [
     b"[]",
     &[0xff; 8],
     &[0; 8],
-    b"\"steps\":",
+    b"\"points_n\":",
     b"\xf0\x9f\x92\xa5",
 ];
 
@@ -75,10 +75,17 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn goal() -> Result<Goal, Box<dyn Error>> {
-    let step = |time_s: f64| GoalStep {
+    let palm = |time_s: f64| PalmPoint {
         time_s,
-        object_from_palm: Pose::new(Isometry3::translation(0.1, time_s, 0.2)),
+        table_from_palm: Pose::new(Isometry3::translation(0.1, time_s, 0.2)),
+        velocity: Twist::from_array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]),
+        acceleration: Twist::zero(),
+    };
+    let hand = |time_s: f64| JointPoint {
+        time_s,
         q_rad: vec![0.1, time_s],
+        velocity_rad_per_s: vec![0.0, 1.0],
+        acceleration_rad_per_s2: vec![0.0; 2],
     };
     Ok(Goal {
         candidate_id: "cube-0001".to_owned(),
@@ -86,26 +93,37 @@ fn goal() -> Result<Goal, Box<dyn Error>> {
         robot: robot_digest("<robot/>"),
         attempt: 1,
         table_from_object: Pose::identity(),
-        joints: vec!["a".to_owned(), "b".to_owned()],
         start_tolerance_rad: 0.1,
         grasp: serde_json::from_str(include_str!("grasp.json"))?,
-        steps: vec![step(0.0), step(0.5), step(1.0)],
+        carrier: Carrier::Palm(vec![palm(0.0), palm(0.5)]),
+        hand: Track {
+            joints: vec!["a".to_owned(), "b".to_owned()],
+            points: vec![hand(0.0), hand(0.5), hand(1.0)],
+        },
     })
 }
 
 /// Whether two goals are the same but for the rounding with which a rotation is made one.
 fn is_same(a: &Goal, b: &Goal) -> bool {
     let is_near = |a: &[f64; 7], b: &[f64; 7]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
-    let steps = a.steps.iter().zip(&b.steps).all(|(a, b)| {
-        let [pose_a, pose_b] = [a, b].map(|step| step.object_from_palm.to_array());
-        a.time_s.to_bits() == b.time_s.to_bits() && a.q_rad == b.q_rad && is_near(&pose_a, &pose_b)
-    });
+    let carried = match (&a.carrier, &b.carrier) {
+        (Carrier::Palm(a), Carrier::Palm(b)) => {
+            a.len() == b.len()
+                && a.iter().zip(b).all(|(a, b)| {
+                    let [pose_a, pose_b] = [a, b].map(|point| point.table_from_palm.to_array());
+                    a.time_s.to_bits() == b.time_s.to_bits()
+                        && is_near(&pose_a, &pose_b)
+                        && (a.velocity, a.acceleration) == (b.velocity, b.acceleration)
+                })
+        }
+        (a, b) => a == b,
+    };
     let [lying_a, lying_b] = [a, b].map(|goal| goal.table_from_object.to_array());
-    steps
-        && a.steps.len() == b.steps.len()
+    carried
         && is_near(&lying_a, &lying_b)
-        && (&a.candidate_id, &a.object, &a.robot, a.attempt, &a.joints)
-            == (&b.candidate_id, &b.object, &b.robot, b.attempt, &b.joints)
+        && a.hand == b.hand
+        && (&a.candidate_id, &a.object, &a.robot, a.attempt)
+            == (&b.candidate_id, &b.object, &b.robot, b.attempt)
         && a.grasp == b.grasp
 }
 

@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                     "motion   {} {} with {} steps",
                     sealed.goal_id,
                     goal.candidate_id,
-                    goal.steps.len()
+                    goal.hand.points.len()
                 ),
                 Err(rejection) => println!("motion   unreadable: {}", rejection.reason),
             }

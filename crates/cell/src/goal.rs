@@ -4,10 +4,11 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 use simulation::Protocol;
-use spatial::{Object, Palm, Pose, Table};
+use spatial::{Object, Pose, Table};
 
 use crate::{
     PROTOCOL,
+    track::{Carrier, PalmPoint, Track},
     wire::{self, WireError},
 };
 
@@ -27,25 +28,14 @@ pub struct Goal {
     pub attempt: u32,
     /// How the object lies on the table.
     pub table_from_object: Pose<Table, Object>,
-    /// Names of the joints, in the order of [`GoalStep::q_rad`].
-    pub joints: Vec<String>,
-    /// How far a joint may be from the first step when the motion starts, in radians.
+    /// How far a joint may be from the first point when the motion starts, in radians.
     pub start_tolerance_rad: f64,
-    /// How the motion is carried out, and what counts as success.
+    /// When which part of the motion is, and what counts as success.
     pub grasp: Protocol,
-    /// The steps in time order; the last one is the grasp.
-    pub steps: Vec<GoalStep>,
-}
-
-/// One step of a goal.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GoalStep {
-    /// Seconds since the first step.
-    pub time_s: f64,
-    /// Pose of the palm in the object frame, the object lying as it lies.
-    pub object_from_palm: Pose<Object, Palm>,
-    /// Joint positions in radians.
-    pub q_rad: Vec<f64>,
+    /// What moves the palm, to the end of the lift.
+    pub carrier: Carrier,
+    /// What the fingers are told, to the end of the squeeze.
+    pub hand: Track,
 }
 
 /// A goal as it travels.
@@ -82,9 +72,27 @@ struct Content {
     robot: String,
     attempt: u32,
     table_from_object: [f64; 7],
-    joints: Vec<String>,
     start_tolerance_rad: f64,
     grasp: Protocol,
+    /// What moves the palm, and the hand: their rows follow in this order.
+    controllers: [Controller; 2],
+}
+
+/// How many rows are whose.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, tag = "controller", rename_all = "snake_case")]
+enum Controller {
+    Palm {
+        points_n: usize,
+    },
+    Arm {
+        joints: Vec<String>,
+        points_n: usize,
+    },
+    Hand {
+        joints: Vec<String>,
+        points_n: usize,
+    },
 }
 
 impl Goal {
@@ -96,15 +104,29 @@ impl Goal {
             robot: self.robot.clone(),
             attempt: self.attempt,
             table_from_object: self.table_from_object.to_array(),
-            joints: self.joints.clone(),
             start_tolerance_rad: self.start_tolerance_rad,
             grasp: self.grasp.clone(),
+            controllers: [
+                match &self.carrier {
+                    Carrier::Palm(points) => Controller::Palm {
+                        points_n: points.len(),
+                    },
+                    Carrier::Arm(arm) => Controller::Arm {
+                        joints: arm.joints.clone(),
+                        points_n: arm.points.len(),
+                    },
+                },
+                Controller::Hand {
+                    joints: self.hand.joints.clone(),
+                    points_n: self.hand.points.len(),
+                },
+            ],
         });
-        for step in &self.steps {
-            wire::push_numbers(&mut content, [step.time_s]);
-            wire::push_numbers(&mut content, step.object_from_palm.to_array());
-            wire::push_numbers(&mut content, step.q_rad.iter().copied());
+        match &self.carrier {
+            Carrier::Palm(points) => PalmPoint::push_all(points, &mut content),
+            Carrier::Arm(arm) => arm.push(&mut content),
         }
+        self.hand.push(&mut content);
         let digest = blake3::hash(&content).to_hex().to_string();
         SealedGoal::new(digest, None, &content)
     }
@@ -200,33 +222,46 @@ fn read(bytes: &[u8]) -> Result<Goal, WireError> {
     let (content, numbers): (Content, &[u8]) = wire::split_line("content", bytes)?;
     let poses = content.table_from_object;
     let (table_from_object, _) = wire::pose(0, &poses)?;
-    let width = 1 + poses.len() + content.joints.len();
-    let steps = wire::rows(numbers, width)?
-        .iter()
-        .enumerate()
-        .map(|(row, numbers)| {
-            let (&time_s, numbers) = numbers
-                .split_first()
-                .ok_or(WireError::Rows { bytes: 0, width })?;
-            let (object_from_palm, q_rad) = wire::pose(row, numbers)?;
-            Ok(GoalStep {
-                time_s,
-                object_from_palm,
-                q_rad: q_rad.to_vec(),
-            })
-        })
-        .collect::<Result<_, WireError>>()?;
+    let [carrier, hand] = content.controllers;
+    let (carrier, numbers) = match carrier {
+        Controller::Palm { points_n } => {
+            let (points, rest) = PalmPoint::read_all(points_n, numbers)?;
+            (Carrier::Palm(points), rest)
+        }
+        Controller::Arm { joints, points_n } => {
+            let (arm, rest) = Track::read(joints, points_n, numbers)?;
+            (Carrier::Arm(arm), rest)
+        }
+        Controller::Hand { .. } => return Err(order("a hand moves no palm")),
+    };
+    let Controller::Hand { joints, points_n } = hand else {
+        return Err(order("the second controller is no hand"));
+    };
+    let (hand, rest) = Track::read(joints, points_n, numbers)?;
+    if !rest.is_empty() {
+        return Err(WireError::Rows {
+            bytes: rest.len(),
+            width: 0,
+        });
+    }
     Ok(Goal {
         candidate_id: content.candidate_id,
         object: content.object,
         robot: content.robot,
         attempt: content.attempt,
         table_from_object,
-        joints: content.joints,
         start_tolerance_rad: content.start_tolerance_rad,
         grasp: content.grasp,
-        steps,
+        carrier,
+        hand,
     })
+}
+
+fn order(message: &str) -> WireError {
+    WireError::Json {
+        part: "controllers",
+        message: message.to_owned(),
+    }
 }
 
 /// Why a cell did not take a goal.
@@ -252,9 +287,9 @@ pub enum RejectionCode {
     Digest,
     /// The goal is for another robot.
     Robot,
-    /// The goal does not name exactly the robot's joints.
+    /// The goal's controllers are not the cell's, or do not name exactly the robot's joints.
     Joints,
-    /// A joint position is outside its limits.
+    /// A joint's position or velocity is outside its limits.
     Limits,
     /// The times do not increase, or there are too few or too many steps.
     Times,
@@ -287,8 +322,10 @@ impl From<WireError> for Rejection {
 mod tests {
     use nalgebra::{Isometry3, Vector3};
     use simulation::{Approach, PullConfig, Trial};
+    use spatial::Twist;
 
     use super::*;
+    use crate::track::JointPoint;
 
     /// How a hand of which nothing is known grasps.
     fn grasp() -> Protocol {
@@ -318,13 +355,20 @@ mod tests {
     }
 
     fn goal() -> Goal {
-        let step = |time_s: f64| GoalStep {
+        let palm = |time_s: f64| PalmPoint {
             time_s,
-            object_from_palm: Pose::new(Isometry3::new(
+            table_from_palm: Pose::new(Isometry3::new(
                 Vector3::new(0.1, -0.2, 0.3),
                 Vector3::new(0.3 * time_s, 0.0, 0.1),
             )),
+            velocity: Twist::from_array([0.0, 0.0, 0.0, 0.3, 0.0, 0.0]),
+            acceleration: Twist::zero(),
+        };
+        let hand = |time_s: f64| JointPoint {
+            time_s,
             q_rad: vec![0.1 * time_s, -0.7],
+            velocity_rad_per_s: vec![0.1, 0.0],
+            acceleration_rad_per_s2: vec![0.0, 1.0 / 3.0],
         };
         Goal {
             candidate_id: "can-0001".to_owned(),
@@ -332,10 +376,13 @@ mod tests {
             robot: crate::robot_digest("<robot/>"),
             attempt: 1,
             table_from_object: Pose::identity(),
-            joints: vec!["a".to_owned(), "b\n\"".to_owned()],
             start_tolerance_rad: 0.1,
             grasp: grasp(),
-            steps: vec![step(0.0), step(0.5), step(1.0)],
+            carrier: Carrier::Palm(vec![palm(0.0), palm(1.0)]),
+            hand: Track {
+                joints: vec!["a".to_owned(), "b\n\"".to_owned()],
+                points: vec![hand(0.0), hand(0.5), hand(1.0)],
+            },
         }
     }
 
@@ -349,7 +396,17 @@ mod tests {
         let (again, opened) = SealedGoal::open(&sealed.bytes).unwrap();
         assert_eq!(again, sealed);
         assert_eq!(opened.seal(), sealed);
-        assert_eq!(opened.steps.len(), 3);
+        let arm = Goal {
+            carrier: Carrier::Arm(goal().hand),
+            ..goal()
+        };
+        let (_, again) = SealedGoal::open(&arm.seal().bytes).unwrap();
+        assert_eq!(again, arm);
+        assert_eq!(opened.hand.points.len(), 3);
+        let Carrier::Palm(points) = opened.carrier else {
+            panic!("a palm was sent");
+        };
+        assert_eq!(points.len(), 2);
     }
 
     #[test]
@@ -360,7 +417,7 @@ mod tests {
         second.attempt = 2;
         assert_ne!(first.seal().goal_id, second.seal().goal_id);
         let mut third = goal();
-        third.steps[1].q_rad[0] = 0.051;
+        third.hand.points[1].q_rad[0] = 0.051;
         assert_ne!(first.seal().goal_id, third.seal().goal_id);
     }
 
@@ -396,10 +453,10 @@ mod tests {
         assert_eq!(code(b""), RejectionCode::Malformed);
         assert_eq!(code(b"{}\n{}\n"), RejectionCode::Malformed);
         let mut strange = goal();
-        strange.steps[2].time_s = f64::NAN;
+        strange.hand.points[2].time_s = f64::NAN;
         assert_eq!(code(&strange.seal().bytes), RejectionCode::Malformed);
         let text = String::from_utf8_lossy(&goal().seal().bytes).replacen(
-            "\"protocol\":2",
+            &format!("\"protocol\":{PROTOCOL}"),
             "\"protocol\":9",
             1,
         );

@@ -24,18 +24,21 @@ mod report;
 mod ros2;
 mod session;
 mod simulated;
+mod track;
 mod wire;
 
 pub use client::{CellClient, Executed, Halt, Recovered};
 pub use error::{Cause, CellError};
-pub use goal::{Goal, GoalStep, Rejection, RejectionCode, SealedGoal};
+pub use goal::{Goal, Rejection, RejectionCode, SealedGoal};
 pub use keys::Keys;
-pub use report::{Capabilities, Report, Sample};
+pub use report::{Capabilities, Offer, Report, Sample};
 pub use session::subscribe;
 pub use simulated::{
-    Fault, ObjectError, ObjectFinder, PlannedFault, Service, SimulatedCell, SimulatedCellConfig,
+    Fault, Gap, ObjectError, ObjectFinder, PlannedFault, Service, SimulatedCell,
+    SimulatedCellConfig,
 };
+pub use track::{Carrier, JointPoint, PalmPoint, Track};
 pub use wire::{StateHeader, WireError, robot_digest};
 
 /// Version of the protocol; a cell refuses goals of any other.
-pub const PROTOCOL: u32 = 2;
+pub const PROTOCOL: u32 = 3;

@@ -23,8 +23,8 @@ pub struct Capabilities {
     pub simulated: bool,
     /// Digest of the robot's URDF ([`crate::robot_digest`]).
     pub robot: String,
-    /// Names of the robot's joints.
-    pub joints: Vec<String>,
+    /// The robot's controllers: what moves the palm, then the hand.
+    pub controllers: Vec<Offer>,
     /// Longest goal accepted, in bytes.
     pub max_goal_bytes: usize,
     /// What is known about how it differs from what was planned for, for people.
@@ -33,6 +33,18 @@ pub struct Capabilities {
     pub real_time: bool,
     /// Longest time without a heartbeat before a motion is broken off, in seconds; never if absent.
     pub silence_s: Option<f64>,
+}
+
+/// A controller that a cell has.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Offer {
+    /// `palm` of a hand that flies, `arm`, or `hand`.
+    pub controller: String,
+    /// Names of its joints; a palm has none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub joints: Vec<String>,
+    /// How often it is told something, in 1/s.
+    pub rate_hz: f64,
 }
 
 /// A cell's reply to a goal.

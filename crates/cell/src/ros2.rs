@@ -9,13 +9,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use schemas::ros2::{
     Message,
-    motion::{JOINT_STATES, JOINT_TRAJECTORY, joint_state, joint_trajectory},
+    motion::{JOINT_STATES, JOINT_TRAJECTORY, TrajectoryPoint, joint_state, joint_trajectory},
 };
 use zenoh::{Session, Wait, liveliness::LivelinessToken, pubsub::Publisher};
 
 use crate::{
     goal::{Goal, now},
     report::Sample,
+    track::{Carrier, Track},
 };
 
 /// Name of the node that the topics are of.
@@ -30,6 +31,17 @@ pub(crate) struct Mirror {
     states: Topic,
     trajectories: Topic,
     _node: LivelinessToken,
+}
+
+/// Returns what joints are told, as ROS 2 has it, from a time in nanoseconds on.
+fn trajectory(time_ns: i64, track: &Track) -> schemas::ros2::JointTrajectory {
+    let points = track.points.iter().map(|point| TrajectoryPoint {
+        time_s: point.time_s,
+        q_rad: &point.q_rad,
+        velocity_rad_per_s: &point.velocity_rad_per_s,
+        acceleration_rad_per_s2: &point.acceleration_rad_per_s2,
+    });
+    joint_trajectory(time_ns, &track.joints, points)
 }
 
 struct Topic {
@@ -62,12 +74,13 @@ impl Mirror {
             .put(&joint_state(now_ns(), joints, &sample.q_rad, &[]));
     }
 
-    /// Shows where the joints are to go.
+    /// Shows where the joints are to go, in a message for each controller.
     pub(crate) fn announce(&self, goal: &Goal) {
-        let steps = goal.steps.iter();
-        let points = steps.map(|step| (step.time_s, step.q_rad.as_slice()));
-        self.trajectories
-            .put(&joint_trajectory(now_ns(), &goal.joints, points));
+        let time_ns = now_ns();
+        if let Carrier::Arm(arm) = &goal.carrier {
+            self.trajectories.put(&trajectory(time_ns, arm));
+        }
+        self.trajectories.put(&trajectory(time_ns, &goal.hand));
     }
 }
 

@@ -3,8 +3,11 @@
 mod acceptance;
 mod control;
 mod fault;
+mod gap;
 mod journal;
 mod physics;
+mod playing;
+mod robot;
 
 use std::{
     collections::BTreeMap,
@@ -14,7 +17,6 @@ use std::{
     time::{Duration, Instant},
 };
 
-use robot::RobotModel;
 use simulation::{ObjectShape, SceneConfig};
 use zenoh::{
     Session, Wait,
@@ -24,12 +26,16 @@ use zenoh::{
     query::{Query, Queryable},
 };
 
-pub use self::fault::{Fault, PlannedFault};
 use self::{
     acceptance::MAX_GOAL_BYTES,
     control::Control,
     fault::Faults,
     journal::{Asked, Job, Journal},
+    robot::Robot,
+};
+pub use self::{
+    fault::{Fault, PlannedFault},
+    gap::{Gap, ObjectError},
 };
 use crate::{
     CellError, Goal, Keys, PROTOCOL,
@@ -50,8 +56,8 @@ pub struct SimulatedCellConfig {
     pub listen: String,
     /// Its physics; where they differ from the screen's is the gap that a motion must bridge.
     pub scene: SceneConfig,
-    /// How wrong the motions are about where the object lies.
-    pub object_error: ObjectError,
+    /// How else it differs from that.
+    pub gap: Gap,
     /// How it serves.
     pub service: Service,
 }
@@ -74,16 +80,6 @@ pub struct Service {
 
 /// Longest time without a dispatcher's heartbeat before a motion in real time is broken off.
 const SILENCE: Duration = Duration::from_millis(250);
-
-/// Bounds of the error with which the object's pose on the table is known; the error of each goal
-/// is drawn evenly from within them, by the goal's digest.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct ObjectError {
-    /// Largest displacement along each of the table's axes, in meters.
-    pub position_m: f64,
-    /// Largest rotation about the vertical, in radians.
-    pub yaw_rad: f64,
-}
 
 /// A running simulated cell; it stops when this is dropped.
 pub struct SimulatedCell {
@@ -108,8 +104,7 @@ struct Served {
 struct Shared {
     config: SimulatedCellConfig,
     keys: Keys,
-    model: RobotModel,
-    robot: String,
+    robot: Robot,
     objects: Mutex<BTreeMap<String, ObjectShape>>,
     finder: Mutex<Option<ObjectFinder>>,
     journal: Mutex<Journal>,
@@ -130,8 +125,7 @@ impl SimulatedCell {
         };
         let shared = Arc::new(Shared {
             keys: Keys::new(&config.name)?,
-            model: RobotModel::from_urdf(urdf)?,
-            robot: wire::robot_digest(urdf),
+            robot: Robot::flying(urdf)?,
             objects: Mutex::default(),
             finder: Mutex::default(),
             journal: Mutex::new(journal),
@@ -274,21 +268,26 @@ fn never_taken(query: &Query) {
 impl Shared {
     fn capabilities(&self) -> Capabilities {
         let scene = &self.config.scene;
-        let error = &self.config.object_error;
+        let Gap {
+            object,
+            latency_s,
+            encoder_noise_rad,
+        } = &self.config.gap;
         Capabilities {
             protocol: PROTOCOL,
             cell: self.keys.name().to_owned(),
             simulated: true,
-            robot: self.robot.clone(),
-            joints: self.model.joint_names(),
+            robot: self.robot.digest.clone(),
+            controllers: self.robot.controllers(scene.control_step_s()),
             max_goal_bytes: MAX_GOAL_BYTES,
             gap: format!(
-                "friction {}, mass times {}, torque limit {} Nm, object misplaced by up to {} m and {} rad",
+                "friction {}, mass times {}, torque limit {} Nm, object misplaced by up to {} m and {} rad, \
+                 commands {latency_s} s late, encoder noise {encoder_noise_rad} rad",
                 scene.friction,
                 scene.mass_scale,
                 scene.drive.torque_limit,
-                error.position_m,
-                error.yaw_rad
+                object.position_m,
+                object.yaw_rad
             ),
             real_time: self.config.service.real_time,
             silence_s: (self.config.service.real_time).then_some(SILENCE.as_secs_f64()),
@@ -342,7 +341,7 @@ impl Shared {
             return Ok(None);
         }
         let known = |object: &str| self.object(object).is_some();
-        acceptance::check(&goal, &self.model, &self.robot, known)?;
+        acceptance::check(&goal, &self.robot, known)?;
         let mut journal = lock(&self.journal);
         if self.control.is_stopped() {
             let reason = "the cell was stopped and has not been told to resume";
@@ -405,7 +404,7 @@ impl Shared {
             mirror.announce(&job.goal);
         }
         let mut motion = Watched::new(self, session, mirror, id);
-        physics::carry_out(job, &object, &self.model, &self.config, &mut motion)
+        physics::carry_out(job, &object, &self.robot, &self.config, &mut motion)
             .unwrap_or_else(|err| Report::aborted(id, err.to_string()))
     }
 }
@@ -433,7 +432,7 @@ impl<'a> Watched<'a> {
         Self {
             shared,
             goal_id,
-            joints: shared.model.joint_names(),
+            joints: shared.robot.hand.joint_names(),
             publisher: session.declare_publisher(shared.keys.state()).wait().ok(),
             mirror,
             started: None,

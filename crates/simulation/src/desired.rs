@@ -1,7 +1,10 @@
 //! How the fingers are meant to move between the ends of the control steps, for a drive that looks ahead.
 
+use spatial::quintic;
+
 use crate::{
     config::{Approach, Protocol, SceneConfig},
+    played::PlayedStep,
     script::{Command, JointRates, Motion, Phase},
 };
 
@@ -68,6 +71,18 @@ impl Desired {
         Self {
             knots: all.iter().enumerate().map(|(i, c)| knot(i, c)).collect(),
             control_s,
+        }
+    }
+
+    /// Takes the course of a motion that is played, through its own rates.
+    pub(crate) fn played(steps: &[PlayedStep], scene: &SceneConfig) -> Self {
+        let knot = |step: &PlayedStep| Knot {
+            q: step.q.clone(),
+            rates: step.rates.clone(),
+        };
+        Self {
+            knots: steps.iter().map(knot).collect(),
+            control_s: scene.control_step_s(),
         }
     }
 
@@ -159,55 +174,4 @@ fn between(from: &Knot, to: &Knot, between_s: f64, time_s: f64) -> Knot {
 fn ends(knot: &Knot) -> impl Iterator<Item = [f64; 3]> {
     let rates = knot.rates.velocity.iter().zip(&knot.rates.acceleration);
     knot.q.iter().zip(rates).map(|(&q, (&v, &a))| [q, v, a])
-}
-
-/// Returns position, velocity and acceleration, `time` after `from`, of the polynomial of fifth degree
-/// that has these at `from` and, `duration` later, at `to` (Lynch and Park, *Modern Robotics*, 2017,
-/// §9.2.2.2); those of `from` if no time is between them.
-///
-/// Times are in seconds, the other numbers in any unit, the unit per second and per second squared.
-pub fn quintic(from: [f64; 3], to: [f64; 3], duration: f64, time: f64) -> [f64; 3] {
-    if duration.is_nan() || duration <= 0.0 {
-        return from;
-    }
-    let ([p0, v0, a0], [p1, v1, a1]) = (from, to);
-    let (h, s) = (duration, time / duration);
-    // What the parabola through the first end lacks at the second, in units of the duration.
-    let way = p1 - p0 - v0 * h - 0.5 * a0 * h * h;
-    let speed = (v1 - v0 - a0 * h) * h;
-    let bend = (a1 - a0) * h * h;
-    let c3 = 10.0 * way - 4.0 * speed + 0.5 * bend;
-    let c4 = -15.0 * way + 7.0 * speed - bend;
-    let c5 = 6.0 * way - 3.0 * speed + 0.5 * bend;
-    let s2 = s * s;
-    [
-        p0 + v0 * time + 0.5 * a0 * time * time + s2 * s * (c3 + s * (c4 + s * c5)),
-        v0 + a0 * time + s2 * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)) / h,
-        a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5)) / (h * h),
-    ]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_polynomial_has_both_ends_and_its_own_derivatives() {
-        let (from, to, h) = ([0.2, -1.0, 3.0], [0.5, 2.0, -4.0], 0.3);
-        for (time, expected) in [(0.0, from), (h, to)] {
-            let found = quintic(from, to, h, time);
-            for (found, expected) in found.into_iter().zip(expected) {
-                assert!((found - expected).abs() < 1e-12, "{found} {expected}");
-            }
-        }
-        let step = 1e-5;
-        for part in 1..10 {
-            let time = h * f64::from(part) / 10.0;
-            let [before, now, after] = [-step, 0.0, step].map(|d| quintic(from, to, h, time + d));
-            for order in 0..2 {
-                let slope = (after[order] - before[order]) / (2.0 * step);
-                assert!((slope - now[order + 1]).abs() < 1e-6, "order {order}");
-            }
-        }
-    }
 }

@@ -21,6 +21,7 @@ mod error;
 mod hand;
 mod judge;
 mod object;
+mod played;
 mod precision;
 mod rejection;
 mod rollout;
@@ -34,11 +35,11 @@ mod world;
 pub use config::{
     Approach, ControllerKind, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Trial,
 };
-pub use desired::quintic;
 pub use error::SimulationError;
 pub use object::ObjectShape;
+pub use played::PlayedStep;
 pub use rollout::{Flow, Record, Rollout, Trace, TraceStep, WatchedRollout};
 pub use schemas::rollouts::Verdict;
-pub use script::{Instruction, JointRates, Motion, Phase};
+pub use script::{Flexion, Instruction, JointRates, Motion, Phase};
 pub use shortcuts::Shortcuts;
 pub use template::Template;

@@ -236,8 +236,7 @@ impl Script {
         let writer = Writer {
             motion,
             protocol,
-            flexion: flexion(protocol, model)?,
-            model,
+            flexion: Flexion::new(protocol, model)?,
         };
         let reach = steps(protocol.reach_s, scene).max(1);
         let squeeze = steps(protocol.squeeze_s, scene);
@@ -320,30 +319,53 @@ pub(crate) fn steps(seconds: f64, scene: &SceneConfig) -> usize {
     (seconds / scene.control_step_s()).round().clamp(0.0, 1e6) as usize
 }
 
-/// Returns 1 for each joint that flexes, 0 for the others.
-fn flexion(protocol: &Protocol, model: &RobotModel) -> Result<Vec<f64>, SimulationError> {
-    let known = model.joint_names();
-    let mut flexion = vec![0.0; model.dof()];
-    for name in &protocol.flexion_joints {
-        let joint = known.iter().position(|joint| joint == name);
-        match joint.and_then(|joint| flexion.get_mut(joint)) {
-            Some(weight) => *weight = 1.0,
-            None => {
-                return Err(SimulationError::UnknownJoint {
-                    name: name.clone(),
-                    known,
-                });
+/// How the joints that open and squeeze are moved together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flexion {
+    /// 1 for each joint that flexes, 0 for the others, with its limits.
+    joints: Vec<(f64, [f64; 2])>,
+}
+
+impl Flexion {
+    /// Takes the joints that a protocol names.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the hand lacks one of them.
+    pub fn new(protocol: &Protocol, hand: &RobotModel) -> Result<Self, SimulationError> {
+        let limits = hand.joints().iter().map(|joint| [joint.lower, joint.upper]);
+        let mut joints: Vec<(f64, [f64; 2])> = limits.map(|limits| (0.0, limits)).collect();
+        for name in &protocol.flexion_joints {
+            match hand.joint(name).and_then(|joint| joints.get_mut(joint)) {
+                Some((weight, _)) => *weight = 1.0,
+                None => {
+                    return Err(SimulationError::UnknownJoint {
+                        name: name.clone(),
+                        known: hand.joint_names(),
+                    });
+                }
             }
         }
+        Ok(Self { joints })
     }
-    Ok(flexion)
+
+    /// Adds `angle` in radians to the joints that flex; never beyond a limit that `q` itself keeps.
+    pub fn flexed(&self, q: &[f64], angle: f64) -> Vec<f64> {
+        q.iter()
+            .zip(&self.joints)
+            .map(|(&position, (weight, [lower, upper]))| {
+                (position + weight * angle)
+                    .max(lower.min(position))
+                    .min(upper.max(position))
+            })
+            .collect()
+    }
 }
 
 struct Writer<'a> {
     motion: &'a Motion,
     protocol: &'a Protocol,
-    flexion: Vec<f64>,
-    model: &'a RobotModel,
+    flexion: Flexion,
 }
 
 impl Writer<'_> {
@@ -366,7 +388,9 @@ impl Writer<'_> {
                     0.0
                 };
                 HandPose {
-                    q: self.flexed(&self.at(1.0)?.q, -self.protocol.open_rad * (1.0 - closed)),
+                    q: self
+                        .flexion
+                        .flexed(&self.at(1.0)?.q, -self.protocol.open_rad * (1.0 - closed)),
                     ..path
                 }
             }
@@ -385,7 +409,9 @@ impl Writer<'_> {
         Ok(Command {
             phase,
             hand: HandPose {
-                q: self.flexed(&grasp.q, self.protocol.squeeze_rad * squeeze),
+                q: self
+                    .flexion
+                    .flexed(&grasp.q, self.protocol.squeeze_rad * squeeze),
                 ..grasp
             },
             lift_m,
@@ -397,18 +423,5 @@ impl Writer<'_> {
         self.motion
             .at(fraction)
             .ok_or_else(|| SimulationError::Motion("it has no steps".to_owned()))
-    }
-
-    /// Adds `angle` to the joints that flex; never beyond a limit that `q` itself keeps.
-    fn flexed(&self, q: &[f64], angle: f64) -> Vec<f64> {
-        q.iter()
-            .zip(&self.flexion)
-            .zip(self.model.joints())
-            .map(|((&position, weight), joint)| {
-                (position + weight * angle)
-                    .max(joint.lower.min(position))
-                    .min(joint.upper.max(position))
-            })
-            .collect()
     }
 }

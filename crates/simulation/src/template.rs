@@ -11,10 +11,11 @@ use crate::{
     error::SimulationError,
     hand::Hand,
     object::ObjectShape,
+    played::PlayedStep,
     precision::isometry,
     rejection::reject,
     rollout::{Flow, Record, Rollout, TraceStep, WatchedRollout, Watcher, run, run_watched},
-    script::{Instruction, Motion, Script, steps},
+    script::{Instruction, Motion, Script, steps as steps_in},
     world::{Finite, World},
 };
 
@@ -110,28 +111,31 @@ impl Template {
         })
     }
 
-    /// Carries out a motion as [`Template::rollout`] with its trace, and shows every step as it is made;
-    /// when `see` asks for it, the motion is broken off and the hand stands still for `hold_s`, which
-    /// is shown as well.
+    /// Plays a motion that was worked out to the end of its hold and judges it, with its trace; every
+    /// step is shown as it is made. When `see` asks for it, the motion is broken off and the hand stands
+    /// still for `hold_s`, which is shown as well.
+    ///
+    /// Of the protocol, only what counts as success matters: when the fingers close and the palm rises
+    /// is said by the steps.
     ///
     /// # Errors
     ///
-    /// Fails if the motion does not fit the hand or the protocol names a joint that it lacks.
-    pub fn watched_rollout(
+    /// Fails if the steps do not fit the hand, or there is no lift or no hold among them.
+    pub fn play(
         &self,
-        motion: &Motion,
+        steps: &[PlayedStep],
         protocol: &Protocol,
         hold_s: f64,
         see: &mut dyn FnMut(&TraceStep) -> Flow,
     ) -> Result<WatchedRollout, SimulationError> {
-        let script = Script::new(motion, protocol, &self.scene, &self.model)?;
+        let script = Script::played(steps, &self.scene, &self.model)?;
         if let Some(verdict) = self.refuses(&script, protocol) {
             return Ok(WatchedRollout {
                 rollout: Rollout::refused(verdict, &script),
                 broken_off: false,
             });
         }
-        let hold_n = u32::try_from(steps(hold_s, &self.scene)).unwrap_or(u32::MAX);
+        let hold_n = u32::try_from(steps_in(hold_s, &self.scene)).unwrap_or(u32::MAX);
         let watcher = Some(Watcher { see, hold_n });
         Ok(run_watched(self, &script, protocol, Record::Trace, watcher))
     }

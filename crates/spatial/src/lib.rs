@@ -15,11 +15,13 @@
 //! This crate does no input or output and knows nothing of robots.
 
 mod frame;
+mod passage;
 mod pose;
 mod rest;
 mod rotation;
 
 pub use frame::{Camera, Frame, Object, Palm, Table, World};
+pub use passage::{MovingPose, Passage, Twist, quintic};
 pub use pose::{NotAPose, Pose};
 pub use rest::Rest;
 pub use rotation::{NotARotation, quaternion_xyzw, rot6d, rotation_from_rot6d, xyzw};

@@ -28,6 +28,8 @@ pub const OBJECT: &str = "object";
 pub const JOINT_STATES: &str = "/joint_states";
 /// Topic of the commanded [`joint_trajectory`].
 pub const JOINT_TRAJECTORY: &str = "/joint_trajectory";
+/// Topic of what an arm is told that carries the hand, a [`joint_trajectory`].
+pub const ARM_TRAJECTORY: &str = "/arm_trajectory";
 /// Topic of the poses that change.
 pub const TF: &str = "/tf";
 /// Topic of the poses that do not.
@@ -95,22 +97,48 @@ pub fn joint_state(
     }
 }
 
-/// Returns commands for joints, for [`JOINT_TRAJECTORY`]: each point is seconds since the start and
-/// positions in radians.
+/// What joints are told at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrajectoryPoint<'a> {
+    /// Seconds since the start.
+    pub time_s: f64,
+    /// Positions in radians.
+    pub q_rad: &'a [f64],
+    /// Velocities in rad/s, or none if they are not told.
+    pub velocity_rad_per_s: &'a [f64],
+    /// Accelerations in rad/s², or none if they are not told.
+    pub acceleration_rad_per_s2: &'a [f64],
+}
+
+impl<'a> TrajectoryPoint<'a> {
+    /// Takes positions alone.
+    pub fn positions(time_s: f64, q_rad: &'a [f64]) -> Self {
+        Self {
+            time_s,
+            q_rad,
+            velocity_rad_per_s: &[],
+            acceleration_rad_per_s2: &[],
+        }
+    }
+}
+
+/// Returns commands for joints, for [`JOINT_TRAJECTORY`].
 pub fn joint_trajectory<'a>(
     time_ns: i64,
     joints: &[String],
-    points: impl IntoIterator<Item = (f64, &'a [f64])>,
+    points: impl IntoIterator<Item = TrajectoryPoint<'a>>,
 ) -> JointTrajectory {
     JointTrajectory {
         header: header(time_ns, ""),
         joint_names: joints.to_vec(),
         points: points
             .into_iter()
-            .map(|(time_s, q_rad)| {
-                let (sec, nanosec) = split(stamp_ns(time_s) - START_NS);
+            .map(|point| {
+                let (sec, nanosec) = split(stamp_ns(point.time_s) - START_NS);
                 JointTrajectoryPoint {
-                    positions: q_rad.to_vec(),
+                    positions: point.q_rad.to_vec(),
+                    velocities: point.velocity_rad_per_s.to_vec(),
+                    accelerations: point.acceleration_rad_per_s2.to_vec(),
                     time_from_start: Duration { sec, nanosec },
                     ..JointTrajectoryPoint::default()
                 }

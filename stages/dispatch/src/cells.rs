@@ -3,8 +3,8 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use cell::{
-    Capabilities, CellClient, CellError, ObjectError, Service, SimulatedCell, SimulatedCellConfig,
-    robot_digest,
+    Capabilities, CellClient, CellError, Gap, ObjectError, Service, SimulatedCell,
+    SimulatedCellConfig, robot_digest,
 };
 use schemas::objects::Object;
 use serde::{Deserialize, Deserializer};
@@ -100,9 +100,13 @@ fn setup(name: String, listen: String, config: SimulatedConfig) -> SimulatedCell
         name,
         listen,
         scene: config.scene,
-        object_error: ObjectError {
-            position_m: config.object_error_m,
-            yaw_rad: config.object_error_rad,
+        gap: Gap {
+            object: ObjectError {
+                position_m: config.object_error_m,
+                yaw_rad: config.object_error_rad,
+            },
+            latency_s: config.latency_s,
+            encoder_noise_rad: config.encoder_noise_rad,
         },
         service: Service::default(),
     }

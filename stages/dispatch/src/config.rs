@@ -49,9 +49,9 @@ pub struct DispatchConfig {
     /// e.g. `{ "joint_0.0" = "ah_joint00" }` (none).
     #[serde(default)]
     pub joint_names: BTreeMap<String, String>,
-    /// How many steps a goal has per second (1/s): the rate of the fastest controller, so that none has to
-    /// make up what is between two steps. At the 333 of a hand of 16 joints a reach of 0.8 s has 51 kB.
-    pub rate_hz: f64,
+    /// How often controllers are told something: their own rates, so that none has to make up what is
+    /// between two points.
+    pub rates: RatesConfig,
     /// How fast palm and joints may move.
     pub limits: LimitsConfig,
     /// How a motion is carried out, and what counts as success; a way that limits slow down gets the
@@ -59,6 +59,18 @@ pub struct DispatchConfig {
     pub grasp: Protocol,
     /// The simulated cell's physics.
     pub simulated: SimulatedConfig,
+}
+
+/// How often controllers are told something. At these rates a goal of a hand of 16 joints that lasts
+/// 2 s has 260 kB.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct RatesConfig {
+    /// What moves the palm (1/s).
+    pub palm_hz: f64,
+    /// The hand (1/s).
+    pub hand_hz: f64,
 }
 
 /// The simulated cell: where it differs from the screen is the gap that a motion must bridge.
@@ -69,6 +81,10 @@ pub struct SimulatedConfig {
     pub object_error_m: f64,
     /// Largest error of the object's direction on the table (rad).
     pub object_error_rad: f64,
+    /// How long after its time a command takes effect (s).
+    pub latency_s: f64,
+    /// Standard deviation of what encoders add to the joints' positions (rad).
+    pub encoder_noise_rad: f64,
     /// The scene; give it another mass or friction than the screen's.
     pub scene: SceneConfig,
 }
@@ -92,9 +108,14 @@ impl DispatchConfig {
                 return wrong(key, format!("{seconds} is not between 0 and {DAY_S} s"));
             }
         }
-        if !(self.rate_hz >= 1.0 && self.rate_hz <= MOST_HZ) {
-            let problem = format!("{} is not between 1 and {MOST_HZ} per second", self.rate_hz);
-            return wrong("rate_hz", problem);
+        for (key, rate_hz) in [
+            ("rates.palm_hz", self.rates.palm_hz),
+            ("rates.hand_hz", self.rates.hand_hz),
+        ] {
+            if !(rate_hz >= 1.0 && rate_hz <= MOST_HZ) {
+                let problem = format!("{rate_hz} is not between 1 and {MOST_HZ} per second");
+                return wrong(key, problem);
+            }
         }
         Keys::new(&self.cell_name)?;
         Ok(())
@@ -130,7 +151,7 @@ mod tests {
             cell: "lab".to_owned(),
             simulated: true,
             robot: String::new(),
-            joints: Vec::new(),
+            controllers: Vec::new(),
             max_goal_bytes: 0,
             gap: String::new(),
             real_time: false,

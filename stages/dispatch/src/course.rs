@@ -1,22 +1,21 @@
 //! A motion as a continuous function of time: through every step with the rates it has there.
 
-use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use schemas::candidates::{Candidate, Step};
-use simulation::quintic;
+use spatial::{MovingPose, Passage, Twist, quintic};
 
 use crate::refusal::Refusal;
 
-/// Below this angle in radians the series are more exact than the quotients.
-const SMALL_RAD: f64 = 0.05;
 /// Fewest steps of a motion.
 const MIN_STEPS: usize = 2;
 
 /// A motion through a candidate's steps, with the positions, velocities and accelerations that it has
-/// at each: between two of them polynomials of fifth degree in time. The palm's rotation is that of
-/// the earlier step turned by the rotation vector that such a polynomial gives.
+/// at each: a [`Passage`] of the palm and polynomials of fifth degree of the joints between two of them.
 #[derive(Debug, Clone)]
 pub(crate) struct Course {
     knots: Vec<Knot>,
+    /// The palm's way from each knot to the next.
+    passages: Vec<Passage>,
 }
 
 /// One step.
@@ -24,15 +23,10 @@ pub(crate) struct Course {
 struct Knot {
     /// Seconds since the first step.
     time_s: f64,
-    /// The palm's rotation in the object frame.
-    rotation: UnitQuaternion<f64>,
-    /// Value, velocity and acceleration of the palm's position (3), then of each joint.
-    numbers: Vec<[f64; 3]>,
-    /// The palm's angular velocity and acceleration along the object's axes.
-    spin: [Vector3<f64>; 2],
-    /// The rotation vector from this step to the next, in this step's palm frame, with its velocity
-    /// and acceleration at the next; of the last step zero.
-    turn: [Vector3<f64>; 3],
+    /// The palm in the object frame.
+    palm: MovingPose,
+    /// Position, velocity and acceleration of each joint.
+    joints: Vec<[f64; 3]>,
 }
 
 /// The hand at one time of a course, and how it moves there.
@@ -59,6 +53,16 @@ pub(crate) struct Rate {
     pub(crate) q: Vec<f64>,
 }
 
+impl Rate {
+    /// Returns how the palm moves.
+    pub(crate) fn twist(&self) -> Twist {
+        Twist {
+            linear: self.linear,
+            angular: self.angular,
+        }
+    }
+}
+
 impl Course {
     /// Takes the course of a candidate whose steps have `dof` joints.
     pub(crate) fn through(candidate: &Candidate, dof: usize) -> Result<Self, Refusal> {
@@ -81,13 +85,16 @@ impl Course {
             last_s = knot.time_s;
             knots.push(knot);
         }
-        for idx in 1..knots.len() {
-            let (before, after) = knots.split_at_mut(idx);
-            if let (Some(from), Some(to)) = (before.last_mut(), after.first()) {
-                from.turn = turn(from, to).ok_or(Refusal::Turn { step: idx })?;
-            }
-        }
-        Ok(Self { knots })
+        let pairs = knots.windows(2).enumerate();
+        let passages = pairs.filter_map(|(idx, pair)| match pair {
+            [from, to] => Some(
+                Passage::new(&from.palm, &to.palm, to.time_s - from.time_s)
+                    .ok_or(Refusal::Turn { step: idx + 1 }),
+            ),
+            _ => None,
+        });
+        let passages = passages.collect::<Result<_, _>>()?;
+        Ok(Self { knots, passages })
     }
 
     /// Returns how long it takes, in seconds.
@@ -104,7 +111,8 @@ impl Course {
         let after = self.knots.partition_point(|knot| knot.time_s <= time_s);
         let after = after.clamp(1, self.knots.len() - 1);
         let (from, to) = (self.knots.get(after - 1)?, self.knots.get(after)?);
-        Some(between(from, to, time_s - from.time_s))
+        let passage = self.passages.get(after - 1)?;
+        Some(between(from, to, passage, time_s - from.time_s))
     }
 }
 
@@ -112,138 +120,52 @@ impl Knot {
     /// Takes a step; `None` if a number is not finite or missing.
     fn at(step: &Step, dof: usize) -> Option<Self> {
         let rates = &step.rates;
-        let pose = step.object_from_palm.isometry();
-        let [vx, vy, vz, wx, wy, wz] = rates.palm_velocity;
-        let [ax, ay, az, bx, by, bz] = rates.palm_acceleration;
-        let position = pose.translation.vector;
-        let mut numbers = vec![
-            [position.x, vx, ax],
-            [position.y, vy, ay],
-            [position.z, vz, az],
-        ];
-        let of_joints = step.q_rad.iter().zip(&rates.q_velocity_rad_per_s);
-        let of_joints = of_joints.zip(&rates.q_acceleration_rad_per_s2);
-        numbers.extend(of_joints.map(|((&q, &velocity), &rate)| [q, velocity, rate]));
-        let all = numbers.iter().flatten().chain(pose.rotation.coords.iter());
-        let all = all.chain(&rates.palm_velocity);
-        let is_finite = all
-            .chain(&rates.palm_acceleration)
+        let palm = MovingPose {
+            pose: *step.object_from_palm.isometry(),
+            velocity: Twist::from_array(rates.palm_velocity),
+            acceleration: Twist::from_array(rates.palm_acceleration),
+        };
+        let joints = step.q_rad.iter().zip(&rates.q_velocity_rad_per_s);
+        let joints = joints.zip(&rates.q_acceleration_rad_per_s2);
+        let joints: Vec<[f64; 3]> = joints
+            .map(|((&q, &velocity), &acceleration)| [q, velocity, acceleration])
+            .collect();
+        let pose = palm.pose.translation.vector.iter();
+        let is_finite = pose
+            .chain(palm.pose.rotation.coords.iter())
+            .chain(joints.iter().flatten())
             .chain([&step.time_s])
             .all(|number| number.is_finite());
-        let is_whole = step.q_rad.len() == dof && numbers.len() == 3 + dof;
-        (is_finite && is_whole).then(|| Self {
+        let moves = palm.velocity.is_finite() && palm.acceleration.is_finite();
+        let is_whole = step.q_rad.len() == dof && joints.len() == dof;
+        (is_finite && moves && is_whole).then_some(Self {
             time_s: step.time_s,
-            rotation: pose.rotation,
-            numbers,
-            spin: [Vector3::new(wx, wy, wz), Vector3::new(bx, by, bz)],
-            turn: [Vector3::zeros(); 3],
+            palm,
+            joints,
         })
     }
 }
 
-/// Returns the rotation vector from one step to the next and its derivatives there.
-///
-/// The angular velocity along the first step's axes is `ω = J(φ) φ′`, its derivative `J φ″ + J′ φ′`
-/// with the left Jacobian J of the rotation group; here they are solved for φ′ and φ″.
-fn turn(from: &Knot, to: &Knot) -> Option<[Vector3<f64>; 3]> {
-    let phi = (from.rotation.inverse() * to.rotation).scaled_axis();
-    let [spin, spin_rate] = to.spin.map(|spin| from.rotation.inverse() * spin);
-    let inverse = left_jacobian(&phi).try_inverse()?;
-    let velocity = inverse * spin;
-    let acceleration = inverse * (spin_rate - left_jacobian_rate(&phi, &velocity));
-    Some([phi, velocity, acceleration])
-}
-
 /// Returns the hand `time_s` after one step, of which the other is the next.
-fn between(from: &Knot, to: &Knot, time_s: f64) -> Moving {
+fn between(from: &Knot, to: &Knot, passage: &Passage, time_s: f64) -> Moving {
+    let palm = passage.at(time_s);
     let duration_s = to.time_s - from.time_s;
-    let ends = from.numbers.iter().zip(&to.numbers);
-    let numbers: Vec<[f64; 3]> = ends
+    let ends = from.joints.iter().zip(&to.joints);
+    let joints: Vec<[f64; 3]> = ends
         .map(|(&from, &to)| quintic(from, to, duration_s, time_s))
         .collect();
-    let start = from.spin.map(|spin| from.rotation.inverse() * spin);
-    let mut phi = [Vector3::zeros(); 3];
-    for axis in 0..3 {
-        // At its beginning a rotation vector's derivatives are those of the angle turned.
-        let first = [0.0, start[0][axis], start[1][axis]];
-        let last = from.turn.map(|turn| turn[axis]);
-        let found = quintic(first, last, duration_s, time_s);
-        for (phi, found) in phi.iter_mut().zip(found) {
-            phi[axis] = found;
-        }
-    }
-    let [phi, phi_1, phi_2] = phi;
-    let jacobian = left_jacobian(&phi);
-    let position = |order: usize| {
-        let mut xyz = numbers.iter().map(|number| number[order]);
-        Vector3::from_fn(|_, _| xyz.next().unwrap_or(0.0))
-    };
-    let joints = |order: usize| {
-        let joints = numbers.iter().skip(3);
-        joints.map(|number| number[order]).collect()
+    let order = |order: usize| joints.iter().map(|joint| joint[order]).collect();
+    let rate = |twist: Twist, q| Rate {
+        linear: twist.linear,
+        angular: twist.angular,
+        q,
     };
     Moving {
-        object_from_palm: Isometry3::from_parts(
-            Translation3::from(position(0)),
-            from.rotation * UnitQuaternion::from_scaled_axis(phi),
-        ),
-        q: joints(0),
-        velocity: Rate {
-            linear: position(1),
-            angular: from.rotation * (jacobian * phi_1),
-            q: joints(1),
-        },
-        acceleration: Rate {
-            linear: position(2),
-            angular: from.rotation * (jacobian * phi_2 + left_jacobian_rate(&phi, &phi_1)),
-            q: joints(2),
-        },
+        object_from_palm: palm.pose,
+        q: order(0),
+        velocity: rate(palm.velocity, order(1)),
+        acceleration: rate(palm.acceleration, order(2)),
     }
-}
-
-/// Returns the matrix that takes a rotation vector's derivative to the angular velocity along fixed
-/// axes: `1 + b φ× + c φ×φ×` (Barfoot, *State Estimation for Robotics*, 2017, §7.1.5).
-fn left_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
-    let cross = phi.cross_matrix();
-    let [b, c] = coefficients(phi.norm());
-    Matrix3::identity() + cross * b + cross * cross * c
-}
-
-/// Returns the derivative of [`left_jacobian`] along a rotation vector's velocity, times that velocity.
-fn left_jacobian_rate(phi: &Vector3<f64>, velocity: &Vector3<f64>) -> Vector3<f64> {
-    let [_, c] = coefficients(phi.norm());
-    let [b_slope, c_slope] = slopes(phi.norm());
-    let along = phi.dot(velocity);
-    let once = phi.cross(velocity);
-    once * (b_slope * along) + phi.cross(&once) * (c_slope * along) + velocity.cross(&once) * c
-}
-
-/// `(1 − cos θ)/θ²` and `(θ − sin θ)/θ³`.
-fn coefficients(angle: f64) -> [f64; 2] {
-    let sq = angle * angle;
-    if angle < SMALL_RAD {
-        return [
-            0.5 - sq / 24.0 + sq * sq / 720.0,
-            1.0 / 6.0 - sq / 120.0 + sq * sq / 5040.0,
-        ];
-    }
-    [
-        (1.0 - angle.cos()) / sq,
-        (angle - angle.sin()) / (sq * angle),
-    ]
-}
-
-/// The derivatives of [`coefficients`] by the angle, over the angle.
-fn slopes(angle: f64) -> [f64; 2] {
-    let sq = angle * angle;
-    if angle < SMALL_RAD {
-        return [-1.0 / 12.0 + sq / 180.0, -1.0 / 60.0 + sq / 1260.0];
-    }
-    let [sin, cos] = [angle.sin(), angle.cos()];
-    [
-        (angle * sin - 2.0 * (1.0 - cos)) / (sq * sq),
-        (angle * (1.0 - cos) - 3.0 * (angle - sin)) / (sq * sq * angle),
-    ]
 }
 
 #[cfg(test)]

@@ -1,17 +1,19 @@
 //! From a motion that holds in physics to one that a robot can make: timed within its limits, sampled
 //! at its controllers' rate, and refused where that cannot be.
 
-use cell::GoalStep;
-use nalgebra::{UnitQuaternion, Vector3};
+use cell::{Carrier, Track};
+use nalgebra::{Isometry3, Vector3};
 use robot::{JointKind, RobotModel};
 use schemas::candidates::{Candidate, Candidates, Rates, Step};
-use simulation::{Approach, Protocol};
-use spatial::{Object, Pose, Table};
+use simulation::{Approach, Flexion, Protocol, Trial};
 
 use crate::{
     DispatchConfig, DispatchError,
-    course::{Course, Rate},
-    limits::{Joints, Limits},
+    config::RatesConfig,
+    course::Course,
+    excess::Excess,
+    limits::Limits,
+    motion::{Fingers, Lengths, Part, WholeMotion},
     refusal::Refusal,
     timing::Timing,
 };
@@ -21,23 +23,25 @@ const ROUNDING: f64 = 1e-9;
 /// How often a sampled motion is slowed down until it keeps its limits; each time takes what is missing,
 /// of which sampling brings back next to nothing.
 const TRIALS: usize = 10;
+/// The parts of a motion that limits slow down.
+const PARTS: [Part; 4] = [Part::Way, Part::Close, Part::Squeeze, Part::Lift];
 
 /// What makes motions feasible for one hand.
 pub(crate) struct Planner<'a> {
     hand: &'a RobotModel,
     protocol: &'a Protocol,
     limits: Limits,
-    rate_hz: f64,
-    /// Least of the largest speeds of the joints that open and squeeze.
-    flexion_speed: f64,
+    rates: RatesConfig,
+    flexion: Flexion,
 }
 
 /// A motion that the robot can make.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Feasible {
-    /// The way of the palm, with the fingers' positions on it, at the controllers' rate; at rest at both
-    /// ends.
-    pub(crate) steps: Vec<GoalStep>,
+    /// What moves the palm, from rest to rest, to the end of the lift.
+    pub(crate) carrier: Carrier,
+    /// What the fingers are told, to the end of the squeeze.
+    pub(crate) hand: Track,
     /// How it is carried out, in as much time as it needs.
     pub(crate) grasp: Protocol,
 }
@@ -50,8 +54,7 @@ impl<'a> Planner<'a> {
     ) -> Result<Self, DispatchError> {
         let limits = Limits::new(&config.limits, hand)?;
         let wrong = |key: &'static str, problem: String| DispatchError::BadOption { key, problem };
-        let flexion = hand
-            .require_joints(&config.grasp.flexion_joints)
+        let flexion = Flexion::new(&config.grasp, hand)
             .map_err(|err| wrong("grasp.flexion_joints", err.to_string()))?;
         let path_s = path_s(&config.grasp);
         if !(path_s.is_finite() && path_s > 0.0) {
@@ -60,21 +63,17 @@ impl<'a> Planner<'a> {
                 format!("it leaves the palm {path_s} s for its way"),
             ));
         }
-        let speeds = flexion
-            .iter()
-            .filter_map(|&joint| limits.q_velocity.get(joint));
+        if config.grasp.trial != Trial::Lift {
+            let problem = "a cell lifts what it grasps, and pulls at nothing".to_owned();
+            return Err(wrong("grasp.trial", problem));
+        }
         Ok(Self {
             hand,
             protocol: &config.grasp,
-            rate_hz: config.rate_hz,
-            flexion_speed: speeds.copied().fold(f64::INFINITY, f64::min),
+            rates: config.rates,
+            flexion,
             limits,
         })
-    }
-
-    /// Returns the names of the joints, in the order of a feasible motion's.
-    pub(crate) fn joints_of_hand(&self) -> Vec<String> {
-        self.hand.joint_names()
     }
 
     /// Makes a motion feasible; its joints come in the order of the hand's.
@@ -88,13 +87,19 @@ impl<'a> Planner<'a> {
     ) -> Result<Feasible, Refusal> {
         let ordered = self.in_order(candidates, candidate)?;
         let course = Course::through(&ordered, self.hand.dof())?;
-        let (steps, way_s) = self.timed(&course)?;
-        self.check_joints(&steps)?;
-        self.check_table(&candidate.table_from_object, &steps)?;
-        Ok(Feasible {
-            steps,
-            grasp: self.stretched(way_s),
-        })
+        self.check_course(&course, candidate.table_from_object.isometry())?;
+        let grasp = course.at(course.duration_s()).map(|hand| hand.q);
+        let grasp = grasp.unwrap_or_default();
+        let fingers = Fingers {
+            opened: match self.protocol.approach {
+                Approach::Follow => None,
+                Approach::Open => Some(self.flexion.flexed(&grasp, -self.protocol.open_rad)),
+            },
+            squeezed: self.flexion.flexed(&grasp, self.protocol.squeeze_rad),
+            grasp,
+        };
+        let table_from_object = *candidate.table_from_object.isometry();
+        self.timed(&course, &fingers, table_from_object)
     }
 
     /// Returns the candidate with its joints in the order of the hand's.
@@ -137,197 +142,210 @@ impl<'a> Planner<'a> {
         })
     }
 
-    /// Returns the course at the controllers' rate within all limits, and how long it takes in seconds.
-    fn timed(&self, course: &Course) -> Result<(Vec<GoalStep>, f64), Refusal> {
+    /// Returns a course at the controllers' rates within all limits.
+    fn timed(
+        &self,
+        course: &Course,
+        fingers: &Fingers,
+        table_from_object: Isometry3<f64>,
+    ) -> Result<Feasible, Refusal> {
         let asked_s = path_s(self.protocol);
-        let pace = course.duration_s() / asked_s;
         let most = self.limits.config.most_times_slower;
         let slow = |way_s: f64| Refusal::Slow {
             slower: way_s / asked_s,
             most,
         };
         let endless = || slow(f64::INFINITY);
-        let mut timing =
-            Timing::fastest(course, &self.limits, self.joints(), pace).ok_or_else(endless)?;
+        let follows = fingers.opened.is_none();
+        let parts_at = |course_s: f64| {
+            let hand = course.at(course_s)?;
+            let (velocity, acceleration) = (&hand.velocity, &hand.acceleration);
+            let palm = self
+                .limits
+                .of_palm(&velocity.twist(), &acceleration.twist());
+            let mut parts = palm.to_vec();
+            if follows {
+                parts.extend(self.limits.of_joints(&velocity.q, &acceleration.q));
+            }
+            Some(parts)
+        };
+        let pace = course.duration_s() / asked_s;
+        let timing = Timing::fastest(course.duration_s(), pace, parts_at).ok_or_else(endless)?;
+        let lengths = self.lengths(timing.duration_s(), fingers);
+        let mut motion = WholeMotion {
+            course,
+            timing,
+            fingers,
+            table_from_object,
+            lift_m: self.protocol.lift_m,
+            lengths,
+        };
         for _ in 0..TRIALS {
             // What is no number is not soon enough.
-            let is_soon_enough = timing.duration_s() <= most * asked_s;
+            let is_soon_enough = motion.lengths.way_s <= most * asked_s;
             if !is_soon_enough {
-                return Err(slow(timing.duration_s()));
+                return Err(slow(motion.lengths.way_s));
             }
-            let ticks = (timing.duration_s() * self.rate_hz).ceil().max(1.0);
-            timing = timing.slower(ticks / self.rate_hz / timing.duration_s());
-            let steps = self.sampled(course, &timing, ticks).ok_or_else(endless)?;
-            let excess = self.excess(&steps);
-            if excess <= 1.0 + ROUNDING {
-                return Ok((steps, ticks / self.rate_hz));
+            let palm = sampled(motion.lengths.lifted_s(), self.rates.palm_hz, |time_s| {
+                motion.palm(time_s)
+            });
+            let hand = sampled(motion.lengths.squeezed_s(), self.rates.hand_hz, |time_s| {
+                motion.hand(time_s)
+            });
+            let (palm, hand) = (palm.ok_or_else(endless)?, hand.ok_or_else(endless)?);
+            let mut excess = Excess::default();
+            excess.of_palm(&palm, &self.limits, &motion.lengths);
+            excess.of_joints(&hand, &self.limits, &motion.lengths);
+            let is_kept = PARTS
+                .into_iter()
+                .all(|part| excess.of(part) <= 1.0 + ROUNDING);
+            if is_kept {
+                return Ok(Feasible {
+                    grasp: motion.protocol(self.protocol),
+                    carrier: Carrier::Palm(palm),
+                    hand: Track {
+                        joints: self.hand.joint_names(),
+                        points: hand,
+                    },
+                });
             }
-            timing = timing.slower(excess * (1.0 + ROUNDING));
-        }
-        Err(slow(timing.duration_s()))
-    }
-
-    /// Samples a course at the controllers' rate; `None` if that is more than memory can hold.
-    fn sampled(&self, course: &Course, timing: &Timing, ticks: f64) -> Option<Vec<GoalStep>> {
-        /// An hour at 1 kHz.
-        const MOST: f64 = 3.6e6;
-        if ticks > MOST {
-            return None;
-        }
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a whole number between 1 and MOST"
-        )]
-        let ticks = ticks as usize;
-        (0..=ticks)
-            .map(|tick| {
-                let time_s = tick as f64 / self.rate_hz;
-                let hand = course.at(timing.course_s(time_s))?;
-                Some(GoalStep {
-                    time_s,
-                    object_from_palm: Pose::new(hand.object_from_palm),
-                    q_rad: hand.q,
-                })
-            })
-            .collect()
-    }
-
-    /// Returns how many times as slow a sampled motion must be for its limits: velocities go with the
-    /// inverse of that, accelerations with the inverse of its square.
-    ///
-    /// Both are those that a controller sees, differences over one period; before and after, the hand
-    /// rests.
-    fn excess(&self, steps: &[GoalStep]) -> f64 {
-        let rest = || Rate {
-            linear: Vector3::zeros(),
-            angular: Vector3::zeros(),
-            q: vec![0.0; self.hand.dof()],
-        };
-        let moves = steps.windows(2).map(|pair| match pair {
-            [from, to] => self.rate(from, to),
-            _ => rest(),
-        });
-        let mut before = rest();
-        let mut excess: f64 = 0.0;
-        for velocity in moves.chain([rest()]) {
-            let acceleration = Rate {
-                linear: (velocity.linear - before.linear) * self.rate_hz,
-                angular: (velocity.angular - before.angular) * self.rate_hz,
-                q: differences(&before.q, &velocity.q, self.rate_hz),
-            };
-            for part in self
-                .limits
-                .of_rates(&velocity, &acceleration, self.joints())
-            {
-                let speed = part.velocity.norm() / part.most_velocity;
-                let change = part.acceleration.norm() / part.most_acceleration;
-                excess = excess.max(speed).max(change.sqrt());
+            for part in PARTS {
+                let times = excess.of(part).max(1.0) * (1.0 + ROUNDING);
+                motion.lengths.stretch(part, times);
+                if part == Part::Way {
+                    motion.timing = motion.timing.slower(times);
+                }
             }
-            before = velocity;
         }
-        excess
+        Err(slow(motion.lengths.way_s))
     }
 
-    /// Returns the mean velocity from one step to the next.
-    fn rate(&self, from: &GoalStep, to: &GoalStep) -> Rate {
-        let [a, b] = [from, to].map(|step| step.object_from_palm.isometry());
-        let turn: UnitQuaternion<f64> = b.rotation * a.rotation.inverse();
-        Rate {
-            linear: (b.translation.vector - a.translation.vector) * self.rate_hz,
-            angular: turn.scaled_axis() * self.rate_hz,
-            q: differences(&from.q_rad, &to.q_rad, self.rate_hz),
-        }
-    }
-
-    /// Whether the fingers follow the motion on the palm's way.
-    fn joints(&self) -> Joints {
-        match self.protocol.approach {
-            Approach::Follow => Joints::Follow,
-            Approach::Open => Joints::Still,
-        }
-    }
-
-    /// Returns the protocol with the time that the palm's way needs, and no ramp faster than the limits.
-    ///
-    /// Ramps of the fingers have one speed; the lift is `3 s² − 2 s³` of its height, whose greatest
-    /// speed is 1.5 and whose greatest acceleration 6, over the time and its square.
-    fn stretched(&self, way_s: f64) -> Protocol {
+    /// Returns how long the parts of a motion last at least, of which the palm's way takes `way_s`.
+    fn lengths(&self, way_s: f64, fingers: &Fingers) -> Lengths {
         let asked = self.protocol;
-        let ramp_s = |angle: f64| angle.abs() / self.flexion_speed;
-        let (reach_s, close_fraction) = match asked.approach {
-            Approach::Follow => (way_s, asked.close_fraction),
-            Approach::Open => {
-                let closing_s = (asked.reach_s * closing(asked)).max(ramp_s(asked.open_rad));
-                (way_s + closing_s, closing_s / (way_s + closing_s))
-            }
+        let limits = &self.limits;
+        let config = &limits.config;
+        let fingers_s = |from: &[f64], to: &[f64]| {
+            let ways = from.iter().zip(to).zip(&limits.q_velocity);
+            let ramps = ways.map(|((from, to), &most)| {
+                ramp_s(to - from, most, config.joint_acceleration_rad_per_s2)
+            });
+            ramps.fold(0.0, f64::max)
         };
-        let config = &self.limits.config;
-        let height_m = asked.lift_m.abs();
-        let lift_s = (1.5 * height_m / config.palm_speed_m_per_s)
-            .max((6.0 * height_m / config.palm_acceleration_m_per_s2).sqrt());
-        Protocol {
-            reach_s,
-            close_fraction,
-            squeeze_s: asked.squeeze_s.max(ramp_s(asked.squeeze_rad)),
-            lift_s: asked.lift_s.max(lift_s),
-            ..asked.clone()
+        let close_s = fingers.opened.as_ref().map_or(0.0, |opened| {
+            (asked.reach_s * closing(asked)).max(fingers_s(opened, &fingers.grasp))
+        });
+        Lengths {
+            way_s,
+            close_s,
+            squeeze_s: asked
+                .squeeze_s
+                .max(fingers_s(&fingers.grasp, &fingers.squeezed)),
+            pause_s: asked.pause_s,
+            lift_s: asked.lift_s.max(ramp_s(
+                asked.lift_m,
+                config.palm_speed_m_per_s,
+                config.palm_acceleration_m_per_s2,
+            )),
         }
     }
 
-    fn check_joints(&self, steps: &[GoalStep]) -> Result<(), Refusal> {
+    /// Refuses a course on which a joint is outside its limits or the hand deeper below the table than
+    /// the protocol has it.
+    fn check_course(
+        &self,
+        course: &Course,
+        table_from_object: &Isometry3<f64>,
+    ) -> Result<(), Refusal> {
+        let places = (course.duration_s() * self.rates.palm_hz).ceil().max(1.0);
+        let places = whole(places).ok_or(Refusal::Slow {
+            slower: f64::INFINITY,
+            most: self.limits.config.most_times_slower,
+        })?;
+        for place in 0..=places {
+            let time_s = course.duration_s() * place as f64 / places as f64;
+            if let Some(hand) = course.at(time_s) {
+                self.check_joints(&hand.q, time_s)?;
+                self.check_table(
+                    &(table_from_object * hand.object_from_palm),
+                    &hand.q,
+                    time_s,
+                )?;
+            }
+        }
+        Ok(())
+    }
+
+    fn check_joints(&self, q: &[f64], time_s: f64) -> Result<(), Refusal> {
         let tolerance = self.protocol.limit_tolerance_rad;
-        for step in steps {
-            for (joint, &q) in self.hand.joints().iter().zip(&step.q_rad) {
-                let inside = q >= joint.lower - tolerance && q <= joint.upper + tolerance;
-                if joint.kind != JointKind::Continuous && !inside {
-                    return Err(Refusal::Limit {
-                        joint: joint.name.clone(),
-                        q,
-                        time_s: step.time_s,
-                        lower: joint.lower,
-                        upper: joint.upper,
+        for (joint, &q) in self.hand.joints().iter().zip(q) {
+            let inside = q >= joint.lower - tolerance && q <= joint.upper + tolerance;
+            if joint.kind != JointKind::Continuous && !inside {
+                return Err(Refusal::Limit {
+                    joint: joint.name.clone(),
+                    q,
+                    time_s,
+                    lower: joint.lower,
+                    upper: joint.upper,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_table(
+        &self,
+        table_from_palm: &Isometry3<f64>,
+        q: &[f64],
+        time_s: f64,
+    ) -> Result<(), Refusal> {
+        // The positions are those of the hand's joints.
+        let palm_from_links = self.hand.forward_kinematics(q).unwrap_or_default();
+        for (link, palm_from_link) in self.hand.links().iter().zip(&palm_from_links) {
+            for collision in &link.collisions {
+                let table_from_shape = table_from_palm * palm_from_link * collision.link_from_shape;
+                let up = table_from_shape
+                    .rotation
+                    .inverse_transform_vector(&Vector3::z());
+                let depth_m = collision.shape.extent_m(&up) - table_from_shape.translation.vector.z;
+                if depth_m > self.protocol.table_tolerance_m {
+                    return Err(Refusal::Table {
+                        link: link.name.clone(),
+                        depth_m,
+                        time_s,
                     });
                 }
             }
         }
         Ok(())
     }
+}
 
-    /// Refuses a hand that reaches deeper below the table than the protocol has it.
-    fn check_table(
-        &self,
-        table_from_object: &Pose<Table, Object>,
-        steps: &[GoalStep],
-    ) -> Result<(), Refusal> {
-        for step in steps {
-            let table_from_palm = table_from_object * &step.object_from_palm;
-            // The positions are those of the hand's joints.
-            let palm_from_links = self
-                .hand
-                .forward_kinematics(&step.q_rad)
-                .unwrap_or_default();
-            for (link, palm_from_link) in self.hand.links().iter().zip(&palm_from_links) {
-                for collision in &link.collisions {
-                    let table_from_shape =
-                        table_from_palm.isometry() * palm_from_link * collision.link_from_shape;
-                    let up = table_from_shape
-                        .rotation
-                        .inverse_transform_vector(&Vector3::z());
-                    let depth_m =
-                        collision.shape.extent_m(&up) - table_from_shape.translation.vector.z;
-                    if depth_m > self.protocol.table_tolerance_m {
-                        return Err(Refusal::Table {
-                            link: link.name.clone(),
-                            depth_m,
-                            time_s: step.time_s,
-                        });
-                    }
-                }
-            }
-        }
-        Ok(())
-    }
+/// Returns what is told over `duration_s` at no more than a rate, in equal periods; `None` if that is
+/// more than memory can hold.
+fn sampled<T>(duration_s: f64, rate_hz: f64, at: impl Fn(f64) -> Option<T>) -> Option<Vec<T>> {
+    // A period that is shorter by rounding is none.
+    let ticks = whole((duration_s * rate_hz * (1.0 + ROUNDING)).floor().max(1.0))?;
+    (0..=ticks)
+        .map(|tick| at(duration_s * tick as f64 / ticks as f64))
+        .collect()
+}
+
+fn whole(ticks: f64) -> Option<usize> {
+    /// An hour at 1 kHz.
+    const MOST: f64 = 3.6e6;
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a whole number between 1 and MOST"
+    )]
+    (1.0..=MOST).contains(&ticks).then_some(ticks as usize)
+}
+
+/// Returns how long a [`WholeMotion`]'s ramp takes at least for a way, a speed and an acceleration.
+fn ramp_s(way: f64, speed: f64, acceleration: f64) -> f64 {
+    let way = way.abs();
+    (1.5 * way / speed).max((6.0 * way / acceleration).sqrt())
 }
 
 /// Returns how long the palm is on its way as asked for, in seconds.
@@ -341,13 +359,6 @@ fn path_s(protocol: &Protocol) -> f64 {
 /// Returns the share of the reach in which the fingers close.
 fn closing(protocol: &Protocol) -> f64 {
     protocol.close_fraction.clamp(0.0, 1.0)
-}
-
-fn differences(from: &[f64], to: &[f64], rate_hz: f64) -> Vec<f64> {
-    from.iter()
-        .zip(to)
-        .map(|(from, to)| (to - from) * rate_hz)
-        .collect()
 }
 
 #[cfg(test)]

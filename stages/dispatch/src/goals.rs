@@ -45,17 +45,21 @@ pub(crate) fn goal(
     candidates: &Candidates,
     candidate: &Candidate,
 ) -> Result<Goal, Refusal> {
-    let Feasible { steps, grasp } = planner.plan(candidates, candidate)?;
+    let Feasible {
+        carrier,
+        hand,
+        grasp,
+    } = planner.plan(candidates, candidate)?;
     let mut goal = Goal {
         candidate_id: candidate.candidate_id.clone(),
         object: candidates.object.clone(),
         robot: robot_digest(urdf),
         attempt: config.attempt,
         table_from_object: candidate.table_from_object,
-        joints: planner.joints_of_hand(),
         start_tolerance_rad: config.start_tolerance_rad,
         grasp,
-        steps,
+        carrier,
+        hand,
     };
     names.to_wire(&mut goal);
     Ok(goal)

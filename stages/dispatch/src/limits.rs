@@ -4,11 +4,9 @@ use nalgebra::Vector3;
 use robot::RobotModel;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use spatial::Twist;
 
-use crate::{
-    DispatchError,
-    course::{Moving, Rate},
-};
+use crate::DispatchError;
 
 /// How fast palm and joints may move; a motion is slowed down until it keeps to this.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -41,7 +39,7 @@ pub(crate) struct Limits {
     pub(crate) q_velocity: Vec<f64>,
 }
 
-/// A part of the hand that has limits of its own: the palm's place, its rotation, or a joint.
+/// A part of a robot that has limits of its own: the palm's place, its rotation, or a joint.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Part {
     pub(crate) velocity: Vector3<f64>,
@@ -77,20 +75,10 @@ impl Limits {
         })
     }
 
-    /// Returns the parts of a hand in motion, with or without its joints.
-    pub(crate) fn parts(&self, hand: &Moving, joints: Joints) -> Vec<Part> {
-        self.of_rates(&hand.velocity, &hand.acceleration, joints)
-    }
-
-    /// Returns the parts of a hand that moves so.
-    pub(crate) fn of_rates(
-        &self,
-        velocity: &Rate,
-        acceleration: &Rate,
-        joints: Joints,
-    ) -> Vec<Part> {
+    /// Returns the parts of a palm that moves so.
+    pub(crate) fn of_palm(&self, velocity: &Twist, acceleration: &Twist) -> [Part; 2] {
         let config = &self.config;
-        let mut parts = vec![
+        [
             Part {
                 velocity: velocity.linear,
                 acceleration: acceleration.linear,
@@ -103,30 +91,44 @@ impl Limits {
                 most_velocity: config.palm_turn_rad_per_s,
                 most_acceleration: config.palm_turn_acceleration_rad_per_s2,
             },
-        ];
-        if joints == Joints::Still {
-            return parts;
-        }
-        let rates = velocity.q.iter().zip(&acceleration.q);
-        parts.extend(
-            rates
-                .zip(&self.q_velocity)
-                .map(|((&velocity, &acceleration), &most)| Part {
-                    velocity: Vector3::x() * velocity,
-                    acceleration: Vector3::x() * acceleration,
-                    most_velocity: most,
-                    most_acceleration: config.joint_acceleration_rad_per_s2,
-                }),
-        );
-        parts
+        ]
+    }
+
+    /// Returns the joints of a hand that moves so.
+    pub(crate) fn of_joints(&self, velocity: &[f64], acceleration: &[f64]) -> Vec<Part> {
+        let rates = velocity.iter().zip(acceleration).zip(&self.q_velocity);
+        rates
+            .map(|((&velocity, &acceleration), &most_velocity)| {
+                let most_acceleration = self.config.joint_acceleration_rad_per_s2;
+                Part::of_joint(velocity, acceleration, most_velocity, most_acceleration)
+            })
+            .collect()
     }
 }
 
-/// Whether the fingers follow a motion or stand still on its way.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Joints {
-    Follow,
-    Still,
+impl Part {
+    /// Takes a single joint.
+    pub(crate) fn of_joint(
+        velocity: f64,
+        acceleration: f64,
+        most_velocity: f64,
+        most_acceleration: f64,
+    ) -> Self {
+        Self {
+            velocity: Vector3::x() * velocity,
+            acceleration: Vector3::x() * acceleration,
+            most_velocity,
+            most_acceleration,
+        }
+    }
+
+    /// Returns how many times as slow it must be for its limits: velocities go with the inverse of
+    /// that, accelerations with the inverse of its square.
+    pub(crate) fn excess(&self) -> f64 {
+        let speed = self.velocity.norm() / self.most_velocity;
+        let change = self.acceleration.norm() / self.most_acceleration;
+        speed.max(change.sqrt())
+    }
 }
 
 impl LimitsConfig {

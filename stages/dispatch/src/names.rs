@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use cell::{Goal, Report};
+use cell::{Carrier, Goal, Report};
 use robot::RobotModel;
 
 use crate::DispatchError;
@@ -49,8 +49,11 @@ impl JointNames {
 
     /// Calls a goal's joints what they are called on the wire.
     pub(crate) fn to_wire(&self, goal: &mut Goal) {
-        let names = goal.joints.iter_mut();
+        let names = goal.hand.joints.iter_mut();
         rename(&self.on_wire, names.chain(&mut goal.grasp.flexion_joints));
+        if let Carrier::Arm(arm) = &mut goal.carrier {
+            rename(&self.on_wire, &mut arm.joints);
+        }
     }
 
     /// Calls a report's joints what the hand's URDF calls them.

@@ -2,14 +2,19 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use cell::{Goal, Report, Sample};
+use cell::{Carrier, Goal, Report, Sample, Track};
 use lake::recording::Recording;
+use nalgebra::Isometry3;
 use robot::RobotModel;
 use schemas::{
     executions,
     objects::Object,
-    ros2::motion::{
-        self, GRASP_POSE, Hand, HandLink, JOINT_TRAJECTORY, OBJECT, START_NS, Scene, SceneStep,
+    ros2::{
+        JointTrajectory,
+        motion::{
+            self, ARM_TRAJECTORY, GRASP_POSE, Hand, HandLink, JOINT_TRAJECTORY, OBJECT, START_NS,
+            Scene, SceneStep, TrajectoryPoint,
+        },
     },
 };
 
@@ -25,6 +30,8 @@ pub(crate) struct Setting<'a> {
     pub(crate) cell: &'a str,
     /// How the cell differs from what was planned for.
     pub(crate) gap: &'a str,
+    /// Pose of the palm at the grasp, in the object frame.
+    pub(crate) object_from_grasp: &'a Isometry3<f64>,
 }
 
 /// Writes `<candidate_id>.mcap` into `folder`; a motion without samples has no recording.
@@ -74,18 +81,13 @@ pub(crate) fn record(
     let path = folder.join(format!("{}.mcap", goal.candidate_id));
     let mut recording = Recording::create(&path, &about(setting, goal, report))?;
     recording.write_scene(&scene)?;
-    let commands = samples
-        .iter()
-        .map(|sample| (sample.time_s, sample.q_command_rad.as_slice()));
-    recording.write_latched(
-        JOINT_TRAJECTORY,
-        START_NS,
-        &motion::joint_trajectory(START_NS, &joints, commands),
-    )?;
-    if let Some(step) = goal.steps.last() {
-        let grasp = motion::pose_stamped(START_NS, OBJECT, step.object_from_palm.isometry());
-        recording.write_latched(GRASP_POSE, START_NS, &grasp)?;
+    // Under the names of the wire: what the cell was told.
+    recording.write_latched(JOINT_TRAJECTORY, START_NS, &told(&goal.hand))?;
+    if let Carrier::Arm(arm) = &goal.carrier {
+        recording.write_latched(ARM_TRAJECTORY, START_NS, &told(arm))?;
     }
+    let grasp = motion::pose_stamped(START_NS, OBJECT, setting.object_from_grasp);
+    recording.write_latched(GRASP_POSE, START_NS, &grasp)?;
     for sample in &samples {
         recording.write_step(
             &scene,
@@ -101,6 +103,17 @@ pub(crate) fn record(
     }
     recording.finish()?;
     Ok(())
+}
+
+/// Returns what a controller was told.
+fn told(track: &Track) -> JointTrajectory {
+    let points = track.points.iter().map(|point| TrajectoryPoint {
+        time_s: point.time_s,
+        q_rad: &point.q_rad,
+        velocity_rad_per_s: &point.velocity_rad_per_s,
+        acceleration_rad_per_s2: &point.acceleration_rad_per_s2,
+    });
+    motion::joint_trajectory(START_NS, &track.joints, points)
 }
 
 /// Returns a sample with its positions in the order of the robot's own joints.

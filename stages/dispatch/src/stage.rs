@@ -280,14 +280,6 @@ fn send(
         simulated: capabilities.simulated,
         gap: &capabilities.gap,
     };
-    let setting = Setting {
-        urdf: &urdf,
-        hand_path,
-        model: &model,
-        object,
-        cell: &capabilities.cell,
-        gap: &capabilities.gap,
-    };
     let sender = Sender {
         config,
         client: &connected.client,
@@ -306,6 +298,17 @@ fn send(
         };
         let mut report = sender.carry_out(goal)?;
         names.of_hand(&mut report);
+        let grasp = candidate.steps.last();
+        let grasp = grasp.map(|step| *step.object_from_palm.isometry());
+        let setting = Setting {
+            urdf: &urdf,
+            hand_path,
+            model: &model,
+            object,
+            cell: &capabilities.cell,
+            gap: &capabilities.gap,
+            object_from_grasp: &grasp.unwrap_or_default(),
+        };
         record(&setting, goal, &report, cx.folder())?;
         sent.executions.push(cell.execution(candidate, &report));
     }

@@ -10,10 +10,7 @@
 //! vectors, convex in x and u″ and met at rest, so that the speeds from which a place can be passed are
 //! all those up to a greatest one.
 
-use crate::{
-    course::Course,
-    limits::{Joints, Limits, Part},
-};
+use crate::limits::Part;
 
 /// Places of a course at which speeds are sought.
 const PLACES_N: usize = 600;
@@ -39,20 +36,17 @@ struct Passed {
 }
 
 impl Timing {
-    /// Returns the fastest timing within limits, never faster than `pace` seconds of the course per
-    /// second; `None` if the course has no length.
+    /// Returns the fastest timing of a course that lasts `duration_s`, never faster than `pace` seconds
+    /// of the course per second; `None` if the course has no length. `parts_at` tells what moves after so
+    /// many seconds of the course, with its derivatives by them and their limits.
     pub(crate) fn fastest(
-        course: &Course,
-        limits: &Limits,
-        joints: Joints,
+        duration_s: f64,
         pace: f64,
+        parts_at: impl Fn(f64) -> Option<Vec<Part>>,
     ) -> Option<Self> {
-        let step = course.duration_s() / PLACES_N as f64;
+        let step = duration_s / PLACES_N as f64;
         let places: Vec<Place> = (0..=PLACES_N)
-            .map(|idx| {
-                let hand = course.at(step * idx as f64)?;
-                Some(Place::new(limits.parts(&hand, joints), pace))
-            })
+            .map(|idx| Some(Place::new(parts_at(step * idx as f64)?, pace)))
             .collect::<Option<_>>()?;
         let greatest = greatest(&places, step);
         let mut passed = vec![Passed {
@@ -82,8 +76,9 @@ impl Timing {
         self.passed.last().map_or(0.0, |passed| passed.time_s)
     }
 
-    /// Returns where the course is `time_s` after its start, in seconds of its own.
-    pub(crate) fn course_s(&self, time_s: f64) -> f64 {
+    /// Returns where the course is `time_s` after its start, in seconds of its own, and the first and
+    /// second derivative of that by time; 0 at both ends, where it rests.
+    pub(crate) fn at(&self, time_s: f64) -> [f64; 3] {
         let after = self
             .passed
             .partition_point(|passed| passed.time_s <= time_s);
@@ -92,14 +87,15 @@ impl Timing {
             self.passed.get(after.saturating_sub(1)),
             self.passed.get(after),
         ) else {
-            return 0.0;
+            return [0.0; 3];
         };
         let (whole_s, part_s) = (to.time_s - from.time_s, time_s - from.time_s);
         if whole_s <= 0.0 || part_s >= whole_s {
-            return to.course_s;
+            return [to.course_s, to.speed, 0.0];
         }
         let faster = (to.speed - from.speed) / whole_s;
-        from.course_s + part_s * (from.speed + 0.5 * faster * part_s)
+        let course_s = from.course_s + part_s * (from.speed + 0.5 * faster * part_s);
+        [course_s, from.speed + faster * part_s, faster]
     }
 
     /// Returns the same timing, `times` as slow.

@@ -10,7 +10,7 @@ use schemas::{
     objects::{self, Object, RestingOrientation},
     rollouts::{self, Rollout, Verdict},
     ros2::{
-        JointState, JointTrajectory, TfMessage,
+        JointState, JointTrajectory, JointTrajectoryPoint, TfMessage,
         motion::{GRASP_POSE, JOINT_STATES, JOINT_TRAJECTORY, MARKERS, TF},
     },
 };
@@ -229,7 +229,13 @@ fn accepted_motions_are_executed_by_the_simulated_cell_and_recorded() {
         .decode()
         .unwrap()
         .unwrap();
-    assert_eq!(commands.points.len(), states.len());
+    // What the hand was told, at its 333 Hz to the end of the squeeze.
+    let end = &commands.points.last().unwrap().time_from_start;
+    let rate_hz =
+        (commands.points.len() - 1) as f64 / (f64::from(end.sec) + f64::from(end.nanosec) * 1e-9);
+    assert!((330.0..=333.001).contains(&rate_hz), "{rate_hz}");
+    let rates = |point: &JointTrajectoryPoint| [point.velocities.len(), point.accelerations.len()];
+    assert!(commands.points.iter().all(|point| rates(point) == [2, 2]));
     let poses: TfMessage = recording
         .topic(TF)
         .last()

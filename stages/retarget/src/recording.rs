@@ -6,7 +6,9 @@ use geometry::TriMesh;
 use lake::{LakeError, recording::Recording};
 use robot::RobotModel;
 use schemas::{
-    ros2::motion::{self, Hand, HandLink, JOINT_TRAJECTORY, START_NS, Scene, SceneStep},
+    ros2::motion::{
+        self, Hand, HandLink, JOINT_TRAJECTORY, START_NS, Scene, SceneStep, TrajectoryPoint,
+    },
     trajectories::{self, Trajectory},
 };
 
@@ -46,7 +48,7 @@ pub(crate) fn record(
     let mut recording = Recording::create(&folder.join(FILE), &BTreeMap::from(about))?;
     recording.write_scene(&scene)?;
     let steps = || trajectory.steps.iter();
-    let positions = steps().map(|step| (step.time_s, step.q_rad.as_slice()));
+    let positions = steps().map(|step| TrajectoryPoint::positions(step.time_s, &step.q_rad));
     recording.write_latched(
         JOINT_TRAJECTORY,
         START_NS,

@@ -7,7 +7,9 @@ use robot::RobotModel;
 use schemas::{
     objects::Object,
     rollouts,
-    ros2::motion::{self, Hand, HandLink, JOINT_TRAJECTORY, START_NS, Scene, SceneStep},
+    ros2::motion::{
+        self, Hand, HandLink, JOINT_TRAJECTORY, START_NS, Scene, SceneStep, TrajectoryPoint,
+    },
 };
 use simulation::{Rollout, Trace};
 
@@ -59,7 +61,7 @@ pub(crate) fn record(
     recording.write_scene(&scene)?;
     let commands = steps
         .iter()
-        .map(|step| (step.time_s, step.q_command.as_slice()));
+        .map(|step| TrajectoryPoint::positions(step.time_s, &step.q_command));
     recording.write_latched(
         JOINT_TRAJECTORY,
         START_NS,

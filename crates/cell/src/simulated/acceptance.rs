@@ -1,13 +1,22 @@
 //! What a cell checks before it takes a goal.
 
-use robot::{JointKind, RobotModel};
+use robot::{Joint, JointKind};
+use simulation::{Protocol, Trial};
 
-use crate::goal::{Goal, Rejection, RejectionCode};
+use super::Robot;
+use crate::{
+    goal::{Goal, Rejection, RejectionCode},
+    track::{Carrier, Timed, Track},
+};
 
-/// Longest goal accepted, in bytes: an hour at 100 Hz would be twice that.
+/// Longest goal accepted, in bytes: four minutes of 16 joints at 333 Hz.
 pub(super) const MAX_GOAL_BYTES: usize = 32 * 1024 * 1024;
-/// Fewest steps of a motion.
-const MIN_STEPS: usize = 2;
+/// Fewest points of a controller.
+const MIN_POINTS: usize = 2;
+/// Longest motion, in seconds.
+const MOST_S: f64 = 600.0;
+/// Relative excess of a speed that is rounding.
+const ROUNDING: f64 = 1e-6;
 
 /// Checks a message's length, before anything of it is read.
 pub(super) fn check_length(bytes: &[u8]) -> Result<(), Rejection> {
@@ -23,19 +32,34 @@ pub(super) fn check_length(bytes: &[u8]) -> Result<(), Rejection> {
 /// Checks that the robot can carry out a goal: its joints, their limits, times and the object.
 pub(super) fn check(
     goal: &Goal,
-    model: &RobotModel,
-    robot: &str,
+    robot: &Robot,
     object_is_here: impl Fn(&str) -> bool,
 ) -> Result<(), Rejection> {
-    if goal.robot != robot {
+    if goal.robot != robot.digest {
+        let expected = &robot.digest;
         return refuse(
             RejectionCode::Robot,
-            format!("the goal is for robot {}, this one is {robot}", goal.robot),
+            format!(
+                "the goal is for robot {}, this one is {expected}",
+                goal.robot
+            ),
         );
     }
-    check_joints(goal, model)?;
-    check_times(goal)?;
-    check_limits(goal, model)?;
+    if goal.grasp.trial != Trial::Lift {
+        return refuse(
+            RejectionCode::Malformed,
+            "a cell lifts what it grasps, and pulls at nothing".to_owned(),
+        );
+    }
+    check_phases(&goal.grasp)?;
+    let tolerance = goal.grasp.limit_tolerance_rad;
+    check_track(&goal.hand, "hand", robot.hand.joints(), tolerance)?;
+    match &goal.carrier {
+        Carrier::Palm(points) => check_times("palm", points)?,
+        Carrier::Arm(_) => {
+            return refuse(RejectionCode::Joints, "this cell has no arm".to_owned());
+        }
+    }
     if object_is_here(&goal.object) {
         Ok(())
     } else {
@@ -46,68 +70,111 @@ pub(super) fn check(
     }
 }
 
-fn check_joints(goal: &Goal, model: &RobotModel) -> Result<(), Rejection> {
-    let unknown = goal.joints.iter().find(|name| model.joint(name).is_none());
-    if let Some(name) = unknown {
-        return refuse(
-            RejectionCode::Joints,
-            format!("the robot has no joint `{name}`"),
-        );
+/// Checks what a controller with these joints is told.
+fn check_track(
+    track: &Track,
+    controller: &str,
+    joints: &[Joint],
+    tolerance: f64,
+) -> Result<(), Rejection> {
+    let wrong = |problem: String| refuse(RejectionCode::Joints, problem);
+    let known = |name: &String| joints.iter().find(|joint| joint.name == *name);
+    if let Some(name) = track.joints.iter().find(|&name| known(name).is_none()) {
+        return wrong(format!("the {controller} has no joint `{name}`"));
     }
-    let missing = model
-        .joints()
+    let missing = joints
         .iter()
-        .find(|joint| !goal.joints.contains(&joint.name));
+        .find(|joint| !track.joints.contains(&joint.name));
     if let Some(joint) = missing {
-        return refuse(
-            RejectionCode::Joints,
-            format!("joint `{}` is missing", joint.name),
-        );
+        return wrong(format!("joint `{}` is missing", joint.name));
     }
-    if goal.joints.len() == model.dof() {
-        Ok(())
-    } else {
-        refuse(RejectionCode::Joints, "a joint is named twice".to_owned())
+    if track.joints.len() != joints.len() {
+        return wrong("a joint is named twice".to_owned());
     }
+    check_times(controller, &track.points)?;
+    let ordered: Vec<&Joint> = track.joints.iter().filter_map(known).collect();
+    check_limits(track, &ordered, tolerance)
 }
 
-fn check_times(goal: &Goal) -> Result<(), Rejection> {
-    if goal.steps.len() < MIN_STEPS {
-        return refuse(
-            RejectionCode::Times,
-            format!("{} steps, expected at least {MIN_STEPS}", goal.steps.len()),
-        );
-    }
-    let mut last_s = f64::NEG_INFINITY;
-    for (idx, step) in goal.steps.iter().enumerate() {
-        if step.time_s <= last_s {
-            return refuse(
-                RejectionCode::Times,
-                format!("step {idx} is at {} s, not after {last_s} s", step.time_s),
-            );
+/// Checks how long the parts of a motion last.
+fn check_phases(grasp: &Protocol) -> Result<(), Rejection> {
+    let parts = [
+        ("reach_s", grasp.reach_s),
+        ("squeeze_s", grasp.squeeze_s),
+        ("pause_s", grasp.pause_s),
+        ("lift_s", grasp.lift_s),
+        ("hold_s", grasp.hold_s),
+    ];
+    for (name, part_s) in parts {
+        if !(part_s.is_finite() && (0.0..=MOST_S).contains(&part_s)) {
+            let problem = format!("`{name}` is {part_s} s, expected 0 to {MOST_S}");
+            return refuse(RejectionCode::Times, problem);
         }
-        last_s = step.time_s;
+    }
+    let all_s: f64 = parts.iter().map(|(_, part_s)| part_s).sum();
+    if all_s > MOST_S {
+        let problem = format!("the motion lasts {all_s} s, expected up to {MOST_S}");
+        return refuse(RejectionCode::Times, problem);
     }
     Ok(())
 }
 
-fn check_limits(goal: &Goal, model: &RobotModel) -> Result<(), Rejection> {
-    let tolerance = goal.grasp.limit_tolerance_rad;
-    for (idx, step) in goal.steps.iter().enumerate() {
-        for (name, &q) in goal.joints.iter().zip(&step.q_rad) {
-            let Some(joint) = model
-                .joint(name)
-                .and_then(|joint| model.joints().get(joint))
-            else {
-                continue;
-            };
-            let inside = q >= joint.lower - tolerance && q <= joint.upper + tolerance;
-            if joint.kind != JointKind::Continuous && !inside {
+fn check_times<T: Timed>(controller: &str, points: &[T]) -> Result<(), Rejection> {
+    let wrong = |problem: String| refuse(RejectionCode::Times, problem);
+    if points.len() < MIN_POINTS {
+        return wrong(format!(
+            "{} points of the {controller}, expected at least {MIN_POINTS}",
+            points.len()
+        ));
+    }
+    if let Some(first) = points.first().filter(|first| first.time_s() != 0.0) {
+        return wrong(format!(
+            "the {controller}'s first point is at {} s, not at 0",
+            first.time_s()
+        ));
+    }
+    let mut last_s = f64::NEG_INFINITY;
+    for (idx, point) in points.iter().enumerate() {
+        let time_s = point.time_s();
+        if time_s <= last_s || time_s > MOST_S {
+            return wrong(format!(
+                "point {idx} of the {controller} is at {time_s} s, expected after {last_s} and up to {MOST_S}"
+            ));
+        }
+        last_s = time_s;
+    }
+    Ok(())
+}
+
+/// Checks positions and velocities, at the points and halfway between them.
+fn check_limits(track: &Track, joints: &[&Joint], tolerance: f64) -> Result<(), Rejection> {
+    let starts = track.points.iter().map(|point| point.time_s);
+    let halves = track.points.windows(2).filter_map(|pair| match pair {
+        [from, to] => Some(f64::midpoint(from.time_s, to.time_s)),
+        _ => None,
+    });
+    for point in starts.chain(halves).filter_map(|time_s| track.at(time_s)) {
+        let time_s = point.time_s;
+        let moving = point.q_rad.iter().zip(&point.velocity_rad_per_s);
+        for (joint, (&q, &velocity)) in joints.iter().zip(moving) {
+            let Joint {
+                name, lower, upper, ..
+            } = joint;
+            let is_inside = q >= lower - tolerance && q <= upper + tolerance;
+            if joint.kind != JointKind::Continuous && !is_inside {
                 return refuse(
                     RejectionCode::Limits,
                     format!(
-                        "step {idx} has joint `{name}` at {q}, outside {} to {}",
-                        joint.lower, joint.upper
+                        "joint `{name}` would be at {q} after {time_s} s, outside {lower} to {upper}"
+                    ),
+                );
+            }
+            let most = joint.velocity;
+            if most > 0.0 && velocity.abs() > most * (1.0 + ROUNDING) {
+                return refuse(
+                    RejectionCode::Limits,
+                    format!(
+                        "joint `{name}` would move at {velocity} per second after {time_s} s, faster than {most}"
                     ),
                 );
             }

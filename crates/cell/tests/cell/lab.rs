@@ -3,15 +3,15 @@
 use std::time::Duration;
 
 use cell::{
-    CellClient, Executed, Goal, GoalStep, ObjectError, Report, Service, SimulatedCell,
-    SimulatedCellConfig, robot_digest,
+    Carrier, CellClient, Executed, Gap, Goal, JointPoint, PalmPoint, Report, Service,
+    SimulatedCell, SimulatedCellConfig, Track, robot_digest,
 };
-use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use simulation::{
     Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, PullConfig, SceneConfig,
     Shortcuts, Trial,
 };
-use spatial::{Pose, Rest};
+use spatial::{Pose, Rest, Twist};
 
 pub(crate) const LISTEN: &str = "tcp/127.0.0.1:0";
 pub(crate) const SOON: Duration = Duration::from_secs(20);
@@ -92,34 +92,48 @@ pub(crate) fn cube() -> ObjectShape {
     }
 }
 
-/// Comes from above, closes the plates to `closed_m`, which touches the cube at 0.04.
+/// Comes from above, closes the plates to `closed_m`, which touches the cube at 0.04, squeezes and lifts.
 pub(crate) fn goal(closed_m: f64) -> Goal {
     let rest = Rest {
         up_in_object: Vector3::z_axis(),
         height_m: HALF_EDGE_M,
     };
-    let step = |time_s: f64, above_m: f64, q: f64| GoalStep {
+    let palm = |time_s: f64, above_m: f64| PalmPoint {
         time_s,
-        object_from_palm: Pose::new(Isometry3::from_parts(
-            nalgebra::Translation3::new(0.0, 0.0, above_m),
-            UnitQuaternion::identity(),
-        )),
-        q_rad: vec![q, q],
+        table_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, HALF_EDGE_M + above_m)),
+        velocity: Twist::zero(),
+        acceleration: Twist::zero(),
     };
+    let hand = |time_s: f64, q: f64| JointPoint {
+        time_s,
+        q_rad: vec![q, q],
+        velocity_rad_per_s: vec![0.0; 2],
+        acceleration_rad_per_s2: vec![0.0; 2],
+    };
+    // As long as `grasp` says: the reach to 0.6 s, the squeeze to 0.8 s, the lift from 0.9 s to 1.3 s.
     Goal {
         candidate_id: "cube-0001".to_owned(),
         object: "cube".to_owned(),
         robot: robot_digest(GRIPPER),
         attempt: 1,
         table_from_object: rest.table_from_object(),
-        joints: joints(),
         start_tolerance_rad: 0.1,
         grasp: grasp(),
-        steps: vec![
-            step(0.0, 0.15, 0.0),
-            step(0.7, 0.02, 0.0),
-            step(1.0, 0.02, closed_m),
-        ],
+        carrier: Carrier::Palm(vec![
+            palm(0.0, 0.15),
+            palm(0.42, 0.02),
+            palm(0.9, 0.02),
+            palm(1.3, 0.12),
+        ]),
+        hand: Track {
+            joints: joints(),
+            points: vec![
+                hand(0.0, 0.0),
+                hand(0.42, 0.0),
+                hand(0.6, closed_m),
+                hand(0.8, closed_m + 0.01),
+            ],
+        },
     }
 }
 
@@ -129,7 +143,7 @@ pub(crate) fn start_with(service: Service) -> SimulatedCell {
         name: "simulated".to_owned(),
         listen: LISTEN.to_owned(),
         scene: scene(),
-        object_error: ObjectError::default(),
+        gap: Gap::default(),
         service,
     };
     let cell = SimulatedCell::start(config, GRIPPER).unwrap();

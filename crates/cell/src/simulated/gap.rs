@@ -1,0 +1,129 @@
+//! How a simulated cell differs from what motions were screened in, beside its scene.
+
+use simulation::Offset;
+
+/// How a simulated cell differs from what motions were screened in, beside its scene; all of it is
+/// drawn by a goal's digest, so that a goal has one outcome.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Gap {
+    /// How wrong the motions are about where the object lies.
+    pub object: ObjectError,
+    /// How long after its time a command takes effect, in seconds.
+    pub latency_s: f64,
+    /// Standard deviation of what the joints' encoders add to their positions, in radians; the drives
+    /// see it too.
+    pub encoder_noise_rad: f64,
+}
+
+/// Bounds of the error with which the object's pose on the table is known; the error of each goal
+/// is drawn evenly from within them.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct ObjectError {
+    /// Largest displacement along each of the table's axes, in meters.
+    pub position_m: f64,
+    /// Largest rotation about the vertical, in radians.
+    pub yaw_rad: f64,
+}
+
+impl ObjectError {
+    /// Adds a goal's own error to where the object lies.
+    pub(super) fn misplaced(&self, offset: Offset, digest: &str) -> Offset {
+        let mut shares = Shares::of(digest, "pipeline 2026 where the object really lies");
+        let mut next = |bound: f64| bound * (2.0 * shares.next() - 1.0);
+        Offset {
+            x_m: offset.x_m + next(self.position_m),
+            y_m: offset.y_m + next(self.position_m),
+            yaw_rad: offset.yaw_rad + next(self.yaw_rad),
+        }
+    }
+}
+
+/// What encoders add, step by step.
+pub(super) struct EncoderNoise {
+    shares: Shares,
+    deviation_rad: f64,
+}
+
+impl EncoderNoise {
+    pub(super) fn of(digest: &str, deviation_rad: f64) -> Self {
+        Self {
+            shares: Shares::of(digest, "pipeline 2026 what encoders add"),
+            deviation_rad,
+        }
+    }
+
+    /// Draws the noise of one step of so many joints (Box and Muller, *A Note on the Generation of
+    /// Random Normal Deviates*, 1958).
+    pub(super) fn step(&mut self, dof: usize) -> Vec<f64> {
+        (0..dof)
+            .map(|_| {
+                // 1 − a share is never 0.
+                let radius = (-2.0 * (1.0 - self.shares.next()).ln()).sqrt();
+                let angle = std::f64::consts::TAU * self.shares.next();
+                self.deviation_rad * radius * angle.cos()
+            })
+            .collect()
+    }
+}
+
+/// Numbers drawn evenly from 0..1.
+struct Shares(blake3::OutputReader);
+
+impl Shares {
+    fn of(digest: &str, purpose: &str) -> Self {
+        let mut hasher = blake3::Hasher::new_derive_key(purpose);
+        Self(hasher.update(digest.as_bytes()).finalize_xof())
+    }
+
+    fn next(&mut self) -> f64 {
+        let mut eight = [0_u8; 8];
+        self.0.fill(&mut eight);
+        // 53 bits make every double in 0..1 on the grid of 2^-53.
+        (u64::from_le_bytes(eight) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_goal_has_its_own_error_within_the_bounds() {
+        let bounds = ObjectError {
+            position_m: 0.01,
+            yaw_rad: 0.1,
+        };
+        let errors: Vec<Offset> = (0..1000)
+            .map(|goal| bounds.misplaced(Offset::default(), &format!("{goal}")))
+            .collect();
+        assert!(
+            errors
+                .iter()
+                .all(|e| e.x_m.abs() <= 0.01 && e.yaw_rad.abs() <= 0.1)
+        );
+        let mean = errors.iter().map(|e| e.y_m).sum::<f64>() / 1000.0;
+        assert!(mean.abs() < 1e-3, "{mean}");
+        assert_eq!(errors[0], bounds.misplaced(Offset::default(), "0"));
+        assert_ne!(errors[0], errors[1]);
+        let none = ObjectError::default().misplaced(Offset::default(), "0");
+        assert!(none.x_m == 0.0 && none.y_m == 0.0 && none.yaw_rad == 0.0);
+    }
+
+    #[test]
+    fn encoders_add_what_they_are_said_to() {
+        let mut noise = EncoderNoise::of("goal", 0.01);
+        let drawn: Vec<f64> = (0..2000).flat_map(|_| noise.step(16)).collect();
+        let n = drawn.len() as f64;
+        let mean = drawn.iter().sum::<f64>() / n;
+        let deviation = (drawn.iter().map(|x| x * x).sum::<f64>() / n).sqrt();
+        assert!(mean.abs() < 3e-4 && (deviation / 0.01 - 1.0).abs() < 0.02);
+        let mut again = EncoderNoise::of("goal", 0.01);
+        assert_eq!(again.step(16), drawn[..16]);
+        assert!(
+            EncoderNoise::of("goal", 0.0)
+                .step(4)
+                .iter()
+                .all(|x| *x == 0.0)
+        );
+    }
+}

@@ -1,0 +1,153 @@
+//! A goal as the physics plays it: what palm and fingers are told at each control step.
+
+use nalgebra::Isometry3;
+use simulation::{Approach, JointRates, Phase, PlayedStep, Protocol, SimulationError};
+
+use super::Robot;
+use crate::{
+    goal::Goal,
+    track::{Carrier, JointPoint, PalmPoint, Track},
+};
+
+/// Of so small a part of a control step, a phase is not longer.
+const ROUNDING: f64 = 1e-6;
+
+/// Returns the goal's steps, its start first, each told `latency_s` late.
+pub(super) fn steps(
+    goal: &Goal,
+    robot: &Robot,
+    control_s: f64,
+    latency_s: f64,
+) -> Result<Vec<PlayedStep>, SimulationError> {
+    let broken = |message: &str| SimulationError::Motion(message.to_owned());
+    let hand =
+        in_order(&goal.hand, robot).ok_or_else(|| broken("a joint of the hand is missing"))?;
+    let phases = Phases::new(&goal.grasp);
+    let palm = |time_s: f64| {
+        let table_from_palm = match &goal.carrier {
+            Carrier::Palm(points) => {
+                PalmPoint::between(points, time_s).map(|pose| *pose.isometry())
+            }
+            Carrier::Arm(_) => None,
+        };
+        table_from_palm.ok_or_else(|| broken("what moves the palm tells no pose of it"))
+    };
+    let object_from_table = goal.table_from_object.isometry().inverse();
+    let grasp = palm(phases.grasp_s)?;
+    let steps = (phases.end_s + latency_s) / control_s;
+    (0..=whole(steps))
+        .map(|step| {
+            let time_s = (step as f64 * control_s - latency_s).max(0.0);
+            let phase = phases.at(time_s);
+            // Once it is there the palm only rises.
+            let (table_from_palm, lift_m) = if time_s < phases.arrival_s {
+                (palm(time_s)?, 0.0)
+            } else {
+                (grasp, rise(&grasp, &palm(time_s)?))
+            };
+            let joints = hand
+                .at(time_s)
+                .ok_or_else(|| broken("the hand is told nothing"))?;
+            let JointPoint {
+                q_rad,
+                velocity_rad_per_s,
+                acceleration_rad_per_s2,
+                ..
+            } = joints;
+            Ok(PlayedStep {
+                phase,
+                object_from_palm: object_from_table * table_from_palm,
+                lift_m,
+                q: q_rad,
+                rates: JointRates {
+                    velocity: velocity_rad_per_s,
+                    acceleration: acceleration_rad_per_s2,
+                },
+            })
+        })
+        .collect()
+}
+
+/// How far a palm is above the grasp, in meters.
+fn rise(grasp: &Isometry3<f64>, now: &Isometry3<f64>) -> f64 {
+    now.translation.z - grasp.translation.z
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a cell takes no goal that is longer than minutes"
+)]
+fn whole(steps: f64) -> usize {
+    (steps - ROUNDING).ceil().clamp(1.0, 1e6) as usize
+}
+
+/// Until when which part of a motion lasts, in seconds.
+struct Phases {
+    reach_s: f64,
+    /// When the palm is where it grasps.
+    arrival_s: f64,
+    grasp_s: f64,
+    squeezed_s: f64,
+    lifted_s: f64,
+    end_s: f64,
+}
+
+impl Phases {
+    fn new(protocol: &Protocol) -> Self {
+        let closing_s = protocol.reach_s * protocol.close_fraction.clamp(0.0, 1.0);
+        let grasp_s = protocol.reach_s;
+        let squeezed_s = grasp_s + protocol.squeeze_s + protocol.pause_s;
+        let lifted_s = squeezed_s + protocol.lift_s;
+        Self {
+            reach_s: grasp_s - closing_s,
+            arrival_s: match protocol.approach {
+                Approach::Follow => grasp_s,
+                Approach::Open => grasp_s - closing_s,
+            },
+            grasp_s,
+            squeezed_s,
+            lifted_s,
+            end_s: lifted_s + protocol.hold_s,
+        }
+    }
+
+    /// Returns the phase that a control step ends in.
+    fn at(&self, time_s: f64) -> Phase {
+        let until = |end_s: f64| time_s <= end_s * (1.0 + ROUNDING);
+        if until(self.reach_s) {
+            Phase::Reach
+        } else if until(self.grasp_s) {
+            Phase::Close
+        } else if until(self.squeezed_s) {
+            Phase::Squeeze
+        } else if until(self.lifted_s) {
+            Phase::Lift
+        } else {
+            Phase::Hold
+        }
+    }
+}
+
+/// Returns the hand's track with its joints in the order of the robot's own.
+fn in_order(track: &Track, robot: &Robot) -> Option<Track> {
+    let joints = robot.hand.joint_names();
+    let column = |name: &String| track.joints.iter().position(|joint| joint == name);
+    let columns: Vec<usize> = joints.iter().map(column).collect::<Option<_>>()?;
+    let pick = |numbers: &[f64]| -> Option<Vec<f64>> {
+        columns
+            .iter()
+            .map(|&idx| numbers.get(idx).copied())
+            .collect()
+    };
+    let point = |point: &JointPoint| {
+        Some(JointPoint {
+            time_s: point.time_s,
+            q_rad: pick(&point.q_rad)?,
+            velocity_rad_per_s: pick(&point.velocity_rad_per_s)?,
+            acceleration_rad_per_s2: pick(&point.acceleration_rad_per_s2)?,
+        })
+    };
+    let points = track.points.iter().map(point).collect::<Option<_>>()?;
+    Some(Track { joints, points })
+}

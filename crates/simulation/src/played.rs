@@ -1,0 +1,100 @@
+//! Motions that were worked out elsewhere to the end of their hold, and are played as they are.
+
+use nalgebra::{Isometry3, Vector3};
+use robot::RobotModel;
+
+use crate::{
+    config::{ControllerKind, SceneConfig},
+    desired::Desired,
+    error::SimulationError,
+    script::{Command, HandPose, JointRates, Phase, Script},
+};
+
+/// What palm and fingers are told at the end of one control step; of the first, where they start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlayedStep {
+    /// The part of the rollout.
+    pub phase: Phase,
+    /// Pose of the palm in the frame of the object as it lay, before it is lifted.
+    pub object_from_palm: Isometry3<f64>,
+    /// How far above that, along the table's z, in meters.
+    pub lift_m: f64,
+    /// Joint positions in radians, in the order of the hand's joints.
+    pub q: Vec<f64>,
+    /// How fast they change.
+    pub rates: JointRates,
+}
+
+impl Script {
+    /// Takes a motion as it is: one step per control step, its start before them.
+    ///
+    /// What geometry alone refuses is judged by the grasp, the last step of the reach: on their way the
+    /// fingers may have been opened further than the motion asks for.
+    pub(crate) fn played(
+        steps: &[PlayedStep],
+        scene: &SceneConfig,
+        model: &RobotModel,
+    ) -> Result<Self, SimulationError> {
+        check(steps, model.dof())?;
+        let commands = steps.iter().map(|step| Command {
+            phase: step.phase,
+            hand: HandPose {
+                object_from_palm: step.object_from_palm,
+                q: step.q.clone(),
+            },
+            lift_m: step.lift_m,
+            pull_m_per_s2: Vector3::zeros(),
+        });
+        let mut commands: Vec<Command> = commands.collect();
+        let reach = commands.iter().rfind(|command| is_reach(command.phase));
+        let asked = reach.map(|grasp| grasp.hand.clone()).into_iter().collect();
+        let start = commands.remove(0);
+        let desired = match scene.drive.controller {
+            ControllerKind::Pd => None,
+            ControllerKind::PdFeedforward => Some(Desired::played(steps, scene)),
+        };
+        Ok(Self {
+            start,
+            commands,
+            asked,
+            desired,
+        })
+    }
+}
+
+fn is_reach(phase: Phase) -> bool {
+    matches!(phase, Phase::Reach | Phase::Close)
+}
+
+/// Checks that the steps can be played by a hand with `dof` joints.
+fn check(steps: &[PlayedStep], dof: usize) -> Result<(), SimulationError> {
+    let fail = |message: String| Err(SimulationError::Motion(message));
+    let has = |phase: Phase| steps.iter().skip(1).any(|step| step.phase == phase);
+    if !(has(Phase::Lift) && has(Phase::Hold)) || steps.len() < 2 {
+        return fail("it is not lifted and held".to_owned());
+    }
+    if steps.windows(2).any(|pair| pair[1].phase < pair[0].phase) {
+        return fail("its phases are not in their order".to_owned());
+    }
+    for (idx, step) in steps.iter().enumerate() {
+        let numbers = [&step.q, &step.rates.velocity, &step.rates.acceleration];
+        if let Some(wrong) = numbers.iter().find(|numbers| numbers.len() != dof) {
+            return fail(format!(
+                "step {idx} has {} numbers for {dof} joints",
+                wrong.len()
+            ));
+        }
+        let pose = &step.object_from_palm;
+        let is_finite = numbers
+            .into_iter()
+            .flatten()
+            .chain(&pose.translation.vector)
+            .chain(&pose.rotation.coords)
+            .chain([&step.lift_m])
+            .all(|number| number.is_finite());
+        if !is_finite {
+            return fail(format!("step {idx} has a number that is not finite"));
+        }
+    }
+    Ok(())
+}
