@@ -220,6 +220,14 @@ pub enum RobotError {
         /// Links spelled nearly so.
         near: Vec<String>,
     },
+    /// A joint of an arm moves with another.
+    #[error("joint `{joint}` on the way from the root to link `{link}` follows another joint")]
+    FollowsOnChain {
+        /// The joint.
+        joint: String,
+        /// The link to which the arm goes.
+        link: String,
+    },
 }
 
 /// Why a joint cannot be followed.
@@ -308,6 +316,9 @@ impl RobotError {
             Self::TwoParents { .. } | Self::Loop { .. } => {
                 "a URDF is a tree: open a closed linkage, and let a joint follow another with \
                  `<mimic>`"
+            }
+            Self::FollowsOnChain { .. } => {
+                "name the link that the arm carries; its own joints must move one by one"
             }
             Self::BadMimic { .. } => "let it follow a joint that moves and follows none itself",
             Self::Duplicate { .. }

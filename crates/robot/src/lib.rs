@@ -30,7 +30,9 @@
 
 pub mod balls;
 mod bodies;
+mod chain;
 mod checks;
+mod distance;
 mod dynamics;
 mod error;
 mod extent;
@@ -45,6 +47,8 @@ mod near;
 mod urdf;
 
 pub use bodies::Bodies;
+pub use chain::{Chain, ChainRates, Posture};
+pub use distance::{Gap, gap};
 pub use dynamics::{Efforts, JointMotion};
 pub use error::{MimicFault, RobotError, WrongDof};
 pub use findings::{Finding, Part, Severity};

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use simulation::{Protocol, SceneConfig};
 
-use crate::{DispatchError, LimitsConfig};
+use crate::{ArmConfig, DispatchError, LimitsConfig};
 
 /// The value of `cell` that asks for the simulated one.
 pub(crate) const SIMULATED: &str = "simulated";
@@ -45,6 +45,9 @@ pub struct DispatchConfig {
     /// URDF of the robot hand; its root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
+    /// The arm that carries the hand (none: the hand flies freely).
+    #[serde(default)]
+    pub arm: Option<ArmConfig>,
     /// What joints are called on the wire, by their names in the URDF, where a cell calls them otherwise,
     /// e.g. `{ "joint_0.0" = "ah_joint00" }` (none).
     #[serde(default)]

@@ -17,6 +17,7 @@
 //! Nothing real moves without `execute = true`. A goal of which nothing is heard ends the run: the next
 //! one asks the cell what came of it before it sends another, and never sends it under another name.
 
+mod arm;
 mod cells;
 mod config;
 mod course;
@@ -34,6 +35,7 @@ mod stage;
 mod timing;
 mod trials;
 
+pub use arm::ArmConfig;
 pub use cells::simulated_cell;
 pub use config::{DispatchConfig, RatesConfig, SimulatedConfig};
 pub use error::DispatchError;

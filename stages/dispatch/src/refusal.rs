@@ -1,5 +1,7 @@
 //! Why a motion is not sent.
 
+use std::fmt;
+
 /// Why a motion is not sent; nothing of it has moved.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(crate) enum Refusal {
@@ -45,4 +47,90 @@ pub(crate) enum Refusal {
         "not sent: within its limits the motion takes {slower:.2} times as long, more than `limits.most_times_slower` = {most}"
     )]
     Slow { slower: f64, most: f64 },
+    /// No posture of the arm is that of the way's end.
+    #[error(
+        "not sent: the arm cannot bring the palm to the grasp, {} m from its foot, at any of {turns} turns of the object",
+        numbers(palm_in_base_m)
+    )]
+    Reach {
+        /// Where it is with the object as it was screened, along the axes of the arm's foot.
+        palm_in_base_m: [f64; 3],
+        turns: usize,
+    },
+    /// The arm comes to the grasp, but not all the way.
+    #[error(
+        "not sent: the arm cannot follow in any of {postures} postures at {turns} turns of the object; at best {fault}"
+    )]
+    Arm {
+        postures: usize,
+        turns: usize,
+        fault: ArmFault,
+    },
+}
+
+/// Why an arm cannot follow a motion in one posture.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub(crate) enum ArmFault {
+    /// A joint's position.
+    #[error("its joint `{joint}` would be at {q:.4} {at}, outside {lower:.4} to {upper:.4}")]
+    Limit {
+        joint: String,
+        q: f64,
+        lower: f64,
+        upper: f64,
+        at: Place,
+    },
+    /// Joints would turn fast for a slow hand.
+    #[error(
+        "it is singular {at}: the least singular value is {value:.4}, less than `arm.least_singular_value` = {least}"
+    )]
+    Singular { value: f64, least: f64, at: Place },
+    /// The posture passes into none that is near.
+    #[error("its joints would have to jump {at}")]
+    Jump { at: Place },
+    /// The arm's shapes and the table.
+    #[error(
+        "its link `{link}` would come to {gap_m:.4} m above the table {at}, less than `arm.clearance_m` = {least_m}"
+    )]
+    Table {
+        link: String,
+        /// Negative below the table.
+        gap_m: f64,
+        least_m: f64,
+        at: Place,
+    },
+    /// Two links.
+    #[error(
+        "its link `{first}` may come to {gap_m:.4} m from link `{second}` {at}, less than `arm.clearance_m` = {least_m}"
+    )]
+    Collision {
+        first: String,
+        second: String,
+        gap_m: f64,
+        least_m: f64,
+        at: Place,
+    },
+}
+
+/// A place of what an arm has to follow.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Place {
+    /// Of the motion to the grasp, seconds after its first step.
+    Way { time_s: f64 },
+    /// Of the lift, straight up from the grasp.
+    Lift { height_m: f64 },
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Way { time_s } => write!(f, "after {time_s:.3} s"),
+            Self::Lift { height_m } => write!(f, "when lifted by {height_m:.3} m"),
+        }
+    }
+}
+
+fn numbers(numbers: &[f64; 3]) -> String {
+    let [x, y, z] = numbers;
+    format!("({x:.3}, {y:.3}, {z:.3})")
 }

@@ -1,0 +1,224 @@
+//! The joints from the root to one link: an arm, and how its end moves with them.
+
+mod branches;
+mod solve;
+
+use nalgebra::{Cholesky, Const, Isometry3, Matrix6, Matrix6xX, Point3, Vector3, Vector6};
+
+use crate::{Joint, JointKind, Link, RobotError, RobotModel, WrongDof};
+
+/// Rows of a twist.
+const SIX: usize = 6;
+
+/// The joints from a robot's root to one of its links, in that order; the link is the chain's end.
+///
+/// Positions of its joints are in radians (meters if prismatic).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chain {
+    /// The links from the root to the end and the joints that move them, nothing else.
+    links: RobotModel,
+    /// Which of the robot's joints they are.
+    joints: Vec<usize>,
+}
+
+/// A chain where it has certain joint positions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Posture {
+    /// Pose of the chain's end in the root's frame.
+    pub root_from_end: Isometry3<f64>,
+    /// The geometric Jacobian, `(6, dof)`: velocity of the end's origin in meters, then its angular
+    /// velocity in radians, per radian (or per meter), along the root's axes.
+    pub jacobian: Matrix6xX<f64>,
+}
+
+/// How the joints of a chain move.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChainRates {
+    /// First derivatives of the joint positions.
+    pub velocity: Vec<f64>,
+    /// Second derivatives.
+    pub acceleration: Vec<f64>,
+}
+
+impl Chain {
+    /// Returns the chain from a robot's root to the link of this name.
+    ///
+    /// # Errors
+    ///
+    /// Fails if there is no such link, and if a joint on the way to it follows another by `<mimic>`.
+    pub fn to_link(robot: &RobotModel, name: &str) -> Result<Self, RobotError> {
+        let mut way = Vec::new();
+        let mut next = Some(robot.require_link(name)?);
+        while let Some((idx, link)) = next.and_then(|idx| Some((idx, robot.links.get(idx)?))) {
+            way.push((idx, link));
+            next = link.parent;
+        }
+        let mut links = Vec::with_capacity(way.len());
+        let mut joints = Vec::new();
+        let mut moved: Vec<Joint> = Vec::new();
+        for (place, (idx, link)) in way.into_iter().rev().enumerate() {
+            let mut number = None;
+            if let Some((joint, own)) = link.joint.and_then(|j| Some((j, robot.joints.get(j)?))) {
+                if own.link != idx {
+                    return Err(RobotError::FollowsOnChain {
+                        joint: link.joint_name.clone().unwrap_or_default(),
+                        link: name.to_owned(),
+                    });
+                }
+                number = Some(moved.len());
+                joints.push(joint);
+                moved.push(Joint {
+                    link: place,
+                    ..own.clone()
+                });
+            }
+            links.push(Link {
+                parent: place.checked_sub(1),
+                joint: number,
+                inertial: None,
+                collisions: Vec::new(),
+                meshes: Vec::new(),
+                ..link.clone()
+            });
+        }
+        let links = RobotModel {
+            name: robot.name.clone(),
+            links,
+            joints: moved,
+            findings: Vec::new(),
+        };
+        Ok(Self { links, joints })
+    }
+
+    /// Returns which of the robot's joints are on the chain, from the root to the end.
+    pub fn joints(&self) -> &[usize] {
+        &self.joints
+    }
+
+    /// Returns the number of its joints.
+    pub fn dof(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// Returns where the chain's end is and how it moves with the joints.
+    ///
+    /// # Errors
+    ///
+    /// Fails if `q` does not hold exactly one position per joint of the chain.
+    pub fn posture(&self, q: &[f64]) -> Result<Posture, WrongDof> {
+        let poses = self.links.forward_kinematics(q)?;
+        let root_from_end = poses.last().copied().unwrap_or_default();
+        let origin = Point3::from(root_from_end.translation.vector);
+        let end = poses.len().saturating_sub(1);
+        Ok(Posture {
+            root_from_end,
+            jacobian: self.links.geometric_jacobian(&poses, end, &origin),
+        })
+    }
+
+    /// Whether every joint is within its limits, but for rounding; a continuous one always is.
+    pub fn is_within_limits(&self, q: &[f64]) -> bool {
+        /// Radians (meters if prismatic).
+        const ROUNDING: f64 = 1e-9;
+        self.links.joints.iter().zip(q).all(|(joint, &q)| {
+            joint.kind == JointKind::Continuous
+                || (q >= joint.lower - ROUNDING && q <= joint.upper + ROUNDING)
+        })
+    }
+}
+
+impl Posture {
+    /// Returns the twist of the end while the joints move so: velocity of its origin, then angular
+    /// velocity, along the root's axes. A joint that is missing stands still.
+    pub fn twist(&self, velocity: &[f64]) -> Vector6<f64> {
+        let mut twist = Vector6::zeros();
+        for (column, &velocity) in self.jacobian.column_iter().zip(velocity) {
+            twist.axpy(velocity, &column, 1.0);
+        }
+        twist
+    }
+
+    /// Returns how fast the end's twist changes while the joints move at constant velocities,
+    /// `J′ q′`, in m/s² and rad/s².
+    ///
+    /// A joint that turns carries along all that is beyond it, so that joint j changes the column
+    /// of a later joint i by `ωⱼ × (vᵢ, ωᵢ)`, and that of an earlier one by `(ωᵢ × vⱼ, 0)` (Bruyninckx
+    /// and De Schutter, *Symbolic Differentiation of the Velocity Mapping for a Serial Kinematic
+    /// Chain*, 1996).
+    pub fn bias(&self, velocity: &[f64]) -> Vector6<f64> {
+        let mut bias = Vector6::zeros();
+        let mut spin: Vector3<f64> = Vector3::zeros();
+        for (column, &velocity) in self.jacobian.column_iter().zip(velocity) {
+            let linear = column.fixed_rows::<3>(0) * velocity;
+            let angular = column.fixed_rows::<3>(3) * velocity;
+            let before = spin;
+            spin += angular;
+            let mut part = bias.fixed_rows_mut::<3>(0);
+            part += (before + spin).cross(&linear);
+            let mut part = bias.fixed_rows_mut::<3>(3);
+            part += before.cross(&angular);
+        }
+        bias
+    }
+
+    /// Returns the joint velocities and accelerations with which the end has a twist and a rate of
+    /// it: `J q′ = twist` and `J q″ = rate − J′ q′`, the least ones where more than six joints leave
+    /// a choice; `None` where the chain is singular.
+    pub fn rates(&self, twist: &Vector6<f64>, rate: &Vector6<f64>) -> Option<ChainRates> {
+        let square = self.square(0.0)?;
+        let velocity = self.least(&square, twist);
+        let acceleration = self.least(&square, &(rate - self.bias(&velocity)));
+        let all = velocity.iter().chain(&acceleration);
+        all.copied().all(f64::is_finite).then_some(ChainRates {
+            velocity,
+            acceleration,
+        })
+    }
+
+    /// Returns the least singular value of the Jacobian, meters and radians taken as they are: the
+    /// least speed of the end that joints can make together at 1 rad/s, in the direction in which they
+    /// make it worst; 0 where a direction is lost (Lynch and Park, *Modern Robotics*, 2017, §5.3–5.4).
+    pub fn least_singular_value(&self) -> f64 {
+        if self.jacobian.ncols() < SIX {
+            return 0.0;
+        }
+        self.jacobian.clone().singular_values().min()
+    }
+
+    /// Whether [`Posture::least_singular_value`] is at least this; far from a singularity it costs
+    /// a tenth of that.
+    pub fn is_regular(&self, least: f64) -> bool {
+        // The sum of σ⁻² is at least that of the least σ.
+        let surely = self
+            .square(0.0)
+            .is_some_and(|square| square.inverse().trace() * least * least <= 1.0);
+        surely || self.least_singular_value() >= least
+    }
+
+    /// Decomposes `J Jᵀ + damping`; `None` if that is singular.
+    fn square(&self, damping: f64) -> Option<Cholesky<f64, Const<SIX>>> {
+        let mut square: Matrix6<f64> = Matrix6::identity() * damping;
+        for column in self.jacobian.column_iter() {
+            square.ger(1.0, &column, &column, 1.0);
+        }
+        square.cholesky()
+    }
+
+    /// Returns the least joint velocities with this twist, `Jᵀ (J Jᵀ)⁻¹ twist`, improved once by what
+    /// rounding leaves.
+    fn least(&self, square: &Cholesky<f64, Const<SIX>>, twist: &Vector6<f64>) -> Vec<f64> {
+        let mut velocity = self.transposed(&square.solve(twist));
+        let missing = twist - self.twist(&velocity);
+        let more = self.transposed(&square.solve(&missing));
+        for (velocity, more) in velocity.iter_mut().zip(more) {
+            *velocity += more;
+        }
+        velocity
+    }
+
+    /// Returns `Jᵀ wrench`.
+    fn transposed(&self, wrench: &Vector6<f64>) -> Vec<f64> {
+        let columns = self.jacobian.column_iter();
+        columns.map(|column| column.dot(wrench)).collect()
+    }
+}

@@ -1,0 +1,138 @@
+//! All ways in which a chain's end can be at one pose.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::Isometry3;
+
+use super::Chain;
+use crate::{Joint, JointKind};
+
+/// Places from which solutions are sought: more than twice as many as find all (`tests/chain.rs`).
+const STARTS: usize = 96;
+/// Solutions are the same if no joint differs by more than this, in radians (meters if prismatic).
+const SAME: f64 = 1e-5;
+
+impl Chain {
+    /// Returns the joint positions within the limits with which the end is at `target`, as
+    /// [`Chain::solve`] finds them from 96 places; where a joint can make a turn or more, each is
+    /// there with all turns that its limits allow. In the order of the first joint, then the next.
+    pub fn branches(&self, target: &Isometry3<f64>) -> Vec<Vec<f64>> {
+        let mut all: Vec<Vec<f64>> = Vec::new();
+        for solution in self.solutions(target) {
+            let mut turned: Vec<Vec<f64>> = vec![Vec::new()];
+            for (joint, &q) in self.links.joints.iter().zip(&solution) {
+                let places = places(joint, q);
+                turned = turned
+                    .iter()
+                    .flat_map(|before| {
+                        places.iter().map(|&q| {
+                            let mut longer = before.clone();
+                            longer.push(q);
+                            longer
+                        })
+                    })
+                    .collect();
+            }
+            all.extend(turned.into_iter().filter(|q| self.is_within_limits(q)));
+        }
+        all.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+        all
+    }
+
+    /// Returns the joint positions with which the end is at `target`, within the limits or not, as
+    /// [`Chain::branches`] finds them; those that differ by whole turns once, with every joint as near
+    /// the middle of its limits as turns bring it.
+    pub fn solutions(&self, target: &Isometry3<f64>) -> Vec<Vec<f64>> {
+        let mut found: Vec<Vec<f64>> = Vec::new();
+        for start in self.starts() {
+            let Some(mut q) = self.solve_beyond_limits(target, &start) else {
+                continue;
+            };
+            for (joint, q) in self.links.joints.iter().zip(&mut q) {
+                *q = centered(joint, *q);
+            }
+            if !found.iter().any(|other| self.is_same(other, &q)) {
+                found.push(q);
+            }
+        }
+        found
+    }
+
+    /// Whether two solutions differ by whole turns at most.
+    fn is_same(&self, a: &[f64], b: &[f64]) -> bool {
+        let pairs = self.links.joints.iter().zip(a.iter().zip(b));
+        pairs.into_iter().all(|(joint, (a, b))| {
+            let off = a - b;
+            let off = match joint.kind {
+                JointKind::Prismatic => off,
+                JointKind::Revolute | JointKind::Continuous => off - TAU * (off / TAU).round(),
+            };
+            off.abs() < SAME
+        })
+    }
+
+    /// Returns places spread evenly over the joints' ranges, the same ones always: multiples of the
+    /// powers of the generalized golden ratio (Roberts, *The Unreasonable Effectiveness of
+    /// Quasirandom Sequences*, 2018).
+    fn starts(&self) -> impl Iterator<Item = Vec<f64>> + '_ {
+        let mut ratio: f64 = 1.5;
+        for _ in 0..64 {
+            ratio = (1.0 + ratio).powf(1.0 / (self.dof() as f64 + 1.0));
+        }
+        (0..STARTS).map(move |start| {
+            let mut power = 1.0;
+            self.links
+                .joints
+                .iter()
+                .map(|joint| {
+                    power /= ratio;
+                    let share = (0.5 + power * (start as f64 + 1.0)).fract();
+                    let [low, high] = range(joint);
+                    low + share * (high - low)
+                })
+                .collect()
+        })
+    }
+}
+
+/// Returns where a joint's positions differ by more than turns: all of its limits, or one turn in the
+/// middle of them.
+fn range(joint: &Joint) -> [f64; 2] {
+    let middle = middle(joint);
+    match joint.kind {
+        JointKind::Prismatic => [joint.lower, joint.upper],
+        JointKind::Continuous => [-PI, PI],
+        JointKind::Revolute => [joint.lower.max(middle - PI), joint.upper.min(middle + PI)],
+    }
+}
+
+fn middle(joint: &Joint) -> f64 {
+    match joint.kind {
+        JointKind::Continuous => 0.0,
+        JointKind::Revolute | JointKind::Prismatic => 0.5 * (joint.lower + joint.upper),
+    }
+}
+
+/// Returns a joint's position turned to be as near the middle of its limits as can be.
+fn centered(joint: &Joint, q: f64) -> f64 {
+    match joint.kind {
+        JointKind::Prismatic => q,
+        JointKind::Revolute | JointKind::Continuous => {
+            q - TAU * ((q - middle(joint)) / TAU).round()
+        }
+    }
+}
+
+/// Returns the positions that differ from one by whole turns and may be within the limits.
+fn places(joint: &Joint, q: f64) -> Vec<f64> {
+    /// Turns to each side, more than any arm has.
+    const MOST: i32 = 8;
+    let center = centered(joint, q);
+    if joint.kind != JointKind::Revolute {
+        return vec![center];
+    }
+    (-MOST..=MOST)
+        .map(|turns| center + TAU * f64::from(turns))
+        .filter(|&q| q >= joint.lower && q <= joint.upper)
+        .collect()
+}

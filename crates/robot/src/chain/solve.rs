@@ -1,0 +1,103 @@
+//! Joint positions for a pose of a chain's end.
+//!
+//! Damped least squares (Nakamura and Hanafusa, *Inverse Kinematic Solutions With Singularity Robustness
+//! for Robot Manipulator Control*, 1986; Wampler, *Manipulator Inverse Kinematic Solutions Based on Vector
+//! Formulations and Damped Least-Squares Methods*, 1986), with the damping in proportion to what is
+//! missing (Sugihara, *Solvability-Unconcerned Inverse Kinematics by the Levenberg–Marquardt Method*,
+//! 2011, §III): far off it goes downhill, near the end it is Newton's method.
+
+use nalgebra::{Isometry3, Vector6};
+
+use super::{Chain, Posture};
+
+/// What may be missing of a pose, in meters and in radians.
+const TOLERANCE: f64 = 1e-12;
+/// What must not be missing where rounding keeps it from being less.
+const ENOUGH: f64 = 1e-10;
+/// Most steps; on a path it takes 2, from anywhere about 12.
+const STEPS: usize = 60;
+/// Halvings of a step that does not come nearer.
+const HALVINGS: usize = 5;
+/// Damping per square of what is missing, in meters and radians.
+const DAMPING: f64 = 0.02;
+/// A step that leaves more than this share of what is missing comes to nothing; so many may follow each
+/// other.
+const NOTHING: f64 = 0.98;
+const MOST_NOTHINGS: usize = 4;
+
+impl Chain {
+    /// Returns joint positions within the limits with which the end is at `target`, within 10⁻¹⁰ m and
+    /// rad: those to which damped least squares come from `near`. `None` if they come to none, or to one
+    /// outside the limits.
+    ///
+    /// From near enough that is the solution that `near` passes into as the target moves: on a path,
+    /// start from the joints extrapolated, and see that they are found close to where they were looked
+    /// for.
+    pub fn solve(&self, target: &Isometry3<f64>, near: &[f64]) -> Option<Vec<f64>> {
+        self.solve_beyond_limits(target, near)
+            .filter(|q| self.is_within_limits(q))
+    }
+
+    /// Returns what [`Chain::solve`] does, within the limits or not.
+    pub fn solve_beyond_limits(&self, target: &Isometry3<f64>, near: &[f64]) -> Option<Vec<f64>> {
+        let mut q = near.to_vec();
+        let mut posture = self.posture(&q).ok()?;
+        let mut missing = missing(target, &posture);
+        let mut nothings = 0;
+        for _ in 0..STEPS {
+            let before = missing.norm();
+            if before <= TOLERANCE {
+                return Some(q);
+            }
+            let square = posture.square(DAMPING * before * before)?;
+            let step = posture.transposed(&square.solve(&missing));
+            let Some(next) = self.downhill(target, &q, &step, before) else {
+                break;
+            };
+            (q, posture, missing) = next;
+            nothings = if missing.norm() > NOTHING * before {
+                nothings + 1
+            } else {
+                0
+            };
+            if nothings > MOST_NOTHINGS {
+                break;
+            }
+        }
+        (missing.norm() <= ENOUGH).then_some(q)
+    }
+
+    /// Goes along a step as far as it comes nearer.
+    fn downhill(
+        &self,
+        target: &Isometry3<f64>,
+        q: &[f64],
+        step: &[f64],
+        before: f64,
+    ) -> Option<(Vec<f64>, Posture, Vector6<f64>)> {
+        let mut share = 1.0;
+        for _ in 0..=HALVINGS {
+            let there: Vec<f64> = q
+                .iter()
+                .zip(step)
+                .map(|(q, step)| q + share * step)
+                .collect();
+            let posture = self.posture(&there).ok()?;
+            let missing = missing(target, &posture);
+            if missing.norm() < before {
+                return Some((there, posture, missing));
+            }
+            share *= 0.5;
+        }
+        None
+    }
+}
+
+/// Returns what the end still has to move: its way in meters, then its turn in radians, along the root's
+/// axes.
+fn missing(target: &Isometry3<f64>, posture: &Posture) -> Vector6<f64> {
+    let found = &posture.root_from_end;
+    let way = target.translation.vector - found.translation.vector;
+    let turn = (target.rotation * found.rotation.inverse()).scaled_axis();
+    Vector6::new(way.x, way.y, way.z, turn.x, turn.y, turn.z)
+}

@@ -1,0 +1,229 @@
+//! Arms from their root to their end: derivatives, and joint positions for a pose.
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
+use proptest::prelude::*;
+use robot::{Chain, RobotError, RobotModel};
+
+const XARM: &str = include_str!("../../../data/robots/xarm6_allegro.urdf");
+/// Turns and slides along axes that are those of no frame.
+const ODD: &str = r#"<robot name="odd">
+  <link name="a"/><link name="b"/><link name="c"/><link name="d"/><link name="e"/>
+  <joint name="turn" type="continuous"><parent link="a"/><child link="b"/>
+    <origin xyz="0.1 0 0.2" rpy="0.3 -0.2 1"/><axis xyz="1 2 3"/></joint>
+  <joint name="slide" type="prismatic"><parent link="b"/><child link="c"/>
+    <origin xyz="0 0.3 0.1" rpy="1 0.4 0"/><axis xyz="-1 1 0.5"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="fixed" type="fixed"><parent link="c"/><child link="d"/>
+    <origin xyz="0.2 0.1 0" rpy="0 1.1 0.3"/></joint>
+  <joint name="bend" type="revolute"><parent link="d"/><child link="e"/>
+    <origin xyz="0 0 0.4" rpy="0 0 1.5"/><axis xyz="0 -1 1"/>
+    <limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+</robot>"#;
+/// Where the xArm is not near a singularity.
+const REGULAR: f64 = 0.02;
+
+fn xarm() -> (RobotModel, Chain) {
+    let robot = RobotModel::from_urdf(XARM).unwrap();
+    let chain = Chain::to_link(&robot, "base_link").unwrap();
+    (robot, chain)
+}
+
+/// Joint positions within the xArm's limits; the shares are from 0 to 1.
+fn within_limits(robot: &RobotModel, chain: &Chain, shares: &[f64]) -> Vec<f64> {
+    let joints = chain.joints().iter().map(|&joint| &robot.joints()[joint]);
+    joints
+        .zip(shares)
+        .map(|(joint, share)| joint.lower + share * (joint.upper - joint.lower))
+        .collect()
+}
+
+fn off(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
+    let way = (a.translation.vector - b.translation.vector).norm();
+    way.max((a.rotation * b.rotation.inverse()).angle())
+}
+
+/// The twist over a short time, by differences.
+fn twist(before: &Isometry3<f64>, after: &Isometry3<f64>, time_s: f64) -> Vector6<f64> {
+    let way = after.translation.vector - before.translation.vector;
+    let turn = (after.rotation * before.rotation.inverse()).scaled_axis();
+    Vector6::new(way.x, way.y, way.z, turn.x, turn.y, turn.z) / time_s
+}
+
+#[test]
+fn a_chain_has_the_joints_on_its_way_alone() {
+    let (robot, chain) = xarm();
+    let names: Vec<&str> = chain
+        .joints()
+        .iter()
+        .map(|&joint| robot.joints()[joint].name.as_str())
+        .collect();
+    assert_eq!(
+        names,
+        ["joint1", "joint2", "joint3", "joint4", "joint5", "joint6"]
+    );
+    assert_eq!(Chain::to_link(&robot, "link_base").unwrap().dof(), 0);
+    assert!(matches!(
+        Chain::to_link(&robot, "base_lnik"),
+        Err(RobotError::MissingLink { .. })
+    ));
+    assert_eq!(chain.posture(&[0.0; 5]).unwrap_err().expected, 6);
+}
+
+#[test]
+fn a_joint_that_follows_another_is_refused() {
+    let urdf = r#"<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
+      <joint name="first" type="continuous"><parent link="a"/><child link="b"/></joint>
+      <joint name="second" type="continuous"><parent link="b"/><child link="c"/>
+        <mimic joint="first"/></joint></robot>"#;
+    let robot = RobotModel::from_urdf(urdf).unwrap();
+    assert_eq!(Chain::to_link(&robot, "b").unwrap().dof(), 1);
+    let err = Chain::to_link(&robot, "c").unwrap_err();
+    assert_eq!(
+        err.to_string(),
+        "joint `second` on the way from the root to link `c` follows another joint"
+    );
+}
+
+#[test]
+fn slides_and_turns_of_any_axis_have_their_derivatives() {
+    let robot = RobotModel::from_urdf(ODD).unwrap();
+    let chain = Chain::to_link(&robot, "e").unwrap();
+    check_derivatives(&robot, &chain, "e", &[0.2, 0.5, -0.8], &[1.0, -0.6, 0.7]);
+    let at = chain.posture(&[0.2, 0.5, -0.8]).unwrap();
+    assert_eq!(at.least_singular_value(), 0.0);
+}
+
+/// The end is where the whole robot has it, and twist and bias are what differences have.
+fn check_derivatives(robot: &RobotModel, chain: &Chain, end: &str, q: &[f64], velocity: &[f64]) {
+    let mut all = vec![0.0; robot.dof()];
+    for (&joint, &q) in chain.joints().iter().zip(q) {
+        all[joint] = q;
+    }
+    let poses = robot.forward_kinematics(&all).unwrap();
+    let link = robot.link(end).unwrap();
+    let now = chain.posture(q).unwrap();
+    assert!(off(&poses[link], &now.root_from_end) < 1e-12);
+    let origin = Point3::from(poses[link].translation.vector);
+    let jacobian = robot.geometric_jacobian(&poses, link, &origin);
+    for (column, &joint) in now.jacobian.column_iter().zip(chain.joints()) {
+        assert!((column - jacobian.column(joint)).norm() < 1e-12);
+    }
+    let h = 1e-6;
+    let moved = |by: f64| {
+        let q: Vec<f64> = q.iter().zip(velocity).map(|(q, v)| q + by * v).collect();
+        chain.posture(&q).unwrap()
+    };
+    let (before, after) = (moved(-h), moved(h));
+    let slope = twist(&before.root_from_end, &after.root_from_end, 2.0 * h);
+    assert!((slope - now.twist(velocity)).norm() < 1e-7);
+    let bend = (after.twist(velocity) - before.twist(velocity)) / (2.0 * h);
+    assert!((bend - now.bias(velocity)).norm() < 1e-7);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(500))]
+
+    #[test]
+    fn twist_and_bias_are_derivatives(
+        shares in prop::collection::vec(0.0..1.0_f64, 6),
+        velocity in prop::collection::vec(-2.0..2.0_f64, 6),
+    ) {
+        let (robot, chain) = xarm();
+        let q = within_limits(&robot, &chain, &shares);
+        check_derivatives(&robot, &chain, "base_link", &q, &velocity);
+    }
+
+    /// From a twist and its rate to the joints' rates and back.
+    #[test]
+    fn rates_make_the_twist(
+        shares in prop::collection::vec(0.0..1.0_f64, 6),
+        twist in prop::array::uniform6(-1.0..1.0_f64),
+        rate in prop::array::uniform6(-5.0..5.0_f64),
+    ) {
+        let (robot, chain) = xarm();
+        let at = chain.posture(&within_limits(&robot, &chain, &shares)).unwrap();
+        prop_assume!(at.least_singular_value() > 1e-3);
+        let (twist, rate) = (Vector6::from(twist), Vector6::from(rate));
+        let found = at.rates(&twist, &rate).unwrap();
+        prop_assert!((at.twist(&found.velocity) - twist).norm() < 1e-10);
+        let made = at.twist(&found.acceleration) + at.bias(&found.velocity);
+        prop_assert!((made - rate).norm() < 1e-9 * (1.0 + at.bias(&found.velocity).norm()));
+        for least in [1e-3, 0.01, 0.03, 0.1, 0.3] {
+            prop_assert_eq!(at.is_regular(least), at.least_singular_value() >= least);
+        }
+    }
+
+    /// From near the joints that made a pose, the same joints are found again.
+    #[test]
+    fn the_joints_of_a_pose_are_found_from_near(
+        shares in prop::collection::vec(0.02..0.98_f64, 6),
+        away in prop::array::uniform6(-0.02..0.02_f64),
+    ) {
+        let (robot, chain) = xarm();
+        let q = within_limits(&robot, &chain, &shares);
+        let at = chain.posture(&q).unwrap();
+        prop_assume!(at.least_singular_value() > REGULAR);
+        let near: Vec<f64> = q.iter().zip(away).map(|(q, away)| q + away).collect();
+        let found = chain.solve(&at.root_from_end, &near).unwrap();
+        let there = chain.posture(&found).unwrap().root_from_end;
+        prop_assert!(off(&there, &at.root_from_end) < 1e-10);
+        for (found, q) in found.iter().zip(&q) {
+            prop_assert!((found - q).abs() < 1e-8, "{found} {q}");
+        }
+    }
+
+    /// Every solution is one and within the limits, no two are the same, and that which made the pose
+    /// is among them, with all turns that joints 1, 4 and 6 can make.
+    #[test]
+    fn all_branches_of_a_pose_are_found(shares in prop::collection::vec(0.02..0.98_f64, 6)) {
+        let (robot, chain) = xarm();
+        let q = within_limits(&robot, &chain, &shares);
+        let at = chain.posture(&q).unwrap();
+        prop_assume!(at.least_singular_value() > REGULAR);
+        let branches = chain.branches(&at.root_from_end);
+        for (idx, branch) in branches.iter().enumerate() {
+            prop_assert!(chain.is_within_limits(branch));
+            let there = chain.posture(branch).unwrap().root_from_end;
+            prop_assert!(off(&there, &at.root_from_end) < 1e-10);
+            for other in &branches[..idx] {
+                let far = branch.iter().zip(other).map(|(a, b)| (a - b).abs());
+                prop_assert!(far.fold(0.0, f64::max) > 1e-6);
+            }
+        }
+        // Of joints that make two turns, two places each.
+        prop_assert_eq!(branches.len() % 8, 0);
+        let is_there = branches.iter().any(|branch| {
+            branch.iter().zip(&q).all(|(a, b)| (a - b).abs() < 1e-6)
+        });
+        prop_assert!(is_there, "{q:?} of {} branches", branches.len());
+        prop_assert_eq!(&branches, &chain.branches(&at.root_from_end));
+    }
+}
+
+#[test]
+fn a_pose_out_of_reach_has_no_branch() {
+    let (_, chain) = xarm();
+    let at = |x: f64| {
+        Isometry3::from_parts(
+            Translation3::new(x, 0.0, 0.3),
+            UnitQuaternion::from_scaled_axis(Vector3::y() * std::f64::consts::PI),
+        )
+    };
+    assert!(!chain.branches(&at(0.4)).is_empty());
+    assert!(chain.branches(&at(1.2)).is_empty());
+    assert_eq!(chain.solve(&at(1.2), &[0.0; 6]), None);
+}
+
+#[test]
+fn a_stretched_elbow_is_singular() {
+    let (_, chain) = xarm();
+    // Where wrist, elbow and shoulder are in one line.
+    let bent = |q3: f64| chain.posture(&[0.1, 0.2, q3, 0.3, 0.8, 0.0]).unwrap();
+    let stretched = -(0.2845_f64 / 0.0535).atan() + (0.0775_f64 / 0.3425).atan();
+    let least = |q3: f64| bent(q3).least_singular_value();
+    let worst = (-400..400)
+        .map(|k| least(stretched + f64::from(k) * 0.01))
+        .fold(f64::INFINITY, f64::min);
+    assert!(worst < 2e-3, "{worst}");
+    assert!(least(-1.6) > 0.05, "{}", least(-1.6));
+}

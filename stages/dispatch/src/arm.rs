@@ -1,0 +1,129 @@
+//! The arm that carries the hand: its joints over a whole motion.
+//!
+//! A motion says where the palm goes, in the object's frame. An object that stands somewhere on the
+//! table may be turned about the vertical with the hand that grasps it: what was screened stays what it
+//! is. For some directions the arm can follow in some of its postures, for some in none.
+
+mod choice;
+mod clearance;
+mod config;
+mod hand;
+mod path;
+mod trace;
+mod way;
+
+use nalgebra::Isometry3;
+use robot::{Chain, RobotModel};
+
+use crate::DispatchError;
+use clearance::Clearance;
+pub use config::ArmConfig;
+#[cfg(test)]
+pub(crate) use path::ArmPath;
+
+/// Joints that an arm must have: with fewer a hand cannot be brought to any pose, with more the pose does
+/// not say where they are.
+const JOINTS: usize = 6;
+
+/// An arm with a hand.
+#[derive(Debug, Clone)]
+pub(crate) struct Arm {
+    config: ArmConfig,
+    /// Arm and hand.
+    robot: RobotModel,
+    chain: Chain,
+    /// Which of the robot's joints each joint of the hand is.
+    fingers: Vec<usize>,
+    base_from_table: Isometry3<f64>,
+    /// Largest speed and acceleration of each joint of the arm.
+    velocity: Vec<f64>,
+    acceleration: Vec<f64>,
+    clearance: Clearance,
+}
+
+impl Arm {
+    /// Takes an arm by the text of its URDF, and the hand for which motions are made.
+    ///
+    /// # Errors
+    ///
+    /// Fails if an option cannot be used, if the URDF cannot be read, if the arm has not six joints with
+    /// speeds, and if what it carries is not the hand.
+    pub(crate) fn new(
+        config: &ArmConfig,
+        urdf: &str,
+        hand: &RobotModel,
+    ) -> Result<Self, DispatchError> {
+        config.check()?;
+        let wrong = |key: &'static str, problem: String| DispatchError::BadOption { key, problem };
+        let robot = RobotModel::from_urdf(urdf).map_err(|source| DispatchError::Hand {
+            path: config.robot.clone(),
+            source,
+        })?;
+        let of_palm = |err: robot::RobotError| wrong("arm.palm", err.to_string());
+        let palm = robot.require_link(&config.palm).map_err(of_palm)?;
+        let chain = Chain::to_link(&robot, &config.palm).map_err(of_palm)?;
+        if chain.dof() != JOINTS {
+            let problem = format!(
+                "{} joints lead from the arm's foot to it, not {JOINTS}",
+                chain.dof()
+            );
+            return Err(wrong("arm.palm", problem));
+        }
+        let fingers = hand::joints_of_hand(&robot, &chain, palm, hand)?;
+        let joints = || {
+            chain
+                .joints()
+                .iter()
+                .filter_map(|&idx| robot.joints().get(idx))
+        };
+        if let Some(joint) = joints().find(|joint| joint.velocity <= 0.0) {
+            let problem = format!("it gives joint `{}` no speed", joint.name);
+            return Err(wrong("arm.robot", problem));
+        }
+        let velocity = joints().map(|joint| joint.velocity * config.velocity_scale);
+        Ok(Self {
+            velocity: velocity.collect(),
+            acceleration: vec![config.acceleration_rad_per_s2; JOINTS],
+            clearance: Clearance::new(&robot, palm, config.clearance_m),
+            base_from_table: config.table_from_base()?.isometry().inverse(),
+            config: config.clone(),
+            chain,
+            fingers,
+            robot,
+        })
+    }
+
+    /// Returns the names of the arm's joints, from its foot to the hand: the order of all its numbers.
+    pub(crate) fn joint_names(&self) -> Vec<String> {
+        let joints = self.joints();
+        joints.map(|joint| joint.name.clone()).collect()
+    }
+
+    /// Returns the largest speed of each joint of the arm in rad/s, and the largest acceleration in rad/s²
+    /// (in meters if prismatic).
+    pub(crate) fn limits(&self) -> (Vec<f64>, Vec<f64>) {
+        (self.velocity.clone(), self.acceleration.clone())
+    }
+
+    /// The arm's joints, from its foot to the hand.
+    fn joints(&self) -> impl Iterator<Item = &robot::Joint> {
+        let joints = self.chain.joints().iter();
+        joints.filter_map(|&idx| self.robot.joints().get(idx))
+    }
+
+    /// Returns the pose of each of the robot's links in the frame of the arm's foot, for joints of the arm
+    /// and of the hand.
+    fn links(&self, arm: &[f64], hand: &[f64]) -> Vec<Isometry3<f64>> {
+        let mut q = vec![0.0; self.robot.dof()];
+        let arm = self.chain.joints().iter().zip(arm);
+        for (&joint, &position) in arm.chain(self.fingers.iter().zip(hand)) {
+            if let Some(slot) = q.get_mut(joint) {
+                *slot = position;
+            }
+        }
+        self.robot.forward_kinematics(&q).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests;

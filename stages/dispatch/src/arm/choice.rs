@@ -1,0 +1,230 @@
+//! Which direction of the object, and which posture of the arm.
+
+use std::{cmp::Ordering, f64::consts::TAU};
+
+use spatial::{Object, Pose, Table};
+
+use super::{
+    Arm,
+    clearance::Stand,
+    path::ArmPath,
+    trace::Knot,
+    way::{Target, Way},
+};
+use crate::{
+    course::{Course, Moving},
+    refusal::{ArmFault, Place, Refusal},
+};
+
+/// Places of the way to the grasp at which the arm is sought, besides its start.
+const WAY_N: usize = 120;
+/// Places of the lift.
+const LIFT_N: usize = 20;
+/// Times that differ by less than this share of the course are the same.
+const SAME_TIME: f64 = 0.01;
+
+/// A posture in which the arm can follow.
+struct Choice<'a> {
+    way: Way<'a>,
+    /// From the way's start to the grasp.
+    to_grasp: Vec<Knot>,
+    /// From there up.
+    lift: Vec<Knot>,
+    /// See [`Choice::compare`].
+    times: f64,
+    room: f64,
+}
+
+/// Why none was found, so far.
+#[derive(Default)]
+struct Worse {
+    postures: usize,
+    /// What kept the one from following that came farthest, and how far that was.
+    best: Option<(usize, ArmFault)>,
+}
+
+impl Arm {
+    /// Finds the arm's joints over a course and straight up from its end by `lift_m`, with the object at
+    /// `arm.object_m` on the table, turned by each of `arm.turns` angles.
+    ///
+    /// `fingers` gives the hand's joint positions at a time of the course. Of all directions and postures
+    /// that keep the limits and are regular, that one is taken that keeps clear of the table, the arm
+    /// itself and the hand, and takes the least time at the joints' largest speeds and the course's own
+    /// pace; of equal ones, within 1 % of the course, the one in which the product of the distance from
+    /// the nearest joint limit and the least singular value is greatest; then the least turn.
+    pub(crate) fn follow<'a>(
+        &'a self,
+        course: &'a Course,
+        table_from_object: &Pose<Table, Object>,
+        fingers: impl Fn(f64) -> Vec<f64>,
+        lift_m: f64,
+    ) -> Result<ArmPath<'a>, Refusal> {
+        let turns = self.config.turns;
+        let lift_m = lift_m.max(0.0);
+        let hands = hands(course)?;
+        let mut worse = Worse::default();
+        let mut choices = Vec::new();
+        for turn in 0..turns {
+            let angle = TAU * turn as f64 / turns as f64;
+            let way = Way::new(self, course, table_from_object, angle);
+            self.gather(&way, &hands, lift_m, &mut choices, &mut worse);
+        }
+        choices.sort_by(Choice::compare);
+        let held: Vec<Vec<f64>> = hands.iter().map(|(time_s, _)| fingers(*time_s)).collect();
+        for choice in choices {
+            match self.clear(&choice, &held) {
+                Ok(()) => {
+                    return Ok(ArmPath::new(self, choice.way, choice.to_grasp, choice.lift));
+                }
+                Err(fault) => worse.add(usize::MAX, fault),
+            }
+        }
+        Err(worse.refusal(turns).unwrap_or_else(|| {
+            let way = Way::new(self, course, table_from_object, 0.0);
+            let grasp = way.at(Place::Lift { height_m: 0.0 });
+            let palm = grasp.map(|grasp| grasp.base_from_palm.translation.vector);
+            Refusal::Reach {
+                palm_in_base_m: palm.map_or([f64::NAN; 3], Into::into),
+                turns,
+            }
+        }))
+    }
+
+    /// Adds the postures in which the arm can follow a way.
+    fn gather<'a>(
+        &self,
+        way: &Way<'a>,
+        hands: &[(f64, Moving)],
+        lift_m: f64,
+        choices: &mut Vec<Choice<'a>>,
+        worse: &mut Worse,
+    ) {
+        let mut to_start: Vec<Target> = hands
+            .iter()
+            .rev()
+            .map(|(time_s, hand)| way.of(Place::Way { time_s: *time_s }, hand))
+            .collect();
+        if to_start.is_empty() {
+            return;
+        }
+        let grasp = to_start.remove(0);
+        let up: Vec<Target> = (0..=LIFT_N)
+            .map(|k| lift_m * k as f64 / LIFT_N as f64)
+            .filter_map(|height_m| way.at(Place::Lift { height_m }))
+            .collect();
+        for q in self.chain.solutions(&grasp.base_from_palm) {
+            worse.postures += 1;
+            match self.posture(way, &grasp, q, &to_start, &up) {
+                Ok(choice) => choices.push(choice),
+                Err((n, fault)) => worse.add(n, fault),
+            }
+        }
+    }
+
+    /// Follows a way from the arm's posture `q` at the grasp: back to its start, and up.
+    fn posture<'a>(
+        &self,
+        way: &Way<'a>,
+        grasp: &Target,
+        q: Vec<f64>,
+        to_start: &[Target],
+        up: &[Target],
+    ) -> Result<Choice<'a>, (usize, ArmFault)> {
+        let at_grasp = self
+            .knot(grasp, q)
+            .and_then(|knot| self.within_limits(knot))
+            .map_err(|fault| (0, fault))?;
+        let mut all = self.trace(way, &at_grasp, to_start)?;
+        all.reverse();
+        let to_grasp_n = all.len() + 1;
+        all.push(at_grasp.clone());
+        let (first, rest) = up
+            .split_first()
+            .ok_or((to_grasp_n, ArmFault::Jump { at: grasp.at }))?;
+        let below = self.knot(first, at_grasp.q);
+        let below = below.map_err(|fault| (to_grasp_n, fault))?;
+        let lifted = self.trace(way, &below, rest);
+        let lifted = lifted.map_err(|(n, fault)| (to_grasp_n + n, fault))?;
+        all.push(below);
+        all.extend(lifted);
+        let room = self.unwind(&mut all).map_err(|fault| (all.len(), fault))?;
+        let singular = all.iter().map(|knot| knot.posture.least_singular_value());
+        let singular = singular.fold(f64::INFINITY, f64::min);
+        let lift = all.split_off(to_grasp_n);
+        Ok(Choice {
+            way: way.clone(),
+            times: self.times_slower(&all),
+            room: room * singular,
+            to_grasp: all,
+            lift,
+        })
+    }
+
+    /// Returns how many times as long as asked for the arm takes on a way at its joints' largest speeds,
+    /// where it is faster nowhere.
+    fn times_slower(&self, to_grasp: &[Knot]) -> f64 {
+        let (mut asked_s, mut takes_s) = (0.0, 0.0);
+        for pair in to_grasp.windows(2) {
+            let [from, to] = pair else { continue };
+            let step_s = to.at.number() - from.at.number();
+            let joints = from.q.iter().zip(&to.q).zip(&self.velocity);
+            let needed = joints.map(|((from, to), most)| (to - from).abs() / most);
+            asked_s += step_s;
+            takes_s += needed.fold(step_s, f64::max);
+        }
+        takes_s / asked_s
+    }
+
+    /// Checks that the arm keeps clear of the table, itself and the hand.
+    fn clear(&self, choice: &Choice<'_>, fingers: &[Vec<f64>]) -> Result<(), ArmFault> {
+        // On the lift the fingers are as at the grasp.
+        let last = fingers.last().into_iter().cycle();
+        let knots = choice.to_grasp.iter().chain(&choice.lift);
+        let stands: Vec<Stand> = knots
+            .zip(fingers.iter().chain(last))
+            .map(|(knot, fingers)| Stand {
+                at: knot.at,
+                base_from_links: self.links(&knot.q, fingers),
+            })
+            .collect();
+        let foot_m = self.base_from_table.inverse().translation.z;
+        self.clearance.check(&stands, choice.way.up(), foot_m)
+    }
+}
+
+impl Choice<'_> {
+    /// Orders choices, the best one first.
+    fn compare(&self, other: &Self) -> Ordering {
+        let steps = |choice: &Self| (choice.times / SAME_TIME).round();
+        let by_time = steps(self).total_cmp(&steps(other));
+        by_time.then(other.room.total_cmp(&self.room))
+    }
+}
+
+impl Worse {
+    fn add(&mut self, n: usize, fault: ArmFault) {
+        if self.best.as_ref().is_none_or(|(best, _)| n > *best) {
+            self.best = Some((n, fault));
+        }
+    }
+
+    fn refusal(self, turns: usize) -> Option<Refusal> {
+        let postures = self.postures;
+        self.best.map(|(_, fault)| Refusal::Arm {
+            postures,
+            turns,
+            fault,
+        })
+    }
+}
+
+/// Returns the hand at evenly spaced times of a course.
+fn hands(course: &Course) -> Result<Vec<(f64, Moving)>, Refusal> {
+    (0..=WAY_N)
+        .map(|k| {
+            let time_s = course.duration_s() * k as f64 / WAY_N as f64;
+            let hand = course.at(time_s).ok_or(Refusal::Number { step: k })?;
+            Ok((time_s, hand))
+        })
+        .collect()
+}

@@ -1,0 +1,87 @@
+//! Options of the arm that carries the hand.
+
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use spatial::Pose;
+
+use crate::DispatchError;
+
+/// Most turns of the object that are tried.
+const MOST_TURNS: usize = 360;
+
+/// The arm that carries the hand: where it stands, and how its joints may move.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct ArmConfig {
+    /// URDF of the arm with the hand on it; its root link is the arm's foot.
+    #[serde(skip_serializing)]
+    pub robot: PathBuf,
+    /// The link of `robot` that is the hand's palm.
+    pub palm: String,
+    /// Pose of the arm's foot in the table's frame: `x, y, z` (m) and the quaternion `x, y, z, w`. The
+    /// table's top is at z = 0, and z is up.
+    pub table_from_base: [f64; 7],
+    /// Where on the table the object stands (m): `x, y` of its origin in the table's frame.
+    pub object_m: [f64; 2],
+    /// How many directions of the object on the table are tried, evenly spread over a turn; with 1 it
+    /// stands as it was screened.
+    pub turns: usize,
+    /// Largest speed of the arm's joints as a share of that of the URDF.
+    pub velocity_scale: f64,
+    /// Largest acceleration of the arm's joints (rad/s²; m/s² if prismatic).
+    pub acceleration_rad_per_s2: f64,
+    /// How far the arm's links keep from the table, from each other and from the hand (m), at least. As
+    /// far as the URDF's collision shapes tell; the hand alone is judged by `grasp`.
+    pub clearance_m: f64,
+    /// Least singular value of the arm's Jacobian, meters and radians taken as they are: where it is less,
+    /// the arm is too near a singularity, in which joints turn fast while the hand moves slowly.
+    pub least_singular_value: f64,
+}
+
+/// The frame of the arm's foot, the URDF's root link.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Base {}
+
+impl ArmConfig {
+    /// Returns the pose of the arm's foot in the table's frame.
+    pub(crate) fn table_from_base(&self) -> Result<Pose<spatial::Table, Base>, DispatchError> {
+        Pose::from_array(self.table_from_base).map_err(|err| DispatchError::BadOption {
+            key: "arm.table_from_base",
+            problem: err.to_string(),
+        })
+    }
+
+    /// Checks what types cannot say.
+    pub(crate) fn check(&self) -> Result<(), DispatchError> {
+        let wrong = |key: &'static str, problem: String| DispatchError::BadOption { key, problem };
+        let positive = [
+            ("arm.velocity_scale", self.velocity_scale),
+            ("arm.acceleration_rad_per_s2", self.acceleration_rad_per_s2),
+            ("arm.least_singular_value", self.least_singular_value),
+        ];
+        for (key, value) in positive {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(wrong(key, format!("{value} is not more than 0")));
+            }
+        }
+        if self.velocity_scale > 1.0 {
+            let problem = format!("{} is more than 1", self.velocity_scale);
+            return Err(wrong("arm.velocity_scale", problem));
+        }
+        if !(self.clearance_m.is_finite() && self.clearance_m >= 0.0) {
+            let problem = format!("{} m is not 0 or more", self.clearance_m);
+            return Err(wrong("arm.clearance_m", problem));
+        }
+        if !self.object_m.iter().all(|number| number.is_finite()) {
+            return Err(wrong("arm.object_m", format!("{:?}", self.object_m)));
+        }
+        if self.turns == 0 || self.turns > MOST_TURNS {
+            let problem = format!("{} is not between 1 and {MOST_TURNS}", self.turns);
+            return Err(wrong("arm.turns", problem));
+        }
+        self.table_from_base().map(|_| ())
+    }
+}
