@@ -34,7 +34,7 @@ pub use keys::Keys;
 pub use report::{Capabilities, Offer, Report, Sample};
 pub use session::subscribe;
 pub use simulated::{
-    Fault, Gap, ObjectError, ObjectFinder, PlannedFault, Service, SimulatedCell,
+    CellArm, Fault, Gap, ObjectError, ObjectFinder, PlannedFault, Service, SimulatedCell,
     SimulatedCellConfig,
 };
 pub use track::{Carrier, JointPoint, PalmPoint, Track};

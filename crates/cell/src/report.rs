@@ -25,6 +25,9 @@ pub struct Capabilities {
     pub robot: String,
     /// The robot's controllers: what moves the palm, then the hand.
     pub controllers: Vec<Offer>,
+    /// Pose of the arm's foot in the table's frame, if the cell has an arm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub table_from_base: Option<[f64; 7]>,
     /// Longest goal accepted, in bytes.
     pub max_goal_bytes: usize,
     /// What is known about how it differs from what was planned for, for people.

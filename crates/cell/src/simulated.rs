@@ -36,6 +36,7 @@ use self::{
 pub use self::{
     fault::{Fault, PlannedFault},
     gap::{Gap, ObjectError},
+    robot::CellArm,
 };
 use crate::{
     CellError, Goal, Keys, PROTOCOL,
@@ -56,6 +57,8 @@ pub struct SimulatedCellConfig {
     pub listen: String,
     /// Its physics; where they differ from the screen's is the gap that a motion must bridge.
     pub scene: SceneConfig,
+    /// The arm that carries the hand; without one it flies.
+    pub arm: Option<CellArm>,
     /// How else it differs from that.
     pub gap: Gap,
     /// How it serves.
@@ -125,7 +128,7 @@ impl SimulatedCell {
         };
         let shared = Arc::new(Shared {
             keys: Keys::new(&config.name)?,
-            robot: Robot::flying(urdf)?,
+            robot: Robot::new(urdf, config.arm.as_ref())?,
             objects: Mutex::default(),
             finder: Mutex::default(),
             journal: Mutex::new(journal),
@@ -279,6 +282,7 @@ impl Shared {
             simulated: true,
             robot: self.robot.digest.clone(),
             controllers: self.robot.controllers(scene.control_step_s()),
+            table_from_base: self.robot.table_from_base(),
             max_goal_bytes: MAX_GOAL_BYTES,
             gap: format!(
                 "friction {}, mass times {}, torque limit {} Nm, object misplaced by up to {} m and {} rad, \
@@ -432,7 +436,7 @@ impl<'a> Watched<'a> {
         Self {
             shared,
             goal_id,
-            joints: shared.robot.hand.joint_names(),
+            joints: shared.robot.joint_names(),
             publisher: session.declare_publisher(shared.keys.state()).wait().ok(),
             mirror,
             started: None,

@@ -112,7 +112,7 @@ impl Track {
 
 impl JointPoint {
     /// Position, velocity and acceleration of each joint.
-    fn ends(&self) -> impl Iterator<Item = [f64; 3]> {
+    pub fn ends(&self) -> impl Iterator<Item = [f64; 3]> {
         let rates = self.velocity_rad_per_s.iter();
         let rates = rates.zip(&self.acceleration_rad_per_s2);
         let joints = self.q_rad.iter().zip(rates);

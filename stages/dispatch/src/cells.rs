@@ -1,23 +1,30 @@
 //! The cell that the options ask for.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::{
+    fs,
+    sync::{Arc, Mutex, PoisonError},
+};
 
 use cell::{
-    Capabilities, CellClient, CellError, Gap, ObjectError, Service, SimulatedCell,
-    SimulatedCellConfig, robot_digest,
+    Capabilities, CellArm, CellClient, Gap, ObjectError, Service, SimulatedCell,
+    SimulatedCellConfig,
 };
 use schemas::objects::Object;
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, de::Error as _};
 use simulation::ObjectShape;
 
 use crate::{
-    DispatchConfig, DispatchError,
+    ArmConfig, DispatchConfig, DispatchError,
     config::{SIMULATED, SimulatedConfig},
+    robots::Robots,
 };
 
 /// The simulated cell of this process: it outlives the units, so that whoever watches can stay
 /// connected, and it remembers its goals as a real one does.
 static RUNNING: Mutex<Option<Running>> = Mutex::new(None);
+
+/// How near an arm must stand to where it was planned, in meters and in a quaternion's numbers.
+const SAME_PLACE: f64 = 1e-6;
 
 struct Running {
     asked: Asked,
@@ -43,11 +50,11 @@ pub(crate) struct Connected {
 /// simulated one if it does not run yet.
 pub(crate) fn connect(
     config: &DispatchConfig,
-    urdf: &str,
+    robots: &Robots,
     object: &Object,
 ) -> Result<Connected, DispatchError> {
     let simulated = if config.cell == SIMULATED {
-        let cell = simulated(config, urdf)?;
+        let cell = simulated(config, robots)?;
         cell.put_object(&object.name, ObjectShape::from_artifact(object));
         Some(cell)
     } else {
@@ -58,11 +65,24 @@ pub(crate) fn connect(
         .map_or(config.cell.as_str(), |cell| cell.endpoint());
     let client = CellClient::connect(endpoint, &config.cell_name, config.answer_timeout())?;
     let capabilities = client.capabilities(config.answer_timeout())?;
-    if capabilities.robot != robot_digest(urdf) {
+    if capabilities.robot != robots.digest() {
         return Err(DispatchError::OtherRobot {
             cell: capabilities.cell,
             hand: config.hand.clone(),
         });
+    }
+    let planned = config.arm.as_ref().map(|arm| arm.table_from_base);
+    if let (Some(planned), Some(there)) = (planned, capabilities.table_from_base) {
+        let is_there = planned
+            .iter()
+            .zip(&there)
+            .all(|(a, b)| (a - b).abs() < SAME_PLACE);
+        if !is_there {
+            return Err(DispatchError::BadOption {
+                key: "arm.table_from_base",
+                problem: format!("{planned:?}, but the cell says that its arm stands at {there:?}"),
+            });
+        }
     }
     Ok(Connected {
         client,
@@ -84,8 +104,27 @@ pub fn simulated_cell<'de, D: Deserializer<'de>>(
     let Options {
         cell_name,
         simulated,
+        arm,
     } = Options::deserialize(options)?;
-    Ok(setup(cell_name, listen, simulated))
+    let arm = arm.map(|options| {
+        let urdf = fs::read_to_string(&options.robot).map_err(|err| {
+            D::Error::custom(format!(
+                "cannot read the arm's URDF `{}`: {err}",
+                options.robot.display()
+            ))
+        })?;
+        arm_of(&options, urdf).map_err(D::Error::custom)
+    });
+    Ok(setup(cell_name, listen, simulated, arm.transpose()?))
+}
+
+/// Returns the arm of a simulated cell.
+fn arm_of(options: &ArmConfig, urdf: String) -> Result<CellArm, DispatchError> {
+    Ok(CellArm {
+        urdf,
+        palm: options.palm.clone(),
+        table_from_base: *options.table_from_base()?.isometry(),
+    })
 }
 
 /// The options that describe the simulated cell.
@@ -93,13 +132,21 @@ pub fn simulated_cell<'de, D: Deserializer<'de>>(
 struct Options {
     cell_name: String,
     simulated: SimulatedConfig,
+    #[serde(default)]
+    arm: Option<ArmConfig>,
 }
 
-fn setup(name: String, listen: String, config: SimulatedConfig) -> SimulatedCellConfig {
+fn setup(
+    name: String,
+    listen: String,
+    config: SimulatedConfig,
+    arm: Option<CellArm>,
+) -> SimulatedCellConfig {
     SimulatedCellConfig {
         name,
         listen,
         scene: config.scene,
+        arm,
         gap: Gap {
             object: ObjectError {
                 position_m: config.object_error_m,
@@ -112,11 +159,18 @@ fn setup(name: String, listen: String, config: SimulatedConfig) -> SimulatedCell
     }
 }
 
-fn simulated(config: &DispatchConfig, urdf: &str) -> Result<Arc<SimulatedCell>, CellError> {
+fn simulated(
+    config: &DispatchConfig,
+    robots: &Robots,
+) -> Result<Arc<SimulatedCell>, DispatchError> {
+    let arm = match (&config.arm, &robots.arm) {
+        (Some(options), Some(arm)) => Some(arm_of(options, arm.urdf.clone())?),
+        _ => None,
+    };
     let (name, listen) = (config.cell_name.clone(), config.listen.clone());
     let asked = Asked {
-        config: setup(name, listen, config.simulated.clone()),
-        robot: robot_digest(urdf),
+        config: setup(name, listen, config.simulated.clone(), arm),
+        robot: robots.digest(),
     };
     let mut running = RUNNING.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(running) = running.as_ref().filter(|running| running.asked == asked) {
@@ -124,7 +178,10 @@ fn simulated(config: &DispatchConfig, urdf: &str) -> Result<Arc<SimulatedCell>, 
     }
     // One with other options stops first: it may hold the port.
     *running = None;
-    let cell = Arc::new(SimulatedCell::start(asked.config.clone(), urdf)?);
+    let cell = Arc::new(SimulatedCell::start(
+        asked.config.clone(),
+        &robots.hand_urdf,
+    )?);
     *running = Some(Running {
         asked,
         cell: Arc::clone(&cell),

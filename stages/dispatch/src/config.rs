@@ -32,7 +32,8 @@ pub struct DispatchConfig {
     pub listen: String,
     /// Whether a cell that is not simulated may move; without it the run is a dry one.
     pub execute: bool,
-    /// Largest number of motions sent for one object.
+    /// Largest number of motions sent for one object: of the accepted ones in their order, those that the
+    /// robot can make.
     pub per_object: usize,
     /// Number of this attempt: raise it to have motions executed again by a cell that knows them.
     pub attempt: u32,
@@ -155,6 +156,7 @@ mod tests {
             simulated: true,
             robot: String::new(),
             controllers: Vec::new(),
+            table_from_base: None,
             max_goal_bytes: 0,
             gap: String::new(),
             real_time: false,

@@ -1,7 +1,7 @@
 //! By how much a sampled motion exceeds its limits.
 
 use cell::{JointPoint, PalmPoint};
-use spatial::Twist;
+use spatial::{Twist, quintic};
 
 use crate::{
     limits::{self, Limits},
@@ -10,9 +10,10 @@ use crate::{
 
 /// How many times as slow each part of a motion must be for its limits.
 ///
-/// What is told is judged twice: by the velocities and accelerations that go with the points, and by
-/// those that a controller sees that is told positions alone, differences over one period. Before and
-/// after, the robot rests.
+/// What is told is judged three times: by the velocities and accelerations that go with the points; by
+/// the velocities of joints halfway between them, on the polynomial that goes through both; and by what a
+/// controller sees that is told positions alone, differences over one period. Before and after, the robot
+/// rests.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Excess {
     way: f64,
@@ -83,6 +84,10 @@ impl Excess {
                 parts(&point.velocity_rad_per_s, &point.acceleration_rad_per_s2),
             );
             let next = points.get(idx + 1);
+            if let Some(next) = next {
+                let halfway: Vec<f64> = halfway(point, next).collect();
+                self.see(part, parts(&halfway, &vec![0.0; dof]));
+            }
             let after = next.map_or_else(
                 || vec![0.0; dof],
                 |next| {
@@ -122,6 +127,13 @@ fn rate<T>(before: Option<&T>, point: &T, after: Option<&T>, time_s: impl Fn(&T)
         (Some(one), None) | (None, Some(one)) => 1.0 / one,
         (None, None) => 0.0,
     }
+}
+
+/// Returns the joints' velocities halfway between two points.
+fn halfway(from: &JointPoint, to: &JointPoint) -> impl Iterator<Item = f64> {
+    let duration_s = to.time_s - from.time_s;
+    let ends = from.ends().zip(to.ends());
+    ends.map(move |(from, to)| quintic(from, to, duration_s, 0.5 * duration_s)[1])
 }
 
 fn differences(from: &[f64], to: &[f64], rate: f64) -> Vec<f64> {

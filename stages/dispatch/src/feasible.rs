@@ -6,15 +6,18 @@ use nalgebra::{Isometry3, Vector3};
 use robot::{JointKind, RobotModel};
 use schemas::candidates::{Candidate, Candidates, Rates, Step};
 use simulation::{Approach, Flexion, Protocol, Trial};
+use spatial::{Object, Pose, Table};
 
 use crate::{
     DispatchConfig, DispatchError,
+    arm::{Arm, ArmPath},
     config::RatesConfig,
     course::Course,
     excess::Excess,
-    limits::Limits,
+    limits::{self, Limits},
     motion::{Fingers, Lengths, Part, WholeMotion},
     refusal::Refusal,
+    robots::Robots,
     timing::Timing,
 };
 
@@ -33,11 +36,14 @@ pub(crate) struct Planner<'a> {
     limits: Limits,
     rates: RatesConfig,
     flexion: Flexion,
+    arm: Option<Arm>,
 }
 
 /// A motion that the robot can make.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Feasible {
+    /// How the object lies, and where: an arm has it at its place.
+    pub(crate) table_from_object: Pose<Table, Object>,
     /// What moves the palm, from rest to rest, to the end of the lift.
     pub(crate) carrier: Carrier,
     /// What the fingers are told, to the end of the squeeze.
@@ -47,11 +53,16 @@ pub(crate) struct Feasible {
 }
 
 impl<'a> Planner<'a> {
-    /// Takes the options for a hand.
+    /// Takes the options for a robot.
     pub(crate) fn new(
         config: &'a DispatchConfig,
-        hand: &'a RobotModel,
+        robots: &'a Robots,
     ) -> Result<Self, DispatchError> {
+        let hand = &robots.hand;
+        let arm = match (&config.arm, &robots.arm) {
+            (Some(options), Some(arm)) => Some(Arm::new(options, &arm.urdf, hand)?),
+            _ => None,
+        };
         let limits = Limits::new(&config.limits, hand)?;
         let wrong = |key: &'static str, problem: String| DispatchError::BadOption { key, problem };
         let flexion = Flexion::new(&config.grasp, hand)
@@ -73,6 +84,7 @@ impl<'a> Planner<'a> {
             rates: config.rates,
             flexion,
             limits,
+            arm,
         })
     }
 
@@ -98,8 +110,17 @@ impl<'a> Planner<'a> {
             squeezed: self.flexion.flexed(&grasp, self.protocol.squeeze_rad),
             grasp,
         };
-        let table_from_object = *candidate.table_from_object.isometry();
-        self.timed(&course, &fingers, table_from_object)
+        let stands = |course_s: f64| {
+            let follows = || course.at(course_s).map(|hand| hand.q);
+            let q = fingers.opened.clone().or_else(follows);
+            q.unwrap_or_default()
+        };
+        let lying = &candidate.table_from_object;
+        let arm = self.arm.as_ref();
+        let arm = arm
+            .map(|arm| arm.follow(&course, lying, stands, self.protocol.lift_m))
+            .transpose()?;
+        self.timed(&course, &fingers, arm.as_ref(), lying)
     }
 
     /// Returns the candidate with its joints in the order of the hand's.
@@ -147,8 +168,10 @@ impl<'a> Planner<'a> {
         &self,
         course: &Course,
         fingers: &Fingers,
-        table_from_object: Isometry3<f64>,
+        arm: Option<&ArmPath<'_>>,
+        lying: &Pose<Table, Object>,
     ) -> Result<Feasible, Refusal> {
+        let table_from_object = arm.map_or(*lying, |arm| arm.table_from_object);
         let asked_s = path_s(self.protocol);
         let most = self.limits.config.most_times_slower;
         let slow = |way_s: f64| Refusal::Slow {
@@ -167,6 +190,10 @@ impl<'a> Planner<'a> {
             if follows {
                 parts.extend(self.limits.of_joints(&velocity.q, &acceleration.q));
             }
+            if let Some(arm) = arm {
+                let arm = arm.at(course_s)?;
+                parts.extend(self.of_arm(&arm.velocity, &arm.acceleration));
+            }
             Some(parts)
         };
         let pace = course.duration_s() / asked_s;
@@ -176,7 +203,8 @@ impl<'a> Planner<'a> {
             course,
             timing,
             fingers,
-            table_from_object,
+            arm,
+            table_from_object: *table_from_object.isometry(),
             lift_m: self.protocol.lift_m,
             lengths,
         };
@@ -193,7 +221,19 @@ impl<'a> Planner<'a> {
                 motion.hand(time_s)
             });
             let (palm, hand) = (palm.ok_or_else(endless)?, hand.ok_or_else(endless)?);
+            let told = arm.map(|_| {
+                let points = sampled(motion.lengths.lifted_s(), self.rates.palm_hz, |time_s| {
+                    motion.arm(time_s)
+                });
+                points.ok_or_else(endless)
+            });
+            let told = told.transpose()?;
             let mut excess = Excess::default();
+            if let Some(told) = &told {
+                excess.of_track(told, &motion.lengths, |velocity, acceleration| {
+                    self.of_arm(velocity, acceleration)
+                });
+            }
             excess.of_palm(&palm, &self.limits, &motion.lengths);
             excess.of_joints(&hand, &self.limits, &motion.lengths);
             let is_kept = PARTS
@@ -201,8 +241,15 @@ impl<'a> Planner<'a> {
                 .all(|part| excess.of(part) <= 1.0 + ROUNDING);
             if is_kept {
                 return Ok(Feasible {
+                    table_from_object,
                     grasp: motion.protocol(self.protocol),
-                    carrier: Carrier::Palm(palm),
+                    carrier: match (told, &self.arm) {
+                        (Some(points), Some(arm)) => Carrier::Arm(Track {
+                            joints: arm.joint_names(),
+                            points,
+                        }),
+                        _ => Carrier::Palm(palm),
+                    },
                     hand: Track {
                         joints: self.hand.joint_names(),
                         points: hand,
@@ -218,6 +265,21 @@ impl<'a> Planner<'a> {
             }
         }
         Err(slow(motion.lengths.way_s))
+    }
+
+    /// Returns the joints of an arm that moves so.
+    fn of_arm(&self, velocity: &[f64], acceleration: &[f64]) -> Vec<limits::Part> {
+        let Some(arm) = &self.arm else {
+            return Vec::new();
+        };
+        let (most_velocity, most_acceleration) = arm.limits();
+        let most = most_velocity.into_iter().zip(most_acceleration);
+        let rates = velocity.iter().zip(acceleration).zip(most);
+        rates
+            .map(|((&velocity, &acceleration), (fastest, quickest))| {
+                limits::Part::of_joint(velocity, acceleration, fastest, quickest)
+            })
+            .collect()
     }
 
     /// Returns how long the parts of a motion last at least, of which the palm's way takes `way_s`.

@@ -1,6 +1,6 @@
 //! The motions to send, as goals.
 
-use cell::{Goal, robot_digest};
+use cell::Goal;
 use schemas::{
     candidates::{Candidate, Candidates},
     rollouts::{Rollout, Verdict},
@@ -11,18 +11,17 @@ use crate::{
     feasible::{Feasible, Planner},
     names::JointNames,
     refusal::Refusal,
+    robots::Robots,
 };
 
-/// Returns the accepted motions in the order of their rollouts, at most `per_object`.
+/// Returns the accepted motions in the order of their rollouts.
 pub(crate) fn accepted<'a>(
     rollouts: &[Rollout],
     candidates: &'a Candidates,
-    per_object: usize,
 ) -> Result<Vec<&'a Candidate>, DispatchError> {
     rollouts
         .iter()
         .filter(|rollout| rollout.verdict == Verdict::Held)
-        .take(per_object)
         .map(|rollout| {
             candidates
                 .candidates
@@ -36,16 +35,17 @@ pub(crate) fn accepted<'a>(
         .collect()
 }
 
-/// Returns a motion that can be made as a goal for the robot described by `urdf`.
+/// Returns a motion that can be made as a goal for a robot.
 pub(crate) fn goal(
     config: &DispatchConfig,
-    urdf: &str,
+    robots: &Robots,
     planner: &Planner<'_>,
     names: &JointNames,
     candidates: &Candidates,
     candidate: &Candidate,
 ) -> Result<Goal, Refusal> {
     let Feasible {
+        table_from_object,
         carrier,
         hand,
         grasp,
@@ -53,9 +53,9 @@ pub(crate) fn goal(
     let mut goal = Goal {
         candidate_id: candidate.candidate_id.clone(),
         object: candidates.object.clone(),
-        robot: robot_digest(urdf),
+        robot: robots.digest(),
         attempt: config.attempt,
-        table_from_object: candidate.table_from_object,
+        table_from_object,
         start_tolerance_rad: config.start_tolerance_rad,
         grasp,
         carrier,

@@ -31,6 +31,7 @@ mod motion;
 mod names;
 mod recording;
 mod refusal;
+mod robots;
 mod stage;
 mod timing;
 mod trials;

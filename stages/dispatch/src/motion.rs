@@ -5,7 +5,11 @@ use nalgebra::{Isometry3, Vector3};
 use simulation::{Approach, Protocol};
 use spatial::{Pose, Twist};
 
-use crate::{course::Course, timing::Timing};
+use crate::{
+    arm::{ArmMoving, ArmPath},
+    course::Course,
+    timing::Timing,
+};
 
 /// A part of a motion that can be slowed down by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,6 +97,8 @@ pub(crate) struct WholeMotion<'a> {
     pub(crate) course: &'a Course,
     pub(crate) timing: Timing,
     pub(crate) fingers: &'a Fingers,
+    /// The arm's joints, if one carries the palm.
+    pub(crate) arm: Option<&'a ArmPath<'a>>,
     pub(crate) table_from_object: Isometry3<f64>,
     pub(crate) lift_m: f64,
     pub(crate) lengths: Lengths,
@@ -127,6 +133,34 @@ impl WholeMotion<'_> {
                 linear: chain(velocity.linear, acceleration.linear, once, twice) + up * change,
                 angular: chain(velocity.angular, acceleration.angular, once, twice),
             },
+        })
+    }
+
+    /// Returns the arm; `None` if there is none.
+    pub(crate) fn arm(&self, time_s: f64) -> Option<JointPoint> {
+        let arm = self.arm?;
+        let [height_m, speed, change] = self.height(time_s);
+        let lifts = time_s > self.lengths.lift_from_s();
+        let (moving, [once, twice]) = if lifts {
+            (arm.lifted(height_m)?, [speed, change])
+        } else {
+            let [course_s, once, twice] = self.timing.at(time_s);
+            (arm.at(course_s)?, [once, twice])
+        };
+        let ArmMoving {
+            q,
+            velocity,
+            acceleration,
+        } = moving;
+        let rates = velocity.iter().zip(&acceleration);
+        let acceleration = rates
+            .map(|(velocity, acceleration)| acceleration * once * once + velocity * twice)
+            .collect();
+        Some(JointPoint {
+            time_s,
+            q_rad: q,
+            velocity_rad_per_s: velocity.iter().map(|velocity| velocity * once).collect(),
+            acceleration_rad_per_s2: acceleration,
         })
     }
 

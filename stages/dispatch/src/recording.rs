@@ -5,7 +5,6 @@ use std::{collections::BTreeMap, path::Path};
 use cell::{Carrier, Goal, Report, Sample, Track};
 use lake::recording::Recording;
 use nalgebra::Isometry3;
-use robot::RobotModel;
 use schemas::{
     executions,
     objects::Object,
@@ -18,13 +17,12 @@ use schemas::{
     },
 };
 
-use crate::DispatchError;
+use crate::{DispatchError, robots::Robots};
 
 /// The robot and the object of a recording.
 pub(crate) struct Setting<'a> {
-    pub(crate) urdf: &'a str,
+    pub(crate) robots: &'a Robots,
     pub(crate) hand_path: &'a Path,
-    pub(crate) model: &'a RobotModel,
     pub(crate) object: &'a Object,
     /// The cell's name.
     pub(crate) cell: &'a str,
@@ -48,7 +46,8 @@ pub(crate) fn record(
         goal_id: report.goal_id.clone(),
         hand: setting.hand_path.to_owned(),
     };
-    let joints = setting.model.joint_names();
+    let robot = setting.robots.whole();
+    let joints = robot.joint_names();
     let columns: Vec<usize> = joints
         .iter()
         .map(|name| {
@@ -64,12 +63,12 @@ pub(crate) fn record(
         .iter()
         .map(|sample| in_order(sample, &columns))
         .collect();
-    let link_poses = |q: &[f64]| setting.model.forward_kinematics(q).ok().ok_or_else(wrong);
+    let link_poses = |q: &[f64]| robot.forward_kinematics(q).ok().ok_or_else(wrong);
     let first = samples.first().ok_or_else(wrong)?;
     let scene = Scene {
-        urdf: setting.urdf,
+        urdf: setting.robots.urdf(),
         joints: &joints,
-        hand: &Hand::new(setting.model.links().iter().map(|link| HandLink {
+        hand: &Hand::new(robot.links().iter().map(|link| HandLink {
             name: link.name.clone(),
             parent: link.parent,
             moves: link.joint.is_some(),
@@ -93,7 +92,11 @@ pub(crate) fn record(
             &scene,
             &SceneStep {
                 time_s: sample.time_s,
-                table_from_palm: *sample.table_from_palm.isometry(),
+                table_from_palm: match &setting.robots.arm {
+                    // The arm's foot is the root of its tree.
+                    Some(arm) => arm.table_from_base,
+                    None => *sample.table_from_palm.isometry(),
+                },
                 table_from_object: *sample.table_from_object.isometry(),
                 palm_from_links: &link_poses(&sample.q_rad)?,
                 q_rad: &sample.q_rad,

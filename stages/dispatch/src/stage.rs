@@ -2,7 +2,6 @@
 
 use std::{
     collections::BTreeMap,
-    fs,
     path::{Component, Path},
 };
 
@@ -11,7 +10,6 @@ use dataflow::{
     Artifact, Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, SourceFile,
     Stage, Summary, Unit,
 };
-use robot::RobotModel;
 use schemas::{
     SchemaError,
     candidates::{self, Candidate, Candidates},
@@ -29,6 +27,7 @@ use crate::{
     names::JointNames,
     recording::{Setting, record},
     refusal::Refusal,
+    robots::Robots,
     trials::{self, EXECUTIONS, TRIALS},
 };
 
@@ -74,9 +73,10 @@ impl Stage for Dispatch {
     /// Checks the options and the hand's URDF.
     fn prepare(config: &DispatchConfig) -> Result<(), DispatchError> {
         config.check()?;
-        let (_, hand) = load_hand(&config.hand)?;
-        JointNames::new(&config.joint_names, &hand)?;
-        Planner::new(config, &hand).map(drop)
+        let arm = config.arm.as_ref().map(|arm| arm.robot.as_path());
+        let robots = Robots::load(config, &config.hand, arm)?;
+        JointNames::new(&config.joint_names, robots.whole())?;
+        Planner::new(config, &robots).map(drop)
     }
 
     fn units(
@@ -91,11 +91,15 @@ impl Stage for Dispatch {
             .partitions("rollouts")
             .iter()
             .map(|rollouts| {
-                Unit::new(&rollouts.key)
+                let unit = Unit::new(&rollouts.key)
                     .reading("rollouts", [&rollouts.key])
                     .reading("candidates", [&rollouts.key])
                     .reading("objects", [&rollouts.key])
-                    .with_file(SourceFile::named_by_file(&config.hand))
+                    .with_file(SourceFile::named_by_file(&config.hand));
+                match &config.arm {
+                    Some(arm) => unit.with_file(SourceFile::named_by_file(&arm.robot)),
+                    None => unit,
+                }
             })
             .collect())
     }
@@ -146,21 +150,20 @@ impl Stage for Dispatch {
             &lake::table::read(artifact_of_object)?,
         )
         .map_err(schema)?;
-        let motions = accepted(&rollouts, &candidates, config.per_object)?;
+        let motions = accepted(&rollouts, &candidates)?;
         let sent = if motions.is_empty() {
             Sent::default()
         } else {
-            let urdf = inputs
-                .files()
-                .first()
-                .ok_or_else(|| missing(cx, "URDF of a hand"))?;
-            send(config, &urdf.path, &object, &candidates, &motions, cx)?
+            let mut files = inputs.files().iter().map(|file| file.path.as_path());
+            let hand = files.next().ok_or_else(|| missing(cx, "URDF of a hand"))?;
+            let robots = Robots::load(config, hand, files.next())?;
+            send(config, &robots, &object, &candidates, &motions, cx)?
         };
         let batch = executions::to_batch(&sent.executions).map_err(schema)?;
         lake::table::write(cx.folder(), &batch)?;
         Ok(Outcome::Made(Made {
             labels: BTreeMap::from([("object".to_owned(), object.name)]),
-            metrics: sent.metrics(motions.len()),
+            metrics: sent.metrics(),
         }))
     }
 
@@ -201,18 +204,20 @@ impl Stage for Dispatch {
 #[derive(Default)]
 struct Sent {
     executions: Vec<Execution>,
+    /// Motions that were looked at.
+    motions_n: usize,
     /// Motions that would have been sent.
     dry_n: usize,
     simulated: bool,
 }
 
 impl Sent {
-    fn metrics(&self, motions_n: usize) -> BTreeMap<String, f64> {
+    fn metrics(&self) -> BTreeMap<String, f64> {
         let count =
             |so: &dyn Fn(&Execution) -> bool| self.executions.iter().filter(|&e| so(e)).count();
         let sent_n = count(&|e| !e.goal_id.is_empty());
         [
-            ("motions_n", motions_n),
+            ("motions_n", self.motions_n),
             ("sent_n", sent_n),
             ("refused_n", self.executions.len() - sent_n),
             ("accepted_n", count(&|e| e.accepted)),
@@ -235,23 +240,28 @@ impl Sent {
 /// Sends motions one after another, each when the one before is over.
 fn send(
     config: &DispatchConfig,
-    hand_path: &Path,
+    robots: &Robots,
     object: &Object,
     candidates: &Candidates,
     motions: &[&Candidate],
     cx: &Context,
 ) -> Result<Sent, DispatchError> {
-    let (urdf, model) = load_hand(hand_path)?;
-    let planner = Planner::new(config, &model)?;
-    let names = JointNames::new(&config.joint_names, &model)?;
+    let planner = Planner::new(config, robots)?;
+    let names = JointNames::new(&config.joint_names, robots.whole())?;
     // What cannot be made is known before anything moves, or a cell is asked.
-    let goals: Vec<Result<Goal, Refusal>> = motions
-        .iter()
-        .map(|candidate| goal(config, &urdf, &planner, &names, candidates, candidate))
-        .collect();
-    let feasible_n = goals.iter().filter(|goal| goal.is_ok()).count();
+    let mut goals: Vec<(&Candidate, Result<Goal, Refusal>)> = Vec::new();
+    let mut feasible_n = 0;
+    for &candidate in motions {
+        if feasible_n == config.per_object {
+            break;
+        }
+        let goal = goal(config, robots, &planner, &names, candidates, candidate);
+        feasible_n += usize::from(goal.is_ok());
+        goals.push((candidate, goal));
+    }
+    let motions_n = goals.len();
     if feasible_n == 0 {
-        let rows = motions.iter().zip(&goals).filter_map(|(candidate, goal)| {
+        let rows = goals.iter().filter_map(|(candidate, goal)| {
             let refusal = goal.as_ref().err()?;
             let cell = Cell {
                 name: &config.cell_name,
@@ -262,13 +272,15 @@ fn send(
         });
         return Ok(Sent {
             executions: rows.collect(),
+            motions_n,
             ..Sent::default()
         });
     }
-    let connected = cells::connect(config, &urdf, object)?;
+    let connected = cells::connect(config, robots, object)?;
     let capabilities = &connected.capabilities;
     let mut sent = Sent {
         simulated: capabilities.simulated,
+        motions_n,
         ..Sent::default()
     };
     if !config.permits(capabilities) {
@@ -286,8 +298,8 @@ fn send(
         cell: &capabilities.cell,
         journal: Journal::new(cx.resume_folder().to_owned()),
     };
-    for (idx, (&candidate, goal)) in motions.iter().zip(&goals).enumerate() {
-        cx.progress(idx as f64 / motions.len() as f64, &candidate.candidate_id);
+    for (idx, (candidate, goal)) in goals.iter().enumerate() {
+        cx.progress(idx as f64 / motions_n as f64, &candidate.candidate_id);
         check_name(candidate)?;
         let goal = match goal {
             Ok(goal) => goal,
@@ -301,9 +313,8 @@ fn send(
         let grasp = candidate.steps.last();
         let grasp = grasp.map(|step| *step.object_from_palm.isometry());
         let setting = Setting {
-            urdf: &urdf,
-            hand_path,
-            model: &model,
+            robots,
+            hand_path: &config.hand,
             object,
             cell: &capabilities.cell,
             gap: &capabilities.gap,
@@ -425,18 +436,6 @@ fn check_name(candidate: &Candidate) -> Result<(), DispatchError> {
             ),
         }),
     }
-}
-
-fn load_hand(path: &Path) -> Result<(String, RobotModel), DispatchError> {
-    let urdf = fs::read_to_string(path).map_err(|source| DispatchError::ReadHand {
-        path: path.to_owned(),
-        source,
-    })?;
-    let model = RobotModel::from_urdf(&urdf).map_err(|source| DispatchError::Hand {
-        path: path.to_owned(),
-        source,
-    })?;
-    Ok((urdf, model))
 }
 
 fn only<'a>(

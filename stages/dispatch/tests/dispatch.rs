@@ -267,7 +267,7 @@ fn motions_that_the_robot_cannot_make_are_rows_and_no_cell_is_asked() {
         Verdict::Held,
     )
     .unwrap();
-    assert_eq!(ran.executions.len(), 2);
+    assert_eq!(ran.executions.len(), 3);
     for row in &ran.executions {
         assert_eq!(row.outcome, executions::Outcome::Rejected);
         assert!(row.message.contains("most_times_slower"), "{}", row.message);
@@ -275,7 +275,7 @@ fn motions_that_the_robot_cannot_make_are_rows_and_no_cell_is_asked() {
     }
     assert_eq!(
         describe(&ran.made),
-        "2 motions → 0 executed with success by the robot cell; 2 not sent, the robot cannot make them"
+        "3 motions → 0 executed with success by the robot cell; 3 not sent, the robot cannot make them"
     );
 }
 

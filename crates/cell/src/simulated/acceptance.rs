@@ -54,9 +54,14 @@ pub(super) fn check(
     check_phases(&goal.grasp)?;
     let tolerance = goal.grasp.limit_tolerance_rad;
     check_track(&goal.hand, "hand", robot.hand.joints(), tolerance)?;
-    match &goal.carrier {
-        Carrier::Palm(points) => check_times("palm", points)?,
-        Carrier::Arm(_) => {
+    match (&goal.carrier, &robot.arm) {
+        (Carrier::Palm(points), None) => check_times("palm", points)?,
+        (Carrier::Arm(track), Some(arm)) => check_track(track, "arm", &arm.joints, 0.0)?,
+        (Carrier::Palm(_), Some(_)) => {
+            let problem = "the goal has a palm fly that this cell has on an arm".to_owned();
+            return refuse(RejectionCode::Joints, problem);
+        }
+        (Carrier::Arm(_), None) => {
             return refuse(RejectionCode::Joints, "this cell has no arm".to_owned());
         }
     }

@@ -5,7 +5,10 @@ use simulation::{Flow, ObjectShape, SimulationError, Template, TraceStep, Watche
 use spatial::{Pose, Rest};
 
 use super::{Robot, SimulatedCellConfig, Watched, gap::EncoderNoise, journal::Job, playing};
-use crate::report::{Report, Sample};
+use crate::{
+    report::{Report, Sample},
+    track::Track,
+};
 
 /// How long a hand is watched that holds after its motion was broken off, in seconds.
 const HOLD_S: f64 = 0.5;
@@ -31,6 +34,8 @@ pub(super) fn carry_out(
         EncoderNoise::of(digest, config.gap.encoder_noise_rad),
         steps.len(),
         robot.hand.dof(),
+        playing::arm_of(goal, robot),
+        config.gap.latency_s,
     );
     for (step, noise) in steps.iter_mut().zip(&encoders.noise) {
         // A drive that takes a joint to be further than it is drives it less far.
@@ -69,7 +74,7 @@ pub(super) fn carry_out(
         },
         message: broken_off.unwrap_or_else(|| rollout.verdict.as_str().to_owned()),
         lift_m: rollout.lift_m,
-        joints: robot.hand.joint_names(),
+        joints: robot.joint_names(),
         samples: match rollout.verdict {
             Verdict::Diverged => Vec::new(),
             _ => samples,
@@ -82,11 +87,22 @@ struct Encoders {
     /// What is added at each step of the motion; what comes after it has the last step's.
     noise: Vec<Vec<f64>>,
     seen_n: usize,
+    /// What the arm is told, which it does exactly but late.
+    arm: Option<Track>,
+    latency_s: f64,
 }
 
 impl Encoders {
-    fn new(mut drawn: EncoderNoise, steps_n: usize, dof: usize) -> Self {
+    fn new(
+        mut drawn: EncoderNoise,
+        steps_n: usize,
+        dof: usize,
+        arm: Option<Track>,
+        latency_s: f64,
+    ) -> Self {
         Self {
+            arm,
+            latency_s,
             noise: (0..steps_n).map(|_| drawn.step(dof)).collect(),
             seen_n: 0,
         }
@@ -100,12 +116,20 @@ impl Encoders {
             let noise = noise.into_iter().flatten();
             q.iter().zip(noise).map(|(q, noise)| q + noise).collect()
         };
+        let (mut q_rad, mut q_command_rad) = (add(&step.q), add(&step.q_command));
+        let arm = |time_s: f64| self.arm.as_ref()?.at(time_s);
+        q_rad.extend(
+            arm(step.time_s - self.latency_s)
+                .into_iter()
+                .flat_map(|arm| arm.q_rad),
+        );
+        q_command_rad.extend(arm(step.time_s).into_iter().flat_map(|arm| arm.q_rad));
         Sample {
             time_s: step.time_s,
             table_from_palm: Pose::new(step.table_from_palm),
             table_from_object: Pose::new(step.table_from_object),
-            q_rad: add(&step.q),
-            q_command_rad: add(&step.q_command),
+            q_rad,
+            q_command_rad,
         }
     }
 }

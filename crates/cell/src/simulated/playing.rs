@@ -20,15 +20,18 @@ pub(super) fn steps(
     latency_s: f64,
 ) -> Result<Vec<PlayedStep>, SimulationError> {
     let broken = |message: &str| SimulationError::Motion(message.to_owned());
-    let hand =
-        in_order(&goal.hand, robot).ok_or_else(|| broken("a joint of the hand is missing"))?;
+    let hand = in_order(&goal.hand, &robot.hand.joint_names())
+        .ok_or_else(|| broken("a joint of the hand is missing"))?;
+    let arm = arm_of(goal, robot);
     let phases = Phases::new(&goal.grasp);
     let palm = |time_s: f64| {
         let table_from_palm = match &goal.carrier {
             Carrier::Palm(points) => {
                 PalmPoint::between(points, time_s).map(|pose| *pose.isometry())
             }
-            Carrier::Arm(_) => None,
+            Carrier::Arm(_) => arm
+                .as_ref()
+                .and_then(|arm| robot.palm(&arm.at(time_s)?.q_rad)),
         };
         table_from_palm.ok_or_else(|| broken("what moves the palm tells no pose of it"))
     };
@@ -129,9 +132,16 @@ impl Phases {
     }
 }
 
-/// Returns the hand's track with its joints in the order of the robot's own.
-fn in_order(track: &Track, robot: &Robot) -> Option<Track> {
-    let joints = robot.hand.joint_names();
+/// Returns what the arm is told, with its joints in its own order.
+pub(super) fn arm_of(goal: &Goal, robot: &Robot) -> Option<Track> {
+    match (&goal.carrier, &robot.arm) {
+        (Carrier::Arm(track), Some(arm)) => in_order(track, &arm.joint_names()),
+        _ => None,
+    }
+}
+
+/// Returns a track with its joints in this order.
+fn in_order(track: &Track, joints: &[String]) -> Option<Track> {
     let column = |name: &String| track.joints.iter().position(|joint| joint == name);
     let columns: Vec<usize> = joints.iter().map(column).collect::<Option<_>>()?;
     let pick = |numbers: &[f64]| -> Option<Vec<f64>> {
@@ -149,5 +159,8 @@ fn in_order(track: &Track, robot: &Robot) -> Option<Track> {
         })
     };
     let points = track.points.iter().map(point).collect::<Option<_>>()?;
-    Some(Track { joints, points })
+    Some(Track {
+        joints: joints.to_vec(),
+        points,
+    })
 }

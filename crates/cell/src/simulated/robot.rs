@@ -1,24 +1,69 @@
 //! The robot that a simulated cell has.
 
-use robot::RobotModel;
+use nalgebra::Isometry3;
+use robot::{Chain, Joint, RobotModel};
+use spatial::{Palm, Pose, Table};
 
 use crate::{CellError, report::Offer, wire};
 
+/// The arm of a simulated cell.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CellArm {
+    /// URDF of the arm with the hand on it; its root link is the arm's foot.
+    pub urdf: String,
+    /// Name of the link that is the palm.
+    pub palm: String,
+    /// Pose of the arm's foot in the table's frame.
+    pub table_from_base: Isometry3<f64>,
+}
+
 /// The robot of a simulated cell.
 pub(super) struct Robot {
-    /// Digest of its URDF ([`crate::robot_digest`]).
+    /// Digest of its URDF ([`crate::robot_digest`]): the arm's, if there is one.
     pub(super) digest: String,
     /// The hand alone.
     pub(super) hand: RobotModel,
+    /// The arm that carries it.
+    pub(super) arm: Option<Arm>,
+}
+
+/// An arm that does exactly what it is told.
+pub(super) struct Arm {
+    chain: Chain,
+    /// Its joints, from its foot to the palm.
+    pub(super) joints: Vec<Joint>,
+    table_from_base: Isometry3<f64>,
 }
 
 impl Robot {
-    /// Takes a hand that flies.
-    pub(super) fn flying(urdf: &str) -> Result<Self, CellError> {
+    /// Takes a hand, and the arm that carries it.
+    pub(super) fn new(hand: &str, arm: Option<&CellArm>) -> Result<Self, CellError> {
+        let urdf = arm.map_or(hand, |arm| arm.urdf.as_str());
         Ok(Self {
             digest: wire::robot_digest(urdf),
-            hand: RobotModel::from_urdf(urdf)?,
+            hand: RobotModel::from_urdf(hand)?,
+            arm: arm.map(Arm::new).transpose()?,
         })
+    }
+
+    /// Returns the names of all joints, the hand's before the arm's: the order of all that is measured.
+    pub(super) fn joint_names(&self) -> Vec<String> {
+        let mut names = self.hand.joint_names();
+        names.extend(self.arm.iter().flat_map(Arm::joint_names));
+        names
+    }
+
+    /// Returns where the palm is, in the table's frame, with the arm's joints there.
+    pub(super) fn palm(&self, arm_q: &[f64]) -> Option<Isometry3<f64>> {
+        let arm = self.arm.as_ref()?;
+        let posture = arm.chain.posture(arm_q).ok()?;
+        Some(arm.table_from_base * posture.root_from_end)
+    }
+
+    /// Returns where the arm's foot stands.
+    pub(super) fn table_from_base(&self) -> Option<[f64; 7]> {
+        let arm = self.arm.as_ref()?;
+        Some(Pose::<Table, Palm>::new(arm.table_from_base).to_array())
     }
 
     /// Returns its controllers, each told something once per control step.
@@ -29,8 +74,31 @@ impl Robot {
             rate_hz: 1.0 / control_s,
         };
         vec![
-            offer("palm", Vec::new()),
+            match &self.arm {
+                None => offer("palm", Vec::new()),
+                Some(arm) => offer("arm", arm.joint_names()),
+            },
             offer("hand", self.hand.joint_names()),
         ]
+    }
+}
+
+impl Arm {
+    fn new(arm: &CellArm) -> Result<Self, CellError> {
+        let robot = RobotModel::from_urdf(&arm.urdf)?;
+        let chain = Chain::to_link(&robot, &arm.palm)?;
+        let joints = chain.joints().iter();
+        let joints = joints.filter_map(|&idx| robot.joints().get(idx).cloned());
+        Ok(Self {
+            joints: joints.collect(),
+            table_from_base: arm.table_from_base,
+            chain,
+        })
+    }
+
+    /// Returns the names of its joints, from its foot to the palm.
+    pub(super) fn joint_names(&self) -> Vec<String> {
+        let joints = self.joints.iter();
+        joints.map(|joint| joint.name.clone()).collect()
     }
 }

@@ -143,6 +143,7 @@ pub(crate) fn start_with(service: Service) -> SimulatedCell {
         name: "simulated".to_owned(),
         listen: LISTEN.to_owned(),
         scene: scene(),
+        arm: None,
         gap: Gap::default(),
         service,
     };

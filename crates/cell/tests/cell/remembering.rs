@@ -68,6 +68,7 @@ fn a_goal_that_was_taken_is_known_even_where_its_object_has_gone() {
         name: "simulated".to_owned(),
         listen: LISTEN.to_owned(),
         scene: scene(),
+        arm: None,
         gap: cell::Gap::default(),
         service: Service {
             journal: Some(folder.path().to_owned()),
@@ -92,6 +93,7 @@ fn a_journal_that_cannot_be_used_is_an_error_that_names_it() {
         name: "simulated".to_owned(),
         listen: LISTEN.to_owned(),
         scene: scene(),
+        arm: None,
         gap: cell::Gap::default(),
         service: Service {
             journal: Some(file.join("journal")),

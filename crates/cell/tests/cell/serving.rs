@@ -321,6 +321,7 @@ fn a_taken_port_is_an_error_that_says_what_to_do() {
         name: "second".to_owned(),
         listen: cell.endpoint().to_owned(),
         scene: scene(),
+        arm: None,
         gap: Gap::default(),
         service: Service::default(),
     };

@@ -4,8 +4,11 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
+use robot::RobotModel;
 use schemas::candidates::{Candidate, Rates, Step};
 use spatial::Pose;
+
+use crate::robots::Robots;
 
 /// A hand with three joints, whose palm is a ball.
 pub(crate) const HAND: &str = r#"<robot name="hand">
@@ -18,6 +21,15 @@ pub(crate) const HAND: &str = r#"<robot name="hand">
   <joint name="jc" type="prismatic"><parent link="palm"/><child link="c"/><axis xyz="1 0 0"/>
     <limit lower="-3" upper="3" effort="1" velocity="0.5"/></joint>
 </robot>"#;
+
+/// A hand that flies.
+pub(crate) fn flying(hand: RobotModel) -> Robots {
+    Robots {
+        hand,
+        hand_urdf: String::new(),
+        arm: None,
+    }
+}
 
 /// A number that swings: value, velocity and acceleration at a time.
 #[derive(Debug, Clone, Copy)]

@@ -5,7 +5,7 @@ use cell::PalmPoint;
 use spatial::Pose;
 
 use super::{
-    testing::{HAND, candidates},
+    testing::{HAND, candidates, flying},
     *,
 };
 
@@ -31,8 +31,8 @@ fn of(candidate: Candidate) -> Candidates {
 }
 
 fn plan(config: &DispatchConfig, given: &Candidates) -> Result<Feasible, Refusal> {
-    let hand = hand();
-    let planner = Planner::new(config, &hand).unwrap();
+    let robots = flying(hand());
+    let planner = Planner::new(config, &robots).unwrap();
     planner.plan(given, &given.candidates[0])
 }
 
@@ -402,11 +402,11 @@ fn joints_come_in_the_hands_order() {
 
 #[test]
 fn limits_that_make_no_sense_are_named() {
-    let hand = hand();
+    let robots = flying(hand());
     let refused = |change: fn(&mut DispatchConfig)| {
         let mut config = config(Approach::Follow);
         change(&mut config);
-        let err = Planner::new(&config, &hand).map(drop).unwrap_err();
+        let err = Planner::new(&config, &robots).map(drop).unwrap_err();
         err.to_string()
     };
     let named = |text: &str, key: &str| assert!(text.contains(key), "{text}");
@@ -428,7 +428,8 @@ fn limits_that_make_no_sense_are_named() {
     );
     named(&refused(|c| c.grasp.reach_s = 0.0), "grasp.reach_s");
     let silent = RobotModel::from_urdf(&HAND.replace("velocity=\"7\"", "velocity=\"0\"")).unwrap();
-    let err = Planner::new(&config(Approach::Follow), &silent).map(drop);
+    let (config, silent) = (config(Approach::Follow), flying(silent));
+    let err = Planner::new(&config, &silent).map(drop);
     named(&err.unwrap_err().to_string(), "`jb`");
 }
 
@@ -450,7 +451,7 @@ fn candidates_of_a_lake_stay_where_they_were_screened() {
     let batch = lake::table::read(&artifact).unwrap();
     let given = schemas::candidates::from_batch("object", &batch).unwrap();
     let urdf = include_str!("../../../../data/robots/allegro_right.urdf");
-    let hand = RobotModel::from_urdf(urdf).unwrap();
+    let robots = flying(RobotModel::from_urdf(urdf).unwrap());
     for approach in [Approach::Follow, Approach::Open] {
         let mut config = config(approach);
         config.grasp.flexion_joints = vec!["joint_1.0".to_owned()];
@@ -458,7 +459,7 @@ fn candidates_of_a_lake_stay_where_they_were_screened() {
         config.grasp.close_fraction = 0.25;
         config.grasp.limit_tolerance_rad = 0.1;
         config.grasp.table_tolerance_m = 0.01;
-        let planner = Planner::new(&config, &hand).unwrap();
+        let planner = Planner::new(&config, &robots).unwrap();
         let (mut made_n, mut farthest, mut slowest) = (0, [0.0_f64; 3], 0.0_f64);
         for candidate in &given.candidates {
             let sent = match planner.plan(&given, candidate) {

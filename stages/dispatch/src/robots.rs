@@ -1,0 +1,82 @@
+//! The robot's descriptions: a hand, and the arm that carries it if there is one.
+
+use std::{fs, path::Path};
+
+use cell::robot_digest;
+use nalgebra::Isometry3;
+use robot::RobotModel;
+
+use crate::{DispatchConfig, DispatchError};
+
+/// A robot by its descriptions.
+pub(crate) struct Robots {
+    /// The hand alone; its root link is the palm.
+    pub(crate) hand: RobotModel,
+    /// The text of its URDF.
+    pub(crate) hand_urdf: String,
+    /// Arm and hand in one, if there is an arm.
+    pub(crate) arm: Option<ArmRobot>,
+}
+
+/// An arm with the hand on it.
+pub(crate) struct ArmRobot {
+    pub(crate) model: RobotModel,
+    pub(crate) urdf: String,
+    pub(crate) table_from_base: Isometry3<f64>,
+}
+
+impl Robots {
+    /// Reads the URDFs of the hand and, if the options have an arm, of that.
+    pub(crate) fn load(
+        config: &DispatchConfig,
+        hand: &Path,
+        arm: Option<&Path>,
+    ) -> Result<Self, DispatchError> {
+        let (hand_urdf, hand) = read(hand)?;
+        let arm = match (&config.arm, arm) {
+            (Some(options), Some(path)) => {
+                let (urdf, model) = read(path)?;
+                Some(ArmRobot {
+                    model,
+                    urdf,
+                    table_from_base: *options.table_from_base()?.isometry(),
+                })
+            }
+            _ => None,
+        };
+        Ok(Self {
+            hand,
+            hand_urdf,
+            arm,
+        })
+    }
+
+    /// Returns all that moves as one model, arm and hand or the hand alone.
+    pub(crate) fn whole(&self) -> &RobotModel {
+        self.arm.as_ref().map_or(&self.hand, |arm| &arm.model)
+    }
+
+    /// Returns the URDF of [`Robots::whole`].
+    pub(crate) fn urdf(&self) -> &str {
+        self.arm
+            .as_ref()
+            .map_or(self.hand_urdf.as_str(), |arm| &arm.urdf)
+    }
+
+    /// Returns the digest by which the cell makes sure that the same robot is meant.
+    pub(crate) fn digest(&self) -> String {
+        robot_digest(self.urdf())
+    }
+}
+
+fn read(path: &Path) -> Result<(String, RobotModel), DispatchError> {
+    let urdf = fs::read_to_string(path).map_err(|source| DispatchError::ReadHand {
+        path: path.to_owned(),
+        source,
+    })?;
+    let model = RobotModel::from_urdf(&urdf).map_err(|source| DispatchError::Hand {
+        path: path.to_owned(),
+        source,
+    })?;
+    Ok((urdf, model))
+}
