@@ -45,6 +45,7 @@ fn accepted_motions_are_followed_or_refused_with_a_reason() {
     }
     // As in the lab of the paper: the foot is 0.14 m above the desk.
     rows.push(([0.45, 0.0], 12, [0.0, 0.0, 0.14]));
+    rows.push(([0.45, 0.0], 36, [0.0, 0.0, 0.0]));
     for (object_m, turns, foot) in rows {
         let [x, y, z] = foot;
         let arm = arm(&ArmConfig {
