@@ -18,8 +18,7 @@ use robot::{Chain, RobotModel};
 use crate::DispatchError;
 use clearance::Clearance;
 pub use config::ArmConfig;
-#[cfg(test)]
-pub(crate) use path::ArmPath;
+pub(crate) use path::{ArmMoving, ArmPath};
 
 /// Joints that an arm must have: with fewer a hand cannot be brought to any pose, with more the pose does
 /// not say where they are.

@@ -7,14 +7,15 @@ use nalgebra::Isometry3;
 use super::Chain;
 use crate::{Joint, JointKind};
 
-/// Places from which solutions are sought: more than twice as many as find all (`tests/chain.rs`).
-const STARTS: usize = 96;
+/// Places from which solutions are sought. For the xArm 6 they find 998 of 1,000 that a thousand places
+/// find, and 48 find 991.
+const STARTS: usize = 64;
 /// Solutions are the same if no joint differs by more than this, in radians (meters if prismatic).
 const SAME: f64 = 1e-5;
 
 impl Chain {
     /// Returns the joint positions within the limits with which the end is at `target`, as
-    /// [`Chain::solve`] finds them from 96 places; where a joint can make a turn or more, each is
+    /// [`Chain::solve`] finds them from 64 places; where a joint can make a turn or more, each is
     /// there with all turns that its limits allow. In the order of the first joint, then the next.
     pub fn branches(&self, target: &Isometry3<f64>) -> Vec<Vec<f64>> {
         let mut all: Vec<Vec<f64>> = Vec::new();
@@ -152,25 +153,15 @@ mod tests {
         let urdf = include_str!("../../../../data/robots/xarm6_allegro.urdf");
         let robot = RobotModel::from_urdf(urdf).unwrap();
         let chain = Chain::to_link(&robot, "base_link").unwrap();
-        for n in [24, 32, 48, 64, 96] {
-            let (mut usual, mut many, mut regular) = (0, 0, 0);
-            let t = std::time::Instant::now();
-            let mut el = 0.0;
-            for q in chain.starts(150) {
-                let at = chain.posture(&q).unwrap();
-                if !at.is_regular(0.02) {
-                    continue;
-                }
-                regular += 1;
-                let t = std::time::Instant::now();
-                usual += chain.solutions_from(n, &at.root_from_end).len();
-                el += t.elapsed().as_secs_f64();
+        let (mut usual, mut many) = (0, 0);
+        for q in chain.starts(60) {
+            let at = chain.posture(&q).unwrap();
+            if at.is_regular(0.02) {
+                usual += chain.solutions(&at.root_from_end).len();
                 many += chain.solutions_from(1000, &at.root_from_end).len();
             }
-            println!(
-                "STARTS {n}: {usual} of {many} postures of {regular} poses, {:.3} ms each",
-                1e3 * el / f64::from(regular)
-            );
         }
+        println!("{usual} of {many} postures");
+        assert!(many > 300 && usual * 100 >= many * 99, "{usual} of {many}");
     }
 }

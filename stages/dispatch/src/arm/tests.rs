@@ -105,8 +105,10 @@ fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course, lift_m: f64) {
         .fold(1.0, f64::max);
     let ticks = (course.duration_s() * slower * RATE_HZ).ceil();
     let mut before: Option<Vec<f64>> = None;
-    for tick in 0..=ticks as usize {
-        let time_s = (tick as f64 / RATE_HZ / slower).min(course.duration_s());
+    let mut tick = 0.0;
+    while tick <= ticks {
+        let time_s = (tick / RATE_HZ / slower).min(course.duration_s());
+        tick += 1.0;
         let now = path.at(time_s).unwrap();
         assert!(arm.chain.is_within_limits(&now.q), "{:?}", now.q);
         let fingers = course.at(time_s).unwrap().q;
