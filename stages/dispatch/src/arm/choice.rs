@@ -61,11 +61,17 @@ impl Arm {
     /// Finds the arm's joints over a course and straight up from its end by `lift_m`, with the object at
     /// `arm.object_m` on the table, turned by each of `arm.turns` angles.
     ///
-    /// `fingers` gives the hand's joint positions at a time of the course. Of all directions and postures
+    /// `fingers` gives the hand's joint positions at a time of the course; on the lift they are those of its
+    /// end. Of all directions and postures
     /// that keep the limits and are regular, that one is taken that keeps clear of the table, the arm
     /// itself and the hand, and takes the least time at the joints' largest speeds and the course's own
     /// pace; of equal ones, within 1 % of the course, the one in which the product of the distance from
     /// the nearest joint limit and the least singular value is greatest; then the least turn.
+    ///
+    /// # Errors
+    ///
+    /// Fails if no posture does. It says what keeps the one from it that comes farthest: all the way but
+    /// for something it would meet, or part of the way, or to the grasp.
     pub(crate) fn follow<'a>(
         &'a self,
         course: &'a Course,

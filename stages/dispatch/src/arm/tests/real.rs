@@ -11,6 +11,8 @@ use super::*;
 
 /// Of so many paths one is checked at every place.
 const CHECKED: usize = 20;
+/// Places at which speeds are looked up.
+const PLACES: u32 = 200;
 
 /// What became of all motions at one place.
 #[derive(Default)]
@@ -21,6 +23,8 @@ struct Tally {
     speeds: Vec<f64>,
     /// How long planning took, in milliseconds.
     times_ms: Vec<f64>,
+    /// And how long one place of a path takes, in seconds, of all together.
+    places: (f64, f64),
 }
 
 /// Says how many of them the arm can follow, what keeps it from the others, and what that takes.
@@ -92,7 +96,10 @@ impl Tally {
         match found {
             Ok(path) => {
                 self.followed += 1;
+                let before = Instant::now();
                 self.speeds.push(fastest(arm, &path, &course));
+                self.places.0 += before.elapsed().as_secs_f64();
+                self.places.1 += f64::from(PLACES + 1);
                 if is_checked {
                     check(arm, &path, &course, LIFT_M);
                 }
@@ -110,7 +117,8 @@ impl Tally {
         };
         println!(
             "  {} followed, {:.1} %; fastest joint over its limit at the motions' own pace: median \
-             {:.2}, 95 % {:.2}; planning: median {:.1} ms, 95 % {:.1} ms, most {:.1} ms",
+             {:.2}, 95 % {:.2}; planning: median {:.1} ms, 95 % {:.1} ms, most {:.1} ms, \
+             {:.1} µs for a place of a path",
             self.followed,
             100.0 * f64::from(self.followed) / self.times_ms.len() as f64,
             at(&self.speeds, 50),
@@ -118,6 +126,7 @@ impl Tally {
             at(&self.times_ms, 50),
             at(&self.times_ms, 95),
             at(&self.times_ms, 100),
+            1e6 * self.places.0 / self.places.1,
         );
         let mut reasons: Vec<(&String, &u32)> = self.reasons.iter().collect();
         reasons.sort_by_key(|(_, n)| std::cmp::Reverse(**n));
@@ -130,7 +139,7 @@ impl Tally {
 /// Returns the greatest speed of a joint over its limit.
 fn fastest(arm: &Arm, path: &ArmPath<'_>, course: &Course) -> f64 {
     let (most, _) = arm.limits();
-    let places = (0..=200).map(|k| course.duration_s() * f64::from(k) / 200.0);
+    let places = (0..=PLACES).map(|k| course.duration_s() * f64::from(k) / f64::from(PLACES));
     places
         .map(|time_s| {
             let velocity = path.at(time_s).unwrap().velocity;
