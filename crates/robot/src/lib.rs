@@ -1,5 +1,6 @@
-//! Robots from their URDF: joints, kinematics and its derivatives, dynamics, collision primitives,
-//! fingers, and what is doubtful about the description.
+//! Robots from their URDF: joints, kinematics and its derivatives, an arm's joints for a pose of its
+//! end, dynamics, collision primitives and their distances, fingers, and what is doubtful about the
+//! description.
 //!
 //! ```
 //! let urdf = r#"<robot name="finger">

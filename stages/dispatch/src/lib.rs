@@ -14,6 +14,8 @@
 //! `trials`: how often motions succeed, for each object and cell.
 //! A motion is sent as its continuous course, timed within the robot's limits and sampled at its
 //! controllers' rate; one that cannot be made so is refused, and its row in `executions` says why.
+//! Where an arm carries the hand, its joints follow from the palm's way, with the object turned on the table
+//! as the arm can best reach it.
 //! Nothing real moves without `execute = true`. A goal of which nothing is heard ends the run: the next
 //! one asks the cell what came of it before it sends another, and never sends it under another name.
 

@@ -7,14 +7,15 @@ use nalgebra::Isometry3;
 use super::Chain;
 use crate::{Joint, JointKind};
 
-/// Places from which solutions are sought: more than twice as many as find all (`tests/chain.rs`).
-const STARTS: usize = 96;
+/// Places from which solutions are sought. For the xArm 6 they find 998 of 1,000 that a thousand places
+/// find, and 48 find 991.
+const STARTS: usize = 64;
 /// Solutions are the same if no joint differs by more than this, in radians (meters if prismatic).
 const SAME: f64 = 1e-5;
 
 impl Chain {
     /// Returns the joint positions within the limits with which the end is at `target`, as
-    /// [`Chain::solve`] finds them from 96 places; where a joint can make a turn or more, each is
+    /// [`Chain::solve`] finds them from 64 places; where a joint can make a turn or more, each is
     /// there with all turns that its limits allow. In the order of the first joint, then the next.
     pub fn branches(&self, target: &Isometry3<f64>) -> Vec<Vec<f64>> {
         let mut all: Vec<Vec<f64>> = Vec::new();
@@ -43,8 +44,12 @@ impl Chain {
     /// [`Chain::branches`] finds them; those that differ by whole turns once, with every joint as near
     /// the middle of its limits as turns bring it.
     pub fn solutions(&self, target: &Isometry3<f64>) -> Vec<Vec<f64>> {
+        self.solutions_from(STARTS, target)
+    }
+
+    fn solutions_from(&self, starts_n: usize, target: &Isometry3<f64>) -> Vec<Vec<f64>> {
         let mut found: Vec<Vec<f64>> = Vec::new();
-        for start in self.starts() {
+        for start in self.starts(starts_n) {
             let Some(mut q) = self.solve_beyond_limits(target, &start) else {
                 continue;
             };
@@ -74,12 +79,12 @@ impl Chain {
     /// Returns places spread evenly over the joints' ranges, the same ones always: multiples of the
     /// powers of the generalized golden ratio (Roberts, *The Unreasonable Effectiveness of
     /// Quasirandom Sequences*, 2018).
-    fn starts(&self) -> impl Iterator<Item = Vec<f64>> + '_ {
+    fn starts(&self, n: usize) -> impl Iterator<Item = Vec<f64>> + '_ {
         let mut ratio: f64 = 1.5;
         for _ in 0..64 {
             ratio = (1.0 + ratio).powf(1.0 / (self.dof() as f64 + 1.0));
         }
-        (0..STARTS).map(move |start| {
+        (0..n).map(move |start| {
             let mut power = 1.0;
             self.links
                 .joints
@@ -135,4 +140,28 @@ fn places(joint: &Joint, q: f64) -> Vec<f64> {
         .map(|turns| center + TAU * f64::from(turns))
         .filter(|&q| q >= joint.lower && q <= joint.upper)
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::RobotModel;
+
+    /// Of the postures of poses in reach, a thousand starts find next to none that the usual ones miss.
+    #[test]
+    fn more_starts_find_no_more() {
+        let urdf = include_str!("../../../../data/robots/xarm6_allegro.urdf");
+        let robot = RobotModel::from_urdf(urdf).unwrap();
+        let chain = Chain::to_link(&robot, "base_link").unwrap();
+        let (mut usual, mut many) = (0, 0);
+        for q in chain.starts(60) {
+            let at = chain.posture(&q).unwrap();
+            if at.is_regular(0.02) {
+                usual += chain.solutions(&at.root_from_end).len();
+                many += chain.solutions_from(1000, &at.root_from_end).len();
+            }
+        }
+        println!("{usual} of {many} postures");
+        assert!(many > 300 && usual * 100 >= many * 99, "{usual} of {many}");
+    }
 }

@@ -23,6 +23,20 @@ const LIFT_N: usize = 20;
 /// Times that differ by less than this share of the course are the same.
 const SAME_TIME: f64 = 0.01;
 
+/// The hand at evenly spaced times of a course, and how far it is lifted from its end, in meters.
+struct Hand {
+    moving: Vec<(f64, Moving)>,
+    /// Its joint positions at the same times.
+    fingers: Vec<Vec<f64>>,
+    lift_m: f64,
+}
+
+/// How far a posture comes that reaches the grasp, that would meet something there, or that can be followed
+/// all the way, but would meet something on it.
+const REACHES: usize = 0;
+const MEETS_AT_GRASP: usize = 1;
+const MEETS: usize = usize::MAX;
+
 /// A posture in which the arm can follow.
 struct Choice<'a> {
     way: Way<'a>,
@@ -47,11 +61,17 @@ impl Arm {
     /// Finds the arm's joints over a course and straight up from its end by `lift_m`, with the object at
     /// `arm.object_m` on the table, turned by each of `arm.turns` angles.
     ///
-    /// `fingers` gives the hand's joint positions at a time of the course. Of all directions and postures
+    /// `fingers` gives the hand's joint positions at a time of the course; on the lift they are those of its
+    /// end. Of all directions and postures
     /// that keep the limits and are regular, that one is taken that keeps clear of the table, the arm
     /// itself and the hand, and takes the least time at the joints' largest speeds and the course's own
     /// pace; of equal ones, within 1 % of the course, the one in which the product of the distance from
     /// the nearest joint limit and the least singular value is greatest; then the least turn.
+    ///
+    /// # Errors
+    ///
+    /// Fails if no posture does. It says what keeps the one from it that comes farthest: all the way but
+    /// for something it would meet, or part of the way, or to the grasp.
     pub(crate) fn follow<'a>(
         &'a self,
         course: &'a Course,
@@ -62,21 +82,27 @@ impl Arm {
         let turns = self.config.turns;
         let lift_m = lift_m.max(0.0);
         let hands = hands(course)?;
+        let fingers: Vec<Vec<f64>> = hands.iter().map(|(time_s, _)| fingers(*time_s)).collect();
+        let hand = Hand {
+            moving: hands,
+            fingers,
+            lift_m,
+        };
         let mut worse = Worse::default();
         let mut choices = Vec::new();
         for turn in 0..turns {
             let angle = TAU * turn as f64 / turns as f64;
             let way = Way::new(self, course, table_from_object, angle);
-            self.gather(&way, &hands, lift_m, &mut choices, &mut worse);
+            self.gather(&way, &hand, &mut choices, &mut worse);
         }
         choices.sort_by(Choice::compare);
-        let held: Vec<Vec<f64>> = hands.iter().map(|(time_s, _)| fingers(*time_s)).collect();
         for choice in choices {
-            match self.clear(&choice, &held) {
+            let knots = choice.to_grasp.iter().chain(&choice.lift);
+            match self.clear(&choice.way, knots, &hand.fingers) {
                 Ok(()) => {
                     return Ok(ArmPath::new(self, choice.way, choice.to_grasp, choice.lift));
                 }
-                Err(fault) => worse.add(usize::MAX, fault),
+                Err(fault) => worse.add(MEETS, fault),
             }
         }
         Err(worse.refusal(turns).unwrap_or_else(|| {
@@ -94,12 +120,12 @@ impl Arm {
     fn gather<'a>(
         &self,
         way: &Way<'a>,
-        hands: &[(f64, Moving)],
-        lift_m: f64,
+        hand: &Hand,
         choices: &mut Vec<Choice<'a>>,
         worse: &mut Worse,
     ) {
-        let mut to_start: Vec<Target> = hands
+        let mut to_start: Vec<Target> = hand
+            .moving
             .iter()
             .rev()
             .map(|(time_s, hand)| way.of(Place::Way { time_s: *time_s }, hand))
@@ -109,38 +135,47 @@ impl Arm {
         }
         let grasp = to_start.remove(0);
         let up: Vec<Target> = (0..=LIFT_N)
-            .map(|k| lift_m * k as f64 / LIFT_N as f64)
+            .map(|k| hand.lift_m * k as f64 / LIFT_N as f64)
             .filter_map(|height_m| way.at(Place::Lift { height_m }))
             .collect();
+        let closed = hand.fingers.last().map_or(&[][..], std::slice::from_ref);
         for q in self.chain.solutions(&grasp.base_from_palm) {
             worse.postures += 1;
-            match self.posture(way, &grasp, q, &to_start, &up) {
+            // Most that cannot be followed do not even stand free at the grasp.
+            let found = self
+                .knot(&grasp, q)
+                .and_then(|knot| self.within_limits(knot))
+                .map_err(|fault| (REACHES, fault))
+                .and_then(|knot| match self.clear(way, [&knot], closed) {
+                    Ok(()) => Ok(knot),
+                    Err(fault) => Err((MEETS_AT_GRASP, fault)),
+                })
+                .and_then(|knot| {
+                    let found = self.posture(way, knot, &to_start, &up);
+                    found.map_err(|(n, fault)| (MEETS_AT_GRASP + n, fault))
+                });
+            match found {
                 Ok(choice) => choices.push(choice),
                 Err((n, fault)) => worse.add(n, fault),
             }
         }
     }
 
-    /// Follows a way from the arm's posture `q` at the grasp: back to its start, and up.
+    /// Follows a way from the arm's posture at the grasp: back to its start, and up.
     fn posture<'a>(
         &self,
         way: &Way<'a>,
-        grasp: &Target,
-        q: Vec<f64>,
+        at_grasp: Knot,
         to_start: &[Target],
         up: &[Target],
     ) -> Result<Choice<'a>, (usize, ArmFault)> {
-        let at_grasp = self
-            .knot(grasp, q)
-            .and_then(|knot| self.within_limits(knot))
-            .map_err(|fault| (0, fault))?;
         let mut all = self.trace(way, &at_grasp, to_start)?;
         all.reverse();
         let to_grasp_n = all.len() + 1;
         all.push(at_grasp.clone());
         let (first, rest) = up
             .split_first()
-            .ok_or((to_grasp_n, ArmFault::Jump { at: grasp.at }))?;
+            .ok_or((to_grasp_n, ArmFault::Jump { at: at_grasp.at }))?;
         let below = self.knot(first, at_grasp.q);
         let below = below.map_err(|fault| (to_grasp_n, fault))?;
         let lifted = self.trace(way, &below, rest);
@@ -175,12 +210,17 @@ impl Arm {
         takes_s / asked_s
     }
 
-    /// Checks that the arm keeps clear of the table, itself and the hand.
-    fn clear(&self, choice: &Choice<'_>, fingers: &[Vec<f64>]) -> Result<(), ArmFault> {
-        // On the lift the fingers are as at the grasp.
+    /// Checks that the arm keeps clear of the table, itself and the hand; beyond the last of the hand's
+    /// joint positions these stay as they are.
+    fn clear<'b>(
+        &self,
+        way: &Way<'_>,
+        knots: impl IntoIterator<Item = &'b Knot>,
+        fingers: &[Vec<f64>],
+    ) -> Result<(), ArmFault> {
         let last = fingers.last().into_iter().cycle();
-        let knots = choice.to_grasp.iter().chain(&choice.lift);
         let stands: Vec<Stand> = knots
+            .into_iter()
             .zip(fingers.iter().chain(last))
             .map(|(knot, fingers)| Stand {
                 at: knot.at,
@@ -188,7 +228,7 @@ impl Arm {
             })
             .collect();
         let foot_m = self.base_from_table.inverse().translation.z;
-        self.clearance.check(&stands, choice.way.up(), foot_m)
+        self.clearance.check(&stands, way.up(), foot_m)
     }
 }
 

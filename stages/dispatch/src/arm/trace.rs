@@ -47,7 +47,9 @@ impl Arm {
     /// Returns the arm at the target in the posture `q`, which reaches it.
     pub(crate) fn knot(&self, target: &Target, q: Vec<f64>) -> Result<Knot, ArmFault> {
         let at = target.at;
-        let posture = self.chain.posture(&q).map_err(|_| ArmFault::Jump { at })?;
+        let Ok(posture) = self.chain.posture(&q) else {
+            return Err(ArmFault::Jump { at });
+        };
         let least = self.config.least_singular_value;
         if !posture.is_regular(least) {
             return Err(ArmFault::Singular {

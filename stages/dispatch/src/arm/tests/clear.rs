@@ -68,7 +68,9 @@ impl Clear {
     }
 
     /// Panics where two links or a link and the table are nearer than asked for.
-    pub(super) fn check(&self, links: &[Isometry3<f64>]) {
+    ///
+    /// Poses are in the frame of the arm's foot.
+    pub(super) fn check(&self, links: &[Isometry3<f64>], base_from_table: &Isometry3<f64>) {
         let pose = |body: &Body| links[body.link] * body.link_from_shape;
         let poses: Vec<Isometry3<f64>> = self.bodies.iter().map(pose).collect();
         for &([i, j], least_m) in &self.pairs {
@@ -88,7 +90,7 @@ impl Clear {
                 continue;
             }
             for point in &body.points {
-                let height = (pose * point).z;
+                let height = base_from_table.inverse_transform_point(&(pose * point)).z;
                 assert!(height >= self.least_m, "{} {height} m", body.name);
             }
         }

@@ -25,6 +25,8 @@ pub(super) struct JointPath {
 pub(super) struct Given {
     /// They stay well inside their limits and away from singularities, also on the lift.
     pub(super) is_free: bool,
+    /// At the grasp they meet nothing.
+    pub(super) can_grasp: bool,
     /// And they stay away from the table, themselves and the hand.
     pub(super) is_clear: bool,
 }
@@ -123,12 +125,14 @@ impl JointPath {
         const SLACK_M: f64 = 0.02;
         let mut given = Given {
             is_free: true,
+            can_grasp: true,
             is_clear: true,
         };
         let mut stands: Vec<Vec<f64>> = (0..=100)
             .map(|k| self.q(DURATION_S * f64::from(k) / 100.0))
             .collect();
-        let mut q = self.q(DURATION_S);
+        let q_grasp = self.q(DURATION_S);
+        let mut q = q_grasp.clone();
         let grasp = arm.chain.posture(&q).unwrap().root_from_end;
         for k in 0..=20 {
             let up = Translation3::new(0.0, 0.0, 0.05 * f64::from(k) / 20.0);
@@ -138,6 +142,7 @@ impl JointPath {
             }
             stands.push(q.clone());
         }
+        given.can_grasp = arm.clearance.is_clear(&arm.links(&q_grasp, fingers), 0.0);
         for q in stands {
             let inside = arm
                 .joints()

@@ -9,6 +9,24 @@ use schemas::{
 
 use super::*;
 
+/// Of so many paths one is checked at every place.
+const CHECKED: usize = 20;
+/// Places at which speeds are looked up.
+const PLACES: u32 = 200;
+
+/// What became of all motions at one place.
+#[derive(Default)]
+struct Tally {
+    followed: u32,
+    reasons: BTreeMap<String, u32>,
+    /// Greatest speed of a joint at the motion's own pace, over its limit.
+    speeds: Vec<f64>,
+    /// How long planning took, in milliseconds.
+    times_ms: Vec<f64>,
+    /// And how long one place of a path takes, in seconds, of all together.
+    places: (f64, f64),
+}
+
 /// Says how many of them the arm can follow, what keeps it from the others, and what that takes.
 #[test]
 fn accepted_motions_are_followed_or_refused_with_a_reason() {
@@ -16,7 +34,37 @@ fn accepted_motions_are_followed_or_refused_with_a_reason() {
         println!("skipped: PIPELINE_LAKE names no lake with candidates and rollouts");
         return;
     };
-    let lake = lake::Lake::open(&lake);
+    let accepted = accepted(&lake::Lake::open(&lake));
+    println!("{} accepted motions", accepted.len());
+    assert!(!accepted.is_empty());
+    // As in the lab of the paper: the foot is 0.14 m above the desk.
+    let desk_m = 0.14;
+    for (x, turns, foot_m) in [
+        (0.35, 1, 0.0),
+        (0.35, 12, 0.0),
+        (0.45, 1, 0.0),
+        (0.45, 12, 0.0),
+        (0.45, 36, 0.0),
+        (0.55, 1, 0.0),
+        (0.55, 12, 0.0),
+        (0.45, 12, desk_m),
+    ] {
+        let arm = arm(&ArmConfig {
+            object_m: [x, 0.0],
+            turns,
+            table_from_base: [0.0, 0.0, foot_m, 0.0, 0.0, 0.0, 1.0],
+            ..config()
+        });
+        let mut tally = Tally::default();
+        for (idx, candidate) in accepted.iter().enumerate() {
+            tally.add(&arm, candidate, idx % CHECKED == 0);
+        }
+        println!("object {x} m ahead, foot {foot_m} m high, {turns} turns");
+        tally.say();
+    }
+}
+
+fn accepted(lake: &lake::Lake) -> Vec<Candidate> {
     let rollouts = lake.newest_partitions("rollouts").unwrap();
     let mut accepted: Vec<Candidate> = Vec::new();
     for (name, artifact) in lake.newest_partitions("candidates").unwrap() {
@@ -35,89 +83,85 @@ fn accepted_motions_are_followed_or_refused_with_a_reason() {
         let is_held = |one: &Candidate| held.contains(&one.candidate_id.as_str());
         accepted.extend(all.candidates.into_iter().filter(is_held));
     }
-    println!("{} accepted motions", accepted.len());
-    assert!(!accepted.is_empty());
-    let mut rows = Vec::new();
-    for place in [[0.35, 0.0], [0.45, 0.0], [0.55, 0.0]] {
-        for turns in [1, 12] {
-            rows.push((place, turns, [0.0, 0.0, 0.0]));
+    accepted
+}
+
+impl Tally {
+    fn add(&mut self, arm: &Arm, candidate: &Candidate, is_checked: bool) {
+        const LIFT_M: f64 = 0.15;
+        let course = Course::through(candidate, 16).unwrap();
+        let before = Instant::now();
+        let found = follow(arm, &course, candidate, LIFT_M);
+        self.times_ms.push(before.elapsed().as_secs_f64() * 1e3);
+        match found {
+            Ok(path) => {
+                self.followed += 1;
+                let before = Instant::now();
+                self.speeds.push(fastest(arm, &path, &course));
+                self.places.0 += before.elapsed().as_secs_f64();
+                self.places.1 += f64::from(PLACES + 1);
+                if is_checked {
+                    check(arm, &path, &course, LIFT_M);
+                }
+            }
+            Err(refusal) => *self.reasons.entry(reason(&refusal)).or_default() += 1,
         }
     }
-    // As in the lab of the paper: the foot is 0.14 m above the desk.
-    rows.push(([0.45, 0.0], 12, [0.0, 0.0, 0.14]));
-    for (object_m, turns, foot) in rows {
-        let [x, y, z] = foot;
-        let arm = arm(&ArmConfig {
-            object_m,
-            turns,
-            table_from_base: [x, y, z, 0.0, 0.0, 0.0, 1.0],
-            ..config()
-        });
-        let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
-        let (mut n, mut slower, mut times) = (0, Vec::new(), Vec::new());
-        for (idx, candidate) in accepted.iter().enumerate() {
-            let course = Course::through(candidate, 16).unwrap();
-            let before = Instant::now();
-            let found = follow(&arm, &course, candidate, 0.15);
-            times.push(before.elapsed().as_secs_f64() * 1e3);
-            match found {
-                Ok(path) => {
-                    n += 1;
-                    let (most, _) = arm.limits();
-                    let speeds = (0..=200).flat_map(|k| {
-                        let at = path.at(course.duration_s() * f64::from(k) / 200.0).unwrap();
-                        let speeds = at.velocity.into_iter().zip(&most);
-                        speeds.map(|(v, most)| v.abs() / most).collect::<Vec<_>>()
-                    });
-                    slower.push(speeds.fold(0.0, f64::max));
-                    if idx % 20 == 0 {
-                        check(&arm, &path, &course, 0.15);
-                    }
-                }
-                Err(Refusal::Arm { fault, .. }) => {
-                    let reason = match fault {
-                        ArmFault::Limit { joint, .. } => format!("limit of {joint}"),
-                        ArmFault::Singular { .. } => "singular".to_owned(),
-                        ArmFault::Jump { .. } => "jump".to_owned(),
-                        ArmFault::Table { link, .. } => format!("table and {link}"),
-                        ArmFault::Collision { first, second, .. } => {
-                            let finger = if second.contains('.') {
-                                "finger"
-                            } else {
-                                &second
-                            };
-                            format!("{first} and {finger}")
-                        }
-                    };
-                    *reasons.entry(reason).or_default() += 1;
-                }
-                Err(Refusal::Reach { .. }) => {
-                    *reasons.entry("out of reach".to_owned()).or_default() += 1;
-                }
-                Err(other) => panic!("{other}"),
-            }
-        }
-        times.sort_by(f64::total_cmp);
-        slower.sort_by(f64::total_cmp);
-        let at = |all: &[f64], share: f64| {
-            let last = all.len().saturating_sub(1) as f64;
-            all.get((share * last) as usize)
-                .copied()
-                .unwrap_or(f64::NAN)
+
+    fn say(&mut self) {
+        self.times_ms.sort_by(f64::total_cmp);
+        self.speeds.sort_by(f64::total_cmp);
+        let at = |all: &[f64], percent: usize| {
+            let idx = all.len().saturating_sub(1) * percent / 100;
+            all.get(idx).copied().unwrap_or(f64::NAN)
         };
         println!(
-            "object at {object_m:?}, foot at {foot:?}, {turns:2} turns: {n} followed, {:.1} %; joint speed / limit at the motions' own pace median {:.2}, 95 % {:.2}; planning median {:.1} ms, 95 % {:.1} ms, most {:.1} ms",
-            100.0 * f64::from(n) / accepted.len() as f64,
-            at(&slower, 0.5),
-            at(&slower, 0.95),
-            at(&times, 0.5),
-            at(&times, 0.95),
-            at(&times, 1.0),
+            "  {} followed, {:.1} %; fastest joint over its limit at the motions' own pace: median \
+             {:.2}, 95 % {:.2}; planning: median {:.1} ms, 95 % {:.1} ms, most {:.1} ms, \
+             {:.1} µs for a place of a path",
+            self.followed,
+            100.0 * f64::from(self.followed) / self.times_ms.len() as f64,
+            at(&self.speeds, 50),
+            at(&self.speeds, 95),
+            at(&self.times_ms, 50),
+            at(&self.times_ms, 95),
+            at(&self.times_ms, 100),
+            1e6 * self.places.0 / self.places.1,
         );
-        let mut reasons: Vec<(String, usize)> = reasons.into_iter().collect();
-        reasons.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
+        let mut reasons: Vec<(&String, &u32)> = self.reasons.iter().collect();
+        reasons.sort_by_key(|(_, n)| std::cmp::Reverse(**n));
         for (reason, n) in reasons {
-            println!("    {n:5} {reason}");
+            println!("  {n:5} {reason}");
         }
+    }
+}
+
+/// Returns the greatest speed of a joint over its limit.
+fn fastest(arm: &Arm, path: &ArmPath<'_>, course: &Course) -> f64 {
+    let (most, _) = arm.limits();
+    let places = (0..=PLACES).map(|k| course.duration_s() * f64::from(k) / f64::from(PLACES));
+    places
+        .map(|time_s| {
+            let velocity = path.at(time_s).unwrap().velocity;
+            let shares = velocity.iter().zip(&most).map(|(v, most)| v.abs() / most);
+            shares.fold(0.0, f64::max)
+        })
+        .fold(0.0, f64::max)
+}
+
+fn reason(refusal: &Refusal) -> String {
+    match refusal {
+        Refusal::Reach { .. } => "out of reach".to_owned(),
+        Refusal::Arm { fault, .. } => match fault {
+            ArmFault::Limit { joint, .. } => format!("limit of {joint}"),
+            ArmFault::Singular { .. } => "singular".to_owned(),
+            ArmFault::Jump { .. } => "jump".to_owned(),
+            ArmFault::Table { link, .. } => format!("{link} in the table"),
+            ArmFault::Collision { first, second, .. } if second.contains('.') => {
+                format!("{first} and a finger")
+            }
+            ArmFault::Collision { first, second, .. } => format!("{first} and {second}"),
+        },
+        other => panic!("{other}"),
     }
 }
