@@ -1,6 +1,7 @@
 //! The dispatcher's side: asks a cell what it can do, sends it goals, fetches the reports.
 
 use std::{
+    path::PathBuf,
     thread,
     time::{Duration, Instant},
 };
@@ -12,7 +13,7 @@ use zenoh::{
 };
 
 use crate::{
-    CellError, Goal, Keys, PROTOCOL, SealedGoal,
+    Access, CellError, Goal, Keys, PROTOCOL, SealedGoal,
     goal::now,
     heartbeat::Heartbeat,
     report::{Answer, Capabilities, NEVER_TAKEN, Report, Word},
@@ -65,6 +66,8 @@ pub enum Halt {
 pub struct CellClient {
     session: Session,
     endpoint: String,
+    /// The file that said who one is.
+    access: Option<PathBuf>,
     keys: Keys,
 }
 
@@ -75,10 +78,26 @@ impl CellClient {
     ///
     /// Fails if nothing listens there within `timeout`, or the name or endpoint is not one.
     pub fn connect(endpoint: &str, name: &str, timeout: Duration) -> Result<Self, CellError> {
+        Self::connect_as(None, endpoint, name, timeout)
+    }
+
+    /// As [`CellClient::connect`], as whom an access file says that one is: needed where the endpoint is
+    /// `tls/HOST:PORT`.
+    ///
+    /// # Errors
+    ///
+    /// As [`CellClient::connect`], and if the one there does not take one's word for it.
+    pub fn connect_as(
+        access: Option<&Access>,
+        endpoint: &str,
+        name: &str,
+        timeout: Duration,
+    ) -> Result<Self, CellError> {
         Ok(Self {
             keys: Keys::new(name)?,
-            session: session::connect(endpoint, timeout)?,
+            session: session::connect(endpoint, access, timeout)?,
             endpoint: endpoint.to_owned(),
+            access: access.map(|access| access.path().to_owned()),
         })
     }
 
@@ -96,6 +115,7 @@ impl CellClient {
                 CellError::NoAnswer {
                     key,
                     endpoint: self.endpoint.clone(),
+                    access: self.access.clone(),
                     waited: started.elapsed(),
                 }
             } else {

@@ -3,8 +3,8 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use cell::{
-    Capabilities, CellClient, CellError, ObjectError, Service, SimulatedCell, SimulatedCellConfig,
-    robot_digest,
+    Access, Capabilities, CellClient, CellError, ObjectError, Service, SimulatedCell,
+    SimulatedCellConfig, robot_digest,
 };
 use schemas::objects::Object;
 use serde::{Deserialize, Deserializer};
@@ -56,7 +56,15 @@ pub(crate) fn connect(
     let endpoint = simulated
         .as_ref()
         .map_or(config.cell.as_str(), |cell| cell.endpoint());
-    let client = CellClient::connect(endpoint, &config.cell_name, config.answer_timeout())?;
+    // The simulated cell is of this process: nobody has to say who they are.
+    let access = config.access.as_deref().filter(|_| simulated.is_none());
+    let access = access.map(Access::read).transpose()?;
+    let client = CellClient::connect_as(
+        access.as_ref(),
+        endpoint,
+        &config.cell_name,
+        config.answer_timeout(),
+    )?;
     let capabilities = client.capabilities(config.answer_timeout())?;
     if capabilities.robot != robot_digest(urdf) {
         return Err(DispatchError::OtherRobot {

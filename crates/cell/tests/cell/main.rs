@@ -1,7 +1,9 @@
 //! Dispatcher and simulated cell over real sockets of the loopback interface.
 
+mod access;
 mod halting;
 mod lab;
 mod remembering;
 mod ros2;
 mod serving;
+mod watching;
