@@ -13,7 +13,13 @@ use std::{
 
 use serde_json::Value;
 
-use crate::bench::{Bench, stderr, stdout};
+use crate::{
+    bench::{Bench, stderr, stdout},
+    papers::Papers,
+};
+
+/// How everybody shows who they are.
+const WAY: &str = "certificates";
 
 /// A lake in which everything is made but what a cell does.
 pub(crate) struct Lab {
@@ -22,6 +28,8 @@ pub(crate) struct Lab {
     pub(crate) endpoint: String,
     /// Whether the cell connects to a router there.
     behind: Behind,
+    /// Who everybody says that they are, where they have to.
+    papers: Option<Papers>,
     /// What cells said of goals that are over.
     pub(crate) over: Vec<String>,
 }
@@ -49,6 +57,15 @@ impl Lab {
         Self::of(Behind::Router)
     }
 
+    /// As [`Lab::behind_a_router`], over TLS, where everybody shows a certificate.
+    pub(crate) fn on_a_network() -> Self {
+        let mut lab = Self::of(Behind::Router);
+        lab.endpoint = lab.endpoint.replace("tcp/127.0.0.1", "tls/localhost");
+        let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/access");
+        lab.papers = Some(Papers::new(&shipped));
+        lab
+    }
+
     fn of(behind: Behind) -> Self {
         let bench = Bench::new();
         bench.run_well(&["--until", "screen"]);
@@ -60,6 +77,7 @@ impl Lab {
             bench,
             endpoint: format!("tcp/{port}"),
             behind,
+            papers: None,
             over: Vec::new(),
         }
     }
@@ -72,6 +90,7 @@ impl Lab {
     pub(crate) fn router(&self) -> Served {
         let mut program = Command::new(env!("CARGO_BIN_EXE_pipeline"));
         program.args(["router", "--listen", &self.endpoint]);
+        self.introduce(&mut program, "router");
         self.start(program)
     }
 
@@ -101,7 +120,27 @@ impl Lab {
             .arg(lake)
             .args([way, &self.endpoint])
             .args(arguments);
+        self.introduce(&mut program, "cell");
         self.start(program)
+    }
+
+    /// Has a program say who it is, where it has to.
+    fn introduce(&self, program: &mut Command, who: &str) {
+        if let Some(papers) = &self.papers {
+            program.arg("--access").arg(papers.file(WAY, who));
+        }
+    }
+
+    /// As [`Lab::dispatch`], as somebody who has to say who they are.
+    pub(crate) fn dispatch_as(&self, who: &str) -> Command {
+        let mut command = self.dispatch();
+        if let Some(papers) = &self.papers {
+            let file = papers.file(WAY, who);
+            command
+                .arg("--set")
+                .arg(format!("dispatch.access={}", file.display()));
+        }
+        command
     }
 
     fn start(&self, mut program: Command) -> Served {

@@ -10,6 +10,8 @@ mod errors;
 mod history;
 mod incremental;
 mod interpolation;
+#[path = "../../crates/cell/tests/cell/papers.rs"]
+mod papers;
 mod python;
 mod questions;
 mod repeatable;

@@ -99,6 +99,35 @@ fn two_cells_of_one_name_behind_one_router_are_sent_nothing() {
     assert_eq!(lab.taken(), 0);
 }
 
+#[test]
+fn on_a_network_a_dispatcher_shows_its_certificate_and_nobody_else_moves_anything() {
+    let mut lab = Lab::on_a_network();
+    let _router = lab.router();
+    let cell = lab.cell(&["--fast"]);
+    let stranger = lab.dispatch().output().unwrap();
+    assert_eq!(stranger.status.code(), Some(1), "{}", stderr(&stranger));
+    assert!(
+        stderr(&stranger).contains("no connection to the robot cell"),
+        "{}",
+        stderr(&stranger)
+    );
+    let viewer = lab.dispatch_as("viewer").output().unwrap();
+    assert_eq!(viewer.status.code(), Some(1), "{}", stderr(&viewer));
+    for part in ["did not answer", "access rules", "viewer.json5"] {
+        assert!(stderr(&viewer).contains(part), "{}", stderr(&viewer));
+    }
+    assert_eq!(lab.taken(), 0);
+    let dispatcher = lab.dispatch_as("dispatcher").output().unwrap();
+    assert_eq!(dispatcher.status.code(), Some(0), "{}", stderr(&dispatcher));
+    let taken = lab.taken();
+    lab.end(cell);
+    assert!(taken > 0 && lab.over.len() == taken);
+    assert_eq!(all_of(&lab.outcomes()), taken as u64);
+    // Who asks is no reason to ask again.
+    let again = lab.dispatch_as("viewer").output().unwrap();
+    assert_eq!(again.status.code(), Some(0), "{}", stderr(&again));
+}
+
 /// Watches until it is told that all is over and nothing more comes.
 fn watch(endpoint: &str, over: &AtomicBool) -> (Vec<GoalOutcome>, Counts) {
     let wait = Duration::from_secs(20);

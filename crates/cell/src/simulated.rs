@@ -6,6 +6,7 @@ mod fault;
 mod journal;
 mod physics;
 mod stream;
+mod watched;
 
 use std::{
     cell::RefCell,
@@ -17,13 +18,11 @@ use std::{
         mpsc,
     },
     thread::{self, JoinHandle},
-    time::{Duration, Instant},
+    time::Duration,
 };
 
-use nalgebra::Isometry3;
 use robot::RobotModel;
 use simulation::{ObjectShape, SceneConfig};
-use spatial::Pose;
 use zenoh::{
     Session, Wait,
     liveliness::LivelinessToken,
@@ -38,13 +37,14 @@ use self::{
     control::Control,
     fault::Faults,
     journal::{Asked, Job, Journal, fresh_name},
-    stream::{PERIOD, Stream},
+    stream::Stream,
+    watched::Watched,
 };
 use crate::{
     Access, CellError, Goal, Keys, PROTOCOL,
     goal::{Rejection, RejectionCode, SealedGoal, now},
     keys::goal_id_of,
-    report::{Answer, Capabilities, NEVER_TAKEN, Report, Sample, Word},
+    report::{Answer, Capabilities, NEVER_TAKEN, Report, Word},
     ros2::Mirror,
     session, wire,
 };
@@ -161,8 +161,8 @@ impl SimulatedCell {
             source: source.into(),
         };
         let (epoch, joints) = (fresh_name(), model.joint_names());
-        let stream =
-            Stream::new(&session, &keys, epoch, joints, &at_rest(&model)).map_err(serving)?;
+        let stream = Stream::new(&session, &keys, epoch, joints, &stream::at_rest(&model))
+            .map_err(serving)?;
         let shared = Arc::new(Shared {
             keys,
             model,
@@ -351,22 +351,6 @@ fn asked_from(query: &Query) -> u64 {
     from.parse().unwrap_or_default()
 }
 
-/// Returns what a free hand measures before its first motion: it is nowhere in particular, and its
-/// joints are at zero or as close to it as they come.
-fn at_rest(model: &RobotModel) -> Sample {
-    let joints = model.joints().iter();
-    let q_rad: Vec<f64> = joints
-        .map(|joint| 0.0_f64.max(joint.lower).min(joint.upper))
-        .collect();
-    Sample {
-        time_s: 0.0,
-        table_from_palm: Pose::new(Isometry3::identity()),
-        table_from_object: Pose::new(Isometry3::identity()),
-        q_command_rad: q_rad.clone(),
-        q_rad,
-    }
-}
-
 /// Answers that the goal is not one of this cell's.
 fn never_taken(query: &Query) {
     let _sent = query.reply_err(NEVER_TAKEN).wait();
@@ -538,65 +522,6 @@ impl Shared {
             .unwrap_or_else(|err| Report::aborted(id, err.to_string()));
         self.stream.rest();
         report
-    }
-}
-
-/// Rounding that a sample's time may have, in seconds.
-const ROUNDING_S: f64 = 1e-6;
-
-/// A motion in execution, as those see it who watch or have a word in it.
-struct Watched<'a> {
-    shared: &'a Shared,
-    goal_id: &'a str,
-    joints: Vec<String>,
-    mirror: Option<&'a Mirror>,
-    /// When the first sample was taken.
-    started: Option<Instant>,
-    /// Time of the next sample that is published, in seconds of the motion: of a motion that is
-    /// faster than the clock.
-    due_s: f64,
-}
-
-impl<'a> Watched<'a> {
-    fn new(shared: &'a Shared, mirror: Option<&'a Mirror>, goal_id: &'a str) -> Self {
-        Self {
-            shared,
-            goal_id,
-            joints: shared.model.joint_names(),
-            mirror,
-            started: None,
-            due_s: 0.0,
-        }
-    }
-
-    /// Shows a sample at its time; returns why the motion is to be broken off now, if it is.
-    fn see(&mut self, sample: &Sample) -> Option<String> {
-        let is_first = self.started.is_none();
-        let started = *self.started.get_or_insert_with(Instant::now);
-        let real_time = self.shared.config.service.real_time;
-        if real_time {
-            let at = started + Duration::from_secs_f64(sample.time_s);
-            thread::sleep(at.saturating_duration_since(Instant::now()));
-        }
-        if !is_first {
-            self.shared.faults.die(Fault::DieInMotion);
-        }
-        self.shared.stream.measure(self.goal_id, sample);
-        if !real_time && sample.time_s > self.due_s - ROUNDING_S {
-            self.shared.stream.publish();
-            self.due_s += PERIOD.as_secs_f64();
-        }
-        if let Some(mirror) = self.mirror {
-            mirror.show(&self.joints, sample);
-        }
-        self.shared.control.reason(self.goal_id)
-    }
-
-    /// Tells those who asked that the palm stands still.
-    fn halted(&self) {
-        for query in self.shared.control.asking() {
-            reply(&query, &wire::line(&Word::Done));
-        }
     }
 }
 

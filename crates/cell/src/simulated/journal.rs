@@ -69,6 +69,8 @@ struct Folder {
     path: PathBuf,
     /// The list, to be continued.
     taken: File,
+    /// Whether the list's last line may be a part of one.
+    torn: bool,
     _lock: File,
 }
 
@@ -140,6 +142,7 @@ impl Journal {
             folder: Some(Folder {
                 path: path.to_owned(),
                 taken: continued,
+                torn: false,
                 _lock: lock,
             }),
         })
@@ -272,7 +275,11 @@ impl Journal {
         let Some(folder) = &mut self.folder else {
             return Ok(());
         };
-        folder.taken.write_all(format!("{goal_id}\n").as_bytes())?;
+        let begin = if folder.torn { "\n" } else { "" };
+        let line = format!("{begin}{goal_id}\n");
+        folder.torn = true;
+        folder.taken.write_all(line.as_bytes())?;
+        folder.torn = false;
         folder.taken.sync_data()
     }
 
@@ -301,11 +308,14 @@ fn list_of(path: &Path, entries: &BTreeMap<String, Entry>) -> io::Result<(String
     let name = lines.next().filter(|name| name.len() == NAME);
     let name = name.map_or_else(fresh_name, ToOwned::to_owned);
     let mut listed = BTreeSet::new();
-    // The end of a line may be missing, or a goal that was refused in the end.
+    // A line may be a part of one, or name a goal that was refused in the end; of two the later one
+    // was taken.
     let mut taken: Vec<String> = lines
+        .rev()
         .filter(|id| entries.contains_key(*id) && listed.insert(*id))
         .map(ToOwned::to_owned)
         .collect();
+    taken.reverse();
     let others = entries.keys().filter(|id| !listed.contains(id.as_str()));
     taken.extend(others.cloned());
     Ok((name, taken))
@@ -375,10 +385,11 @@ mod tests {
         assert!(journal.admit(&sealed("0c")).unwrap());
         assert_eq!(ids(&journal, 0), [named(0, "0b"), named(1, "0a")]);
         drop(journal);
-        // The cell went down while it wrote a line, before it took that goal.
+        // One goal was listed and refused before it was taken, and the cell went down while it wrote
+        // the line of another that it did not take.
         let list = folder.path().join(TAKEN);
         let text = fs::read_to_string(&list).unwrap();
-        fs::write(&list, format!("{text}00")).unwrap();
+        fs::write(&list, text.replace("0b\n", "0c\n0b\n") + "00").unwrap();
         let mut journal = Journal::open(folder.path()).unwrap();
         over(&mut journal, "01");
         assert_eq!(journal.name, name);

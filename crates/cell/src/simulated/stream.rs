@@ -11,6 +11,9 @@ use std::{
     time::{Duration, Instant},
 };
 
+use nalgebra::Isometry3;
+use robot::RobotModel;
+use spatial::Pose;
 use zenoh::{
     Session, Wait,
     pubsub::Publisher,
@@ -26,6 +29,9 @@ use crate::{
 
 /// Time between two samples.
 pub(super) const PERIOD: Duration = Duration::from_millis(10);
+
+/// How late the stream may be before what it missed is left out.
+const STOOD_STILL: Duration = Duration::from_secs(1);
 
 /// Samples that are kept: thirty seconds of them.
 const KEPT: usize = 3000;
@@ -122,9 +128,14 @@ impl Stream {
         let mut next = Instant::now();
         while !ended.load(Ordering::Relaxed) {
             self.publish();
-            // What a machine that stood still has missed is not caught up with.
-            next = (next + PERIOD).max(Instant::now());
-            thread::sleep(next.saturating_duration_since(Instant::now()));
+            next += PERIOD;
+            let now = Instant::now();
+            thread::sleep(next.saturating_duration_since(now));
+            // A machine that is busy catches up, so that numbers tell the time; one that stood still
+            // does not.
+            if now.saturating_duration_since(next) > STOOD_STILL {
+                next = now;
+            }
         }
     }
 
@@ -153,5 +164,21 @@ impl Stream {
             wire::push_numbers(&mut bytes, kept.row.iter().copied());
         }
         bytes
+    }
+}
+
+/// Returns what a free hand measures before its first motion: it is nowhere in particular, and its
+/// joints are at zero or as close to it as they come.
+pub(super) fn at_rest(model: &RobotModel) -> Sample {
+    let joints = model.joints().iter();
+    let q_rad: Vec<f64> = joints
+        .map(|joint| 0.0_f64.max(joint.lower).min(joint.upper))
+        .collect();
+    Sample {
+        time_s: 0.0,
+        table_from_palm: Pose::new(Isometry3::identity()),
+        table_from_object: Pose::new(Isometry3::identity()),
+        q_command_rad: q_rad.clone(),
+        q_rad,
     }
 }

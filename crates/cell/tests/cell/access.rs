@@ -12,72 +12,31 @@ use cell::{
     Access, CellClient, CellError, Executed, Halt, Keys, ObjectError, Report, Router, Seen,
     Service, SimulatedCell, SimulatedCellConfig, Watcher,
 };
-use rcgen::{
-    BasicConstraints, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair,
-    KeyUsagePurpose,
-};
 use schemas::executions::Outcome;
-use tempfile::TempDir;
 use zenoh::{Session, Wait};
 
-use crate::lab::{GRIPPER, SOON, cube, execute, goal, scene};
+use crate::{
+    lab::{GRIPPER, SOON, cube, execute, goal, scene},
+    papers::Papers,
+};
 
 /// How long somebody tries who is refused.
 const REFUSED: Duration = Duration::from_secs(2);
 /// Where the shipped files are.
 const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/access");
-/// What a shipped file says instead of a password.
-const PLACEHOLDER: &str = "a password of its own";
-
 /// The two ways in which somebody shows who they are.
 const WAYS: [&str; 2] = ["certificates", "passwords"];
 
-/// A folder of certificates and access files.
-struct Papers {
-    folder: TempDir,
-}
+/// Papers of this test, and what is done with them.
+struct People(Papers);
 
-impl Papers {
-    /// Makes an authority and what it says of a router, a cell, a dispatcher and a viewer.
+impl People {
     fn new() -> Self {
-        let folder = TempDir::new().unwrap();
-        let mut authority = CertificateParams::default();
-        authority.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
-        authority.key_usages = vec![KeyUsagePurpose::KeyCertSign];
-        let key = KeyPair::generate().unwrap();
-        let certificate = authority.self_signed(&key).unwrap();
-        let write = |name: String, text: &str| fs::write(folder.path().join(name), text).unwrap();
-        write("ca.pem".to_owned(), &certificate.pem());
-        let issuer = Issuer::new(authority, key);
-        let mut passwords = String::new();
-        for name in ["router", "cell", "dispatcher", "viewer"] {
-            let mut person = CertificateParams::new(vec!["localhost".to_owned()]).unwrap();
-            person.distinguished_name.push(DnType::CommonName, name);
-            person.extended_key_usages = vec![if name == "router" {
-                ExtendedKeyUsagePurpose::ServerAuth
-            } else {
-                ExtendedKeyUsagePurpose::ClientAuth
-            }];
-            let key = KeyPair::generate().unwrap();
-            let certificate = person.signed_by(&key, &issuer).unwrap();
-            write(format!("{name}.pem"), &certificate.pem());
-            write(format!("{name}.key"), &key.serialize_pem());
-            passwords.push_str(&format!("{name}:secret of {name}\n"));
-        }
-        write("passwords.txt".to_owned(), &passwords);
-        Self { folder }
+        Self(Papers::new(Path::new(SHIPPED)))
     }
 
-    /// Returns a copy of a shipped file that names what is in this folder.
     fn file(&self, way: &str, who: &str) -> PathBuf {
-        let shipped = Path::new(SHIPPED).join(way).join(format!("{who}.json5"));
-        let text = fs::read_to_string(shipped).unwrap();
-        let here = format!("\"{}/", self.folder.path().display());
-        let text = text.replace("\"certificates/", &here);
-        let text = text.replace(PLACEHOLDER, &format!("secret of {who}"));
-        let file = self.folder.path().join(format!("{way}-{who}.json5"));
-        fs::write(&file, text).unwrap();
-        file
+        self.0.file(way, who)
     }
 
     fn access(&self, way: &str, who: &str) -> Access {
@@ -128,7 +87,7 @@ impl Papers {
 
 #[test]
 fn a_dispatcher_who_is_known_has_a_goal_executed() {
-    let papers = Papers::new();
+    let papers = People::new();
     for way in WAYS {
         let router = papers.router(way);
         let cell = papers.cell(way, &router, Service::default());
@@ -145,7 +104,7 @@ fn a_dispatcher_who_is_known_has_a_goal_executed() {
 
 #[test]
 fn a_cell_that_listens_itself_asks_who_is_there() {
-    let papers = Papers::new();
+    let papers = People::new();
     let config = SimulatedCellConfig {
         name: "simulated".to_owned(),
         listen: "tls/localhost:0".to_owned(),
@@ -171,8 +130,8 @@ fn a_cell_that_listens_itself_asks_who_is_there() {
 
 #[test]
 fn somebody_who_is_not_known_is_not_let_in() {
-    let papers = Papers::new();
-    let others = Papers::new();
+    let papers = People::new();
+    let others = People::new();
     for way in WAYS {
         let router = papers.router(way);
         let refused = |access: Option<Access>| {
@@ -209,7 +168,7 @@ fn somebody_who_is_not_known_is_not_let_in() {
 
 #[test]
 fn somebody_who_watches_sees_everything_and_moves_nothing() {
-    let papers = Papers::new();
+    let papers = People::new();
     for way in WAYS {
         let router = papers.router(way);
         let cell = papers.cell(way, &router, Service::default());
@@ -244,9 +203,17 @@ fn somebody_who_watches_sees_everything_and_moves_nothing() {
         let refused = execute(&dispatcher, &other);
         assert_eq!(refused.outcome, Outcome::Rejected);
 
-        // What a viewer publishes in the cell's name is heard by nobody.
+        // Nor does it pass for a cell.
         let liar = papers.session(way, "viewer", &router);
         let keys = Keys::new("simulated").unwrap();
+        let _queryable = liar
+            .declare_queryable(keys.all())
+            .callback(|query| query.reply(query.key_expr(), "{}\n").wait().unwrap())
+            .wait()
+            .unwrap();
+        assert!(dispatcher.capabilities(SOON).is_ok(), "one cell answers");
+
+        // What a viewer publishes in the cell's name is heard by nobody.
         for key in [keys.state(), keys.outcome("00"), keys.motion()] {
             liar.put(key, "{}\n").wait().unwrap();
         }
@@ -267,7 +234,7 @@ fn somebody_who_watches_sees_everything_and_moves_nothing() {
 
 #[test]
 fn the_heartbeat_of_somebody_who_watches_keeps_nothing_moving() {
-    let papers = Papers::new();
+    let papers = People::new();
     let way = "certificates";
     let router = papers.router(way);
     let service = Service {
@@ -319,7 +286,7 @@ fn the_heartbeat_of_somebody_who_watches_keeps_nothing_moving() {
 
 #[test]
 fn a_message_that_is_too_long_does_not_reach_the_cell() {
-    let papers = Papers::new();
+    let papers = People::new();
     for way in WAYS {
         let router = papers.router(way);
         let _cell = papers.cell(way, &router, Service::default());

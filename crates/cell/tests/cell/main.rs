@@ -3,6 +3,7 @@
 mod access;
 mod halting;
 mod lab;
+mod papers;
 mod remembering;
 mod ros2;
 mod serving;

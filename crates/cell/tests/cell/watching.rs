@@ -26,9 +26,8 @@ fn watch(endpoint: &str) -> Watcher {
 fn states(watcher: &mut Watcher, n: usize) -> Vec<State> {
     let mut states = Vec::new();
     while states.len() < n {
-        match watcher.next(LONG).expect("the cell says something") {
-            Seen::State(state) => states.push(state),
-            _ => {}
+        if let Seen::State(state) = watcher.next(LONG).expect("the cell says something") {
+            states.push(state);
         }
     }
     states
@@ -38,9 +37,8 @@ fn states(watcher: &mut Watcher, n: usize) -> Vec<State> {
 fn outcomes(watcher: &mut Watcher, n: usize) -> Vec<GoalOutcome> {
     let mut outcomes = Vec::new();
     while outcomes.len() < n {
-        match watcher.next(LONG).expect("the cell says something") {
-            Seen::Outcome(outcome) => outcomes.push(outcome),
-            _ => {}
+        if let Seen::Outcome(outcome) = watcher.next(LONG).expect("the cell says something") {
+            outcomes.push(outcome);
         }
     }
     outcomes
@@ -158,7 +156,7 @@ fn what_is_lost_is_asked_for_and_counted_where_it_is_gone() {
     assert_eq!(watcher.next(Duration::ZERO), None);
     // Watched from 10 on; 11 comes by itself, 12 is lost, and of 13 to 19 the cell still has 16 to 19.
     for seq in [10, 11, 13, 20] {
-        kept.lock().unwrap().retain(|_| false);
+        kept.lock().unwrap().clear();
         if seq == 20 {
             kept.lock().unwrap().extend(16..=20);
         }
