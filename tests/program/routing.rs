@@ -2,7 +2,7 @@
 
 use std::{
     env, fs,
-    process::Stdio,
+    process::{Command, Stdio},
     sync::atomic::{AtomicBool, Ordering},
     thread,
     time::{Duration, Instant},
@@ -81,6 +81,22 @@ fn a_motion_in_which_the_router_goes_away_is_broken_off_and_told_when_it_is_back
 }
 
 #[test]
+fn a_router_that_is_not_there_is_named() {
+    let lake = tempfile::tempdir().unwrap();
+    // Nothing listens on the first port.
+    let refused = Command::new(env!("CARGO_BIN_EXE_pipeline"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["cell", "--connect", "tcp/127.0.0.1:1", "--lake"])
+        .arg(lake.path())
+        .output()
+        .unwrap();
+    assert_eq!(refused.status.code(), Some(1));
+    let said = stderr(&refused);
+    assert!(said.contains("no connection to the router"), "{said}");
+    assert!(said.contains("pipeline router --listen"), "{said}");
+}
+
+#[test]
 fn two_cells_of_one_name_behind_one_router_are_sent_nothing() {
     let lab = Lab::behind_a_router();
     let _router = lab.router();
@@ -146,14 +162,14 @@ fn watch(endpoint: &str, over: &AtomicBool) -> (Vec<GoalOutcome>, Counts) {
 #[test]
 fn whoever_watches_misses_no_result_though_the_router_is_killed() {
     let seconds = env::var("PIPELINE_WATCH_S").map_or(20.0, |text| text.parse().unwrap());
+    let mut lab = Lab::behind_a_router();
+    let mut router = lab.router();
+    let cell = lab.cell(&[]);
     let begun = Instant::now();
     let wait_until = |share: f64| {
         let left = seconds * share - begun.elapsed().as_secs_f64();
         thread::sleep(Duration::from_secs_f64(left.max(0.0)));
     };
-    let mut lab = Lab::behind_a_router();
-    let mut router = lab.router();
-    let cell = lab.cell(&[]);
     let over = AtomicBool::new(false);
     let (early, late) = thread::scope(|scope| {
         let (lab, over) = (&lab, &over);

@@ -1,7 +1,7 @@
 //! Who one is, whom one trusts, and who may do what: kept in a file, never on a command line.
 
 use std::{
-    fs,
+    fmt, fs,
     path::{Path, PathBuf},
 };
 
@@ -34,10 +34,17 @@ const FILES: [&str; 6] = [
 /// in JSON5. It may hold `transport.link.tls`, `transport.auth`, `access_control` and
 /// `low_pass_filter`, and nothing else: where a session connects to and how it behaves is not for
 /// such a file to change. Paths in it are relative to the current directory, as for `zenohd`.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct Access {
     path: PathBuf,
     config: Config,
+}
+
+impl fmt::Debug for Access {
+    /// Writes the file's name and none of its secrets.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Access").field(&self.path).finish()
+    }
 }
 
 impl Access {
@@ -176,5 +183,15 @@ mod tests {
         }
         assert!(read("{}").unwrap().check_listener().is_err());
         assert!(Access::read(Path::new("/nowhere")).is_err());
+    }
+
+    #[test]
+    fn a_password_is_not_shown() {
+        let text = "{ transport: { auth: { usrpwd: { user: 'a', password: 'secret' } } } }";
+        let shown = format!("{:?}", read(text).unwrap());
+        assert!(
+            shown.contains("access.json5") && !shown.contains("secret"),
+            "{shown}"
+        );
     }
 }

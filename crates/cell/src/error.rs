@@ -77,6 +77,18 @@ pub enum CellError {
         /// What zenoh says.
         source: Cause,
     },
+    /// No router answers where a cell was to connect to one.
+    #[error("no connection to the router `{endpoint}` within {waited:.1?}")]
+    Router {
+        /// Where the router was looked for.
+        endpoint: String,
+        /// The access file that said who connects.
+        access: Option<PathBuf>,
+        /// How long.
+        waited: Duration,
+        /// What zenoh says.
+        source: Cause,
+    },
     /// The endpoint is there, but no cell of this name answers.
     #[error(
         "the robot cell did not answer within {waited:.1?}; nothing was sent to the robot: key `{key}`, session `{endpoint}`"
@@ -193,6 +205,22 @@ impl CellError {
                 "{}; a router that does not trust the certificate, user or password in `{}` takes no \
                  connection either",
                 unreached(),
+                path.display()
+            )),
+            Self::Router {
+                endpoint,
+                access: None,
+                ..
+            } => Some(format!(
+                "start it with `pipeline router --listen {endpoint}`, or have the cell listen itself with `--listen`"
+            )),
+            Self::Router {
+                endpoint,
+                access: Some(path),
+                ..
+            } => Some(format!(
+                "start it with `pipeline router --listen {endpoint} --access FILE`; it may also be there and not \
+                 trust the certificate, user or password in `{}`",
                 path.display()
             )),
             Self::NoAnswer { access, .. } => Some(format!(

@@ -107,7 +107,6 @@ struct Header {
 
 /// How a goal ended, without what was measured.
 pub(crate) struct Ending {
-    pub(crate) goal_id: String,
     pub(crate) outcome: Outcome,
     pub(crate) message: String,
     pub(crate) lift_m: f64,
@@ -118,7 +117,6 @@ impl Ending {
     pub(crate) fn read(bytes: &[u8]) -> Option<Self> {
         let (header, _): (Header, _) = wire::split_line("report", bytes).ok()?;
         Some(Self {
-            goal_id: header.goal_id,
             outcome: Outcome::parse(&header.outcome)?,
             message: header.message,
             lift_m: header.lift_m,
@@ -126,9 +124,8 @@ impl Ending {
     }
 
     /// Returns how a goal ended whose report the cell has lost.
-    pub(crate) fn lost(goal_id: &str) -> Self {
+    pub(crate) fn lost() -> Self {
         Self {
-            goal_id: goal_id.to_owned(),
             outcome: Outcome::Unknown,
             message: "the cell has lost its report on this motion".to_owned(),
             lift_m: 0.0,

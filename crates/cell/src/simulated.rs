@@ -274,10 +274,21 @@ fn open(config: &SimulatedCellConfig) -> Result<(Session, String), CellError> {
     let access = access.transpose()?;
     match &config.service.router {
         None => session::listen(&config.listen, access.as_ref()),
-        Some(router) => Ok((
-            session::connect(router, access.as_ref(), ROUTER_WAIT)?,
-            router.clone(),
-        )),
+        Some(router) => match session::connect(router, access.as_ref(), ROUTER_WAIT) {
+            Ok(session) => Ok((session, router.clone())),
+            Err(CellError::Connect {
+                endpoint,
+                access,
+                waited,
+                source,
+            }) => Err(CellError::Router {
+                endpoint,
+                access,
+                waited,
+                source,
+            }),
+            Err(err) => Err(err),
+        },
     }
 }
 

@@ -46,12 +46,20 @@ impl States {
         let joints: Arc<[String]> = header.joints.clone().into();
         let dof = joints.len();
         let rows = wire::rows(numbers, Sample::width(dof))?;
-        let states = rows.iter().zip(header.seq..).enumerate();
-        let states = states
-            .map(|(row, (numbers, seq))| {
+        let states = rows
+            .iter()
+            .enumerate()
+            .map(|(row, numbers)| {
+                let seq = header.seq.checked_add(row as u64);
                 Ok(State {
                     epoch: header.epoch.clone(),
-                    seq,
+                    // Whoever counts on from here must be able to.
+                    seq: seq
+                        .filter(|&seq| seq < u64::MAX)
+                        .ok_or_else(|| WireError::Row {
+                            row,
+                            message: "its number is too large".to_owned(),
+                        })?,
                     goal_id: header.goal_id.clone(),
                     joints: Arc::clone(&joints),
                     sample: Sample::from_row(row, numbers, dof)?,
@@ -59,5 +67,33 @@ impl States {
             })
             .collect::<Result<_, WireError>>()?;
         Ok(Self { header, states })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_numbered_on_from_the_first_and_whole() {
+        let bytes = |seq: u64, rows: usize| {
+            let mut bytes = wire::line(&StateHeader {
+                epoch: "e".to_owned(),
+                goal_id: String::new(),
+                seq,
+                joints: vec!["a".to_owned()],
+            });
+            let mut row = [0.0; 17];
+            (row[7], row[14], row[15]) = (1.0, 1.0, 0.5);
+            (0..rows).for_each(|_| wire::push_numbers(&mut bytes, row));
+            bytes
+        };
+        let states = State::from_bytes(&bytes(5, 2)).unwrap();
+        assert_eq!(states.iter().map(|s| s.seq).collect::<Vec<_>>(), [5, 6]);
+        assert_eq!(states[1].sample.q_rad, [0.5]);
+        assert!(State::from_bytes(&bytes(5, 0)).unwrap().is_empty());
+        let cut = bytes(5, 2);
+        assert!(State::from_bytes(&cut[..cut.len() - 1]).is_err());
+        assert!(State::from_bytes(&bytes(u64::MAX - 1, 2)).is_err());
     }
 }

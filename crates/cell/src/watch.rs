@@ -271,7 +271,7 @@ impl Watcher {
     fn put(&mut self, outcome: GoalOutcome) {
         self.list = Some(Place {
             of: outcome.journal.clone(),
-            next: outcome.result_n + 1,
+            next: outcome.result_n.saturating_add(1),
         });
         self.counts.outcomes_n += 1;
         self.ready.push_back(Seen::Outcome(outcome));

@@ -31,8 +31,8 @@ const REPORT: &str = "report";
 const LOCK: &str = "lock";
 /// The list of the goals that were taken.
 const TAKEN: &str = "taken";
-/// Outcomes in one answer.
-const OUTCOMES: usize = 256;
+/// Outcomes in one answer: few enough that reading them keeps no other question waiting.
+const OUTCOMES: usize = 64;
 
 /// Returns a name that nothing else has: of a list of goals, or of a cell's stream.
 pub(super) fn fresh_name() -> String {
@@ -62,6 +62,8 @@ pub(super) struct Journal {
     entries: BTreeMap<String, Entry>,
     /// The ids in the order in which they were taken.
     taken: Vec<String>,
+    /// How goals ended, as far as it was asked.
+    endings: BTreeMap<String, GoalOutcome>,
     folder: Option<Folder>,
 }
 
@@ -100,6 +102,7 @@ impl Journal {
             name: fresh_name(),
             entries: BTreeMap::new(),
             taken: Vec::new(),
+            endings: BTreeMap::new(),
             folder: None,
         }
     }
@@ -139,6 +142,7 @@ impl Journal {
             name,
             entries,
             taken,
+            endings: BTreeMap::new(),
             folder: Some(Folder {
                 path: path.to_owned(),
                 taken: continued,
@@ -229,28 +233,32 @@ impl Journal {
     }
 
     /// Returns how a goal ended; none if it moves or was not taken.
-    pub(super) fn outcome(&self, goal_id: &str) -> Option<GoalOutcome> {
+    pub(super) fn outcome(&mut self, goal_id: &str) -> Option<GoalOutcome> {
         let result_n = self.taken.iter().rposition(|id| id == goal_id)?;
-        self.ended(result_n, goal_id)
+        self.ended(result_n)
     }
 
     /// Returns how goals ended, in the order in which they were taken, from a number on: as many as
     /// one answer holds.
-    pub(super) fn outcomes(&self, from: u64) -> Outcomes {
+    pub(super) fn outcomes(&mut self, from: u64) -> Outcomes {
         let from = usize::try_from(from).unwrap_or(usize::MAX);
-        let taken = self.taken.iter().enumerate().skip(from).take(OUTCOMES);
+        let until = self.taken.len().min(from.saturating_add(OUTCOMES));
         Outcomes {
             header: OutcomesHeader {
                 journal: self.name.clone(),
                 results_n: self.executed_n() as u64,
             },
-            outcomes: taken
-                .map_while(|(result_n, id)| self.ended(result_n, id))
+            outcomes: (from..until)
+                .map_while(|result_n| self.ended(result_n))
                 .collect(),
         }
     }
 
-    fn ended(&self, result_n: usize, goal_id: &str) -> Option<GoalOutcome> {
+    fn ended(&mut self, result_n: usize) -> Option<GoalOutcome> {
+        let goal_id = self.taken.get(result_n)?;
+        if let Some(known) = self.endings.get(goal_id) {
+            return Some(known.clone());
+        }
         let ending = match self.entries.get(goal_id)? {
             Entry::Executing(_) => return None,
             Entry::Done(report) => Ending::read(report),
@@ -259,15 +267,17 @@ impl Journal {
                 .and_then(|file| first_line(&file).ok())
                 .and_then(|line| Ending::read(&line)),
         };
-        let ending = ending.unwrap_or_else(|| Ending::lost(goal_id));
-        Some(GoalOutcome {
+        let ending = ending.unwrap_or_else(Ending::lost);
+        let outcome = GoalOutcome {
             journal: self.name.clone(),
             result_n: result_n as u64,
-            goal_id: ending.goal_id,
+            goal_id: goal_id.clone(),
             outcome: ending.outcome,
             message: ending.message,
             lift_m: ending.lift_m,
-        })
+        };
+        self.endings.insert(goal_id.clone(), outcome.clone());
+        Some(outcome)
     }
 
     /// Continues the list of what was taken.
@@ -372,7 +382,7 @@ mod tests {
             assert!(journal.admit(&sealed(id)).unwrap());
             journal.conclude(id, Report::aborted(id, id.to_owned()).to_bytes());
         };
-        let ids = |journal: &Journal, from: u64| -> Vec<(u64, String)> {
+        let ids = |journal: &mut Journal, from: u64| -> Vec<(u64, String)> {
             let outcomes = journal.outcomes(from).outcomes.into_iter();
             outcomes.map(|o| (o.result_n, o.goal_id)).collect()
         };
@@ -383,7 +393,7 @@ mod tests {
         over(&mut journal, "0b");
         over(&mut journal, "0a");
         assert!(journal.admit(&sealed("0c")).unwrap());
-        assert_eq!(ids(&journal, 0), [named(0, "0b"), named(1, "0a")]);
+        assert_eq!(ids(&mut journal, 0), [named(0, "0b"), named(1, "0a")]);
         drop(journal);
         // One goal was listed and refused before it was taken, and the cell went down while it wrote
         // the line of another that it did not take.
@@ -394,13 +404,13 @@ mod tests {
         over(&mut journal, "01");
         assert_eq!(journal.name, name);
         assert_eq!(
-            ids(&journal, 1),
+            ids(&mut journal, 1),
             [named(1, "0a"), named(2, "0c"), named(3, "01")]
         );
         let unknown = journal.outcome("0c").unwrap();
         assert_eq!((unknown.outcome, unknown.result_n), (Outcome::Unknown, 2));
         assert_eq!(journal.outcomes(4).header.results_n, 4);
-        assert!(ids(&journal, 4).is_empty());
+        assert!(ids(&mut journal, 4).is_empty());
     }
 
     #[test]
