@@ -145,6 +145,13 @@ fn somebody_who_is_not_known_is_not_let_in() {
         let hint = refused(Some(others.access(way, "dispatcher")));
         assert!(hint.contains("dispatcher.json5"), "{hint}");
     }
+    // Somebody who was known once.
+    let once = People::new();
+    let router = once.router("certificates");
+    once.0.certify("dispatcher", 2020);
+    let access = once.access("certificates", "dispatcher");
+    let refused = CellClient::connect_as(Some(&access), router.endpoint(), "simulated", REFUSED);
+    assert!(refused.is_err());
     // Whoever knows the authority, but has no certificate or not the right password.
     let router = papers.router("certificates");
     let access = papers.access("passwords", "dispatcher");
