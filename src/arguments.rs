@@ -49,6 +49,8 @@ pub(crate) enum Command {
     Doctor(DoctorArgs),
     /// Serve a simulated robot cell until it is interrupted
     Cell(CellArgs),
+    /// Forward between robot cells, dispatchers and those who watch, until it is interrupted
+    Router(RouterArgs),
     /// Check every byte of the lake against what was stored
     Verify(VerifyArgs),
     /// Remove what no run that counts, and no pipeline file, refers to any more
@@ -93,9 +95,23 @@ pub(crate) struct CellArgs {
         default_value = "data/robots/allegro_right.urdf"
     )]
     pub(crate) hand: PathBuf,
-    /// Where to listen, on the loopback interface; port 0 takes any free one, which is printed
-    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
+    /// Where to listen: `tcp/HOST:PORT` on the loopback interface, or `tls/HOST:PORT` with `--access`;
+    /// port 0 takes any free one, which is printed
+    #[arg(
+        long,
+        value_name = "ENDPOINT",
+        default_value = "tcp/127.0.0.1:7447",
+        conflicts_with = "connect"
+    )]
     pub(crate) listen: String,
+    /// Router to connect to instead of listening; when it is lost the cell comes back by itself
+    /// [default: the cell listens]
+    #[arg(long, value_name = "ENDPOINT")]
+    pub(crate) connect: Option<String>,
+    /// File with the cell's certificates or password, and where it listens with whom it trusts and
+    /// who may do what; see `data/access` [default: none, on the loopback interface alone]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) access: Option<PathBuf>,
     /// Folder in which the cell keeps what it has done [default: cells/NAME in the lake]
     #[arg(long, value_name = "DIR")]
     pub(crate) journal: Option<PathBuf>,
@@ -110,6 +126,19 @@ pub(crate) struct CellArgs {
     /// may be repeated [default: nothing]
     #[arg(long, value_name = "FAULT")]
     pub(crate) fault: Vec<PlannedFault>,
+}
+
+/// Where to forward, and for whom.
+#[derive(Args)]
+pub(crate) struct RouterArgs {
+    /// Where to listen: `tcp/HOST:PORT` on the loopback interface, or `tls/HOST:PORT` with `--access`;
+    /// port 0 takes any free one, which is printed
+    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
+    pub(crate) listen: String,
+    /// File with the router's certificate, whom it trusts and who may do what, which `zenohd --config`
+    /// reads as well; see `data/access` [default: none, on the loopback interface alone]
+    #[arg(long, visible_alias = "config", value_name = "FILE")]
+    pub(crate) access: Option<PathBuf>,
 }
 
 /// Values that replace those of a pipeline file.

@@ -46,6 +46,7 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
         Command::Graph(args) => commands::graph(&program, args),
         Command::Doctor(args) => commands::doctor(&program, args),
         Command::Cell(args) => commands::cell(&program, args),
+        Command::Router(args) => commands::router(&program, args),
         Command::Verify(args) => commands::verify(&program, args),
         Command::Gc(args) => commands::gc(&program, args),
         Command::Unit(args) => commands::unit(&program, args),

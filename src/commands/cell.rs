@@ -1,8 +1,18 @@
 //! `pipeline cell`
 
-use std::{fs, path::Path, thread, time::Duration};
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::Path,
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread,
+    time::Duration,
+};
 
-use cell::{Keys, Report, Service, SimulatedCell, subscribe};
+use cell::{Service, SimulatedCell};
 use dataflow::Stage;
 use lake::{Lake, table};
 use robot::RobotModel;
@@ -23,8 +33,8 @@ use crate::{
     report,
 };
 
-/// How long the cell gets to be reached by its own program.
-const SOON: Duration = Duration::from_secs(10);
+/// How often it is looked whether the router is still there.
+const LOOK: Duration = Duration::from_millis(200);
 
 /// Serves a simulated robot cell until it is interrupted.
 pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Trouble> {
@@ -46,6 +56,8 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Troubl
         journal: Some(journal.clone()),
         real_time: !args.fast,
         ros2_domain: args.ros2_domain,
+        router: args.connect.clone(),
+        access: args.access.clone(),
         faults: args.fault.clone(),
     };
     let name = config.name.clone();
@@ -69,7 +81,26 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Troubl
         Trouble::failed(err, hint)
     })?;
     let lake = program.lake.clone();
-    served.find_objects(Box::new(move |object| find(&lake, object)));
+    // Said once for each object: a dispatcher may ask for it again and again.
+    let told = Mutex::new(BTreeSet::new());
+    served.find_objects(Box::new(move |object| {
+        find(&lake, object).inspect_err(|why| {
+            let mut told = told.lock().unwrap_or_else(PoisonError::into_inner);
+            if told.insert(object.to_owned()) {
+                report::line(&format!("object `{object}`: {why}"));
+            }
+        })
+    }));
+    if program.quiet == Quiet::No {
+        served.on_outcome(Box::new(|over| {
+            report::line(&format!(
+                "goal   {} {}: {}",
+                over.goal_id,
+                over.outcome.as_str(),
+                over.message
+            ));
+        }));
+    }
     report::data(format!("{}\n", served.endpoint()).as_bytes());
     if program.quiet == Quiet::No {
         report::line(&format!(
@@ -78,40 +109,58 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Troubl
             if args.fast { "" } else { " in real time" },
             journal.display()
         ));
-        tell(&served, &name)?;
     }
-    signals.forever().next();
+    let ended = AtomicBool::new(false);
+    let router = args
+        .connect
+        .as_deref()
+        .filter(|_| program.quiet == Quiet::No);
+    thread::scope(|scope| {
+        if let Some(router) = router {
+            scope.spawn(|| watch(&served, router, &ended));
+        }
+        signals.forever().next();
+        ended.store(true, Ordering::Relaxed);
+    });
     served.stop();
     Ok(Outcome::Done)
 }
 
-/// Prints a line for each goal that is over.
-fn tell(served: &SimulatedCell, name: &str) -> Result<(), Trouble> {
-    let failed = |err: cell::CellError| {
-        let hint = err.hint();
-        Trouble::failed(err, hint)
-    };
-    let outcomes = Keys::new(name).map_err(failed)?.outcome("*");
-    let (session, subscriber) = subscribe(served.endpoint(), &outcomes, SOON).map_err(failed)?;
-    thread::spawn(move || {
-        let _session = session;
-        while let Ok(sample) = subscriber.recv() {
-            if let Ok(over) = Report::from_bytes(&sample.payload().to_bytes()) {
-                report::line(&format!(
-                    "goal   {} {}: {}",
-                    over.goal_id,
-                    over.outcome.as_str(),
-                    over.message
-                ));
-            }
+/// Says when the router is lost, and when it is there again.
+fn watch(served: &SimulatedCell, router: &str, ended: &AtomicBool) {
+    let mut was = served.router();
+    while !ended.load(Ordering::Relaxed) {
+        let is = served.router();
+        match (&was, &is) {
+            (Some(_), None) => report::line(&format!(
+                "router `{router}` is lost; the cell comes back when it is there again"
+            )),
+            (None, Some(_)) => report::line(&format!("router `{router}` is there again")),
+            (Some(old), Some(new)) if old != new => report::line(&format!(
+                "router `{router}` was lost for a moment and is there again"
+            )),
+            _ => {}
         }
-    });
-    Ok(())
+        was = is;
+        thread::park_timeout(LOOK);
+    }
 }
 
 /// Looks for an object in the lake's newest table of them.
-fn find(lake: &Path, name: &str) -> Option<ObjectShape> {
-    let objects = Lake::open(lake).newest_partitions("objects").ok()?;
-    let object = objects::from_batch(name, &table::read(objects.get(name)?).ok()?).ok()?;
-    Some(ObjectShape::from_artifact(&object))
+fn find(lake: &Path, name: &str) -> Result<Option<ObjectShape>, String> {
+    let said = |err: anyhow::Error| {
+        format!(
+            "cannot look for it in the lake `{}`: {}",
+            lake.display(),
+            report::chain(&err)
+        )
+    };
+    let objects = Lake::open(lake).newest_partitions("objects");
+    let objects = objects.map_err(|err| said(err.into()))?;
+    let Some(artifact) = objects.get(name) else {
+        return Ok(None);
+    };
+    let batch = table::read(artifact).map_err(|err| said(err.into()))?;
+    let object = objects::from_batch(name, &batch).map_err(|err| said(err.into()))?;
+    Ok(Some(ObjectShape::from_artifact(&object)))
 }

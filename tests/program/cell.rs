@@ -2,188 +2,16 @@
 //! motion is executed twice, and none is said to be done that is not.
 
 use std::{
-    collections::BTreeMap,
     fs,
-    io::{BufRead, BufReader, Read},
-    net::TcpListener,
-    path::PathBuf,
-    process::{Child, ChildStderr, Command, Stdio},
+    process::{Command, Stdio},
     thread,
     time::{Duration, Instant},
 };
 
-use serde_json::Value;
-
-use crate::bench::{Bench, stderr, stdout};
-
-/// A lake in which everything is made but what a cell does.
-struct Lab {
-    bench: Bench,
-    /// Where the cell listens, now and after it was started again.
-    endpoint: String,
-    /// What cells said of goals that are over.
-    over: Vec<String>,
-}
-
-/// A cell's process.
-struct Cell {
-    process: Child,
-    said: Option<BufReader<ChildStderr>>,
-}
-
-impl Lab {
-    fn new() -> Self {
-        let bench = Bench::new();
-        bench.run_well(&["--until", "screen"]);
-        let port = TcpListener::bind("127.0.0.1:0")
-            .unwrap()
-            .local_addr()
-            .unwrap();
-        Self {
-            bench,
-            endpoint: format!("tcp/{port}"),
-            over: Vec::new(),
-        }
-    }
-
-    fn journal(&self) -> PathBuf {
-        self.bench.lake().join("cells/simulated")
-    }
-
-    /// Starts the cell and waits until it serves.
-    fn cell(&self, arguments: &[&str]) -> Cell {
-        self.cell_of(Command::new(env!("CARGO_BIN_EXE_pipeline")), arguments)
-    }
-
-    /// As [`Lab::cell`], by a program that runs what it is given.
-    fn cell_of(&self, mut program: Command, arguments: &[&str]) -> Cell {
-        let mut process = program
-            .current_dir(env!("CARGO_MANIFEST_DIR"))
-            .args(["cell", "--lake"])
-            .arg(self.bench.lake())
-            .args(["--listen", &self.endpoint])
-            .args(arguments)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        BufReader::new(process.stdout.take().unwrap())
-            .read_line(&mut line)
-            .unwrap();
-        let said = process.stderr.take().map(BufReader::new);
-        let cell = Cell { process, said };
-        if line.trim() == self.endpoint {
-            return cell;
-        }
-        panic!("{}", cell.end());
-    }
-
-    /// `pipeline run` of the last stage alone, at this cell.
-    fn dispatch(&self) -> Command {
-        let cell = format!("dispatch.cell={}", self.endpoint);
-        self.bench.command(
-            "run",
-            &[
-                "--only",
-                "dispatch",
-                "--set",
-                &cell,
-                "--set",
-                "dispatch.answer_timeout_s=5.0",
-            ],
-        )
-    }
-
-    /// Runs the last stage, and expects that the cell has done everything that it took once, and that
-    /// all of it is told.
-    fn dispatch_to_the_end(&mut self, cell: Cell) {
-        let ran = self.dispatch().output().unwrap();
-        assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
-        let taken = self.taken();
-        self.end(cell);
-        let outcomes = self.outcomes();
-        assert!(!outcomes.contains_key("unknown"), "{outcomes:?}");
-        assert_eq!(all_of(&outcomes), taken as u64, "{outcomes:?}");
-        assert_eq!(self.over.len(), taken);
-    }
-
-    /// Ends a cell and keeps what it said.
-    fn end(&mut self, cell: Cell) {
-        let said = cell.end();
-        let over = said.lines().filter(|line| line.starts_with("goal"));
-        self.over.extend(over.map(str::to_owned));
-    }
-
-    /// Makes sure that no goal was over twice, and returns how many motions came out in which way.
-    fn outcomes(&self) -> BTreeMap<String, u64> {
-        let mut ids: Vec<&str> = self
-            .over
-            .iter()
-            .filter_map(|line| {
-                line.split([' ', ':'])
-                    .filter(|word| !word.is_empty())
-                    .nth(1)
-            })
-            .collect();
-        ids.sort_unstable();
-        let n = ids.len();
-        ids.dedup();
-        assert_eq!(ids.len(), n, "{:#?}", self.over);
-        let sql = "select outcome, count(*) as n from executions group by outcome";
-        let asked = self.bench.ask(&["query", "--format", "json", sql]);
-        stdout(&asked)
-            .lines()
-            .map(|line| {
-                let row: Value = serde_json::from_str(line).unwrap();
-                let outcome = row["outcome"].as_str().unwrap().to_owned();
-                (outcome, row["n"].as_u64().unwrap())
-            })
-            .collect()
-    }
-
-    /// How many goals the cell has taken.
-    fn taken(&self) -> usize {
-        let files = fs::read_dir(self.journal()).unwrap().flatten();
-        files
-            .filter(|file| {
-                file.path()
-                    .extension()
-                    .is_some_and(|ending| ending == "goal")
-            })
-            .count()
-    }
-}
-
-impl Cell {
-    fn kill(&mut self) {
-        let _gone = self.process.kill();
-        let _gone = self.process.wait();
-    }
-
-    /// Ends the process and returns what it said.
-    fn end(mut self) -> String {
-        // What it says about the last goal may be under way.
-        thread::sleep(Duration::from_millis(200));
-        self.kill();
-        let mut said = String::new();
-        if let Some(mut reader) = self.said.take() {
-            reader.read_to_string(&mut said).unwrap();
-        }
-        said
-    }
-}
-
-impl Drop for Cell {
-    fn drop(&mut self) {
-        self.kill();
-    }
-}
-
-/// Motions of the small job that are sent when nothing goes wrong.
-fn all_of(outcomes: &BTreeMap<String, u64>) -> u64 {
-    outcomes.values().sum()
-}
+use crate::{
+    bench::{stderr, stdout},
+    cell_lab::{Lab, all_of},
+};
 
 #[test]
 fn a_cell_elsewhere_executes_what_was_accepted_and_knows_it_when_it_is_asked_again() {
@@ -278,14 +106,37 @@ fn a_cell_that_hangs_is_unknown_and_tells_when_it_goes_on() {
     let cell = lab.cell(&["--fast", "--fault", "late_answer@2"]);
     let mut run = lab.dispatch().stderr(Stdio::piped()).spawn().unwrap();
     // Stopped while it is late with the answer to its second goal.
-    let deadline = Instant::now() + Duration::from_mins(1);
-    while lab.taken() < 2 && Instant::now() < deadline {
-        thread::sleep(Duration::from_millis(5));
-    }
-    signal(&cell, "-STOP");
+    lab.wait_until_taken(2);
+    cell.signal("-STOP");
     let ended = run.wait().unwrap();
     assert_eq!(ended.code(), Some(1));
-    signal(&cell, "-CONT");
+    cell.signal("-CONT");
+    lab.dispatch_to_the_end(cell);
+}
+
+#[test]
+fn a_cell_that_never_answers_is_unknown_in_time_and_the_next_run_finds_out() {
+    let mut lab = Lab::new();
+    let cell = lab.cell(&["--fast", "--fault", "never_answer@2"]);
+    let started = Instant::now();
+    let ran = lab.dispatch().output().unwrap();
+    let said = stderr(&ran);
+    assert_eq!(ran.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("is unknown, the robot may have moved"),
+        "{said}"
+    );
+    // Five seconds for the answer, and the program's own time.
+    assert!(
+        started.elapsed() < Duration::from_secs(30),
+        "{:?}",
+        started.elapsed()
+    );
+    assert_eq!(lab.taken(), 2);
+    lab.end(cell);
+    // It had moved after all, and the one that is started after it knows.
+    assert_eq!(lab.over.len(), 2);
+    let cell = lab.cell(&["--fast"]);
     lab.dispatch_to_the_end(cell);
 }
 
@@ -328,10 +179,27 @@ fn a_cell_whose_disk_is_full_takes_nothing_more_and_says_why() {
     );
 }
 
-fn signal(cell: &Cell, name: &str) {
-    let id = cell.process.id().to_string();
-    let sent = Command::new("kill").args([name, &id]).status().unwrap();
-    assert!(sent.success());
+#[test]
+fn a_lake_that_cannot_be_read_is_named_where_an_object_is_looked_for() {
+    let mut lab = Lab::new();
+    let other = lab.bench.lake().join("other");
+    fs::create_dir(&other).unwrap();
+    // No folder of tables.
+    fs::write(other.join("tables"), b"").unwrap();
+    let cell = lab.cell_in(&other, &["--fast"]);
+    let ran = lab.dispatch().output().unwrap();
+    assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
+    let said = cell.end();
+    assert!(said.contains("cannot look for it in the lake"), "{said}");
+    lab.hear(&said);
+    assert!(lab.over.is_empty());
+    let sql = "select message from executions where outcome = 'rejected'";
+    let asked = lab.bench.ask(&["query", "--format", "csv", sql]);
+    assert!(
+        stdout(&asked).contains("cannot look for it in the lake"),
+        "{}",
+        stdout(&asked)
+    );
 }
 
 #[test]

@@ -3,14 +3,19 @@
 mod baseline;
 mod bench;
 mod cell;
+mod cell_lab;
 mod commands;
 mod doctor;
 mod errors;
 mod history;
 mod incremental;
 mod interpolation;
+#[path = "../../crates/cell/tests/cell/papers.rs"]
+mod papers;
+mod python;
 mod questions;
 mod repeatable;
 mod retargeting;
+mod routing;
 mod studies;
 mod sweeps;

@@ -1,44 +1,75 @@
-//! Prints what happens at a robot cell: `cargo run --release -p cell --example watch -- [ENDPOINT] [CELL]`.
+//! Prints what happens at a robot cell:
+//! `cargo run --release -p cell --example watch -- [--seconds N] [--access FILE] [ENDPOINT] [CELL]`.
 
 #![expect(clippy::print_stdout, reason = "an example for a terminal")]
 
-use std::{env, error::Error, time::Duration};
+use std::{
+    env,
+    error::Error,
+    path::Path,
+    time::{Duration, Instant},
+};
 
-use cell::{Keys, SealedGoal, StateHeader, subscribe};
+use cell::{Access, Seen, Watcher};
+
+/// How long a cell or its router may take to be there.
+const WAIT: Duration = Duration::from_mins(10);
+/// How long nothing may happen before it is looked whether the time is over.
+const LOOK: Duration = Duration::from_millis(200);
 
 fn main() -> Result<(), Box<dyn Error>> {
+    let (mut places, mut seconds, mut access) = (Vec::new(), f64::INFINITY, None);
     let mut arguments = env::args().skip(1);
-    let endpoint = arguments
-        .next()
-        .unwrap_or_else(|| "tcp/127.0.0.1:7447".to_owned());
-    let keys = Keys::new(arguments.next().as_deref().unwrap_or("simulated"))?;
-    let (_session, subscriber) = subscribe(&endpoint, &keys.all(), Duration::from_mins(10))?;
-    while let Ok(sample) = subscriber.recv() {
-        let bytes = sample.payload().to_bytes();
-        let line = bytes
-            .split(|&byte| byte == b'\n')
-            .next()
-            .unwrap_or_default();
-        let key = sample.key_expr().as_str();
-        if key == keys.motion() {
-            match SealedGoal::open(&bytes) {
-                Ok((sealed, goal)) => println!(
-                    "motion   {} {} with {} steps",
-                    sealed.goal_id,
-                    goal.candidate_id,
-                    goal.hand.points.len()
-                ),
-                Err(rejection) => println!("motion   unreadable: {}", rejection.reason),
+    while let Some(argument) = arguments.next() {
+        match argument.as_str() {
+            "--seconds" => seconds = arguments.next().unwrap_or_default().parse()?,
+            "--access" => {
+                let file = arguments.next().unwrap_or_default();
+                access = Some(Access::read(Path::new(&file))?);
             }
-        } else if key == keys.state() {
-            let header: StateHeader = serde_json::from_slice(line)?;
-            // One line a second is enough for the eye.
-            if header.seq.is_multiple_of(100) {
-                println!("state    {} sample {}", header.goal_id, header.seq);
-            }
-        } else {
-            println!("outcome  {}", String::from_utf8_lossy(line));
+            _ => places.push(argument),
         }
     }
+    let endpoint = places.first().map_or("tcp/127.0.0.1:7447", String::as_str);
+    let cell = places.get(1).map_or("simulated", String::as_str);
+    let mut watcher = Watcher::start(access.as_ref(), endpoint, cell, WAIT)?;
+    let started = Instant::now();
+    while started.elapsed().as_secs_f64() < seconds {
+        match watcher.next(LOOK) {
+            Some(Seen::Alive) => println!("alive"),
+            Some(Seen::Gone) => println!("gone"),
+            Some(Seen::Motion(goal_id, goal)) => println!(
+                "motion   {goal_id} {} with {} steps",
+                goal.candidate_id,
+                goal.hand.points.len()
+            ),
+            Some(Seen::Outcome(over)) => println!(
+                "outcome  {} {}: {} ({})",
+                over.result_n,
+                over.goal_id,
+                over.outcome.as_str(),
+                over.message
+            ),
+            // One line a second is enough for the eye.
+            Some(Seen::State(state)) if state.seq.is_multiple_of(100) => println!(
+                "state    {} at {:.2} s of goal `{}`",
+                state.seq, state.sample.time_s, state.goal_id
+            ),
+            Some(_) | None => {}
+        }
+    }
+    let counts = watcher.counts();
+    println!(
+        "watched {:.0} s: {} states, of which {} were asked for, {} lost; {} outcomes, of which {} were \
+         asked for; {} restarts of the cell, {} unreadable",
+        started.elapsed().as_secs_f64(),
+        counts.states_n,
+        counts.recovered_n,
+        counts.gaps_n,
+        counts.outcomes_n,
+        counts.recovered_outcomes_n,
+        counts.restarts_n,
+        counts.unreadable_n
+    );
     Ok(())
 }

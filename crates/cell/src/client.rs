@@ -1,6 +1,7 @@
 //! The dispatcher's side: asks a cell what it can do, sends it goals, fetches the reports.
 
 use std::{
+    path::PathBuf,
     thread,
     time::{Duration, Instant},
 };
@@ -12,7 +13,7 @@ use zenoh::{
 };
 
 use crate::{
-    CellError, Goal, Keys, PROTOCOL, SealedGoal,
+    Access, CellError, Goal, Keys, PROTOCOL, SealedGoal,
     goal::now,
     heartbeat::Heartbeat,
     report::{Answer, Capabilities, NEVER_TAKEN, Report, Word},
@@ -33,6 +34,8 @@ struct NeverTaken;
 pub enum Executed {
     /// What came of it.
     Over(Report),
+    /// What came of it when the cell took it before; nothing has moved now.
+    Known(Report),
     /// Nothing was heard, as this says: the robot may have moved.
     Unheard(String),
 }
@@ -65,6 +68,8 @@ pub enum Halt {
 pub struct CellClient {
     session: Session,
     endpoint: String,
+    /// The file that said who one is.
+    access: Option<PathBuf>,
     keys: Keys,
 }
 
@@ -75,10 +80,26 @@ impl CellClient {
     ///
     /// Fails if nothing listens there within `timeout`, or the name or endpoint is not one.
     pub fn connect(endpoint: &str, name: &str, timeout: Duration) -> Result<Self, CellError> {
+        Self::connect_as(None, endpoint, name, timeout)
+    }
+
+    /// As [`CellClient::connect`], as whom an access file says that one is: needed where the endpoint is
+    /// `tls/HOST:PORT`.
+    ///
+    /// # Errors
+    ///
+    /// As [`CellClient::connect`], and if the one there does not take one's word for it.
+    pub fn connect_as(
+        access: Option<&Access>,
+        endpoint: &str,
+        name: &str,
+        timeout: Duration,
+    ) -> Result<Self, CellError> {
         Ok(Self {
             keys: Keys::new(name)?,
-            session: session::connect(endpoint, timeout)?,
+            session: session::connect(endpoint, access, timeout)?,
             endpoint: endpoint.to_owned(),
+            access: access.map(|access| access.path().to_owned()),
         })
     }
 
@@ -90,12 +111,13 @@ impl CellClient {
     pub fn capabilities(&self, timeout: Duration) -> Result<Capabilities, CellError> {
         let key = self.keys.capabilities();
         let started = Instant::now();
-        let answers = self.ask(&key, &[], QueryTarget::All, timeout)?;
+        let (answers, _) = self.ask(&key, &[], QueryTarget::All, timeout)?;
         let [Ok(answer)] = answers.as_slice() else {
             return Err(if answers.is_empty() {
                 CellError::NoAnswer {
                     key,
                     endpoint: self.endpoint.clone(),
+                    access: self.access.clone(),
                     waited: started.elapsed(),
                 }
             } else {
@@ -140,20 +162,23 @@ impl CellClient {
         let id = sealed.goal_id.as_str();
         let _heartbeat = Heartbeat::start(&self.session, self.keys.heartbeat())?;
         let key = self.keys.goal();
-        let answers = self.ask(&key, &sealed.bytes, QueryTarget::BestMatching, answer)?;
+        let (answers, tries) = self.ask(&key, &sealed.bytes, QueryTarget::BestMatching, answer)?;
         let Some(bytes) = answers.iter().find_map(|answer| answer.as_ref().ok()) else {
             return Ok(silence("goal", answer));
         };
         let (word, _): (Answer, _) = wire::split_line("answer", bytes)
             .map_err(|source| CellError::Answer { key, source })?;
+        let mut is_old = false;
         match word {
             Answer::Rejected(rejection) => {
                 return Ok(Executed::Over(Report::rejected(id, rejection)));
             }
             Answer::Accepted { known: false } => self.show(&sealed)?,
-            Answer::Accepted { known: true } => {}
+            // A goal that was sent more than once may be known by its first sending.
+            Answer::Accepted { known: true } => is_old = tries == 1,
         }
         Ok(match self.report(id, answer, result)? {
+            Recovered::Report(report) if is_old => Executed::Known(report),
             Recovered::Report(report) => Executed::Over(report),
             Recovered::NeverTaken => {
                 Executed::Unheard("the cell took it and has forgotten it".to_owned())
@@ -206,7 +231,7 @@ impl CellClient {
     }
 
     fn halt(&self, key: String, answer: Duration) -> Result<Halt, CellError> {
-        let answers = self.ask(&key, &[], QueryTarget::BestMatching, answer)?;
+        let (answers, _) = self.ask(&key, &[], QueryTarget::BestMatching, answer)?;
         match answers.first() {
             None => Ok(Halt::Unheard),
             Some(Err(_)) => Ok(Halt::NeverTaken),
@@ -276,26 +301,28 @@ impl CellClient {
             })
     }
 
-    /// Asks a question until something is answered, or `timeout` is over.
+    /// Asks a question until something is answered, or `timeout` is over; returns how often, too.
     fn ask(
         &self,
         key: &str,
         payload: &[u8],
         target: QueryTarget,
         timeout: Duration,
-    ) -> Result<Vec<Result<Vec<u8>, NeverTaken>>, CellError> {
+    ) -> Result<(Vec<Result<Vec<u8>, NeverTaken>>, u32), CellError> {
         let deadline = Instant::now() + timeout;
+        let mut tries = 0;
         // The first try gets all the time but what others need: an answer may only be late.
         let mut piece = timeout / 2;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
             if left.is_zero() {
-                return Ok(Vec::new());
+                return Ok((Vec::new(), tries));
             }
+            tries += 1;
             let until = Instant::now() + left.min(piece.max(PIECE));
             let answers = self.ask_once(key, payload, target, until)?;
             if !answers.is_empty() {
-                return Ok(answers);
+                return Ok((answers, tries));
             }
             piece /= 2;
             thread::sleep(PAUSE.min(deadline.saturating_duration_since(Instant::now())));

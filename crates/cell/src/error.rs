@@ -27,17 +27,41 @@ pub enum CellError {
         /// The name.
         name: String,
     },
-    /// An endpoint is not of the form `tcp/HOST:PORT`.
-    #[error("`{endpoint}` is no endpoint of the form `tcp/HOST:PORT`")]
+    /// An endpoint is not of the form `tcp/HOST:PORT` or `tls/HOST:PORT`.
+    #[error("`{endpoint}` is no endpoint of the form `tcp/HOST:PORT` or `tls/HOST:PORT`")]
     Endpoint {
         /// The endpoint.
         endpoint: String,
     },
-    /// A cell was to listen where other machines reach it.
-    #[error("`{endpoint}` is not on the loopback interface, where a cell may listen")]
+    /// An endpoint's host is not known.
+    #[error("cannot find the host of `{endpoint}`")]
+    Host {
+        /// The endpoint.
+        endpoint: String,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// An endpoint that other machines reach is not protected.
+    #[error(
+        "`{endpoint}` is not on the loopback interface and not protected: whoever is on that network could move the robot"
+    )]
     NotLoopback {
         /// The endpoint.
         endpoint: String,
+    },
+    /// Other machines were to be listened to, without saying whom to trust.
+    #[error("`{endpoint}` needs an access file: whom to trust is in it")]
+    NoAccess {
+        /// The endpoint.
+        endpoint: String,
+    },
+    /// An access file cannot be used.
+    #[error("cannot use the access file `{}`: {problem}", path.display())]
+    Access {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
     },
     /// Nothing answers at the endpoint.
     #[error(
@@ -46,6 +70,20 @@ pub enum CellError {
     Connect {
         /// Where the cell was looked for.
         endpoint: String,
+        /// The access file that said who asks.
+        access: Option<PathBuf>,
+        /// How long.
+        waited: Duration,
+        /// What zenoh says.
+        source: Cause,
+    },
+    /// No router answers where a cell was to connect to one.
+    #[error("no connection to the router `{endpoint}` within {waited:.1?}")]
+    Router {
+        /// Where the router was looked for.
+        endpoint: String,
+        /// The access file that said who connects.
+        access: Option<PathBuf>,
         /// How long.
         waited: Duration,
         /// What zenoh says.
@@ -60,6 +98,8 @@ pub enum CellError {
         key: String,
         /// Where the session is connected.
         endpoint: String,
+        /// The access file that said who asks.
+        access: Option<PathBuf>,
         /// How long was waited.
         waited: Duration,
     },
@@ -127,6 +167,12 @@ pub enum CellError {
     Thread(#[source] std::io::Error),
 }
 
+/// What helps when nothing is there, whatever the reason.
+fn unreached() -> &'static str {
+    "start the cell and check its name and endpoint, or use the simulated one with \
+     `--set dispatch.cell=simulated`"
+}
+
 impl CellError {
     /// Returns what to do about it, where that is known.
     pub fn hint(&self) -> Option<String> {
@@ -134,18 +180,66 @@ impl CellError {
             Self::Name { .. } => {
                 Some("use lower-case letters, digits, `-` and `_`, e.g. `simulated`".to_owned())
             }
-            Self::Endpoint { .. } => Some("write e.g. `tcp/127.0.0.1:7447`".to_owned()),
-            Self::NotLoopback { .. } => {
-                Some("listen on `tcp/127.0.0.1:7447`, or on port 0 for any free one".to_owned())
-            }
-            Self::Connect { .. } | Self::NoAnswer { .. } => Some(
-                "start the cell and check its name and endpoint, or use the simulated one with \
-                 `--set dispatch.cell=simulated`"
+            Self::Endpoint { .. } => Some(
+                "write e.g. `tcp/127.0.0.1:7447`, or `tls/robot.lab:7447` for another machine"
                     .to_owned(),
             ),
+            Self::Host { .. } => Some("check the name, or write the address".to_owned()),
+            Self::NotLoopback { .. } => Some(
+                "write `tls/HOST:PORT` and name an access file, as `data/access/README.md` shows, or \
+                 stay on this machine with `tcp/127.0.0.1:7447`"
+                    .to_owned(),
+            ),
+            Self::NoAccess { .. } => Some(
+                "name one with `--access FILE`; `data/access/README.md` shows how to make it"
+                    .to_owned(),
+            ),
+            Self::Access { .. } => Some(
+                "`data/access` holds files that can be copied, and says what goes into them"
+                    .to_owned(),
+            ),
+            Self::Connect { access: None, .. } => Some(unreached().to_owned()),
+            Self::Connect {
+                access: Some(path), ..
+            } => Some(format!(
+                "{}; a router that does not trust the certificate, user or password in `{}` takes no \
+                 connection either",
+                unreached(),
+                path.display()
+            )),
+            Self::Router {
+                endpoint,
+                access: None,
+                ..
+            } => Some(format!(
+                "start it with `pipeline router --listen {endpoint}`, or have the cell listen itself with `--listen`"
+            )),
+            Self::Router {
+                endpoint,
+                access: Some(path),
+                ..
+            } => Some(format!(
+                "start it with `pipeline router --listen {endpoint} --access FILE`; it may also be there and not \
+                 trust the certificate, user or password in `{}`",
+                path.display()
+            )),
+            Self::NoAnswer { access, .. } => Some(format!(
+                "{}; a router whose access rules do not let {} ask drops the question without a word",
+                unreached(),
+                access
+                    .as_deref()
+                    .map_or("somebody without an access file".to_owned(), |path| format!(
+                        "who `{}` says that one is",
+                        path.display()
+                    ))
+            )),
             Self::SeveralCells { .. } => {
                 Some("stop all but one of them, or give them different names".to_owned())
             }
+            Self::Listen { endpoint, .. } if endpoint.starts_with("tls/") => Some(
+                "another program uses the port, or the certificate in the access file is no good"
+                    .to_owned(),
+            ),
             Self::Listen { .. } => Some(
                 "another program uses the port; take any free one with \
                  `--set dispatch.listen=tcp/127.0.0.1:0`"

@@ -77,6 +77,16 @@ impl Keys {
         self.key("state")
     }
 
+    /// Query `?from=N`: what was published on [`Keys::state`] from that number on.
+    pub fn history(&self) -> String {
+        self.key("state/history")
+    }
+
+    /// Query `?from=N`: how goals ended, from that number on.
+    pub fn results(&self) -> String {
+        self.key("results")
+    }
+
     /// Publication of the dispatcher: each goal that the cell took.
     pub fn motion(&self) -> String {
         self.key("motion")

@@ -8,36 +8,50 @@
 //!   known to be unknown.
 //! - A goal's id follows from its content. A cell asked twice answers twice and moves once.
 //! - What a cell publishes (states, motions, outcomes) is for watching; the report holds every
-//!   sample again, so that nothing depends on a stream that may lose some.
+//!   sample again, so that nothing depends on a stream that may lose some. States and outcomes are
+//!   numbered, and a [`Watcher`] asks for those that it missed.
 //! - The only clock in a message says until when a goal may start, and is no part of the goal:
 //!   equal goals to a simulated cell give equal reports.
 //! - A cell writes down that it takes a goal before it says so. One that is started again knows what
 //!   it did, and of the motion in which it went down that nobody knows.
-//! - Sessions scout for nobody and listen on the loopback interface only.
+//! - Sessions scout for nobody. What leaves this machine goes through TLS, to and from those whom an
+//!   [`Access`] file names.
 
+mod access;
 mod client;
 mod error;
 mod goal;
 mod heartbeat;
 mod keys;
+mod outcome;
+mod pacer;
 mod report;
 mod ros2;
+mod router;
 mod session;
 mod simulated;
+mod state;
 mod track;
+mod watch;
 mod wire;
 
+pub use access::Access;
 pub use client::{CellClient, Executed, Halt, Recovered};
 pub use error::{Cause, CellError};
 pub use goal::{Goal, Rejection, RejectionCode, SealedGoal};
 pub use keys::Keys;
+pub use outcome::GoalOutcome;
+pub use pacer::Pacer;
 pub use report::{Capabilities, Offer, Report, Sample};
+pub use router::Router;
 pub use session::subscribe;
 pub use simulated::{
-    CellArm, Fault, Gap, ObjectError, ObjectFinder, PlannedFault, Service, SimulatedCell,
-    SimulatedCellConfig,
+    CellArm, Fault, Gap, ObjectError, ObjectFinder, OutcomeListener, PlannedFault, Service,
+    SimulatedCell, SimulatedCellConfig, Tick, TickListener, rehearse,
 };
+pub use state::State;
 pub use track::{Carrier, JointPoint, PalmPoint, Track};
+pub use watch::{Counts, Seen, Watcher};
 pub use wire::{StateHeader, WireError, robot_digest};
 
 /// Version of the protocol; a cell refuses goals of any other.

@@ -120,9 +120,37 @@ struct Header {
     joints: Vec<String>,
 }
 
+/// How a goal ended, without what was measured.
+pub(crate) struct Ending {
+    pub(crate) outcome: Outcome,
+    pub(crate) message: String,
+    pub(crate) lift_m: f64,
+}
+
+impl Ending {
+    /// Reads the first line of a report.
+    pub(crate) fn read(bytes: &[u8]) -> Option<Self> {
+        let (header, _): (Header, _) = wire::split_line("report", bytes).ok()?;
+        Some(Self {
+            outcome: Outcome::parse(&header.outcome)?,
+            message: header.message,
+            lift_m: header.lift_m,
+        })
+    }
+
+    /// Returns how a goal ended whose report the cell has lost.
+    pub(crate) fn lost() -> Self {
+        Self {
+            outcome: Outcome::Unknown,
+            message: "the cell has lost its report on this motion".to_owned(),
+            lift_m: 0.0,
+        }
+    }
+}
+
 impl Sample {
     /// Returns how many numbers a sample of `dof` joints has.
-    fn width(dof: usize) -> usize {
+    pub(crate) fn width(dof: usize) -> usize {
         1 + 2 * POSE + 2 * dof
     }
 
@@ -136,7 +164,7 @@ impl Sample {
         row
     }
 
-    fn from_row(row: usize, numbers: &[f64], dof: usize) -> Result<Self, WireError> {
+    pub(crate) fn from_row(row: usize, numbers: &[f64], dof: usize) -> Result<Self, WireError> {
         let short = || WireError::Row {
             row,
             message: format!("{} numbers for {dof} joints", numbers.len()),

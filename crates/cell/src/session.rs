@@ -1,7 +1,7 @@
 //! zenoh sessions that talk to whom they are told to and to nobody else.
 
 use std::{
-    net::{SocketAddr, TcpListener, ToSocketAddrs},
+    net::{IpAddr, SocketAddr, TcpListener, ToSocketAddrs},
     time::Duration,
 };
 
@@ -9,14 +9,15 @@ use zenoh::{
     Config, Session, Wait, handlers::FifoChannelHandler, pubsub::Subscriber, sample::Sample,
 };
 
-use crate::CellError;
+use crate::{Access, CellError};
 
 /// How long a silent peer counts as connected, in milliseconds: shorter than zenoh's 10 s, so that
 /// a dead cell is noticed; long enough for a machine whose cores are all busy.
 const LEASE_MS: u32 = 4000;
 
-/// Prefix of the only kind of endpoint there is.
-const TCP: &str = "tcp/";
+/// How a lost connection is taken up again: after the first pause, in milliseconds, then after ever
+/// longer ones up to the last.
+const RETRY: &str = "{ period_init_ms: 100, period_max_ms: 1000, period_increase_factor: 2 }";
 
 /// How often a free port is tried: between finding and using one, another program may take it.
 const PORT_TRIES: u32 = 5;
@@ -24,23 +25,116 @@ const PORT_TRIES: u32 = 5;
 /// Samples that wait for a slow subscriber.
 const BACKLOG: usize = 4096;
 
-/// Opens a session of a client.
-pub(crate) fn connect(endpoint: &str, timeout: Duration) -> Result<Session, CellError> {
-    if !endpoint.starts_with(TCP) {
-        return Err(CellError::Endpoint {
+/// How messages are protected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Protection {
+    /// Not at all: for one machine.
+    Tcp,
+    /// By TLS.
+    Tls,
+}
+
+impl Protection {
+    const ALL: [(&'static str, Self); 2] = [("tcp/", Self::Tcp), ("tls/", Self::Tls)];
+}
+
+/// Where a session listens or connects to.
+struct Endpoint<'a> {
+    protection: Protection,
+    host: &'a str,
+    /// What the host's name stands for now.
+    address: SocketAddr,
+}
+
+impl<'a> Endpoint<'a> {
+    /// Reads `tcp/HOST:PORT` or `tls/HOST:PORT` and makes sure that what other machines could read
+    /// or write is protected.
+    fn parse(endpoint: &'a str) -> Result<Self, CellError> {
+        let wrong = || CellError::Endpoint {
             endpoint: endpoint.to_owned(),
-        });
+        };
+        let (protection, place) = Protection::ALL
+            .iter()
+            .find_map(|(prefix, kind)| Some((*kind, endpoint.strip_prefix(prefix)?)))
+            .ok_or_else(wrong)?;
+        // What zenoh would take for settings of the endpoint is no port.
+        let (host, port) = place.rsplit_once(':').ok_or_else(wrong)?;
+        let port = port.parse::<u16>();
+        if host.is_empty() || port.is_err() {
+            return Err(wrong());
+        }
+        let addresses: Vec<SocketAddr> = place
+            .to_socket_addrs()
+            .map_err(|source| CellError::Host {
+                endpoint: endpoint.to_owned(),
+                source,
+            })?
+            .collect();
+        let here = |address: &SocketAddr| address.ip().to_canonical().is_loopback();
+        if protection == Protection::Tcp && !addresses.iter().all(here) {
+            return Err(CellError::NotLoopback {
+                endpoint: endpoint.to_owned(),
+            });
+        }
+        let address = *addresses.first().ok_or_else(wrong)?;
+        Ok(Self {
+            protection,
+            host,
+            address,
+        })
     }
-    let config = config(&[
-        ("mode", "\"client\"".to_owned()),
-        ("connect/endpoints", list(endpoint)),
-        ("connect/timeout_ms", timeout.as_millis().to_string()),
-        ("connect/exit_on_failure", "true".to_owned()),
-    ])?;
+
+    /// Writes the endpoint as zenoh reads it: without TLS by the address that was checked, since the
+    /// name may stand for another in a moment; with TLS by the name that is in the certificate.
+    fn at(&self, port: u16) -> String {
+        match self.protection {
+            Protection::Tcp => format!("tcp/{}", SocketAddr::new(self.ip(), port)),
+            Protection::Tls => format!("tls/{}:{port}", self.host),
+        }
+    }
+
+    fn ip(&self) -> IpAddr {
+        self.address.ip()
+    }
+
+    /// Returns a port to listen on: the one that was asked for, or a free one.
+    fn free_port(&self) -> Result<u16, CellError> {
+        if self.address.port() != 0 {
+            return Ok(self.address.port());
+        }
+        TcpListener::bind(self.address)
+            .and_then(|listener| listener.local_addr())
+            .map(|address| address.port())
+            .map_err(|err| CellError::Listen {
+                endpoint: self.at(0),
+                source: zenoh::Error::from(err).into(),
+            })
+    }
+}
+
+/// Opens a session of a client, which comes back by itself when the connection is lost.
+pub(crate) fn connect(
+    endpoint: &str,
+    access: Option<&Access>,
+    timeout: Duration,
+) -> Result<Session, CellError> {
+    let to = Endpoint::parse(endpoint)?;
+    let config = config(
+        access,
+        &[
+            ("mode", "\"client\"".to_owned()),
+            ("listen/endpoints", "[]".to_owned()),
+            ("connect/endpoints", list(&to.at(to.address.port()))),
+            ("connect/timeout_ms", timeout.as_millis().to_string()),
+            ("connect/exit_on_failure", "true".to_owned()),
+            ("connect/retry", RETRY.to_owned()),
+        ],
+    )?;
     zenoh::open(config)
         .wait()
         .map_err(|source| CellError::Connect {
             endpoint: endpoint.to_owned(),
+            access: access.map(|access| access.path().to_owned()),
             waited: timeout,
             source: source.into(),
         })
@@ -48,19 +142,35 @@ pub(crate) fn connect(endpoint: &str, timeout: Duration) -> Result<Session, Cell
 
 /// Opens a session that clients connect to and that forwards between them; returns it with the
 /// endpoint listened on, which differs from `listen` if that asks for any free port.
-pub(crate) fn listen(listen: &str) -> Result<(Session, String), CellError> {
-    let address = loopback(listen)?;
-    let mut tries = if address.port() == 0 { PORT_TRIES } else { 1 };
+pub(crate) fn listen(
+    listen: &str,
+    access: Option<&Access>,
+) -> Result<(Session, String), CellError> {
+    let at = Endpoint::parse(listen)?;
+    if at.protection == Protection::Tls {
+        let access = access.ok_or_else(|| CellError::NoAccess {
+            endpoint: listen.to_owned(),
+        })?;
+        access.check_listener()?;
+    }
+    let mut tries = if at.address.port() == 0 {
+        PORT_TRIES
+    } else {
+        1
+    };
     loop {
-        let endpoint = format!("{TCP}{}", free_port(address)?);
-        let config = config(&[
-            // Only a router forwards what one client publishes to the others.
-            ("mode", "\"router\"".to_owned()),
-            ("listen/endpoints", list(&endpoint)),
-            ("listen/timeout_ms", "0".to_owned()),
-            ("listen/exit_on_failure", "true".to_owned()),
-            ("connect/endpoints", "[]".to_owned()),
-        ])?;
+        let endpoint = at.at(at.free_port()?);
+        let config = config(
+            access,
+            &[
+                // Only a router forwards what one client publishes to the others.
+                ("mode", "\"router\"".to_owned()),
+                ("listen/endpoints", list(&endpoint)),
+                ("listen/timeout_ms", "0".to_owned()),
+                ("listen/exit_on_failure", "true".to_owned()),
+                ("connect/endpoints", "[]".to_owned()),
+            ],
+        )?;
         tries -= 1;
         match zenoh::open(config).wait() {
             Ok(session) => return Ok((session, endpoint)),
@@ -75,6 +185,12 @@ pub(crate) fn listen(listen: &str) -> Result<(Session, String), CellError> {
     }
 }
 
+/// Returns the name of what a client's session is connected to now.
+pub(crate) fn router(session: &Session) -> Option<String> {
+    let mut routers = session.info().routers_zid().wait();
+    routers.next().map(|zid| zid.to_string())
+}
+
 /// Subscribes to a key of a cell, as somebody who watches.
 ///
 /// # Errors
@@ -85,19 +201,27 @@ pub fn subscribe(
     key: &str,
     timeout: Duration,
 ) -> Result<(Session, Subscriber<FifoChannelHandler<Sample>>), CellError> {
-    let session = connect(endpoint, timeout)?;
-    let subscriber = session
+    let session = connect(endpoint, None, timeout)?;
+    let subscriber = listen_to(&session, key)?;
+    Ok((session, subscriber))
+}
+
+/// Subscribes to a key in a session, with room for what is not fetched at once.
+pub(crate) fn listen_to(
+    session: &Session,
+    key: &str,
+) -> Result<Subscriber<FifoChannelHandler<Sample>>, CellError> {
+    session
         .declare_subscriber(key)
         .with(zenoh::handlers::FifoChannel::new(BACKLOG))
         .wait()
         .map_err(|source| CellError::Zenoh {
             action: "subscribe",
             source: source.into(),
-        })?;
-    Ok((session, subscriber))
+        })
 }
 
-fn config(settings: &[(&str, String)]) -> Result<Config, CellError> {
+fn config(access: Option<&Access>, settings: &[(&str, String)]) -> Result<Config, CellError> {
     let quiet = [
         ("scouting/multicast/enabled", "false".to_owned()),
         ("scouting/gossip/enabled", "false".to_owned()),
@@ -108,7 +232,7 @@ fn config(settings: &[(&str, String)]) -> Result<Config, CellError> {
         // No clock time in messages.
         ("timestamping/enabled", "false".to_owned()),
     ];
-    let mut config = Config::default();
+    let mut config = access.map(Access::config).unwrap_or_default();
     for (key, value) in quiet.iter().chain(settings) {
         config
             .insert_json5(key, value)
@@ -124,54 +248,52 @@ fn list(endpoint: &str) -> String {
     serde_json::json!([endpoint]).to_string()
 }
 
-/// Reads `tcp/HOST:PORT` and makes sure that no other machine reaches it.
-fn loopback(endpoint: &str) -> Result<SocketAddr, CellError> {
-    let wrong = || CellError::Endpoint {
-        endpoint: endpoint.to_owned(),
-    };
-    let address = endpoint
-        .strip_prefix(TCP)
-        .and_then(|address| address.to_socket_addrs().ok())
-        .and_then(|mut addresses| addresses.next())
-        .ok_or_else(wrong)?;
-    if address.ip().is_loopback() {
-        Ok(address)
-    } else {
-        Err(CellError::NotLoopback {
-            endpoint: endpoint.to_owned(),
-        })
-    }
-}
-
-/// Returns the address with a free port if it asks for any.
-fn free_port(address: SocketAddr) -> Result<SocketAddr, CellError> {
-    if address.port() != 0 {
-        return Ok(address);
-    }
-    TcpListener::bind(address)
-        .and_then(|listener| listener.local_addr())
-        .map_err(|err| CellError::Listen {
-            endpoint: format!("{TCP}{address}"),
-            source: zenoh::Error::from(err).into(),
-        })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn a_cell_listens_on_this_machine_only() {
-        assert!(loopback("tcp/127.0.0.1:7447").is_ok());
-        assert!(matches!(
-            loopback("tcp/0.0.0.0:7447"),
-            Err(CellError::NotLoopback { .. })
-        ));
-        for wrong in ["127.0.0.1:7447", "tcp/nowhere", "udp/127.0.0.1:7447", ""] {
+    fn what_is_not_protected_stays_on_this_machine() {
+        for here in ["tcp/127.0.0.1:7447", "tcp/[::1]:7447", "tcp/localhost:7447"] {
+            assert!(Endpoint::parse(here).is_ok(), "{here}");
+        }
+        for elsewhere in ["tcp/0.0.0.0:7447", "tcp/10.0.0.7:7447", "tcp/[::]:0"] {
             assert!(
-                matches!(loopback(wrong), Err(CellError::Endpoint { .. })),
+                matches!(
+                    Endpoint::parse(elsewhere),
+                    Err(CellError::NotLoopback { .. })
+                ),
+                "{elsewhere}"
+            );
+            let protected = elsewhere.replace("tcp/", "tls/");
+            assert!(Endpoint::parse(&protected).is_ok(), "{protected}");
+        }
+        for wrong in [
+            "127.0.0.1:7447",
+            "tcp/nowhere",
+            "udp/127.0.0.1:7447",
+            "tcp/127.0.0.1:7447#iface=eth0",
+            "tls/127.0.0.1:7447?rel=0",
+            "tcp/:7447",
+            "",
+        ] {
+            assert!(
+                matches!(Endpoint::parse(wrong), Err(CellError::Endpoint { .. })),
                 "{wrong}"
             );
         }
+    }
+
+    #[test]
+    fn who_listens_to_other_machines_says_whom_they_trust() {
+        let refused = listen("tls/0.0.0.0:0", None).map(drop).unwrap_err();
+        assert!(matches!(refused, CellError::NoAccess { .. }), "{refused}");
+    }
+
+    #[test]
+    fn a_name_is_replaced_by_what_was_checked_unless_a_certificate_holds_it() {
+        let at = |endpoint: &str| Endpoint::parse(endpoint).map(|found| found.at(1)).unwrap();
+        assert!(["tcp/127.0.0.1:1", "tcp/[::1]:1"].contains(&at("tcp/localhost:0").as_str()));
+        assert_eq!(at("tls/localhost:0"), "tls/localhost:1");
     }
 }

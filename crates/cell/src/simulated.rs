@@ -8,11 +8,18 @@ mod journal;
 mod physics;
 mod playing;
 mod robot;
+mod stream;
+mod watched;
 
 use std::{
+    cell::RefCell,
     collections::BTreeMap,
     path::PathBuf,
-    sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc},
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicBool, Ordering},
+        mpsc,
+    },
     thread::{self, JoinHandle},
     time::{Duration, Instant},
 };
@@ -21,8 +28,8 @@ use simulation::{ObjectShape, SceneConfig};
 use zenoh::{
     Session, Wait,
     liveliness::LivelinessToken,
-    pubsub::{Publisher, Subscriber},
-    qos::CongestionControl,
+    pubsub::Subscriber,
+    qos::{CongestionControl, Priority},
     query::{Query, Queryable},
 };
 
@@ -30,22 +37,24 @@ use self::{
     acceptance::MAX_GOAL_BYTES,
     control::Control,
     fault::Faults,
-    journal::{Asked, Job, Journal},
+    journal::{Asked, Job, Journal, fresh_name},
     robot::Robot,
+    stream::Stream,
+    watched::Watched,
 };
 pub use self::{
     fault::{Fault, PlannedFault},
     gap::{Gap, ObjectError},
     robot::CellArm,
+    watched::Tick,
 };
 use crate::{
-    CellError, Goal, Keys, PROTOCOL,
+    Access, CellError, Goal, Keys, PROTOCOL,
     goal::{Rejection, RejectionCode, SealedGoal, now},
     keys::goal_id_of,
     report::{Answer, Capabilities, NEVER_TAKEN, Report, Sample, Word},
     ros2::Mirror,
-    session,
-    wire::{self, StateHeader},
+    session, wire,
 };
 
 /// How a simulated cell is set up.
@@ -77,9 +86,17 @@ pub struct Service {
     /// ROS 2 domain in which it shows its joints, if it does: `/joint_states` while it moves, and
     /// `/joint_trajectory` of each goal, under the keys and types of `rmw_zenoh`.
     pub ros2_domain: Option<u32>,
+    /// Router that it connects to, e.g. `tcp/127.0.0.1:7447`, instead of listening itself; it comes
+    /// back when the router was gone for a while.
+    pub router: Option<String>,
+    /// Who it is, whom it trusts, and who may do what.
+    pub access: Option<PathBuf>,
     /// What goes wrong.
     pub faults: Vec<PlannedFault>,
 }
+
+/// How long a router may take to be there when a cell starts.
+const ROUTER_WAIT: Duration = Duration::from_secs(10);
 
 /// Longest time without a dispatcher's heartbeat before a motion in real time is broken off.
 const SILENCE: Duration = Duration::from_millis(250);
@@ -91,10 +108,18 @@ pub struct SimulatedCell {
     session: Session,
     served: Option<Served>,
     worker: Option<JoinHandle<()>>,
+    /// Shows the state, in real time.
+    shower: Option<JoinHandle<()>>,
 }
 
-/// Returns an object by its name, if it is there.
-pub type ObjectFinder = Box<dyn Fn(&str) -> Option<ObjectShape> + Send + Sync>;
+/// Returns an object by its name, if it is there, or why that cannot be said.
+pub type ObjectFinder = Box<dyn Fn(&str) -> Result<Option<ObjectShape>, String> + Send + Sync>;
+
+/// Told of each goal that is over.
+pub type OutcomeListener = Box<dyn Fn(&Report) + Send + Sync>;
+
+/// Hears of each step of the loop.
+pub type TickListener = Box<dyn Fn(Tick) + Send + Sync>;
 
 /// What keeps the cell reachable.
 struct Served {
@@ -110,9 +135,15 @@ struct Shared {
     robot: Robot,
     objects: Mutex<BTreeMap<String, ObjectShape>>,
     finder: Mutex<Option<ObjectFinder>>,
+    listener: Mutex<Option<OutcomeListener>>,
+    ticks: Mutex<Option<TickListener>>,
     journal: Mutex<Journal>,
     control: Control,
+    stream: Stream,
+    ended: AtomicBool,
     faults: Faults,
+    /// Questions that a fault leaves open: dropped, they would be answered with nothing.
+    unanswered: Mutex<Vec<Query>>,
 }
 
 impl SimulatedCell {
@@ -124,24 +155,35 @@ impl SimulatedCell {
     pub fn start(config: SimulatedCellConfig, urdf: &str) -> Result<Self, CellError> {
         let journal = match &config.service.journal {
             Some(folder) => Journal::open(folder)?,
-            None => Journal::default(),
+            None => Journal::forgetful(),
         };
+        let keys = Keys::new(&config.name)?;
+        let robot = Robot::new(urdf, config.arm.as_ref())?;
+        let (session, endpoint) = open(&config)?;
+        let serving = |source: zenoh::Error| CellError::Zenoh {
+            action: "serve the simulated cell",
+            source: source.into(),
+        };
+        let (epoch, joints) = (fresh_name(), robot.joint_names());
+        let stream = Stream::new(&session, &keys, epoch, joints, &stream::at_rest(&robot))
+            .map_err(serving)?;
         let shared = Arc::new(Shared {
-            keys: Keys::new(&config.name)?,
-            robot: Robot::new(urdf, config.arm.as_ref())?,
+            keys,
+            robot,
+            stream,
+            ended: AtomicBool::new(false),
             objects: Mutex::default(),
             finder: Mutex::default(),
+            listener: Mutex::default(),
+            ticks: Mutex::default(),
             journal: Mutex::new(journal),
             control: Control::new(config.service.real_time.then_some(SILENCE)),
             faults: Faults::new(config.service.faults.clone()),
+            unanswered: Mutex::default(),
             config,
         });
-        let (session, endpoint) = session::listen(&shared.config.listen)?;
         let (jobs, queue) = mpsc::channel();
-        let served = serve(&session, &shared, &jobs).map_err(|source| CellError::Zenoh {
-            action: "serve the simulated cell",
-            source: source.into(),
-        })?;
+        let served = serve(&session, &shared, &jobs).map_err(serving)?;
         let mirror = shared.config.service.ros2_domain;
         let mirror = mirror.map(|domain| Mirror::new(&session, domain));
         let mirror = mirror.transpose().map_err(|source| CellError::Zenoh {
@@ -155,18 +197,33 @@ impl SimulatedCell {
                 .spawn(move || work(&shared, &session, mirror.as_ref(), &queue))
                 .map_err(CellError::Thread)?
         };
-        Ok(Self {
+        let mut cell = Self {
             shared,
             endpoint,
             session,
             served: Some(served),
             worker: Some(worker),
-        })
+            shower: None,
+        };
+        if cell.shared.config.service.real_time {
+            let shared = Arc::clone(&cell.shared);
+            let shower = thread::Builder::new()
+                .name(format!("state {}", shared.config.name))
+                .spawn(move || shared.stream.run(&shared.ended));
+            cell.shower = Some(shower.map_err(CellError::Thread)?);
+        }
+        Ok(cell)
     }
 
     /// Returns the cell's name.
     pub fn name(&self) -> &str {
         self.shared.keys.name()
+    }
+
+    /// Returns the name of the router that the cell is connected to now, another after each of the
+    /// router's starts; a cell that listens itself has none.
+    pub fn router(&self) -> Option<String> {
+        session::router(&self.session)
     }
 
     /// Returns where the cell is reached, e.g. `tcp/127.0.0.1:7447`.
@@ -182,6 +239,16 @@ impl SimulatedCell {
     /// Has objects that were not put before the robot looked for when a goal names them.
     pub fn find_objects(&self, finder: ObjectFinder) {
         *lock(&self.shared.finder) = Some(finder);
+    }
+
+    /// Has somebody told of each goal that is over.
+    pub fn on_outcome(&self, listener: OutcomeListener) {
+        *lock(&self.shared.listener) = Some(listener);
+    }
+
+    /// Has every step of the loop told that tells controllers in real time what to do.
+    pub fn on_tick(&self, listener: TickListener) {
+        *lock(&self.shared.ticks) = Some(listener);
     }
 
     /// Returns how many goals the cell has executed.
@@ -202,8 +269,64 @@ impl Drop for SimulatedCell {
         if let Some(worker) = self.worker.take() {
             let _finished = worker.join();
         }
+        self.shared.ended.store(true, Ordering::Relaxed);
+        if let Some(shower) = self.shower.take() {
+            let _finished = shower.join();
+        }
         let _closed = self.session.close().wait();
     }
+}
+
+/// Opens the cell's session; returns it with where the cell is reached.
+fn open(config: &SimulatedCellConfig) -> Result<(Session, String), CellError> {
+    let access = config.service.access.as_deref().map(Access::read);
+    let access = access.transpose()?;
+    match &config.service.router {
+        None => session::listen(&config.listen, access.as_ref()),
+        Some(router) => match session::connect(router, access.as_ref(), ROUTER_WAIT) {
+            Ok(session) => Ok((session, router.clone())),
+            Err(CellError::Connect {
+                endpoint,
+                access,
+                waited,
+                source,
+            }) => Err(CellError::Router {
+                endpoint,
+                access,
+                waited,
+                source,
+            }),
+            Err(err) => Err(err),
+        },
+    }
+}
+
+/// Carries a goal out as a simulated cell does, with no cell: nothing is published, journaled or asked,
+/// and an equal goal has an equal report. `see` is shown each control step, and says why the motion is
+/// to be broken off, if it is.
+///
+/// # Errors
+///
+/// Fails if the URDF cannot be used; what a cell would refuse, or cannot carry out, is a report.
+pub fn rehearse(
+    config: &SimulatedCellConfig,
+    urdf: &str,
+    object: &ObjectShape,
+    goal: &Goal,
+    see: &mut dyn FnMut(&Sample) -> Option<String>,
+) -> Result<Report, CellError> {
+    let robot = Robot::new(urdf, config.arm.as_ref())?;
+    if let Err(refused) = acceptance::check(goal, &robot, |name| name == goal.object) {
+        return Ok(Report::rejected(&goal.seal().goal_id, refused));
+    }
+    let job = Job {
+        sealed: goal.seal(),
+        goal: goal.clone(),
+        came: Instant::now(),
+    };
+    let id = job.sealed.goal_id.clone();
+    let done = physics::carry_out(&job, object, &robot, config, see);
+    Ok(done.unwrap_or_else(|err| Report::aborted(&id, err.to_string())))
 }
 
 /// Takes a lock even if a thread died with it: what it guards is replaced whole, never half.
@@ -246,6 +369,13 @@ fn serve(
             })?,
             goal,
             answer(keys.result("*"), Shared::result)?,
+            answer(keys.results(), |shared, query| {
+                let outcomes = lock(&shared.journal).outcomes(asked_from(&query));
+                reply(&query, &outcomes.to_bytes());
+            })?,
+            answer(keys.history(), |shared, query| {
+                reply(&query, &shared.stream.since(asked_from(&query)));
+            })?,
             answer(keys.cancel("*"), Shared::cancel)?,
             answer(keys.stop(), Shared::stop)?,
             answer(keys.resume(), |shared, query| {
@@ -261,6 +391,12 @@ fn serve(
 /// Answers a question; who asked may be gone, which is theirs to notice.
 fn reply(query: &Query, bytes: &[u8]) {
     let _sent = query.reply(query.key_expr(), bytes).wait();
+}
+
+/// Returns the number from which on something is asked for: `?from=N`, the first without one.
+fn asked_from(query: &Query) -> u64 {
+    let from = query.parameters().get("from").unwrap_or_default();
+    from.parse().unwrap_or_default()
 }
 
 /// Answers that the goal is not one of this cell's.
@@ -306,10 +442,13 @@ impl Shared {
         self.faults.die(Fault::DieBeforeAnswer);
         self.faults.delay();
         let answer = wire::line(&answer);
-        if !self.faults.strikes(Fault::LoseAnswer) {
+        let silent = self.faults.lasts(Fault::NeverAnswer);
+        if silent {
+            lock(&self.unanswered).push(query.clone());
+        } else if !self.faults.strikes(Fault::LoseAnswer) {
             reply(query, &answer);
         }
-        if self.faults.strikes(Fault::DoubleAnswer) {
+        if !silent && self.faults.strikes(Fault::DoubleAnswer) {
             reply(query, &answer);
         }
         self.faults.die(Fault::DieAfterAnswer);
@@ -319,20 +458,26 @@ impl Shared {
         }
     }
 
-    /// Returns an object that lies before the robot.
-    fn object(&self, name: &str) -> Option<ObjectShape> {
-        let known = lock(&self.objects).get(name).cloned();
-        known.or_else(|| {
-            let found = lock(&self.finder).as_ref()?(name)?;
+    /// Returns an object that lies before the robot, or why it cannot be said whether it does.
+    fn object(&self, name: &str) -> Result<Option<ObjectShape>, String> {
+        if let Some(known) = lock(&self.objects).get(name) {
+            return Ok(Some(known.clone()));
+        }
+        let found = match lock(&self.finder).as_ref() {
+            Some(find) => find(name)?,
+            None => None,
+        };
+        if let Some(found) = &found {
             lock(&self.objects).insert(name.to_owned(), found.clone());
-            Some(found)
-        })
+        }
+        Ok(found)
     }
 
     /// Takes or refuses a goal; a goal taken before is known, whatever has changed since.
     fn take(&self, bytes: &[u8]) -> (Answer, Option<Job>) {
+        let came = Instant::now();
         let opened = acceptance::check_length(bytes).and_then(|()| SealedGoal::open(bytes));
-        match opened.and_then(|(sealed, goal)| self.admit(sealed, goal)) {
+        match opened.and_then(|(sealed, goal)| self.admit(sealed, goal, came)) {
             Ok(Some(job)) => (Answer::Accepted { known: false }, Some(job)),
             Ok(None) => (Answer::Accepted { known: true }, None),
             Err(rejection) => (Answer::Rejected(rejection), None),
@@ -340,12 +485,27 @@ impl Shared {
     }
 
     /// Notes a goal; returns it if it is to be executed now.
-    fn admit(&self, sealed: SealedGoal, goal: Goal) -> Result<Option<Job>, Rejection> {
+    fn admit(
+        &self,
+        sealed: SealedGoal,
+        goal: Goal,
+        came: Instant,
+    ) -> Result<Option<Job>, Rejection> {
         if lock(&self.journal).knows(&sealed.goal_id) {
             return Ok(None);
         }
-        let known = |object: &str| self.object(object).is_some();
-        acceptance::check(&goal, &self.robot, known)?;
+        let unsaid = RefCell::new(None);
+        let known = |object: &str| match self.object(object) {
+            Ok(found) => found.is_some(),
+            Err(why) => {
+                *unsaid.borrow_mut() = Some(why);
+                false
+            }
+        };
+        acceptance::check(&goal, &self.robot, known).map_err(|refused| match unsaid.take() {
+            Some(why) => Rejection::new(refused.code, format!("{}: {why}", refused.reason)),
+            None => refused,
+        })?;
         let mut journal = lock(&self.journal);
         if self.control.is_stopped() {
             let reason = "the cell was stopped and has not been told to resume";
@@ -359,11 +519,15 @@ impl Shared {
             return Ok(None);
         }
         self.control.begin();
-        Ok(Some(Job { sealed, goal }))
+        Ok(Some(Job { sealed, goal, came }))
     }
 
     /// Answers with the report on a goal, now or when it is over.
     fn result(&self, query: Query) {
+        if self.faults.lasts(Fault::NeverAnswer) {
+            lock(&self.unanswered).push(query);
+            return;
+        }
         if self.faults.strikes(Fault::LoseResult) {
             return;
         }
@@ -399,100 +563,52 @@ impl Shared {
     }
 
     /// Carries out a goal and reports on it.
-    fn execute(&self, session: &Session, mirror: Option<&Mirror>, job: &Job) -> Report {
+    fn execute(&self, mirror: Option<&Mirror>, job: &Job) -> Report {
         let id = &job.sealed.goal_id;
-        let Some(object) = self.object(&job.goal.object) else {
-            return Report::aborted(id, format!("`{}` was taken away", job.goal.object));
+        let object = match self.object(&job.goal.object) {
+            Ok(Some(object)) => object,
+            Ok(None) => {
+                return Report::aborted(id, format!("`{}` was taken away", job.goal.object));
+            }
+            Err(why) => return Report::aborted(id, why),
         };
         if let Some(mirror) = mirror {
             mirror.announce(&job.goal);
         }
-        let mut motion = Watched::new(self, session, mirror, id);
-        physics::carry_out(job, &object, &self.robot, &self.config, &mut motion)
-            .unwrap_or_else(|err| Report::aborted(id, err.to_string()))
-    }
-}
-
-/// A motion in execution, as those see it who watch or have a word in it.
-struct Watched<'a> {
-    shared: &'a Shared,
-    goal_id: &'a str,
-    joints: Vec<String>,
-    /// Whoever watches may lose samples: they are all in the report.
-    publisher: Option<Publisher<'a>>,
-    mirror: Option<&'a Mirror>,
-    /// When the first sample was shown.
-    started: Option<Instant>,
-    seq: u64,
-}
-
-impl<'a> Watched<'a> {
-    fn new(
-        shared: &'a Shared,
-        session: &'a Session,
-        mirror: Option<&'a Mirror>,
-        goal_id: &'a str,
-    ) -> Self {
-        Self {
-            shared,
-            goal_id,
-            joints: shared.robot.joint_names(),
-            publisher: session.declare_publisher(shared.keys.state()).wait().ok(),
-            mirror,
-            started: None,
-            seq: 0,
-        }
-    }
-
-    /// Shows a sample at its time; returns why the motion is to be broken off now, if it is.
-    fn see(&mut self, sample: &Sample) -> Option<String> {
-        if self.shared.config.service.real_time {
-            let started = *self.started.get_or_insert_with(Instant::now);
-            let at = started + Duration::from_secs_f64(sample.time_s);
-            thread::sleep(at.saturating_duration_since(Instant::now()));
-        }
-        if self.seq > 0 {
-            self.shared.faults.die(Fault::DieInMotion);
-        }
-        let mut bytes = wire::line(&StateHeader {
-            goal_id: self.goal_id.to_owned(),
-            seq: self.seq,
-            joints: self.joints.clone(),
-        });
-        wire::push_numbers(&mut bytes, sample.to_row());
-        self.seq += 1;
-        if let Some(mirror) = self.mirror {
-            mirror.show(&self.joints, sample);
-        }
-        let _published = self
-            .publisher
-            .as_ref()
-            .map(|publisher| publisher.put(bytes).wait());
-        self.shared.control.reason(self.goal_id)
-    }
-
-    /// Tells those who asked that the palm stands still.
-    fn halted(&self) {
-        for query in self.shared.control.asking() {
-            reply(&query, &wire::line(&Word::Done));
-        }
+        let mut motion = Watched::new(self, mirror, id, job.came);
+        let report = physics::carry_out(job, &object, &self.robot, &self.config, &mut |sample| {
+            motion.see(sample)
+        })
+        .unwrap_or_else(|err| Report::aborted(id, err.to_string()));
+        self.stream.rest();
+        report
     }
 }
 
 /// Executes goals one after another until the cell stops.
 fn work(shared: &Shared, session: &Session, mirror: Option<&Mirror>, queue: &mpsc::Receiver<Job>) {
     for job in queue {
-        let report = shared.execute(session, mirror, &job);
+        let report = shared.execute(mirror, &job);
         let bytes = report.to_bytes();
-        let waiting = lock(&shared.journal).conclude(&report.goal_id, bytes.clone());
+        let (waiting, outcome) = {
+            let mut journal = lock(&shared.journal);
+            let waiting = journal.conclude(&report.goal_id, bytes.clone());
+            (waiting, journal.outcome(&report.goal_id))
+        };
+        if let Some(tell) = lock(&shared.listener).as_ref() {
+            tell(&report);
+        }
         // Somebody may have asked for an end when the motion was over already.
         for query in shared.control.asking() {
             reply(&query, &wire::line(&Word::Over));
         }
-        let _published = session
-            .put(shared.keys.outcome(&report.goal_id), report.to_line())
-            .congestion_control(CongestionControl::Block)
-            .wait();
+        if let Some(outcome) = outcome {
+            let _published = session
+                .put(shared.keys.outcome(&outcome.goal_id), outcome.to_line())
+                .congestion_control(CongestionControl::Block)
+                .priority(Priority::DataHigh)
+                .wait();
+        }
         for query in waiting {
             reply(&query, &bytes);
         }

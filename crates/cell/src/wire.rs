@@ -35,12 +35,15 @@ pub enum WireError {
     },
 }
 
-/// Header of what a cell publishes on `state`: one row of numbers follows.
+/// Header of what a cell publishes on `state`: one row of numbers follows; in an answer to
+/// `state/history` as many as there are.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StateHeader {
-    /// The goal being executed.
+    /// Name of the stream: a cell that is started again begins another.
+    pub epoch: String,
+    /// The goal being executed; empty if nothing moves.
     pub goal_id: String,
-    /// Number of the sample in the goal, from 0; a gap is a loss.
+    /// Number of the first row in the stream, from 0; a gap is a loss.
     pub seq: u64,
     /// Names of the joints, in the order of the row's numbers.
     pub joints: Vec<String>,

@@ -79,7 +79,10 @@ fn robot_cell(stage: &StageEntry) -> Check {
     let config = stage.config();
     let cell = config["cell"].as_str().unwrap_or_default();
     let name = config["cell_name"].as_str().unwrap_or_default();
-    let Some(address) = cell.strip_prefix("tcp/") else {
+    let address = ["tcp/", "tls/"]
+        .iter()
+        .find_map(|way| cell.strip_prefix(way));
+    let Some(address) = address else {
         return match TcpListener::bind(("127.0.0.1", 0)) {
             Ok(_) => Check::new(
                 State::Ok,

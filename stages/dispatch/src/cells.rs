@@ -6,7 +6,7 @@ use std::{
 };
 
 use cell::{
-    Capabilities, CellArm, CellClient, Gap, ObjectError, Service, SimulatedCell,
+    Access, Capabilities, CellArm, CellClient, Gap, ObjectError, Service, SimulatedCell,
     SimulatedCellConfig,
 };
 use schemas::objects::Object;
@@ -63,7 +63,15 @@ pub(crate) fn connect(
     let endpoint = simulated
         .as_ref()
         .map_or(config.cell.as_str(), |cell| cell.endpoint());
-    let client = CellClient::connect(endpoint, &config.cell_name, config.answer_timeout())?;
+    // The simulated cell is of this process: nobody has to say who they are.
+    let access = config.access.as_deref().filter(|_| simulated.is_none());
+    let access = access.map(Access::read).transpose()?;
+    let client = CellClient::connect_as(
+        access.as_ref(),
+        endpoint,
+        &config.cell_name,
+        config.answer_timeout(),
+    )?;
     let capabilities = client.capabilities(config.answer_timeout())?;
     if capabilities.robot != robots.digest() {
         return Err(DispatchError::OtherRobot {

@@ -22,8 +22,14 @@ const MOST_HZ: f64 = 10_000.0;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DispatchConfig {
-    /// `simulated`, which this stage starts itself, or where a cell listens, e.g. `tcp/10.0.0.7:7447`.
+    /// `simulated`, which this stage starts itself, or where a cell or its router listens: on this
+    /// machine e.g. `tcp/127.0.0.1:7447`, on another e.g. `tls/robot.lab:7447`.
     pub cell: String,
+    /// File that says who asks the cell, by certificate or password, e.g. `data/access/dispatcher.json5`
+    /// (none).
+    // Who asks does not change what a cell does.
+    #[serde(default, skip_serializing)]
+    pub access: Option<PathBuf>,
     /// The cell's name in its keys, `cgf/cell/NAME/…`.
     pub cell_name: String,
     /// Where the simulated cell listens, on the loopback interface; port 0 takes any free one.
@@ -98,11 +104,15 @@ impl DispatchConfig {
     pub(crate) fn check(&self) -> Result<(), DispatchError> {
         let wrong =
             |key: &'static str, problem: String| Err(DispatchError::BadOption { key, problem });
-        if self.cell != SIMULATED && !self.cell.starts_with("tcp/") {
-            return wrong(
-                "cell",
-                format!("`{}` is neither `simulated` nor `tcp/HOST:PORT`", self.cell),
+        let elsewhere = ["tcp/", "tls/"]
+            .iter()
+            .any(|way| self.cell.starts_with(way));
+        if self.cell != SIMULATED && !elsewhere {
+            let problem = format!(
+                "`{}` is neither `simulated` nor `tcp/HOST:PORT` or `tls/HOST:PORT`",
+                self.cell
             );
+            return wrong("cell", problem);
         }
         for (key, seconds) in [
             ("answer_timeout_s", self.answer_timeout_s),

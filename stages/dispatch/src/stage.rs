@@ -193,6 +193,12 @@ impl Stage for Dispatch {
         if refused > 0.0 {
             line = format!("{line}; {refused} not sent, the robot cannot make them");
         }
+        let known = summary.total("known_n");
+        if known > 0.0 {
+            line = format!(
+                "{line}; {known} the cell had executed before and did not again (raise `attempt` to have it)"
+            );
+        }
         if unknown > 0.0 {
             line = format!("{line}; {unknown} unknown, look at the robot before going on");
         }
@@ -206,6 +212,8 @@ struct Sent {
     executions: Vec<Execution>,
     /// Motions that were looked at.
     motions_n: usize,
+    /// Motions that the cell had executed before, and did not again.
+    known_n: usize,
     /// Motions that would have been sent.
     dry_n: usize,
     simulated: bool,
@@ -229,6 +237,7 @@ impl Sent {
                 "unknown_n",
                 count(&|e| e.outcome == executions::Outcome::Unknown),
             ),
+            ("known_n", self.known_n),
             ("dry_n", self.dry_n),
             ("simulated_n", if self.simulated { sent_n } else { 0 }),
         ]
@@ -308,7 +317,8 @@ fn send(
                 continue;
             }
         };
-        let mut report = sender.carry_out(goal)?;
+        let (mut report, moved) = sender.carry_out(goal)?;
+        sent.known_n += usize::from(moved == Moved::Before);
         names.of_hand(&mut report);
         let grasp = candidate.steps.last();
         let grasp = grasp.map(|step| *step.object_from_palm.isometry());
@@ -326,6 +336,15 @@ fn send(
     Ok(sent)
 }
 
+/// When a goal was carried out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Moved {
+    /// For this unit, if not for this process.
+    Now,
+    /// For somebody else before, and not again.
+    Before,
+}
+
 /// Sends goals, each at most once whatever becomes of this process.
 struct Sender<'a> {
     config: &'a DispatchConfig,
@@ -339,7 +358,7 @@ impl Sender<'_> {
     ///
     /// Where nothing is heard of it the run ends: until somebody has looked, nothing more is sent to
     /// this robot, and the next run asks the cell again.
-    fn carry_out(&self, goal: &Goal) -> Result<Report, DispatchError> {
+    fn carry_out(&self, goal: &Goal) -> Result<(Report, Moved), DispatchError> {
         let (answer, result) = (self.config.answer_timeout(), self.config.result_timeout());
         let id = goal.seal().goal_id;
         let unknown = |message: String| DispatchError::Unknown {
@@ -349,12 +368,12 @@ impl Sender<'_> {
             message,
         };
         match self.journal.past(&id) {
-            Past::Over(report) => return Ok(*report),
+            Past::Over(report) => return Ok((*report, Moved::Now)),
             Past::New => self.journal.send(&id)?,
             Past::Sent => match self.client.recover(&id, answer, result)? {
                 Recovered::Report(report) => {
                     self.journal.conclude(&report)?;
-                    return Ok(report);
+                    return Ok((report, Moved::Now));
                 }
                 // Only a goal that the cell never took goes out again, under its own name.
                 Recovered::NeverTaken => {}
@@ -366,14 +385,16 @@ impl Sender<'_> {
         }
         // A second cell of the name may have come: it would move too.
         self.client.capabilities(answer)?;
-        let report = match self.client.execute(goal, answer, result)? {
-            Executed::Over(report) => report,
+        let done = match self.client.execute(goal, answer, result)? {
+            Executed::Over(report) => (report, Moved::Now),
+            Executed::Known(report) => (report, Moved::Before),
             Executed::Unheard(message) => return Err(unknown(message)),
         };
+        let (report, moved) = done;
         if report.outcome != executions::Outcome::Rejected {
             self.journal.conclude(&report)?;
         }
-        Ok(report)
+        Ok((report, moved))
     }
 }
 

@@ -33,6 +33,8 @@ pub enum Fault {
     DoubleAnswer,
     /// The first answer to a question for a report is lost.
     LoseResult,
+    /// From this goal on no goal and no question for a report is answered.
+    NeverAnswer,
 }
 
 /// A fault and the goal at which it happens.
@@ -45,7 +47,7 @@ pub struct PlannedFault {
 }
 
 impl Fault {
-    const ALL: [(&'static str, Self); 7] = [
+    const ALL: [(&'static str, Self); 8] = [
         ("die_before_answer", Self::DieBeforeAnswer),
         ("die_after_answer", Self::DieAfterAnswer),
         ("die_in_motion", Self::DieInMotion),
@@ -53,6 +55,7 @@ impl Fault {
         ("late_answer", Self::LateAnswer),
         ("double_answer", Self::DoubleAnswer),
         ("lose_result", Self::LoseResult),
+        ("never_answer", Self::NeverAnswer),
     ];
 }
 
@@ -101,6 +104,13 @@ impl Faults {
         let mut planned = lock(&self.planned);
         let found = planned.iter().position(|p| p.fault == fault && p.at == at);
         found.map(|idx| planned.remove(idx)).is_some()
+    }
+
+    /// Returns whether a fault has begun that does not end.
+    pub(super) fn lasts(&self, fault: Fault) -> bool {
+        let at = self.goals_n.load(Ordering::SeqCst);
+        let mut planned = lock(&self.planned).clone().into_iter();
+        planned.any(|p| p.fault == fault && p.at <= at)
     }
 
     /// Ends this process as a crash does, if the fault happens now.

@@ -3,43 +3,78 @@
 //!
 //! In the journal's folder `<goal id>.goal` is the goal as it came, written before the cell answers
 //! that it takes it, and `<goal id>.report` what came of it. A goal without a report was being
-//! executed when the cell went down: nobody knows how far, so its report is `unknown`.
+//! executed when the cell went down: nobody knows how far, so its report is `unknown`. `taken` lists
+//! the goals in the order in which they were taken, below the list's own name.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     fs::{self, File},
-    io,
+    io::{self, BufRead, BufReader, Write},
     path::{Path, PathBuf},
+    process,
+    sync::atomic::{AtomicU64, Ordering},
+    time::{Instant, UNIX_EPOCH},
 };
 
 use zenoh::query::Query;
 
 use crate::{
-    CellError,
-    goal::{Goal, Rejection, RejectionCode, SealedGoal},
-    report::Report,
+    CellError, GoalOutcome,
+    goal::{Goal, Rejection, RejectionCode, SealedGoal, now},
+    outcome::{Outcomes, OutcomesHeader},
+    report::{Ending, Report},
 };
 
 const GOAL: &str = "goal";
 const REPORT: &str = "report";
 /// Held for as long as a cell uses the folder.
 const LOCK: &str = "lock";
+/// The list of the goals that were taken.
+const TAKEN: &str = "taken";
+/// Outcomes in one answer: few enough that reading them keeps no other question waiting.
+const OUTCOMES: usize = 64;
+
+/// Returns a name that nothing else has: of a list of goals, or of a cell's stream.
+pub(super) fn fresh_name() -> String {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let since = now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&since.as_nanos().to_le_bytes());
+    hasher.update(&process::id().to_le_bytes());
+    hasher.update(&COUNT.fetch_add(1, Ordering::Relaxed).to_le_bytes());
+    let name = hasher.finalize().to_hex();
+    name.chars().take(NAME).collect()
+}
+
+/// Digits of a name.
+const NAME: usize = 16;
 
 /// A goal that was taken and waits for the robot.
 pub(super) struct Job {
     pub(super) sealed: SealedGoal,
     pub(super) goal: Goal,
+    /// When it came in.
+    pub(super) came: Instant,
 }
 
 /// Every goal taken, by id. Ids follow from the content, so that one id is one content.
-#[derive(Default)]
 pub(super) struct Journal {
+    /// The list's name.
+    name: String,
     entries: BTreeMap<String, Entry>,
+    /// The ids in the order in which they were taken.
+    taken: Vec<String>,
+    /// How goals ended, as far as it was asked.
+    endings: BTreeMap<String, GoalOutcome>,
     folder: Option<Folder>,
 }
 
 struct Folder {
     path: PathBuf,
+    /// The list, to be continued.
+    taken: File,
+    /// Whether the list's last line may be a part of one.
+    torn: bool,
     _lock: File,
 }
 
@@ -63,6 +98,17 @@ enum Entry {
 }
 
 impl Journal {
+    /// Begins a journal that is forgotten when the cell ends.
+    pub(super) fn forgetful() -> Self {
+        Self {
+            name: fresh_name(),
+            entries: BTreeMap::new(),
+            taken: Vec::new(),
+            endings: BTreeMap::new(),
+            folder: None,
+        }
+    }
+
     /// Opens the journal in a folder, which is made where it is not there.
     pub(super) fn open(path: &Path) -> Result<Self, CellError> {
         let failed = |source: io::Error| CellError::Journal {
@@ -72,13 +118,7 @@ impl Journal {
         fs::create_dir_all(path).map_err(failed)?;
         let lock = File::create(path.join(LOCK)).map_err(failed)?;
         lock.try_lock().map_err(|err| failed(err.into()))?;
-        let mut journal = Self {
-            entries: BTreeMap::new(),
-            folder: Some(Folder {
-                path: path.to_owned(),
-                _lock: lock,
-            }),
-        };
+        let mut entries = BTreeMap::new();
         for entry in fs::read_dir(path).map_err(failed)? {
             let file = entry.map_err(failed)?.path();
             let id = file.file_stem().and_then(|stem| stem.to_str());
@@ -92,9 +132,26 @@ impl Journal {
                 lake::write_whole(&file.with_extension(REPORT), &report)
                     .map_err(|err| failed(io::Error::other(err)))?;
             }
-            journal.entries.insert(id.to_owned(), Entry::Stored);
+            entries.insert(id.to_owned(), Entry::Stored);
         }
-        Ok(journal)
+        let list = path.join(TAKEN);
+        let (name, taken) = list_of(&list, &entries).map_err(failed)?;
+        let mut text = format!("{name}\n");
+        text.extend(taken.iter().map(|id| format!("{id}\n")));
+        lake::write_whole(&list, text.as_bytes()).map_err(|err| failed(io::Error::other(err)))?;
+        let continued = File::options().append(true).open(&list).map_err(failed)?;
+        Ok(Self {
+            name,
+            entries,
+            taken,
+            endings: BTreeMap::new(),
+            folder: Some(Folder {
+                path: path.to_owned(),
+                taken: continued,
+                torn: false,
+                _lock: lock,
+            }),
+        })
     }
 
     /// Notes a goal; returns whether it is to be executed now (and not known already).
@@ -108,14 +165,20 @@ impl Journal {
                 format!("the cell executes goal {id}"),
             ));
         }
+        let refused = |err: String| {
+            let reason = format!("the cell cannot write down that it takes the goal: {err}");
+            Rejection::new(RejectionCode::Storage, reason)
+        };
         if let Some(path) = self.file(&goal.goal_id, GOAL) {
-            lake::write_whole(&path, &goal.bytes).map_err(|err| {
-                Rejection::new(
-                    RejectionCode::Storage,
-                    format!("the cell cannot write down that it takes the goal: {err}"),
-                )
-            })?;
+            lake::write_whole(&path, &goal.bytes).map_err(|err| refused(err.to_string()))?;
+            if let Err(err) = self.list(&goal.goal_id) {
+                // A goal that is refused was not taken; where not even this can be done, the cell
+                // started after this one will say that nobody knows.
+                let _removed = fs::remove_file(path);
+                return Err(refused(err.to_string()));
+            }
         }
+        self.taken.push(goal.goal_id.clone());
         self.entries
             .insert(goal.goal_id.clone(), Entry::Executing(Vec::new()));
         Ok(true)
@@ -171,6 +234,67 @@ impl Journal {
         }
     }
 
+    /// Returns how a goal ended; none if it moves or was not taken.
+    pub(super) fn outcome(&mut self, goal_id: &str) -> Option<GoalOutcome> {
+        let result_n = self.taken.iter().rposition(|id| id == goal_id)?;
+        self.ended(result_n)
+    }
+
+    /// Returns how goals ended, in the order in which they were taken, from a number on: as many as
+    /// one answer holds.
+    pub(super) fn outcomes(&mut self, from: u64) -> Outcomes {
+        let from = usize::try_from(from).unwrap_or(usize::MAX);
+        let until = self.taken.len().min(from.saturating_add(OUTCOMES));
+        Outcomes {
+            header: OutcomesHeader {
+                journal: self.name.clone(),
+                results_n: self.executed_n() as u64,
+            },
+            outcomes: (from..until)
+                .map_while(|result_n| self.ended(result_n))
+                .collect(),
+        }
+    }
+
+    fn ended(&mut self, result_n: usize) -> Option<GoalOutcome> {
+        let goal_id = self.taken.get(result_n)?;
+        if let Some(known) = self.endings.get(goal_id) {
+            return Some(known.clone());
+        }
+        let ending = match self.entries.get(goal_id)? {
+            Entry::Executing(_) => return None,
+            Entry::Done(report) => Ending::read(report),
+            Entry::Stored => self
+                .file(goal_id, REPORT)
+                .and_then(|file| first_line(&file).ok())
+                .and_then(|line| Ending::read(&line)),
+        };
+        let ending = ending.unwrap_or_else(Ending::lost);
+        let outcome = GoalOutcome {
+            journal: self.name.clone(),
+            result_n: result_n as u64,
+            goal_id: goal_id.clone(),
+            outcome: ending.outcome,
+            message: ending.message,
+            lift_m: ending.lift_m,
+        };
+        self.endings.insert(goal_id.clone(), outcome.clone());
+        Some(outcome)
+    }
+
+    /// Continues the list of what was taken.
+    fn list(&mut self, goal_id: &str) -> io::Result<()> {
+        let Some(folder) = &mut self.folder else {
+            return Ok(());
+        };
+        let begin = if folder.torn { "\n" } else { "" };
+        let line = format!("{begin}{goal_id}\n");
+        folder.torn = true;
+        folder.taken.write_all(line.as_bytes())?;
+        folder.torn = false;
+        folder.taken.sync_data()
+    }
+
     /// Returns how many goals are over.
     pub(super) fn executed_n(&self) -> usize {
         let done = |entry: &&Entry| !matches!(entry, Entry::Executing(_));
@@ -182,6 +306,37 @@ impl Journal {
         let folder = self.folder.as_ref()?;
         Some(folder.path.join(format!("{goal_id}.{ending}")))
     }
+}
+
+/// Reads the list of what was taken: its name, and each goal that there is, once; those that it does
+/// not hold come last.
+fn list_of(path: &Path, entries: &BTreeMap<String, Entry>) -> io::Result<(String, Vec<String>)> {
+    let text = match fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(err) if err.kind() == io::ErrorKind::NotFound => String::new(),
+        Err(err) => return Err(err),
+    };
+    let mut lines = text.lines();
+    let name = lines.next().filter(|name| name.len() == NAME);
+    let name = name.map_or_else(fresh_name, ToOwned::to_owned);
+    let mut listed = BTreeSet::new();
+    // A line may be a part of one, or name a goal that was refused in the end; of two the later one
+    // was taken.
+    let mut taken: Vec<String> = lines
+        .rev()
+        .filter(|id| entries.contains_key(*id) && listed.insert(*id))
+        .map(ToOwned::to_owned)
+        .collect();
+    taken.reverse();
+    let others = entries.keys().filter(|id| !listed.contains(id.as_str()));
+    taken.extend(others.cloned());
+    Ok((name, taken))
+}
+
+fn first_line(path: &Path) -> io::Result<Vec<u8>> {
+    let mut line = Vec::new();
+    BufReader::new(File::open(path)?).read_until(b'\n', &mut line)?;
+    Ok(line)
 }
 
 #[cfg(test)]
@@ -220,6 +375,44 @@ mod tests {
             [Outcome::Aborted, Outcome::Unknown]
         );
         assert_eq!(journal.executed_n(), 2);
+    }
+
+    #[test]
+    fn outcomes_keep_their_numbers_whatever_becomes_of_the_cell() {
+        let folder = tempfile::tempdir().unwrap();
+        let over = |journal: &mut Journal, id: &str| {
+            assert!(journal.admit(&sealed(id)).unwrap());
+            journal.conclude(id, Report::aborted(id, id.to_owned()).to_bytes());
+        };
+        let ids = |journal: &mut Journal, from: u64| -> Vec<(u64, String)> {
+            let outcomes = journal.outcomes(from).outcomes.into_iter();
+            outcomes.map(|o| (o.result_n, o.goal_id)).collect()
+        };
+        let named = |n: u64, id: &str| (n, id.to_owned());
+        let mut journal = Journal::open(folder.path()).unwrap();
+        let name = journal.name.clone();
+        // Not in the order of their names.
+        over(&mut journal, "0b");
+        over(&mut journal, "0a");
+        assert!(journal.admit(&sealed("0c")).unwrap());
+        assert_eq!(ids(&mut journal, 0), [named(0, "0b"), named(1, "0a")]);
+        drop(journal);
+        // One goal was listed and refused before it was taken, and the cell went down while it wrote
+        // the line of another that it did not take.
+        let list = folder.path().join(TAKEN);
+        let text = fs::read_to_string(&list).unwrap();
+        fs::write(&list, text.replace("0b\n", "0c\n0b\n") + "00").unwrap();
+        let mut journal = Journal::open(folder.path()).unwrap();
+        over(&mut journal, "01");
+        assert_eq!(journal.name, name);
+        assert_eq!(
+            ids(&mut journal, 1),
+            [named(1, "0a"), named(2, "0c"), named(3, "01")]
+        );
+        let unknown = journal.outcome("0c").unwrap();
+        assert_eq!((unknown.outcome, unknown.result_n), (Outcome::Unknown, 2));
+        assert_eq!(journal.outcomes(4).header.results_n, 4);
+        assert!(ids(&mut journal, 4).is_empty());
     }
 
     #[test]

@@ -4,7 +4,7 @@ use schemas::{executions::Outcome, rollouts::Verdict};
 use simulation::{Flow, ObjectShape, SimulationError, Template, TraceStep, WatchedRollout};
 use spatial::{Pose, Rest};
 
-use super::{Robot, SimulatedCellConfig, Watched, gap::EncoderNoise, journal::Job, playing};
+use super::{Robot, SimulatedCellConfig, gap::EncoderNoise, journal::Job, playing};
 use crate::{
     report::{Report, Sample},
     track::Track,
@@ -15,13 +15,14 @@ const HOLD_S: f64 = 0.5;
 /// Time between two samples of a report, in seconds, where the control step is not longer.
 const SAMPLE_S: f64 = 0.01;
 
-/// Lays the object down as the goal says, but for the cell's error, and moves.
+/// Lays the object down as the goal says, but for the cell's error, and moves; `see` is shown every
+/// control step, and says why the motion is to be broken off, if it is.
 pub(super) fn carry_out(
     job: &Job,
     object: &ObjectShape,
     robot: &Robot,
     config: &SimulatedCellConfig,
-    watched: &mut Watched,
+    see: &mut dyn FnMut(&Sample) -> Option<String>,
 ) -> Result<Report, SimulationError> {
     let goal = &job.goal;
     let digest = &job.sealed.digest;
@@ -44,17 +45,14 @@ pub(super) fn carry_out(
         }
     }
     let (mut samples, mut reason): (Vec<Sample>, Option<String>) = (Vec::new(), None);
-    let mut see = |step: &TraceStep| {
+    let mut shown = |step: &TraceStep| {
         let sample = encoders.read(step);
-        let asked = watched.see(&sample);
+        let asked = see(&sample);
         let due = SAMPLE_S * (samples.len() as f64 - 1e-9);
         if sample.time_s >= due {
             samples.push(sample);
         }
-        if reason.is_none() && asked.is_some() {
-            reason = asked;
-            watched.halted();
-        }
+        reason = reason.take().or(asked);
         match reason {
             None => Flow::GoOn,
             Some(_) => Flow::Hold,
@@ -63,7 +61,7 @@ pub(super) fn carry_out(
     let WatchedRollout {
         rollout,
         broken_off,
-    } = template.play(&steps, &goal.grasp, HOLD_S, &mut see)?;
+    } = template.play(&steps, &goal.grasp, HOLD_S, &mut shown)?;
     let broken_off = reason.filter(|_| broken_off);
     Ok(Report {
         goal_id: job.sealed.goal_id.clone(),

@@ -46,11 +46,15 @@ impl Robot {
         })
     }
 
-    /// Returns the names of all joints, the hand's before the arm's: the order of all that is measured.
+    /// Returns all joints, the hand's before the arm's: the order of all that is measured.
+    pub(super) fn joints(&self) -> impl Iterator<Item = &Joint> {
+        let arm = self.arm.iter().flat_map(|arm| &arm.joints);
+        self.hand.joints().iter().chain(arm)
+    }
+
+    /// Returns their names.
     pub(super) fn joint_names(&self) -> Vec<String> {
-        let mut names = self.hand.joint_names();
-        names.extend(self.arm.iter().flat_map(Arm::joint_names));
-        names
+        self.joints().map(|joint| joint.name.clone()).collect()
     }
 
     /// Returns where the palm is, in the table's frame, with the arm's joints there.

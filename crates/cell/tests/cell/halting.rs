@@ -2,7 +2,7 @@
 
 use std::{thread, time::Instant};
 
-use cell::{Halt, Keys, RejectionCode, Report, Service, StateHeader, subscribe};
+use cell::{Halt, Keys, RejectionCode, Report, Service, State, subscribe};
 use schemas::executions::Outcome;
 use zenoh::Wait;
 
@@ -55,10 +55,8 @@ fn a_motion_that_is_canceled_stops_where_it_is_and_the_hand_holds() {
         let executing = scope.spawn(|| execute(&client, &goal));
         // In the middle of the lift.
         while let Ok(Some(sample)) = states.recv_timeout(SOON) {
-            let bytes = sample.payload().to_bytes();
-            let line = bytes.split(|&byte| byte == b'\n').next().unwrap();
-            let header: StateHeader = serde_json::from_slice(line).unwrap();
-            if header.seq >= 110 {
+            let state = State::from_bytes(&sample.payload().to_bytes()).unwrap();
+            if state[0].goal_id == id && state[0].sample.time_s >= 1.1 {
                 break;
             }
         }

@@ -159,7 +159,7 @@ pub(crate) fn start() -> SimulatedCell {
 /// Has a goal executed to its end.
 pub(crate) fn execute(client: &CellClient, goal: &Goal) -> Report {
     match client.execute(goal, SOON, SOON).unwrap() {
-        Executed::Over(report) => report,
+        Executed::Over(report) | Executed::Known(report) => report,
         Executed::Unheard(message) => panic!("{message}"),
     }
 }

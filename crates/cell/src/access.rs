@@ -1,0 +1,197 @@
+//! Who one is, whom one trusts, and who may do what: kept in a file, never on a command line.
+
+use std::{
+    fmt, fs,
+    path::{Path, PathBuf},
+};
+
+use serde_json::Value;
+use zenoh::Config;
+
+use crate::{CellError, error::Cause};
+
+/// What an access file may say, as paths into zenoh's configuration; all else is this program's to say.
+const ALLOWED: [&[&str]; 4] = [
+    &["transport", "link", "tls"],
+    &["transport", "auth"],
+    &["access_control"],
+    &["low_pass_filter"],
+];
+
+/// Files that an access file may name.
+const FILES: [&str; 6] = [
+    "transport/link/tls/root_ca_certificate",
+    "transport/link/tls/listen_certificate",
+    "transport/link/tls/listen_private_key",
+    "transport/link/tls/connect_certificate",
+    "transport/link/tls/connect_private_key",
+    "transport/auth/usrpwd/dictionary_file",
+];
+
+/// What an access file says: certificates, users, rules and limits.
+///
+/// The file is a part of a [zenoh configuration](https://docs.rs/zenoh/latest/zenoh/struct.Config.html)
+/// in JSON5. It may hold `transport.link.tls`, `transport.auth`, `access_control` and
+/// `low_pass_filter`, and nothing else: where a session connects to and how it behaves is not for
+/// such a file to change. Paths in it are relative to the current directory, as for `zenohd`.
+#[derive(Clone)]
+pub struct Access {
+    path: PathBuf,
+    config: Config,
+}
+
+impl fmt::Debug for Access {
+    /// Writes the file's name and none of its secrets.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Access").field(&self.path).finish()
+    }
+}
+
+impl Access {
+    /// Reads an access file.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the file or one that it names cannot be read, is no part of a zenoh configuration, or says
+    /// what it may not.
+    pub fn read(path: &Path) -> Result<Self, CellError> {
+        let wrong = |problem: String| CellError::Access {
+            path: path.to_owned(),
+            problem,
+        };
+        let text = fs::read_to_string(path).map_err(|err| wrong(err.to_string()))?;
+        let config =
+            Config::from_json5(&text).map_err(|err| wrong(Cause::from(err).to_string()))?;
+        let (said, default) = (value(&config), value(&Config::default()));
+        let others = differences(&said, &default);
+        if !others.is_empty() {
+            let others = others.join("`, `");
+            return Err(wrong(format!("`{others}` is not for an access file")));
+        }
+        for key in FILES {
+            let named = config.get_json(key).unwrap_or_default();
+            let Ok(Some(file)) = serde_json::from_str::<Option<PathBuf>>(&named) else {
+                continue;
+            };
+            if let Err(err) = fs::File::open(&file) {
+                return Err(wrong(format!("`{}` in it: {err}", file.display())));
+            }
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            config,
+        })
+    }
+
+    /// Returns the file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Returns a configuration that says what the file says and is otherwise zenoh's own.
+    pub(crate) fn config(&self) -> Config {
+        self.config.clone()
+    }
+
+    /// Makes sure that whoever connects has to say who they are.
+    ///
+    /// # Errors
+    ///
+    /// Fails if neither a certificate nor a password is asked for.
+    pub(crate) fn check_listener(&self) -> Result<(), CellError> {
+        let said = |key: &str| self.config.get_json(key).unwrap_or_default();
+        let certificates = said("transport/link/tls/enable_mtls") == "true";
+        let passwords = said("transport/auth/usrpwd/dictionary_file").starts_with('"');
+        if certificates || passwords {
+            return Ok(());
+        }
+        Err(CellError::Access {
+            path: self.path.clone(),
+            problem: "it asks whoever connects for neither a certificate (`enable_mtls`) nor a \
+                      password (`dictionary_file`)"
+                .to_owned(),
+        })
+    }
+}
+
+fn value(config: &Config) -> Value {
+    // Plain settings, all of whose keys are strings: writing them cannot fail.
+    serde_json::to_value(config).unwrap_or_default()
+}
+
+/// Returns the paths at which a configuration says something else than the default, but for those
+/// that an access file may.
+fn differences(said: &Value, default: &Value) -> Vec<String> {
+    let mut found = Vec::new();
+    compare(said, default, &mut Vec::new(), &mut found);
+    found
+}
+
+fn compare(said: &Value, default: &Value, at: &mut Vec<String>, found: &mut Vec<String>) {
+    if said == default || ALLOWED.iter().any(|path| *path == at.as_slice()) {
+        return;
+    }
+    let (Value::Object(said), Value::Object(default)) = (said, default) else {
+        found.push(at.join("."));
+        return;
+    };
+    for (key, value) in said {
+        at.push(key.clone());
+        compare(value, default.get(key).unwrap_or(&Value::Null), at, found);
+        at.pop();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Access, CellError> {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("access.json5");
+        fs::write(&file, text).unwrap();
+        Access::read(&file)
+    }
+
+    #[test]
+    fn a_file_says_who_one_is_and_nothing_else() {
+        let good = "{ transport: { link: { tls: { enable_mtls: true } } }, low_pass_filter: [] }";
+        assert!(read(good).unwrap().check_listener().is_ok());
+        for (text, part) in [
+            ("{ mode: 'peer' }", "`mode`"),
+            (
+                "{ connect: { endpoints: ['tcp/10.0.0.1:7447'] } }",
+                "`connect.endpoints`",
+            ),
+            (
+                "{ scouting: { multicast: { enabled: true } } }",
+                "`scouting.multicast.enabled`",
+            ),
+            (
+                "{ transport: { link: { tx: { lease: 1 } } } }",
+                "`transport.link.tx.lease`",
+            ),
+            ("{ acces_control: {} }", "acces_control"),
+            ("{", "access.json5"),
+            (
+                "{ transport: { link: { tls: { connect_private_key: 'no/such.key' } } } }",
+                "`no/such.key` in it: ",
+            ),
+        ] {
+            let err = read(text).unwrap_err().to_string();
+            assert!(err.contains(part), "{text}: {err}");
+        }
+        assert!(read("{}").unwrap().check_listener().is_err());
+        assert!(Access::read(Path::new("/nowhere")).is_err());
+    }
+
+    #[test]
+    fn a_password_is_not_shown() {
+        let text = "{ transport: { auth: { usrpwd: { user: 'a', password: 'secret' } } } }";
+        let shown = format!("{:?}", read(text).unwrap());
+        assert!(
+            shown.contains("access.json5") && !shown.contains("secret"),
+            "{shown}"
+        );
+    }
+}

@@ -1,0 +1,99 @@
+//! A motion in execution, for those who watch or have a word in it.
+
+use std::time::Instant;
+
+use super::{Fault, Shared, lock, reply, stream::PERIOD};
+use crate::{
+    pacer::Pacer,
+    report::{Sample, Word},
+    ros2::Mirror,
+    wire,
+};
+
+/// Rounding that a sample's time may have, in seconds.
+const ROUNDING_S: f64 = 1e-6;
+
+/// A step of the loop in which a simulated cell in real time tells its controllers what to do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tick {
+    /// When it was due, in seconds since the first step.
+    pub time_s: f64,
+    /// How late it was, in seconds.
+    pub late_s: f64,
+    /// Seconds since the goal came in.
+    pub since_goal_s: f64,
+}
+
+/// A motion in execution, as those see it who watch or have a word in it.
+pub(super) struct Watched<'a> {
+    shared: &'a Shared,
+    goal_id: &'a str,
+    joints: Vec<String>,
+    mirror: Option<&'a Mirror>,
+    /// When the goal came in.
+    came: Instant,
+    pacer: Pacer,
+    /// Time of the next sample that is published, in seconds of the motion: of a motion that is
+    /// faster than the clock.
+    due_s: f64,
+    /// Whether it was broken off.
+    halted: bool,
+}
+
+impl<'a> Watched<'a> {
+    pub(super) fn new(
+        shared: &'a Shared,
+        mirror: Option<&'a Mirror>,
+        goal_id: &'a str,
+        came: Instant,
+    ) -> Self {
+        Self {
+            shared,
+            goal_id,
+            joints: shared.robot.joint_names(),
+            mirror,
+            came,
+            pacer: Pacer::default(),
+            due_s: 0.0,
+            halted: false,
+        }
+    }
+
+    /// Shows a sample at its time; returns why the motion is to be broken off now, if it is. Those who
+    /// asked for that are told that the palm stands still.
+    pub(super) fn see(&mut self, sample: &Sample) -> Option<String> {
+        let is_first = self.pacer.is_new();
+        let real_time = self.shared.config.service.real_time;
+        let late_s = if real_time {
+            self.pacer.wait(sample.time_s)
+        } else {
+            self.pacer.wait(0.0)
+        };
+        if let Some(listener) = lock(&self.shared.ticks).as_ref().filter(|_| real_time) {
+            listener(Tick {
+                time_s: sample.time_s,
+                late_s,
+                since_goal_s: self.came.elapsed().as_secs_f64(),
+            });
+        }
+        if !is_first {
+            self.shared.faults.die(Fault::DieInMotion);
+        }
+        self.shared.stream.measure(self.goal_id, sample);
+        if !real_time && sample.time_s > self.due_s - ROUNDING_S {
+            self.shared.stream.publish();
+            self.due_s += PERIOD.as_secs_f64();
+        }
+        if let Some(mirror) = self.mirror {
+            mirror.show(&self.joints, sample);
+        }
+        let reason = self.shared.control.reason(self.goal_id);
+        if reason.is_some() && !self.halted {
+            self.halted = true;
+            for query in self.shared.control.asking() {
+                reply(&query, &wire::line(&Word::Done));
+            }
+        }
+        reason
+    }
+}

@@ -1,0 +1,378 @@
+//! Watching a cell without losing what it says: late, after gaps, and after its router was away.
+
+use std::{
+    collections::VecDeque,
+    sync::mpsc::{self, Receiver, SyncSender},
+    thread,
+    time::{Duration, Instant},
+};
+
+use zenoh::{
+    Session, Wait,
+    pubsub::Subscriber,
+    qos::{CongestionControl, Priority},
+    query::ConsolidationMode,
+    sample::SampleKind,
+};
+
+use crate::{
+    Access, CellError, Goal, GoalOutcome, Keys, SealedGoal, State, outcome::Outcomes, session,
+    state::States,
+};
+
+/// Messages that wait for somebody who watches slowly, before others are dropped.
+const BACKLOG: usize = 4096;
+/// How often outcomes are asked for that may have been missed.
+const POLL: Duration = Duration::from_secs(1);
+/// How long an answer to a question about what was missed may take.
+const ANSWER: Duration = Duration::from_secs(1);
+/// How long samples that were missed are asked for, before they count as lost.
+const PATIENCE: Duration = Duration::from_secs(3);
+/// Pause between two such questions where nobody answers: right after a router is back it may not know
+/// the cell yet.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// Somebody who watches a cell.
+///
+/// Samples come in the order of their numbers, each once, and so do outcomes. What was published while
+/// nobody listened is asked for: the samples of the last thirty seconds, and every outcome that the
+/// cell has written down.
+///
+/// Whoever watches must fetch what there is: behind 4096 messages that nobody fetches others are
+/// dropped, and asked for when they are missed.
+pub struct Watcher {
+    events: Receiver<Event>,
+    keys: Keys,
+    ready: VecDeque<Seen>,
+    stream: Option<Place>,
+    list: Option<Place>,
+    polled: Option<Instant>,
+    counts: Counts,
+    session: Session,
+    _subscribers: Vec<Subscriber<()>>,
+}
+
+/// Something that somebody who watches sees.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Seen {
+    /// What the cell measured.
+    State(State),
+    /// How a goal ended.
+    Outcome(GoalOutcome),
+    /// A dispatcher's word that the cell took a goal, with its name. Such words may be lost.
+    Motion(String, Box<Goal>),
+    /// The cell is there, again or for the first time.
+    Alive,
+    /// The cell, or the way to it, is gone.
+    Gone,
+}
+
+/// What somebody who watches has seen and missed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Samples seen.
+    pub states_n: u64,
+    /// Of these, the ones that were asked for because they did not come by themselves.
+    pub recovered_n: u64,
+    /// Samples that are lost for good; not those from before somebody watched.
+    pub gaps_n: u64,
+    /// Outcomes seen.
+    pub outcomes_n: u64,
+    /// Of these, the ones that were asked for.
+    pub recovered_outcomes_n: u64,
+    /// How often the cell was started again.
+    pub restarts_n: u64,
+    /// Messages that could not be read.
+    pub unreadable_n: u64,
+}
+
+/// The next one expected in something that is numbered.
+struct Place {
+    /// Name of what the number is of.
+    of: String,
+    next: u64,
+}
+
+enum Event {
+    State(Vec<u8>),
+    Outcome(Vec<u8>),
+    Motion(Vec<u8>),
+    Alive(SampleKind),
+}
+
+/// Whether samples before the first one seen count as missed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Before {
+    Counts,
+    DoesNot,
+}
+
+impl Watcher {
+    /// Watches the cell `name` at an endpoint, its own or its router's.
+    ///
+    /// # Errors
+    ///
+    /// Fails if nothing listens there within `timeout`, or the name or endpoint is not one.
+    pub fn start(
+        access: Option<&Access>,
+        endpoint: &str,
+        name: &str,
+        timeout: Duration,
+    ) -> Result<Self, CellError> {
+        let keys = Keys::new(name)?;
+        let session = session::connect(endpoint, access, timeout)?;
+        let (sender, events) = mpsc::sync_channel(BACKLOG);
+        let subscribers =
+            subscribe(&session, &keys, &sender).map_err(|source| CellError::Zenoh {
+                action: "watch the robot cell",
+                source: source.into(),
+            })?;
+        Ok(Self {
+            events,
+            keys,
+            ready: VecDeque::new(),
+            stream: None,
+            list: None,
+            polled: None,
+            counts: Counts::default(),
+            session,
+            _subscribers: subscribers,
+        })
+    }
+
+    /// Returns what was seen and missed so far.
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// Returns the next thing there is to see; none if there is none within `timeout`.
+    pub fn next(&mut self, timeout: Duration) -> Option<Seen> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            if let Some(seen) = self.ready.pop_front() {
+                return Some(seen);
+            }
+            let due = self.polled.map_or(Duration::ZERO, |polled| {
+                POLL.saturating_sub(polled.elapsed())
+            });
+            if due.is_zero() {
+                self.poll();
+                continue;
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            match self.events.recv_timeout(left.min(due)) {
+                Ok(event) => self.take(event),
+                Err(_) if left <= due => return None,
+                Err(_) => {}
+            }
+        }
+    }
+
+    fn take(&mut self, event: Event) {
+        match event {
+            Event::State(bytes) => match State::from_bytes(&bytes) {
+                Ok(states) => states.into_iter().for_each(|state| self.state(state)),
+                Err(_) => self.counts.unreadable_n += 1,
+            },
+            Event::Outcome(bytes) => match GoalOutcome::from_bytes(&bytes) {
+                Ok(outcome) => self.outcome(outcome),
+                Err(_) => self.counts.unreadable_n += 1,
+            },
+            Event::Motion(bytes) => match SealedGoal::open(&bytes) {
+                Ok((sealed, goal)) => {
+                    let seen = Seen::Motion(sealed.goal_id, Box::new(goal));
+                    self.ready.push_back(seen);
+                }
+                Err(_) => self.counts.unreadable_n += 1,
+            },
+            Event::Alive(SampleKind::Put) => {
+                self.ready.push_back(Seen::Alive);
+                self.poll();
+            }
+            Event::Alive(SampleKind::Delete) => self.ready.push_back(Seen::Gone),
+        }
+    }
+
+    /// Takes a sample that came by itself, after those that were missed before it.
+    fn state(&mut self, state: State) {
+        let place = self.stream.as_ref();
+        let (next, before) = match place {
+            Some(place) if place.of == state.epoch => (place.next, Before::Counts),
+            Some(_) => {
+                self.counts.restarts_n += 1;
+                (0, Before::Counts)
+            }
+            None => (0, Before::DoesNot),
+        };
+        if state.seq < next {
+            return;
+        }
+        if state.seq > next {
+            self.recover(&state.epoch, next, state.seq, before);
+        }
+        self.stream = Some(Place {
+            of: state.epoch.clone(),
+            next: state.seq + 1,
+        });
+        self.counts.states_n += 1;
+        self.ready.push_back(Seen::State(state));
+    }
+
+    /// Asks for the samples from one number to before another.
+    fn recover(&mut self, epoch: &str, mut from: u64, until: u64, before: Before) {
+        let deadline = Instant::now() + PATIENCE;
+        let mut any = before == Before::Counts;
+        while from < until {
+            let key = format!("{}?from={from}", self.keys.history());
+            let answer = self.ask(&key).map(|bytes| States::from_bytes(&bytes));
+            let Some(Ok(States { header, states })) = answer else {
+                if Instant::now() > deadline {
+                    break;
+                }
+                thread::sleep(PAUSE);
+                continue;
+            };
+            if header.epoch != epoch || states.is_empty() {
+                break;
+            }
+            if any {
+                self.counts.gaps_n += header.seq.min(until).saturating_sub(from);
+            }
+            any = true;
+            from = from.max(header.seq);
+            for state in states {
+                if state.seq == from && from < until {
+                    from += 1;
+                    self.counts.states_n += 1;
+                    self.counts.recovered_n += 1;
+                    self.ready.push_back(Seen::State(state));
+                }
+            }
+        }
+        if any {
+            self.counts.gaps_n += until.saturating_sub(from);
+        }
+    }
+
+    /// Takes an outcome that came by itself.
+    fn outcome(&mut self, outcome: GoalOutcome) {
+        let known = self.list.as_ref();
+        let known = known.filter(|place| place.of == outcome.journal);
+        match known.map(|place| place.next) {
+            Some(next) if outcome.result_n < next => {}
+            Some(next) if outcome.result_n == next => self.put(outcome),
+            // Some were missed, or it is not known which: all of them are asked for, this one too.
+            Some(_) | None => self.poll(),
+        }
+    }
+
+    /// Shows the outcome that is next.
+    fn put(&mut self, outcome: GoalOutcome) {
+        self.list = Some(Place {
+            of: outcome.journal.clone(),
+            next: outcome.result_n.saturating_add(1),
+        });
+        self.counts.outcomes_n += 1;
+        self.ready.push_back(Seen::Outcome(outcome));
+    }
+
+    /// Asks for the outcomes that were missed.
+    fn poll(&mut self) {
+        loop {
+            self.polled = Some(Instant::now());
+            let next = self.list.as_ref().map_or(0, |place| place.next);
+            let key = format!("{}?from={next}", self.keys.results());
+            let Some(bytes) = self.ask(&key) else { return };
+            let Ok(Outcomes { header, outcomes }) = Outcomes::from_bytes(&bytes) else {
+                self.counts.unreadable_n += 1;
+                return;
+            };
+            let is_new = self
+                .list
+                .as_ref()
+                .is_none_or(|place| place.of != header.journal);
+            if is_new {
+                self.list = Some(Place {
+                    of: header.journal,
+                    next: 0,
+                });
+                if next > 0 {
+                    continue;
+                }
+            }
+            let mut is_more = false;
+            for outcome in outcomes {
+                if self
+                    .list
+                    .as_ref()
+                    .is_some_and(|p| p.next == outcome.result_n)
+                {
+                    self.counts.recovered_outcomes_n += 1;
+                    self.put(outcome);
+                    is_more = true;
+                }
+            }
+            let there = self.list.as_ref().map_or(0, |place| place.next);
+            if !is_more || there >= header.results_n {
+                return;
+            }
+        }
+    }
+
+    /// Asks a cell; returns its answer, if it comes.
+    fn ask(&self, selector: &str) -> Option<Vec<u8>> {
+        let replies = self
+            .session
+            .get(selector)
+            .consolidation(ConsolidationMode::None)
+            // Never before what moves or stops a robot.
+            .congestion_control(CongestionControl::Block)
+            .priority(Priority::DataLow)
+            .timeout(ANSWER)
+            .wait()
+            .ok()?;
+        let deadline = Instant::now() + ANSWER;
+        while let Ok(Some(reply)) = replies.recv_deadline(deadline) {
+            if let Ok(sample) = reply.into_result() {
+                return Some(sample.payload().to_bytes().into_owned());
+            }
+        }
+        None
+    }
+}
+
+/// Declares what is listened to. Keys are named one by one: rules of access allow them one by one.
+fn subscribe(
+    session: &Session,
+    keys: &Keys,
+    events: &SyncSender<Event>,
+) -> Result<Vec<Subscriber<()>>, zenoh::Error> {
+    let listen = |key: String, event: fn(Vec<u8>) -> Event| {
+        let events = events.clone();
+        session
+            .declare_subscriber(key)
+            .callback(move |sample| {
+                // What finds no room is missed later, and asked for.
+                let _taken = events.try_send(event(sample.payload().to_bytes().into_owned()));
+            })
+            .wait()
+    };
+    let alive = {
+        let events = events.clone();
+        session
+            .liveliness()
+            .declare_subscriber(keys.alive())
+            .history(true)
+            .callback(move |sample| {
+                let _taken = events.try_send(Event::Alive(sample.kind()));
+            })
+            .wait()?
+    };
+    Ok(vec![
+        alive,
+        listen(keys.outcome("*"), Event::Outcome)?,
+        listen(keys.motion(), Event::Motion)?,
+        listen(keys.state(), Event::State)?,
+    ])
+}

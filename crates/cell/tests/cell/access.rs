@@ -1,0 +1,337 @@
+//! Who may do what: the shipped access files over real sockets, with certificates that live as long as
+//! a test.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    thread,
+    time::Duration,
+};
+
+use cell::{
+    Access, CellClient, CellError, Executed, Gap, Halt, Keys, Report, Router, Seen, Service,
+    SimulatedCell, SimulatedCellConfig, Watcher,
+};
+use schemas::executions::Outcome;
+use zenoh::{Session, Wait};
+
+use crate::{
+    lab::{GRIPPER, SOON, cube, execute, goal, scene},
+    papers::Papers,
+};
+
+/// How long somebody tries who is refused.
+const REFUSED: Duration = Duration::from_secs(2);
+/// Where the shipped files are.
+const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/access");
+/// The two ways in which somebody shows who they are.
+const WAYS: [&str; 2] = ["certificates", "passwords"];
+
+/// Papers of this test, and what is done with them.
+struct People(Papers);
+
+impl People {
+    fn new() -> Self {
+        Self(Papers::new(Path::new(SHIPPED)))
+    }
+
+    fn file(&self, way: &str, who: &str) -> PathBuf {
+        self.0.file(way, who)
+    }
+
+    fn access(&self, way: &str, who: &str) -> Access {
+        Access::read(&self.file(way, who)).unwrap()
+    }
+
+    fn router(&self, way: &str) -> Router {
+        Router::start("tls/localhost:0", Some(&self.access(way, "router"))).unwrap()
+    }
+
+    /// Starts a cell that connects to a router.
+    fn cell(&self, way: &str, router: &Router, service: Service) -> SimulatedCell {
+        let config = SimulatedCellConfig {
+            name: "simulated".to_owned(),
+            listen: String::new(),
+            scene: scene(),
+            arm: None,
+            gap: Gap::default(),
+            service: Service {
+                router: Some(router.endpoint().to_owned()),
+                access: Some(self.file(way, "cell")),
+                ..service
+            },
+        };
+        let cell = SimulatedCell::start(config, GRIPPER).unwrap();
+        cell.put_object("cube", cube());
+        cell
+    }
+
+    fn client(&self, way: &str, who: &str, router: &Router) -> CellClient {
+        let access = self.access(way, who);
+        CellClient::connect_as(Some(&access), router.endpoint(), "simulated", SOON).unwrap()
+    }
+
+    /// Opens a session for what no honest client does.
+    fn session(&self, way: &str, who: &str, router: &Router) -> Session {
+        let mut config = zenoh::Config::from_file(self.file(way, who)).unwrap();
+        let endpoints = format!("[\"{}\"]", router.endpoint());
+        for (key, value) in [
+            ("mode", "\"client\""),
+            ("connect/endpoints", endpoints.as_str()),
+            ("scouting/multicast/enabled", "false"),
+        ] {
+            config.insert_json5(key, value).unwrap();
+        }
+        zenoh::open(config).wait().unwrap()
+    }
+}
+
+#[test]
+fn a_dispatcher_who_is_known_has_a_goal_executed() {
+    let papers = People::new();
+    for way in WAYS {
+        let router = papers.router(way);
+        let cell = papers.cell(way, &router, Service::default());
+        let client = papers.client(way, "dispatcher", &router);
+        assert!(client.capabilities(SOON).unwrap().simulated);
+        let report = execute(&client, &goal(0.04));
+        assert_eq!(report.outcome, Outcome::Succeeded, "{way}");
+        assert_eq!(client.stop(SOON).unwrap(), Halt::Done);
+        assert_eq!(client.resume(SOON).unwrap(), Halt::Done);
+        assert_eq!(client.cancel("00", SOON).unwrap(), Halt::NeverTaken);
+        assert_eq!(cell.executed_n(), 1);
+    }
+}
+
+#[test]
+fn a_cell_that_listens_itself_asks_who_is_there() {
+    let papers = People::new();
+    let config = SimulatedCellConfig {
+        name: "simulated".to_owned(),
+        listen: "tls/localhost:0".to_owned(),
+        scene: scene(),
+        arm: None,
+        gap: Gap::default(),
+        service: Service {
+            access: Some(papers.file("certificates", "router")),
+            ..Service::default()
+        },
+    };
+    let cell = SimulatedCell::start(config, GRIPPER).unwrap();
+    cell.put_object("cube", cube());
+    let connect = |who: &str| {
+        let access = papers.access("certificates", who);
+        CellClient::connect_as(Some(&access), cell.endpoint(), "simulated", SOON).unwrap()
+    };
+    let unheard = connect("viewer").execute(&goal(0.04), REFUSED, REFUSED);
+    assert!(matches!(unheard, Ok(Executed::Unheard(_))), "{unheard:?}");
+    assert_eq!(cell.executed_n(), 0);
+    let report = execute(&connect("dispatcher"), &goal(0.04));
+    assert_eq!(report.outcome, Outcome::Succeeded);
+}
+
+#[test]
+fn somebody_who_is_not_known_is_not_let_in() {
+    let papers = People::new();
+    let others = People::new();
+    for way in WAYS {
+        let router = papers.router(way);
+        let refused = |access: Option<Access>| {
+            let err =
+                CellClient::connect_as(access.as_ref(), router.endpoint(), "simulated", REFUSED);
+            let err = err.map(drop).unwrap_err();
+            assert!(matches!(err, CellError::Connect { .. }), "{way}: {err}");
+            err.hint().unwrap()
+        };
+        refused(None);
+        let hint = refused(Some(others.access(way, "dispatcher")));
+        assert!(hint.contains("dispatcher.json5"), "{hint}");
+    }
+    // Somebody who was known once.
+    let once = People::new();
+    let router = once.router("certificates");
+    once.0.certify("dispatcher", 2020);
+    let access = once.access("certificates", "dispatcher");
+    let refused = CellClient::connect_as(Some(&access), router.endpoint(), "simulated", REFUSED);
+    assert!(refused.is_err());
+    // Whoever knows the authority, but has no certificate or not the right password.
+    let router = papers.router("certificates");
+    let access = papers.access("passwords", "dispatcher");
+    let refused = CellClient::connect_as(Some(&access), router.endpoint(), "simulated", REFUSED);
+    assert!(refused.is_err());
+    let router = papers.router("passwords");
+    for (from, to) in [
+        ("secret of dispatcher", "a guess"),
+        ("user: \"dispatcher\"", "user: \"somebody\""),
+    ] {
+        let file = papers.file("passwords", "dispatcher");
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(text.contains(from));
+        fs::write(&file, text.replace(from, to)).unwrap();
+        let access = Access::read(&file).unwrap();
+        let refused =
+            CellClient::connect_as(Some(&access), router.endpoint(), "simulated", REFUSED);
+        assert!(refused.is_err(), "{to}");
+    }
+}
+
+#[test]
+fn somebody_who_watches_sees_everything_and_moves_nothing() {
+    let papers = People::new();
+    for way in WAYS {
+        let router = papers.router(way);
+        let cell = papers.cell(way, &router, Service::default());
+        let viewer = papers.client(way, "viewer", &router);
+        let dispatcher = papers.client(way, "dispatcher", &router);
+        let access = papers.access(way, "viewer");
+        let mut watcher =
+            Watcher::start(Some(&access), router.endpoint(), "simulated", SOON).unwrap();
+
+        let err = viewer.capabilities(REFUSED).unwrap_err();
+        assert!(matches!(err, CellError::NoAnswer { .. }), "{err}");
+        let hint = err.hint().unwrap();
+        assert!(
+            hint.contains("access rules") && hint.contains("viewer.json5"),
+            "{hint}"
+        );
+        let unheard = viewer.execute(&goal(0.04), REFUSED, REFUSED).unwrap();
+        assert!(matches!(unheard, Executed::Unheard(_)), "{unheard:?}");
+        assert_eq!(viewer.stop(REFUSED).unwrap(), Halt::Unheard);
+        assert_eq!(cell.executed_n(), 0);
+        // The viewer's stop has stopped nothing, and its resume takes no stop back.
+        let report = execute(&dispatcher, &goal(0.04));
+        assert_eq!(report.outcome, Outcome::Succeeded, "{way}");
+        assert_eq!(
+            viewer.cancel(&report.goal_id, REFUSED).unwrap(),
+            Halt::Unheard
+        );
+        assert_eq!(dispatcher.stop(SOON).unwrap(), Halt::Done);
+        assert_eq!(viewer.resume(REFUSED).unwrap(), Halt::Unheard);
+        let mut other = goal(0.04);
+        other.attempt = 2;
+        let refused = execute(&dispatcher, &other);
+        assert_eq!(refused.outcome, Outcome::Rejected);
+
+        // Nor does it pass for a cell.
+        let liar = papers.session(way, "viewer", &router);
+        let keys = Keys::new("simulated").unwrap();
+        let _queryable = liar
+            .declare_queryable(keys.all())
+            .callback(|query| query.reply(query.key_expr(), "{}\n").wait().unwrap())
+            .wait()
+            .unwrap();
+        assert!(dispatcher.capabilities(SOON).is_ok(), "one cell answers");
+
+        // What a viewer publishes in the cell's name is heard by nobody.
+        for key in [keys.state(), keys.outcome("00"), keys.motion()] {
+            liar.put(key, "{}\n").wait().unwrap();
+        }
+        let (mut states, mut motions, mut outcomes) = (0, 0, Vec::new());
+        while let Some(seen) = watcher.next(Duration::from_millis(500)) {
+            match seen {
+                Seen::State(_) => states += 1,
+                Seen::Motion(..) => motions += 1,
+                Seen::Outcome(outcome) => outcomes.push(outcome.goal_id),
+                _ => {}
+            }
+        }
+        assert_eq!((states, motions), (report.samples.len(), 1), "{way}");
+        assert_eq!(outcomes, [report.goal_id]);
+        assert_eq!(watcher.counts().unreadable_n, 0);
+    }
+}
+
+#[test]
+fn the_heartbeat_of_somebody_who_watches_keeps_nothing_moving() {
+    let papers = People::new();
+    let way = "certificates";
+    let router = papers.router(way);
+    let service = Service {
+        real_time: true,
+        ..Service::default()
+    };
+    let _cell = papers.cell(way, &router, service);
+    let keys = Keys::new("simulated").unwrap();
+    // A dispatcher who falls silent right after its goal, while another beats.
+    let ended = |beats: &Session, attempt: u32| {
+        let dispatcher = papers.session(way, "dispatcher", &router);
+        let mut goal = goal(0.04);
+        goal.attempt = attempt;
+        let sealed = goal.seal();
+        let ask = |key: String, payload: &[u8]| {
+            let replies = dispatcher.get(key).payload(payload).timeout(SOON);
+            let reply = replies.wait().unwrap().recv().unwrap();
+            reply
+                .into_result()
+                .unwrap()
+                .payload()
+                .to_bytes()
+                .into_owned()
+        };
+        let over = std::sync::atomic::AtomicBool::new(false);
+        thread::scope(|scope| {
+            scope.spawn(|| {
+                while !over.load(std::sync::atomic::Ordering::Relaxed) {
+                    beats.put(keys.heartbeat(), []).wait().unwrap();
+                    thread::sleep(Duration::from_millis(50));
+                }
+            });
+            ask(keys.goal(), &sealed.bytes);
+            let report = Report::from_bytes(&ask(keys.result(&sealed.goal_id), &[])).unwrap();
+            over.store(true, std::sync::atomic::Ordering::Relaxed);
+            report
+        })
+    };
+    let report = ended(&papers.session(way, "viewer", &router), 1);
+    assert_eq!(report.outcome, Outcome::Aborted, "{}", report.message);
+    assert!(
+        report.message.contains("no heartbeat"),
+        "{}",
+        report.message
+    );
+    let report = ended(&papers.session(way, "dispatcher", &router), 2);
+    assert_eq!(report.outcome, Outcome::Succeeded, "{}", report.message);
+}
+
+#[test]
+fn a_message_that_is_too_long_does_not_reach_the_cell() {
+    let papers = People::new();
+    for way in WAYS {
+        let router = papers.router(way);
+        let _cell = papers.cell(way, &router, Service::default());
+        let dispatcher = papers.session(way, "dispatcher", &router);
+        let keys = Keys::new("simulated").unwrap();
+        let answered = |key: String, bytes: usize, wait: Duration| {
+            let get = dispatcher.get(key).payload(vec![b' '; bytes]);
+            let replies = get.timeout(wait).wait().unwrap();
+            replies
+                .recv()
+                .is_ok_and(|reply| reply.into_result().is_ok())
+        };
+        assert!(
+            answered(keys.goal(), 8 << 20, SOON),
+            "{way}: the cell refuses it"
+        );
+        assert!(!answered(keys.goal(), (8 << 20) + 1, REFUSED), "{way}");
+        assert!(answered(keys.resume(), 1024, SOON), "{way}");
+        assert!(!answered(keys.stop(), 1025, REFUSED), "{way}");
+        let client = papers.client(way, "dispatcher", &router);
+        assert_eq!(execute(&client, &goal(0.04)).outcome, Outcome::Succeeded);
+    }
+}
+
+#[test]
+fn both_ways_allow_the_same() {
+    let rules = |way: &str| {
+        let file = Path::new(SHIPPED).join(way).join("router.json5");
+        let config = zenoh::Config::from_file(file).unwrap();
+        let said = |key| config.get_json(key).unwrap();
+        [
+            "access_control/rules",
+            "access_control/policies",
+            "low_pass_filter",
+        ]
+        .map(said)
+    };
+    assert_eq!(rules("certificates"), rules("passwords"));
+}

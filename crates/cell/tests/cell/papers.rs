@@ -1,0 +1,83 @@
+//! Certificates that live as long as a test, and the shipped access files that name them.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use rcgen::{
+    BasicConstraints, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair,
+    KeyUsagePurpose, date_time_ymd,
+};
+use tempfile::TempDir;
+
+/// What a shipped file says instead of a password.
+const PLACEHOLDER: &str = "a password of its own";
+
+/// A year that no test sees.
+const AGES_HENCE: i32 = 4000;
+
+/// A folder of certificates and access files.
+pub(crate) struct Papers {
+    folder: TempDir,
+    /// Where the shipped files are.
+    shipped: PathBuf,
+    authority: Issuer<'static, KeyPair>,
+}
+
+impl Papers {
+    /// Makes an authority and what it says of a router, a cell, a dispatcher and a viewer.
+    pub(crate) fn new(shipped: &Path) -> Self {
+        let folder = TempDir::new().unwrap();
+        let mut authority = CertificateParams::default();
+        authority.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
+        authority.key_usages = vec![KeyUsagePurpose::KeyCertSign];
+        let key = KeyPair::generate().unwrap();
+        let certificate = authority.self_signed(&key).unwrap();
+        fs::write(folder.path().join("ca.pem"), certificate.pem()).unwrap();
+        let papers = Self {
+            folder,
+            shipped: shipped.to_owned(),
+            authority: Issuer::new(authority, key),
+        };
+        let mut passwords = String::new();
+        for name in ["router", "cell", "dispatcher", "viewer"] {
+            papers.certify(name, AGES_HENCE);
+            passwords.push_str(&format!("{name}:secret of {name}\n"));
+        }
+        fs::write(papers.folder.path().join("passwords.txt"), passwords).unwrap();
+        papers
+    }
+
+    /// Has the authority say who somebody is, until the end of a year.
+    pub(crate) fn certify(&self, name: &str, year: i32) {
+        let mut person = CertificateParams::new(vec!["localhost".to_owned()]).unwrap();
+        person.distinguished_name.push(DnType::CommonName, name);
+        person.not_after = date_time_ymd(year, 12, 31);
+        person.extended_key_usages = vec![if name == "router" {
+            ExtendedKeyUsagePurpose::ServerAuth
+        } else {
+            ExtendedKeyUsagePurpose::ClientAuth
+        }];
+        let key = KeyPair::generate().unwrap();
+        let certificate = person.signed_by(&key, &self.authority).unwrap();
+        let write = |ending: &str, text: String| {
+            let file = self.folder.path().join(format!("{name}.{ending}"));
+            fs::write(file, text).unwrap();
+        };
+        write("pem", certificate.pem());
+        write("key", key.serialize_pem());
+    }
+
+    /// Returns a copy of a shipped file that names what is in this folder.
+    pub(crate) fn file(&self, way: &str, who: &str) -> PathBuf {
+        let shipped = self.shipped.join(way).join(format!("{who}.json5"));
+        let text = fs::read_to_string(shipped).unwrap();
+        let here = format!("\"{}/", self.folder.path().display());
+        let text = text.replace("\"certificates/", &here);
+        let text = text.replace(PLACEHOLDER, &format!("secret of {who}"));
+        let file = self.folder.path().join(format!("{way}-{who}.json5"));
+        fs::write(&file, text).unwrap();
+        file
+    }
+}

@@ -1,0 +1,211 @@
+//! What somebody sees who watches, whenever they come and whatever is lost.
+
+use std::{
+    sync::{Arc, Mutex},
+    thread,
+    time::Duration,
+};
+
+use cell::{
+    Counts, Gap, GoalOutcome, Keys, Router, Seen, Service, SimulatedCell, SimulatedCellConfig,
+    State, Watcher, subscribe,
+};
+use schemas::executions::Outcome;
+use zenoh::Wait;
+
+use crate::lab::{GRIPPER, LISTEN, SOON, connect, execute, goal, scene, start, start_with};
+
+/// Longest time in which nothing is seen of a cell that says something.
+const LONG: Duration = Duration::from_secs(5);
+
+fn watch(endpoint: &str) -> Watcher {
+    Watcher::start(None, endpoint, "simulated", SOON).unwrap()
+}
+
+/// Watches until so many samples were seen, and returns them.
+fn states(watcher: &mut Watcher, n: usize) -> Vec<State> {
+    let mut states = Vec::new();
+    while states.len() < n {
+        if let Seen::State(state) = watcher.next(LONG).expect("the cell says something") {
+            states.push(state);
+        }
+    }
+    states
+}
+
+/// Watches until so many goals have ended, and returns how.
+fn outcomes(watcher: &mut Watcher, n: usize) -> Vec<GoalOutcome> {
+    let mut outcomes = Vec::new();
+    while outcomes.len() < n {
+        if let Seen::Outcome(outcome) = watcher.next(LONG).expect("the cell says something") {
+            outcomes.push(outcome);
+        }
+    }
+    outcomes
+}
+
+/// Makes sure that each sample follows the one before.
+fn follow_each_other(states: &[State]) {
+    for pair in states.windows(2) {
+        assert_eq!(pair[0].seq + 1, pair[1].seq);
+        assert_eq!(pair[0].epoch, pair[1].epoch);
+    }
+}
+
+#[test]
+fn who_joins_late_sees_what_was_before() {
+    let cell = start_with(Service {
+        real_time: true,
+        ..Service::default()
+    });
+    let mut first = watch(cell.endpoint());
+    let seen = states(&mut first, 100);
+    assert_eq!(seen[0].seq, 0);
+    follow_each_other(&seen);
+    // Nothing moves: the hand is where it was.
+    assert!(seen.iter().all(|state| state.goal_id.is_empty()));
+    assert!(seen.iter().all(|state| state.sample == seen[0].sample));
+
+    let report = execute(&connect(&cell), &goal(0.04));
+    let mut late = watch(cell.endpoint());
+    let outcome = outcomes(&mut late, 1).remove(0);
+    assert_eq!((outcome.result_n, &outcome.goal_id), (0, &report.goal_id));
+    let seen = states(&mut watch(cell.endpoint()), 250);
+    assert_eq!(seen[0].seq, 0);
+    follow_each_other(&seen);
+    let moving = seen.iter().filter(|state| state.goal_id == report.goal_id);
+    // Of 1.8 s at 100 a second, on a machine that may be busy.
+    assert!(moving.count() > 20);
+    assert_eq!(late.counts().gaps_n, 0);
+}
+
+#[test]
+fn outcomes_are_told_in_their_order_also_after_the_cell_was_started_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let service = || Service {
+        journal: Some(folder.path().to_owned()),
+        ..Service::default()
+    };
+    let cell = start_with(service());
+    let mut seen_at_once = watch(cell.endpoint());
+    let ids: Vec<String> = [0.04, 0.0, 0.03]
+        .iter()
+        .map(|&closed_m| execute(&connect(&cell), &goal(closed_m)).goal_id)
+        .collect();
+    let names = |outcomes: &[GoalOutcome]| -> Vec<String> {
+        outcomes.iter().map(|o| o.goal_id.clone()).collect()
+    };
+    let seen = outcomes(&mut seen_at_once, 3);
+    assert_eq!(names(&seen), ids);
+    assert_eq!(
+        (seen[0].outcome, seen[1].outcome),
+        (Outcome::Succeeded, Outcome::Failed)
+    );
+    cell.stop();
+    let cell = start_with(service());
+    assert_eq!(outcomes(&mut watch(cell.endpoint()), 3), seen);
+    // A cell that keeps no journal counts anew, under another name.
+    let forgetful = start();
+    execute(&connect(&forgetful), &goal(0.04));
+    let other = outcomes(&mut watch(forgetful.endpoint()), 1).remove(0);
+    assert_eq!(other.result_n, 0);
+    assert_ne!(other.journal, seen[0].journal);
+}
+
+#[test]
+fn what_is_lost_is_asked_for_and_counted_where_it_is_gone() {
+    // The simulated cell only forwards here: another program is the cell `scripted`.
+    let forwards = start();
+    let (session, _) = subscribe(forwards.endpoint(), "nothing", SOON).unwrap();
+    let keys = Keys::new("scripted").unwrap();
+    let row = |seq: u64| -> Vec<u8> {
+        let mut numbers = [0.0; 15];
+        numbers[0] = seq as f64;
+        (numbers[7], numbers[14]) = (1.0, 1.0);
+        numbers
+            .iter()
+            .flat_map(|number| number.to_le_bytes())
+            .collect()
+    };
+    let header = |seq: u64| {
+        format!("{{\"epoch\":\"e\",\"goal_id\":\"\",\"seq\":{seq},\"joints\":[]}}\n").into_bytes()
+    };
+    let kept = Arc::new(Mutex::new(Vec::<u64>::new()));
+    let _history = {
+        let kept = Arc::clone(&kept);
+        session
+            .declare_queryable(keys.history())
+            .callback(move |query| {
+                let from: u64 = query.parameters().get("from").unwrap().parse().unwrap();
+                let kept = kept.lock().unwrap();
+                let rows: Vec<u64> = kept.iter().copied().filter(|&seq| seq >= from).collect();
+                let mut bytes = header(rows.first().copied().unwrap_or(99));
+                bytes.extend(rows.iter().flat_map(|&seq| row(seq)));
+                query.reply(query.key_expr(), bytes).wait().unwrap();
+            })
+            .wait()
+            .unwrap()
+    };
+    let mut watcher = Watcher::start(None, forwards.endpoint(), "scripted", SOON).unwrap();
+    let publish = |seq: u64| {
+        let mut bytes = header(seq);
+        bytes.extend(row(seq));
+        session.put(keys.state(), bytes).wait().unwrap();
+    };
+    // What is asked at the start proves that the subscriptions arrived.
+    assert_eq!(watcher.next(Duration::ZERO), None);
+    // Watched from 10 on; 11 comes by itself, 12 is lost, and of 13 to 19 the cell still has 16 to 19.
+    for seq in [10, 11, 13, 20] {
+        kept.lock().unwrap().clear();
+        if seq == 20 {
+            kept.lock().unwrap().extend(16..=20);
+        }
+        publish(seq);
+        let mut seen = Vec::new();
+        while seen.last() != Some(&seq) {
+            seen.push(states(&mut watcher, 1).remove(0).seq);
+        }
+        if seq == 20 {
+            assert_eq!(seen, [16, 17, 18, 19, 20]);
+        }
+    }
+    assert_eq!(
+        watcher.counts(),
+        Counts {
+            states_n: 8,
+            recovered_n: 4,
+            gaps_n: 3,
+            ..Counts::default()
+        }
+    );
+}
+
+#[test]
+fn a_router_that_was_away_costs_nothing() {
+    let router = Router::start(LISTEN, None).unwrap();
+    let endpoint = router.endpoint().to_owned();
+    let config = SimulatedCellConfig {
+        name: "simulated".to_owned(),
+        listen: String::new(),
+        scene: scene(),
+        arm: None,
+        gap: Gap::default(),
+        service: Service {
+            real_time: true,
+            router: Some(endpoint.clone()),
+            ..Service::default()
+        },
+    };
+    let cell = SimulatedCell::start(config, GRIPPER).unwrap();
+    assert!(cell.router().is_some());
+    let mut watcher = watch(&endpoint);
+    let mut seen = states(&mut watcher, 50);
+    drop(router);
+    thread::sleep(Duration::from_millis(300));
+    let _router = Router::start(&endpoint, None).unwrap();
+    seen.extend(states(&mut watcher, 200));
+    follow_each_other(&seen);
+    let counts = watcher.counts();
+    assert_eq!((counts.gaps_n, counts.restarts_n), (0, 0), "{counts:?}");
+    assert!(counts.recovered_n > 0, "{counts:?}");
+}

@@ -1,0 +1,37 @@
+//! `pipeline router`
+
+use cell::{Access, Router};
+use signal_hook::{
+    consts::{SIGINT, SIGTERM},
+    iterator::Signals,
+};
+
+use crate::{
+    arguments::RouterArgs,
+    command_line::Program,
+    outcome::{Outcome, Trouble},
+    progress::Quiet,
+    report,
+};
+
+/// Forwards between cells and dispatchers until it is interrupted.
+pub(crate) fn router(program: &Program, args: &RouterArgs) -> Result<Outcome, Trouble> {
+    let failed = |err: cell::CellError| {
+        let hint = err.hint();
+        Trouble::failed(err, hint)
+    };
+    // Before anything is served: whoever stops it may be quick.
+    let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(|err| Trouble::failed(err, None))?;
+    let access = args.access.as_deref().map(Access::read);
+    let access = access.transpose().map_err(failed)?;
+    let router = Router::start(&args.listen, access.as_ref()).map_err(failed)?;
+    report::data(format!("{}\n", router.endpoint()).as_bytes());
+    if program.quiet == Quiet::No {
+        report::line(&format!(
+            "router at `{}`; Ctrl-C ends it",
+            router.endpoint()
+        ));
+    }
+    signals.forever().next();
+    Ok(Outcome::Done)
+}
