@@ -8,7 +8,7 @@ use super::{
     Arm,
     clearance::Stand,
     path::ArmPath,
-    trace::Knot,
+    trace::{Knot, Tracer},
     way::{Target, Way},
 };
 use crate::{
@@ -139,10 +139,15 @@ impl Arm {
             .filter_map(|height_m| way.at(Place::Lift { height_m }))
             .collect();
         let closed = hand.fingers.last().map_or(&[][..], std::slice::from_ref);
+        let tracer = Tracer {
+            arm: self,
+            way,
+            least: self.config.least_singular_value,
+        };
         for q in self.chain.solutions(&grasp.base_from_palm) {
             worse.postures += 1;
             // Most that cannot be followed do not even stand free at the grasp.
-            let found = self
+            let found = tracer
                 .knot(&grasp, q)
                 .and_then(|knot| self.within_limits(knot))
                 .map_err(|fault| (REACHES, fault))
@@ -151,7 +156,7 @@ impl Arm {
                     Err(fault) => Err((MEETS_AT_GRASP, fault)),
                 })
                 .and_then(|knot| {
-                    let found = self.posture(way, knot, &to_start, &up);
+                    let found = self.posture(tracer, knot, &to_start, &up);
                     found.map_err(|(n, fault)| (MEETS_AT_GRASP + n, fault))
                 });
             match found {
@@ -164,21 +169,21 @@ impl Arm {
     /// Follows a way from the arm's posture at the grasp: back to its start, and up.
     fn posture<'a>(
         &self,
-        way: &Way<'a>,
+        tracer: Tracer<'_, 'a>,
         at_grasp: Knot,
         to_start: &[Target],
         up: &[Target],
     ) -> Result<Choice<'a>, (usize, ArmFault)> {
-        let mut all = self.trace(way, &at_grasp, to_start)?;
+        let mut all = tracer.trace(&at_grasp, to_start)?;
         all.reverse();
         let to_grasp_n = all.len() + 1;
         all.push(at_grasp.clone());
         let (first, rest) = up
             .split_first()
             .ok_or((to_grasp_n, ArmFault::Jump { at: at_grasp.at }))?;
-        let below = self.knot(first, at_grasp.q);
+        let below = tracer.knot(first, at_grasp.q);
         let below = below.map_err(|fault| (to_grasp_n, fault))?;
-        let lifted = self.trace(way, &below, rest);
+        let lifted = tracer.trace(&below, rest);
         let lifted = lifted.map_err(|(n, fault)| (to_grasp_n + n, fault))?;
         all.push(below);
         all.extend(lifted);
@@ -187,7 +192,7 @@ impl Arm {
         let singular = singular.fold(f64::INFINITY, f64::min);
         let lift = all.split_off(to_grasp_n);
         Ok(Choice {
-            way: way.clone(),
+            way: tracer.way.clone(),
             times: self.times_slower(&all),
             room: room * singular,
             to_grasp: all,

@@ -2,7 +2,11 @@
 
 use spatial::{Object, Pose, Table};
 
-use super::{Arm, trace::Knot, way::Way};
+use super::{
+    Arm,
+    trace::{Knot, Tracer},
+    way::Way,
+};
 use crate::refusal::Place;
 
 /// The arm's joints over a course and the lift from its end.
@@ -66,15 +70,17 @@ impl<'a> ArmPath<'a> {
             let far = |knot: &Knot| (knot.at.number() - number).abs();
             far(a).total_cmp(&far(b))
         })?;
-        let target = self.way.at(at)?;
-        let sought = nearest.ahead(at);
-        let chain = &self.arm.chain;
-        let q = chain.solve_beyond_limits(&target.base_from_palm, &sought)?;
-        let rates = chain.posture(&q).ok()?.rates(&target.twist, &target.rate)?;
+        let tracer = Tracer {
+            arm: self.arm,
+            way: &self.way,
+            // It has been followed: between two knots it is what it is.
+            least: 0.0,
+        };
+        let knot = tracer.next(nearest, &self.way.at(at)?).ok()?;
         Some(ArmMoving {
-            q,
-            velocity: rates.velocity,
-            acceleration: rates.acceleration,
+            q: knot.q,
+            velocity: knot.rates.velocity,
+            acceleration: knot.rates.acceleration,
         })
     }
 }

@@ -43,18 +43,26 @@ impl Knot {
     }
 }
 
-impl Arm {
+/// Follows a way.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tracer<'a, 'course> {
+    pub(crate) arm: &'a Arm,
+    pub(crate) way: &'a Way<'course>,
+    /// Least singular value that the arm's Jacobian may have.
+    pub(crate) least: f64,
+}
+
+impl Tracer<'_, '_> {
     /// Returns the arm at the target in the posture `q`, which reaches it.
     pub(crate) fn knot(&self, target: &Target, q: Vec<f64>) -> Result<Knot, ArmFault> {
         let at = target.at;
-        let Ok(posture) = self.chain.posture(&q) else {
+        let Ok(posture) = self.arm.chain.posture(&q) else {
             return Err(ArmFault::Jump { at });
         };
-        let least = self.config.least_singular_value;
-        if !posture.is_regular(least) {
+        if !posture.is_regular(self.least) {
             return Err(ArmFault::Singular {
                 value: posture.least_singular_value(),
-                least,
+                least: self.least,
                 at,
             });
         }
@@ -71,35 +79,31 @@ impl Arm {
     /// it could follow.
     pub(crate) fn trace(
         &self,
-        way: &Way<'_>,
         from: &Knot,
         targets: &[Target],
     ) -> Result<Vec<Knot>, (usize, ArmFault)> {
         let mut knots: Vec<Knot> = Vec::with_capacity(targets.len());
         for target in targets {
             let knot = self
-                .next(way, knots.last().unwrap_or(from), target, HALVINGS)
-                .and_then(|knot| self.within_limits(knot));
+                .next(knots.last().unwrap_or(from), target)
+                .and_then(|knot| self.arm.within_limits(knot));
             knots.push(knot.map_err(|fault| (knots.len(), fault))?);
         }
         Ok(knots)
     }
 
-    fn next(
-        &self,
-        way: &Way<'_>,
-        from: &Knot,
-        target: &Target,
-        halvings: usize,
-    ) -> Result<Knot, ArmFault> {
+    /// Returns the arm at a target nearby, in the continuation of a posture.
+    pub(crate) fn next(&self, from: &Knot, target: &Target) -> Result<Knot, ArmFault> {
+        self.halved(from, target, HALVINGS)
+    }
+
+    fn halved(&self, from: &Knot, target: &Target, halvings: usize) -> Result<Knot, ArmFault> {
         let sought = from.ahead(target.at);
-        let found = self
-            .chain
-            .solve_beyond_limits(&target.base_from_palm, &sought);
+        let chain = &self.arm.chain;
+        let found = chain.solve_beyond_limits(&target.base_from_palm, &sought);
         let is_near = |q: &[f64]| {
-            q.iter()
-                .zip(&sought)
-                .all(|(q, sought)| (q - sought).abs() < NEAR)
+            let mut pairs = q.iter().zip(&sought);
+            pairs.all(|(q, sought)| (q - sought).abs() < NEAR)
         };
         if let Some(q) = found.filter(|q| is_near(q)) {
             return self.knot(target, q);
@@ -108,11 +112,13 @@ impl Arm {
         let Some(fewer) = halvings.checked_sub(1) else {
             return Err(jump);
         };
-        let middle = way.at(from.at.middle(target.at)).ok_or(jump)?;
-        let between = self.next(way, from, &middle, fewer)?;
-        self.next(way, &between, target, fewer)
+        let middle = self.way.at(from.at.middle(target.at)).ok_or(jump)?;
+        let between = self.halved(from, &middle, fewer)?;
+        self.halved(&between, target, fewer)
     }
+}
 
+impl Arm {
     /// Refuses a joint beyond limits that are less than a turn apart: no turn brings it back.
     pub(crate) fn within_limits(&self, knot: Knot) -> Result<Knot, ArmFault> {
         for (joint, &q) in self.joints().zip(&knot.q) {
