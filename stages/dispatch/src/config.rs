@@ -25,7 +25,7 @@ pub struct DispatchConfig {
     /// `simulated`, which this stage starts itself, or where a cell or its router listens: on this
     /// machine e.g. `tcp/127.0.0.1:7447`, on another e.g. `tls/robot.lab:7447`.
     pub cell: String,
-    /// File that says who asks the cell, by certificate or password, e.g. `data/access/dispatcher.json5`
+    /// File that says who asks the cell, by certificate or password, e.g. `data/access/certificates/dispatcher.json5`
     /// (none).
     // Who asks does not change what a cell does.
     #[serde(default, skip_serializing)]
