@@ -151,7 +151,7 @@ fn a_cell_whose_disk_is_full_takes_nothing_more_and_says_why() {
     let journal = lab.bench.lake().join("small");
     fs::create_dir(&journal).unwrap();
     let mut shell = Command::new("unshare");
-    let script = "mount -t tmpfs -o size=64k none \"$JOURNAL\"; exec \"$@\"";
+    let script = "mount -t tmpfs -o size=1m none \"$JOURNAL\"; exec \"$@\"";
     shell
         .args(["-rm", "sh", "-euc", script, "sh"])
         .arg(env!("CARGO_BIN_EXE_pipeline"))

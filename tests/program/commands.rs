@@ -58,7 +58,7 @@ fn a_profile_replaces_values_and_an_unknown_one_names_those_there_are() {
     assert_eq!(unknown.status.code(), Some(2));
     let text = stderr(&unknown);
     assert!(text.contains("no profile `papre`"), "{text}");
-    assert!(text.contains("its profiles are: paper"), "{text}");
+    assert!(text.contains("its profiles are: arm, paper"), "{text}");
 }
 
 #[test]

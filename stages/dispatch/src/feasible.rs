@@ -24,8 +24,9 @@ use crate::{
 /// Relative excess of a limit that is rounding.
 const ROUNDING: f64 = 1e-9;
 /// How often a sampled motion is slowed down until it keeps its limits; each time takes what is missing,
-/// of which sampling brings back next to nothing.
-const TRIALS: usize = 10;
+/// and from the second time on a share more than the time before.
+const TRIALS: usize = 20;
+const MARGIN: f64 = 1e-4;
 /// The parts of a motion that limits slow down.
 const PARTS: [Part; 4] = [Part::Way, Part::Close, Part::Squeeze, Part::Lift];
 
@@ -208,7 +209,7 @@ impl<'a> Planner<'a> {
             lift_m: self.protocol.lift_m,
             lengths,
         };
-        for _ in 0..TRIALS {
+        for trial in 0..TRIALS {
             // What is no number is not soon enough.
             let is_soon_enough = motion.lengths.way_s <= most * asked_s;
             if !is_soon_enough {
@@ -257,7 +258,12 @@ impl<'a> Planner<'a> {
                 });
             }
             for part in PARTS {
-                let times = excess.of(part).max(1.0) * (1.0 + ROUNDING);
+                // Points that lie elsewhere may show a little more.
+                let margin = 1.0 + MARGIN * trial as f64;
+                let times = match excess.of(part) {
+                    kept if kept <= 1.0 + ROUNDING => 1.0,
+                    excess => excess * margin * (1.0 + ROUNDING),
+                };
                 motion.lengths.stretch(part, times);
                 if part == Part::Way {
                     motion.timing = motion.timing.slower(times);
