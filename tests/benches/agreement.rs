@@ -31,7 +31,7 @@ use schemas::{
 };
 use serde_json::Value;
 use simulation::{ObjectShape, Record, Template, Verdict};
-use spatial::{Object, Pose, Table};
+use spatial::{Object, Pose, Rest, Table};
 
 /// Share that holds there too, at least.
 const LEAST: f64 = 0.75;

@@ -1,5 +1,6 @@
 //! The whole program, run as a user runs it, on a small sample and with little training.
 
+mod arm;
 mod baseline;
 mod bench;
 mod cell;

@@ -26,6 +26,9 @@ const PAUSE: Duration = Duration::from_millis(100);
 /// How long is waited for an answer before the question is repeated, at least.
 const PIECE: Duration = Duration::from_secs(1);
 
+/// What was answered to a question.
+type Answers = Vec<Result<Vec<u8>, NeverTaken>>;
+
 /// A cell's word that a goal is not one of its own.
 struct NeverTaken;
 
@@ -308,7 +311,7 @@ impl CellClient {
         payload: &[u8],
         target: QueryTarget,
         timeout: Duration,
-    ) -> Result<(Vec<Result<Vec<u8>, NeverTaken>>, u32), CellError> {
+    ) -> Result<(Answers, u32), CellError> {
         let deadline = Instant::now() + timeout;
         let mut tries = 0;
         // The first try gets all the time but what others need: an answer may only be late.
@@ -336,7 +339,7 @@ impl CellClient {
         payload: &[u8],
         target: QueryTarget,
         deadline: Instant,
-    ) -> Result<Vec<Result<Vec<u8>, NeverTaken>>, CellError> {
+    ) -> Result<Answers, CellError> {
         let replies = self
             .session
             .get(key)

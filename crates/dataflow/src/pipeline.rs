@@ -150,6 +150,16 @@ impl Pipeline {
         nodes.filter(|node| wanted.contains(&node.name)).collect()
     }
 
+    /// Has each stage of these nodes look at what it needs beside its inputs.
+    pub(crate) fn prepare(&self, nodes: &[&Node]) -> Result<(), Failure> {
+        for stage in &self.stages {
+            if nodes.iter().any(|node| node.name.stage == stage.name) {
+                stage.prepare()?;
+            }
+        }
+        Ok(())
+    }
+
     /// Returns the stage of this name.
     pub fn find(&self, name: &str) -> Option<&StageEntry> {
         self.stages.iter().find(|stage| stage.name == name)

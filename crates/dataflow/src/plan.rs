@@ -93,11 +93,7 @@ impl Plan {
 /// Fails if a stage cannot list its units or the store cannot be read.
 pub fn plan(pipeline: &Pipeline, store: &dyn Store, options: &RunOptions) -> Result<Plan, Failure> {
     let nodes = options.nodes(pipeline)?;
-    for stage in &pipeline.stages {
-        if nodes.iter().any(|node| node.name.stage == stage.name) {
-            stage.prepare()?;
-        }
-    }
+    pipeline.prepare(&nodes)?;
     store.enter(&pipeline.name)?;
     let newest = store.newest_units(&pipeline.name)?;
     let mut last: HashMap<NodeName, HashMap<String, Digest>> = HashMap::new();

@@ -125,13 +125,10 @@ struct Runner<'a> {
 
 impl Runner<'_> {
     fn go_through(&mut self, nodes: &[&Node]) -> Result<(), Failure> {
-        let mut prepared: Option<&str> = None;
+        // What the last stage cannot do is said before the first one works for an hour.
+        self.pipeline.prepare(nodes)?;
         for node in nodes {
             let stage = self.pipeline.stage(node);
-            if prepared != Some(&stage.name) {
-                stage.prepare()?;
-                prepared = Some(&stage.name);
-            }
             if self.options.only_recalls(&node.name.stage) {
                 let store = self.store;
                 self.state.recall(node, |digest| store.lookup(digest))?;

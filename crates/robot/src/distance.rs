@@ -94,9 +94,7 @@ impl Shape {
         };
         let end = |half: f64| Vector3::z() * half.copysign(direction.z);
         match self {
-            Self::Box { half_extents_m } => {
-                half_extents_m.zip_map(direction, |half, along| half.copysign(along))
-            }
+            Self::Box { half_extents_m } => half_extents_m.zip_map(direction, f64::copysign),
             Self::Sphere { radius_m } => along(*radius_m, *direction),
             Self::Cylinder {
                 radius_m,
@@ -277,9 +275,9 @@ mod tests {
                 radius_m,
                 half_length_m,
             } => {
-                let share = (radius_m / from.xy().norm()).min(1.0);
+                let inward = (radius_m / from.xy().norm()).min(1.0);
                 let z = from.z.clamp(-half_length_m, half_length_m);
-                Vector3::new(from.x * share, from.y * share, z)
+                Vector3::new(from.x * inward, from.y * inward, z)
             }
             Shape::Capsule {
                 radius_m,

@@ -126,7 +126,7 @@ impl DispatchConfig {
             ("rates.palm_hz", self.rates.palm_hz),
             ("rates.hand_hz", self.rates.hand_hz),
         ] {
-            if !(rate_hz >= 1.0 && rate_hz <= MOST_HZ) {
+            if !(1.0..=MOST_HZ).contains(&rate_hz) {
                 let problem = format!("{rate_hz} is not between 1 and {MOST_HZ} per second");
                 return wrong(key, problem);
             }

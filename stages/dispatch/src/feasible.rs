@@ -294,8 +294,8 @@ impl<'a> Planner<'a> {
         let limits = &self.limits;
         let config = &limits.config;
         let fingers_s = |from: &[f64], to: &[f64]| {
-            let ways = from.iter().zip(to).zip(&limits.q_velocity);
-            let ramps = ways.map(|((from, to), &most)| {
+            let joints = from.iter().zip(to).zip(&limits.q_velocity);
+            let ramps = joints.map(|((from, to), &most)| {
                 ramp_s(to - from, most, config.joint_acceleration_rad_per_s2)
             });
             ramps.fold(0.0, f64::max)

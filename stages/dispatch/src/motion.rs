@@ -25,6 +25,7 @@ pub(crate) enum Part {
 }
 
 /// How long the parts of a motion last, in seconds.
+#[expect(clippy::struct_field_names, reason = "a unit ends every name")]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Lengths {
     pub(crate) way_s: f64,

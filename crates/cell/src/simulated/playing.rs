@@ -86,6 +86,7 @@ fn whole(steps: f64) -> usize {
 }
 
 /// Until when which part of a motion lasts, in seconds.
+#[expect(clippy::struct_field_names, reason = "a unit ends every name")]
 struct Phases {
     reach_s: f64,
     /// When the palm is where it grasps.

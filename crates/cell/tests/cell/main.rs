@@ -1,6 +1,7 @@
 //! Dispatcher and simulated cell over real sockets of the loopback interface.
 
 mod access;
+mod carried;
 mod halting;
 mod lab;
 mod papers;

@@ -64,7 +64,7 @@ impl Clearance {
         let bodies = bodies(robot);
         let body = |link: usize| bodies.get(link).copied().unwrap_or(0);
         // What carries a body, which may be carried by another.
-        let carrier = |link: usize| {
+        let below = |link: usize| {
             let parent = robot.links().get(link)?.parent?;
             Some(body(parent))
         };
@@ -80,15 +80,15 @@ impl Clearance {
         for (first, (a, at_a)) in pieces.iter().zip(&zero).enumerate() {
             for (second, (b, at_b)) in pieces.iter().zip(&zero).enumerate().skip(first + 1) {
                 let [of_a, of_b] = [a, b].map(|piece| body(piece.link));
-                let [on_a, on_b] = [of_a, of_b].map(carrier);
-                let touch = of_a == of_b || on_a == Some(of_b) || on_b == Some(of_a);
+                let [under_a, under_b] = [of_a, of_b].map(below);
+                let touch = of_a == of_b || under_a == Some(of_b) || under_b == Some(of_a);
                 let overlap = || gap((at_a, &a.shape), (at_b, &b.shape)).at_least_m <= 0.0;
                 if touch || (is_hand(a) && is_hand(b)) || overlap() {
                     continue;
                 }
-                let near = on_a.and_then(carrier) == Some(of_b)
-                    || on_b.and_then(carrier) == Some(of_a)
-                    || (on_a.is_some() && on_a == on_b);
+                let near = under_a.and_then(below) == Some(of_b)
+                    || under_b.and_then(below) == Some(of_a)
+                    || (under_a.is_some() && under_a == under_b);
                 pairs.push(Pair {
                     first,
                     second,

@@ -29,13 +29,13 @@ pub(crate) fn joints_of_hand(
             let found = robot.joint(&joint.name);
             let link = |idx: usize| robot.joints().get(idx).map(|joint| joint.link);
             let found = found.filter(|&idx| link(idx).is_some_and(is_carried));
-            found.ok_or_else(|| wrong(format!("it has no joint `{}` there", joint.name)))
+            found.ok_or_else(|| wrong(&format!("it has no joint `{}` there", joint.name)))
         })
         .collect::<Result<Vec<usize>, _>>()?;
     for (idx, joint) in robot.joints().iter().enumerate() {
         if !joints.contains(&idx) && !chain.joints().contains(&idx) {
             let problem = format!("joint `{}` is neither the arm's nor the hand's", joint.name);
-            return Err(wrong(problem));
+            return Err(wrong(&problem));
         }
     }
     for q in samples(hand) {
@@ -54,7 +54,7 @@ pub(crate) fn joints_of_hand(
         for (link, palm_from_link) in hand.links().iter().zip(&palm_from_links).skip(1) {
             let ours = robot.link(&link.name).filter(|&idx| is_carried(idx));
             let Some(found) = ours.and_then(|idx| base_from_links.get(idx)) else {
-                return Err(wrong(format!("it has no link `{}` there", link.name)));
+                return Err(wrong(&format!("it has no link `{}` there", link.name)));
             };
             let off = off(&(base_from_palm.inverse() * found), palm_from_link);
             if off > SAME {
@@ -62,7 +62,7 @@ pub(crate) fn joints_of_hand(
                     "link `{}` is {off:.1e} (m or rad) from where the hand's own URDF has it",
                     link.name
                 );
-                return Err(wrong(problem));
+                return Err(wrong(&problem));
             }
         }
     }
@@ -102,7 +102,7 @@ fn off(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
     way.max(turn)
 }
 
-fn wrong(problem: String) -> DispatchError {
+fn wrong(problem: &str) -> DispatchError {
     DispatchError::BadOption {
         key: "arm.robot",
         problem: format!("what its link `arm.palm` carries is not the hand of `hand`: {problem}"),

@@ -182,13 +182,16 @@ proptest! {
 
     /// What is told as a rate is the rate of what is told as a position.
     #[test]
-    fn the_rates_of_a_goal_are_its_derivatives(candidate in candidates(3), share in 0.01..0.99_f64) {
+    fn the_rates_of_a_goal_are_its_derivatives(
+        candidate in candidates(3),
+        place in any::<prop::sample::Index>(),
+    ) {
         let mut config = config(Approach::Follow);
         config.rates = RatesConfig { palm_hz: 2000.0, hand_hz: 2000.0 };
         config.grasp.squeeze_rad = 0.2;
         let planned = plan(&config, &of(candidate)).unwrap();
         let palm = palm_of(&planned);
-        let at = ((palm.len() - 2) as f64 * share) as usize + 1;
+        let at = place.index(palm.len() - 2) + 1;
         let [before, now, after] = [at - 1, at, at + 1].map(|k| &palm[k]);
         let dt = after.time_s - before.time_s;
         let [a, b] = [before, after].map(|p| *p.table_from_palm.isometry());
@@ -197,7 +200,7 @@ proptest! {
         let spin = (b.rotation * a.rotation.inverse()).scaled_axis() / dt;
         prop_assert!((spin - now.velocity.angular).norm() < 0.02);
         let hand = &planned.hand.points;
-        let at = ((hand.len() - 2) as f64 * share) as usize + 1;
+        let at = place.index(hand.len() - 2) + 1;
         let [before, now, after] = [at - 1, at, at + 1].map(|k| &hand[k]);
         let dt = after.time_s - before.time_s;
         for j in 0..3 {

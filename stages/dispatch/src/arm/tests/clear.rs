@@ -141,14 +141,14 @@ fn points(shape: &Shape) -> Vec<Point3<f64>> {
                 if x.abs().max(y.abs()).max(z.abs()) < N {
                     continue;
                 }
-                let share = Vector3::new(x, y, z).map(|at| f64::from(at) / f64::from(N));
-                let at = half.component_mul(&share);
+                let cell = Vector3::new(x, y, z).map(|at| f64::from(at) / f64::from(N));
+                let at = half.component_mul(&cell);
                 all.push(Point3::from(match *shape {
                     Shape::Box { .. } => at,
                     Shape::Sphere { radius_m } => at * (radius_m / at.norm()),
                     Shape::Cylinder { radius_m, .. } => {
-                        let share = (radius_m / at.xy().norm()).min(1.0);
-                        Vector3::new(at.x * share, at.y * share, at.z)
+                        let inward = (radius_m / at.xy().norm()).min(1.0);
+                        Vector3::new(at.x * inward, at.y * inward, at.z)
                     }
                     Shape::Capsule {
                         radius_m,

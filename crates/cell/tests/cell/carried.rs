@@ -1,0 +1,160 @@
+//! A hand on an arm.
+
+use cell::{
+    Carrier, CellArm, Gap, Goal, JointPoint, RejectionCode, Service, SimulatedCell,
+    SimulatedCellConfig, Track, robot_digest,
+};
+use nalgebra::Isometry3;
+use robot::RobotModel;
+use schemas::executions::Outcome;
+
+use crate::lab::{LISTEN, connect, cube, execute, goal, scene};
+
+const HAND: &str = include_str!("../../../../data/robots/allegro_right.urdf");
+const ARM: &str = include_str!("../../../../data/robots/xarm6_allegro.urdf");
+/// The arm's joints where the hand points down, in front of it and well above the table.
+const ABOVE: [f64; 6] = [0.0, -0.6, -0.6, 0.0, 1.2, 0.0];
+
+fn table_from_base() -> Isometry3<f64> {
+    Isometry3::translation(-0.4, 0.1, 0.0)
+}
+
+fn start() -> SimulatedCell {
+    let config = SimulatedCellConfig {
+        name: "simulated".to_owned(),
+        listen: LISTEN.to_owned(),
+        scene: scene(),
+        arm: Some(CellArm {
+            urdf: ARM.to_owned(),
+            palm: "base_link".to_owned(),
+            table_from_base: table_from_base(),
+        }),
+        gap: Gap::default(),
+        service: Service::default(),
+    };
+    let cell = SimulatedCell::start(config, HAND).unwrap();
+    cell.put_object("cube", cube());
+    cell
+}
+
+/// Turns the arm's first joint by a tenth of a radian while the fingers stay as they are.
+fn carried() -> Goal {
+    let still = |joints: Vec<String>, ends: [(f64, Vec<f64>); 2]| Track {
+        points: ends
+            .map(|(time_s, q)| JointPoint {
+                time_s,
+                velocity_rad_per_s: vec![0.0; q.len()],
+                acceleration_rad_per_s2: vec![0.0; q.len()],
+                q_rad: q,
+            })
+            .to_vec(),
+        joints,
+    };
+    let hand = RobotModel::from_urdf(HAND).unwrap();
+    let mut turned = ABOVE.to_vec();
+    turned[0] += 0.1;
+    let arm = (1..=6).map(|joint| format!("joint{joint}")).collect();
+    let mut asked = goal(0.0);
+    asked.robot = robot_digest(ARM);
+    asked.grasp.flexion_joints = Vec::new();
+    asked.carrier = Carrier::Arm(still(arm, [(0.0, ABOVE.to_vec()), (0.5, turned)]));
+    let open = hand.mid_range();
+    asked.hand = still(hand.joint_names(), [(0.0, open.clone()), (0.8, open)]);
+    asked
+}
+
+#[test]
+fn the_palm_is_where_the_arm_has_it() {
+    let cell = start();
+    let client = connect(&cell);
+    let capabilities = client.capabilities(crate::lab::SOON).unwrap();
+    assert_eq!(capabilities.controllers[0].controller, "arm");
+    assert_eq!(capabilities.controllers[0].joints.len(), 6);
+    assert_eq!(
+        capabilities.table_from_base,
+        Some([-0.4, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0])
+    );
+    let report = execute(&client, &carried());
+    // It grasps nothing.
+    assert_eq!(report.outcome, Outcome::Failed, "{}", report.message);
+    assert_eq!(report.joints.len(), 22);
+    let robot = RobotModel::from_urdf(ARM).unwrap();
+    let palm = robot.require_link("base_link").unwrap();
+    let column = |name: &String| report.joints.iter().position(|joint| joint == name);
+    let columns: Vec<usize> = robot
+        .joint_names()
+        .iter()
+        .map(|n| column(n).unwrap())
+        .collect();
+    // The object's yaw and place are the template's; the way between two palms is the same.
+    let palms: Vec<[Isometry3<f64>; 2]> = report
+        .samples
+        .iter()
+        .take_while(|sample| sample.time_s <= 0.5)
+        .map(|sample| {
+            let q: Vec<f64> = columns
+                .iter()
+                .map(|&idx| sample.q_command_rad[idx])
+                .collect();
+            let there = table_from_base() * robot.forward_kinematics(&q).unwrap()[palm];
+            [*sample.table_from_palm.isometry(), there]
+        })
+        .collect();
+    let [first_seen, first_told] = palms[0];
+    assert!(palms.len() > 40);
+    for [seen, told] in &palms {
+        let off = first_seen.inv_mul(seen).inverse() * first_told.inv_mul(told);
+        assert!(off.translation.vector.norm() < 1e-3, "{off}");
+        assert!(off.rotation.angle() < 5e-3, "{off}");
+    }
+    let [last_seen, _] = palms[palms.len() - 1];
+    assert!((first_seen.rotation.angle_to(&last_seen.rotation) - 0.1).abs() < 5e-3);
+}
+
+#[test]
+fn what_the_arm_cannot_do_is_rejected_with_a_reason() {
+    let cell = start();
+    let client = connect(&cell);
+    let check = |change: fn(&mut Track), code: RejectionCode, reason: &str| {
+        let mut goal = carried();
+        let Carrier::Arm(track) = &mut goal.carrier else {
+            panic!("an arm was given");
+        };
+        change(track);
+        let rejection = execute(&client, &goal).rejection.unwrap();
+        assert_eq!(rejection.code, code);
+        assert!(rejection.reason.contains(reason), "{}", rejection.reason);
+    };
+    check(
+        |arm| arm.points[1].q_rad[1] = 2.2,
+        RejectionCode::Limits,
+        "`joint2` would be at",
+    );
+    check(
+        |arm| arm.points[1].velocity_rad_per_s[0] = 3.5,
+        RejectionCode::Limits,
+        "`joint1` would move at 3.5",
+    );
+    check(
+        |arm| arm.joints[5] = "joint7".to_owned(),
+        RejectionCode::Joints,
+        "the arm has no joint `joint7`",
+    );
+    check(
+        |arm| arm.points.truncate(1),
+        RejectionCode::Times,
+        "1 points of the arm",
+    );
+    let flying = Goal {
+        carrier: goal(0.0).carrier,
+        ..carried()
+    };
+    let rejection = execute(&client, &flying).rejection.unwrap();
+    assert_eq!(rejection.code, RejectionCode::Joints);
+    assert!(
+        rejection.reason.contains("on an arm"),
+        "{}",
+        rejection.reason
+    );
+    assert_eq!(cell.executed_n(), 0);
+}

@@ -1,0 +1,99 @@
+//! A hand on an arm, from the motions that were accepted to what the simulated cell did.
+
+use std::{collections::BTreeSet, fs};
+
+use schemas::ros2::{
+    JointState, JointTrajectory, TfMessage,
+    motion::{ARM_TRAJECTORY, JOINT_STATES, JOINT_TRAJECTORY, TF},
+};
+use serde_json::Value;
+
+use crate::bench::{Bench, stderr, stdout};
+
+fn rows(bench: &Bench, sql: &str) -> Vec<Value> {
+    let asked = bench.ask(&["query", "--format", "json", sql]);
+    let lines = stdout(&asked);
+    let lines = lines.lines();
+    lines
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect()
+}
+
+#[test]
+fn an_arm_carries_the_hand_or_the_row_says_why_not() {
+    let bench = Bench::new();
+    bench.run_well(&["--profile", "arm"]);
+    let sql =
+        "select object, candidate_id, outcome, message, goal_id from executions order by goal_id";
+    let done = rows(&bench, sql);
+    let text = |row: &Value, key: &str| row[key].as_str().unwrap().to_owned();
+    let (sent, refused): (Vec<&Value>, Vec<&Value>) = done
+        .iter()
+        .partition(|row| !text(row, "goal_id").is_empty());
+    assert!(sent.len() >= 5, "{done:#?}");
+    for row in &refused {
+        assert_eq!(text(row, "outcome"), "rejected");
+        assert!(text(row, "message").starts_with("not sent: "), "{row}");
+    }
+    // The cell checks what it is told again, and finds nothing.
+    let outcomes: BTreeSet<String> = sent.iter().map(|row| text(row, "outcome")).collect();
+    assert!(outcomes.contains("succeeded"), "{done:#?}");
+    assert!(!outcomes.contains("rejected"), "{done:#?}");
+
+    let row = sent.iter().find(|row| text(row, "outcome") == "succeeded");
+    let name = format!("{}.mcap", text(row.unwrap(), "candidate_id"));
+    let found = find(&bench.lake().join("files/cgf/dispatch"), &name).unwrap();
+    let recording = lake::recording::read(&found).unwrap();
+    let told = |topic: &str| -> JointTrajectory {
+        let mut messages = recording.topic(topic);
+        messages.next().unwrap().decode().unwrap().unwrap()
+    };
+    let (arm, hand) = (told(ARM_TRAJECTORY), told(JOINT_TRAJECTORY));
+    assert_eq!((arm.joint_names.len(), hand.joint_names.len()), (6, 16));
+    let last = arm.points.last().unwrap();
+    assert!(last.velocities.iter().all(|speed| speed.abs() < 1e-6));
+    // All of the robot is there: its joints, and the tree from the arm's foot to the finger tips.
+    let mut states = recording.topic(JOINT_STATES);
+    let state: JointState = states.next().unwrap().decode().unwrap().unwrap();
+    assert_eq!(state.name.len(), 22);
+    let mut poses = recording.topic(TF);
+    let poses: TfMessage = poses.next().unwrap().decode().unwrap().unwrap();
+    let children: BTreeSet<&str> = poses
+        .transforms
+        .iter()
+        .map(|pose| pose.child_frame_id.as_str())
+        .collect();
+    for link in ["link_base", "link6", "link_3.0", "object"] {
+        assert!(children.contains(link), "{link}: {children:?}");
+    }
+}
+
+#[test]
+fn an_arm_that_does_not_carry_the_hand_is_refused_before_anything_runs() {
+    let bench = Bench::new();
+    let refused = |value: &str| {
+        let ran = bench.run(&["--profile", "arm", "--set", value]);
+        assert_eq!(ran.status.code(), Some(1), "{}", stderr(&ran));
+        let said = stderr(&ran);
+        assert!(!said.contains("ingest    "), "{said}");
+        said
+    };
+    let other = refused("dispatch.hand=data/robots/allegro_left.urdf");
+    assert!(other.contains("is not the hand"), "{other}");
+    let link = refused("dispatch.arm.palm=base");
+    assert!(link.contains("has no link `base`"), "{link}");
+    let pose = refused("dispatch.arm.table_from_base=[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]");
+    assert!(pose.contains("arm.table_from_base"), "{pose}");
+}
+
+/// Looks for a file below a folder.
+fn find(folder: &std::path::Path, name: &str) -> Option<std::path::PathBuf> {
+    let entries = fs::read_dir(folder).ok()?.flatten();
+    entries.map(|entry| entry.path()).find_map(|path| {
+        if path.is_dir() {
+            return find(&path, name);
+        }
+        let named = path.file_name().is_some_and(|found| found == name);
+        named.then_some(path)
+    })
+}
