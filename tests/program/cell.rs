@@ -27,6 +27,8 @@ fn a_cell_elsewhere_executes_what_was_accepted_and_knows_it_when_it_is_asked_aga
         .output()
         .unwrap();
     assert_eq!(again.status.code(), Some(0), "{}", stderr(&again));
+    let said = format!("{taken} the cell had executed before and did not again");
+    assert!(stderr(&again).contains(&said), "{}", stderr(&again));
     assert_eq!(lab.taken(), taken);
     lab.end(cell);
     let outcomes = lab.outcomes();

@@ -1,5 +1,6 @@
 //! One goal carried out in physics.
 
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use schemas::{executions::Outcome, rollouts::Verdict};
 use simulation::{Flow, ObjectShape, SimulationError, Template, TraceStep, WatchedRollout};
 use spatial::{Pose, Rest};
@@ -37,6 +38,10 @@ pub(super) fn carry_out(
         robot.hand.dof(),
         playing::arm_of(goal, robot),
         config.gap.latency_s,
+        level(
+            goal.table_from_object.isometry(),
+            template.table_from_believed().isometry(),
+        ),
     );
     for (step, noise) in steps.iter_mut().zip(&encoders.noise) {
         // A drive that takes a joint to be further than it is drives it less far.
@@ -88,6 +93,8 @@ struct Encoders {
     /// What the arm is told, which it does exactly but late.
     arm: Option<Track>,
     latency_s: f64,
+    /// The scene has the object where the simulation puts it, turned as it likes.
+    table_from_scene: Isometry3<f64>,
 }
 
 impl Encoders {
@@ -97,10 +104,12 @@ impl Encoders {
         dof: usize,
         arm: Option<Track>,
         latency_s: f64,
+        table_from_scene: Isometry3<f64>,
     ) -> Self {
         Self {
             arm,
             latency_s,
+            table_from_scene,
             noise: (0..steps_n).map(|_| drawn.step(dof)).collect(),
             seen_n: 0,
         }
@@ -124,12 +133,25 @@ impl Encoders {
         q_command_rad.extend(arm(step.time_s).into_iter().flat_map(|arm| arm.q_rad));
         Sample {
             time_s: step.time_s,
-            table_from_palm: Pose::new(step.table_from_palm),
-            table_from_object: Pose::new(step.table_from_object),
+            table_from_palm: Pose::new(self.table_from_scene * step.table_from_palm),
+            table_from_object: Pose::new(self.table_from_scene * step.table_from_object),
             q_rad,
             q_command_rad,
         }
     }
+}
+
+/// Returns the turn about the vertical and the shift along the table that take an object from where a
+/// scene has it to where it stands.
+fn level(table_from_object: &Isometry3<f64>, scene_from_object: &Isometry3<f64>) -> Isometry3<f64> {
+    let turn = table_from_object.rotation * scene_from_object.rotation.inverse();
+    // Of the quaternion, what is about z.
+    let yaw = 2.0 * turn.coords.z.atan2(turn.coords.w);
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
+    let mut shift =
+        table_from_object.translation.vector - turn * scene_from_object.translation.vector;
+    shift.z = 0.0;
+    Isometry3::from_parts(Translation3::from(shift), turn)
 }
 
 /// Returns how a cell calls what physics found.

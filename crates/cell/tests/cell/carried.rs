@@ -4,9 +4,10 @@ use cell::{
     Carrier, CellArm, Gap, Goal, JointPoint, RejectionCode, Service, SimulatedCell,
     SimulatedCellConfig, Track, robot_digest,
 };
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 use robot::RobotModel;
 use schemas::executions::Outcome;
+use spatial::Pose;
 
 use crate::lab::{LISTEN, connect, cube, execute, goal, scene};
 
@@ -51,13 +52,17 @@ fn carried() -> Goal {
         joints,
     };
     let hand = RobotModel::from_urdf(HAND).unwrap();
-    let mut turned = ABOVE.to_vec();
-    turned[0] += 0.1;
+    let mut beside = ABOVE.to_vec();
+    beside[0] += 0.1;
     let arm = (1..=6).map(|joint| format!("joint{joint}")).collect();
     let mut asked = goal(0.0);
     asked.robot = robot_digest(ARM);
     asked.grasp.flexion_joints = Vec::new();
-    asked.carrier = Carrier::Arm(still(arm, [(0.0, ABOVE.to_vec()), (0.5, turned)]));
+    // The cube stands elsewhere, turned by one radian.
+    let turned = Isometry3::new(Vector3::new(0.1, 0.05, 0.0), Vector3::z());
+    let cube = turned * asked.table_from_object.isometry();
+    asked.table_from_object = Pose::new(cube);
+    asked.carrier = Carrier::Arm(still(arm, [(0.0, ABOVE.to_vec()), (0.5, beside)]));
     let open = hand.mid_range();
     asked.hand = still(hand.joint_names(), [(0.0, open.clone()), (0.8, open)]);
     asked
@@ -74,7 +79,14 @@ fn the_palm_is_where_the_arm_has_it() {
         capabilities.table_from_base,
         Some([-0.4, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0])
     );
-    let report = execute(&client, &carried());
+    let asked = carried();
+    let report = execute(&client, &asked);
+    let cube = report.samples[0].table_from_object.isometry();
+    let off = asked.table_from_object.isometry().inv_mul(cube);
+    assert!(
+        off.translation.vector.norm() < 1e-3 && off.rotation.angle() < 1e-3,
+        "{off}"
+    );
     // It grasps nothing.
     assert_eq!(report.outcome, Outcome::Failed, "{}", report.message);
     assert_eq!(report.joints.len(), 22);
@@ -86,7 +98,6 @@ fn the_palm_is_where_the_arm_has_it() {
         .iter()
         .map(|n| column(n).unwrap())
         .collect();
-    // The object's yaw and place are the template's; the way between two palms is the same.
     let palms: Vec<[Isometry3<f64>; 2]> = report
         .samples
         .iter()
@@ -100,14 +111,13 @@ fn the_palm_is_where_the_arm_has_it() {
             [*sample.table_from_palm.isometry(), there]
         })
         .collect();
-    let [first_seen, first_told] = palms[0];
     assert!(palms.len() > 40);
     for [seen, told] in &palms {
-        let off = first_seen.inv_mul(seen).inverse() * first_told.inv_mul(told);
+        let off = seen.inv_mul(told);
         assert!(off.translation.vector.norm() < 1e-3, "{off}");
         assert!(off.rotation.angle() < 5e-3, "{off}");
     }
-    let [last_seen, _] = palms[palms.len() - 1];
+    let ([first_seen, _], [last_seen, _]) = (palms[0], palms[palms.len() - 1]);
     assert!((first_seen.rotation.angle_to(&last_seen.rotation) - 0.1).abs() < 5e-3);
 }
 
