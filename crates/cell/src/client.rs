@@ -17,7 +17,8 @@ use crate::{
     goal::now,
     heartbeat::Heartbeat,
     report::{Answer, Capabilities, NEVER_TAKEN, Report, Word},
-    session, wire,
+    session,
+    wire::{self, WireError},
 };
 
 /// Pause before a question is repeated that no cell has heard: right after a cell reconnects, routers
@@ -273,8 +274,16 @@ impl CellClient {
             )?;
             match answers.first() {
                 Some(Ok(bytes)) => {
-                    let report = Report::from_bytes(bytes)
-                        .map_err(|source| CellError::Answer { key, source })?;
+                    let report = Report::from_bytes(bytes).and_then(|report| {
+                        if report.goal_id == goal_id {
+                            return Ok(report);
+                        }
+                        Err(WireError::Json {
+                            part: "report",
+                            message: format!("it is about goal `{}`", report.goal_id),
+                        })
+                    });
+                    let report = report.map_err(|source| CellError::Answer { key, source })?;
                     return Ok(Recovered::Report(report));
                 }
                 Some(Err(NeverTaken)) => return Ok(Recovered::NeverTaken),

@@ -1,6 +1,7 @@
 //! A cell made of physics alone, behind the same protocol as a real one.
 
 mod acceptance;
+mod answers;
 mod control;
 mod fault;
 mod gap;
@@ -12,7 +13,6 @@ mod stream;
 mod watched;
 
 use std::{
-    cell::RefCell,
     collections::BTreeMap,
     path::PathBuf,
     sync::{
@@ -34,10 +34,10 @@ use zenoh::{
 };
 
 use self::{
-    acceptance::MAX_GOAL_BYTES,
+    answers::{asked_from, reply},
     control::Control,
     fault::Faults,
-    journal::{Asked, Job, Journal, fresh_name},
+    journal::{Job, Journal, fresh_name},
     robot::Robot,
     stream::Stream,
     watched::Watched,
@@ -49,10 +49,8 @@ pub use self::{
     watched::Tick,
 };
 use crate::{
-    Access, CellError, Goal, Keys, PROTOCOL,
-    goal::{Rejection, RejectionCode, SealedGoal, now},
-    keys::goal_id_of,
-    report::{Answer, Capabilities, NEVER_TAKEN, Report, Sample, Word},
+    Access, CellError, Goal, Keys,
+    report::{Report, Sample, Word},
     ros2::Mirror,
     session, wire,
 };
@@ -388,180 +386,7 @@ fn serve(
     })
 }
 
-/// Answers a question; who asked may be gone, which is theirs to notice.
-fn reply(query: &Query, bytes: &[u8]) {
-    let _sent = query.reply(query.key_expr(), bytes).wait();
-}
-
-/// Returns the number from which on something is asked for: `?from=N`, the first without one.
-fn asked_from(query: &Query) -> u64 {
-    let from = query.parameters().get("from").unwrap_or_default();
-    from.parse().unwrap_or_default()
-}
-
-/// Answers that the goal is not one of this cell's.
-fn never_taken(query: &Query) {
-    let _sent = query.reply_err(NEVER_TAKEN).wait();
-}
-
 impl Shared {
-    fn capabilities(&self) -> Capabilities {
-        let scene = &self.config.scene;
-        let Gap {
-            object,
-            latency_s,
-            encoder_noise_rad,
-        } = &self.config.gap;
-        Capabilities {
-            protocol: PROTOCOL,
-            cell: self.keys.name().to_owned(),
-            simulated: true,
-            robot: self.robot.digest.clone(),
-            controllers: self.robot.controllers(scene.control_step_s()),
-            table_from_base: self.robot.table_from_base(),
-            max_goal_bytes: MAX_GOAL_BYTES,
-            gap: format!(
-                "friction {}, mass times {}, torque limit {} Nm, object misplaced by up to {} m and {} rad, \
-                 commands {latency_s} s late, encoder noise {encoder_noise_rad} rad",
-                scene.friction,
-                scene.mass_scale,
-                scene.drive.torque_limit,
-                object.position_m,
-                object.yaw_rad
-            ),
-            real_time: self.config.service.real_time,
-            silence_s: (self.config.service.real_time).then_some(SILENCE.as_secs_f64()),
-        }
-    }
-
-    /// Answers a goal.
-    fn goal(&self, query: &Query, jobs: &mpsc::Sender<Job>) {
-        self.faults.goal();
-        let payload = query.payload().map(|payload| payload.to_bytes());
-        let (answer, job) = self.take(&payload.unwrap_or_default());
-        self.faults.die(Fault::DieBeforeAnswer);
-        self.faults.delay();
-        let answer = wire::line(&answer);
-        let silent = self.faults.lasts(Fault::NeverAnswer);
-        if silent {
-            lock(&self.unanswered).push(query.clone());
-        } else if !self.faults.strikes(Fault::LoseAnswer) {
-            reply(query, &answer);
-        }
-        if !silent && self.faults.strikes(Fault::DoubleAnswer) {
-            reply(query, &answer);
-        }
-        self.faults.die(Fault::DieAfterAnswer);
-        if let Some(job) = job {
-            // The worker ends only after the last queryable, whose callback this is.
-            let _queued = jobs.send(job);
-        }
-    }
-
-    /// Returns an object that lies before the robot, or why it cannot be said whether it does.
-    fn object(&self, name: &str) -> Result<Option<ObjectShape>, String> {
-        if let Some(known) = lock(&self.objects).get(name) {
-            return Ok(Some(known.clone()));
-        }
-        let found = match lock(&self.finder).as_ref() {
-            Some(find) => find(name)?,
-            None => None,
-        };
-        if let Some(found) = &found {
-            lock(&self.objects).insert(name.to_owned(), found.clone());
-        }
-        Ok(found)
-    }
-
-    /// Takes or refuses a goal; a goal taken before is known, whatever has changed since.
-    fn take(&self, bytes: &[u8]) -> (Answer, Option<Job>) {
-        let came = Instant::now();
-        let opened = acceptance::check_length(bytes).and_then(|()| SealedGoal::open(bytes));
-        match opened.and_then(|(sealed, goal)| self.admit(sealed, goal, came)) {
-            Ok(Some(job)) => (Answer::Accepted { known: false }, Some(job)),
-            Ok(None) => (Answer::Accepted { known: true }, None),
-            Err(rejection) => (Answer::Rejected(rejection), None),
-        }
-    }
-
-    /// Notes a goal; returns it if it is to be executed now.
-    fn admit(
-        &self,
-        sealed: SealedGoal,
-        goal: Goal,
-        came: Instant,
-    ) -> Result<Option<Job>, Rejection> {
-        if lock(&self.journal).knows(&sealed.goal_id) {
-            return Ok(None);
-        }
-        let unsaid = RefCell::new(None);
-        let known = |object: &str| match self.object(object) {
-            Ok(found) => found.is_some(),
-            Err(why) => {
-                *unsaid.borrow_mut() = Some(why);
-                false
-            }
-        };
-        acceptance::check(&goal, &self.robot, known).map_err(|refused| match unsaid.take() {
-            Some(why) => Rejection::new(refused.code, format!("{}: {why}", refused.reason)),
-            None => refused,
-        })?;
-        let mut journal = lock(&self.journal);
-        if self.control.is_stopped() {
-            let reason = "the cell was stopped and has not been told to resume";
-            return Err(Rejection::new(RejectionCode::Stopped, reason.to_owned()));
-        }
-        if sealed.has_expired(now()) {
-            let reason = "the goal came after the time until which it was valid";
-            return Err(Rejection::new(RejectionCode::Expired, reason.to_owned()));
-        }
-        if !journal.admit(&sealed)? {
-            return Ok(None);
-        }
-        self.control.begin();
-        Ok(Some(Job { sealed, goal, came }))
-    }
-
-    /// Answers with the report on a goal, now or when it is over.
-    fn result(&self, query: Query) {
-        if self.faults.lasts(Fault::NeverAnswer) {
-            lock(&self.unanswered).push(query);
-            return;
-        }
-        if self.faults.strikes(Fault::LoseResult) {
-            return;
-        }
-        let id = goal_id_of(query.key_expr().as_str()).map(ToOwned::to_owned);
-        let asked = lock(&self.journal).ask(id.as_deref().unwrap_or_default(), query);
-        match asked {
-            Asked::Kept => {}
-            Asked::Over(query, report) => reply(&query, &report),
-            Asked::NeverTaken(query) => never_taken(&query),
-        }
-    }
-
-    /// Breaks a goal off, and answers when that is done.
-    fn cancel(&self, query: Query) {
-        let id = goal_id_of(query.key_expr().as_str()).map(ToOwned::to_owned);
-        let id = id.unwrap_or_default();
-        let journal = lock(&self.journal);
-        if journal.executing() == Some(&id) {
-            self.control.cancel(&id, query);
-        } else if journal.knows(&id) {
-            reply(&query, &wire::line(&Word::Over));
-        } else {
-            never_taken(&query);
-        }
-    }
-
-    /// Breaks off whatever moves and takes no more goals.
-    fn stop(&self, query: Query) {
-        let journal = lock(&self.journal);
-        if let Some(query) = self.control.stop(query, journal.executing().is_some()) {
-            reply(&query, &wire::line(&Word::Done));
-        }
-    }
-
     /// Carries out a goal and reports on it.
     fn execute(&self, mirror: Option<&Mirror>, job: &Job) -> Report {
         let id = &job.sealed.goal_id;

@@ -93,6 +93,12 @@ impl Track {
         bytes: &[u8],
     ) -> Result<(Self, &[u8]), WireError> {
         let dof = joints.len();
+        if dof == 0 {
+            return Err(WireError::Json {
+                part: "controllers",
+                message: "a controller has no joints".to_owned(),
+            });
+        }
         let (rows, rest) = rows(bytes, points_n, 1 + 3 * dof)?;
         let point = |numbers: &Vec<f64>| {
             let (time_s, numbers) = numbers.split_first()?;

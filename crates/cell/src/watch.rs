@@ -240,6 +240,7 @@ impl Watcher {
                 self.counts.gaps_n += header.seq.min(until).saturating_sub(from);
             }
             any = true;
+            let asked = from;
             from = from.max(header.seq);
             for state in states {
                 if state.seq == from && from < until {
@@ -248,6 +249,10 @@ impl Watcher {
                     self.counts.recovered_n += 1;
                     self.ready.push_back(Seen::State(state));
                 }
+            }
+            // A cell that answers something else has no more to tell.
+            if from == asked {
+                break;
             }
         }
         if any {

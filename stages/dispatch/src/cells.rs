@@ -79,7 +79,9 @@ pub(crate) fn connect(
             hand: config.hand.clone(),
         });
     }
-    let planned = config.arm.as_ref().map(|arm| arm.table_from_base);
+    let planned = config.arm.as_ref();
+    let planned = planned.map(ArmConfig::table_from_base).transpose()?;
+    let planned = planned.map(|pose| pose.to_array());
     if let (Some(planned), Some(there)) = (planned, capabilities.table_from_base) {
         let is_there = planned
             .iter()

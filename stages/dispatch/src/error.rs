@@ -61,6 +61,18 @@ pub enum DispatchError {
         /// What was waited for.
         message: String,
     },
+    /// The cell takes no goals now.
+    #[error(
+        "cell `{cell}` does not take motion `{candidate_id}` now, nothing of it has moved: {reason}"
+    )]
+    NotNow {
+        /// The cell's name.
+        cell: String,
+        /// The motion.
+        candidate_id: String,
+        /// The cell's reason.
+        reason: String,
+    },
     /// A report does not hold the robot's joints.
     #[error("the report on goal {goal_id} does not name the joints of `{}`", hand.display())]
     Report {
@@ -118,6 +130,9 @@ impl Advise for DispatchError {
                 "look at the robot; when its cell is up again, the same command asks it what came of \
                  this motion before it sends another"
                     .to_owned(),
+            ),
+            Self::NotNow { .. } => Some(
+                "see to the cell; the same command then goes on with this motion".to_owned(),
             ),
             Self::NoCandidate { .. } => {
                 Some("wire `candidates` to the stage whose motions were screened".to_owned())

@@ -8,10 +8,13 @@ use crate::{
     motion::{Lengths, Part},
 };
 
+/// Parts of a period between two points at whose ends velocities are looked at.
+const LOOKS: u8 = 8;
+
 /// How many times as slow each part of a motion must be for its limits.
 ///
 /// What is told is judged three times: by the velocities and accelerations that go with the points; by
-/// the velocities of joints halfway between them, on the polynomial that goes through both; and by what a
+/// the velocities of joints between them, on the polynomial that goes through both; and by what a
 /// controller sees that is told positions alone, differences over one period. Before and after, the robot
 /// rests.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -85,8 +88,11 @@ impl Excess {
             );
             let next = points.get(idx + 1);
             if let Some(next) = next {
-                let halfway: Vec<f64> = halfway(point, next).collect();
-                self.see(part, parts(&halfway, &vec![0.0; dof]));
+                for look in 1..LOOKS {
+                    let share = f64::from(look) / f64::from(LOOKS);
+                    let between: Vec<f64> = between(point, next, share).collect();
+                    self.see(part, parts(&between, &vec![0.0; dof]));
+                }
             }
             let after = next.map_or_else(
                 || vec![0.0; dof],
@@ -129,11 +135,11 @@ fn rate<T>(before: Option<&T>, point: &T, after: Option<&T>, time_s: impl Fn(&T)
     }
 }
 
-/// Returns the joints' velocities halfway between two points.
-fn halfway(from: &JointPoint, to: &JointPoint) -> impl Iterator<Item = f64> {
+/// Returns the joints' velocities after a share of the time between two points.
+fn between(from: &JointPoint, to: &JointPoint, share: f64) -> impl Iterator<Item = f64> {
     let duration_s = to.time_s - from.time_s;
     let ends = from.ends().zip(to.ends());
-    ends.map(move |(from, to)| quintic(from, to, duration_s, 0.5 * duration_s)[1])
+    ends.map(move |(from, to)| quintic(from, to, duration_s, share * duration_s)[1])
 }
 
 fn differences(from: &[f64], to: &[f64], rate: f64) -> Vec<f64> {

@@ -175,10 +175,11 @@ impl<'a> Planner<'a> {
         let table_from_object = arm.map_or(*lying, |arm| arm.table_from_object);
         let asked_s = path_s(self.protocol);
         let most = self.limits.config.most_times_slower;
-        let slow = |way_s: f64| Refusal::Slow {
-            slower: way_s / asked_s,
-            most,
-        };
+        let whole_s = self.protocol.reach_s
+            + self.protocol.squeeze_s
+            + self.protocol.pause_s
+            + self.protocol.lift_s;
+        let slow = |slower: f64| Refusal::Slow { slower, most };
         let endless = || slow(f64::INFINITY);
         let follows = fingers.opened.is_none();
         let parts_at = |course_s: f64| {
@@ -211,9 +212,12 @@ impl<'a> Planner<'a> {
         };
         for trial in 0..TRIALS {
             // What is no number is not soon enough.
-            let is_soon_enough = motion.lengths.way_s <= most * asked_s;
+            let is_soon_enough = motion.lengths.way_s <= most * asked_s
+                && motion.lengths.lifted_s() <= most * whole_s;
             if !is_soon_enough {
-                return Err(slow(motion.lengths.way_s));
+                let times =
+                    (motion.lengths.way_s / asked_s).max(motion.lengths.lifted_s() / whole_s);
+                return Err(slow(times));
             }
             let palm = sampled(motion.lengths.lifted_s(), self.rates.palm_hz, |time_s| {
                 motion.palm(time_s)
@@ -270,7 +274,8 @@ impl<'a> Planner<'a> {
                 }
             }
         }
-        Err(slow(motion.lengths.way_s))
+        // Sampling never came to an end.
+        Err(endless())
     }
 
     /// Returns the joints of an arm that moves so.

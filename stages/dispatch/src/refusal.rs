@@ -47,6 +47,9 @@ pub(crate) enum Refusal {
         "not sent: within its limits the motion takes {slower:.2} times as long, more than `limits.most_times_slower` = {most}"
     )]
     Slow { slower: f64, most: f64 },
+    /// The cell takes no message that long.
+    #[error("not sent: its goal has {bytes} bytes, more than the {most} that the cell takes")]
+    Long { bytes: usize, most: usize },
     /// No posture of the arm is that of the way's end.
     #[error(
         "not sent: the arm cannot bring the palm to the grasp, {} m from its foot, at any of {turns} turns of the object",

@@ -5,7 +5,7 @@ use std::{
     path::{Component, Path},
 };
 
-use cell::{CellClient, Executed, Goal, Recovered, Report};
+use cell::{CellClient, Executed, Goal, Recovered, Rejection, RejectionCode, Report};
 use dataflow::{
     Artifact, Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, SourceFile,
     Stage, Summary, Unit,
@@ -317,6 +317,13 @@ fn send(
                 continue;
             }
         };
+        let bytes = goal.seal().bytes.len();
+        if bytes > capabilities.max_goal_bytes {
+            let most = capabilities.max_goal_bytes;
+            let refusal = Refusal::Long { bytes, most };
+            sent.executions.push(cell.refused(candidate, &refusal));
+            continue;
+        }
         let (mut report, moved) = sender.carry_out(goal)?;
         sent.known_n += usize::from(moved == Moved::Before);
         names.of_hand(&mut report);
@@ -391,11 +398,33 @@ impl Sender<'_> {
             Executed::Unheard(message) => return Err(unknown(message)),
         };
         let (report, moved) = done;
+        if let Some(rejection) = report
+            .rejection
+            .as_ref()
+            .filter(|rejection| passes(rejection))
+        {
+            return Err(DispatchError::NotNow {
+                cell: self.cell.to_owned(),
+                candidate_id: goal.candidate_id.clone(),
+                reason: rejection.reason.clone(),
+            });
+        }
         if report.outcome != executions::Outcome::Rejected {
             self.journal.conclude(&report)?;
         }
         Ok((report, moved))
     }
+}
+
+/// Whether a refusal says nothing about the motion: later it may be taken.
+fn passes(rejection: &Rejection) -> bool {
+    matches!(
+        rejection.code,
+        RejectionCode::Busy
+            | RejectionCode::Stopped
+            | RejectionCode::Expired
+            | RejectionCode::Storage
+    )
 }
 
 /// What a row says of the cell.

@@ -9,14 +9,19 @@ use crate::{
     track::{Carrier, Timed, Track},
 };
 
-/// Longest goal accepted, in bytes: four minutes of 16 joints at 333 Hz.
-pub(super) const MAX_GOAL_BYTES: usize = 32 * 1024 * 1024;
+/// Longest goal accepted, in bytes: a minute of 16 joints at 333 Hz.
+pub(super) const MAX_GOAL_BYTES: usize = 8 * 1024 * 1024;
 /// Fewest points of a controller.
 const MIN_POINTS: usize = 2;
+/// How far beyond the URDF's limits a finger may be told to be, whatever the goal says, in radians (meters
+/// if prismatic): it presses on its stop then.
+const MOST_TOLERANCE_RAD: f64 = 0.1;
+/// Time between two looks at a motion, in seconds, at most.
+const LOOK_S: f64 = 0.002;
 /// Longest motion, in seconds.
 const MOST_S: f64 = 600.0;
-/// Relative excess of a speed that is rounding.
-const ROUNDING: f64 = 1e-6;
+/// Relative excess of a speed that may lie between two looks of a dispatcher at it.
+const ROUNDING: f64 = 1e-4;
 
 /// Checks a message's length, before anything of it is read.
 pub(super) fn check_length(bytes: &[u8]) -> Result<(), Rejection> {
@@ -52,7 +57,10 @@ pub(super) fn check(
         );
     }
     check_phases(&goal.grasp)?;
-    let tolerance = goal.grasp.limit_tolerance_rad;
+    let tolerance = goal
+        .grasp
+        .limit_tolerance_rad
+        .clamp(0.0, MOST_TOLERANCE_RAD);
     check_track(&goal.hand, "hand", robot.hand.joints(), tolerance)?;
     match (&goal.carrier, &robot.arm) {
         (Carrier::Palm(points), None) => check_times("palm", points)?,
@@ -151,14 +159,24 @@ fn check_times<T: Timed>(controller: &str, points: &[T]) -> Result<(), Rejection
     Ok(())
 }
 
-/// Checks positions and velocities, at the points and halfway between them.
+/// Checks positions and velocities: at the points, halfway between them, and every two milliseconds.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a count of looks between 2 and 300,000"
+)]
 fn check_limits(track: &Track, joints: &[&Joint], tolerance: f64) -> Result<(), Rejection> {
-    let starts = track.points.iter().map(|point| point.time_s);
-    let halves = track.points.windows(2).filter_map(|pair| match pair {
-        [from, to] => Some(f64::midpoint(from.time_s, to.time_s)),
-        _ => None,
+    let between = track.points.windows(2).flat_map(|pair| {
+        let ends = pair.first().zip(pair.last());
+        let (from_s, to_s) = ends.map_or((0.0, 0.0), |(from, to)| (from.time_s, to.time_s));
+        // Times are those of a motion that is not too long.
+        let looks = ((to_s - from_s) / LOOK_S)
+            .ceil()
+            .clamp(2.0, MOST_S / LOOK_S);
+        (0..looks as u32).map(move |look| from_s + (to_s - from_s) * f64::from(look) / looks)
     });
-    for point in starts.chain(halves).filter_map(|time_s| track.at(time_s)) {
+    let end = track.points.last().map(|point| point.time_s);
+    for point in between.chain(end).filter_map(|time_s| track.at(time_s)) {
         let time_s = point.time_s;
         let moving = point.q_rad.iter().zip(&point.velocity_rad_per_s);
         for (joint, (&q, &velocity)) in joints.iter().zip(moving) {

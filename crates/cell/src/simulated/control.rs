@@ -61,10 +61,12 @@ impl Control {
 
     /// Has whatever moves broken off and nothing more taken; returns the query to be answered now
     /// if nothing moves.
-    pub(super) fn stop(&self, query: Query, is_moving: bool) -> Option<Query> {
+    pub(super) fn stop(&self, query: Query, executing: Option<&str>) -> Option<Query> {
         let mut wish = self.wish();
         wish.stopped = true;
-        if is_moving {
+        if let Some(goal_id) = executing {
+            // Even if goals are taken again before this one looks.
+            wish.cancel = Some(goal_id.to_owned());
             wish.asking.push(query);
             return None;
         }

