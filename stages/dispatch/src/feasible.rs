@@ -175,10 +175,7 @@ impl<'a> Planner<'a> {
         let table_from_object = arm.map_or(*lying, |arm| arm.table_from_object);
         let asked_s = path_s(self.protocol);
         let most = self.limits.config.most_times_slower;
-        let whole_s = self.protocol.reach_s
-            + self.protocol.squeeze_s
-            + self.protocol.pause_s
-            + self.protocol.lift_s;
+        let whole_s = whole_s(self.protocol);
         let slow = |slower: f64| Refusal::Slow { slower, most };
         let endless = || slow(f64::INFINITY);
         let follows = fingers.opened.is_none();
@@ -427,6 +424,11 @@ fn path_s(protocol: &Protocol) -> f64 {
         Approach::Follow => protocol.reach_s,
         Approach::Open => protocol.reach_s * (1.0 - closing(protocol)),
     }
+}
+
+/// Returns how long a motion takes as asked for, to the end of the lift, in seconds.
+fn whole_s(protocol: &Protocol) -> f64 {
+    protocol.reach_s + protocol.squeeze_s + protocol.pause_s + protocol.lift_s
 }
 
 /// Returns the share of the reach in which the fingers close.

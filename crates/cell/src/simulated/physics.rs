@@ -53,14 +53,14 @@ pub(super) fn carry_out(
     let mut shown = |step: &TraceStep| {
         let sample = encoders.read(step);
         let asked = see(&sample);
-        let sample_s = sample.time_s;
+        let now_s = sample.time_s;
         let due = SAMPLE_S * (samples.len() as f64 - 1e-9);
         if sample.time_s >= due {
             samples.push(sample);
         }
         reason = reason.take().or(asked);
         if reason.is_some() {
-            encoders.halt(sample_s);
+            encoders.halt(now_s);
         }
         match reason {
             None => Flow::GoOn,
