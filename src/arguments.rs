@@ -7,14 +7,29 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use dataflow::Sweep;
 
+/// What every command takes, and where to begin.
+const LONG: &str = "
+Options of every command:
+  -q, --quiet       Print only errors
+      --lake <DIR>  Folder that holds artifacts [default: data/lake]
+  -h, --help        Print help: `-h` on one screen, `--help` everything
+  -V, --version     Print the version
+
+Start here: pipeline new my_lab, then in my_lab: pipeline run pipelines/cgf.toml";
+
 /// Learn dexterous grasps from human demonstrations
 #[derive(Parser)]
-#[command(version, after_help = "Start here: pipeline run pipelines/cgf.toml")]
+#[command(
+    version,
+    override_usage = "pipeline [-q] [--lake DIR] COMMAND …; `pipeline COMMAND -h` says more",
+    help_template = "{about}\n\nUsage: {usage}\n\nCommands:\n{subcommands}{after-help}",
+    after_long_help = LONG
+)]
 pub(crate) struct Cli {
     /// Print only errors
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
-    /// Directory that holds artifacts
+    /// Folder that holds artifacts
     #[arg(long, global = true, value_name = "DIR", default_value = "data/lake")]
     pub(crate) lake: PathBuf,
     #[command(subcommand)]
@@ -23,6 +38,8 @@ pub(crate) struct Cli {
 
 #[derive(Subcommand)]
 pub(crate) enum Command {
+    /// Make a project in which the main job runs
+    New(NewArgs),
     /// Run a pipeline, reusing every result that is still valid
     Run(RunArgs),
     /// Show what `run` would do, and why
@@ -33,7 +50,9 @@ pub(crate) enum Command {
     Inspect(InspectArgs),
     /// List what was run: when, with which values, how it ended
     Runs(RunsArgs),
-    /// Show what differs between two runs: values, inputs, code and figures
+    /// Show what differs between two runs
+    ///
+    /// Values, inputs, code and figures.
     Diff(DiffArgs),
     /// Show what an artifact was made of, or what was made of it
     Lineage(LineageArgs),
@@ -45,20 +64,28 @@ pub(crate) enum Command {
     Stages(StagesArgs),
     /// Draw what a pipeline's stages read and make
     Graph(GraphArgs),
-    /// Check that the lake, what a pipeline file names and the robot cell are ready
+    /// Check that the lake, a pipeline's files and its cell are ready
     Doctor(DoctorArgs),
-    /// Serve a simulated robot cell until it is interrupted
+    /// Serve a simulated robot cell until interrupted
     Cell(CellArgs),
-    /// Forward between robot cells, dispatchers and those who watch, until it is interrupted
+    /// Forward between robot cells, dispatchers and viewers
     Router(RouterArgs),
     /// Check every byte of the lake against what was stored
     Verify(VerifyArgs),
-    /// Remove what no run that counts, and no pipeline file, refers to any more
+    /// Remove what no run that counts, and no pipeline file, uses
     Gc(GcArgs),
-    /// Make one partition of one output: what `run --processes` starts, here or on another machine
+    /// Make one partition of one output
+    ///
+    /// It is what `run --processes` starts, here or on another machine.
     Unit(UnitArgs),
-    /// Print a script that completes commands and options in a shell
+    /// Print a script that completes commands in a shell
     Completions(CompletionsArgs),
+}
+
+#[derive(Args)]
+pub(crate) struct NewArgs {
+    /// The project's name, which is its folder's: ASCII letters, digits, `_` and `-`
+    pub(crate) name: String,
 }
 
 /// Which pipeline, with which values.
@@ -68,14 +95,17 @@ pub(crate) struct PipelineArgs {
     pub(crate) file: PathBuf,
     #[command(flatten)]
     pub(crate) values: ValueArgs,
-    /// Stop after this stage [default: the last one]
+    /// Stop after this stage [default: the last]
     #[arg(long, value_name = "STAGE")]
     pub(crate) until: Option<String>,
-    /// Go through this stage alone; what it reads must have been made [default: every stage]
+    /// Run this stage alone [default: every stage]
+    ///
+    /// What it reads must have been made.
     #[arg(long, value_name = "STAGE", conflicts_with = "until")]
     pub(crate) only: Option<String>,
-    /// Run this stage even if its results are in the lake; without a name, every stage; may be
-    /// repeated [default: none]
+    /// Make a stage's results again [default: none]
+    ///
+    /// Even if they are in the lake; without a name, those of every stage. May be repeated.
     #[arg(long, value_name = "STAGE", num_args = 0..=1, default_missing_value = "")]
     pub(crate) fresh: Vec<String>,
 }
@@ -83,20 +113,20 @@ pub(crate) struct PipelineArgs {
 /// Which cell, and how it serves.
 #[derive(Args)]
 pub(crate) struct CellArgs {
-    /// Pipeline file whose `dispatch` says what the simulated cell is like
+    /// Pipeline file
+    ///
+    /// Its `dispatch` says what the simulated cell is like.
     #[arg(default_value = "pipelines/cgf.toml")]
     pub(crate) file: PathBuf,
     #[command(flatten)]
     pub(crate) values: ValueArgs,
-    /// URDF of the robot hand
-    #[arg(
-        long,
-        value_name = "FILE",
-        default_value = "data/robots/allegro_right.urdf"
-    )]
-    pub(crate) hand: PathBuf,
-    /// Where to listen: `tcp/HOST:PORT` on the loopback interface, or `tls/HOST:PORT` with `--access`;
-    /// port 0 takes any free one, which is printed
+    /// URDF of the robot hand [default: that of the stage]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) hand: Option<PathBuf>,
+    /// Where to listen
+    ///
+    /// `tcp/HOST:PORT` on the loopback interface, or `tls/HOST:PORT` with `--access`; port 0 takes any
+    /// free one, which is printed.
     #[arg(
         long,
         value_name = "ENDPOINT",
@@ -104,26 +134,35 @@ pub(crate) struct CellArgs {
         conflicts_with = "connect"
     )]
     pub(crate) listen: String,
-    /// Router to connect to instead of listening; when it is lost the cell comes back by itself
-    /// [default: the cell listens]
+    /// Router to connect to [default: the cell listens]
+    ///
+    /// When it is lost the cell comes back by itself.
     #[arg(long, value_name = "ENDPOINT")]
     pub(crate) connect: Option<String>,
-    /// File with the cell's certificates or password, and where it listens with whom it trusts and
-    /// who may do what; see `data/access` [default: none, on the loopback interface alone]
+    /// Certificates or password [default: loopback only]
+    ///
+    /// A file with the cell's certificates or password, and, where it listens, with whom it trusts and
+    /// who may do what; see `data/access`. Without one it is reached on the loopback interface alone.
     #[arg(long, value_name = "FILE")]
     pub(crate) access: Option<PathBuf>,
-    /// Folder in which the cell keeps what it has done [default: cells/NAME in the lake]
+    /// What it has done [default: LAKE/cells/NAME]
+    ///
+    /// The folder in which the cell keeps it.
     #[arg(long, value_name = "DIR")]
     pub(crate) journal: Option<PathBuf>,
-    /// Simulate as fast as possible, without a heartbeat [default: motions take as long as they say]
+    /// Simulate as fast as possible
+    ///
+    /// Without a heartbeat; otherwise motions take as long as they say.
     #[arg(long)]
     pub(crate) fast: bool,
-    /// Show the joints to ROS 2 in this domain, as `/joint_states` and `/joint_trajectory` under the
-    /// keys of `rmw_zenoh` [default: not]
+    /// ROS 2 domain that sees the joints [default: none]
+    ///
+    /// As `/joint_states` and `/joint_trajectory` under the keys of `rmw_zenoh`.
     #[arg(long, value_name = "DOMAIN")]
     pub(crate) ros2_domain: Option<u32>,
-    /// Let something go wrong, to try a dispatcher: e.g. `die_after_answer@2`, at the second goal;
-    /// may be repeated [default: nothing]
+    /// Let something go wrong [default: nothing]
+    ///
+    /// To try a dispatcher: e.g. `die_after_answer@2`, at the second goal. May be repeated.
     #[arg(long, value_name = "FAULT")]
     pub(crate) fault: Vec<PlannedFault>,
 }
@@ -131,12 +170,17 @@ pub(crate) struct CellArgs {
 /// Where to forward, and for whom.
 #[derive(Args)]
 pub(crate) struct RouterArgs {
-    /// Where to listen: `tcp/HOST:PORT` on the loopback interface, or `tls/HOST:PORT` with `--access`;
-    /// port 0 takes any free one, which is printed
+    /// Where to listen
+    ///
+    /// `tcp/HOST:PORT` on the loopback interface, or `tls/HOST:PORT` with `--access`; port 0 takes any
+    /// free one, which is printed.
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
     pub(crate) listen: String,
-    /// File with the router's certificate, whom it trusts and who may do what, which `zenohd --config`
-    /// reads as well; see `data/access` [default: none, on the loopback interface alone]
+    /// Certificates and rules [default: loopback only]
+    ///
+    /// A file with the router's certificate, whom it trusts and who may do what, which
+    /// `zenohd --config` reads as well; see `data/access`. Without one it is reached on the loopback
+    /// interface alone.
     #[arg(long, visible_alias = "config", value_name = "FILE")]
     pub(crate) access: Option<PathBuf>,
 }
@@ -144,13 +188,17 @@ pub(crate) struct RouterArgs {
 /// Values that replace those of a pipeline file.
 #[derive(Args, Clone, Default)]
 pub(crate) struct ValueArgs {
-    /// Take the values of this table under `profiles` in the file [default: the file's own values]
+    /// Values of this profile [default: the file's]
+    ///
+    /// A table under `profiles` in the file.
     #[arg(long, value_name = "NAME")]
     pub(crate) profile: Option<String>,
-    /// Replace one value, e.g. `ingest.root=/data/dexycb`; may be repeated. `run` and `plan` take
-    /// several, e.g. `train.training.kl_weight=1e-3,1e-2`, and go through every variant; text with
-    /// a comma in it is put in double quotes [default: the file's own values]
-    #[arg(long = "set", value_name = "STAGE.KEY=VALUE")]
+    /// Replace a value [default: the file's]
+    ///
+    /// E.g. `ingest.root=/data/dexycb`. May be repeated. `run` and `plan` take several values, e.g.
+    /// `train.training.kl_weight=1e-3,1e-2`, and go through every variant; text with a comma in it is
+    /// put in double quotes.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) overrides: Vec<Sweep>,
 }
 
@@ -161,13 +209,17 @@ pub(crate) struct RunArgs {
     /// Number of worker threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) jobs: Option<u16>,
-    /// Make each unit in a process of its own instead of a thread: `pipeline unit`
+    /// Make each unit in a process of its own
+    ///
+    /// Instead of a thread: `pipeline unit`.
     #[arg(long)]
     pub(crate) processes: bool,
-    /// Show what would run, as `plan` does, and run nothing
+    /// Show what would run, as `plan` does
     #[arg(long)]
     pub(crate) dry_run: bool,
-    /// Let `dispatch` move a robot that is not simulated; without this it sends nothing to one
+    /// Let `dispatch` move a robot that is not simulated
+    ///
+    /// Without this it sends nothing to one.
     #[arg(long)]
     pub(crate) execute: bool,
 }
@@ -183,12 +235,14 @@ pub(crate) struct PlanArgs {
 
 #[derive(Args)]
 pub(crate) struct QueryArgs {
-    /// The question, e.g. `select object, count(*) as n from rollouts group by object`
+    /// The question, e.g. `select * from objects`
     pub(crate) sql: String,
     /// How to print
     #[arg(long, value_enum, default_value_t = QueryFormat::Table)]
     pub(crate) format: QueryFormat,
-    /// Give the tables as this run had them [default: each as the newest run that made it]
+    /// Tables as this run had them [default: the newest]
+    ///
+    /// Without it: each table as the newest run that made it.
     #[arg(long, value_name = "RUN")]
     pub(crate) run: Option<String>,
 }
@@ -209,12 +263,14 @@ pub(crate) enum QueryFormat {
 pub(crate) struct InspectArgs {
     /// The artifact, e.g. `screen.rollouts`
     pub(crate) artifact: String,
-    /// One partition of it, e.g. an object's name [default: an overview of all]
+    /// One partition, e.g. an object's name [default: all, in short]
     pub(crate) partition: Option<String>,
     /// List what was skipped or filtered, with the reasons
     #[arg(long)]
     pub(crate) skipped: bool,
-    /// The run: its number, a tag, `newest`, or `newest~1` for the one before [default: newest]
+    /// The run: its number or tag, `newest~1`, … [default: newest]
+    ///
+    /// `newest~1` is the one before the newest.
     #[arg(long, value_name = "RUN")]
     pub(crate) run: Option<String>,
 }
@@ -242,7 +298,9 @@ pub(crate) struct RunsArgs {
 
 #[derive(Args)]
 pub(crate) struct DiffArgs {
-    /// The run before: its number, a tag, `newest`, or `newest~1` for the one before the newest
+    /// The run before: its number, a tag, `newest`, `newest~1`, …
+    ///
+    /// `newest~1` is the one before the newest.
     pub(crate) old: String,
     /// The run after
     #[arg(default_value = "newest")]
@@ -256,12 +314,16 @@ pub(crate) struct DiffArgs {
 pub(crate) struct LineageArgs {
     /// The artifact, e.g. `screen.rollouts`
     pub(crate) artifact: String,
-    /// One partition of it, e.g. an object's name [default: how outputs depend on each other]
+    /// One partition, e.g. an object's name [default: all, in short]
+    ///
+    /// Without one: how outputs depend on each other.
     pub(crate) partition: Option<String>,
-    /// Show what was made of it instead of what it was made of
+    /// Show what was made of it instead
     #[arg(long)]
     pub(crate) down: bool,
-    /// The run: its number, a tag, `newest`, or `newest~1` for the one before [default: newest]
+    /// The run: its number or tag, `newest~1`, … [default: newest]
+    ///
+    /// `newest~1` is the one before the newest.
     #[arg(long, value_name = "RUN")]
     pub(crate) run: Option<String>,
     /// How to print
@@ -271,9 +333,9 @@ pub(crate) struct LineageArgs {
 
 #[derive(Args)]
 pub(crate) struct TagArgs {
-    /// The run: its number, a tag, `newest`, or `newest~1` for the one before
+    /// The run: its number, a tag, `newest`, `newest~1`, …
     pub(crate) run: String,
-    /// The name, e.g. `best`; a run that has it already loses it
+    /// The name, e.g. `best`; another run that has it loses it
     pub(crate) name: String,
 }
 
@@ -317,22 +379,26 @@ pub(crate) struct DoctorArgs {
     pub(crate) file: PathBuf,
     #[command(flatten)]
     pub(crate) values: ValueArgs,
-    /// Check this robot instead: what its URDF describes, what is unphysical in it, and a first
-    /// proposal of a hand's table [default: the pipeline file is checked]
+    /// Check this robot [default: check the pipeline file]
+    ///
+    /// What its URDF describes, what is unphysical in it, and a first proposal of a hand's table.
     #[arg(long, value_name = "URDF", conflicts_with_all = ["file", "profile", "overrides"])]
     pub(crate) robot: Option<PathBuf>,
 }
 
 #[derive(Args)]
 pub(crate) struct CompletionsArgs {
-    /// The shell, e.g. `bash`: `pipeline completions bash > ~/.local/share/bash-completion/completions/pipeline`
+    /// The shell
+    ///
+    /// E.g. `pipeline completions bash > ~/.local/share/bash-completion/completions/pipeline`.
     pub(crate) shell: Shell,
 }
 
 #[derive(Args)]
 pub(crate) struct VerifyArgs {
-    /// Check also the files outside the lake that it has read: finds those that were changed behind
-    /// an unchanged size, time and inode, and has them read again
+    /// Check also the files outside the lake that it has read
+    ///
+    /// Finds those that were changed behind an unchanged size, time and inode, and has them read again.
     #[arg(long)]
     pub(crate) inputs: bool,
     /// Drop what is damaged, so that the next run makes it again
@@ -345,13 +411,16 @@ pub(crate) struct VerifyArgs {
 
 #[derive(Args)]
 pub(crate) struct GcArgs {
-    /// Pipeline files of which everything stays that they use now [default: those of the lake's runs]
+    /// Pipeline files to keep [default: those of the lake's runs]
+    ///
+    /// Everything stays that they use now.
     pub(crate) files: Vec<PathBuf>,
-    /// Number of finished runs of each pipeline, the newest, of which everything stays; of tagged
-    /// runs it always does
+    /// Finished runs of each pipeline to keep, the newest
+    ///
+    /// Everything of them stays; of tagged runs it always does.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) keep: u16,
-    /// Say what would go and how many bytes that is, and remove nothing
+    /// Say what would go, and remove nothing
     #[arg(long)]
     pub(crate) dry_run: bool,
     /// How to print
@@ -375,7 +444,9 @@ pub(crate) struct UnitArgs {
     /// How to print
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub(crate) format: Format,
-    /// Stop as soon as stdin closes, as it does when the process that started this one ends
+    /// Stop as soon as stdin closes
+    ///
+    /// As it does when the process that started this one ends.
     #[arg(long)]
     pub(crate) with_parent: bool,
 }

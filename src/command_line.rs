@@ -1,8 +1,8 @@
 //! From the command line to an exit code.
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{env, path::PathBuf, process::ExitCode};
 
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches};
 use dataflow::Kind;
 
 use crate::{
@@ -23,16 +23,30 @@ pub(crate) struct Program<'a> {
     pub(crate) quiet: Quiet,
 }
 
+/// Reads the process's arguments.
+fn arguments() -> Result<Cli, clap::Error> {
+    let mut command = Cli::command();
+    command.build();
+    // It works, and would be a line too many for one screen.
+    let mut command = command.mut_subcommand("help", |help| help.hide(true));
+    let mut matches = command.try_get_matches_from_mut(env::args_os())?;
+    Cli::from_arg_matches_mut(&mut matches).map_err(|err| err.format(&mut command))
+}
+
 /// Does what the process's arguments ask for, with these kinds of stages, and returns its exit code:
 /// 0 done, 1 failed, 2 wrong command line or pipeline file, 3 done with skipped items, 130 interrupted.
 pub fn command_line(kinds: &[Kind]) -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match arguments() {
+        Ok(cli) => cli,
+        Err(said) => return report::arguments(&said),
+    };
     let program = Program {
         kinds,
         lake: cli.lake,
         quiet: if cli.quiet { Quiet::Yes } else { Quiet::No },
     };
     let result = match &cli.command {
+        Command::New(args) => commands::new(&program, args),
         Command::Run(args) => commands::run(&program, args),
         Command::Plan(args) => commands::plan(&program, args),
         Command::Query(args) => commands::query(&program, args),

@@ -1,4 +1,5 @@
-//! Ctrl-C: units in flight are dropped, what is kept stays, and the exit code is 130.
+//! Ctrl-C: a motion that a robot makes is canceled, units in flight are dropped, what is kept stays, and the
+//! exit code is 130.
 
 use std::{process, sync::Arc, thread};
 
@@ -7,6 +8,8 @@ use signal_hook::{
     consts::{SIGINT, SIGTERM},
     iterator::Signals,
 };
+
+use stage_dispatch::{Cancellation, MotionInFlight};
 
 use crate::{outcome::Trouble, report};
 
@@ -24,14 +27,26 @@ pub(crate) fn drop_on_signal(lake: &Arc<Lake>) -> Result<(), Trouble> {
         }
         // Who asks twice does not want to wait.
         if signals.next().is_some() {
+            for motion in stage_dispatch::stop_sending() {
+                report::line(&format!(
+                    "stop   {}: left without the cell's answer, the robot may still move",
+                    name(&motion)
+                ));
+            }
             process::exit(i32::from(INTERRUPTED));
         }
     });
     Ok(())
 }
 
-/// Drops what is being made in the lake, says so, and ends the program.
+/// Has motions broken off, drops what is being made in the lake, says so, and ends the program.
 pub(crate) fn stop(lake: &Lake) -> ! {
+    let motions = stage_dispatch::stop_sending();
+    thread::scope(|scope| {
+        for motion in &motions {
+            scope.spawn(|| cancel(motion));
+        }
+    });
     let (_nothing_is_kept_now, n_dropped) = lake.abandon();
     let dropped = match n_dropped {
         0 => String::new(),
@@ -42,4 +57,41 @@ pub(crate) fn stop(lake: &Lake) -> ! {
         "interrupted: {dropped}everything made before is kept; the same command goes on from there"
     ));
     process::exit(i32::from(INTERRUPTED));
+}
+
+/// Has a motion broken off, and says whether the robot stands.
+fn cancel(motion: &MotionInFlight) {
+    let name = name(motion);
+    report::line(&format!(
+        "stop   {name}: canceled, waiting up to {} for the cell; Ctrl-C again does not wait",
+        report::duration(motion.answer_timeout().as_secs_f64())
+    ));
+    let (end, hint) = match motion.cancel() {
+        Cancellation::Stands => (
+            "the robot stands".to_owned(),
+            "look at the robot; the same command counts this motion as stopped and goes on with the next, \
+             with `--set dispatch.resume_stopped=true` it sends this one again",
+        ),
+        Cancellation::Over => (
+            "it was over before it could be canceled".to_owned(),
+            "the same command goes on with the next motion",
+        ),
+        Cancellation::Unknown(why) => (
+            format!("the robot may still move: {why}"),
+            "look at the robot; the same command asks its cell what came of this motion before it sends \
+             another",
+        ),
+    };
+    report::line(&format!(
+        "stop   {name}: {end} (goal {})\nhint: {hint}",
+        motion.goal_id()
+    ));
+}
+
+fn name(motion: &MotionInFlight) -> String {
+    format!(
+        "motion `{}` at cell `{}`",
+        motion.candidate_id(),
+        motion.cell()
+    )
 }

@@ -59,12 +59,13 @@ impl From<LakeError> for Trouble {
     fn from(err: LakeError) -> Self {
         let hint = err.hint();
         match err {
-            LakeError::NoRun { .. } | LakeError::NoTag { .. } | LakeError::NotATag { .. } => {
-                Self::Usage {
-                    message: err.to_string(),
-                    hint,
-                }
-            }
+            LakeError::NoLake { .. }
+            | LakeError::NoRun { .. }
+            | LakeError::NoTag { .. }
+            | LakeError::NotATag { .. } => Self::Usage {
+                message: err.to_string(),
+                hint,
+            },
             err => Self::Failed {
                 hint,
                 error: err.into(),

@@ -35,6 +35,8 @@ pub(crate) enum Event {
         message: String,
         /// What to do.
         hint: Option<String>,
+        /// The output of which too little came to the stage, if that is why.
+        left_out: Option<NodeName>,
     },
 }
 
@@ -81,7 +83,11 @@ impl Elsewhere for Processes {
         forced: Forced,
         progress: &Progress,
     ) -> Result<bool, Failure> {
-        let failed = |message: String, hint: Option<String>| Failure::Elsewhere { message, hint };
+        let failed = |message: String, hint: Option<String>| Failure::Elsewhere {
+            message,
+            hint,
+            left_out: None,
+        };
         let broken = |err: std::io::Error| {
             let message = format!("cannot run a process for `{node}` at `{partition}`: {err}");
             failed(message, None)
@@ -93,8 +99,16 @@ impl Elsewhere for Processes {
                 match serde_json::from_str(&line.map_err(broken)?) {
                     Ok(Event::Progress { fraction, message }) => progress(fraction, &message),
                     Ok(Event::Done { made_now, .. }) => result = Some(Ok(made_now)),
-                    Ok(Event::Failed { message, hint }) => {
-                        result = Some(Err(failed(message, hint)));
+                    Ok(Event::Failed {
+                        message,
+                        hint,
+                        left_out,
+                    }) => {
+                        result = Some(Err(Failure::Elsewhere {
+                            message,
+                            hint,
+                            left_out: left_out.map(Into::into),
+                        }));
                     }
                     Err(_) => {}
                 }

@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeMap,
+    io,
     sync::{Mutex, PoisonError},
     time::Duration,
 };
@@ -29,6 +30,8 @@ pub(crate) enum Quiet {
 
 #[derive(Default)]
 struct State {
+    /// Characters in a line, if they are limited.
+    width: Option<usize>,
     n_outputs: usize,
     n_done: usize,
     bar: Option<ProgressBar>,
@@ -43,7 +46,10 @@ impl Screen {
     pub(crate) fn new(quiet: Quiet) -> Self {
         Self {
             quiet,
-            state: Mutex::default(),
+            state: Mutex::new(State {
+                width: report::width_of(&io::stderr()),
+                ..State::default()
+            }),
         }
     }
 
@@ -67,6 +73,35 @@ impl State {
             Some(bar) => bar.suspend(|| report::line(text)),
             None => report::line(text),
         }
+    }
+
+    /// Prints a line of which the end may be left out on a terminal.
+    fn print_short(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| report::short_line(text)),
+            None => report::short_line(text),
+        }
+    }
+}
+
+/// Characters of a stage's description where nothing limits them.
+const DESCRIPTION: usize = 51;
+
+/// Characters of the time that an output took.
+const TIME: usize = 8;
+
+/// What became of an output, in one line of a width if there is one: the description is cut, not the time.
+fn stage_line(head: &str, description: &str, time: &str, width: Option<usize>) -> String {
+    let taken = head.chars().count() + 1 + TIME.max(time.chars().count());
+    let description = match width {
+        Some(width) => report::cut(description, width.saturating_sub(taken)),
+        None => description.to_owned(),
+    };
+    let line = format!("{head}{description:<DESCRIPTION$} {time:>TIME$}");
+    match width {
+        // Narrower than a description usually is.
+        Some(width) if line.chars().count() > width => format!("{head}{description} {time:>TIME$}"),
+        _ => line,
     }
 }
 
@@ -129,7 +164,7 @@ impl Observer for Screen {
             state.n_units_done += 1;
             state.move_bar();
             if let RecordOutcome::Skipped { reason } = outcome {
-                state.print(&format!("skip   {partition}: {reason}"));
+                state.print_short(&format!("skip   {partition}: {reason}"));
             }
         });
     }
@@ -156,9 +191,10 @@ impl Observer for Screen {
             };
             let width = state.n_outputs.to_string().len();
             let line = format!(
-                "  {:>width$}/{}  {:<9} {:<58} {time:>9}",
-                state.n_done, state.n_outputs, report.node.stage, report.description
+                "  {:>width$}/{}  {:<9} ",
+                state.n_done, state.n_outputs, report.node.stage
             );
+            let line = stage_line(&line, &report.description, &time, state.width);
             if report.n_made_now == 0 {
                 state.held_back.push(line);
             } else {
@@ -168,5 +204,26 @@ impl Observer for Screen {
                 report::line(&line);
             }
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stage_line_fits_its_width_and_keeps_its_time() {
+        let head = "  12/16  retarget  ";
+        let long = "72 demonstrations and more of them than fit in one line of a narrow terminal";
+        for width in 40..120 {
+            for (description, time) in [("short", "0.1 s"), (long, "cached"), (long, "59 min 59 s")]
+            {
+                let line = stage_line(head, description, time, Some(width));
+                assert!(line.chars().count() <= width, "{width}: {line}");
+                assert!(line.ends_with(time), "{line}");
+            }
+        }
+        let free = stage_line(head, long, "0.1 s", None);
+        assert!(free.contains(long), "{free}");
     }
 }

@@ -1,30 +1,152 @@
 //! Printing: the only file that writes to stdout and stderr.
 
 use std::{
-    io::{self, Write},
+    env,
+    io::{self, IsTerminal, Write},
+    os::fd::AsFd,
     process::ExitCode,
 };
 
+use anstream::AutoStream;
+use clap::builder::styling::{AnsiColor, Style};
 use serde::Serialize;
 
-use crate::outcome::Trouble;
+use crate::{outcome::Trouble, system_errors::in_words};
 
-/// Writes data to stdout. A reader that has gone away is no fault.
-pub(crate) fn data(bytes: &[u8]) {
+/// Writes data to stdout. A reader that has gone away is no fault; that nothing can be written is.
+pub(crate) fn data(bytes: &[u8]) -> Result<(), Trouble> {
     let mut stdout = io::stdout().lock();
-    let _gone = stdout.write_all(bytes).and_then(|()| stdout.flush());
+    checked(stdout.write_all(bytes).and_then(|()| stdout.flush()))
+}
+
+/// What came of writing to stdout.
+fn checked(written: io::Result<()>) -> Result<(), Trouble> {
+    match written {
+        Err(err) if err.kind() != io::ErrorKind::BrokenPipe => Err(Trouble::failed(
+            anyhow::Error::from(err).context("cannot write to standard output"),
+            None,
+        )),
+        Ok(()) | Err(_) => Ok(()),
+    }
+}
+
+/// Writes text for people to stdout, with the words that begin its lines in color where that is shown.
+pub(crate) fn text(text: &str) -> Result<(), Trouble> {
+    let lines = text.lines().map(|line| painted(line) + "\n");
+    let text: String = lines.collect();
+    let mut stdout = AutoStream::auto(io::stdout().lock());
+    checked(
+        stdout
+            .write_all(text.as_bytes())
+            .and_then(|()| stdout.flush()),
+    )
 }
 
 /// Writes a value as JSON to stdout, for programs.
 pub(crate) fn json(value: &impl Serialize) -> Result<(), Trouble> {
     let json = serde_json::to_string_pretty(value).map_err(|err| Trouble::failed(err, None))?;
-    data(format!("{json}\n").as_bytes());
-    Ok(())
+    data(format!("{json}\n").as_bytes())
 }
 
-/// Writes a line for people to stderr.
+/// Writes a line for people to stderr. There is nowhere to say that it could not be written.
 pub(crate) fn line(text: &str) {
-    let _gone = writeln!(io::stderr().lock(), "{text}");
+    let mut stderr = AutoStream::auto(io::stderr().lock());
+    let _gone = writeln!(stderr, "{}", painted(&in_words(text)));
+}
+
+/// Writes a line about a run to stderr, cut where a terminal would wrap it.
+pub(crate) fn short_line(text: &str) {
+    match width_of(&io::stderr()) {
+        Some(width) => line(&cut(&in_words(text), width)),
+        None => line(text),
+    }
+}
+
+/// Returns how many characters a line of what is written to has; none where nobody looks. `COLUMNS`
+/// sets it, also where it is no terminal.
+pub(crate) fn width_of(shown: &(impl IsTerminal + AsFd)) -> Option<usize> {
+    let asked = env::var("COLUMNS").ok();
+    let asked = asked.and_then(|text| text.trim().parse().ok());
+    let found = || {
+        let size = terminal_size::terminal_size_of(shown).filter(|_| shown.is_terminal());
+        size.map(|(width, _)| usize::from(width.0))
+    };
+    asked.or_else(found).filter(|&width| width > 0)
+}
+
+/// What stands for what is left out.
+pub(crate) const LEFT_OUT: &str = "…";
+
+/// Cuts text to a width, with a mark in place of what is cut.
+pub(crate) fn cut(text: &str, width: usize) -> String {
+    if text.chars().count() <= width {
+        return text.to_owned();
+    }
+    let kept = width.saturating_sub(LEFT_OUT.chars().count());
+    let kept: String = text.chars().take(kept).collect();
+    format!("{}{LEFT_OUT}", kept.trim_end())
+}
+
+/// Puts text in lines of a width, broken between words.
+pub(crate) fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+/// The color of a word that begins a line.
+fn color(word: &str) -> Option<Style> {
+    let color = match word {
+        "error:" | "missing" | "wrong" => AnsiColor::Red,
+        "hint:" | "next" => AnsiColor::Cyan,
+        "ok" | "done" | "cached" => AnsiColor::Green,
+        "run" | "perhaps" | "unset" | "doubtful" | "note" | "skip" | "mend" | "drop" | "wait"
+        | "interrupted:" => AnsiColor::Yellow,
+        _ => return None,
+    };
+    let style = Style::new().fg_color(Some(color.into()));
+    Some(if word == "error:" {
+        style.bold()
+    } else {
+        style
+    })
+}
+
+/// A line with the word that begins it, or the carets that end it, in color.
+fn painted(line: &str) -> String {
+    let word = line.split(' ').next().unwrap_or_default();
+    if let Some(style) = color(word) {
+        let rest = line.get(word.len()..).unwrap_or_default();
+        return format!("{style}{word}{style:#}{rest}");
+    }
+    let before = line.trim_end_matches('^');
+    let carets = line.get(before.len()..).unwrap_or_default();
+    if carets.is_empty() || !before.ends_with(char::is_whitespace) {
+        return line.to_owned();
+    }
+    let style = Style::new().fg_color(Some(AnsiColor::Red.into()));
+    format!("{before}{style}{carets}{style:#}")
+}
+
+/// Says what clap says about the arguments: help to stdout, what is wrong with them to stderr.
+pub(crate) fn arguments(said: &clap::Error) -> ExitCode {
+    let written = said.print().and_then(|()| io::stdout().flush());
+    if said.use_stderr() {
+        return ExitCode::from(2);
+    }
+    match checked(written) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failed) => trouble(&failed),
+    }
 }
 
 /// Reports why a command did not do what it was asked, and returns its exit code.
@@ -75,7 +197,7 @@ pub(crate) fn chain(error: &anyhow::Error) -> String {
             text = format!("{text}: {cause}");
         }
     }
-    text
+    in_words(&text)
 }
 
 /// Lays out rows in columns two spaces apart; columns in `right` are aligned to the right.
@@ -139,5 +261,52 @@ pub(crate) fn duration(seconds: f64) -> String {
             (minutes / 60.0).floor(),
             minutes % 60.0
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cut_text_says_so() {
+        assert_eq!(cut("pitcher", 7), "pitcher");
+        assert_eq!(cut("pitcher_base", 7), "pitche…");
+        assert_eq!(cut("äöüäöü", 3), "äö…");
+    }
+
+    #[test]
+    fn words_are_kept_whole_where_lines_are_broken() {
+        assert_eq!(wrapped("a bc def", 4), ["a bc", "def"]);
+        assert_eq!(wrapped("abcdef g", 4), ["abcdef", "g"]);
+        assert_eq!(wrapped("", 4), [""]);
+    }
+
+    #[test]
+    fn only_words_that_begin_a_line_and_carets_are_colored() {
+        let plain = [
+            "an error: x",
+            "  done",
+            "a^",
+            "report `a`",
+            "goal   1 succeeded",
+        ];
+        for text in plain {
+            assert_eq!(painted(text), text);
+        }
+        for (text, word) in [
+            ("error: no stage", "error:"),
+            ("hint: name one", "hint:"),
+            ("done   all", "done"),
+            ("cached   a.b", "cached"),
+            ("  | ^^^^", "^^^^"),
+        ] {
+            let colored = painted(text);
+            let start = colored.find('\u{1b}').unwrap();
+            assert!(
+                colored[start..].contains(&format!("m{word}\u{1b}[0m")),
+                "{colored:?}"
+            );
+        }
     }
 }

@@ -17,7 +17,8 @@
 //!
 //! Positions of prismatic joints are in meters, and so are their rates and how far they were outside.
 
-use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::columns::{Columns, Reader, SchemaError};

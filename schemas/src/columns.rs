@@ -2,15 +2,14 @@
 
 use std::{collections::HashMap, sync::Arc};
 
-use arrow::{
-    array::{
-        Array, ArrayRef, AsArray, BooleanArray, FixedSizeListArray, Float64Array, Int64Array,
-        ListArray, RecordBatch, StringArray,
-    },
-    buffer::OffsetBuffer,
-    datatypes::{DataType, Field, FieldRef, Float64Type, Int64Type, Schema},
-    error::ArrowError,
+use arrow_array::{
+    Array, ArrayRef, BooleanArray, FixedSizeListArray, Float64Array, Int64Array, ListArray,
+    RecordBatch, StringArray,
+    cast::AsArray,
+    types::{Float64Type, Int64Type},
 };
+use arrow_buffer::OffsetBuffer;
+use arrow_schema::{ArrowError, DataType, Field, FieldRef, Schema};
 use nalgebra::{Unit, Vector3};
 use spatial::{NotAPose, Pose, Rest};
 

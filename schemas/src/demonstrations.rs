@@ -20,7 +20,8 @@
 //!
 //! Landmarks: wrist; thumb, index, middle, ring, little finger, four each from base to tip.
 
-use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spatial::Rest;

@@ -8,7 +8,8 @@
 //! | `center_of_mass_m` | f64 × 3      | m    | the solid's center of mass, object frame         |
 //! | `hull_m`           | list f64 × 3 | m    | vertices of its convex hull, object frame        |
 
-use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
 
 use crate::columns::{Columns, Reader, SchemaError};
 

@@ -9,18 +9,19 @@
 //! | `simulated`         | bool |      | whether the cell says that nothing real moves                    |
 //! | `gap`               | utf8 |      | how it differs from what was planned for, as it says             |
 //! | `accepted`          | bool |      | whether the cell took the goal                                   |
-//! | `outcome`           | utf8 |      | `succeeded`, `failed`, `rejected`, `aborted`, `unknown`          |
+//! | `outcome`           | utf8 |      | `succeeded`, `failed`, `rejected`, `aborted`, `stopped`, `unknown` |
 //! | `message`           | utf8 |      | the cell's word on it                                            |
 //! | `duration_s`        | f64  | s    | length of the motion as executed                                 |
 //! | `tracking_error_rad`| f64  | rad  | largest difference of a measured joint position from its command |
 //! | `lift_m`            | f64  | m    | rise of the object as the cell measured it                       |
 
-use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
 
 use crate::columns::{Columns, Reader, SchemaError};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "executions/2";
+pub const VERSION: &str = "executions/3";
 
 /// What a cell did with one motion.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,19 +59,22 @@ pub enum Outcome {
     Failed,
     /// The cell refused the goal; nothing moved.
     Rejected,
-    /// The motion was broken off.
+    /// The cell broke the motion off.
     Aborted,
+    /// A person had the motion broken off.
+    Stopped,
     /// Nobody knows; a person has to look.
     Unknown,
 }
 
 impl Outcome {
     /// Every outcome.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Succeeded,
         Self::Failed,
         Self::Rejected,
         Self::Aborted,
+        Self::Stopped,
         Self::Unknown,
     ];
 
@@ -81,6 +85,7 @@ impl Outcome {
             Self::Failed => "failed",
             Self::Rejected => "rejected",
             Self::Aborted => "aborted",
+            Self::Stopped => "stopped",
             Self::Unknown => "unknown",
         }
     }

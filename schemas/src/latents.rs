@@ -12,7 +12,8 @@
 //! | `deviation_mean`  | f64  | 1    | mean of the motions' standard deviations                     |
 //! | `active`          | bool |      | whether motions differ in it                                 |
 
-use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
 
 use crate::columns::{Columns, Reader, SchemaError};
 

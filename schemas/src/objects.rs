@@ -20,7 +20,8 @@
 //! | `rest_seen_n`        | list i64       | 1     | demonstrations in which it lay so; 0: only stable  |
 //! | `rest_probability`   | list f64       | 1     | share of random drops that end so, by the mesh     |
 
-use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
 use nalgebra::{Unit, Vector3};
 use spatial::Rest;
 

@@ -20,7 +20,8 @@
 //! The six of each are `joints_position`, `joints_velocity`, `joints_acceleration`, `cartesian_position`,
 //! `cartesian_velocity` and `cartesian_acceleration`.
 
-use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
 
 use crate::columns::{Columns, Reader, SchemaError};
 

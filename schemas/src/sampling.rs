@@ -20,7 +20,8 @@
 //!
 //! The hand is its collision shapes, filled with balls; it is measured at the motion's steps.
 
-use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
 
 use crate::columns::{Columns, Reader, SchemaError};
 

@@ -24,7 +24,8 @@
 //! the same pose share a mean, and one that lies alone is left out: `spread_n` is n, and with 0 of them
 //! every spread is 0.
 
-use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
 
 use crate::{
     columns::{Columns, Reader, SchemaError},

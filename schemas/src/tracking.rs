@@ -18,7 +18,8 @@
 //! | `q_velocity_p95_rad_per_s`  | f64  | rad/s  | joint speeds, all steps: 95th percentile           |
 //! | `q_acceleration_p95_rad_per_s2` | f64 | rad/s² | joint accelerations: 95th percentile            |
 
-use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
 
 use crate::columns::{Columns, Reader, SchemaError};
 

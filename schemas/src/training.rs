@@ -20,7 +20,8 @@
 //! `training` is as the motions were seen, turned and with noise; the others as they were recorded,
 //! after the epoch, decoded from their mean codes.
 
-use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
 
 use crate::columns::{Columns, Reader, SchemaError};
 

@@ -23,7 +23,8 @@
 //!
 //! Positions of prismatic joints are in meters, and so are their margins.
 
-use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
 use spatial::{Object, Palm, Pose, Rest};
 
 use crate::columns::{Columns, Reader, SchemaError, count};

@@ -7,16 +7,18 @@
 //! | `cell`                  | utf8 |      | the cell's name                                             |
 //! | `simulated`             | bool |      | whether the cell says that nothing real moves               |
 //! | `gap`                   | utf8 |      | how it differs from what was planned for, as it says        |
-//! | `trials_n`              | i64  |      | motions of which anything may have moved                    |
+//! | `trials_n`              | i64  |      | motions of which anything may have moved, but for those that a person stopped |
 //! | `successes_n`           | i64  |      | those that lifted and held the object                       |
 //! | `rate`                  | f64  | 1    | `successes_n` over `trials_n`; 0 of none                    |
 //! | `rate_low`, `rate_high` | f64  | 1    | ends of its 95 % interval, see [`wilson`]                   |
 //! | `failed_n`              | i64  |      | trials that ended without the object held                   |
-//! | `aborted_n`             | i64  |      | trials that were broken off                                 |
+//! | `aborted_n`             | i64  |      | trials that the cell broke off                              |
 //! | `unknown_n`             | i64  |      | trials of which nobody knows the end: they count as none that succeeded |
 //! | `rejected_n`            | i64  |      | motions that were not sent or not taken: no trials          |
+//! | `stopped_n`             | i64  |      | motions that a person stopped: no trials                    |
 
-use arrow::{datatypes::Schema, record_batch::RecordBatch};
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
 
 use crate::{
     columns::{Columns, Reader, SchemaError},
@@ -25,7 +27,7 @@ use crate::{
 };
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "trials/1";
+pub const VERSION: &str = "trials/2";
 
 /// What one cell made of the motions for one object.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,9 +52,10 @@ impl Trials {
         found.map_or(0, |(_, n)| n)
     }
 
-    /// Returns how many motions may have moved anything.
+    /// Returns how many motions may have moved anything and were not stopped by a person.
     pub fn trials_n(&self) -> i64 {
-        self.outcomes_n.iter().sum::<i64>() - self.count(Outcome::Rejected)
+        let others = [Outcome::Rejected, Outcome::Stopped].map(|outcome| self.count(outcome));
+        self.outcomes_n.iter().sum::<i64>() - others.iter().sum::<i64>()
     }
 
     /// Returns how many succeeded.
@@ -72,13 +75,17 @@ impl Trials {
 }
 
 /// The outcomes that are no success, the columns that count them and their meanings.
-const OTHERS: [(Outcome, &str, &str); 4] = [
+const OTHERS: [(Outcome, &str, &str); 5] = [
     (
         Outcome::Failed,
         "failed_n",
         "trials that ended without the object held",
     ),
-    (Outcome::Aborted, "aborted_n", "trials that were broken off"),
+    (
+        Outcome::Aborted,
+        "aborted_n",
+        "trials that the cell broke off",
+    ),
     (
         Outcome::Unknown,
         "unknown_n",
@@ -88,6 +95,11 @@ const OTHERS: [(Outcome, &str, &str); 4] = [
         Outcome::Rejected,
         "rejected_n",
         "motions that were not sent or not taken: no trials",
+    ),
+    (
+        Outcome::Stopped,
+        "stopped_n",
+        "motions that a person stopped: no trials",
     ),
 ];
 
@@ -113,7 +125,7 @@ fn columns(trials: &[Trials]) -> Columns {
     );
     c.i64(
         "trials_n",
-        "motions of which anything may have moved",
+        "motions of which anything may have moved, but for those that a person stopped",
         rows().map(Trials::trials_n),
     );
     c.i64(

@@ -1,6 +1,6 @@
 //! What is written reads back equal; what breaks a schema is refused.
 
-use arrow::record_batch::RecordBatch;
+use arrow_array::RecordBatch;
 use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
     SchemaError, candidates, demonstrations, distance_fields, executions, latents, objects,
@@ -320,8 +320,8 @@ fn trials_read_back_and_add_up() {
         cell: "lab".to_owned(),
         simulated: false,
         gap: String::new(),
-        // Succeeded, failed, rejected, aborted, unknown.
-        outcomes_n: [11, 4, 5, 3, 2],
+        // Succeeded, failed, rejected, aborted, stopped, unknown.
+        outcomes_n: [11, 4, 5, 3, 7, 2],
     }];
     assert_eq!((trials[0].trials_n(), trials[0].successes_n()), (20, 11));
     let [low, high] = trials[0].interval();

@@ -13,7 +13,7 @@ use std::{
 };
 
 use cell::{Service, SimulatedCell};
-use dataflow::Stage;
+use dataflow::{Advise, missing};
 use lake::{Lake, table};
 use robot::RobotModel;
 use schemas::objects;
@@ -36,20 +36,26 @@ use crate::{
 /// How often it is looked whether the router is still there.
 const LOOK: Duration = Duration::from_millis(200);
 
+/// What everybody should know who starts a cell without an access file.
+const UNGUARDED: &str =
+    "any program of this machine may drive it: without TLS nobody is asked who they are";
+
 /// Serves a simulated robot cell until it is interrupted.
 pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Trouble> {
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
     let mut stages = pipeline.stages.iter();
-    let stage = stages
-        .find(|stage| stage.kind.name == Dispatch::KIND)
+    let options = stages
+        .find_map(|stage| stage.options::<Dispatch>())
         .ok_or_else(|| {
             Trouble::usage(
                 format!("`{}` has no stage of kind `dispatch`", args.file.display()),
                 "name a pipeline file that dispatches, e.g. `pipelines/cgf.toml`",
             )
         })?;
-    let mut config = simulated_cell(stage.config(), args.listen.clone())
-        .map_err(|err| Trouble::failed(err, None))?;
+    let mut config = simulated_cell(options, args.listen.clone()).map_err(|err| {
+        let hint = err.hint();
+        Trouble::failed(err, hint)
+    })?;
     let journal = args.journal.clone();
     let journal = journal.unwrap_or_else(|| program.lake.join("cells").join(&config.name));
     config.service = Service {
@@ -61,22 +67,27 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Troubl
         faults: args.fault.clone(),
     };
     let name = config.name.clone();
-    let urdf = fs::read_to_string(&args.hand).map_err(|err| {
+    let path = args.hand.as_ref().unwrap_or(&options.hand);
+    let urdf = fs::read_to_string(path).map_err(|err| {
         Trouble::usage(
+            format!("cannot read the hand's URDF `{}`: {err}", path.display()),
             format!(
-                "cannot read the hand's URDF `{}`: {err}",
-                args.hand.display()
+                "name the URDF of a robot hand with `--hand FILE`; {}",
+                missing(path)
             ),
-            "name the URDF of a robot hand with `--hand FILE`",
         )
     })?;
-    RobotModel::from_urdf(&urdf).map_err(|err| {
+    let hand = RobotModel::from_urdf(&urdf).map_err(|err| {
+        let hint = err.hint();
+        Trouble::failed(err, hint)
+    })?;
+    let hand = robot_meshes::with_mesh_shapes(hand, path).map_err(|err| {
         let hint = err.hint();
         Trouble::failed(err, hint)
     })?;
     // Before anything is served: whoever stops it may be quick.
     let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(|err| Trouble::failed(err, None))?;
-    let served = SimulatedCell::start(config, &urdf).map_err(|err| {
+    let served = SimulatedCell::start_with(config, &urdf, hand).map_err(|err| {
         let hint = err.hint();
         Trouble::failed(err, hint)
     })?;
@@ -101,7 +112,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Troubl
             ));
         }));
     }
-    report::data(format!("{}\n", served.endpoint()).as_bytes());
+    report::data(format!("{}\n", served.endpoint()).as_bytes())?;
     if program.quiet == Quiet::No {
         report::line(&format!(
             "cell   `{name}` at `{}`{}, what it has done is in `{}`; Ctrl-C ends it",
@@ -109,6 +120,9 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Troubl
             if args.fast { "" } else { " in real time" },
             journal.display()
         ));
+        if args.access.is_none() {
+            report::line(UNGUARDED);
+        }
     }
     let ended = AtomicBool::new(false);
     let router = args

@@ -1,6 +1,6 @@
 //! The run and the artifact that a command is about.
 
-use std::io;
+use std::path::Path;
 
 use dataflow::{NodeName, UnitRef, nearest};
 use lake::{Lake, LakeError, Run};
@@ -19,16 +19,24 @@ pub(crate) fn run(lake: &Lake, name: Option<&str>) -> Result<Run, Trouble> {
 pub(crate) fn no_runs(lake: &Lake) -> Trouble {
     Trouble::usage(
         format!("no run in the lake `{}`", lake.root().display()),
-        "make one with `pipeline run pipelines/cgf.toml`, or name another lake with `--lake DIR`",
+        format!("{}, or name another lake with `--lake DIR`", begin()),
     )
+}
+
+/// How to begin in this folder.
+pub(crate) fn begin() -> &'static str {
+    const FILE: &str = "pipelines/cgf.toml";
+    if Path::new(FILE).is_file() {
+        "make some with `pipeline run pipelines/cgf.toml`"
+    } else {
+        "`pipeline new NAME` makes a project to run"
+    }
 }
 
 /// Returns a run, and whether its units are still in the lake; if not, it is returned without them.
 pub(crate) fn run_and_whether_kept(lake: &Lake, number: u64) -> Result<(Run, bool), Trouble> {
     match lake.run(number) {
-        Err(LakeError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
-            Ok((lake.run_without_units(number)?, false))
-        }
+        Err(LakeError::Lost { .. }) => Ok((lake.run_without_units(number)?, false)),
         run => Ok((run?, true)),
     }
 }
@@ -58,9 +66,10 @@ pub(crate) fn units<'a>(
     ))
 }
 
-/// Returns the unit of a partition.
+/// Returns the unit of a partition among those of a run.
 pub(crate) fn unit<'a>(
     units: &[&'a UnitRef],
+    run: u64,
     artifact: &str,
     partition: &str,
 ) -> Result<&'a UnitRef, Trouble> {
@@ -70,7 +79,7 @@ pub(crate) fn unit<'a>(
         Trouble::usage(
             format!("`{artifact}` has no partition `{partition}`"),
             near.map_or_else(
-                || format!("list them with `pipeline inspect {artifact}`"),
+                || format!("list them with `pipeline inspect {artifact} --run {run}`"),
                 |near| format!("did you mean `{near}`?"),
             ),
         )

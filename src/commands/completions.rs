@@ -9,15 +9,11 @@ use crate::{
 };
 
 /// Prints a script that completes commands and options in a shell.
-#[expect(
-    clippy::unnecessary_wraps,
-    reason = "every command has the same signature"
-)]
 pub(crate) fn completions(args: &CompletionsArgs) -> Result<Outcome, Trouble> {
     let mut command = Cli::command();
     let name = command.get_name().to_owned();
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut command, name, &mut script);
-    report::data(&script);
+    report::data(&script)?;
     Ok(Outcome::Done)
 }

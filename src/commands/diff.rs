@@ -73,7 +73,7 @@ pub(crate) fn diff(program: &Program, args: &DiffArgs) -> Result<Outcome, Troubl
     }
     match args.format {
         Format::Json => report::json(&difference)?,
-        Format::Text => report::data(text::text(&difference).as_bytes()),
+        Format::Text => report::data(text::text(&difference).as_bytes())?,
     }
     Ok(Outcome::Done)
 }

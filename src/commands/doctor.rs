@@ -12,6 +12,7 @@ use crate::{
     commands::pipeline_file,
     outcome::{Outcome, Trouble},
     report,
+    system_errors::in_words,
 };
 
 /// One line of the report.
@@ -49,7 +50,7 @@ impl Check {
         Self {
             state,
             subject: subject.into(),
-            finding: finding.into(),
+            finding: in_words(&finding.into()),
             hint: None,
         }
     }
@@ -77,7 +78,7 @@ pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<Outcome, Tr
             ]
         })
         .collect();
-    report::data(report::columns(&rows, &[]).as_bytes());
+    report::text(&report::columns(&rows, &[]))?;
     let mut hints: Vec<&String> = found
         .iter()
         .filter_map(|check| check.hint.as_ref())

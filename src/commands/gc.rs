@@ -20,6 +20,7 @@ use crate::{
 /// Removes what no run that counts, and no pipeline file, refers to any more.
 pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, Trouble> {
     let lake = Lake::open(&program.lake);
+    lake.expect_there()?;
     let mut kept: Vec<Digest> = Vec::new();
     for pipeline in pipelines(program, args, &lake)? {
         match reached(&pipeline, &lake) {
@@ -35,7 +36,7 @@ pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, Trouble> {
     };
     let collected = lake.collect(&kept, usize::from(args.keep), collecting)?;
     match args.format {
-        Format::Text => report::data(listed(&collected, collecting).as_bytes()),
+        Format::Text => report::data(listed(&collected, collecting).as_bytes())?,
         Format::Json => report::json(&collected)?,
     }
     if program.quiet == Quiet::No {

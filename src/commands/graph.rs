@@ -37,7 +37,7 @@ pub(crate) fn graph(program: &Program, args: &GraphArgs) -> Result<Outcome, Trou
         GraphFormat::Dot => drawings::dot(&graph),
         GraphFormat::Mermaid => drawings::mermaid(&graph),
     };
-    report::data(text.as_bytes());
+    report::data(text.as_bytes())?;
     Ok(Outcome::Done)
 }
 

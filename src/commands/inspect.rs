@@ -1,7 +1,7 @@
 //! `pipeline inspect`
 
 use dataflow::{Record, RecordOutcome, UnitRef};
-use lake::{Lake, Provenance, table};
+use lake::{Lake, Provenance, Run, table};
 
 use crate::{
     arguments::InspectArgs,
@@ -11,6 +11,7 @@ use crate::{
     outcome::{Outcome, Trouble},
     progress::Quiet,
     report,
+    system_errors::in_words,
 };
 
 /// Shows an artifact of a run.
@@ -31,9 +32,9 @@ pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, 
         ));
     }
     let text = if args.skipped {
-        left_out(&results)
+        left_out(&results, &run)
     } else if let Some(partition) = &args.partition {
-        let unit = chosen::unit(&units, &args.artifact, partition)?;
+        let unit = chosen::unit(&units, run.number, &args.artifact, partition)?;
         match lake.record_and_provenance(&unit.fingerprint)? {
             Some((record, provenance)) => one(&lake, unit, &record, &provenance)?,
             None => format!("`{partition}` was collected; run {} had it\n", run.number),
@@ -46,23 +47,23 @@ pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, 
             overview(&lake, &results)?
         )
     };
-    report::data(text.as_bytes());
+    report::data(text.as_bytes())?;
     Ok(Outcome::Done)
 }
 
-fn left_out(results: &[(&UnitRef, Record)]) -> String {
+fn left_out(results: &[(&UnitRef, Record)], run: &Run) -> String {
     let mut rows = Vec::new();
     for (unit, record) in results {
         if let Some(reason) = record.outcome.reason() {
             rows.push(vec![
                 record.outcome.word().to_owned(),
                 unit.partition.clone(),
-                reason.to_owned(),
+                in_words(reason),
             ]);
         }
     }
     if rows.is_empty() {
-        return "nothing was skipped or filtered\n".to_owned();
+        return format!("nothing was skipped or filtered in run {}\n", run.number);
     }
     report::columns(&rows, &[])
 }
@@ -90,8 +91,8 @@ fn overview(lake: &Lake, results: &[(&UnitRef, Record)]) -> Result<String, Troub
                     .collect();
                 ("made", n_rows, figures.join(", "))
             }
-            RecordOutcome::Skipped { reason } => ("skipped", String::new(), reason.clone()),
-            RecordOutcome::Filtered { reason } => ("filtered", String::new(), reason.clone()),
+            RecordOutcome::Skipped { reason } => ("skipped", String::new(), in_words(reason)),
+            RecordOutcome::Filtered { reason } => ("filtered", String::new(), in_words(reason)),
         };
         rows.push(vec![
             unit.partition.clone(),

@@ -47,7 +47,7 @@ pub(crate) fn lineage(program: &Program, args: &LineageArgs) -> Result<Outcome, 
     };
     let mut relations = Relations::new(&lake, &run.record);
     let limbs: Vec<tree::Limb> = if let Some(partition) = &args.partition {
-        let unit = chosen::unit(&units, &args.artifact, partition)?;
+        let unit = chosen::unit(&units, run.number, &args.artifact, partition)?;
         let members = units::family(&lake, &mut relations, unit, direction)?;
         if args.format == Format::Json {
             return print(run.number, direction, members);
@@ -61,7 +61,7 @@ pub(crate) fn lineage(program: &Program, args: &LineageArgs) -> Result<Outcome, 
         let members = members.into_iter();
         members.map(outputs::Member::into_limb).collect()
     };
-    report::data(tree::text(&limbs).as_bytes());
+    report::data(tree::text(&limbs).as_bytes())?;
     Ok(Outcome::Done)
 }
 

@@ -1,8 +1,8 @@
 //! Reading the pipeline file that a command names.
 
-use std::{fs, path::Path};
+use std::{fs, io, path::Path};
 
-use dataflow::{FreshAll, Kind, Override, Pipeline, RunOptions, Stage, StageEntry, Sweep};
+use dataflow::{FreshAll, Kind, Override, Pipeline, RunOptions, Stage, StageEntry, Sweep, missing};
 
 use crate::{
     arguments::{PipelineArgs, ValueArgs},
@@ -65,9 +65,17 @@ fn parse(
 
 fn read_text(path: &Path) -> Result<String, Trouble> {
     fs::read_to_string(path).map_err(|err| {
+        let hint = match err.kind() {
+            io::ErrorKind::NotFound if !Path::new("pipelines").is_dir() => format!(
+                "{}; `pipeline new NAME` makes a project with one",
+                missing(path)
+            ),
+            io::ErrorKind::NotFound => missing(path),
+            _ => "name a pipeline file, e.g. `pipelines/cgf.toml`".to_owned(),
+        };
         Trouble::usage(
             format!("cannot read the pipeline file `{}`: {err}", path.display()),
-            "name a pipeline file, e.g. `pipelines/cgf.toml`",
+            hint,
         )
     })
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Cause, Plan, PlannedUnit, UnitState};
+use dataflow::{Cause, NodeName, Plan, PlannedUnit, UnitState};
 use lake::Lake;
 
 use crate::{
@@ -10,6 +10,7 @@ use crate::{
     command_line::Program,
     commands::{
         pipeline_file,
+        query::page::Page,
         sweep::{self, Done},
     },
     outcome::{Outcome, Trouble},
@@ -35,17 +36,21 @@ fn plan_variant(program: &Program, args: &PlanArgs) -> Result<Done, Trouble> {
     let options = pipeline_file::options(&args.pipeline, None);
     let plan = dataflow::plan(&pipeline, &Lake::open(&program.lake), &options)?;
     match args.format {
-        Format::Text => report::data(text(&plan).as_bytes()),
+        Format::Text => report::text(&text(&plan, Page::of_stdout().width))?,
         Format::Json => report::json(&plan)?,
     }
     Ok(Done::without_words(Outcome::Done))
 }
 
-/// One line per output and cause.
-pub(crate) fn text(plan: &Plan) -> String {
+/// One line per output and cause, cut to a width if there is one.
+pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
     if plan.is_up_to_date() {
         return "cached   everything; nothing to run\n".to_owned();
     }
+    let outputs = plan.nodes.iter().map(|node| node.node.to_string().len());
+    // The columns before are as wide as their widest words.
+    let room =
+        width.map(|width| width.saturating_sub("perhaps".len() + outputs.max().unwrap_or(0) + 4));
     let mut rows: Vec<Vec<String>> = Vec::new();
     let mut row = |state: &str, node: String, what: String| {
         rows.push(vec![state.to_owned(), node, what]);
@@ -80,14 +85,17 @@ pub(crate) fn text(plan: &Plan) -> String {
         }
         for (cause, partitions) in by_cause(units) {
             let (state, cause) = cause;
-            row(
-                state,
-                name.clone(),
-                format!("{}: {cause}", named(&partitions)),
-            );
+            row(state, name.clone(), named(&partitions, &cause, room));
         }
     }
-    report::columns(&rows, &[])
+    let text = report::columns(&rows, &[]);
+    match width {
+        Some(width) => text
+            .lines()
+            .map(|line| report::cut(line, width) + "\n")
+            .collect(),
+        None => text,
+    }
 }
 
 /// Groups the units that may run by everything that causes it.
@@ -96,10 +104,15 @@ fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(&'static str, String), Vec<&str>
     for unit in units {
         let key = match &unit.state {
             UnitState::Cached => continue,
-            UnitState::Run { causes } => ("run", said(causes).join("; ")),
+            UnitState::Run { causes, upstream } => {
+                let mut reasons = said(causes);
+                if !upstream.is_empty() {
+                    reasons.push(needs(upstream));
+                }
+                ("run", reasons.join("; "))
+            }
             UnitState::Perhaps { upstream, causes } => {
-                let upstream: Vec<String> = upstream.iter().map(ToString::to_string).collect();
-                let mut reasons = vec![format!("needs the new {}", upstream.join(", "))];
+                let mut reasons = vec![needs(upstream)];
                 reasons.extend(said(causes));
                 ("perhaps", reasons.join("; "))
             }
@@ -107,6 +120,12 @@ fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(&'static str, String), Vec<&str>
         groups.entry(key).or_default().push(&unit.partition);
     }
     groups
+}
+
+/// Says what is waited for.
+fn needs(upstream: &[NodeName]) -> String {
+    let upstream: Vec<String> = upstream.iter().map(ToString::to_string).collect();
+    format!("needs the new {}", upstream.join(", "))
 }
 
 /// Says the causes; of many files, the first ones and how many more, or only that there are, where
@@ -127,17 +146,22 @@ fn said(causes: &[Cause]) -> Vec<String> {
     said
 }
 
-fn named(partitions: &[&str]) -> String {
-    let mut text = partitions
-        .iter()
-        .take(NAMED)
-        .map(|partition| format!("`{partition}`"))
-        .collect::<Vec<_>>()
-        .join(", ");
-    if partitions.len() > NAMED {
-        text.push_str(&format!(" and {} more", partitions.len() - NAMED));
-    }
-    text
+/// Names the first partitions before their cause: as many as there is room for.
+fn named(partitions: &[&str], cause: &str, room: Option<usize>) -> String {
+    let with = |n: usize| {
+        let names = partitions.iter().take(n);
+        let names: Vec<String> = names.map(|name| format!("`{name}`")).collect();
+        let text = match partitions.len().saturating_sub(n) {
+            0 => names.join(", "),
+            1 if n == 0 => "1 unit".to_owned(),
+            all if n == 0 => format!("{all} units"),
+            more => format!("{} and {more} more", names.join(", ")),
+        };
+        format!("{text}: {cause}")
+    };
+    let fits = |text: &String| room.is_none_or(|room| text.chars().count() <= room);
+    let mut fewer = (0..=NAMED).rev().map(with);
+    fewer.find(fits).unwrap_or_else(|| with(0))
 }
 
 #[cfg(test)]
@@ -153,6 +177,27 @@ mod tests {
             old: None,
             new: Some(Digest::of_bytes(b"f")),
         }
+    }
+
+    #[test]
+    fn as_many_partitions_are_named_as_there_is_room_for() {
+        let partitions = ["025_mug", "024_bowl", "011_banana", "006_bottle"];
+        let cause = "never made";
+        let all = named(&partitions, cause, None);
+        assert_eq!(
+            all,
+            "`025_mug`, `024_bowl`, `011_banana` and 1 more: never made"
+        );
+        for room in 0..80 {
+            let text = named(&partitions, cause, Some(room));
+            assert!(text.ends_with(": never made"), "{text}");
+            assert!(text.chars().count() <= room.max(24), "{room}: {text}");
+        }
+        assert_eq!(named(&partitions, cause, Some(10)), "4 units: never made");
+        assert_eq!(
+            named(&partitions[..1], cause, Some(30)),
+            "`025_mug`: never made"
+        );
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! `pipeline query`
 
+mod artifacts;
 mod cells;
 mod faults;
-mod one_run;
 pub(super) mod page;
 mod print;
+mod question;
 mod tables;
 
 use lake::Lake;
@@ -20,6 +21,7 @@ use crate::{
 
 /// Answers a question in SQL over the lake's tables.
 pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<Outcome, Trouble> {
+    question::check(&args.sql)?;
     let lake = Lake::open(&program.lake);
     let run = match &args.run {
         Some(name) => Some(lake.run(lake.find_run(name)?)?),
@@ -34,11 +36,10 @@ pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<Outcome, Trou
         }
     }
     let mut answer = tables.answer(&args.sql)?;
-    let failed = |err| Trouble::failed(err, None);
     let bytes = match args.format {
         QueryFormat::Table => {
             let printed = print::table(&answer, Page::of_stdout());
-            report::data(printed.text.as_bytes());
+            report::data(printed.text.as_bytes())?;
             if program.quiet == Quiet::No {
                 for note in printed.left_out {
                     report::line(&format!("note   {note}"));
@@ -46,10 +47,10 @@ pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<Outcome, Trou
             }
             return Ok(Outcome::Done);
         }
-        QueryFormat::Csv => print::csv(&mut answer),
-        QueryFormat::Json => print::json_lines(&mut answer),
+        QueryFormat::Csv => print::csv(&answer),
+        QueryFormat::Json => print::json_lines(&answer),
         QueryFormat::Parquet => print::parquet(&mut answer),
     };
-    report::data(&bytes.map_err(failed)?);
+    report::data(&bytes.map_err(|err| Trouble::failed(err, None))?)?;
     Ok(Outcome::Done)
 }

@@ -25,12 +25,18 @@ pub(crate) fn router(program: &Program, args: &RouterArgs) -> Result<Outcome, Tr
     let access = args.access.as_deref().map(Access::read);
     let access = access.transpose().map_err(failed)?;
     let router = Router::start(&args.listen, access.as_ref()).map_err(failed)?;
-    report::data(format!("{}\n", router.endpoint()).as_bytes());
+    report::data(format!("{}\n", router.endpoint()).as_bytes())?;
     if program.quiet == Quiet::No {
         report::line(&format!(
             "router at `{}`; Ctrl-C ends it",
             router.endpoint()
         ));
+        if access.is_none() {
+            report::line(
+                "any program of this machine may drive the cells that connect to it: without TLS nobody \
+                 is asked who they are",
+            );
+        }
     }
     signals.forever().next();
     Ok(Outcome::Done)

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use dataflow::Elsewhere;
+use dataflow::{Elsewhere, NodeReport, RunReport};
 use lake::Lake;
 
 use crate::{
@@ -10,6 +10,7 @@ use crate::{
     command_line::Program,
     commands::{
         pipeline_file, plan,
+        query::page::Page,
         sweep::{self, Done},
     },
     interrupt,
@@ -45,7 +46,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     let options = pipeline_file::options(&args.pipeline, args.jobs);
     if args.dry_run {
         let plan = dataflow::plan(&pipeline, store, &options)?;
-        report::data(plan::text(&plan).as_bytes());
+        report::text(&plan::text(&plan, Page::of_stdout().width))?;
         return Ok(Done::without_words(Outcome::Done));
     }
     let screen = Screen::new(program.quiet);
@@ -65,23 +66,28 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
                 .iter()
                 .filter(|stage| ran.nodes.iter().any(|node| node.node.stage == stage.name))
                 .count();
-            format!("done   {n_stages} stages cached, nothing to run; {result}")
+            report::short_line(&format!("done   {n_stages} stages cached, nothing to run"));
+            format!("       {result}")
         } else {
             format!("done   {result} in {}", report::duration(ran.seconds))
         };
-        report::line(&line);
+        report::short_line(&line);
         if let Some(folder) = store.report_folder(&pipeline.name) {
             report::line(&format!("report `{}`", folder.display()));
         }
     }
     let n_skipped = ran.n_skipped();
     if n_skipped > 0 {
-        let skipping = ran.nodes.iter().find(|node| node.summary.n_skipped > 0);
-        let node = skipping.map_or_else(String::new, |node| node.node.to_string());
         report::line(&format!("note   {n_skipped} items were skipped"));
-        report::line(&format!(
-            "hint: see each reason with `pipeline inspect {node} --skipped`"
-        ));
+        let skipping = ran.nodes.iter().filter(|node| node.summary.n_skipped > 0);
+        for node in skipping {
+            if let Some(run) = left_by(store, &ran, node) {
+                report::line(&format!(
+                    "hint: see each reason with `pipeline inspect {} --skipped --run {run}`",
+                    node.node
+                ));
+            }
+        }
         return Ok(Done {
             outcome: Outcome::SkippedItems,
             said,
@@ -93,7 +99,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
             .last()
             .map_or_else(String::new, |node| node.node.to_string());
         report::line(&format!(
-            "next   `pipeline inspect {last}`, or edit `{}` and run again",
+            "next   `pipeline inspect {last}`, or edit `{}` and run",
             args.pipeline.file.display()
         ));
     }
@@ -101,4 +107,23 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
         outcome: Outcome::Done,
         said,
     })
+}
+
+/// Returns the run that left an output as this one did: this one itself, or, where it found nothing to
+/// record, the newest that has just these units; `None` if that is no longer kept.
+fn left_by(lake: &Lake, ran: &RunReport, node: &NodeReport) -> Option<u64> {
+    let left_alike = |number: &u64| {
+        // A damaged record of a run hides no other.
+        lake.run(*number).is_ok_and(|run| {
+            let left = run
+                .record
+                .units
+                .iter()
+                .filter(|unit| unit.node == node.node);
+            let found = node.units.iter().map(|unit| unit.fingerprint);
+            left.map(|unit| unit.fingerprint).eq(found)
+        })
+    };
+    let newest_first = || lake.runs().unwrap_or_default().into_iter().rev();
+    ran.run.or_else(|| newest_first().find(left_alike))
 }

@@ -9,13 +9,10 @@ use serde::Serialize;
 use crate::{
     arguments::{Format, RunsArgs},
     command_line::Program,
-    commands::{
-        chosen,
-        query::page::{Page, cut},
-    },
+    commands::{chosen, query::page::Page},
     moments,
     outcome::{Outcome, Trouble},
-    report,
+    report::{self, cut},
 };
 
 /// What stands for what is not known.
@@ -98,7 +95,7 @@ pub(crate) fn runs(program: &Program, args: &RunsArgs) -> Result<Outcome, Troubl
     match args.format {
         Format::Json => report::json(&rows)?,
         Format::Text if rows.is_empty() => {}
-        Format::Text => report::data(text(&rows, Page::of_stdout().width).as_bytes()),
+        Format::Text => report::data(text(&rows, Page::of_stdout().width).as_bytes())?,
     }
     match damaged.into_iter().next() {
         Some(err) => Err(err.into()),

@@ -5,6 +5,7 @@ use dataflow::{Kind, nearest};
 use crate::{
     arguments::StagesArgs,
     command_line::Program,
+    commands::query::page::Page,
     outcome::{Outcome, Trouble},
     report,
 };
@@ -26,33 +27,23 @@ pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, Tr
                 );
                 Trouble::usage(format!("no kind of stage `{name}`"), hint)
             })?;
-            options(kind)
+            options(kind, Page::of_stdout().width)
         }
     };
-    report::data(text.as_bytes());
+    report::text(&text)?;
     Ok(Outcome::Done)
 }
 
 fn overview(kinds: &[Kind]) -> String {
-    let mut rows = vec![
-        ["kind", "reads", "makes", "about"]
-            .map(str::to_owned)
-            .to_vec(),
-    ];
+    let mut rows = Vec::new();
     for kind in kinds {
         let reads: Vec<&str> = kind.inputs.iter().map(|input| input.name).collect();
         let makes: Vec<&str> = kind.outputs.iter().map(|output| output.artifact).collect();
-        let reads = if reads.is_empty() {
-            "-".to_owned()
-        } else {
-            reads.join(", ")
-        };
-        rows.push(vec![
-            kind.name.to_owned(),
-            reads,
-            makes.join(", "),
-            kind.about.to_owned(),
-        ]);
+        rows.push(vec![kind.name.to_owned(), kind.about.to_owned()]);
+        if !reads.is_empty() {
+            rows.push(vec![String::new(), format!("reads  {}", reads.join(", "))]);
+        }
+        rows.push(vec![String::new(), format!("makes  {}", makes.join(", "))]);
     }
     format!(
         "{}\n`pipeline stages KIND` lists a kind's options.\n",
@@ -60,7 +51,7 @@ fn overview(kinds: &[Kind]) -> String {
     )
 }
 
-fn options(kind: &Kind) -> String {
+fn options(kind: &Kind, width: Option<usize>) -> String {
     let mut text = format!("{}: {}\n\n", kind.name, kind.about);
     for input in kind.inputs {
         text.push_str(&format!(
@@ -100,6 +91,37 @@ fn options(kind: &Kind) -> String {
         "Share of items that may be skipped before the stage fails.".to_owned(),
     ]);
     text.push('\n');
-    text.push_str(&report::columns(&rows, &[]));
+    let table = report::columns(&rows, &[]);
+    match width {
+        Some(width) if table.lines().any(|line| line.chars().count() > width) => {
+            text.push_str(&below(&rows, width));
+        }
+        _ => text.push_str(&table),
+    }
+    text
+}
+
+/// Options where their table is too wide: what each is about stands below it.
+fn below(rows: &[Vec<String>], width: usize) -> String {
+    const INDENT: usize = 4;
+    let mut text = String::new();
+    for row in rows.iter().skip(1) {
+        let [option, value, default, about] = row.as_slice() else {
+            continue;
+        };
+        let default = match default.as_str() {
+            "required" | "-" => default.clone(),
+            // Breaks between the values of a table.
+            default => format!("default {}", default.replace(",\"", ", \"")),
+        };
+        let head = format!("{option}: {value}, {default}");
+        text.push_str(&format!(
+            "{}\n",
+            report::wrapped(&head, width.saturating_sub(INDENT)).join("\n    ")
+        ));
+        for line in report::wrapped(about, width.saturating_sub(INDENT)) {
+            text.push_str(&format!("{:INDENT$}{line}\n", ""));
+        }
+    }
     text
 }

@@ -1,8 +1,12 @@
 //! `pipeline unit`
 
-use std::{io::Read, sync::Arc, thread};
+use std::{
+    io::Read,
+    sync::{Arc, Mutex, PoisonError},
+    thread,
+};
 
-use dataflow::{Advise, Forced, Node, NodeName, Observer, make_one, nearest};
+use dataflow::{Forced, Node, NodeName, Observer, make_one, nearest};
 use lake::Lake;
 
 use crate::{
@@ -41,6 +45,7 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Troubl
     let forced = if args.fresh { Forced::Yes } else { Forced::No };
     let teller = Teller {
         format: args.format,
+        unsaid: Mutex::new(None),
     };
     let made = make_one(
         &pipeline,
@@ -51,28 +56,37 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Troubl
         &teller,
     );
     lake.leave();
+    if let Some(trouble) = teller.unsaid() {
+        return Err(trouble);
+    }
     match (made, args.format) {
         (Ok(made), format) => {
             let fingerprint = made.fingerprint.to_hex();
             let made_now = made.made_now;
             match format {
-                Format::Text => report::data(format!("{fingerprint}\n").as_bytes()),
+                Format::Text => report::data(format!("{fingerprint}\n").as_bytes())?,
                 Format::Json => tell(&Event::Done {
                     fingerprint,
                     made_now,
-                }),
+                })?,
             }
             Ok(Outcome::Done)
         }
         (Err(err), Format::Text) => Err(err.into()),
         (Err(err), Format::Json) => {
-            let (hint, trouble) = (err.hint(), Trouble::from(err));
+            let (hint, left_out) = err.advice();
+            let left_out = left_out.cloned();
+            let trouble = Trouble::from(err);
             let message = match &trouble {
                 Trouble::Failed { error, .. } => report::chain(error),
                 Trouble::Usage { message, .. } => message.clone(),
                 Trouble::File(err) => err.to_string(),
             };
-            tell(&Event::Failed { message, hint });
+            tell(&Event::Failed {
+                message,
+                hint,
+                left_out,
+            })?;
             Ok(Outcome::Told)
         }
     }
@@ -88,22 +102,33 @@ fn stop_with_parent(lake: &Arc<Lake>) {
     });
 }
 
-fn tell(event: &Event) {
-    if let Ok(json) = serde_json::to_string(event) {
-        report::data(format!("{json}\n").as_bytes());
-    }
+fn tell(event: &Event) -> Result<(), Trouble> {
+    let json = serde_json::to_string(event).map_err(|err| Trouble::failed(err, None))?;
+    report::data(format!("{json}\n").as_bytes())
 }
 
 /// Passes on how far the unit is.
 struct Teller {
     format: Format,
+    /// Why something could not be passed on.
+    unsaid: Mutex<Option<Trouble>>,
+}
+
+impl Teller {
+    fn unsaid(self) -> Option<Trouble> {
+        let unsaid = self.unsaid.into_inner();
+        unsaid.unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl Observer for Teller {
     fn unit_progress(&self, _node: &Node, _partition: &str, fraction: f64, message: &str) {
         if self.format == Format::Json {
             let message = message.to_owned();
-            tell(&Event::Progress { fraction, message });
+            if let Err(trouble) = tell(&Event::Progress { fraction, message }) {
+                let mut unsaid = self.unsaid.lock().unwrap_or_else(PoisonError::into_inner);
+                unsaid.get_or_insert(trouble);
+            }
         }
     }
 

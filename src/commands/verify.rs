@@ -39,13 +39,16 @@ pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<Outcome, Tr
         bar.finish_and_clear();
     }
     match args.format {
-        Format::Text => report::data(listed(&verified.faults).as_bytes()),
+        Format::Text => report::data(listed(&verified.faults).as_bytes())?,
         Format::Json => report::json(&verified)?,
     }
     if verified.faults.is_empty() {
         say(
             program,
-            &format!("done   {}, nothing is damaged", counted(&verified)),
+            &format!(
+                "done   {}, nothing is damaged or missing",
+                counted(&verified)
+            ),
         );
         return Ok(Outcome::Done);
     }
@@ -56,7 +59,7 @@ pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<Outcome, Tr
     }
     Err(Trouble::failed(
         anyhow::anyhow!(
-            "{n_faults} of {} files are not as they were stored",
+            "{n_faults} faults among {} files: they are not as they were stored",
             verified.n_files
         ),
         Some(if args.drop {

@@ -30,6 +30,7 @@ use cell::{
     SimulatedCell, SimulatedCellConfig, Tick, Track, rehearse, robot_digest, subscribe,
 };
 use nalgebra::Isometry3;
+use robot::RobotModel;
 use simulation::{ObjectShape, SceneConfig};
 use spatial::{Pose, Twist};
 
@@ -81,9 +82,14 @@ fn over_zenoh(object: &ObjectShape) -> Measured {
         arrived_ms: Vec::new(),
         late_us: Vec::new(),
     };
+    let robot = RobotModel::from_urdf(URDF).unwrap();
+    // Who the cell is, is asked once.
+    client.capabilities(SOON).unwrap();
     for attempt in 0..GOALS {
         let sent = Instant::now();
-        let done = client.execute(&goal(attempt), SOON, SOON).unwrap();
+        let done = client
+            .execute(&goal(attempt), robot.joints(), SOON, SOON)
+            .unwrap();
         let Executed::Over(report) = done else {
             panic!("{done:?}");
         };
@@ -168,6 +174,7 @@ fn goal(attempt: u32) -> Goal {
         object: "can".to_owned(),
         robot: robot_digest(URDF),
         attempt,
+        resumed: 0,
         table_from_object: can::upright().table_from_object(),
         start_tolerance_rad: 0.1,
         grasp: simulation::Protocol {

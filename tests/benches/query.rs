@@ -5,14 +5,24 @@
 
 #![expect(clippy::print_stdout, reason = "what is measured is for people")]
 
+mod limits;
+
 use std::{
+    collections::BTreeMap,
     error::Error,
     fs,
     path::{Path, PathBuf},
-    process::{Command, Stdio},
+    process::{Command, ExitCode, Stdio},
+    sync::Arc,
     time::Instant,
 };
 
+use dataflow::{
+    Fingerprint, Made, NodeName, NodeRecord, Origin, Outcome, OutputRecord, Recipe, RunRecord,
+    RunStatus, Store, UnitRef, Unkept,
+};
+use lake::Lake;
+use limits::Limits;
 use schemas::rollouts::{self, Rollout, Smoothness, Verdict};
 
 /// Rows of the table, if `ROLLOUTS` does not say.
@@ -27,9 +37,12 @@ const BOUND_S: f64 = 1.0;
 /// Times that each is measured; the fastest counts.
 const TIMES: usize = 5;
 
+/// By how much the fastest of the times differs from run to run, with other programs beside.
+const NOISE: f64 = 0.2;
+
 const SQL: &str = "select object, avg(cast(success as double)) from rollouts group by object";
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> Result<ExitCode, Box<dyn Error>> {
     let rows = std::env::var("ROLLOUTS").map_or(Ok(ROWS), |text| text.parse())?;
     let lake = tempfile::tempdir()?;
     let files = make(lake.path(), rows.div_ceil(PARTITIONS))?;
@@ -52,31 +65,84 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err(format!("{n_lines} lines, not one for each of {PARTITIONS} objects").into());
     }
     println!(
-        "query of {rows} rows in {PARTITIONS} files: {query_s:.3} s (bound {BOUND_S} s); \
-         bare read of their {:.1} MB: {read_s:.3} s",
+        "query of {rows} rows in {PARTITIONS} files: {query_s:.3} s; bare read of their {:.1} MB: {read_s:.3} s",
         n_bytes as f64 / 1e6
     );
-    if query_s > BOUND_S {
-        return Err(format!("{query_s:.3} s is more than {BOUND_S} s").into());
-    }
-    Ok(())
+    let mut limits = Limits::with_noise(NOISE);
+    limits.keep("the answer, s", query_s, ..=BOUND_S);
+    Ok(limits.end())
 }
 
-/// Writes the table's files.
-fn make(lake: &Path, rows_per_file: usize) -> Result<Vec<PathBuf>, Box<dyn Error>> {
-    let table = lake.join("tables/rollouts/pipeline=bench/stage=screen");
-    let mut files = Vec::new();
+/// Writes a lake with one run, whose only stage made the table; returns its files.
+fn make(folder: &Path, rows_per_file: usize) -> Result<Vec<PathBuf>, Box<dyn Error>> {
+    let lake = Lake::open(folder);
+    let node = NodeName::new("screen", "rollouts");
+    let recipe = Arc::new(Recipe {
+        kind: "screen".to_owned(),
+        output: "rollouts".to_owned(),
+        code: BTreeMap::new(),
+        config: serde_json::Value::Null,
+        schema: rollouts::VERSION.to_owned(),
+    });
+    let mut units = Vec::new();
     for partition in 0..PARTITIONS {
         let object = format!("object_{partition:04}");
         let rollouts: Vec<Rollout> = (0..rows_per_file)
             .map(|row| rollout(&object, row))
             .collect();
-        let folder = table.join(format!("object={object}"));
-        fs::create_dir_all(&folder)?;
-        lake::table::write(&folder, &rollouts::to_batch(&rollouts)?)?;
-        files.push(folder.join(lake::table::FILE));
+        let fingerprint = Fingerprint {
+            recipe: Arc::clone(&recipe),
+            stage: node.stage.clone(),
+            partition: object.clone(),
+            inputs: BTreeMap::new(),
+            files: BTreeMap::new(),
+            facts: BTreeMap::new(),
+            seed: 0,
+        };
+        let digest = fingerprint.digest();
+        let making = lake.begin(&digest, &object, &|_| {})?;
+        lake::table::write(making.folder(), &rollouts::to_batch(&rollouts)?)?;
+        let outcome = Outcome::Made(Made::default());
+        let record = making.commit(Unkept {
+            fingerprint,
+            outcome,
+        })?;
+        let unit = UnitRef {
+            node: node.clone(),
+            partition: object,
+            fingerprint: digest,
+            made_now: true,
+        };
+        units.push((unit, Arc::new(record.outcome)));
     }
-    Ok(files)
+    let run = RunRecord {
+        pipeline: "bench".to_owned(),
+        origin: Origin::default(),
+        seed: 0,
+        stages: BTreeMap::new(),
+        outputs: vec![OutputRecord {
+            node: node.clone(),
+            partition: "object".to_owned(),
+        }],
+        nodes: vec![NodeRecord {
+            node,
+            description: String::new(),
+            shown: true,
+            n_made_now: units.len(),
+            n_made: units.len(),
+            n_skipped: 0,
+            n_filtered: 0,
+            totals: BTreeMap::new(),
+            seconds: 0.0,
+        }],
+        units: units.iter().map(|(unit, _)| unit.clone()).collect(),
+        status: RunStatus::Finished,
+        seconds: 0.0,
+    };
+    let number = lake.begin_run(&run)?;
+    lake.end_run(number, &run, &units)?;
+    let files = lake.newest_table("rollouts")?.stages.into_iter();
+    Ok(files.flat_map(|stage| stage.files.into_values()).collect())
 }
 
 /// A row with numbers that do not repeat, as measured ones do not.

@@ -7,6 +7,7 @@
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
 
+mod limits;
 mod python;
 mod thread_time;
 
@@ -14,8 +15,7 @@ use std::{
     collections::BTreeMap,
     env,
     hint::black_box,
-    io::{BufRead, BufReader, Write},
-    process::{Child, ChildStdin, ChildStdout, Command, Stdio},
+    process::{Command, ExitCode},
     sync::Arc,
 };
 
@@ -23,7 +23,9 @@ use cgf::{
     Activation, Cgf, Grasp, NetworkConfig, ObjectFeature, Random, Scene, Split, TimedGrasp, Track,
     TrainingConfig, TrainingSet,
 };
+use limits::Limits;
 use nalgebra::{Isometry3, Point3, Vector3};
+use python::Script;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use robot::RobotModel;
 use serde_json::{Value, json};
@@ -40,15 +42,21 @@ const THREADS: &str = "RAYON_NUM_THREADS";
 
 const LEAST_BESIDE_RELEASED: f64 = 40.0;
 const LEAST_BESIDE_BATCHED: f64 = 1.5;
+const LEAST_BESIDE_FACTORED: f64 = 2.0;
 const MOST_FOR_RATES: f64 = 3.0;
+/// By how much a ratio of two sums of turns differs from run to run, with other programs beside.
+const NOISE: f64 = 0.1;
 
-fn main() {
+fn main() -> ExitCode {
     // candle looks for the number of threads in the surroundings alone.
     if env::var(THREADS).as_deref() != Ok("1") {
         let myself = env::current_exe().unwrap();
         let ran = Command::new(myself).env(THREADS, "1").status().unwrap();
-        assert!(ran.success());
-        return;
+        return if ran.success() {
+            ExitCode::SUCCESS
+        } else {
+            ExitCode::FAILURE
+        };
     }
     let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let [relu, silu] = [Activation::Relu, Activation::Silu].map(Ours::new);
@@ -101,9 +109,9 @@ fn main() {
         .iter()
         .map(|lane| show(lane.name, lane.seconds, lane.motions))
         .collect();
-    let ratio = |what: &str, ratio: f64, bound: &str| println!("{what:<52} {ratio:>8.2}   {bound}");
+    let mut limits = Limits::with_noise(NOISE);
     match torch {
-        Ok(mut torch) => {
+        Ok(torch) => {
             let theirs = ways.map(|(way, seconds, motions)| {
                 show(
                     &format!("PyTorch {}, {way}", torch.version),
@@ -111,41 +119,24 @@ fn main() {
                     motions,
                 )
             });
-            torch.process.kill().unwrap();
-            torch.process.wait().unwrap();
             println!();
             let [released, batched, by_25, factored, factored_by_25] = theirs;
             let (batched, factored) = (batched.min(by_25), factored.min(factored_by_25));
-            let least = |least: f64| format!("at least {least}");
-            ratio(
-                "released way over ours",
-                released / ours[0],
-                &least(LEAST_BESIDE_RELEASED),
-            );
-            ratio(
-                "batched over ours",
-                batched / ours[0],
-                &least(LEAST_BESIDE_BATCHED),
-            );
-            ratio(
-                "batched with a factored first layer over ours",
-                factored / ours[0],
-                "",
-            );
+            let batched = batched / ours[0];
+            limits.keep("batched over ours", batched, LEAST_BESIDE_BATCHED..);
+            let released = released / ours[0];
+            limits.keep("released way over ours", released, LEAST_BESIDE_RELEASED..);
+            let factored = factored / ours[0];
+            let what = "batched with a factored first layer over ours";
+            limits.keep(what, factored, LEAST_BESIDE_FACTORED..);
         }
         Err(reason) => println!("PyTorch: skipped, {reason}"),
     }
-    let most = format!("at most {MOST_FOR_RATES}");
-    ratio(
-        "ReLU with both derivatives over without",
-        ours[1] / ours[0],
-        &most,
-    );
-    ratio(
-        "SiLU with both derivatives over without",
-        ours[3] / ours[2],
-        &most,
-    );
+    for (what, with, without) in [("ReLU", ours[1], ours[0]), ("SiLU", ours[3], ours[2])] {
+        let what = format!("{what} with both derivatives over without");
+        limits.keep(&what, with / without, ..=MOST_FOR_RATES);
+    }
+    limits.end()
 }
 
 /// One way to sample: what it took for how many motions.
@@ -275,53 +266,34 @@ fn options() -> (NetworkConfig, TrainingConfig) {
 
 /// PyTorch in a process of its own.
 struct Torch {
-    process: Child,
-    input: ChildStdin,
-    output: BufReader<ChildStdout>,
+    script: Script,
     version: String,
 }
 
 impl Torch {
     fn start(ours: &Ours) -> Result<Self, String> {
-        let mut process = python::start("sampling/torch_ways.py", &[], 1, Stdio::null())?;
-        let mut torch = Self {
-            input: process.stdin.take().unwrap(),
-            output: BufReader::new(process.stdout.take().unwrap()),
-            process,
-            version: String::new(),
-        };
+        let mut script = Script::start(&python::name(), "sampling/torch_ways.py", &[], 1)?;
         let description = ours.cgf.description();
-        torch.say(&json!({
+        let sizes = json!({
             "steps": STEPS,
             "latent": description.network.latent_dim,
             "points": description.network.points,
             "point_widths": description.network.point_widths,
             "widths": description.network.decoder_widths,
             "outputs": 9 + description.joints.len(),
-        }));
-        let said = torch.answer();
-        match said["torch"].as_str() {
-            Some(version) => version.clone_into(&mut torch.version),
-            None => return Err(format!("`{}` has no `torch`", python::name().display())),
-        }
-        Ok(torch)
+        });
+        let said: Value = serde_json::from_str(&script.ask(&sizes.to_string())?).unwrap();
+        Ok(Self {
+            script,
+            version: said["torch"].as_str().unwrap().to_owned(),
+        })
     }
 
     /// Samples so many motions, and returns the CPU seconds that it took.
     fn sample(&mut self, way: &str, motions: usize) -> f64 {
-        self.say(&json!({ "way": way, "motions": motions }));
-        self.answer()["seconds"].as_f64().unwrap()
-    }
-
-    fn say(&mut self, what: &Value) {
-        // A process that has ended says so by its answer.
-        let _ = writeln!(self.input, "{what}");
-        let _ = self.input.flush();
-    }
-
-    fn answer(&mut self) -> Value {
-        let mut line = String::new();
-        self.output.read_line(&mut line).unwrap();
-        serde_json::from_str(&line).unwrap_or(Value::Null)
+        let request = json!({ "way": way, "motions": motions });
+        let said = self.script.ask_again(&request.to_string());
+        let said: Value = serde_json::from_str(&said).unwrap();
+        said["seconds"].as_f64().unwrap()
     }
 }

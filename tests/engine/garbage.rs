@@ -4,7 +4,7 @@ use std::{fs, process::Command};
 
 use serde_json::Value;
 
-use crate::place::{CHAIN, Place, Running, assert_same, files_below, stdout, well};
+use crate::place::{CHAIN, Place, Running, assert_same, files_below, stderr, stdout, well};
 
 /// The pipeline with another value, so that every unit of `first` and what follows is another.
 const OTHER: [&str; 2] = ["--set", "first.add=9"];
@@ -126,6 +126,24 @@ fn a_run_that_goes_on_loses_nothing() {
 }
 
 #[test]
+fn what_goes_while_everything_is_verified_is_no_fault() {
+    let place = Place::with_inputs(CHAIN, 12);
+    place.run_well(&[]);
+    for time in 0..8 {
+        place.run_well(&["--set", &format!("first.add={}", 10 + time)]);
+        place.run_well(&[]);
+        let verifying = [(); 3].map(|()| Running::start(place.bare(&place.lake(), "verify")));
+        let collecting = Running::start(place.bare(&place.lake(), "gc"));
+        for verifying in verifying {
+            let (code, said) = verifying.finish();
+            assert_eq!(code, Some(0), "{said}");
+        }
+        let (code, said) = collecting.finish();
+        assert_eq!(code, Some(0), "{said}");
+    }
+}
+
+#[test]
 fn what_dead_processes_left_goes_too() {
     let place = Place::with_inputs(CHAIN, 2);
     place.input("held", b"a held one");
@@ -148,10 +166,22 @@ fn what_dead_processes_left_goes_too() {
 }
 
 #[test]
-fn a_lake_that_is_not_there_has_nothing_to_collect() {
+fn a_folder_without_a_lake_is_refused_and_stays_as_it_is() {
     let place = Place::with_inputs(CHAIN, 1);
-    assert_eq!(n_units(&gc(&place, &[])), 0);
+    for (folder, command) in [
+        (place.lake(), "gc"),
+        (place.lake(), "verify"),
+        (place.inputs(), "gc"),
+        (place.inputs(), "verify"),
+    ] {
+        let refused = place.bare(&folder, command).output().unwrap();
+        let said = stderr(&refused);
+        assert_eq!(refused.status.code(), Some(2), "{command}: {said}");
+        let what = format!("no lake in `{}`", folder.display());
+        assert!(said.contains(&what), "{command}: {said}");
+        assert!(said.contains("--lake DIR"), "{command}: {said}");
+        assert_eq!(stdout(&refused), "");
+    }
     assert!(!place.lake().exists());
-    let said = stdout(&well(place.bare(&place.lake(), "gc")));
-    assert_eq!(said, "");
+    assert_eq!(files_below(&place.inputs()).len(), 1);
 }

@@ -2,7 +2,7 @@
 //!
 //! The tests look at the program's outputs, at what a lake shows under `tables` and `files`, and at a
 //! log that the stages write; how a lake keeps things is its own affair. Longer versions are the same
-//! tests with larger counts: `PIPELINE_EDITS` and `PIPELINE_KILLS`; `PIPELINE_SEED` draws others.
+//! tests with larger counts: `PIPELINE_EDITS`, `PIPELINE_KILLS`, `PIPELINE_FLIPS` and `PIPELINE_FAULTS`; `PIPELINE_SEED` draws others.
 
 #[path = "../own_stages/stages.rs"]
 mod own_stages;
@@ -12,6 +12,7 @@ mod concurrency;
 mod corruption;
 mod crash;
 mod elsewhere;
+mod faults;
 mod full_disk;
 mod garbage;
 mod interrupt;

@@ -2,7 +2,9 @@
 
 use std::fs;
 
-use crate::place::{CHAIN, Place, Running, assert_same, files_below, put, read, stderr, well};
+use crate::place::{
+    CHAIN, Place, Running, assert_same, files_below, put, read, stderr, stdout, well,
+};
 
 #[test]
 fn nothing_is_kept_of_an_input_that_changes_while_it_is_read() {
@@ -23,6 +25,34 @@ fn nothing_is_kept_of_an_input_that_changes_while_it_is_read() {
     place.input("held", b"a held one");
     place.run_well(&[]);
     assert_same(&place.published(), &place.undisturbed(&[]), "");
+}
+
+#[test]
+fn what_a_run_has_shown_can_be_asked_for_before_its_end_and_after_its_death() {
+    let place = Place::with_inputs(CHAIN, 2);
+    for partition in ["p000", "p001"] {
+        place.let_go(partition);
+    }
+    let mut run = Running::start(place.held(&[]));
+    run.wait_for_log(&place, "gather", |made| made.kind == "gather");
+    let ask = || {
+        let mut query = place.bare(&place.lake(), "query");
+        query.args(["select stage, part from parts order by stage, part"]);
+        query.args(["--format", "csv"]);
+        stdout(&well(query))
+    };
+    let expected = "stage,part\nfirst,p000\nfirst,p001\nsplit,p000\nsplit,p001\n";
+    assert_eq!(ask(), expected);
+    well(place.bare(&place.lake(), "verify"));
+    run.child.kill().unwrap();
+    run.finish();
+    assert_eq!(ask(), expected);
+    well(place.bare(&place.lake(), "verify"));
+    fs::remove_dir_all(place.path("gate")).unwrap();
+    place.run_well(&[]);
+    assert_same(&place.published(), &place.undisturbed(&[]), "");
+    let changing = fs::read_dir(place.lake().join("changing"));
+    assert!(changing.is_err(), "a run that ended has left nothing open");
 }
 
 #[test]

@@ -230,11 +230,24 @@ fn compare_planned(
     }
     for (unit, state) in &states {
         match state {
-            UnitState::Run { causes } => {
+            UnitState::Run { causes, upstream } => {
                 let made = expected.get(unit).filter(|expected| expected.made);
                 match made {
                     None => faults.push(format!("{unit}: certain by {causes:?}, but not made")),
-                    Some(expected) => compare_causes(unit, expected, causes, faults),
+                    Some(expected) if upstream.is_empty() => {
+                        compare_causes(unit, expected, causes, faults);
+                    }
+                    // What is to be made may be a cause more.
+                    Some(expected) => {
+                        let named: BTreeSet<String> = causes.iter().map(named).collect();
+                        let is_forced = expected.forced && named == ["forced".to_owned()].into();
+                        if !is_forced && !named.is_subset(&expected.causes) {
+                            let all = &expected.causes;
+                            faults.push(format!(
+                                "{unit}: the plan says {named:?}, the model {all:?}"
+                            ));
+                        }
+                    }
                 }
             }
             UnitState::Perhaps { .. } => {

@@ -7,10 +7,7 @@ use std::{
     sync::Arc,
 };
 
-use arrow::{
-    array::{ArrayRef, StringArray, UInt64Array},
-    record_batch::RecordBatch,
-};
+use arrow_array::{ArrayRef, RecordBatch, StringArray, UInt64Array};
 use dataflow::Artifact;
 
 use super::OwnError;

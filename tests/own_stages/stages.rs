@@ -40,7 +40,7 @@ pub(crate) enum OwnError {
     Lake(#[from] LakeError),
     /// A table's columns do not fit together.
     #[error("cannot lay out the table")]
-    Table(#[from] arrow::error::ArrowError),
+    Table(#[from] arrow_schema::ArrowError),
     /// An artifact lacks the file that every artifact of its kind has.
     #[error("artifact `{key}` has no file `{file}`")]
     MissingFile {

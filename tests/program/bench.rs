@@ -11,8 +11,15 @@ use std::{
 use serde_json::Value;
 use tempfile::TempDir;
 
+/// Values with which the whole job is small.
+pub(crate) const SMALL: [&str; 3] = [
+    "train.network.points=64",
+    "train.training.epochs=20",
+    "sample.per_object=4",
+];
+
 /// The recipe of the bundled sample with one recording per object.
-fn small_recipe() -> String {
+pub(crate) fn small_recipe() -> String {
     let recipe = include_str!("../../data/sample/recipe.toml");
     let lines = recipe.lines().map(|line| match line.split_once(" = ") {
         Some(("sequences_per_object", _)) => "sequences_per_object = 1",
@@ -82,12 +89,7 @@ impl Bench {
             .arg(self.lake())
             .arg("--set")
             .arg(format!("ingest.root={}", self.root.display()));
-        for value in [
-            "train.network.points=64",
-            "train.training.epochs=20",
-            "sample.per_object=4",
-            "dispatch.listen=tcp/127.0.0.1:0",
-        ] {
+        for value in SMALL {
             program.args(["--set", value]);
         }
         program.args(arguments);

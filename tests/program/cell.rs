@@ -3,13 +3,14 @@
 
 use std::{
     fs,
+    net::TcpListener,
     process::{Command, Stdio},
     thread,
     time::{Duration, Instant},
 };
 
 use crate::{
-    bench::{stderr, stdout},
+    bench::{Bench, stderr, stdout},
     cell_lab::{Lab, all_of},
 };
 
@@ -27,7 +28,7 @@ fn a_cell_elsewhere_executes_what_was_accepted_and_knows_it_when_it_is_asked_aga
         .output()
         .unwrap();
     assert_eq!(again.status.code(), Some(0), "{}", stderr(&again));
-    let said = format!("{taken} the cell had executed before and did not again");
+    let said = format!("{taken} done before");
     assert!(stderr(&again).contains(&said), "{}", stderr(&again));
     assert_eq!(lab.taken(), taken);
     lab.end(cell);
@@ -143,6 +144,105 @@ fn a_cell_that_never_answers_is_unknown_in_time_and_the_next_run_finds_out() {
 }
 
 #[test]
+fn what_cannot_be_read_or_believed_is_unknown_and_names_the_motion() {
+    for (fault, said, row) in [
+        ("garbled_answer@2", "cannot be read", None),
+        ("garbled_report@2", "cannot be read", Some("cannot be read")),
+        ("wrong_report@2", "rose by -5 m", Some("rose by -5 m")),
+    ] {
+        let mut lab = Lab::new();
+        let cell = lab.cell(&["--fast", "--fault", fault]);
+        let ran = lab.dispatch().output().unwrap();
+        let text = stderr(&ran);
+        assert_eq!(ran.status.code(), Some(1), "{fault}: {text}");
+        for part in [
+            "what came of motion `",
+            "the robot may have moved",
+            "(goal ",
+            said,
+            "look at the robot",
+        ] {
+            assert!(text.contains(part), "{fault}: {text}");
+        }
+        assert_eq!(lab.taken(), 2, "{fault}: nothing more is sent");
+        // Nothing was kept as done; when somebody has looked, the same command goes on.
+        let ran = lab.dispatch().output().unwrap();
+        assert_eq!(ran.status.code(), Some(0), "{fault}: {}", stderr(&ran));
+        let taken = lab.taken();
+        lab.end(cell);
+        let outcomes = lab.outcomes();
+        assert_eq!(all_of(&outcomes), taken as u64, "{fault}: {outcomes:?}");
+        let sql = "select message from executions where outcome = 'unknown'";
+        let asked = lab.bench.ask(&["query", "--format", "csv", sql]);
+        let unknown = stdout(&asked);
+        let expected = 1 + usize::from(row.is_some());
+        assert_eq!(unknown.lines().count(), expected, "{fault}: {unknown}");
+        assert!(unknown.contains(row.unwrap_or_default()), "{unknown}");
+    }
+}
+
+#[test]
+fn a_motion_that_was_sent_is_named_when_its_cell_is_gone_or_another() {
+    let mut lab = Lab::new();
+    let cell = lab.cell(&["--fast", "--fault", "die_in_motion@2"]);
+    assert_eq!(lab.dispatch().output().unwrap().status.code(), Some(1));
+    lab.end(cell);
+    let named = |text: &str| {
+        for part in [
+            "what came of motion `",
+            "the robot may have moved",
+            "(goal ",
+        ] {
+            assert!(text.contains(part), "{text}");
+        }
+    };
+    // Nobody is there.
+    let ran = lab.dispatch().output().unwrap();
+    assert_eq!(ran.status.code(), Some(1), "{}", stderr(&ran));
+    named(&stderr(&ran));
+    // Another is, which never took it: that says nothing.
+    let journal = lab.bench.lake().join("cells/other");
+    let other = lab.cell(&["--fast", "--journal", journal.to_str().unwrap()]);
+    let ran = lab.dispatch().output().unwrap();
+    assert_eq!(ran.status.code(), Some(1), "{}", stderr(&ran));
+    named(&stderr(&ran));
+    assert!(
+        stderr(&ran).contains("the one that answers has"),
+        "{}",
+        stderr(&ran)
+    );
+    assert!(other.end().lines().all(|line| !line.starts_with("goal")));
+    assert_eq!(lab.taken(), 2);
+}
+
+#[test]
+fn a_cell_says_who_may_drive_it() {
+    let lab = Lab::new();
+    let cell = lab.cell(&["--fast"]);
+    let said = cell.end();
+    assert!(
+        said.contains("any program of this machine may drive it"),
+        "{said}"
+    );
+}
+
+#[test]
+fn an_endpoint_that_cannot_be_used_is_refused_before_any_stage_works() {
+    let bench = Bench::new();
+    for (cell, part) in [
+        ("tls/localhost:7447", "needs an access file"),
+        ("tcp/10.0.0.7:7447", "not protected"),
+    ] {
+        let ran = bench.run(&["--set", &format!("dispatch.cell={cell}")]);
+        assert_eq!(ran.status.code(), Some(2), "{}", stderr(&ran));
+        let said = stderr(&ran);
+        assert!(said.contains(part) && said.contains("hint: "), "{said}");
+        let runs = bench.ask(&["runs"]);
+        assert!(stderr(&runs).contains("no run in the lake"));
+    }
+}
+
+#[test]
 fn a_cell_whose_disk_is_full_takes_nothing_more_and_says_why() {
     let allowed = Command::new("unshare").args(["-rm", "true"]).status();
     if !allowed.is_ok_and(|status| status.success()) {
@@ -187,8 +287,8 @@ fn a_lake_that_cannot_be_read_is_named_where_an_object_is_looked_for() {
     let mut lab = Lab::new();
     let other = lab.bench.lake().join("other");
     fs::create_dir(&other).unwrap();
-    // No folder of tables.
-    fs::write(other.join("tables"), b"").unwrap();
+    // No folder of runs.
+    fs::write(other.join("runs"), b"").unwrap();
     let cell = lab.cell_in(&other, &["--fast"]);
     let ran = lab.dispatch().output().unwrap();
     assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
@@ -222,4 +322,50 @@ fn two_cells_do_not_share_a_journal() {
         stderr(&refused)
     );
     drop(cell);
+}
+
+#[test]
+fn two_runs_at_once_have_a_cell_each() {
+    let benches = [Bench::new(), Bench::new()];
+    for bench in &benches {
+        bench.run_well(&["--until", "screen"]);
+    }
+    let runs = benches.each_ref().map(|bench| {
+        let mut run = bench.command("run", &[]);
+        run.stderr(Stdio::piped()).spawn().unwrap()
+    });
+    for run in runs {
+        let ran = run.wait_with_output().unwrap();
+        assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
+    }
+}
+
+#[test]
+fn a_port_that_is_taken_is_named_with_the_way_out() {
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let endpoint = format!("tcp/{}", taken.local_addr().unwrap());
+    let lake = tempfile::tempdir().unwrap();
+    for command in ["cell", "router"] {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_pipeline"));
+        program
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .args([command, "--listen", &endpoint, "--lake"])
+            .arg(lake.path());
+        let refused = program.output().unwrap();
+        let said = stderr(&refused);
+        assert_eq!(refused.status.code(), Some(1), "{command}: {said}");
+        let told = format!("another program listens on `{endpoint}` already");
+        assert!(said.contains(&told), "{command}: {said}");
+        assert!(said.contains("`--listen tcp/127.0.0.1:0`"), "{said}");
+    }
+    // A run whose cell is told to listen there says how to have any other.
+    let bench = Bench::new();
+    let listen = format!("dispatch.listen={endpoint}");
+    let refused = bench.run(&["--set", &listen]);
+    let said = stderr(&refused);
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("`--set dispatch.listen=tcp/127.0.0.1:0`"),
+        "{said}"
+    );
 }

@@ -110,6 +110,21 @@ impl Lab {
         self.serve(program, lake, arguments)
     }
 
+    /// Starts a cell with a journal of its own in the lake, which is refused, and returns what it says.
+    pub(crate) fn refused_cell(&self, journal: &str) -> String {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_pipeline"));
+        program
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .args(["cell", "--fast", "--connect", &self.endpoint, "--lake"])
+            .arg(self.bench.lake())
+            .arg("--journal")
+            .arg(self.bench.lake().join(journal));
+        self.introduce(&mut program, "cell");
+        let refused = program.output().unwrap();
+        assert_eq!(refused.status.code(), Some(1), "{}", stderr(&refused));
+        stderr(&refused)
+    }
+
     fn serve(&self, mut program: Command, lake: &Path, arguments: &[&str]) -> Served {
         let way = match self.behind {
             Behind::Nothing => "--listen",
@@ -154,8 +169,7 @@ impl Lab {
         BufReader::new(process.stdout.take().unwrap())
             .read_line(&mut line)
             .unwrap();
-        let said = process.stderr.take().map(BufReader::new);
-        let served = Served { process, said };
+        let served = Served::of(process);
         if line.trim() == self.endpoint {
             return served;
         }
@@ -252,6 +266,12 @@ impl Lab {
 }
 
 impl Served {
+    /// Takes a process whose standard error is piped.
+    pub(crate) fn of(mut process: Child) -> Self {
+        let said = process.stderr.take().map(BufReader::new);
+        Self { process, said }
+    }
+
     /// Sends the process a signal, e.g. `-STOP`.
     pub(crate) fn signal(&self, name: &str) {
         let id = self.process.id().to_string();

@@ -12,7 +12,7 @@ use serde_json::Value;
 use crate::bench::{Bench, put, stderr, stdout};
 
 /// A lake in which everything up to `retarget` is made; tests only look at it.
-fn finished() -> &'static Bench {
+pub(crate) fn finished() -> &'static Bench {
     static FINISHED: OnceLock<Bench> = OnceLock::new();
     FINISHED.get_or_init(|| {
         let bench = Bench::new();
@@ -203,6 +203,8 @@ fn drawings_name_every_output_once_and_only_connect_what_they_name() {
     let file = folder.path().join("my pipeline.toml");
     let renamed = include_str!("../../pipelines/cgf.toml")
         .replace("stages.screen", "stages.screen-2")
+        .replace("paper.screen", "paper.screen-2")
+        .replace("released.screen", "released.screen-2")
         .replace("screen.rollouts", "screen-2.rollouts");
     put(&file, &renamed);
     let draw = |format: &str| {
@@ -269,7 +271,7 @@ fn completions_are_scripts_that_know_commands_and_options() {
 }
 
 /// The subcommands that `pipeline --help` lists.
-fn subcommands() -> Vec<String> {
+pub(crate) fn subcommands() -> Vec<String> {
     let help = stdout(&pipeline(&["--help"]));
     let (_, commands) = help.split_once("Commands:\n").unwrap();
     let lines = commands.lines().take_while(|line| !line.is_empty());

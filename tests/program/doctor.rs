@@ -49,12 +49,12 @@ fn doctor_names_what_is_missing_and_what_to_do() {
         "--set",
         "train.hand=no/such.urdf",
         "--set",
-        "sample.steps=1",
+        "dispatch.hand=no/other.urdf",
     ]);
     for (stage, says) in [
         ("ingest", "no/such/folder"),
         ("train", "no/such.urdf"),
-        ("sample", "steps"),
+        ("dispatch", "no/other.urdf"),
     ] {
         let line = report.lines().find(|line| line[9..].starts_with(stage));
         let line = line.unwrap();
@@ -174,9 +174,10 @@ fn doctor_says_what_is_unphysical_in_a_robot() {
         ("wrong", "has an inertia that no body has"),
         ("doubtful", "is locked: its limits are both 0"),
         ("doubtful", "has no effort limit: 0 Nm"),
+        ("note", "in physics it has that of all that it carries"),
         (
             "note",
-            "names a mesh that is not there: `package://hand/palm.stl`",
+            "is drawn with a mesh that is not there: `package://hand/palm.stl`",
         ),
         ("note", "has mass and nothing to collide with"),
         ("note", "has too few fingers and links"),
@@ -194,6 +195,36 @@ fn doctor_says_what_is_unphysical_in_a_robot() {
     put(&folder.path().join("hand/palm.stl"), "solid");
     let report = stderr(&pipeline(&["doctor", "--robot", urdf]));
     assert!(!report.contains("palm.stl"), "{report}");
+}
+
+#[test]
+fn doctor_names_links_without_inertia() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let path = folder.path().join("hand.urdf");
+    let described = fs::read_to_string("data/robots/allegro_right.urdf").unwrap();
+    let mut without = described;
+    for link in ["link_1.0", "link_2.0"] {
+        let at = without.find(&format!("<link name=\"{link}\">")).unwrap();
+        let start = at + without[at..].find("<inertial>").unwrap();
+        let end = start + without[start..].find("</inertial>").unwrap() + "</inertial>".len();
+        without.replace_range(start..end, "");
+    }
+    put(&path, &without);
+    let output = pipeline(&["doctor", "--robot", path.to_str().unwrap()]);
+    // It can be retargeted to, and its table is proposed.
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let report = stderr(&output);
+    let says = "each moves and has no inertia, nor has what is fixed to it: `screen` refuses it: \
+                `link_1.0`, `link_2.0`";
+    let line = report.lines().find(|line| line.contains(says));
+    assert!(
+        line.is_some_and(|line| line.starts_with("doubtful ")),
+        "{report}"
+    );
+    assert!(
+        report.contains("hint: give it an `<inertial>` with mass and inertia"),
+        "{report}"
+    );
 }
 
 #[test]
@@ -229,4 +260,36 @@ fn doctor_says_why_a_robot_cannot_be_read() {
     refused("both have no parent", "hint: connect them by a joint");
     let both = pipeline(&["doctor", "pipelines/cgf.toml", "--robot", urdf]);
     assert_eq!(both.status.code(), Some(2));
+}
+
+#[test]
+fn doctor_finds_the_side_of_published_hands() {
+    let Some(root) = std::env::var_os("PIPELINE_REAL_DATA") else {
+        eprintln!("skipped: `PIPELINE_REAL_DATA` names no folder with `urdf/*.urdf`");
+        return;
+    };
+    let Ok(entries) = fs::read_dir(std::path::Path::new(&root).join("urdf")) else {
+        eprintln!("skipped: `PIPELINE_REAL_DATA` holds no `urdf`");
+        return;
+    };
+    for entry in entries {
+        let path = entry.unwrap().path();
+        let output = pipeline(&["doctor", "--robot", path.to_str().unwrap()]);
+        let report = stderr(&output);
+        // With its meshes or without them, what can be told of it is told.
+        let is_missing = report.lines().any(|line| line.starts_with("missing "));
+        let is_wrong = report.lines().any(|line| line.starts_with("wrong "));
+        let expected = i32::from(is_missing || is_wrong);
+        assert_eq!(output.status.code(), Some(expected), "{report}");
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        let side = ["left", "right"]
+            .into_iter()
+            .find(|side| name.contains(side));
+        if let Some(side) = side {
+            let table: toml_edit::DocumentMut = stdout(&output).parse().unwrap();
+            assert_eq!(table["side"].as_str(), Some(side), "{name}");
+            let scale = table["scale"].as_float().unwrap();
+            assert!((0.9..1.2).contains(&scale), "{name}: {scale}");
+        }
+    }
 }

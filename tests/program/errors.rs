@@ -1,6 +1,9 @@
 //! Bad input ends in an error that says what, where and what to do.
 
-use std::{fs, process::Command};
+use std::{
+    fs,
+    process::{Command, Output},
+};
 
 use crate::bench::{Bench, labels, put, stderr, stdout};
 
@@ -64,6 +67,54 @@ fn a_misspelt_kind_and_a_misspelt_stage_get_the_near_name() {
     let (code, text) = with_edited_file("\"ingest.demonstrations\"", "\"ingest.objects\"");
     assert_eq!(code, 2);
     assert_says(&text, &["wants `demonstrations`", "wired to `objects`"]);
+}
+
+#[test]
+fn a_profile_that_nobody_asks_for_is_checked_as_well() {
+    let check = |from: &str, to: &str, says: &[&str]| {
+        let (code, text) = with_edited_file(from, to);
+        assert_eq!(code, 2, "{text}");
+        assert_says(&text, says);
+        assert_eq!(text.matches("error: ").count(), 1, "{text}");
+    };
+    check(
+        "[profiles.paper.train]",
+        "[profiles.paper.trian]",
+        &[
+            "profile `paper` changes an unknown stage `trian`",
+            "did you mean `train`?",
+            "paper.trian",
+        ],
+    );
+    let paper = "[profiles.paper.sample]\nper_object = 10000";
+    check(
+        paper,
+        "[profiles.paper.sample]\nper_objects = 10000",
+        &[
+            "unknown key `per_objects` in stage `sample`",
+            "| per_objects = 10000",
+        ],
+    );
+    check(
+        paper,
+        "[profiles.paper.sample]\nper_object = \"many\"",
+        &["stage `sample`", "| per_object = \"many\""],
+    );
+    check(
+        paper,
+        "[profiles.paper.sample]\nper_object = 4_000_000_000",
+        &["`per_object` is 4000000000", "| per_object = 4_000_000_000"],
+    );
+    check(
+        "[profiles.paper.sample]\n",
+        "[profiles.paper]\ningest = 3\n[profiles.paper.sample]\n",
+        &["what a profile changes in stage `ingest` is not a table"],
+    );
+    check(
+        "[profiles.paper.train]",
+        "[profiles]\nbest = 3\n[profiles.paper.train]",
+        &["profile `best` is not a table"],
+    );
 }
 
 #[test]
@@ -151,7 +202,7 @@ fn a_truncated_recording_among_good_ones_is_skipped_and_counted() {
         &[
             name,
             "1 skipped",
-            "pipeline inspect ingest.demonstrations --skipped",
+            "pipeline inspect ingest.demonstrations --skipped --run 1",
         ],
     );
     let listed = Command::new(env!("CARGO_BIN_EXE_pipeline"))
@@ -166,6 +217,88 @@ fn a_truncated_recording_among_good_ones_is_skipped_and_counted() {
     // The reason is kept: the same command again says the same, and reads nothing.
     let again = bench.run(&["--until", "retarget"]);
     assert_eq!(again.status.code(), Some(3));
+}
+
+/// Runs the command that a hint gives, on the bench's lake, and returns what it prints.
+fn paste(bench: &Bench, ran: &Output) -> String {
+    let text = stderr(ran);
+    let command = text
+        .split('`')
+        .find(|quoted| quoted.starts_with("pipeline inspect ") && quoted.contains("--skipped"))
+        .unwrap_or_else(|| panic!("no hint in:\n{text}"));
+    let arguments: Vec<&str> = command.split(' ').skip(1).collect();
+    stdout(&bench.ask(&arguments))
+}
+
+#[test]
+fn a_hint_shows_what_its_own_run_left_out() {
+    let bench = Bench::with_own_sample();
+    let image = labels(&bench.a_recording()).remove(20);
+    put(&image, "no archive");
+    let name = image.file_name().unwrap().to_str().unwrap();
+    let shows = |what: &str, ran: &Output, code: i32| {
+        assert_eq!(ran.status.code(), Some(code), "{what}: {}", stderr(ran));
+        let pasted = paste(&bench, ran);
+        assert!(pasted.contains(name), "{what}: no `{name}` in:\n{pasted}");
+    };
+    let some = ["--until", "retarget"];
+    shows("a first run", &bench.run(&some), 3);
+
+    // Another pipeline makes the same artifact without that recording, and is the newest run.
+    let file = bench.root().parent().unwrap().join("other.toml");
+    put(&file, include_str!("../../pipelines/cgf.toml"));
+    let subject = image.ancestors().nth(3).unwrap().file_name().unwrap();
+    let other = fs::read_dir(bench.root())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .find(|folder| folder != subject && folder.to_str().unwrap().contains("subject"))
+        .unwrap();
+    let another_run = || {
+        let ran = Command::new(env!("CARGO_BIN_EXE_pipeline"))
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .arg("run")
+            .arg(&file)
+            .args(["--fresh", "ingest", "--until", "ingest", "--lake"])
+            .arg(bench.lake())
+            .arg("--set")
+            .arg(format!("ingest.root={}", bench.root().display()))
+            .arg("--set")
+            .arg(format!("ingest.subjects=[{other:?}]"))
+            .output()
+            .unwrap();
+        assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
+        let newest = bench.ask(&["inspect", "ingest.demonstrations", "--skipped"]);
+        assert!(!stdout(&newest).contains(name));
+    };
+    another_run();
+    shows("one that finds all as it was", &bench.run(&some), 3);
+    let no_partition = bench.ask(&["inspect", "ingest.objects", "???", "--run", "1"]);
+    let hint = "list them with `pipeline inspect ingest.objects --run 1`";
+    assert_says(&stderr(&no_partition), &[hint]);
+
+    let strict = ["--set", "ingest.max_skipped_fraction=0"];
+    shows("one that fails for it", &bench.run(&strict), 1);
+    another_run();
+
+    // Nothing is left to make, in the stage itself and in the next one.
+    let object = ["--set", "ingest.max_skipped_fraction=1", "--set"];
+    let off_the_table = [&object[..], &["ingest.max_table_error_m=1e-12"]].concat();
+    shows("one with nothing left", &bench.run(&off_the_table), 1);
+    another_run();
+
+    // A stage that wants more than came to it: every object that there is is kept out.
+    let unseen = |objects: &[&str]| {
+        let ran = bench.run(&["--set", &format!("train.unseen_objects={objects:?}")]);
+        assert_eq!(ran.status.code(), Some(1), "{}", stderr(&ran));
+        ran
+    };
+    let named = stderr(&unseen(&["nothing"]));
+    let (_, named) = named.split_once("there are: ").unwrap();
+    let objects: Vec<&str> = named.lines().next().unwrap().split(", ").collect();
+    let ran = unseen(&objects);
+    let run = bench.runs().len();
+    let hint = format!("`pipeline inspect retarget.trajectories --skipped --run {run}`");
+    assert_says(&stderr(&ran), &["stage `train` failed", &hint]);
 }
 
 #[test]

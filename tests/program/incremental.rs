@@ -37,6 +37,28 @@ fn the_same_command_again_runs_nothing_and_says_so() {
 }
 
 #[test]
+fn a_value_of_many_digits_is_read_back_as_itself() {
+    let bench = Bench::new();
+    let until = [
+        "--until",
+        "screen",
+        "--set",
+        "screen.scene.friction=0.23333333333333334",
+    ];
+    bench.run_well(&until);
+    let verified = bench.ask(&["verify"]);
+    assert_eq!(verified.status.code(), Some(0), "{}", stdout(&verified));
+    let again = bench.run_well(&until);
+    let said = stderr(&again);
+    assert!(said.contains("5 stages cached, nothing to run"), "{said}");
+    let sql = "select number from settings where key = 'scene.friction'";
+    let asked = bench.ask(&["query", sql, "--format", "json"]);
+    let row: Value = serde_json::from_slice(&asked.stdout).unwrap();
+    let friction = row["number"].as_f64().unwrap();
+    assert_eq!(friction.to_bits(), 0.233_333_333_333_333_34_f64.to_bits());
+}
+
+#[test]
 fn a_changed_value_reruns_its_stage_and_what_follows_and_plan_names_it() {
     let bench = Bench::new();
     bench.run_well(&["--until", "sample"]);
@@ -142,6 +164,110 @@ fn equal_bytes_stop_the_rerun() {
         bench.made_by_newest_run(),
         counts(&[("ingest.demonstrations", 1)])
     );
+}
+
+/// What `plan` says with these arguments.
+fn planned(bench: &Bench, arguments: &[&str]) -> String {
+    let plan = bench.command("plan", arguments).output().unwrap();
+    assert_eq!(plan.status.code(), Some(0), "{}", stderr(&plan));
+    stdout(&plan)
+}
+
+const NOTHING: &str = "cached   everything; nothing to run\n";
+
+#[test]
+fn what_is_read_of_a_hand_decides_and_not_its_file() {
+    let bench = Bench::new();
+    let folder = bench.root().parent().unwrap().join("hands");
+    fs::create_dir_all(&folder).unwrap();
+    let urdf = include_str!("../../data/robots/allegro_right.urdf");
+    let table = include_str!("../../data/hands/allegro_right.toml");
+    let arguments = |urdf: &str, table: &str| -> Vec<String> {
+        let urdf = folder.join(urdf).display().to_string();
+        let table = folder.join(table).display().to_string();
+        let hands = ["retarget", "train", "sample"].map(|stage| format!("{stage}.hand={urdf}"));
+        let table = [format!("retarget.hand_table={table}")];
+        let sets = hands.into_iter().chain(table);
+        let sets = sets.flat_map(|set| ["--set".to_owned(), set]);
+        ["--until", "sample"]
+            .map(str::to_owned)
+            .into_iter()
+            .chain(sets)
+            .collect()
+    };
+    let with = |urdf: &str, table: &str, what: &dyn Fn(&[&str]) -> String| {
+        let arguments = arguments(urdf, table);
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        what(&arguments)
+    };
+    let plan = |urdf: &str, table: &str| with(urdf, table, &|all| planned(&bench, all));
+    put(&folder.join("hand.urdf"), urdf);
+    put(&folder.join("hand.toml"), table);
+    with("hand.urdf", "hand.toml", &|all| {
+        stderr(&bench.run_well(all))
+    });
+    let shown = bench.published();
+
+    // Another name, another comment, another order of what has none.
+    let commented = urdf.replacen("<robot ", "<!-- left of the window -->\n<robot ", 1);
+    assert_ne!(commented, urdf);
+    put(&folder.join("ours.urdf"), &commented);
+    put(&folder.join("ours.toml"), &format!("# ours\n{table}"));
+    assert_eq!(plan("ours.urdf", "ours.toml"), NOTHING);
+    // What is made anew of the other file has the same bytes, recordings too.
+    with("ours.urdf", "ours.toml", &|all| {
+        let fresh = [all, &["--fresh", "retarget"]].concat();
+        stderr(&bench.run_well(&fresh))
+    });
+    assert_eq!(bench.published(), shown);
+
+    // A joint that turns farther is another hand: what reads it runs for certain, and says why.
+    let farther = urdf.replacen("upper=\"", "upper=\"1", 1);
+    put(&folder.join("farther.urdf"), &farther);
+    let text = plan("farther.urdf", "ours.toml");
+    for node in [
+        "retarget.trajectories",
+        "train.checkpoint",
+        "sample.candidates",
+    ] {
+        let mut lines = text.lines();
+        let line = lines.find(|line| line.starts_with("run") && line.contains(node));
+        let line = line.unwrap_or_else(|| panic!("{node} does not run for certain:\n{text}"));
+        assert!(line.contains("file `hand` changed"), "{line}");
+    }
+    assert!(!text.contains("never made"), "{text}");
+}
+
+#[test]
+fn a_renamed_stage_is_told_as_such() {
+    let bench = Bench::new();
+    let folder = bench.root().parent().unwrap().join("renamed");
+    fs::create_dir_all(&folder).unwrap();
+    let file = include_str!("../../pipelines/cgf.toml");
+    let renamed = file.replace("stages.retarget", "stages.move");
+    let renamed = renamed.replace("\"retarget.", "\"move.");
+    let renamed = renamed.replace(".retarget]", ".move]");
+    let path = folder.join("cgf.toml");
+    put(&path, &renamed);
+    bench.run_well(&["--until", "retarget"]);
+    let root = format!("ingest.root={}", bench.root().display());
+    let plan = bench.ask(&[
+        "plan",
+        path.to_str().unwrap(),
+        "--until",
+        "move",
+        "--set",
+        &root,
+    ]);
+    let text = stdout(&plan);
+    let told =
+        "the stage was renamed from `retarget` to `move`, and its random numbers follow its name";
+    for node in ["move.distance_fields", "move.trajectories"] {
+        let mut lines = text.lines();
+        let found = lines.any(|line| line.contains(node) && line.contains(told));
+        assert!(found, "{node}:\n{text}{}", stderr(&plan));
+    }
+    assert!(!text.contains("never made"), "{text}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod arm;
 mod baseline;
 mod bench;
+mod bounds;
 mod cell;
 mod cell_lab;
 mod commands;
@@ -11,12 +12,19 @@ mod errors;
 mod history;
 mod incremental;
 mod interpolation;
+mod messages;
+mod output;
+mod own_hand;
 #[path = "../../crates/cell/tests/cell/papers.rs"]
 mod papers;
+mod projects;
 mod python;
 mod questions;
 mod repeatable;
 mod retargeting;
 mod routing;
+mod shipped;
+mod stopping;
 mod studies;
 mod sweeps;
+mod terminal;

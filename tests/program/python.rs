@@ -1,12 +1,17 @@
-//! The Python of the cell's README, as it is printed there.
+//! The Python of the cell's README, as it is printed there, and the cell and the dispatcher in Python that
+//! were made by it.
 
 use std::{
-    env,
+    env, fs,
     io::{BufRead, BufReader},
-    process::{Command, Stdio},
+    path::Path,
+    process::{Child, Command, Stdio},
 };
 
-use crate::cell_lab::Lab;
+use crate::{
+    bench::{stderr, stdout},
+    cell_lab::Lab,
+};
 
 const README: &str = include_str!("../../crates/cell/README.md");
 /// The endpoint in it.
@@ -14,19 +19,144 @@ const PRINTED: &str = "tcp/127.0.0.1:7447";
 /// Lines of a program that can be read at a glance.
 const LINES: usize = 22;
 
-#[test]
-fn the_readme_shows_what_happens_at_a_cell() {
+/// The Python to use, if it has these modules; else it is said why nothing is tried.
+fn python(modules: &[&str]) -> Option<String> {
     let Ok(python) = env::var("PIPELINE_PYTHON") else {
         println!("skipped: `PIPELINE_PYTHON` names no Python");
+        return None;
+    };
+    let imports = format!("import {}", modules.join(", "));
+    let has = Command::new(&python).args(["-c", &imports]).status();
+    if has.is_ok_and(|status| status.success()) {
+        return Some(python);
+    }
+    println!("skipped: `{python}` lacks one of {modules:?}");
+    None
+}
+
+/// A program of the examples in Python.
+fn example(python: &str, name: &str) -> Command {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/cell/examples/python");
+    let mut program = Command::new(python);
+    program.arg("-B").arg("-u").arg(folder.join(name));
+    program.current_dir(env!("CARGO_MANIFEST_DIR"));
+    program
+}
+
+/// A cell in Python, which ends with the test.
+struct PythonCell(Child);
+
+impl PythonCell {
+    /// Starts it where the lab's cell listens, and waits until it serves.
+    fn start(python: &str, lab: &Lab, journal: &Path, arguments: &[&str]) -> Self {
+        let mut cell = example(python, "cell.py")
+            .args(["--listen", &lab.endpoint])
+            .args(["--hand", "data/robots/allegro_right.urdf", "--journal"])
+            .arg(journal)
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        let mut said = BufReader::new(cell.stdout.take().unwrap());
+        said.read_line(&mut line).unwrap();
+        assert_eq!(line.trim(), lab.endpoint);
+        Self(cell)
+    }
+}
+
+impl Drop for PythonCell {
+    fn drop(&mut self) {
+        self.0.kill().unwrap();
+        self.0.wait().unwrap();
+    }
+}
+
+#[test]
+fn a_cell_in_python_carries_out_what_is_dispatched_and_contradictions_are_no_success() {
+    let Some(python) = python(&["numpy", "zenoh", "blake3"]) else {
         return;
     };
-    let has = Command::new(&python)
-        .args(["-c", "import numpy, zenoh"])
-        .status();
-    if !has.is_ok_and(|status| status.success()) {
-        println!("skipped: `{python}` has no `zenoh` and `numpy`");
-        return;
+    let lab = Lab::new();
+    let journals = tempfile::tempdir().unwrap();
+    let kinds = [
+        "no_samples",
+        "frozen",
+        "lift_minus_5",
+        "lift_1e308",
+        "times_back",
+        "joints_order",
+        "narrow",
+        "short",
+        "second_answerer",
+    ];
+    for (attempt, kind) in (1..).zip(kinds) {
+        let journal = journals.path().join(kind);
+        let _cell = PythonCell::start(&python, &lab, &journal, &["--contradict", kind]);
+        let mut run = lab.dispatch();
+        run.arg("--set").arg(format!("dispatch.attempt={attempt}"));
+        let ran = run.output().unwrap();
+        let said = stderr(&ran);
+        assert_eq!(ran.status.code(), Some(1), "{kind}: {said}");
+        assert!(
+            said.contains("is unknown, the robot may have moved"),
+            "{kind}: {said}"
+        );
+        assert!(
+            !lab.bench.lake().join("tables/executions").exists(),
+            "{kind}"
+        );
     }
+    let honest = journals.path().join("honest");
+    let _cell = PythonCell::start(&python, &lab, &honest, &[]);
+    let mut run = lab.dispatch();
+    run.args(["--set", "dispatch.attempt=20"]);
+    let ran = run.output().unwrap();
+    assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
+    let outcomes = lab.outcomes();
+    assert!(outcomes.contains_key("succeeded"), "{outcomes:?}");
+    assert_eq!(outcomes.len(), 1, "{outcomes:?}");
+}
+
+#[test]
+fn a_dispatcher_in_python_has_a_saved_goal_carried_out_once() {
+    let Some(python) = python(&["numpy", "zenoh", "blake3"]) else {
+        return;
+    };
+    let mut lab = Lab::new();
+    let cell = lab.cell(&["--fast"]);
+    let ran = lab.dispatch().output().unwrap();
+    assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
+    lab.end(cell);
+    let held = lab.over.iter().find(|line| line.contains("succeeded"));
+    let id = held.unwrap().split_whitespace().nth(1).unwrap().to_owned();
+    let folder = tempfile::tempdir().unwrap();
+    let goal = folder.path().join("saved.goal");
+    fs::copy(lab.journal().join(format!("{id}.goal")), &goal).unwrap();
+    // Another cell, which knows nothing of it.
+    let journal = folder.path().join("journal");
+    let cell = lab.cell(&["--fast", "--journal", journal.to_str().unwrap()]);
+    for _ in 0..2 {
+        let mut program = example(&python, "dispatcher.py");
+        program.arg(&goal).args(["--connect", &lab.endpoint]);
+        let ran = program.output().unwrap();
+        let said = stdout(&ran);
+        assert_eq!(ran.status.code(), Some(0), "{said}{}", stderr(&ran));
+        assert!(said.starts_with("succeeded"), "{said}");
+    }
+    let said = cell.end();
+    assert_eq!(
+        said.lines().filter(|line| line.starts_with("goal")).count(),
+        1,
+        "{said}"
+    );
+}
+
+#[test]
+fn the_readme_shows_what_happens_at_a_cell() {
+    let Some(python) = python(&["numpy", "zenoh"]) else {
+        return;
+    };
     let (_, rest) = README.split_once("```python\n").unwrap();
     let (program, _) = rest.split_once("```").unwrap();
     assert!(program.lines().count() <= LINES);

@@ -127,3 +127,79 @@ fn a_wrong_question_gets_the_near_name() {
         assert_eq!(stdout(&output), "");
     }
 }
+
+#[test]
+fn every_wrong_question_is_told_in_one_form() {
+    for sql in [
+        "delete from objects",
+        "drop table objects",
+        "truncate objects",
+        "create table mine as select * from objects",
+        "insert into objects select * from objects",
+        "select 1; select 2",
+        "",
+        "select",
+        "select * from",
+        "select (1",
+        "select * from objects where",
+        "select foo(object) from objects",
+        "select objct from objects",
+        "select * from object",
+        "select object, count(*) from demonstrations",
+        "select object, stage from objects group by stage",
+        "select cast(object as int) from objects",
+        "select sum(object) * 2 from objects",
+        "select object - 1 from objects",
+        "select * from objects order by nothing",
+        "select * from objects where mass_kg = 'heavy'",
+        "select * from objects where object",
+        "select * from objects a join demonstrations b on a.nothing = b.object",
+        "select object from objects union all select 1, 2",
+        "select substr(object) from objects",
+        "select mass_kg over from objects limit many",
+        "select * from read_parquet('no/such/file.parquet')",
+        "select * from objects having count(*) > 1",
+    ] {
+        let output = ask(&[sql], None);
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{sql}: {text}");
+        assert!(text.starts_with("error: "), "{sql}: {text}");
+        assert!(text.contains("\nhint: "), "{sql}: {text}");
+        assert_eq!(text.lines().count(), 2, "{sql}: {text}");
+        assert_eq!(stdout(&output), "", "{sql}");
+    }
+}
+
+#[test]
+fn questions_only_read() {
+    for (sql, word) in [
+        ("delete from objects", "DELETE"),
+        ("drop table objects", "DROP"),
+        ("truncate objects", "TRUNCATE"),
+        ("create table mine as select * from objects", "CREATE"),
+    ] {
+        let output = ask(&[sql], None);
+        assert_eq!(output.status.code(), Some(2), "{sql}");
+        let says = format!("`{word}` is refused: questions read tables and change nothing");
+        assert!(stderr(&output).contains(&says), "{}", stderr(&output));
+    }
+    for sql in [
+        "select 1",
+        "with a as (select object from objects) select * from a",
+        "values (1, 2), (3, 4)",
+        "show tables",
+        "explain select object from objects",
+    ] {
+        assert!(!answer(&[sql]).is_empty(), "{sql}");
+    }
+}
+
+#[test]
+fn totals_beside_columns_say_by_what_to_group() {
+    let output = ask(&["select object, count(*) from demonstrations"], None);
+    assert_eq!(output.status.code(), Some(2));
+    let text = stderr(&output);
+    assert!(text.contains("hint: add `group by object`"), "{text}");
+    let grouped = "select object, count(*) as n from demonstrations group by object";
+    assert!(answer(&[grouped]).lines().count() > 2);
+}

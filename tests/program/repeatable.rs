@@ -1,6 +1,15 @@
 //! Equal arguments give equal bytes: on any number of threads, and after `kill -9`.
 
-use std::{fs, process::Stdio};
+use std::{
+    collections::BTreeMap,
+    env, fs,
+    process::Stdio,
+    thread,
+    time::{Duration, Instant, SystemTime},
+};
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 use crate::bench::Bench;
 
@@ -55,6 +64,91 @@ fn a_killed_run_continues_to_the_same_bytes() {
     bench.run_well(&[]);
     assert_eq!(bench.published(), expected);
     assert_eq!(count_units(&bench), n_units);
+}
+
+/// Seconds after which a training has surely saved its state anew: it does so once a second.
+const SAVED_S: f64 = 1.5;
+
+#[test]
+fn a_killed_training_continues_to_the_same_bytes() {
+    let n_kills: u32 = env::var("PIPELINE_KILLS").map_or(3, |kills| kills.parse().unwrap());
+    // Some motions are held out and the statistics are fixed half way, so that every part of a
+    // training's state is gone on from.
+    let training = |epochs: u32| -> Vec<String> {
+        let epochs = format!("train.training.epochs={epochs}");
+        let sets = [
+            "train.held_out_share=0.2",
+            "train.training.validation_epochs=3",
+            &epochs,
+        ];
+        let sets = sets.into_iter().flat_map(|set| ["--set", set]);
+        ["--until", "train"]
+            .into_iter()
+            .chain(sets)
+            .map(str::to_owned)
+            .collect()
+    };
+    let run = |bench: &Bench, arguments: &[String]| {
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        let mut run = bench.command("run", &arguments);
+        run.stdout(Stdio::null()).stderr(Stdio::null());
+        run
+    };
+    let well = |bench: &Bench, arguments: &[String]| {
+        let started = Instant::now();
+        assert!(run(bench, arguments).status().unwrap().success());
+        started.elapsed().as_secs_f64()
+    };
+    let [undisturbed, bench] = [Bench::new(), Bench::new()];
+    for bench in [&undisturbed, &bench] {
+        well(bench, &["--until", "retarget"].map(str::to_owned));
+    }
+    // Long enough that no life comes to the end.
+    let epoch_s = well(&undisturbed, &training(100)) / 100.0;
+    let long = 1.5 * SAVED_S * f64::from(n_kills + 2) / epoch_s;
+    let arguments = training(format!("{long:.0}").parse().unwrap());
+    well(&undisturbed, &arguments);
+
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut n_resumed = 0;
+    for kill in 1..=n_kills {
+        let left = state(&bench);
+        n_resumed += u32::from(left.is_some());
+        let mut life = run(&bench, &arguments).spawn().unwrap();
+        // One life in three ends before it has saved anything, and some while they do.
+        if rng.random_bool(0.67) {
+            let started = Instant::now();
+            while state(&bench) == left && started.elapsed().as_secs() < 60 {
+                thread::sleep(Duration::from_millis(1));
+            }
+        }
+        thread::sleep(Duration::from_secs_f64(rng.random_range(0.0..SAVED_S)));
+        let ended = life.try_wait().unwrap();
+        assert!(ended.is_none(), "ended before kill {kill} of {n_kills}");
+        life.kill().unwrap();
+        life.wait().unwrap();
+    }
+    assert!(n_resumed > 0, "no life went on from an earlier one");
+    well(&bench, &arguments);
+    assert_eq!(trained(&bench), trained(&undisturbed));
+    println!("{n_kills} kills; {n_resumed} lives went on from a state of an earlier one");
+}
+
+/// The artifacts of the training that the lake shows, by path.
+fn trained(bench: &Bench) -> BTreeMap<String, String> {
+    let mut shown = bench.published();
+    shown.retain(|path, _| path.contains("stage=train") || path.contains("/train/"));
+    assert!(shown.len() >= 4, "{shown:?}");
+    shown
+}
+
+/// When the state that an interrupted training goes on from was saved, if there is one.
+fn state(bench: &Bench) -> Option<SystemTime> {
+    let units = fs::read_dir(bench.lake().join("resume")).ok()?;
+    let states = units.map(|unit| unit.unwrap().path().join("state.safetensors"));
+    states
+        .filter_map(|state| state.metadata().ok()?.modified().ok())
+        .max()
 }
 
 /// Number of units whose results are kept.

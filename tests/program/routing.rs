@@ -97,22 +97,15 @@ fn a_router_that_is_not_there_is_named() {
 }
 
 #[test]
-fn two_cells_of_one_name_behind_one_router_are_sent_nothing() {
-    let lab = Lab::behind_a_router();
+fn a_second_cell_of_one_name_behind_one_router_does_not_start() {
+    let mut lab = Lab::behind_a_router();
     let _router = lab.router();
-    let journal = lab.bench.lake().join("cells/other");
-    let _cells = [
-        lab.cell(&["--fast"]),
-        lab.cell(&["--fast", "--journal", journal.to_str().unwrap()]),
-    ];
-    let ran = lab.dispatch().output().unwrap();
-    assert_eq!(ran.status.code(), Some(1), "{}", stderr(&ran));
-    assert!(
-        stderr(&ran).contains("2 robot cells answer to one name"),
-        "{}",
-        stderr(&ran)
-    );
-    assert_eq!(lab.taken(), 0);
+    let cell = lab.cell(&["--fast"]);
+    let refused = lab.refused_cell("cells/other");
+    for part in ["another robot cell has the name `simulated`", "cell_name"] {
+        assert!(refused.contains(part), "{refused}");
+    }
+    lab.dispatch_to_the_end(cell);
 }
 
 #[test]
@@ -120,10 +113,13 @@ fn on_a_network_a_dispatcher_shows_its_certificate_and_nobody_else_moves_anythin
     let mut lab = Lab::on_a_network();
     let _router = lab.router();
     let cell = lab.cell(&["--fast"]);
+    // The rules let a cell ask whether there is another of its name.
+    let refused = lab.refused_cell("cells/other");
+    assert!(refused.contains("another robot cell has"), "{refused}");
     let stranger = lab.dispatch().output().unwrap();
-    assert_eq!(stranger.status.code(), Some(1), "{}", stderr(&stranger));
+    assert_eq!(stranger.status.code(), Some(2), "{}", stderr(&stranger));
     assert!(
-        stderr(&stranger).contains("no connection to the robot cell"),
+        stderr(&stranger).contains("needs an access file"),
         "{}",
         stderr(&stranger)
     );

@@ -36,7 +36,7 @@ fn every_variant_runs_and_what_is_before_the_difference_runs_once() {
         (table[1], "kl_weight=0.001 "),
         (table[0], "kl_weight=0.01 "),
     ] {
-        assert!(row.contains(label) && row.contains("finger tips"), "{row}");
+        assert!(row.contains(label) && row.contains("tip error"), "{row}");
         assert!(row.ends_with(" s"), "{row}");
     }
 
@@ -52,6 +52,41 @@ fn every_variant_runs_and_what_is_before_the_difference_runs_once() {
         .unwrap();
     let plans = Deserializer::from_slice(&json.stdout).into_iter::<serde_json::Value>();
     assert_eq!(plans.map(Result::unwrap).count(), 2);
+}
+
+#[test]
+fn variants_that_are_all_there_are_not_recorded_again() {
+    let bench = Bench::new();
+    let until = ["--until", "retarget"];
+    let with = |iterations: &str| {
+        let set = format!("retarget.max_iterations={iterations}");
+        bench.run_well(&[&until[..], &["--set", &set]].concat());
+    };
+    let newest = || {
+        let run = lake::Lake::open(&bench.lake()).newest_run().unwrap();
+        run.unwrap().number
+    };
+    with("10,20");
+    let shown = bench.published();
+    assert_eq!((bench.runs().len(), newest()), (2, 2));
+    with("10,20");
+    with("20");
+    assert_eq!((bench.runs().len(), newest()), (2, 2));
+    assert_eq!(bench.published(), shown);
+    // What is shown is the first one's, and the run that commands speak of as well.
+    with("10");
+    assert_eq!((bench.runs().len(), newest()), (2, 1));
+    assert_ne!(bench.published(), shown);
+    let inspected = bench.ask(&["inspect", "retarget.trajectories"]);
+    let inspected = stdout(&inspected) + &stderr(&inspected);
+    assert!(!inspected.contains("run 2"), "{inspected}");
+    // Plain commands find everything in order.
+    let verified = bench.ask(&["verify"]);
+    assert_eq!(verified.status.code(), Some(0), "{}", stderr(&verified));
+    with("15");
+    assert_eq!((bench.runs().len(), newest()), (3, 3));
+    with("10,20");
+    assert_eq!((bench.runs().len(), newest()), (3, 2));
 }
 
 #[test]
@@ -95,7 +130,7 @@ fn a_wrong_value_is_found_before_any_variant_runs() {
     let bench = Bench::new();
     for (set, says) in [
         ("train.training.epoch=1,2", "did you mean `epochs`?"),
-        ("sample.steps=20,many", "invalid type: string"),
+        ("sample.steps=20,many", "must be a whole number"),
         ("sample.steps=20,,30", "empty value"),
     ] {
         let ran = bench.run(&["--set", set]);

@@ -65,7 +65,7 @@ pub enum CellError {
     },
     /// Nothing answers at the endpoint.
     #[error(
-        "no connection to the robot cell within {waited:.1?}; nothing was sent to the robot: session `{endpoint}`"
+        "nothing answers at `{endpoint}`: no connection to the robot cell within {waited:.1?}; nothing was sent to the robot"
     )]
     Connect {
         /// Where the cell was looked for.
@@ -78,7 +78,7 @@ pub enum CellError {
         source: Cause,
     },
     /// No router answers where a cell was to connect to one.
-    #[error("no connection to the router `{endpoint}` within {waited:.1?}")]
+    #[error("nothing answers at `{endpoint}`: no connection to the router within {waited:.1?}")]
     Router {
         /// Where the router was looked for.
         endpoint: String,
@@ -105,7 +105,7 @@ pub enum CellError {
     },
     /// Several cells have one name: a goal would be executed by each.
     #[error(
-        "{count} robot cells answer to one name; nothing was sent to a robot: key `{key}`, session `{endpoint}`"
+        "{count} robot cells answer to one name; nothing was sent to a robot: key `{key}`, session `{endpoint}`: {who}"
     )]
     SeveralCells {
         /// The key asked.
@@ -114,7 +114,80 @@ pub enum CellError {
         endpoint: String,
         /// How many answered.
         count: usize,
+        /// Who answered, as people read it.
+        who: String,
     },
+    /// Who answers cannot show that it is a cell.
+    #[error(
+        "what answers for the robot cell does not prove that it is one; nothing was sent to it: key `{key}`, session `{endpoint}`: {who}"
+    )]
+    Unsigned {
+        /// The key asked.
+        key: String,
+        /// Where the session is connected.
+        endpoint: String,
+        /// Who answered, as people read it.
+        who: String,
+    },
+    /// A question to a cell was answered by somebody else, too.
+    #[error(
+        "not the robot cell alone answers, the robot may be moving: key `{key}`, session `{endpoint}`: {who}"
+    )]
+    Strangers {
+        /// The key asked.
+        key: String,
+        /// Where the session is connected.
+        endpoint: String,
+        /// Who answered, as people read it.
+        who: String,
+    },
+    /// Another cell answers than before.
+    #[error(
+        "the robot cell is not the one that answered before: session `{endpoint}`, journal {found}, expected {expected}"
+    )]
+    OtherCell {
+        /// Where the session is connected.
+        endpoint: String,
+        /// Journal of the cell that answered before.
+        expected: String,
+        /// Journal of the one that answers now.
+        found: String,
+    },
+    /// A cell calls itself something else than its keys.
+    #[error(
+        "the robot cell under the name `{expected}` calls itself `{found}`: session `{endpoint}`"
+    )]
+    OtherName {
+        /// Where the session is connected.
+        endpoint: String,
+        /// The name in its keys.
+        expected: String,
+        /// What it says.
+        found: String,
+    },
+    /// The clocks of the two machines do not agree.
+    #[error(
+        "the robot cell's clock is {} s {}; nothing was sent to the robot",
+        ahead_s.abs(),
+        if *ahead_s > 0.0 { "ahead" } else { "behind" }
+    )]
+    Clock {
+        /// By how much the cell's clock is ahead, at least, in seconds; negative if it is behind.
+        ahead_s: f64,
+    },
+    /// A cell of this name is there already.
+    #[error("another robot cell has the name `{name}`: session `{endpoint}`: {who}")]
+    NameTaken {
+        /// The name.
+        name: String,
+        /// Where the session is connected.
+        endpoint: String,
+        /// Who answered, as people read it.
+        who: String,
+    },
+    /// The system gives no random numbers.
+    #[error("cannot make up a name that nobody can guess")]
+    Random(#[source] std::io::Error),
     /// The cell speaks another version of the protocol.
     #[error(
         "the robot cell speaks version {found} of the protocol, expected {expected}: session `{endpoint}`"
@@ -134,6 +207,12 @@ pub enum CellError {
         key: String,
         /// Why not.
         source: WireError,
+    },
+    /// Another program listens at the endpoint.
+    #[error("another program listens on `{endpoint}` already")]
+    PortTaken {
+        /// The endpoint.
+        endpoint: String,
     },
     /// The endpoint cannot be listened on.
     #[error("cannot listen on `{endpoint}`")]
@@ -162,6 +241,9 @@ pub enum CellError {
     /// The robot's URDF cannot be used.
     #[error("the simulated cell cannot use the robot's description")]
     Robot(#[from] robot::RobotError),
+    /// The hand cannot be simulated.
+    #[error("the simulated cell cannot simulate the hand")]
+    Simulation(#[from] simulation::SimulationError),
     /// The thread that simulates could not be started.
     #[error("cannot start the simulated cell's thread")]
     Thread(#[source] std::io::Error),
@@ -175,6 +257,7 @@ fn unreached() -> &'static str {
 
 impl CellError {
     /// Returns what to do about it, where that is known.
+    #[expect(clippy::too_many_lines, reason = "a list: every error and its advice")]
     pub fn hint(&self) -> Option<String> {
         match self {
             Self::Name { .. } => {
@@ -191,7 +274,8 @@ impl CellError {
                     .to_owned(),
             ),
             Self::NoAccess { .. } => Some(
-                "name one with `--access FILE`; `data/access/README.md` shows how to make it"
+                "name one with `--access FILE`, or for a dispatcher with `--set dispatch.access=FILE`; \
+                 `data/access/README.md` shows how to make it"
                     .to_owned(),
             ),
             Self::Access { .. } => Some(
@@ -236,13 +320,36 @@ impl CellError {
             Self::SeveralCells { .. } => {
                 Some("stop all but one of them, or give them different names".to_owned())
             }
-            Self::Listen { endpoint, .. } if endpoint.starts_with("tls/") => Some(
-                "another program uses the port, or the certificate in the access file is no good"
+            Self::Unsigned { .. } => Some(
+                "find out what it is and stop it; a cell signs what it answers, as `crates/cell/README.md` says"
                     .to_owned(),
             ),
+            Self::Strangers { .. } => Some(
+                "look at the robot; then find out who else answers to its keys, and stop it".to_owned(),
+            ),
+            Self::OtherCell { .. } => Some(
+                "look at the robot; when it is clear which cell drives it, run the command again".to_owned(),
+            ),
+            Self::OtherName { .. } => {
+                Some("give the cell the name under which it serves".to_owned())
+            }
+            Self::Clock { .. } => {
+                Some("set both clocks by the same time server (NTP)".to_owned())
+            }
+            Self::NameTaken { .. } => Some(
+                "stop the other one, or give this one another name with `--set dispatch.cell_name=NAME`"
+                    .to_owned(),
+            ),
+            Self::PortTaken { endpoint } => Some(format!(
+                "end it, or take any free port with `--listen {}:0`",
+                endpoint.rsplit_once(':').map_or("", |(place, _)| place)
+            )),
+            Self::Listen { endpoint, .. } if endpoint.starts_with("tls/") => {
+                Some("the certificate in the access file may be no good".to_owned())
+            }
             Self::Listen { .. } => Some(
-                "another program uses the port; take any free one with \
-                 `--set dispatch.listen=tcp/127.0.0.1:0`"
+                "the program may not be allowed to use that port; take any free one, e.g. \
+                 `tcp/127.0.0.1:0`"
                     .to_owned(),
             ),
             Self::Protocol { .. } | Self::Answer { .. } => {
@@ -252,7 +359,8 @@ impl CellError {
                 "give the cell a folder of its own that can be written to; another cell may be using this one"
                     .to_owned(),
             ),
-            Self::Zenoh { .. } | Self::Robot(_) | Self::Thread(_) => None,
+            Self::Simulation(err) => err.hint(),
+            Self::Zenoh { .. } | Self::Robot(_) | Self::Thread(_) | Self::Random(_) => None,
         }
     }
 }

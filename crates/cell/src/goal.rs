@@ -1,6 +1,6 @@
 //! A goal: one motion to execute, and the reasons for which a cell refuses it.
 
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 use simulation::Protocol;
@@ -26,6 +26,8 @@ pub struct Goal {
     pub robot: String,
     /// Number of this attempt: another one makes another goal of the same motion.
     pub attempt: u32,
+    /// How often this attempt was sent again because a person had stopped it.
+    pub resumed: u32,
     /// How the object lies on the table.
     pub table_from_object: Pose<Table, Object>,
     /// How far a joint may be from the first point when the motion starts, in radians.
@@ -45,11 +47,23 @@ pub struct SealedGoal {
     pub goal_id: String,
     /// BLAKE3 of the content, in hexadecimal digits.
     pub digest: String,
-    /// When it is too late to start, in milliseconds since 1970; never if absent. It is no part of
-    /// the content, so that a goal sent again later is the same goal.
-    pub valid_until_unix_ms: Option<u64>,
+    /// Who sent it and when, if that is said. It is no part of the content, so that a goal sent again
+    /// later is the same goal.
+    pub sending: Option<Sending>,
     /// The whole message.
     pub bytes: Vec<u8>,
+}
+
+/// Who sent a goal and when, by that one's clock.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sending {
+    /// The dispatcher's name in its heartbeats: the cell counts no others while it executes the goal.
+    pub dispatcher: String,
+    /// When it was sent, in milliseconds since 1970.
+    pub sent_unix_ms: u64,
+    /// When it is too late to start, in milliseconds since 1970.
+    pub valid_until_unix_ms: u64,
 }
 
 /// First line of a goal.
@@ -60,7 +74,75 @@ struct Seal {
     goal_id: String,
     digest: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    valid_until_unix_ms: Option<u64>,
+    sending: Option<Sending>,
+}
+
+/// By how much the clocks of a dispatcher and a cell may differ, in milliseconds.
+pub(crate) const CLOCKS_MS: u64 = 1000;
+/// Longest time for which a goal may be valid, in milliseconds: a day.
+const MOST_VALID_MS: u64 = 86_400_000;
+
+impl Sending {
+    /// Says that `dispatcher` sends a goal now, which may start within `valid`.
+    pub fn now(dispatcher: &str, valid: Duration) -> Self {
+        let sent_unix_ms = now_unix_ms();
+        let valid_ms = u64::try_from(valid.as_millis()).unwrap_or(u64::MAX);
+        Self {
+            dispatcher: dispatcher.to_owned(),
+            sent_unix_ms,
+            valid_until_unix_ms: sent_unix_ms.saturating_add(valid_ms),
+        }
+    }
+
+    /// Checks that a goal comes in time.
+    ///
+    /// # Errors
+    ///
+    /// Fails with the answer that a cell gives at a time by its own clock: `expired` to a goal that was on
+    /// its way for too long, `clock` where that is no explanation.
+    pub fn check(&self, now_unix_ms: u64) -> Result<(), Rejection> {
+        let (sent, until) = (self.sent_unix_ms, self.valid_until_unix_ms);
+        let seconds = |from: u64, to: u64| to.saturating_sub(from) as f64 / 1000.0;
+        let refuse = |code: RejectionCode, reason: String| Err(Rejection::new(code, reason));
+        let valid_ms = until.saturating_sub(sent);
+        if sent > now_unix_ms.saturating_add(CLOCKS_MS) {
+            return refuse(
+                RejectionCode::Clock,
+                format!(
+                    "by the cell's clock the goal was sent {} s in the future",
+                    seconds(now_unix_ms, sent)
+                ),
+            );
+        }
+        if until < sent || valid_ms > MOST_VALID_MS {
+            return refuse(
+                RejectionCode::Clock,
+                format!(
+                    "the goal is valid until {} s after it was sent, expected 0 to {}",
+                    until as f64 / 1000.0 - sent as f64 / 1000.0,
+                    MOST_VALID_MS / 1000
+                ),
+            );
+        }
+        if now_unix_ms > until {
+            let late_s = seconds(until, now_unix_ms);
+            // Who sent it has waited as long as it was valid, and heard nothing since.
+            return if now_unix_ms - until > valid_ms.saturating_add(CLOCKS_MS) {
+                refuse(
+                    RejectionCode::Clock,
+                    format!(
+                        "by the cell's clock the goal was valid until {late_s} s ago: no message is on its way for so long"
+                    ),
+                )
+            } else {
+                refuse(
+                    RejectionCode::Expired,
+                    format!("the goal came {late_s} s after the time until which it was valid"),
+                )
+            };
+        }
+        Ok(())
+    }
 }
 
 /// Second line of a goal; its rows follow.
@@ -71,6 +153,8 @@ struct Content {
     object: String,
     robot: String,
     attempt: u32,
+    #[serde(default, skip_serializing_if = "is_zero")]
+    resumed: u32,
     table_from_object: [f64; 7],
     start_tolerance_rad: f64,
     grasp: Protocol,
@@ -96,6 +180,17 @@ enum Controller {
 }
 
 impl Goal {
+    /// Returns the names of its joints: an arm's, if there is one, then the hand's. It is the order of a
+    /// report's numbers.
+    pub fn joint_names(&self) -> Vec<String> {
+        let arm = match &self.carrier {
+            Carrier::Palm(_) => None,
+            Carrier::Arm(arm) => Some(&arm.joints),
+        };
+        let joints = arm.into_iter().chain([&self.hand.joints]);
+        joints.flatten().cloned().collect()
+    }
+
     /// Writes the goal as it travels and names it by its content.
     pub fn seal(&self) -> SealedGoal {
         let mut content = wire::line(&Content {
@@ -103,6 +198,7 @@ impl Goal {
             object: self.object.clone(),
             robot: self.robot.clone(),
             attempt: self.attempt,
+            resumed: self.resumed,
             table_from_object: self.table_from_object.to_array(),
             start_tolerance_rad: self.start_tolerance_rad,
             grasp: self.grasp.clone(),
@@ -133,42 +229,30 @@ impl Goal {
 }
 
 impl SealedGoal {
-    fn new(digest: String, valid_until_unix_ms: Option<u64>, content: &[u8]) -> Self {
+    fn new(digest: String, sending: Option<Sending>, content: &[u8]) -> Self {
         let goal_id = id_of(&digest);
         let mut bytes = wire::line(&Seal {
             protocol: PROTOCOL,
             goal_id: goal_id.clone(),
             digest: digest.clone(),
-            valid_until_unix_ms,
+            sending: sending.clone(),
         });
         bytes.extend_from_slice(content);
         Self {
             goal_id,
             digest,
-            valid_until_unix_ms,
+            sending,
             bytes,
         }
     }
 
-    /// Returns the same goal, to be refused by a cell that has not taken it before `until`.
+    /// Returns the same goal, with who sent it and when.
     #[must_use]
-    pub fn valid_until(&self, until: SystemTime) -> Self {
-        let since_1970 = until.duration_since(UNIX_EPOCH).unwrap_or_default();
-        let until_ms = u64::try_from(since_1970.as_millis()).unwrap_or(u64::MAX);
+    pub fn sent(&self, sending: Sending) -> Self {
         let end = self.bytes.iter().position(|&byte| byte == b'\n');
         let content = end.and_then(|end| self.bytes.get(end + 1..));
-        Self::new(
-            self.digest.clone(),
-            Some(until_ms),
-            content.unwrap_or_default(),
-        )
-    }
-
-    /// Returns whether it is too late to start.
-    pub fn has_expired(&self, now: SystemTime) -> bool {
-        let now_ms = now.duration_since(UNIX_EPOCH).unwrap_or_default();
-        self.valid_until_unix_ms
-            .is_some_and(|until| u128::from(until) < now_ms.as_millis())
+        let content = content.unwrap_or_default();
+        Self::new(self.digest.clone(), Some(sending), content)
     }
 
     /// Reads a goal and checks that it is whole: its version, digest, id and form.
@@ -198,7 +282,7 @@ impl SealedGoal {
         let sealed = Self {
             goal_id: seal.goal_id,
             digest,
-            valid_until_unix_ms: seal.valid_until_unix_ms,
+            sending: seal.sending,
             bytes: bytes.to_vec(),
         };
         Ok((sealed, goal))
@@ -212,6 +296,17 @@ impl SealedGoal {
 )]
 pub(crate) fn now() -> SystemTime {
     SystemTime::now()
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+fn is_zero(number: &u32) -> bool {
+    *number == 0
+}
+
+/// Returns that time in milliseconds since 1970.
+pub(crate) fn now_unix_ms() -> u64 {
+    let since_1970 = now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since_1970.as_millis()).unwrap_or(u64::MAX)
 }
 
 fn id_of(digest: &str) -> String {
@@ -249,6 +344,7 @@ fn read(bytes: &[u8]) -> Result<Goal, WireError> {
         object: content.object,
         robot: content.robot,
         attempt: content.attempt,
+        resumed: content.resumed,
         table_from_object,
         start_tolerance_rad: content.start_tolerance_rad,
         grasp: content.grasp,
@@ -289,7 +385,7 @@ pub enum RejectionCode {
     Robot,
     /// The goal's controllers are not the cell's, or do not name exactly the robot's joints.
     Joints,
-    /// A joint's position or velocity is outside its limits.
+    /// A position, velocity, acceleration or tolerance is outside the robot's limits.
     Limits,
     /// The times do not increase, or there are too few or too many steps.
     Times,
@@ -299,6 +395,8 @@ pub enum RejectionCode {
     Busy,
     /// It is too late for the goal to start.
     Expired,
+    /// The clocks of dispatcher and cell do not agree.
+    Clock,
     /// The cell was stopped, and no person had it resume.
     Stopped,
     /// The cell cannot write down that it takes the goal.
@@ -375,6 +473,7 @@ mod tests {
             object: "can".to_owned(),
             robot: crate::robot_digest("<robot/>"),
             attempt: 1,
+            resumed: 0,
             table_from_object: Pose::identity(),
             start_tolerance_rad: 0.1,
             grasp: grasp(),
@@ -410,12 +509,50 @@ mod tests {
     }
 
     #[test]
+    fn every_number_of_a_goal_arrives_to_the_last_bit() {
+        let mut reader = blake3::Hasher::new().update(b"goals").finalize_xof();
+        for _ in 0..500 {
+            let mut drawn = || {
+                let mut bytes = [0; 8];
+                reader.fill(&mut bytes);
+                (0.5 + (u64::from_le_bytes(bytes) >> 11) as f64) / (1_u64 << 53) as f64
+            };
+            let goal = Goal {
+                start_tolerance_rad: drawn(),
+                grasp: Protocol {
+                    reach_s: drawn(),
+                    squeeze_rad: drawn(),
+                    lift_m: drawn(),
+                    hold_s: drawn(),
+                    knocked_m: drawn(),
+                    ..grasp()
+                },
+                ..goal()
+            };
+            let sealed = goal.seal();
+            let (_, opened) = SealedGoal::open(&sealed.bytes).unwrap();
+            assert_eq!(opened.grasp, goal.grasp);
+            let tolerances = [&opened, &goal].map(|goal| goal.start_tolerance_rad.to_bits());
+            assert_eq!(tolerances[0], tolerances[1]);
+            assert_eq!(opened.seal(), sealed);
+        }
+    }
+
+    #[test]
     fn the_id_follows_from_the_content() {
         let first = goal();
         let mut second = goal();
         assert_eq!(first.seal().goal_id, second.seal().goal_id);
         second.attempt = 2;
         assert_ne!(first.seal().goal_id, second.seal().goal_id);
+        // The same attempt, sent again after it was stopped.
+        let resumed = Goal {
+            resumed: 1,
+            ..goal()
+        };
+        assert_ne!(first.seal().goal_id, resumed.seal().goal_id);
+        let (_, again) = SealedGoal::open(&resumed.seal().bytes).unwrap();
+        assert_eq!(again, resumed);
         let mut third = goal();
         third.hand.points[1].q_rad[0] = 0.051;
         assert_ne!(first.seal().goal_id, third.seal().goal_id);
@@ -433,19 +570,50 @@ mod tests {
     }
 
     #[test]
-    fn a_time_to_start_does_not_change_the_goal() {
+    fn who_sends_a_goal_and_when_does_not_change_it() {
         let first = goal().seal();
-        let now = SystemTime::now();
-        let timed = first.valid_until(now);
+        let sending = Sending::now("me", Duration::from_secs(1));
+        let sent = first.sent(sending.clone());
         assert_eq!(
-            (&timed.goal_id, &timed.digest),
+            (&sent.goal_id, &sent.digest),
             (&first.goal_id, &first.digest)
         );
-        let (again, _) = SealedGoal::open(&timed.bytes).unwrap();
-        assert_eq!(again, timed);
-        assert!(!again.has_expired(now));
-        assert!(again.has_expired(now + std::time::Duration::from_millis(2)));
-        assert!(!first.has_expired(now));
+        let (again, _) = SealedGoal::open(&sent.bytes).unwrap();
+        assert_eq!(again, sent);
+        assert_eq!(again.sending, Some(sending));
+        assert_eq!(first.sending, None);
+    }
+
+    #[test]
+    fn a_goal_that_comes_late_is_told_from_clocks_that_differ() {
+        const NOW: u64 = 1_800_000_000_000;
+        let code = |sent: i64, until: i64| {
+            let at = |offset: i64| NOW.saturating_add_signed(offset);
+            let sending = Sending {
+                dispatcher: "me".to_owned(),
+                sent_unix_ms: at(sent),
+                valid_until_unix_ms: at(until),
+            };
+            sending.check(NOW).err().map(|refused| refused.code)
+        };
+        let (clock, expired) = (Some(RejectionCode::Clock), Some(RejectionCode::Expired));
+        for (sent, until, expected) in [
+            (0, 10_000, None),
+            (-9_999, 1, None),
+            (900, 10_900, None),
+            (-10_001, -1, expired),
+            (-20_000, -10_000, expired),
+            (-22_000, -12_000, clock),
+            (-3_600_000, -3_590_000, clock),
+            (1_001, 11_001, clock),
+            (3_600_000, 3_610_000, clock),
+            (0, 86_400_001, clock),
+            (0, i64::MAX, clock),
+            (0, -1, clock),
+            (i64::MIN, i64::MIN, clock),
+        ] {
+            assert_eq!(code(sent, until), expected, "{sent} to {until}");
+        }
     }
 
     #[test]

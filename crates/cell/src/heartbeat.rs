@@ -14,10 +14,20 @@ use zenoh::{
     qos::{CongestionControl, Priority},
 };
 
-use crate::CellError;
+use serde::{Deserialize, Serialize};
+
+use crate::{CellError, wire};
 
 /// Time between two beats: a cell that waits a quarter of a second misses four before it stops.
 const PERIOD: Duration = Duration::from_millis(50);
+
+/// What a heartbeat says.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Beat {
+    /// Whose it is, as that one's goals say.
+    pub(crate) dispatcher: String,
+}
 
 /// Tells a cell that its dispatcher is there, until this is dropped.
 pub(crate) struct Heartbeat {
@@ -26,7 +36,14 @@ pub(crate) struct Heartbeat {
 }
 
 impl Heartbeat {
-    pub(crate) fn start(session: &Session, key: String) -> Result<Self, CellError> {
+    pub(crate) fn start(
+        session: &Session,
+        key: String,
+        dispatcher: &str,
+    ) -> Result<Self, CellError> {
+        let beat = wire::line(&Beat {
+            dispatcher: dispatcher.to_owned(),
+        });
         let over = Arc::new(AtomicBool::new(false));
         let (session, until) = (session.clone(), Arc::clone(&over));
         let thread = thread::Builder::new()
@@ -35,7 +52,7 @@ impl Heartbeat {
                 while !until.load(Ordering::Relaxed) {
                     // A beat that would have to wait is better lost: the next one is as good.
                     let _sent = session
-                        .put(key.as_str(), [])
+                        .put(key.as_str(), beat.as_slice())
                         .congestion_control(CongestionControl::Drop)
                         .priority(Priority::RealTime)
                         .express(true)

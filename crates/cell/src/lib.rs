@@ -7,18 +7,22 @@
 //! - Goals and results are queries with replies, never bare publications: what was not answered is
 //!   known to be unknown.
 //! - A goal's id follows from its content. A cell asked twice answers twice and moves once.
+//! - Answers are signed by the cell's journal, and one that anybody else gives too is none. A report is
+//!   checked against its goal and itself before it is one ([`UncheckedReport`]).
 //! - What a cell publishes (states, motions, outcomes) is for watching; the report holds every
 //!   sample again, so that nothing depends on a stream that may lose some. States and outcomes are
 //!   numbered, and a [`Watcher`] asks for those that it missed.
-//! - The only clock in a message says until when a goal may start, and is no part of the goal:
-//!   equal goals to a simulated cell give equal reports.
+//! - The only clocks in messages say when a goal was sent and until when it may start, and are no part
+//!   of the goal: equal goals to a simulated cell give equal reports.
 //! - A cell writes down that it takes a goal before it says so. One that is started again knows what
 //!   it did, and of the motion in which it went down that nobody knows.
 //! - Sessions scout for nobody. What leaves this machine goes through TLS, to and from those whom an
 //!   [`Access`] file names.
 
 mod access;
+mod capabilities;
 mod client;
+mod contradiction;
 mod error;
 mod goal;
 mod heartbeat;
@@ -29,6 +33,7 @@ mod report;
 mod ros2;
 mod router;
 mod session;
+mod signature;
 mod simulated;
 mod state;
 mod track;
@@ -36,18 +41,20 @@ mod watch;
 mod wire;
 
 pub use access::Access;
+pub use capabilities::{Capabilities, Offer, PalmLimits};
 pub use client::{CellClient, Executed, Halt, Recovered};
+pub use contradiction::Contradiction;
 pub use error::{Cause, CellError};
-pub use goal::{Goal, Rejection, RejectionCode, SealedGoal};
+pub use goal::{Goal, Rejection, RejectionCode, SealedGoal, Sending};
 pub use keys::Keys;
 pub use outcome::GoalOutcome;
 pub use pacer::Pacer;
-pub use report::{Capabilities, Offer, Report, Sample};
+pub use report::{Report, Sample, UncheckedReport};
 pub use router::Router;
-pub use session::subscribe;
+pub use session::{check_endpoint, subscribe};
 pub use simulated::{
-    CellArm, Fault, Gap, ObjectError, ObjectFinder, OutcomeListener, PlannedFault, Service,
-    SimulatedCell, SimulatedCellConfig, Tick, TickListener, rehearse,
+    BrokenOff, CellArm, Fault, Gap, ObjectError, ObjectFinder, OutcomeListener, PlannedFault,
+    Service, SimulatedCell, SimulatedCellConfig, Tick, TickListener, rehearse,
 };
 pub use state::State;
 pub use track::{Carrier, JointPoint, PalmPoint, Track};
@@ -55,4 +62,4 @@ pub use watch::{Counts, Seen, Watcher};
 pub use wire::{StateHeader, WireError, robot_digest};
 
 /// Version of the protocol; a cell refuses goals of any other.
-pub const PROTOCOL: u32 = 3;
+pub const PROTOCOL: u32 = 4;

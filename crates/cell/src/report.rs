@@ -1,10 +1,13 @@
-//! What a cell says: what it can do, whether it takes a goal, and what came of it.
+//! What a cell says came of a goal.
 
+use robot::Joint;
 use schemas::executions::Outcome;
 use serde::{Deserialize, Serialize};
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
+    Goal,
+    contradiction::{self, Contradiction},
     goal::Rejection,
     wire::{self, WireError},
 };
@@ -12,72 +15,10 @@ use crate::{
 /// Numbers of a pose.
 const POSE: usize = 7;
 
-/// What a cell can do.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Capabilities {
-    /// Version of the protocol.
-    pub protocol: u32,
-    /// The cell's name.
-    pub cell: String,
-    /// Whether nothing real moves.
-    pub simulated: bool,
-    /// Digest of the robot's URDF ([`crate::robot_digest`]).
-    pub robot: String,
-    /// The robot's controllers: what moves the palm, then the hand.
-    pub controllers: Vec<Offer>,
-    /// Pose of the arm's foot in the table's frame, if the cell has an arm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub table_from_base: Option<[f64; 7]>,
-    /// Longest goal accepted, in bytes.
-    pub max_goal_bytes: usize,
-    /// What is known about how it differs from what was planned for, for people.
-    pub gap: String,
-    /// Whether a motion takes as long as it says; a simulated cell may be faster.
-    pub real_time: bool,
-    /// Longest time without a heartbeat before a motion is broken off, in seconds; never if absent.
-    pub silence_s: Option<f64>,
-}
-
-/// A controller that a cell has.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Offer {
-    /// `palm` of a hand that flies, `arm`, or `hand`.
-    pub controller: String,
-    /// Names of its joints; a palm has none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub joints: Vec<String>,
-    /// How often it is told something, in 1/s.
-    pub rate_hz: f64,
-}
-
-/// A cell's reply to a goal.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", tag = "answer")]
-pub(crate) enum Answer {
-    /// It executes the goal, or has done so.
-    Accepted {
-        /// Whether it had taken the goal before, so that nothing moves because of this answer.
-        known: bool,
-    },
-    /// It does not.
-    Rejected(Rejection),
-}
-
-/// A cell's error to a question about a goal that it never took.
-pub(crate) const NEVER_TAKEN: &str = "never_taken";
-
-/// A cell's reply to somebody who wants a motion broken off, or goals taken again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", tag = "answer")]
-pub(crate) enum Word {
-    /// It is done: nothing of the motion moves any more.
-    Done,
-    /// The motion was over before.
-    Over,
-}
-
-/// What came of a goal.
+/// What came of a goal, as it may be believed: made by [`UncheckedReport::check`], or where nothing has
+/// moved.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Report {
     /// The goal's name.
     pub goal_id: String,
@@ -94,6 +35,10 @@ pub struct Report {
     /// What was measured, in time order; empty if nothing moved.
     pub samples: Vec<Sample>,
 }
+
+/// A report as a cell gave it: it says nothing until it is checked against its goal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UncheckedReport(Report);
 
 /// What a cell measured at one moment.
 #[derive(Debug, Clone, PartialEq)]
@@ -162,6 +107,16 @@ impl Sample {
         row.extend(&self.q_rad);
         row.extend(&self.q_command_rad);
         row
+    }
+
+    /// Returns the sample with its positions, which are of the joints `from`, in the order of `to`.
+    pub(crate) fn in_order(mut self, from: &[String], to: &[String]) -> Self {
+        for q in [&mut self.q_rad, &mut self.q_command_rad] {
+            let column = |joint| from.iter().position(|name| name == joint);
+            let columns = to.iter().filter_map(column);
+            *q = columns.filter_map(|idx| q.get(idx).copied()).collect();
+        }
+        self
     }
 
     pub(crate) fn from_row(row: usize, numbers: &[f64], dof: usize) -> Result<Self, WireError> {
@@ -250,7 +205,9 @@ impl Report {
         }
         bytes
     }
+}
 
+impl UncheckedReport {
     /// Reads a report.
     ///
     /// # Errors
@@ -268,7 +225,7 @@ impl Report {
             .enumerate()
             .map(|(row, numbers)| Sample::from_row(row, numbers, dof))
             .collect::<Result<_, WireError>>()?;
-        Ok(Self {
+        Ok(Self(Report {
             goal_id: header.goal_id,
             rejection: None,
             outcome,
@@ -276,7 +233,18 @@ impl Report {
             lift_m: header.lift_m,
             joints: header.joints,
             samples,
-        })
+        }))
+    }
+
+    /// Takes the report at its word if it agrees with the goal that it is about, with the robot that has
+    /// these joints, as the goal calls them, and with itself.
+    ///
+    /// # Errors
+    ///
+    /// Fails with what it contradicts: then nobody knows what came of the goal.
+    pub fn check(self, goal: &Goal, robot: &[Joint]) -> Result<Report, Contradiction> {
+        contradiction::check(&self.0, goal, robot)?;
+        Ok(self.0)
     }
 }
 
@@ -305,10 +273,24 @@ mod tests {
             samples: vec![sample(0.0), sample(0.1), sample(0.3)],
         };
         let bytes = report.to_bytes();
-        let again = Report::from_bytes(&bytes).unwrap();
+        let UncheckedReport(again) = UncheckedReport::from_bytes(&bytes).unwrap();
         assert_eq!(again.to_bytes(), bytes);
         assert_eq!(again.samples.len(), 3);
         assert!((again.tracking_error_rad() - 0.2).abs() < 1e-12);
-        assert!(Report::from_bytes(&bytes[..bytes.len() - 1]).is_err());
+        assert!(UncheckedReport::from_bytes(&bytes[..bytes.len() - 1]).is_err());
+        let mut reader = blake3::Hasher::new().update(b"reports").finalize_xof();
+        for _ in 0..2000 {
+            let mut bits = [0; 8];
+            reader.fill(&mut bits);
+            let lift_m = f64::from_le_bytes(bits);
+            if lift_m.is_finite() {
+                let report = Report {
+                    lift_m,
+                    ..report.clone()
+                };
+                let again = UncheckedReport::from_bytes(&report.to_bytes()).unwrap();
+                assert_eq!(again.0.lift_m.to_bits(), lift_m.to_bits());
+            }
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! zenoh sessions that talk to whom they are told to and to nobody else.
 
 use std::{
+    io::ErrorKind,
     net::{IpAddr, SocketAddr, TcpListener, ToSocketAddrs},
     time::Duration,
 };
@@ -9,7 +10,7 @@ use zenoh::{
     Config, Session, Wait, handlers::FifoChannelHandler, pubsub::Subscriber, sample::Sample,
 };
 
-use crate::{Access, CellError};
+use crate::{Access, CellError, client::MOST_REPORT};
 
 /// How long a silent peer counts as connected, in milliseconds: shorter than zenoh's 10 s, so that
 /// a dead cell is noticed; long enough for a machine whose cores are all busy.
@@ -21,6 +22,10 @@ const RETRY: &str = "{ period_init_ms: 100, period_max_ms: 1000, period_increase
 
 /// How often a free port is tried: between finding and using one, another program may take it.
 const PORT_TRIES: u32 = 5;
+
+/// Longest message that is put together from its parts, in bytes: the longest report and what zenoh adds.
+/// Of a longer one nothing is kept.
+const MOST_MESSAGE: usize = MOST_REPORT + 64 * 1024;
 
 /// Samples that wait for a slow subscriber.
 const BACKLOG: usize = 4096;
@@ -93,8 +98,24 @@ impl<'a> Endpoint<'a> {
         }
     }
 
+    /// Makes sure that an access file is there where one is needed.
+    fn check_access(&self, endpoint: &str, access: Option<&Access>) -> Result<(), CellError> {
+        if self.protection == Protection::Tls && access.is_none() {
+            return Err(CellError::NoAccess {
+                endpoint: endpoint.to_owned(),
+            });
+        }
+        Ok(())
+    }
+
     fn ip(&self) -> IpAddr {
         self.address.ip()
+    }
+
+    /// Whether another program listens there.
+    fn is_taken(&self) -> bool {
+        let bound = TcpListener::bind(self.address);
+        bound.is_err_and(|err| err.kind() == ErrorKind::AddrInUse)
     }
 
     /// Returns a port to listen on: the one that was asked for, or a free one.
@@ -112,6 +133,26 @@ impl<'a> Endpoint<'a> {
     }
 }
 
+/// Checks what is known of an endpoint before anybody connects to it; whether its host is there now is not
+/// asked.
+///
+/// # Errors
+///
+/// Fails if it is not one, if what is said there could be read by other machines, or if it needs an access
+/// file and there is none.
+pub fn check_endpoint(endpoint: &str, access: Option<&Access>) -> Result<(), CellError> {
+    match Endpoint::parse(endpoint) {
+        Ok(found) => found.check_access(endpoint, access),
+        Err(CellError::Host { .. }) if endpoint.starts_with("tls/") && access.is_none() => {
+            Err(CellError::NoAccess {
+                endpoint: endpoint.to_owned(),
+            })
+        }
+        Err(CellError::Host { .. }) => Ok(()),
+        Err(err) => Err(err),
+    }
+}
+
 /// Opens a session of a client, which comes back by itself when the connection is lost.
 pub(crate) fn connect(
     endpoint: &str,
@@ -119,6 +160,7 @@ pub(crate) fn connect(
     timeout: Duration,
 ) -> Result<Session, CellError> {
     let to = Endpoint::parse(endpoint)?;
+    to.check_access(endpoint, access)?;
     let config = config(
         access,
         &[
@@ -147,10 +189,8 @@ pub(crate) fn listen(
     access: Option<&Access>,
 ) -> Result<(Session, String), CellError> {
     let at = Endpoint::parse(listen)?;
-    if at.protection == Protection::Tls {
-        let access = access.ok_or_else(|| CellError::NoAccess {
-            endpoint: listen.to_owned(),
-        })?;
+    at.check_access(listen, access)?;
+    if let Some(access) = access.filter(|_| at.protection == Protection::Tls) {
         access.check_listener()?;
     }
     let mut tries = if at.address.port() == 0 {
@@ -175,6 +215,7 @@ pub(crate) fn listen(
         match zenoh::open(config).wait() {
             Ok(session) => return Ok((session, endpoint)),
             Err(_) if tries > 0 => {}
+            Err(_) if at.is_taken() => return Err(CellError::PortTaken { endpoint }),
             Err(source) => {
                 return Err(CellError::Listen {
                     endpoint,
@@ -229,6 +270,10 @@ fn config(access: Option<&Access>, settings: &[(&str, String)]) -> Result<Config
         ("scouting/delay", "0".to_owned()),
         ("transport/shared_memory/enabled", "false".to_owned()),
         ("transport/link/tx/lease", LEASE_MS.to_string()),
+        (
+            "transport/link/rx/max_message_size",
+            MOST_MESSAGE.to_string(),
+        ),
         // No clock time in messages.
         ("timestamping/enabled", "false".to_owned()),
     ];

@@ -6,6 +6,7 @@ mod control;
 mod fault;
 mod gap;
 mod journal;
+mod namesake;
 mod physics;
 mod playing;
 mod robot;
@@ -24,6 +25,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use ::robot::RobotModel;
 use simulation::{ObjectShape, SceneConfig};
 use zenoh::{
     Session, Wait,
@@ -34,7 +36,7 @@ use zenoh::{
 };
 
 use self::{
-    answers::{asked_from, reply},
+    answers::asked_from,
     control::Control,
     fault::Faults,
     journal::{Job, Journal, fresh_name},
@@ -43,6 +45,7 @@ use self::{
     watched::Watched,
 };
 pub use self::{
+    control::BrokenOff,
     fault::{Fault, PlannedFault},
     gap::{Gap, ObjectError},
     robot::CellArm,
@@ -50,9 +53,13 @@ pub use self::{
 };
 use crate::{
     Access, CellError, Goal, Keys,
-    report::{Report, Sample, Word},
+    capabilities::Word,
+    heartbeat::Beat,
+    report::{Report, Sample},
     ros2::Mirror,
-    session, wire,
+    session,
+    signature::JournalKey,
+    wire,
 };
 
 /// How a simulated cell is set up.
@@ -136,6 +143,8 @@ struct Shared {
     listener: Mutex<Option<OutcomeListener>>,
     ticks: Mutex<Option<TickListener>>,
     journal: Mutex<Journal>,
+    /// The journal's key, which signs every answer.
+    key: Arc<JournalKey>,
     control: Control,
     stream: Stream,
     ended: AtomicBool,
@@ -149,15 +158,32 @@ impl SimulatedCell {
     ///
     /// # Errors
     ///
-    /// Fails if the endpoint cannot be listened on, or the URDF or the journal cannot be used.
+    /// Fails if the endpoint cannot be listened on, another cell has the name, the URDF or the journal
+    /// cannot be used, the hand cannot be simulated, or it collides with meshes: those are for
+    /// [`SimulatedCell::start_with`].
     pub fn start(config: SimulatedCellConfig, urdf: &str) -> Result<Self, CellError> {
+        Self::start_with(config, urdf, RobotModel::from_urdf(urdf)?)
+    }
+
+    /// Starts a cell as [`SimulatedCell::start`] does, for a hand whose meshes were read: `hand` is what
+    /// `urdf` describes, with the shapes of its meshes.
+    ///
+    /// # Errors
+    ///
+    /// Fails as that does.
+    pub fn start_with(
+        config: SimulatedCellConfig,
+        urdf: &str,
+        hand: RobotModel,
+    ) -> Result<Self, CellError> {
         let journal = match &config.service.journal {
             Some(folder) => Journal::open(folder)?,
-            None => Journal::forgetful(),
+            None => Journal::forgetful()?,
         };
         let keys = Keys::new(&config.name)?;
-        let robot = Robot::new(urdf, config.arm.as_ref())?;
+        let robot = Robot::new(urdf, hand, &config)?;
         let (session, endpoint) = open(&config)?;
+        namesake::refuse(&session, &keys, &endpoint)?;
         let serving = |source: zenoh::Error| CellError::Zenoh {
             action: "serve the simulated cell",
             source: source.into(),
@@ -174,6 +200,7 @@ impl SimulatedCell {
             finder: Mutex::default(),
             listener: Mutex::default(),
             ticks: Mutex::default(),
+            key: journal.key(),
             journal: Mutex::new(journal),
             control: Control::new(config.service.real_time.then_some(SILENCE)),
             faults: Faults::new(config.service.faults.clone()),
@@ -311,9 +338,9 @@ pub fn rehearse(
     urdf: &str,
     object: &ObjectShape,
     goal: &Goal,
-    see: &mut dyn FnMut(&Sample) -> Option<String>,
+    see: &mut dyn FnMut(&Sample) -> Option<BrokenOff>,
 ) -> Result<Report, CellError> {
-    let robot = Robot::new(urdf, config.arm.as_ref())?;
+    let robot = Robot::new(urdf, RobotModel::from_urdf(urdf)?, config)?;
     if let Err(refused) = acceptance::check(goal, &robot, |name| name == goal.object) {
         return Ok(Report::rejected(&goal.seal().goal_id, refused));
     }
@@ -357,28 +384,35 @@ fn serve(
         let shared = Arc::clone(shared);
         session
             .declare_subscriber(keys.heartbeat())
-            .callback(move |_| shared.control.beat())
+            .callback(move |sample| {
+                let bytes = sample.payload().to_bytes();
+                let beat = wire::split_line::<Beat>("heartbeat", &bytes);
+                // What cannot be read is nobody's.
+                if let Ok((beat, _)) = beat {
+                    shared.control.beat(&beat.dispatcher);
+                }
+            })
             .wait()?
     };
     Ok(Served {
         _queryables: vec![
             answer(keys.capabilities(), |shared, query| {
-                reply(&query, &wire::line(&shared.capabilities()));
+                shared.reply(&query, &wire::line(&shared.capabilities()));
             })?,
             goal,
             answer(keys.result("*"), Shared::result)?,
             answer(keys.results(), |shared, query| {
                 let outcomes = lock(&shared.journal).outcomes(asked_from(&query));
-                reply(&query, &outcomes.to_bytes());
+                shared.reply(&query, &outcomes.to_bytes());
             })?,
             answer(keys.history(), |shared, query| {
-                reply(&query, &shared.stream.since(asked_from(&query)));
+                shared.reply(&query, &shared.stream.since(asked_from(&query)));
             })?,
             answer(keys.cancel("*"), Shared::cancel)?,
             answer(keys.stop(), Shared::stop)?,
             answer(keys.resume(), |shared, query| {
                 shared.control.resume();
-                reply(&query, &wire::line(&Word::Done));
+                shared.say(&query, Word::Done);
             })?,
         ],
         _heartbeat: heartbeat,
@@ -414,7 +448,7 @@ impl Shared {
 fn work(shared: &Shared, session: &Session, mirror: Option<&Mirror>, queue: &mpsc::Receiver<Job>) {
     for job in queue {
         let report = shared.execute(mirror, &job);
-        let bytes = report.to_bytes();
+        let bytes = shared.faults.given(report.clone());
         let (waiting, outcome) = {
             let mut journal = lock(&shared.journal);
             let waiting = journal.conclude(&report.goal_id, bytes.clone());
@@ -425,7 +459,7 @@ fn work(shared: &Shared, session: &Session, mirror: Option<&Mirror>, queue: &mps
         }
         // Somebody may have asked for an end when the motion was over already.
         for query in shared.control.asking() {
-            reply(&query, &wire::line(&Word::Over));
+            shared.say(&query, Word::Over);
         }
         if let Some(outcome) = outcome {
             let _published = session
@@ -435,7 +469,7 @@ fn work(shared: &Shared, session: &Session, mirror: Option<&Mirror>, queue: &mps
                 .wait();
         }
         for query in waiting {
-            reply(&query, &bytes);
+            shared.reply(&query, &bytes);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What one controller is told over time: points with positions, velocities and accelerations.
 
-use spatial::{MovingPose, Palm, Passage, Pose, Table, Twist, quintic};
+use spatial::{MovingPose, Palm, Passage, Pose, QuinticSegment, Table, Twist, quintic};
 
 use crate::wire::{self, WireError};
 
@@ -124,6 +124,13 @@ impl JointPoint {
         let joints = self.q_rad.iter().zip(rates);
         joints.map(|(&q, (&velocity, &acceleration))| [q, velocity, acceleration])
     }
+
+    /// Returns the way of each joint to the next point.
+    pub fn segments(&self, to: &Self) -> impl Iterator<Item = QuinticSegment<f64>> {
+        let duration_s = to.time_s - self.time_s;
+        let ends = self.ends().zip(to.ends());
+        ends.map(move |(from, to)| QuinticSegment::new(from, to, duration_s))
+    }
 }
 
 impl PalmPoint {
@@ -135,8 +142,12 @@ impl PalmPoint {
         if duration_s <= 0.0 {
             return Some(to.table_from_palm);
         }
-        let passage = Passage::new(&from.moving(), &to.moving(), duration_s)?;
-        Some(Pose::new(passage.at(after_s).pose))
+        Some(Pose::new(from.passage(to)?.at(after_s).pose))
+    }
+
+    /// Returns the palm's way to the next point; `None` where no palm can turn so.
+    pub fn passage(&self, to: &Self) -> Option<Passage> {
+        Passage::new(&self.moving(), &to.moving(), to.time_s - self.time_s)
     }
 
     fn moving(&self) -> MovingPose {

@@ -11,12 +11,16 @@ use zenoh::{
     Session, Wait,
     pubsub::Subscriber,
     qos::{CongestionControl, Priority},
-    query::ConsolidationMode,
+    query::{ConsolidationMode, QueryTarget},
     sample::SampleKind,
 };
 
 use crate::{
-    Access, CellError, Goal, GoalOutcome, Keys, SealedGoal, State, outcome::Outcomes, session,
+    Access, CellError, Goal, GoalOutcome, Keys, SealedGoal, State,
+    client::MOST_ANSWER,
+    outcome::Outcomes,
+    session,
+    signature::{Answer, Question},
     state::States,
 };
 
@@ -85,6 +89,8 @@ pub struct Counts {
     pub restarts_n: u64,
     /// Messages that could not be read.
     pub unreadable_n: u64,
+    /// Questions that not the cell alone answered.
+    pub foreign_n: u64,
 }
 
 /// The next one expected in something that is numbered.
@@ -224,8 +230,11 @@ impl Watcher {
         let deadline = Instant::now() + PATIENCE;
         let mut any = before == Before::Counts;
         while from < until {
-            let key = format!("{}?from={from}", self.keys.history());
-            let answer = self.ask(&key).map(|bytes| States::from_bytes(&bytes));
+            let key = self.keys.history();
+            let answer = self.ask(&key, from);
+            let list = self.list.as_ref();
+            let answer = answer.filter(|(journal, _)| list.is_none_or(|list| list.of == *journal));
+            let answer = answer.map(|(_, body)| States::from_bytes(&body));
             let Some(Ok(States { header, states })) = answer else {
                 if Instant::now() > deadline {
                     break;
@@ -287,9 +296,13 @@ impl Watcher {
         loop {
             self.polled = Some(Instant::now());
             let next = self.list.as_ref().map_or(0, |place| place.next);
-            let key = format!("{}?from={next}", self.keys.results());
-            let Some(bytes) = self.ask(&key) else { return };
-            let Ok(Outcomes { header, outcomes }) = Outcomes::from_bytes(&bytes) else {
+            let key = self.keys.results();
+            let Some((journal, body)) = self.ask(&key, next) else {
+                return;
+            };
+            let found = Outcomes::from_bytes(&body).ok();
+            let found = found.filter(|found| found.header.journal == journal);
+            let Some(Outcomes { header, outcomes }) = found else {
                 self.counts.unreadable_n += 1;
                 return;
             };
@@ -325,11 +338,14 @@ impl Watcher {
         }
     }
 
-    /// Asks a cell; returns its answer, if it comes.
-    fn ask(&self, selector: &str) -> Option<Vec<u8>> {
+    /// Asks a cell for what there is from a number on; returns its journal and its answer, if one comes
+    /// and no other.
+    fn ask(&mut self, key: &str, from: u64) -> Option<(String, Vec<u8>)> {
+        let question = Question::new(key).ok()?;
         let replies = self
             .session
-            .get(selector)
+            .get(question.selector(Some(from)))
+            .target(QueryTarget::All)
             .consolidation(ConsolidationMode::None)
             // Never before what moves or stops a robot.
             .congestion_control(CongestionControl::Block)
@@ -337,13 +353,15 @@ impl Watcher {
             .timeout(ANSWER)
             .wait()
             .ok()?;
-        let deadline = Instant::now() + ANSWER;
-        while let Ok(Some(reply)) = replies.recv_deadline(deadline) {
-            if let Ok(sample) = reply.into_result() {
-                return Some(sample.payload().to_bytes().into_owned());
+        let mut answers = question.collect(&replies, MOST_ANSWER, Instant::now() + ANSWER);
+        match (answers.pop(), answers.is_empty()) {
+            (Some(Answer::Signed { journal, body }), true) => Some((journal, body)),
+            (None, _) => None,
+            (Some(_), _) => {
+                self.counts.foreign_n += 1;
+                None
             }
         }
-        None
     }
 }
 

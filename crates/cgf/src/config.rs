@@ -1,10 +1,38 @@
 //! What can be chosen about the network and its training.
 
+use std::{
+    fmt::{Debug, Display},
+    ops::RangeInclusive,
+};
+
 use candle_core::Device;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{CgfError, grasp::ROOT};
+
+/// Fewest surface points that still show an object's shape.
+const LEAST_POINTS: usize = 32;
+/// Most surface points, thirty times the paper's.
+const MOST_POINTS: usize = 65_536;
+/// Most outputs of a layer, sixteen times the paper's widest.
+const MOST_WIDTH: usize = 16_384;
+/// Most layers of one part of the network.
+const MOST_LAYERS: usize = 64;
+/// Most weights: 5 GiB with their gradients, their moments and the best ones so far.
+const MOST_WEIGHTS: usize = 1 << 28;
+/// Most outputs of all layers in one step: 16 GiB, two hundred times the paper's.
+const MOST_ACTIVATIONS: usize = 1 << 32;
+/// Most times of one motion.
+const MOST_TIMES: usize = 10_000;
+/// Most epochs, a thousand times the paper's.
+const MOST_EPOCHS: usize = 1_000_000;
+/// Most motions in one step.
+const MOST_BATCH: usize = 1_000_000;
+/// Greatest weight, rate or length.
+const MOST_NUMBER: f64 = 1e12;
+/// Shortest length to which gradients are shortened.
+const LEAST_NORM: f64 = 1e-12;
 
 /// Widths and shapes of the network (section III-B of the paper; `README.md` names the tensors).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -314,28 +342,69 @@ impl NetworkConfig {
     ///
     /// Names the first one that cannot be used.
     pub fn check(&self) -> Result<(), CgfError> {
-        let positive = |key, value: usize| check(key, value, value > 0, "a positive number");
-        let widths = |key, widths: &[usize]| {
-            let usable = !widths.is_empty() && widths.iter().all(|&width| width > 0);
-            check(
-                key,
-                format!("{widths:?}"),
-                usable,
-                "at least one positive width",
-            )
+        let why = "each point of each object goes through every layer";
+        check("points", self.points, LEAST_POINTS..=MOST_POINTS, why)?;
+        let why = "the encoder sees all of them together";
+        check("encoder_steps", self.encoder_steps, 1..=MOST_TIMES, why)?;
+        let why = "the square of a width is a number of weights";
+        check("latent_dim", self.latent_dim, 1..=MOST_WIDTH, why)?;
+        let parts = [
+            ("point_widths", &self.point_widths),
+            ("hand_widths", &self.hand_widths),
+            ("encoder_widths", &self.encoder_widths),
+            ("decoder_widths", &self.decoder_widths),
+        ];
+        for (key, widths) in parts {
+            let is_width = |width: &usize| (1..=MOST_WIDTH).contains(width);
+            if !(1..=MOST_LAYERS).contains(&widths.len()) || !widths.iter().all(is_width) {
+                let expected = format!("1 to {MOST_LAYERS} widths from 1 to {MOST_WIDTH}: {why}");
+                return Err(CgfError::Config {
+                    key,
+                    value: format!("{widths:?}"),
+                    expected,
+                });
+            }
+        }
+        let weights_n = self.weights_n();
+        if weights_n <= MOST_WEIGHTS {
+            return Ok(());
+        }
+        let widest = parts
+            .into_iter()
+            .max_by_key(|(_, widths)| widths.iter().max());
+        let (key, widths) = widest.unwrap_or(("decoder_widths", &self.decoder_widths));
+        Err(CgfError::Config {
+            key,
+            value: format!("{widths:?}"),
+            expected: format!(
+                "less: the network has {weights_n} weights and may have {MOST_WEIGHTS}, of which five \
+                 numbers each are held in memory"
+            ),
+        })
+    }
+
+    /// Returns about how many weights the network has; those of a hand's joints are not counted.
+    fn weights_n(&self) -> usize {
+        let layers = |inputs: usize, widths: &[usize]| {
+            let below = std::iter::once(&inputs).chain(widths);
+            let products = below.zip(widths).map(|(a, b)| a.saturating_mul(*b));
+            products.fold(0, usize::saturating_add)
         };
-        check(
-            "points",
-            self.points,
-            self.points >= 32,
-            "at least 32 points",
-        )?;
-        widths("point_widths", &self.point_widths)?;
-        positive("encoder_steps", self.encoder_steps)?;
-        widths("hand_widths", &self.hand_widths)?;
-        widths("encoder_widths", &self.encoder_widths)?;
-        positive("latent_dim", self.latent_dim)?;
-        widths("decoder_widths", &self.decoder_widths)
+        let last = |widths: &[usize]| widths.last().copied().unwrap_or(0);
+        let feature = last(&self.point_widths);
+        let motion = last(&self.hand_widths).saturating_mul(self.encoder_steps);
+        [
+            layers(3, &self.point_widths),
+            layers(ROOT, &self.hand_widths),
+            layers(motion.saturating_add(feature), &self.encoder_widths),
+            last(&self.encoder_widths).saturating_mul(2 * self.latent_dim),
+            layers(
+                feature.saturating_add(self.latent_dim),
+                &self.decoder_widths,
+            ),
+        ]
+        .into_iter()
+        .fold(0, usize::saturating_add)
     }
 }
 
@@ -346,20 +415,35 @@ impl TrainingConfig {
     ///
     /// Names the first one that cannot be used.
     pub fn check(&self) -> Result<(), CgfError> {
-        let positive = |key, value: usize| check(key, value, value > 0, "a positive number");
+        let per_epoch = "every epoch is a row of the curve";
+        check("epochs", self.epochs, 1..=MOST_EPOCHS, per_epoch)?;
+        let epochs = "it is a number of epochs";
+        check(
+            "validation_epochs",
+            self.validation_epochs,
+            1..=MOST_EPOCHS,
+            epochs,
+        )?;
+        check(
+            "halving_epochs",
+            self.halving_epochs,
+            1..=MOST_EPOCHS,
+            epochs,
+        )?;
+        let why = "a step holds all of them in memory";
+        check("batch", self.batch, 1..=MOST_BATCH, why)?;
+        let why = "every one of them is decoded for each motion of a batch";
+        check("grasp_steps", self.grasp_steps, 1..=MOST_TIMES, why)?;
+        check("random_times", self.random_times, 0..=MOST_TIMES, why)?;
         let not_negative = |key, value: f64| {
-            let usable = value.is_finite() && value >= 0.0;
-            check(key, value, usable, "a number that is not negative")
+            let why = "squares of it are still exact enough to add up";
+            check(key, value, 0.0..=MOST_NUMBER, why)
         };
-        positive("epochs", self.epochs)?;
-        positive("validation_epochs", self.validation_epochs)?;
-        positive("batch", self.batch)?;
-        positive("halving_epochs", self.halving_epochs)?;
-        positive("grasp_steps", self.grasp_steps)?;
         not_negative("learning_rate", self.learning_rate)?;
         not_negative("grasp_weight", self.grasp_weight)?;
         if let Some(norm) = self.max_gradient_norm {
-            check("max_gradient_norm", norm, norm > 0.0, "more than 0")?;
+            let why = "shorter gradients move nothing, longer ones are never shortened";
+            check("max_gradient_norm", norm, LEAST_NORM..=MOST_NUMBER, why)?;
         }
         not_negative("fixed_statistics_after", self.fixed_statistics_after)?;
         not_negative("tip_radius_m", self.tip_radius_m)?;
@@ -370,6 +454,39 @@ impl TrainingConfig {
         not_negative("kl_weight", self.kl_weight)?;
         not_negative("contact_weight", self.contact_weight)?;
         not_negative("penetration_weight", self.penetration_weight)
+    }
+
+    /// Checks that a step of training this network can be held in memory.
+    ///
+    /// # Errors
+    ///
+    /// Fails if it cannot.
+    pub fn check_memory(&self, network: &NetworkConfig) -> Result<(), CgfError> {
+        let sum = |widths: &[usize]| widths.iter().copied().fold(0, usize::saturating_add);
+        let times = self.grasp_steps.saturating_add(self.random_times);
+        let of_motion = [
+            network.points.saturating_mul(sum(&network.point_widths)),
+            network
+                .encoder_steps
+                .saturating_mul(sum(&network.hand_widths)),
+            times.saturating_mul(sum(&network.decoder_widths)),
+        ];
+        let of_motion = of_motion.into_iter().fold(0, usize::saturating_add);
+        let numbers = of_motion.saturating_mul(self.batch);
+        if numbers <= MOST_ACTIVATIONS {
+            return Ok(());
+        }
+        let most = (MOST_ACTIVATIONS / of_motion.max(1)).max(1);
+        Err(CgfError::Config {
+            key: "batch",
+            value: self.batch.to_string(),
+            expected: format!(
+                "at most {most} with this network: a step holds 4 bytes for each output of each \
+                 layer, here {:.0} GB of at most {:.0} GB",
+                numbers as f64 * 4e-9,
+                MOST_ACTIVATIONS as f64 * 4e-9
+            ),
+        })
     }
 
     /// Returns the learning rate of an epoch, counted from 0.
@@ -383,19 +500,20 @@ impl TrainingConfig {
     }
 }
 
-fn check(
+/// Refuses a value that is not within its bounds, and says why they are where they are.
+fn check<N: PartialOrd + Copy + Debug + Display>(
     key: &'static str,
-    value: impl std::fmt::Display,
-    usable: bool,
-    expected: &'static str,
+    value: N,
+    bounds: RangeInclusive<N>,
+    why: &str,
 ) -> Result<(), CgfError> {
-    if usable {
-        Ok(())
-    } else {
-        Err(CgfError::Config {
-            key,
-            value: value.to_string(),
-            expected,
-        })
+    if bounds.contains(&value) {
+        return Ok(());
     }
+    let (least, most) = bounds.into_inner();
+    Err(CgfError::Config {
+        key,
+        value: format!("{value:?}"),
+        expected: format!("from {least} to {most}: {why}"),
+    })
 }

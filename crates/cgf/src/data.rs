@@ -240,7 +240,9 @@ impl Track {
 
 /// Turns a hand about its frame's origin.
 pub(crate) fn turned(grasp: &Grasp, rotation: &UnitQuaternion<f64>) -> Grasp {
-    grasp.moved(&Isometry3::from_parts(Translation3::identity(), *rotation))
+    grasp
+        .clone()
+        .moved(&Isometry3::from_parts(Translation3::identity(), *rotation))
 }
 
 #[cfg(test)]

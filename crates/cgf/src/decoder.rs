@@ -2,8 +2,9 @@
 //! exact derivatives in time (section III-B of the paper).
 //!
 //! The first layer is linear in time, so that its parts of the latent code and of the object are
-//! computed once per motion. Every other layer is one product of matrices for a whole block; bias and
-//! activation follow in one pass. For derivatives the rows [x, x′, x″] go through the layers together:
+//! computed once per motion. Every other layer is a product with sixteen rows at a time, from which what
+//! an activation has set to zero in all of them is left out: with `ReLU` about half; bias and activation
+//! follow in one pass. For derivatives the rows [x, x′, x″] go through the layers together:
 //! a matrix takes all three alike, the bias belongs to the values alone, and the activation follows
 //! the chain rule (forward propagation of a truncated Taylor series: A. Griewank and A. Walther,
 //! *Evaluating Derivatives*, 2nd edition 2008, chapter 13).
@@ -14,12 +15,11 @@ mod activation;
 mod number;
 mod rates;
 
-use candle_core::{CpuStorage, Device, Storage, Tensor};
 use rayon::prelude::*;
 
 pub use self::rates::{HandRate, MovingGrasp};
 use self::{
-    activation::{Order, activate, add_product, first_layer},
+    activation::{Order, Start, activate, add_product},
     number::Number,
 };
 use crate::{
@@ -27,24 +27,23 @@ use crate::{
     config::{Activation, NetworkConfig},
     grasp::{Grasp, Normalization},
     limits::Limits,
+    product::{LANES, Packed, Row, Sparse},
     weights::Weights,
 };
 
-/// Rows of values in a block: with the widest layer of the paper, 512, they fill most of a megabyte.
-const ROWS: usize = 320;
-/// The same where derivatives go along.
-const ROWS_WITH_RATES: usize = 160;
-/// Fewest rows that are multiplied at once, the rest zeros: below 64 the product of matrices chooses
-/// another order of summation.
-const LEAST_ROWS: usize = 80;
+/// Rows that a thread takes at a time: sixteen motions of forty steps.
+const ROWS: usize = 640;
+/// Patches that go from layer to layer together: with the widest layer of the paper, 512, their numbers
+/// take a quarter of a megabyte, so that they and the weights fit a processor's second cache.
+const PATCHES: usize = 8;
 
 /// The decoder's weights, laid out for decoding with numbers of one kind.
 #[derive(Debug, Clone)]
 pub(crate) struct Decoder<T> {
     activation: Activation,
-    /// First layer, `(1, width)`, `(latent, width)`, `(feature, width)` and `(width)`.
+    /// First layer, `(1, width)`, of the latent code, `(feature, width)` and `(width)`.
     per_time: Vec<T>,
-    by_latent: Vec<T>,
+    by_latent: Packed<T>,
     by_feature: Vec<T>,
     first_bias: Vec<T>,
     /// The layers after it.
@@ -58,9 +57,10 @@ pub(crate) struct Decoder<T> {
 
 #[derive(Debug, Clone)]
 struct Layer<T> {
-    /// `(inputs, width)`, contiguous.
-    weights: Tensor,
+    weights: Packed<T>,
     bias: Vec<T>,
+    /// As many zeros as there are numbers in the bias.
+    zeros: Vec<T>,
 }
 
 impl<T: Number> Decoder<T> {
@@ -95,11 +95,17 @@ impl<T: Number> Decoder<T> {
             let rows = |input: usize| values.iter().skip(input).step_by(n_inputs).copied();
             Ok(((0..n_inputs).flat_map(rows).collect(), [n_inputs, width]))
         };
+        let packed = |name: &str| -> Result<Packed<T>, CgfError> {
+            let (values, [n_inputs, width]) = turned(name)?;
+            let entry = |output: usize, input: usize| values[input * width + output];
+            Ok(Packed::new(width, n_inputs, entry))
+        };
         let layer = |idx: usize| -> Result<Layer<T>, CgfError> {
-            let (values, shape) = turned(&format!("decoder.{idx}.weight"))?;
+            let bias = numbers(&format!("decoder.{idx}.bias"))?;
             Ok(Layer {
-                weights: Tensor::from_vec(values, &shape[..], &Device::Cpu)?,
-                bias: numbers(&format!("decoder.{idx}.bias"))?,
+                weights: packed(&format!("decoder.{idx}.weight"))?,
+                zeros: vec![T::zero(); bias.len()],
+                bias,
             })
         };
         let layers = (1..=config.decoder_widths.len())
@@ -111,7 +117,7 @@ impl<T: Number> Decoder<T> {
         Ok(Self {
             activation: config.activation,
             per_time: numbers("decoder.0.time")?,
-            by_latent: turned("decoder.0.latent")?.0,
+            by_latent: packed("decoder.0.latent")?,
             by_feature: turned("decoder.0.feature")?.0,
             first_bias: numbers("decoder.0.bias")?,
             shift: shift
@@ -191,20 +197,21 @@ impl<T: Number> Decoder<T> {
             return Ok(latents.iter().map(|_| Vec::new()).collect());
         }
         let object = self.object(&feature.values)?;
-        let rows = match order {
-            Order::Values => ROWS,
-            Order::Derivatives => ROWS_WITH_RATES,
-        };
-        let blocks = latents.par_chunks((rows / times.len()).max(1));
-        let motions: Vec<Vec<Vec<G>>> = blocks
+        let times: Vec<T> = times.iter().map(|&t| T::from_f64(t)).collect();
+        let motions: Vec<Vec<Vec<G>>> = latents
+            .par_chunks((ROWS / times.len()).max(1))
             .map(|latents| {
-                let known = self.known(&object, latents)?;
-                let mut motions: Vec<Vec<G>> = latents.iter().map(|_| Vec::new()).collect();
-                for times in times.chunks(rows) {
-                    let block = self.block(&known, times, order)?;
-                    self.read(&block, times.len(), order, &mut motions, finish)?;
-                }
-                Ok(motions)
+                let start = Start {
+                    n_motions: latents.len(),
+                    motions: &self.known(&object, latents)?,
+                    per_time: &self.per_time,
+                    times: &times,
+                };
+                let mut hands = self.hands(&start, order, finish)?.into_iter();
+                let motions = latents
+                    .iter()
+                    .map(|_| hands.by_ref().take(times.len()).collect());
+                Ok(motions.collect())
             })
             .collect::<Result<_, CgfError>>()?;
         Ok(motions.into_iter().flatten().collect())
@@ -216,51 +223,67 @@ impl<T: Number> Decoder<T> {
         check_width("feature", feature.len(), self.by_feature.len() / width)?;
         let feature: Vec<T> = feature.iter().map(|&x| T::from_f64(f64::from(x))).collect();
         let mut object = self.first_bias.clone();
-        add_product(&mut object, &feature, &self.by_feature, width);
+        add_product(&mut object, &feature, &self.by_feature);
         Ok(object)
     }
 
-    /// Returns what the first layer knows of each motion, `(motions, width)`.
-    fn known(&self, object: &[T], latents: &[Vec<f64>]) -> Result<Vec<T>, CgfError> {
-        let width = object.len();
+    /// Returns what the first layer knows of each motion, sixteen side by side.
+    fn known(&self, object: &[T], latents: &[Vec<f64>]) -> Result<Vec<Row<T>>, CgfError> {
         for latent in latents {
-            check_width("latent", latent.len(), self.by_latent.len() / width)?;
+            check_width("latent", latent.len(), self.by_latent.inputs())?;
         }
-        let codes: Vec<T> = latents.iter().flatten().map(|&z| T::from_f64(z)).collect();
-        let mut known = object.repeat(latents.len());
-        add_product(&mut known, &codes, &self.by_latent, width);
+        let patches = latents.chunks(LANES).map(|latents| {
+            let mut patch = Sparse::default();
+            for (channel, k) in (0_u32..).zip(0..self.by_latent.inputs()) {
+                let mut row = [T::zero(); LANES];
+                for (x, latent) in row.iter_mut().zip(latents) {
+                    *x = T::from_f64(latent[k]);
+                }
+                patch.push(channel, row);
+            }
+            patch
+        });
+        let patches: Vec<Sparse<T>> = patches.collect();
+        let mut known = vec![[T::zero(); LANES]; patches.len() * object.len()];
+        T::project(&self.by_latent, &patches, object, &mut known);
         Ok(known)
     }
 
-    /// Returns the last layer's products, without its bias, of all motions at all times: rows padded
-    /// to [`LEAST_ROWS`], once or three times.
-    fn block(&self, known: &[T], times: &[f64], order: Order) -> Result<Tensor, CgfError> {
-        let width = self.first_bias.len();
-        let times: Vec<T> = times.iter().map(|&t| T::from_f64(t)).collect();
-        let rows = (known.len() / width * times.len()).max(LEAST_ROWS);
-        let (activation, per_time) = (self.activation, &self.per_time);
-        let first = first_layer(activation, known, per_time, &times, order, rows);
-        let all_rows = order.blocks() * rows;
-        let mut x = Tensor::from_vec(first, (all_rows, width), &Device::Cpu)?;
-        for (idx, layer) in self.layers.iter().enumerate() {
-            x = x.matmul(&layer.weights)?;
-            if idx + 1 < self.layers.len() {
-                let outputs = with_numbers(&x, |products| {
-                    activate(activation, products, &layer.bias, order)
-                })?;
-                x = Tensor::from_vec(outputs, (all_rows, layer.bias.len()), &Device::Cpu)?;
+    /// Takes rows through all layers, some patches at a time, and makes their hands.
+    fn hands<G>(
+        &self,
+        start: &Start<'_, T>,
+        order: Order,
+        finish: &(dyn Fn([&[T]; 3]) -> Option<G> + Sync),
+    ) -> Result<Vec<G>, CgfError> {
+        let rows = start.rows();
+        let blocks = order.blocks();
+        let mut inputs = vec![Sparse::default(); PATCHES * blocks];
+        let mut products: Vec<Row<T>> = Vec::new();
+        let mut hands = Vec::with_capacity(rows);
+        for first in (0..rows).step_by(PATCHES * LANES) {
+            let n = (rows - first).min(PATCHES * LANES);
+            let inputs = &mut inputs[..n.div_ceil(LANES) * blocks];
+            start.layer(self.activation, first, order, inputs);
+            for (idx, layer) in self.layers.iter().enumerate() {
+                products.resize(inputs.len() * layer.bias.len(), [T::zero(); LANES]);
+                T::project(&layer.weights, inputs, &layer.zeros, &mut products);
+                if idx + 1 < self.layers.len() {
+                    activate(self.activation, &products, &layer.bias, order, inputs);
+                }
             }
+            self.read(&products, n, order, &mut hands, finish)?;
         }
-        Ok(x)
+        Ok(hands)
     }
 
-    /// Takes the products of a block to the hands of its motions.
+    /// Takes the last layer's products, without its bias, of `n` rows to hands.
     fn read<G>(
         &self,
-        block: &Tensor,
-        n_times: usize,
+        products: &[Row<T>],
+        n: usize,
         order: Order,
-        motions: &mut [Vec<G>],
+        hands: &mut Vec<G>,
         finish: &(dyn Fn([&[T]; 3]) -> Option<G> + Sync),
     ) -> Result<(), CgfError> {
         let width = self.scale.len();
@@ -268,42 +291,19 @@ impl<T: Number> Decoder<T> {
             name: "decoder".to_owned(),
             what: "a decoded rotation",
         };
-        with_numbers(block, |products: &[T]| {
-            let stride = products.len() / order.blocks();
-            let rows = products.chunks_exact(width).take(stride / width);
-            let mut rows = rows.enumerate().map(|(row, values)| {
-                let rate = |number: usize| match order {
-                    Order::Values => &[][..],
-                    Order::Derivatives => {
-                        let from = number * stride + row * width;
-                        products.get(from..from + width).unwrap_or(&[])
-                    }
-                };
-                finish([values, rate(1), rate(2)])
-            });
-            for motion in motions {
-                for grasp in rows.by_ref().take(n_times) {
-                    motion.push(grasp.ok_or_else(not_finite)?);
-                }
+        let mut numbers = vec![T::zero(); order.blocks() * width];
+        let patches = products.chunks_exact(order.blocks() * width);
+        let rows = patches.flat_map(|patch| (0..LANES).map(move |lane| (patch, lane)));
+        for (patch, lane) in rows.take(n) {
+            for (number, channel) in numbers.iter_mut().zip(patch) {
+                *number = channel[lane];
             }
-            Ok(())
-        })?
+            let (values, rates) = numbers.split_at(width);
+            let (firsts, seconds) = rates.split_at(rates.len() / 2);
+            hands.push(finish([values, firsts, seconds]).ok_or_else(not_finite)?);
+        }
+        Ok(())
     }
-}
-
-/// Calls `read` with a contiguous tensor's numbers, which are not copied.
-fn with_numbers<T: Number, R>(
-    tensor: &Tensor,
-    read: impl FnOnce(&[T]) -> R,
-) -> Result<R, CgfError> {
-    let contiguous = || candle_core::Error::RequiresContiguous { op: "decode" }.bt();
-    let (storage, layout) = tensor.storage_and_layout();
-    let (start, end) = layout.contiguous_offsets().ok_or_else(contiguous)?;
-    let Storage::Cpu(storage) = &*storage else {
-        return Err(contiguous().into());
-    };
-    let numbers = CpuStorage::as_slice::<T>(storage)?;
-    Ok(read(numbers.get(start..end).unwrap_or(&[])))
 }
 
 fn check_width(key: &'static str, found: usize, expected: usize) -> Result<(), CgfError> {
@@ -313,7 +313,7 @@ fn check_width(key: &'static str, found: usize, expected: usize) -> Result<(), C
     Err(CgfError::Config {
         key,
         value: format!("{found} numbers"),
-        expected: "as many numbers as the network was made for",
+        expected: "as many numbers as the network was made for".to_owned(),
     })
 }
 

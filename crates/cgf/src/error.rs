@@ -89,8 +89,8 @@ pub enum CgfError {
         key: &'static str,
         /// Its value.
         value: String,
-        /// What would be valid.
-        expected: &'static str,
+        /// What would be valid, and why.
+        expected: String,
     },
     /// The loss is no longer a number.
     #[error("training diverged in epoch {epoch}: the loss is {loss}")]

@@ -20,10 +20,10 @@ pub struct Grasp {
 
 impl Grasp {
     /// Returns the same hand in another frame.
-    pub(crate) fn moved(&self, other_from_frame: &Isometry3<f64>) -> Self {
+    pub(crate) fn moved(self, other_from_frame: &Isometry3<f64>) -> Self {
         Self {
             table_from_palm: Pose::new(other_from_frame * self.table_from_palm.isometry()),
-            q_rad: self.q_rad.clone(),
+            q_rad: self.q_rad,
         }
     }
 

@@ -28,6 +28,7 @@ mod network;
 mod penetration;
 mod point_net;
 mod precision;
+mod product;
 mod random;
 mod state;
 mod step;

@@ -27,9 +27,10 @@ mod tape;
 use rayon::prelude::*;
 
 pub(crate) use self::tape::{Measured, features};
-use self::{cloud::Cloud, kernel::Packed, moments::Moments, search::Columns};
+use self::{cloud::Cloud, moments::Moments, search::Columns};
 use crate::{
-    CgfError, config::Initialization, precision::narrow, random::Random, weights::Weights,
+    CgfError, config::Initialization, precision::narrow, product::Packed, random::Random,
+    weights::Weights,
 };
 
 /// Added to variances before their root is taken.

@@ -119,6 +119,7 @@ impl<'a> Trainer<'a> {
     ) -> Result<Self, CgfError> {
         network.check()?;
         training.check()?;
+        training.check_memory(network)?;
         for track in &set.tracks {
             track.check(hand.dof())?;
             assert!(track.scene < set.scenes.len(), "scene of `{}`", track.name);

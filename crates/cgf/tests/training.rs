@@ -340,7 +340,7 @@ fn joints_stay_within_their_limits_for_any_code() {
 #[test]
 fn divergence_is_said() {
     let mut config = training(200);
-    config.learning_rate = 1e18;
+    config.learning_rate = 1e12;
     let err = train(&set(), &hand(), &network(), &config, 7, |_| {}).unwrap_err();
     assert!(matches!(err, CgfError::Diverged { .. }), "{err}");
 }

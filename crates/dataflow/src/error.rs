@@ -79,6 +79,8 @@ pub enum Failure {
         stage: String,
         /// The partition being made, if it was one.
         partition: Option<String>,
+        /// The output of which too little came to the stage, if that is why.
+        left_out: Option<Box<LeftOut>>,
         /// The stage's own error.
         source: Advised,
     },
@@ -103,10 +105,10 @@ pub enum Failure {
         partition: String,
     },
     /// Too many items had to be skipped.
-    #[error("stage `{}` skipped {n_skipped} of {n_items} items, more than `max_skipped_fraction` = {allowed}; the first: {first}", node.stage)]
+    #[error("stage `{}` skipped {n_skipped} of {n_items} items, more than `max_skipped_fraction` = {allowed}; the first: {first}", skipped.node.stage)]
     TooManySkipped {
         /// The stage and output.
-        node: NodeName,
+        skipped: Box<LeftOut>,
         /// Items skipped.
         n_skipped: usize,
         /// Items in all.
@@ -149,6 +151,8 @@ pub enum Failure {
         message: String,
         /// What it said to do.
         hint: Option<String>,
+        /// The output of which too little came to its stage, if that is why.
+        left_out: Option<Box<LeftOut>>,
     },
     /// The pipeline has no output of this name.
     #[error("no output `{name}` in the pipeline")]
@@ -179,8 +183,13 @@ pub enum Failure {
         key: String,
     },
     /// There is nothing to work on.
-    #[error("stage `{}` has nothing to do: no `{}` to make", .0.stage, .0.artifact)]
-    Nothing(NodeName),
+    #[error("stage `{}` has nothing to do: no `{}` to make", node.stage, node.artifact)]
+    Nothing {
+        /// The stage and output.
+        node: NodeName,
+        /// The nearest output before it that left items out, if one did.
+        left_out: Option<Box<LeftOut>>,
+    },
     /// A file outside the lake was written to while a unit read it.
     #[error("stage `{stage}` read `{}` for `{partition}` while it changed; nothing of it is kept", path.display())]
     ChangedMeanwhile {
@@ -238,6 +247,89 @@ fn offer(what: &str, name: &str, known: &[String]) -> String {
     )
 }
 
+/// Goes on from what to do to what was left out.
+fn join(hint: Option<String>, left_out: Option<&LeftOut>) -> Option<String> {
+    let Some(left_out) = left_out else {
+        return hint;
+    };
+    Some(hint.map_or_else(
+        || left_out.to_string(),
+        |hint| format!("{hint}; {left_out}"),
+    ))
+}
+
+/// An output that left items out; shown as the advice to look at them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LeftOut {
+    /// The output.
+    pub node: NodeName,
+    /// The run that left them out; `None` where none is recorded, as while planning.
+    pub run: Option<u64>,
+}
+
+impl From<NodeName> for Box<LeftOut> {
+    fn from(node: NodeName) -> Self {
+        Self::new(LeftOut { node, run: None })
+    }
+}
+
+impl fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { node, run } = self;
+        match run {
+            Some(run) => write!(
+                f,
+                "see what was left out with `pipeline inspect {node} --skipped --run {run}`"
+            ),
+            None => write!(
+                f,
+                "see what is left out with `pipeline run FILE --until {}`, then `pipeline inspect \
+                 {node} --skipped`",
+                node.stage
+            ),
+        }
+    }
+}
+
+impl Failure {
+    /// Says which run it ended, so that hints show what that run left out, whatever ran since.
+    pub(crate) fn of_run(mut self, number: u64) -> Self {
+        if let Self::TooManySkipped {
+            skipped: left_out, ..
+        }
+        | Self::Stage {
+            left_out: Some(left_out),
+            ..
+        }
+        | Self::Elsewhere {
+            left_out: Some(left_out),
+            ..
+        }
+        | Self::Nothing {
+            left_out: Some(left_out),
+            ..
+        } = &mut self
+        {
+            left_out.run = Some(number);
+        }
+        self
+    }
+
+    /// Splits the hint: what to do, and the output of which to see what it left out.
+    pub fn advice(&self) -> (Option<String>, Option<&NodeName>) {
+        if let Self::Stage {
+            left_out: Some(left_out),
+            source,
+            ..
+        } = self
+        {
+            (source.0.hint(), Some(&left_out.node))
+        } else {
+            (self.hint(), None)
+        }
+    }
+}
+
 struct Partition<'a>(Option<&'a str>);
 
 impl fmt::Display for Partition<'_> {
@@ -252,11 +344,12 @@ impl fmt::Display for Partition<'_> {
 impl Advise for Failure {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::Stage { source, .. } => source.0.hint(),
-            Self::TooManySkipped { node, .. } => Some(format!(
-                "see every reason with `pipeline inspect {node} --skipped`, or raise \
-                 `max_skipped_fraction` of stage `{}`",
-                node.stage
+            Self::Stage {
+                left_out, source, ..
+            } => join(source.0.hint(), left_out.as_deref()),
+            Self::TooManySkipped { skipped, .. } => Some(format!(
+                "{skipped}, or raise `max_skipped_fraction` of stage `{}`",
+                skipped.node.stage
             )),
             Self::NoStage { name, known } => Some(offer("stages", name, known)),
             Self::NoNode { name, known } => Some(offer("outputs", name, known)),
@@ -267,7 +360,7 @@ impl Advise for Failure {
                 "make it first with `pipeline run FILE --until {}`",
                 node.stage
             )),
-            Self::Elsewhere { hint, .. } => hint.clone(),
+            Self::Elsewhere { hint, left_out, .. } => join(hint.clone(), left_out.as_deref()),
             Self::Store(err) => err.0.hint(),
             Self::Panic { .. } => Some(
                 "this is a fault of the program: please report it with the command and the file"
@@ -284,8 +377,11 @@ impl Advise for Failure {
                 "this is a fault of the stage: please report it with the command and the file"
                     .to_owned(),
             ),
-            Self::Nothing(_)
-            | Self::Lost { .. }
+            Self::SourceFile { path, source } if source.kind() == io::ErrorKind::NotFound => {
+                Some(crate::near::missing(path))
+            }
+            Self::Nothing { left_out, .. } => left_out.as_ref().map(ToString::to_string),
+            Self::Lost { .. }
             | Self::NotAKey { .. }
             | Self::MissingInput { .. }
             | Self::SourceFile { .. }

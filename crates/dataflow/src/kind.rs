@@ -1,6 +1,6 @@
 //! Stage kinds without their types, so that a pipeline can hold stages of every kind.
 
-use std::ops::Range;
+use std::{any::Any, ops::Range};
 
 use serde::{Deserialize, de::IntoDeserializer};
 use serde_json::Value;
@@ -8,6 +8,7 @@ use serde_json::Value;
 use crate::{
     code::Code,
     context::{Context, Inputs},
+    option_faults::OptionFault,
     stage::{Advised, Input, Labels, Outcome, Output, Scope, Stage},
     unit::{Summary, Unit},
 };
@@ -45,10 +46,13 @@ pub struct OptionInfo {
 
 /// A stage with its configuration.
 pub(crate) trait Configured: Send + Sync {
+    /// The configuration as the stage has it.
+    fn options(&self) -> &dyn Any;
     /// The configuration without the paths of files that its units read.
     fn config(&self) -> Value;
     /// The configuration as it counts for the fingerprints of an output's units.
     fn config_of(&self, output: &str) -> Value;
+    fn check(&self) -> Vec<OptionFault>;
     fn prepare(&self) -> Result<(), Advised>;
     fn units(&self, output: &str, scope: &Scope) -> Result<Vec<Unit>, Advised>;
     fn foretell(&self, output: &str, unit: &Unit, scope: &Scope) -> Option<Labels>;
@@ -65,6 +69,10 @@ pub(crate) struct ConfigFault {
 struct WithConfig<S: Stage>(S::Config);
 
 impl<S: Stage> Configured for WithConfig<S> {
+    fn options(&self) -> &dyn Any {
+        &self.0
+    }
+
     fn config(&self) -> Value {
         serde_json::to_value(&self.0).unwrap_or(Value::Null)
     }
@@ -75,6 +83,10 @@ impl<S: Stage> Configured for WithConfig<S> {
             options.retain(|option, _| S::decides(option, output));
         }
         config
+    }
+
+    fn check(&self) -> Vec<OptionFault> {
+        S::check(&self.0)
     }
 
     fn prepare(&self) -> Result<(), Advised> {
@@ -127,9 +139,14 @@ impl Kind {
         (self.configure)(table)
     }
 
+    /// Returns the JSON schema of the stage's table.
+    pub(crate) fn schema(&self) -> Value {
+        (self.schema)()
+    }
+
     /// Lists the options of the stage's table, in the order of the configuration struct's schema.
     pub fn options(&self) -> Vec<OptionInfo> {
-        let root = (self.schema)();
+        let root = self.schema();
         let mut options = Vec::new();
         collect_options(&root, &root, "", &mut options);
         options
@@ -170,7 +187,7 @@ fn collect_options(root: &Value, schema: &Value, prefix: &str, options: &mut Vec
     }
 }
 
-fn resolve<'a>(root: &'a Value, schema: &'a Value) -> &'a Value {
+pub(crate) fn resolve<'a>(root: &'a Value, schema: &'a Value) -> &'a Value {
     let reference = schema.get("$ref").and_then(Value::as_str);
     reference
         .and_then(|path| root.pointer(path.strip_prefix('#')?))

@@ -17,11 +17,13 @@ mod digest;
 mod elsewhere;
 mod error;
 mod fingerprint;
+mod form;
 mod graph;
 mod kind;
 mod make;
 mod near;
 mod observer;
+mod option_faults;
 mod options;
 mod overrides;
 mod pipeline;
@@ -41,13 +43,15 @@ pub use code::Code;
 pub use context::{Artifact, Context, Inputs, Progress};
 pub use digest::{Digest, NotADigest};
 pub use elsewhere::{Elsewhere, Forced};
-pub use error::{Failure, FileError, Problem};
+pub use error::{Failure, FileError, LeftOut, Problem};
 pub use fingerprint::{Cause, Change, Fingerprint, Recipe};
+pub use form::Form;
 pub use graph::{Node, NodeName};
 pub use kind::{Kind, OptionInfo};
 pub use make::make_one;
-pub use near::nearest;
+pub use near::{missing, nearest};
 pub use observer::Observer;
+pub use option_faults::{OptionFault, OptionFaults};
 pub use options::{FreshAll, RunOptions};
 pub use overrides::{Override, OverrideError, Sweep, Variant};
 pub use pipeline::{Pipeline, StageEntry};
@@ -55,12 +59,12 @@ pub use plan::{Plan, PlannedNode, PlannedUnit, UnitState, plan};
 pub use reach::reached;
 pub use readiness::{Outside, Readiness, readiness};
 pub use run::{NodeReport, RunReport, UnitReport, run};
-pub use source::Location;
+pub use source::{Location, Source};
 pub use stage::{
     Advise, Advised, Input, Labels, Made, Outcome, Output, Partition, Scope, SourceFile, Stage,
 };
 pub use store::{
-    FileRef, Making, NewestUnit, NodeRecord, Origin, Record, RecordOutcome, RunRecord, RunStatus,
-    Showing, StageRecord, Store, UnitRef, Unkept,
+    FileRef, Making, NewestUnit, NodeRecord, Origin, OutputRecord, Record, RecordOutcome,
+    RunRecord, RunStatus, Showing, StageRecord, Store, UnitRef, Unkept,
 };
 pub use unit::{Summary, Unit};

@@ -18,7 +18,7 @@ use crate::{
     run::UnitReport,
     seed::unit_seed,
     stage::Labels,
-    state::{Known, Listing, State, Sure},
+    state::{Known, Listing, State, Sure, digest_source},
     store::{FileRef, Store, Unkept},
     unit::Unit,
 };
@@ -122,11 +122,7 @@ impl<'a> Maker<'a> {
                 partition: unit.partition.clone(),
                 message: panic_message(payload.as_ref()),
             })?
-            .map_err(|source| Failure::Stage {
-                stage: stage.name.clone(),
-                partition: Some(unit.partition.clone()),
-                source,
-            })?;
+            .map_err(|source| stage.failure(Some(&unit.partition), source))?;
         if let Err(err) = self.check_unchanged(unit, &fingerprint) {
             // What was left to go on from may come of the changed files.
             making.start_over()?;
@@ -147,7 +143,8 @@ impl<'a> Maker<'a> {
     /// Makes sure that what the stage has read is what the fingerprint says that it has read.
     fn check_unchanged(&self, unit: &Unit, fingerprint: &Fingerprint) -> Result<(), Failure> {
         for file in &unit.files {
-            let now = self.store.source_digest(&file.path);
+            let form = unit.forms.get(&file.name).copied();
+            let now = digest_source(self.store, &file.path, form);
             let is_same = now.is_ok_and(|now| fingerprint.files.get(&file.name) == Some(&now));
             if !is_same {
                 return Err(Failure::ChangedMeanwhile {
@@ -297,7 +294,10 @@ pub fn make_one(
         })?;
     let not_made = |(node, partition)| Failure::NotMade { node, partition };
     let Some(Listing { units, sure, .. }) = state.listing(node)? else {
-        let nothing = || Failure::Nothing(node.name.clone());
+        let nothing = || Failure::Nothing {
+            node: node.name.clone(),
+            left_out: None,
+        };
         return Err(state.first_open(node).map_or_else(nothing, not_made));
     };
     let mut found = units.iter().zip(sure);

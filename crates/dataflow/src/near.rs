@@ -1,4 +1,53 @@
-//! "Did you mean": the nearest of some names.
+//! "Did you mean": the nearest of some names, and of the files that are there.
+
+use std::{env, fs, path::Path};
+
+/// Returns what to do about a file or folder that is not there: the near name in its folder, if there is
+/// one, and which folder the path was taken relative to.
+pub fn missing(path: &Path) -> String {
+    let near = near_path(path).map_or_else(String::new, |near| format!("did you mean `{near}`? "));
+    if path.is_absolute() {
+        return format!("{near}it is an absolute path");
+    }
+    let here = env::current_dir();
+    let here = here.map_or_else(
+        |_| "the current folder".to_owned(),
+        |here| format!("`{}`", here.display()),
+    );
+    format!("{near}the path is taken relative to {here}")
+}
+
+/// Returns the path with the first part that is not there replaced by a near name that is.
+fn near_path(path: &Path) -> Option<String> {
+    if path.exists() {
+        return None;
+    }
+    let mut above = path.ancestors().skip(1);
+    let there = above.find(|above| above.as_os_str().is_empty() || above.is_dir())?;
+    let missing = path.strip_prefix(there).ok()?;
+    let word = missing.iter().next()?.to_str()?;
+    let folder = if there.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        there
+    };
+    let entries = fs::read_dir(folder).ok()?.flatten();
+    let mut names: Vec<String> = entries
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .collect();
+    names.sort();
+    let only_ending = || {
+        let begins = format!("{word}.");
+        names
+            .iter()
+            .find(|name| name.starts_with(&begins))
+            .map(String::as_str)
+    };
+    let near = nearest(word, names.iter().map(String::as_str)).or_else(only_ending)?;
+    let below: std::path::PathBuf = missing.iter().skip(1).collect();
+    let path = there.join(near).join(below);
+    Some(path.to_string_lossy().trim_end_matches('/').to_owned())
+}
 
 /// Returns the candidate nearest to `word`, if it is near enough to be a misspelling of it.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
@@ -36,6 +85,41 @@ fn distance(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_missing_path_gets_the_near_one_that_is_there() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir_all(folder.path().join("data/robots")).unwrap();
+        fs::File::create(folder.path().join("data/robots/allegro_right.urdf")).unwrap();
+        for (path, near) in [
+            (
+                "data/robots/allegro_rigt.urdf",
+                Some("data/robots/allegro_right.urdf"),
+            ),
+            (
+                "data/robot/allegro_right.urdf",
+                Some("data/robots/allegro_right.urdf"),
+            ),
+            ("dat/robots", Some("data/robots")),
+            (
+                "data/robots/allegro_right",
+                Some("data/robots/allegro_right.urdf"),
+            ),
+            ("data/robots/shadow.urdf", None),
+        ] {
+            let near = near.map(|near| folder.path().join(near).to_string_lossy().into_owned());
+            assert_eq!(near_path(&folder.path().join(path)), near, "{path}");
+        }
+        let here = env::current_dir().unwrap();
+        let relative = missing(Path::new("srcc/lib.rs"));
+        assert_eq!(
+            relative,
+            format!(
+                "did you mean `src/lib.rs`? the path is taken relative to `{}`",
+                here.display()
+            )
+        );
+    }
 
     #[test]
     fn finds_a_misspelling() {

@@ -41,6 +41,25 @@ impl FromStr for Override {
     }
 }
 
+impl Override {
+    /// Returns it as it is written after `--set`, and where its value begins.
+    pub(crate) fn argument(&self) -> (String, usize) {
+        let keys: Vec<&str> = self
+            .stage
+            .iter()
+            .chain(&self.keys)
+            .map(String::as_str)
+            .collect();
+        let keys = keys.join(".");
+        let value = match &self.value {
+            // Quotes are only needed by text that would be something else without them.
+            Value::String(text) if parse_value(text.value()).is_none() => text.value().clone(),
+            other => other.to_string().trim().to_owned(),
+        };
+        (format!("{keys}={value}"), keys.len() + 1)
+    }
+}
+
 impl fmt::Display for Override {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(stage) = &self.stage {
@@ -91,7 +110,26 @@ fn parse_value(text: &str) -> Option<Value> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
+
+    proptest! {
+        #[test]
+        fn a_number_is_read_as_it_is_written(bits in any::<u64>(), few in 0..100_000_u32) {
+            for number in [f64::from_bits(bits), f64::from(few) / 30_000.0] {
+                if !number.is_finite() {
+                    continue;
+                }
+                let given: Override = format!("a.b={number:?}").parse().unwrap();
+                let again: Override = given.to_string().parse().unwrap();
+                for read in [given, again] {
+                    let read = read.value.as_float().unwrap();
+                    prop_assert_eq!(read.to_bits(), number.to_bits());
+                }
+            }
+        }
+    }
 
     #[test]
     fn reads_numbers_and_unquoted_paths() {

@@ -1,5 +1,6 @@
 //! Pipeline files: TOML that wires stages.
 
+mod faults;
 mod reader;
 mod tables;
 
@@ -17,7 +18,7 @@ use crate::{
     kind::{Configured, Kind},
     overrides::Override,
     source::Location,
-    stage::{Advised, Scope},
+    stage::{Advised, Scope, Stage},
     store::Origin,
     unit::Unit,
 };
@@ -56,21 +57,32 @@ impl StageEntry {
     /// Makes ready what lies outside the lake.
     pub(crate) fn prepare(&self) -> Result<(), Failure> {
         let prepared = self.configured.prepare();
-        prepared.map_err(|source| self.failure(source))
+        prepared.map_err(|source| self.failure(None, source))
     }
 
     /// Lists the units of one of its outputs.
     pub(crate) fn units(&self, artifact: &str, scope: &Scope) -> Result<Vec<Unit>, Failure> {
         let units = self.configured.units(artifact, scope);
-        units.map_err(|source| self.failure(source))
+        units.map_err(|source| self.failure(None, source))
     }
 
-    fn failure(&self, source: Advised) -> Failure {
+    /// Says that the stage refused to go on, at a partition or before all of them.
+    pub(crate) fn failure(&self, partition: Option<&str>, source: Advised) -> Failure {
+        let lacking = source.0.lacks().and_then(|input| self.inputs.get(input));
         Failure::Stage {
             stage: self.name.clone(),
-            partition: None,
+            partition: partition.map(str::to_owned),
+            left_out: lacking.cloned().map(Into::into),
             source,
         }
+    }
+
+    /// Returns the configuration of a stage of kind `S`, with all that the file says; `None` for a stage of
+    /// another kind.
+    pub fn options<S: Stage>(&self) -> Option<&S::Config> {
+        let is_one = self.kind.name == S::KIND;
+        let options = self.configured.options();
+        options.downcast_ref().filter(|_| is_one)
     }
 
     /// Returns the configuration without the paths of files that its units read.
@@ -106,9 +118,10 @@ impl Pipeline {
             path,
             source,
             kinds,
+            overrides,
             problems: Vec::new(),
         };
-        let pipeline = reader.pipeline(document.as_table(), profile, overrides);
+        let pipeline = reader.pipeline(document.as_table(), profile);
         match pipeline {
             Some(pipeline) if reader.problems.is_empty() => Ok(pipeline),
             _ => Err(FileError {

@@ -3,11 +3,12 @@
 //! A unit whose fingerprint is known either is in the store or runs. A unit that reads something yet
 //! to be made has no fingerprint yet: it runs perhaps, since equal bytes stop a rerun. And where
 //! open partitions decide which units there are (they may be skipped, or their labels may change),
-//! every unit that depends on it runs perhaps, too. So a run makes exactly what is certain here, and
-//! some of what is possible.
+//! every unit that depends on it runs perhaps, too. A unit that is there in any case and of which
+//! something of its own differs from all that was ever made, as a file that it reads, runs whatever it
+//! waits for gives. So a run makes exactly what is certain here, and some of what is possible.
 
 use std::{
-    collections::{BTreeMap, HashMap},
+    collections::{BTreeMap, BTreeSet, HashMap},
     sync::Arc,
 };
 
@@ -63,8 +64,12 @@ pub enum UnitState {
     Cached,
     /// It would run.
     Run {
-        /// Everything that differs from the last time.
+        /// Everything that differs from the last time; where it waits for something, everything that
+        /// differs already.
         causes: Vec<Cause>,
+        /// The outputs it waits for.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        upstream: Vec<NodeName>,
     },
     /// It would run unless what it depends on comes out as before.
     Perhaps {
@@ -96,7 +101,7 @@ pub fn plan(pipeline: &Pipeline, store: &dyn Store, options: &RunOptions) -> Res
     pipeline.prepare(&nodes)?;
     store.enter(&pipeline.name)?;
     let newest = store.newest_units(&pipeline.name)?;
-    let mut last: HashMap<NodeName, HashMap<String, Digest>> = HashMap::new();
+    let mut last: BTreeMap<NodeName, HashMap<String, Digest>> = BTreeMap::new();
     for unit in newest {
         let of_node = last.entry(unit.node).or_default();
         of_node.insert(unit.partition, unit.fingerprint);
@@ -105,6 +110,7 @@ pub fn plan(pipeline: &Pipeline, store: &dyn Store, options: &RunOptions) -> Res
         store,
         options,
         last,
+        stages: pipeline.stages.iter().map(|stage| &*stage.name).collect(),
         state: State::new(pipeline, store),
         unknown: Vec::new(),
     };
@@ -119,7 +125,9 @@ struct Planner<'a> {
     store: &'a dyn Store,
     options: &'a RunOptions,
     /// The newest fingerprint of every unit.
-    last: HashMap<NodeName, HashMap<String, Digest>>,
+    last: BTreeMap<NodeName, HashMap<String, Digest>>,
+    /// The names of the pipeline's stages.
+    stages: BTreeSet<&'a str>,
     state: State<'a>,
     /// Outputs whose partitions are not known before something else has run.
     unknown: Vec<NodeName>,
@@ -211,12 +219,18 @@ impl Planner<'_> {
         let forced = self.options.is_forced(&node.name.stage);
         let Some((fingerprint, digest)) = self.state.fingerprint(node, unit)? else {
             let upstream = self.waits_for(node, unit);
-            if forced && sure != Sure::No {
-                let causes = vec![Cause::Forced];
-                return Ok((UnitState::Run { causes }, None));
-            }
-            let causes = self.causes_so_far(node, unit)?;
-            return Ok((UnitState::Perhaps { upstream, causes }, None));
+            let (causes, is_certain) = if forced {
+                (vec![Cause::Forced], sure >= Sure::Present)
+            } else {
+                let (causes, is_new) = self.causes_so_far(node, unit)?;
+                (causes, is_new && sure >= Sure::Own)
+            };
+            let state = if is_certain {
+                UnitState::Run { causes, upstream }
+            } else {
+                UnitState::Perhaps { upstream, causes }
+            };
+            return Ok((state, None));
         };
         let cached = if forced {
             None
@@ -235,8 +249,9 @@ impl Planner<'_> {
                 } else {
                     self.causes(node, &fingerprint)?
                 };
-                if sure == Sure::Whole || (forced && sure == Sure::Present) {
-                    UnitState::Run { causes }
+                if sure == Sure::Whole || (forced && sure >= Sure::Present) {
+                    let upstream = Vec::new();
+                    UnitState::Run { causes, upstream }
                 } else {
                     let upstream = self.open_inputs(node);
                     UnitState::Perhaps { upstream, causes }
@@ -253,7 +268,11 @@ impl Planner<'_> {
     /// What differs from the last time; a unit of which nothing differs has lost its files.
     fn causes(&self, node: &Node, fingerprint: &Fingerprint) -> Result<Vec<Cause>, Failure> {
         let Some(last) = self.last(node, &fingerprint.partition) else {
-            return Ok(vec![Cause::New]);
+            let renamed = self.renamed(node, fingerprint)?;
+            return Ok(renamed.map_or_else(
+                || vec![Cause::New],
+                |before| fingerprint.differences(&before),
+            ));
         };
         let Some(record) = self.store.remembered(last)? else {
             return Ok(vec![Cause::Lost]);
@@ -266,17 +285,49 @@ impl Planner<'_> {
         })
     }
 
-    /// What differs from the last time in a unit of which not everything is known yet.
-    fn causes_so_far(&self, node: &Node, unit: &Unit) -> Result<Vec<Cause>, Failure> {
-        let Some(last) = self.last(node, &unit.partition) else {
-            return Ok(vec![Cause::New]);
+    /// What differs from the last time in a unit of which not everything is known yet, and whether that
+    /// alone makes it another unit than any in the store.
+    fn causes_so_far(&self, node: &Node, unit: &Unit) -> Result<(Vec<Cause>, bool), Failure> {
+        let Some((own, _)) = self.state.own_fingerprint(node, unit)? else {
+            return Ok((Vec::new(), false));
         };
-        let record = self.store.remembered(last)?;
-        let recipe = self.state.recipe(&node.name);
-        Ok(match (recipe, record) {
-            (Some(recipe), Some(record)) => recipe.differences(&record.fingerprint.recipe),
-            _ => Vec::new(),
-        })
+        let causes = match self.last(node, &unit.partition) {
+            Some(last) => {
+                let record = self.store.remembered(last)?;
+                record.map_or_else(Vec::new, |record| own.own_differences(&record.fingerprint))
+            }
+            None => self
+                .renamed(node, &own)?
+                .map_or_else(|| vec![Cause::New], |before| own.own_differences(&before)),
+        };
+        let is_new = !causes.is_empty() && !self.store.may_hold(&own)?;
+        Ok((causes, is_new))
+    }
+
+    /// Finds the unit of a stage that is no longer in the pipeline and differs from this one by its
+    /// name and by what it read alone; of several the one that differs least.
+    fn renamed(&self, node: &Node, unit: &Fingerprint) -> Result<Option<Fingerprint>, Failure> {
+        let mut found: Option<(usize, Fingerprint)> = None;
+        for (name, units) in &self.last {
+            let Some(last) = units.get(&unit.partition) else {
+                continue;
+            };
+            let is_gone = !self.stages.contains(&*name.stage);
+            if !is_gone || name.artifact != node.name.artifact {
+                continue;
+            }
+            let Some(record) = self.store.remembered(last)? else {
+                continue;
+            };
+            let before = record.fingerprint;
+            if before.recipe == unit.recipe {
+                let n = unit.differences(&before).len();
+                if found.as_ref().is_none_or(|(least, _)| n < *least) {
+                    found = Some((n, before));
+                }
+            }
+        }
+        Ok(found.map(|(_, before)| before))
     }
 
     /// The labels that a unit had the last time.

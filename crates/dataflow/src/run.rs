@@ -17,8 +17,8 @@ use crate::{
     pipeline::{Pipeline, StageEntry},
     state::{Known, State},
     store::{
-        NewestUnit, NodeRecord, RecordOutcome, RunRecord, RunStatus, Showing, StageRecord, Store,
-        UnitRef,
+        NewestUnit, NodeRecord, OutputRecord, RecordOutcome, RunRecord, RunStatus, Showing,
+        StageRecord, Store, UnitRef,
     },
     unit::{Summary, Unit},
     workers,
@@ -27,7 +27,7 @@ use crate::{
 /// What a run did.
 #[derive(Debug, Clone)]
 pub struct RunReport {
-    /// The run's number in the store; `None` if it found everything as the newest run left it.
+    /// The run's number in the store; `None` if it found everything as an earlier run had left it.
     pub run: Option<u64>,
     /// Every output.
     pub nodes: Vec<NodeReport>,
@@ -56,6 +56,8 @@ pub struct NodeReport {
     pub summary: Summary,
     /// The stage's own line about it.
     pub description: String,
+    /// Whether people see its partitions: they do not where the run failed in it.
+    pub shown: bool,
     /// Units that this run made.
     pub n_made_now: usize,
     /// Every unit.
@@ -171,7 +173,14 @@ impl Runner<'_> {
         let started = Instant::now();
         let units = self.state.units(node)?;
         if units.is_empty() {
-            return Err(Failure::Nothing(node.name.clone()));
+            let mut before = self.reports.iter().rev();
+            let leaving = before
+                .find(|report| report.summary.n_skipped + report.summary.n_filtered > 0)
+                .map(|report| report.node.clone().into());
+            return Err(Failure::Nothing {
+                node: node.name.clone(),
+                left_out: leaving,
+            });
         }
         let mut made = Vec::with_capacity(units.len());
         let mut missing = Vec::new();
@@ -197,10 +206,11 @@ impl Runner<'_> {
             }
             made.sort_by(|a, b| a.partition.cmp(&b.partition));
         }
-        let report = report(node, stage, made, started);
+        let mut report = report(node, stage, made, started);
         let failure = failure.or_else(|| too_many_skipped(node, stage, &report));
         if failure.is_none() {
             self.publish(node, &report)?;
+            report.shown = true;
             self.observer.node_done(&report);
         }
         let known = report.units.iter().filter_map(|unit| {
@@ -209,7 +219,14 @@ impl Runner<'_> {
         });
         self.state.insert(&node.name, known.collect());
         self.reports.push(report);
-        failure.map_or(Ok(()), Err)
+        if let Some(failure) = failure {
+            return Err(failure);
+        }
+        if let Some(number) = self.number {
+            let progress = self.record(RunStatus::Running);
+            self.store.keep_progress(number, &progress)?;
+        }
+        Ok(())
     }
 
     /// Returns a unit's result if it is in the store and counts.
@@ -269,7 +286,7 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Keeps what the run did, unless it found everything as the newest run had left it.
+    /// Keeps what the run did, unless it found everything as an earlier run had left it.
     fn finish(self, outcome: Result<(), Failure>) -> Result<RunReport, Failure> {
         let name = &self.pipeline.name;
         let is_unchanged = outcome.is_ok()
@@ -278,21 +295,42 @@ impl Runner<'_> {
         let recorded = if is_unchanged {
             self.store.settle(name, None).map(|()| None)
         } else {
-            let status = match &outcome {
-                Ok(()) => RunStatus::Finished,
-                Err(err) => RunStatus::Failed {
-                    message: err.to_string(),
-                },
-            };
-            self.keep(status).map(Some)
+            match &outcome {
+                Ok(()) => self.keep_or_find(),
+                Err(err) => {
+                    let message = err.to_string();
+                    self.keep(RunStatus::Failed { message }).map(Some)
+                }
+            }
         };
         // Why the run failed says more than why it could not be recorded.
-        outcome?;
+        outcome.map_err(|err| match recorded {
+            Ok(Some(number)) => err.of_run(number),
+            Ok(None) | Err(_) => err,
+        })?;
         Ok(RunReport {
             run: recorded?,
             seconds: self.started.elapsed().as_secs_f64(),
             nodes: self.reports,
         })
+    }
+
+    /// Keeps what the run did, unless it made nothing and an earlier run found the same.
+    fn keep_or_find(&self) -> Result<Option<u64>, crate::stage::Advised> {
+        let record = self.record(RunStatus::Finished);
+        if self.number.is_none() && self.store.find_run(&record)?.is_some() {
+            let units = self.units_of(&record);
+            self.store.settle(&self.pipeline.name, Some(&units))?;
+            return Ok(None);
+        }
+        self.keep(RunStatus::Finished).map(Some)
+    }
+
+    /// The units of a record of this run, with their results.
+    fn units_of(&self, record: &RunRecord) -> Vec<(UnitRef, Arc<RecordOutcome>)> {
+        let outcomes = self.reports.iter().flat_map(|report| &report.units);
+        let outcomes = outcomes.map(|unit| Arc::clone(&unit.outcome));
+        record.units.iter().cloned().zip(outcomes).collect()
     }
 
     fn keep(&self, status: RunStatus) -> Result<u64, crate::stage::Advised> {
@@ -301,13 +339,7 @@ impl Runner<'_> {
             Some(number) => number,
             None => self.store.begin_run(&record)?,
         };
-        let outcomes = self.reports.iter().flat_map(|report| &report.units);
-        let units: Vec<(UnitRef, Arc<RecordOutcome>)> = record
-            .units
-            .iter()
-            .cloned()
-            .zip(outcomes.map(|unit| Arc::clone(&unit.outcome)))
-            .collect();
+        let units = self.units_of(&record);
         self.store.settle(&self.pipeline.name, Some(&units))?;
         self.store.end_run(number, &record, &units)?;
         Ok(number)
@@ -330,11 +362,16 @@ impl Runner<'_> {
                 made_now: unit.made_now,
             })
         });
+        let outputs = self.pipeline.nodes.iter().map(|node| OutputRecord {
+            node: node.name.clone(),
+            partition: node.output.partition.to_owned(),
+        });
         RunRecord {
             pipeline: self.pipeline.name.clone(),
             origin: self.pipeline.origin.clone(),
             seed: self.pipeline.seed,
             stages: stages.collect(),
+            outputs: outputs.collect(),
             nodes: self.reports.iter().map(NodeReport::to_record).collect(),
             units: units.collect(),
             status,
@@ -348,6 +385,7 @@ impl NodeReport {
         NodeRecord {
             node: self.node.clone(),
             description: self.description.clone(),
+            shown: self.shown,
             n_made_now: self.n_made_now,
             n_made: self.summary.n_made,
             n_skipped: self.summary.n_skipped,
@@ -401,6 +439,7 @@ fn report(
         node: node.name.clone(),
         description: stage.configured.describe(node.output.artifact, &summary),
         summary,
+        shown: false,
         n_made_now: units.iter().filter(|unit| unit.made_now).count(),
         units,
         seconds: started.elapsed().as_secs_f64(),
@@ -416,7 +455,7 @@ fn too_many_skipped(node: &Node, stage: &StageEntry, report: &NodeReport) -> Opt
     })?;
     let exceeded = n_skipped as f64 > stage.max_skipped_fraction * n_items as f64;
     exceeded.then(|| Failure::TooManySkipped {
-        node: node.name.clone(),
+        skipped: node.name.clone().into(),
         n_skipped,
         n_items,
         allowed: stage.max_skipped_fraction,

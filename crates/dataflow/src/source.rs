@@ -1,20 +1,32 @@
-//! Places in a pipeline file.
+//! Places in a pipeline file and in the arguments beside it.
 
 use std::{fmt, ops::Range, path::PathBuf};
 
-/// A place in a pipeline file that can be shown with its line and a caret.
+/// A place that can be shown with its line and a caret.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Location {
-    /// The file.
-    pub path: PathBuf,
-    /// Line, from 1.
-    pub line: usize,
+    /// Where the line stands.
+    pub source: Source,
     /// Column, from 1.
     pub column: usize,
     /// The line's text.
     pub text: String,
     /// Number of characters to underline.
     pub width: usize,
+}
+
+/// Where a line stands.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Source {
+    /// In a pipeline file.
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+    },
+    /// On the command line.
+    Argument,
 }
 
 impl Location {
@@ -33,11 +45,34 @@ impl Location {
             .get(start..span.end.min(source.len()))
             .map_or(1, |span| span.chars().count());
         Self {
-            path: path.to_owned(),
-            line: before.matches('\n').count() + 1,
+            source: Source::File {
+                path: path.to_owned(),
+                line: before.matches('\n').count() + 1,
+            },
             column,
             text: text.to_owned(),
             width: length.clamp(1, in_line),
+        }
+    }
+
+    /// The line in the pipeline file, from 1.
+    pub(crate) fn line(&self) -> Option<usize> {
+        match self.source {
+            Source::File { line, .. } => Some(line),
+            Source::Argument => None,
+        }
+    }
+
+    /// Finds the column of a byte range of what follows `--set`.
+    pub(crate) fn in_set(argument: &str, part: Range<usize>) -> Self {
+        let length = |range: Range<usize>| argument.get(range).unwrap_or_default().chars().count();
+        let text = format!("--set {argument}");
+        let before = text.chars().count() - argument.chars().count();
+        Self {
+            source: Source::Argument,
+            column: before + length(0..part.start) + 1,
+            text,
+            width: length(part).max(1),
         }
     }
 }
@@ -45,15 +80,15 @@ impl Location {
 impl fmt::Display for Location {
     /// Writes the place as compilers do: arrow, line number, text, carets.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let gutter = self.line.to_string();
+        let (gutter, place) = match &self.source {
+            Source::File { path, line } => {
+                let place = format!("{}:{line}:{}", path.display(), self.column);
+                (line.to_string(), place)
+            }
+            Source::Argument => (" ".to_owned(), "the command line".to_owned()),
+        };
         let blank = " ".repeat(gutter.len());
-        writeln!(
-            f,
-            "{blank} --> {}:{}:{}",
-            self.path.display(),
-            self.line,
-            self.column
-        )?;
+        writeln!(f, "{blank} --> {place}")?;
         writeln!(f, "{blank} |")?;
         writeln!(f, "{gutter} | {}", self.text)?;
         let indent: String = self
@@ -74,11 +109,22 @@ mod tests {
     fn points_at_the_key() {
         let source = "seed = 7\nkl_wieght = 1e-3\n";
         let location = Location::of("a.toml".as_ref(), source, 9..18);
-        assert_eq!((location.line, location.column, location.width), (2, 1, 9));
+        assert_eq!((location.column, location.width), (1, 9));
         let shown = location.to_string();
         assert!(
             shown.ends_with("2 | kl_wieght = 1e-3\n  | ^^^^^^^^^"),
             "{shown}"
         );
+        assert!(shown.starts_with("  --> a.toml:2:1\n"), "{shown}");
+    }
+
+    #[test]
+    fn points_into_an_argument() {
+        let location = Location::in_set("train.epochs=many", 13..17);
+        let shown = location.to_string();
+        let lines: Vec<&str> = shown.lines().collect();
+        assert_eq!(lines[0], "  --> the command line");
+        assert_eq!(lines[2], "  | --set train.epochs=many");
+        assert_eq!(lines[3], "  |                    ^^^^");
     }
 }

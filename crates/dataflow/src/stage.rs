@@ -17,6 +17,7 @@ use serde::{Serialize, de::DeserializeOwned};
 use crate::{
     code::Code,
     context::{Context, Inputs},
+    option_faults::OptionFault,
     store::RecordOutcome,
     unit::{Summary, Unit},
 };
@@ -25,6 +26,12 @@ use crate::{
 pub trait Advise: Error + Send + Sync + 'static {
     /// The next action: an edit or a command that can be pasted.
     fn hint(&self) -> Option<String>;
+
+    /// The stage's input of which too little is there, if that is what is wrong: the hint then goes
+    /// on with the command that lists what was left out of it.
+    fn lacks(&self) -> Option<&'static str> {
+        None
+    }
 }
 
 /// An error of any kind that can say what to do next.
@@ -72,6 +79,15 @@ pub trait Stage: 'static {
     const INPUTS: &'static [Input];
     /// The artifacts it makes, in the order in which they are made.
     const OUTPUTS: &'static [Output];
+
+    /// Says what is wrong with the options beyond their types, by the options alone: it is asked
+    /// whenever a pipeline file is read.
+    ///
+    /// An option that decides how much memory or time something takes has bounds here, each with
+    /// the reason why it is where it is.
+    fn check(_config: &Self::Config) -> Vec<OptionFault> {
+        Vec::new()
+    }
 
     /// Makes ready what lies outside the lake, before anything is planned.
     ///
@@ -271,6 +287,15 @@ impl SourceFile {
                 || path.display().to_string(),
                 |name| name.to_string_lossy().into_owned(),
             ),
+            path: path.to_owned(),
+        }
+    }
+
+    /// Names `path` by what it is to the stage, e.g. by the option that says where it lies: then its
+    /// own name makes no difference.
+    pub fn named(name: &str, path: &Path) -> Self {
+        Self {
+            name: name.to_owned(),
             path: path.to_owned(),
         }
     }

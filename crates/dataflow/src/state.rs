@@ -2,6 +2,7 @@
 
 use std::{
     collections::{BTreeMap, HashMap},
+    fs, io,
     path::{Path, PathBuf},
     sync::{
         Arc, Mutex, PoisonError,
@@ -14,6 +15,7 @@ use crate::{
     digest::Digest,
     error::Failure,
     fingerprint::{Fingerprint, Recipe},
+    form::Form,
     graph::{Node, NodeName},
     pipeline::Pipeline,
     stage::{Advised, Labels, Partition, Scope},
@@ -66,6 +68,8 @@ pub(crate) enum Sure {
     No,
     /// It is there, but may read something else.
     Present,
+    /// It is there with its own files and facts, but may read other partitions.
+    Own,
     /// It is there and reads what it says.
     Whole,
 }
@@ -80,7 +84,7 @@ pub(crate) struct State<'a> {
     /// What the units of a node have in common, with its digest.
     recipes: HashMap<NodeName, (Arc<Recipe>, Digest)>,
     /// Digests of files outside the lake, each computed at most once.
-    sources: Mutex<HashMap<PathBuf, Digest>>,
+    sources: Mutex<HashMap<(PathBuf, Option<&'static str>), Digest>>,
 }
 
 impl<'a> State<'a> {
@@ -126,11 +130,6 @@ impl<'a> State<'a> {
         let mut partitions = self.made.get(node).into_iter().flatten();
         self.growing.contains(node)
             || partitions.any(|(_, known)| matches!(known, Known::Open { .. }))
-    }
-
-    /// Returns what the units of a node have in common.
-    pub(crate) fn recipe(&self, node: &NodeName) -> Option<&Arc<Recipe>> {
-        self.recipes.get(node).map(|(recipe, _)| recipe)
     }
 
     /// Lists the units of a node, all of whose inputs are made, in the order of their keys.
@@ -227,24 +226,54 @@ impl<'a> State<'a> {
                 .reads
                 .values()
                 .any(|source| self.growing.contains(source));
-        let without = self.list(node, &self.scope(node, Presence::Denied, &asked));
-        let without = match &without {
-            Ok(without) if !may_grow => without.as_slice(),
-            _ => &[],
+        let sure = if may_grow {
+            vec![Sure::No; units.len()]
+        } else {
+            self.sure(node, &units)
         };
-        let sure = units.iter().map(|unit| {
-            match without.binary_search_by(|other| other.partition.cmp(&unit.partition)) {
-                Ok(idx) if without.get(idx) == Some(unit) => Sure::Whole,
-                Ok(_) => Sure::Present,
-                Err(_) => Sure::No,
-            }
-        });
-        let sure = sure.collect();
         Ok(Some(Listing {
             units,
             sure,
             may_grow,
         }))
+    }
+
+    /// Says what of each unit is certain, whichever open partitions come out.
+    fn sure(&self, node: &Node, units: &[Unit]) -> Vec<Sure> {
+        let asked = Arc::default();
+        let without = self.list(node, &self.scope(node, Presence::Denied(None), &asked));
+        if let Ok(without) = without {
+            let sure = units.iter().map(|unit| {
+                match without.binary_search_by(|other| other.partition.cmp(&unit.partition)) {
+                    Ok(idx) if without.get(idx) == Some(unit) => Sure::Whole,
+                    Ok(idx) => present(unit, without.get(idx)),
+                    Err(_) => Sure::No,
+                }
+            });
+            return sure.collect();
+        }
+        // With nothing to read the stage does not go on at all, so some of it will be there: a unit
+        // that is listed whichever it is, is certain.
+        let mut sure = vec![Sure::Own; units.len()];
+        for source in node.reads.values() {
+            let open = self.made.get(source).into_iter().flatten();
+            let open = open.filter(|(_, known)| matches!(known, Known::Open { .. }));
+            let alone = open.map(|(key, _)| Some(key.as_str())).chain([None]);
+            for key in alone {
+                if sure.iter().all(|sure| *sure == Sure::No) {
+                    return sure;
+                }
+                let only = Presence::Denied(Some((source, key)));
+                if let Ok(listed) = self.list(node, &self.scope(node, only, &asked)) {
+                    for (sure, unit) in sure.iter_mut().zip(units) {
+                        let mut listed = listed.iter();
+                        let found = listed.find(|found| found.partition == unit.partition);
+                        *sure = (*sure).min(present(unit, found));
+                    }
+                }
+            }
+        }
+        sure
     }
 
     /// Returns the labels that each unit will have if it is made, where its stage can say so.
@@ -289,10 +318,15 @@ impl<'a> State<'a> {
     }
 
     /// What a node's stage may look at; `asked` is set when it asks for labels that may change.
-    fn scope(&self, node: &Node, open: Presence, asked: &Arc<AtomicBool>) -> Scope {
-        let partition = |(key, known): (&String, &Known)| match known {
+    fn scope(&self, node: &Node, open: Presence<'_>, asked: &Arc<AtomicBool>) -> Scope {
+        let is_denied = |source: &NodeName, key: &str| match open {
+            Presence::Assumed => false,
+            Presence::Denied(None) => true,
+            Presence::Denied(Some((of, but))) => of == source && but != Some(key),
+        };
+        let partition = |source: &NodeName, key: &String, known: &Known| match known {
             Known::Made(outcome) => Some(Partition::made(key, outcome)),
-            Known::Open { .. } if open == Presence::Denied => None,
+            Known::Open { .. } if is_denied(source, key) => None,
             Known::Open {
                 labels,
                 foretold: Foretold::Yes,
@@ -301,7 +335,8 @@ impl<'a> State<'a> {
         };
         let inputs = node.reads.iter().map(|(input, source)| {
             let made = self.made.get(source).into_iter().flatten();
-            (input.clone(), made.filter_map(partition).collect())
+            let made = made.filter_map(|(key, known)| partition(source, key, known));
+            (input.clone(), made.collect())
         });
         Scope::new(inputs.collect())
     }
@@ -340,9 +375,25 @@ impl<'a> State<'a> {
             }
             inputs.insert(input.clone(), digests);
         }
+        let Some((own, recipe_digest)) = self.own_fingerprint(node, unit)? else {
+            return Ok(None);
+        };
+        let fingerprint = Fingerprint { inputs, ..own };
+        let digest = fingerprint.digest_with(recipe_digest);
+        Ok(Some((fingerprint, digest)))
+    }
+
+    /// Returns what is known of a unit's fingerprint before what it reads of other stages is made, and
+    /// the recipe's digest.
+    pub(crate) fn own_fingerprint(
+        &self,
+        node: &Node,
+        unit: &Unit,
+    ) -> Result<Option<(Fingerprint, &Digest)>, Failure> {
+        let stage = self.pipeline.stage(node);
         let mut files = BTreeMap::new();
         for file in &unit.files {
-            let digest = self.source_digest(&file.path)?;
+            let digest = self.source_digest(&file.path, unit.forms.get(&file.name).copied())?;
             if files.insert(file.name.clone(), digest).is_some() {
                 return Err(Failure::Twice {
                     stage: stage.name.clone(),
@@ -358,38 +409,59 @@ impl<'a> State<'a> {
             recipe: Arc::clone(recipe),
             stage: stage.name.clone(),
             partition: unit.partition.clone(),
-            inputs,
+            inputs: BTreeMap::new(),
             files,
             facts: unit.facts.clone(),
             seed: self.pipeline.seed,
         };
-        let digest = fingerprint.digest_with(recipe_digest);
-        Ok(Some((fingerprint, digest)))
+        Ok(Some((fingerprint, recipe_digest)))
     }
 
-    fn source_digest(&self, path: &Path) -> Result<Digest, Failure> {
+    fn source_digest(&self, path: &Path, form: Option<Form>) -> Result<Digest, Failure> {
         // A poisoned lock only means that another unit failed; the digests in it are whole.
         let lock = || self.sources.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(digest) = lock().get(path) {
+        let key = (path.to_owned(), form.map(|form| form.name));
+        if let Some(digest) = lock().get(&key) {
             return Ok(*digest);
         }
-        let digest = self
-            .store
-            .source_digest(path)
-            .map_err(|source| Failure::SourceFile {
+        let digest =
+            digest_source(self.store, path, form).map_err(|source| Failure::SourceFile {
                 path: path.to_owned(),
                 source,
             })?;
-        lock().insert(path.to_owned(), digest);
+        lock().insert(key, digest);
         Ok(digest)
     }
 }
 
+/// Digests what of a file outside the lake decides, as it is now.
+pub(crate) fn digest_source(
+    store: &dyn Store,
+    path: &Path,
+    form: Option<Form>,
+) -> Result<Digest, io::Error> {
+    match form {
+        None => store.source_digest(path),
+        Some(form) => fs::read(path).map(|bytes| form.digest(&bytes)),
+    }
+}
+
 /// Whether open partitions are taken to come out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Presence {
+#[derive(Debug, Clone, Copy)]
+enum Presence<'a> {
+    /// All of them.
     Assumed,
-    Denied,
+    /// None of them; or, of one node, none but this one, and all of the others'.
+    Denied(Option<(&'a NodeName, Option<&'a str>)>),
+}
+
+/// Says what is certain of a unit that another listing gives so.
+fn present(unit: &Unit, other: Option<&Unit>) -> Sure {
+    match other {
+        None => Sure::No,
+        Some(other) if other.files == unit.files && other.facts == unit.facts => Sure::Own,
+        Some(_) => Sure::Present,
+    }
 }
 
 /// Whether a text can name a partition: keys are also names of folders.

@@ -230,6 +230,9 @@ pub struct RunRecord {
     pub seed: u64,
     /// Its stages, by name.
     pub stages: BTreeMap<String, StageRecord>,
+    /// What the pipeline makes, whether the run came to it or not, in the order of the graph.
+    #[serde(default)]
+    pub outputs: Vec<OutputRecord>,
     /// What became of each output, in the order of the graph.
     pub nodes: Vec<NodeRecord>,
     /// Every unit, in the order of the graph.
@@ -262,6 +265,15 @@ pub struct StageRecord {
     pub inputs: BTreeMap<String, NodeName>,
 }
 
+/// An output of a pipeline.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct OutputRecord {
+    /// The output.
+    pub node: NodeName,
+    /// What one partition of it is, e.g. `object`: the column of its key in tables.
+    pub partition: String,
+}
+
 /// What became of one output in a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NodeRecord {
@@ -269,6 +281,9 @@ pub struct NodeRecord {
     pub node: NodeName,
     /// The stage's own line about it.
     pub description: String,
+    /// Whether the run let people see its partitions: it does not where it failed in it.
+    #[serde(default)]
+    pub shown: bool,
     /// Units that this run made.
     pub n_made_now: usize,
     /// Partitions there are, made now or before.
@@ -332,6 +347,14 @@ pub trait Store: Sync {
     /// Fails if the store cannot be read.
     fn remembered(&self, fingerprint: &Digest) -> Result<Option<Record>, Advised>;
 
+    /// Whether the store may hold a unit that differs from this one by nothing but what it reads of
+    /// other stages.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the store cannot be read.
+    fn may_hold(&self, unit: &Fingerprint) -> Result<bool, Advised>;
+
     /// Returns the units of a pipeline's runs, each as the newest run that came to it left it.
     ///
     /// # Errors
@@ -391,6 +414,13 @@ pub trait Store: Sync {
     /// Fails if the store cannot be written.
     fn begin_run(&self, run: &RunRecord) -> Result<u64, Advised>;
 
+    /// Keeps what a run has shown so far, for whoever asks before its end.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the store cannot be written.
+    fn keep_progress(&self, number: u64, run: &RunRecord) -> Result<(), Advised>;
+
     /// Keeps what a run did, with the results of its units.
     ///
     /// # Errors
@@ -402,6 +432,14 @@ pub trait Store: Sync {
         run: &RunRecord,
         units: &[(UnitRef, Arc<RecordOutcome>)],
     ) -> Result<(), Advised>;
+
+    /// Returns the number of a finished run that found exactly what this one found, which made
+    /// nothing; that run counts as the newest from now on.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the store cannot be read or written.
+    fn find_run(&self, run: &RunRecord) -> Result<Option<u64>, Advised>;
 
     /// Keeps what was learned about the pipeline: the newest state of the units of the nodes that
     /// were gone through, or nothing new about them.

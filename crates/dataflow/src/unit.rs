@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::stage::SourceFile;
+use crate::{form::Form, stage::SourceFile};
 
 /// One partition to make and what it reads.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -16,6 +16,8 @@ pub struct Unit {
     pub parts: BTreeMap<String, Vec<String>>,
     /// Files outside the lake that it reads.
     pub files: Vec<SourceFile>,
+    /// What of these files decides, by their names; every byte of those that are not named.
+    pub forms: BTreeMap<String, Form>,
     /// What its listing found out and [`crate::Stage::run`] goes by, by name. A change makes it run
     /// again, where an option that only chooses among units need not.
     pub facts: BTreeMap<String, String>,
@@ -61,6 +63,13 @@ impl Unit {
     pub fn with_fact(mut self, name: &str, value: impl Into<String>) -> Self {
         self.facts.insert(name.to_owned(), value.into());
         self
+    }
+
+    /// Adds a file outside the lake of which only its form decides.
+    #[must_use]
+    pub fn with_file_of_form(mut self, file: SourceFile, form: Form) -> Self {
+        self.forms.insert(file.name.clone(), form);
+        self.with_file(file)
     }
 
     /// Adds a file outside the lake.

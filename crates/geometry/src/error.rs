@@ -46,6 +46,20 @@ pub enum GeometryError {
         /// How many vertices precede the line.
         vertices: usize,
     },
+    /// A binary file is shorter than its beginning says.
+    #[error("the file has {found} bytes, expected {expected}")]
+    CutOff {
+        /// How many bytes it should have at least.
+        expected: usize,
+        /// How many it has.
+        found: usize,
+    },
+    /// A coordinate of a binary file is infinite or not a number.
+    #[error("a coordinate is {found}")]
+    NotFinite {
+        /// The number.
+        found: f64,
+    },
     /// There is no triangle with an area.
     #[error("the mesh has no triangles")]
     NoTriangles,
@@ -75,7 +89,9 @@ impl GeometryError {
             | Self::ShortVertex { .. }
             | Self::ShortFace { .. }
             | Self::NotAnIndex { .. }
-            | Self::IndexOutOfRange { .. } => {
+            | Self::IndexOutOfRange { .. }
+            | Self::CutOff { .. }
+            | Self::NotFinite { .. } => {
                 Some("the file may be cut off: copy it from its source again".to_owned())
             }
             Self::NoTriangles => Some("export the mesh with its faces".to_owned()),

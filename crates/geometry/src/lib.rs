@@ -29,6 +29,7 @@ mod parts;
 mod rests;
 mod sample;
 mod single;
+mod stl;
 mod table;
 mod winding;
 

@@ -110,6 +110,37 @@ impl TriMesh {
         crate::hull::convex_hull(&self.vertices_m)
     }
 
+    /// Returns the mesh with its coordinates multiplied along each axis, mirrored where a factor is
+    /// negative.
+    #[must_use]
+    pub fn scaled(&self, factors: &Vector3<f64>) -> Self {
+        let vertices = self.vertices_m.iter();
+        let mut scaled = Self {
+            vertices_m: vertices
+                .map(|vertex| vertex.coords.component_mul(factors).into())
+                .collect(),
+            triangles: self.triangles.clone(),
+        };
+        if factors.product() < 0.0 {
+            scaled.turn();
+        }
+        scaled
+    }
+
+    /// Turns a closed mesh that winds inward outward.
+    pub(crate) fn turn_outward(&mut self) {
+        if self.volume_m3() < 0.0 && self.is_watertight() {
+            self.turn();
+        }
+    }
+
+    /// Turns every triangle's back to the front.
+    fn turn(&mut self) {
+        for triangle in &mut self.triangles {
+            triangle.swap(1, 2);
+        }
+    }
+
     /// Returns, for each vertex, the index of the first vertex at the same place.
     pub(crate) fn welded(&self) -> Vec<u32> {
         let mut first: BTreeMap<[u64; 3], u32> = BTreeMap::new();

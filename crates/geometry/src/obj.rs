@@ -55,11 +55,7 @@ impl TriMesh {
         if mesh.triangles.is_empty() {
             return Err(GeometryError::NoTriangles);
         }
-        if mesh.volume_m3() < 0.0 && mesh.is_watertight() {
-            for triangle in &mut mesh.triangles {
-                triangle.swap(1, 2);
-            }
-        }
+        mesh.turn_outward();
         Ok(mesh)
     }
 
@@ -78,8 +74,8 @@ impl TriMesh {
     }
 }
 
-/// Reads the three coordinates of a `v` line; weights and colors after them are ignored.
-fn vertex<'a>(
+/// Reads the three coordinates of a vertex's line; weights and colors after them are ignored.
+pub(crate) fn vertex<'a>(
     words: impl Iterator<Item = &'a str>,
     line: usize,
 ) -> Result<Point3<f64>, GeometryError> {

@@ -12,7 +12,7 @@ use dataflow::{Digest, FileRef};
 
 use crate::{
     LakeError,
-    atomic::{io_error, rename},
+    atomic::{self, io_error, rename},
     clock::now,
     stamp::Stamp,
 };
@@ -119,6 +119,25 @@ impl Blobs {
             Err(err) if err.kind() == io::ErrorKind::NotFound => Ok(false),
             Err(err) => Err(io_error("read", &path)(err)),
         }
+    }
+
+    /// Puts a lost or damaged blob back from where its bytes are shown.
+    pub(crate) fn put_back(
+        &self,
+        shown: &Path,
+        file: &FileRef,
+        staging: &Path,
+    ) -> Result<(), LakeError> {
+        let path = self.path(&file.digest);
+        let beside = atomic::temporary_name(staging);
+        let put = fs::hard_link(shown, &beside)
+            .or_else(|_no_links| fs::copy(shown, &beside).map(drop))
+            .map_err(io_error("copy", shown))
+            .and_then(|()| rename(&beside, &path));
+        if put.is_err() {
+            let _gone = fs::remove_file(&beside);
+        }
+        put
     }
 
     /// Removes a damaged file, unless somebody has made it again meanwhile.

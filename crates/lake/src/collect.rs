@@ -7,7 +7,7 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    fs,
+    fs, io,
     os::unix::fs::MetadataExt,
     path::Path,
     time::{Duration, SystemTime, UNIX_EPOCH},
@@ -21,12 +21,13 @@ use crate::{
     atomic::{self, io_error},
     clock::now,
     folder::{Lake, names_in},
-    lock,
+    lock, mend,
     newest::{self, Newest},
     published::EVERY,
     records::Stored,
     runs,
     store::COLLECTING,
+    twice,
     verify::files_below,
 };
 
@@ -72,27 +73,29 @@ impl Lake {
     ///
     /// # Errors
     ///
-    /// Fails if a list of units that counts is damaged, or if something cannot be removed.
+    /// Fails if there is no lake, if a record or list of units that counts is damaged, or if something
+    /// cannot be removed.
     pub fn collect(
         &self,
         reached: &[Digest],
         n_runs: usize,
         collecting: Collecting,
     ) -> Result<Collected, LakeError> {
-        if !self.root().is_dir() {
-            return Ok(Collected::default());
-        }
+        self.expect_there()?;
         self.prepare()?;
+        // Nobody takes what goes for what was lost.
+        let _turn = mend::turn(self)?;
         // Nobody keeps a unit or takes an old one into use while this goes on.
         let _alone = lock::exclude(&self.locks(), COLLECTING)?;
         let since = self.oldest_process()?;
         let mut kept: BTreeSet<Digest> = reached.iter().copied().collect();
         self.keep_of_runs(n_runs, since, &mut kept)?;
         self.keep_of_newest(&mut kept)?;
+        kept.extend(self.newest_shown_units()?);
         let mut collected = Collected::default();
         let mut blobs = BTreeSet::new();
         let mut recipes = BTreeSet::new();
-        let mut gone = BTreeSet::new();
+        let (mut gone, mut records) = (BTreeSet::new(), Vec::new());
         for path in files_below(&self.records().folder())? {
             let stored = crate::sealed::read_if_whole::<Stored>(&path)?;
             let is_kept = stored
@@ -113,14 +116,18 @@ impl Lake {
                 of_output.n_bytes += files.map(|(_, size)| size).sum::<u64>();
                 gone.insert(stored.fingerprint);
             }
-            remove(&path, collecting)?;
+            records.push(path);
         }
         for number in runs::numbers(self.root())? {
             if let Ok(run) = runs::read(self.root(), number) {
                 blobs.extend(run.history.values().map(|file| file.digest));
             }
         }
+        // A table without a record would look as if its record had been lost.
         self.collect_tables(&gone, collecting)?;
+        for path in &records {
+            remove(path, collecting)?;
+        }
         self.collect_recipes(&recipes, since, collecting)?;
         self.collect_blobs(&blobs, since, collecting, &mut collected)?;
         self.collect_resumable(collecting, &mut collected)?;
@@ -226,11 +233,14 @@ impl Lake {
         since: SystemTime,
         collecting: Collecting,
     ) -> Result<(), LakeError> {
-        for path in files_below(&self.records().recipes())? {
+        let folder = self.records().recipes();
+        for name in twice::names(self.root(), &folder)? {
+            let path = folder.join(name);
             let name = path.file_stem().unwrap_or_default().to_string_lossy();
             let is_kept = name.parse().is_ok_and(|digest| kept.contains(&digest));
             if !is_kept && !is_newer(&path, since) {
                 remove(&path, collecting)?;
+                remove(&twice::copy_of(self.root(), &path), collecting)?;
             }
         }
         Ok(())
@@ -263,25 +273,7 @@ impl Lake {
         collected: &mut Collected,
     ) -> Result<(), LakeError> {
         let locks = self.locks();
-        for name in names_in(&self.staging())? {
-            let path = self.staging().join(&name);
-            let process = name.trim_start_matches("history-");
-            let mut words = process.split('-');
-            let process = [words.next(), words.next()].map(Option::unwrap_or_default);
-            let process = Self::alive_name(process.join("-").trim_end_matches(".new"));
-            if lock::is_held(&locks, &name) || lock::is_held(&locks, &process) {
-                continue;
-            }
-            collected.n_leftovers += 1;
-            if collecting == Collecting::Remove {
-                let removed = if path.is_dir() {
-                    fs::remove_dir_all(&path)
-                } else {
-                    fs::remove_file(&path)
-                };
-                removed.map_err(io_error("remove", &path))?;
-            }
-        }
+        collected.n_leftovers += self.collect_staging(collecting)?;
         for name in names_in(&locks)? {
             if name == COLLECTING || lock::is_held(&locks, &name) {
                 continue;
@@ -293,6 +285,41 @@ impl Lake {
             }
         }
         Ok(())
+    }
+
+    /// Removes what dead processes left in staging; returns how much.
+    pub(crate) fn collect_staging(&self, collecting: Collecting) -> Result<usize, LakeError> {
+        let locks = self.locks();
+        let mut n_leftovers = 0;
+        for name in names_in(&self.staging())? {
+            let path = self.staging().join(&name);
+            let process = name.trim_start_matches("history-");
+            let mut words = process.split('-');
+            let process = [words.next(), words.next()].map(Option::unwrap_or_default);
+            let process = Self::alive_name(process.join("-").trim_end_matches(".new"));
+            if lock::is_held(&locks, &name) || lock::is_held(&locks, &process) {
+                continue;
+            }
+            if collecting == Collecting::Remove {
+                // Nobody begins to make the unit meanwhile.
+                let Some(_lock) = lock::try_take(&locks, &name, "nothing")? else {
+                    continue;
+                };
+                let removed = if path.is_dir() {
+                    fs::remove_dir_all(&path)
+                } else {
+                    fs::remove_file(&path)
+                };
+                match removed {
+                    Err(err) if err.kind() != io::ErrorKind::NotFound => {
+                        return Err(io_error("remove", &path)(err));
+                    }
+                    _ => {}
+                }
+            }
+            n_leftovers += 1;
+        }
+        Ok(n_leftovers)
     }
 
     /// Removes what interrupted units would go on from that are kept by now, or that nobody has come
@@ -334,8 +361,14 @@ impl Lake {
             let path = newest::path(self.root(), pipeline);
             let mut newest = Newest::read(&path)?;
             let stamps: BTreeMap<_, _> = std::mem::take(&mut newest.stamps).into_iter().collect();
+            let records: BTreeMap<_, _> = std::mem::take(&mut newest.records).into_iter().collect();
             newest.forget(|unit| gone.contains(unit));
-            newest.write(&self.staging(), &path, |digest| stamps.get(digest).copied())?;
+            newest.write(
+                &self.staging(),
+                &path,
+                |unit| records.get(unit).copied(),
+                |blob| stamps.get(blob).copied(),
+            )?;
         }
         Ok(())
     }

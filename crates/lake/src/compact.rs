@@ -10,7 +10,7 @@ use std::path::Path;
 
 use dataflow::Digest;
 
-use crate::{LakeError, atomic};
+use crate::{LakeError, atomic, stamp::Stamp};
 
 const BEFORE: &[u8] = b"blake3 ";
 const DIGITS: usize = 64;
@@ -41,6 +41,12 @@ impl Writer {
 
     pub(crate) fn digest(&mut self, digest: &Digest) {
         self.0.extend_from_slice(digest.as_bytes());
+    }
+
+    pub(crate) fn stamp(&mut self, stamp: Stamp) {
+        for number in <[i64; 6]>::from(stamp) {
+            self.number(number.cast_unsigned());
+        }
     }
 
     /// Writes the file, whole or not at all.
@@ -89,6 +95,14 @@ impl<'a> Reader<'a> {
     pub(crate) fn digest(&mut self) -> Option<Digest> {
         let bytes: [u8; DIGEST] = self.take(DIGEST)?.try_into().ok()?;
         Some(Digest::from(bytes))
+    }
+
+    pub(crate) fn stamp(&mut self) -> Option<Stamp> {
+        let mut numbers = [0; 6];
+        for number in &mut numbers {
+            *number = self.number()?.cast_signed();
+        }
+        Some(Stamp::from(numbers))
     }
 
     /// Reads a number of things and then each of them.

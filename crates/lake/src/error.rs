@@ -45,6 +45,18 @@ pub enum LakeError {
         /// Where.
         path: PathBuf,
     },
+    /// A file of the lake is gone.
+    #[error("`{}` is missing", path.display())]
+    Lost {
+        /// Where it was.
+        path: PathBuf,
+    },
+    /// There is no lake.
+    #[error("no lake in `{}`", path.display())]
+    NoLake {
+        /// Where it was looked for.
+        path: PathBuf,
+    },
     /// No run of this name is in the lake.
     #[error("no run `{name}` in the lake")]
     NoRun {
@@ -122,6 +134,16 @@ impl Advise for LakeError {
             Self::Damaged { .. } => Some(
                 "`pipeline verify` lists everything that is damaged; `pipeline verify --drop` drops \
                  it, and the next run makes it again"
+                    .to_owned(),
+            ),
+            Self::Lost { .. } => Some(
+                "run its pipeline again: what is missing is put back or made again; \
+                 `pipeline verify` lists everything that is missing"
+                    .to_owned(),
+            ),
+            Self::NoLake { .. } => Some(
+                "name the folder of one with `--lake DIR`, or make one with \
+                 `pipeline run pipelines/cgf.toml`"
                     .to_owned(),
             ),
             Self::NoRun { .. } => Some("`pipeline runs` lists them".to_owned()),

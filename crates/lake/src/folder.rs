@@ -10,9 +10,10 @@ use std::{
 use dataflow::{Artifact, Digest, FileRef, Record, RecordOutcome, RunStatus, UnitRef};
 
 use crate::{
-    LakeError,
+    LakeError, again,
     atomic::{self, io_error},
     blobs::Blobs,
+    changing::Changing,
     flight::Flight,
     history,
     lock::{self, Lock},
@@ -32,6 +33,7 @@ pub struct Lake {
     records: Records,
     sources: Sources,
     flight: Flight,
+    changing: Changing,
     /// The newest state of the pipelines that were asked about.
     newest: Mutex<BTreeMap<String, Newest>>,
     /// The run that this process makes things for.
@@ -40,16 +42,11 @@ pub struct Lake {
     alive: Mutex<Option<Lock>>,
 }
 
-/// A table's newest partitions.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct NewestTable {
-    /// The table's name.
-    pub table: String,
-    /// The pipeline whose run is the newest of those that made it; `None` for a table that no run
-    /// has made.
-    pub pipeline: Option<String>,
-    /// The folder of its Hive partitions.
-    pub folder: PathBuf,
+/// A table that people see, and the pipeline whose run is the newest of those that show it; `None` for
+/// one that no run has made.
+pub(crate) struct NewestTable {
+    pub(crate) table: String,
+    pub(crate) pipeline: Option<String>,
 }
 
 impl Lake {
@@ -61,6 +58,7 @@ impl Lake {
             records: Records::new(root),
             sources: Sources::new(root.join("sources.json")),
             flight: Flight::default(),
+            changing: Changing::default(),
             newest: Mutex::default(),
             run: Mutex::default(),
             alive: Mutex::default(),
@@ -86,6 +84,10 @@ impl Lake {
 
     pub(crate) fn flight(&self) -> &Flight {
         &self.flight
+    }
+
+    pub(crate) fn changing(&self) -> &Changing {
+        &self.changing
     }
 
     pub(crate) fn newest(&self) -> MutexGuard<'_, BTreeMap<String, Newest>> {
@@ -132,6 +134,21 @@ impl Lake {
         alive.take();
     }
 
+    /// Makes sure that there is a lake: a folder with something in it that a lake has.
+    ///
+    /// # Errors
+    ///
+    /// Fails with [`LakeError::NoLake`] if there is none.
+    pub fn expect_there(&self) -> Result<(), LakeError> {
+        let has = |name: &&str| self.root.join(name).is_dir();
+        if ["blobs", "units", "runs", "staging"].iter().any(has) {
+            return Ok(());
+        }
+        Err(LakeError::NoLake {
+            path: self.root.clone(),
+        })
+    }
+
     /// Lists the tables of artifacts by name.
     ///
     /// # Errors
@@ -143,27 +160,18 @@ impl Lake {
         Ok(names)
     }
 
-    /// Lists the tables of runs, units, artifacts and metrics, with their folders, that are there.
-    ///
-    /// # Errors
-    ///
-    /// Fails if the folder cannot be read.
-    pub fn history_tables(&self) -> Result<Vec<(String, PathBuf)>, LakeError> {
-        let folder = self.root.join(published::TABLES);
-        let names = names_in(&folder)?.into_iter();
-        let names = names.filter(|name| history::TABLES.contains(&name.as_str()));
-        Ok(names
-            .map(|name| (name.clone(), folder.join(name)))
-            .collect())
+    /// Names of the tables of runs, units, artifacts and metrics.
+    pub fn history_tables() -> [&'static str; 5] {
+        history::TABLES
     }
 
     /// Returns the folder of every partition of a table that any unit ever made.
-    pub fn every_folder(&self, table: &str) -> PathBuf {
+    pub(crate) fn every_folder(&self, table: &str) -> PathBuf {
         self.root.join(published::EVERY).join(table)
     }
 
     /// Returns the folder of a table's newest partitions in a pipeline.
-    pub fn table_folder(&self, table: &str, pipeline: &str) -> PathBuf {
+    pub(crate) fn table_folder(&self, table: &str, pipeline: &str) -> PathBuf {
         let tables = self.root.join(published::TABLES);
         tables.join(table).join(format!("pipeline={pipeline}"))
     }
@@ -180,7 +188,7 @@ impl Lake {
     /// # Errors
     ///
     /// Fails if the lake cannot be read.
-    pub fn newest_tables(&self) -> Result<Vec<NewestTable>, LakeError> {
+    pub(crate) fn newest_tables(&self) -> Result<Vec<NewestTable>, LakeError> {
         let mut shown: Vec<(String, Vec<String>)> = Vec::new();
         for table in self.tables()? {
             let folders = names_in(&self.root.join(published::TABLES).join(&table))?;
@@ -193,15 +201,8 @@ impl Lake {
         let mut found = Vec::new();
         for (table, pipelines) in shown {
             let is_shown = |pipeline: &&String| pipelines.contains(pipeline);
-            let pipeline = newest.iter().find(is_shown).or(pipelines.first());
-            found.push(NewestTable {
-                folder: match pipeline {
-                    Some(pipeline) => self.table_folder(&table, pipeline),
-                    None => self.root.join(published::TABLES).join(&table),
-                },
-                pipeline: pipeline.cloned(),
-                table,
-            });
+            let pipeline = newest.iter().find(is_shown).cloned();
+            found.push(NewestTable { table, pipeline });
         }
         Ok(found)
     }
@@ -210,27 +211,17 @@ impl Lake {
     ///
     /// # Errors
     ///
-    /// Fails if the lake cannot be read.
+    /// Fails if a record or a file of it is lost or damaged.
     pub fn newest_partitions(&self, name: &str) -> Result<BTreeMap<String, Artifact>, LakeError> {
         let mut found = BTreeMap::new();
-        for newest in self.newest_tables()? {
-            if newest.table != name {
-                continue;
-            }
-            for stage in names_in(&newest.folder)? {
-                let stage = newest.folder.join(stage);
-                for partition in names_in(&stage)? {
-                    let Some((_, key)) = partition.split_once('=') else {
-                        continue;
-                    };
-                    let file = stage.join(&partition).join(table::FILE);
-                    let artifact = Artifact {
-                        key: key.to_owned(),
-                        labels: BTreeMap::new(),
-                        files: BTreeMap::from([(table::FILE.to_owned(), file)]),
-                    };
-                    found.insert(key.to_owned(), artifact);
-                }
+        for stage in self.newest_table(name)?.stages {
+            for (key, file) in stage.files {
+                let artifact = Artifact {
+                    key: key.clone(),
+                    labels: BTreeMap::new(),
+                    files: BTreeMap::from([(table::FILE.to_owned(), file)]),
+                };
+                found.insert(key, artifact);
             }
         }
         Ok(found)
@@ -244,7 +235,7 @@ impl Lake {
     ) -> Result<Vec<String>, LakeError> {
         let mut left: BTreeSet<&String> = pipelines.collect();
         let mut ordered = Vec::new();
-        for number in runs::numbers(&self.root)?.into_iter().rev() {
+        for number in again::ordered(&self.root)?.into_iter().rev() {
             if left.is_empty() {
                 break;
             }
@@ -292,13 +283,14 @@ impl Lake {
         Ok(run)
     }
 
-    /// Returns the newest run of any pipeline that came to its end, or else the newest of all.
+    /// Returns the newest run of any pipeline that came to its end, or else the newest of all. A run that
+    /// was gone through again is newer than those before.
     ///
     /// # Errors
     ///
     /// Fails if its record cannot be read.
     pub fn newest_run(&self) -> Result<Option<Run>, LakeError> {
-        let numbers = self.runs()?;
+        let numbers = again::ordered(&self.root)?;
         for &number in numbers.iter().rev() {
             if self.run_without_units(number)?.record.status == RunStatus::Finished {
                 return self.run(number).map(Some);
@@ -351,15 +343,22 @@ impl Lake {
             }
         }
         if let Some(run) = self.current_run().take() {
-            let mut record = run.record.clone();
-            record.status = RunStatus::Interrupted;
             // Where this fails, the run's process is gone in a moment, which says the same.
-            let _noted = history::keep(self, &run, &record, &[])
-                .and_then(|history| runs::end(self, run, record, history))
-                .and_then(|()| views::write(self));
+            let _noted = self.note_interrupted(run);
         }
         self.leave();
         (guard, n_dropped)
+    }
+
+    /// Keeps what an interrupted run has done.
+    fn note_interrupted(&self, run: Run) -> Result<(), LakeError> {
+        let mut record = run.record.clone();
+        record.status = RunStatus::Interrupted;
+        record.units = runs::units(&self.root, &run)?;
+        let units = history::with_outcomes(self, record.units.clone())?;
+        let history = history::keep(self, &run, &record, &units)?;
+        runs::end(self, run, record, history)?;
+        views::write(self)
     }
 
     /// Keeps the newest state of a pipeline, with what other processes have kept meanwhile.
@@ -378,6 +377,9 @@ impl Lake {
         let mut stamps = std::mem::take(&mut there.stamps);
         stamps.retain(|(digest, _)| self.blobs.stamp(digest).is_none());
         self.blobs.recall(stamps);
+        let mut records = std::mem::take(&mut there.records);
+        records.retain(|(unit, _)| self.records.stamp(unit).is_none());
+        self.records.recall(records);
         there.take_over_shown(newest);
         *newest = there;
         if let Some(units) = units {
@@ -385,15 +387,19 @@ impl Lake {
         }
         for shown in newest.all_shown_mut().values_mut() {
             for (path, file) in shown.iter_mut() {
-                if touched.contains(&file.digest)
-                    && let Ok(stamp) = Stamp::read(&self.root.join(path))
-                    && stamp.differs_by_links_alone(file.stamp)
+                if let Ok(stamp) = Stamp::read(&self.root.join(path))
+                    && (self.blobs.stamp(&file.digest) == Some(stamp)
+                        || touched.contains(&file.digest)
+                            && stamp.differs_by_links_alone(file.stamp))
                 {
                     file.stamp = stamp;
                 }
             }
         }
-        newest.write(&self.staging(), &path, |digest| self.blobs.stamp(digest))
+        let record = |unit: &Digest| self.records.stamp(unit);
+        newest.write(&self.staging(), &path, record, |blob| {
+            self.blobs.stamp(blob)
+        })
     }
 }
 

@@ -2,13 +2,11 @@
 
 use std::{collections::BTreeMap, fs, path::PathBuf, sync::Arc};
 
-use arrow::{
-    array::{
-        ArrayRef, BooleanArray, Float64Array, Int64Array, StringArray, TimestampNanosecondArray,
-    },
-    error::ArrowError,
-    record_batch::RecordBatch,
+use arrow_array::{
+    ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray,
+    TimestampNanosecondArray,
 };
+use arrow_schema::ArrowError;
 use dataflow::{FileRef, RecordOutcome, RunRecord, RunStatus, UnitRef};
 use serde_json::Value;
 
@@ -32,11 +30,14 @@ use crate::{
 /// | `metrics`   | figure of an artifact of a run  | `run`, `stage`, `artifact`, `partition`, `metric`, `value` |
 pub(crate) const TABLES: [&str; 5] = ["runs", "settings", "units", "artifacts", "metrics"];
 
+/// What stands before the number of a run in the name of the folder of its table.
+pub(crate) const RUN: &str = "run=";
+
 /// Where the tables of a run are shown, below the lake.
 pub(crate) fn shown(name: &str, run: u64) -> PathBuf {
     PathBuf::from(SHOWN)
         .join(name)
-        .join(format!("run={run}"))
+        .join(format!("{RUN}{run}"))
         .join(table::FILE)
 }
 
@@ -48,9 +49,8 @@ pub(crate) fn keep(
     units: &[(UnitRef, Arc<RecordOutcome>)],
 ) -> Result<BTreeMap<String, FileRef>, LakeError> {
     let mut kept = BTreeMap::new();
-    let folder = lake
-        .staging()
-        .join(format!("history-{}", crate::atomic::process_name()));
+    let folder = Folder::make(lake)?;
+    let folder = &folder.0;
     let batches = [
         runs(run, record, units),
         settings(record),
@@ -65,58 +65,59 @@ pub(crate) fn keep(
             path: path.clone(),
             source: err.into(),
         })?;
-        fs::create_dir_all(&folder).map_err(io_error("create", &folder))?;
-        table::write(&folder, &batch)?;
+        table::write(folder, &batch)?;
         let file = lake.blobs().take(&folder.join(table::FILE))?;
-        published::show(lake, &file.digest, &path)?;
+        // A copy: what nothing could make again is there twice.
+        published::show_copy(lake, &lake.file(&file), &path)?;
         kept.insert(name.to_owned(), file);
     }
-    fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))?;
     Ok(kept)
 }
 
-/// Whether the tables of runs are shown, if there are any.
-pub(crate) fn is_shown(lake: &Lake) -> bool {
-    lake.root().join(SHOWN).join(TABLES[0]).exists() || !runs::folder(lake.root()).exists()
-}
+/// The folder in which tables are written, removed when they are kept or cannot be.
+struct Folder(PathBuf);
 
-/// Shows the tables of all runs again where somebody has removed them.
-pub(crate) fn mend(lake: &Lake) -> Result<(), LakeError> {
-    for number in runs::numbers(lake.root())? {
-        // A damaged record of a run hides no table of another.
-        let Ok(run) = runs::read(lake.root(), number) else {
-            continue;
-        };
-        let mut is_lost = false;
-        for (name, file) in &run.history {
-            if lake.blobs().is_unchanged(file)? {
-                published::show(lake, &file.digest, &lake.root().join(shown(name, number)))?;
-            } else {
-                is_lost = true;
-            }
-        }
-        if is_lost {
-            make_again(lake, run)?;
-        }
+impl Folder {
+    fn make(lake: &Lake) -> Result<Self, LakeError> {
+        let name = format!("history-{}", crate::atomic::process_name());
+        let folder = Self(lake.staging().join(name));
+        fs::create_dir_all(&folder.0).map_err(io_error("create", &folder.0))?;
+        Ok(folder)
     }
-    Ok(())
 }
 
-/// Makes the tables of a run again from its record and those of its units.
-fn make_again(lake: &Lake, mut run: Run) -> Result<(), LakeError> {
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // What cannot be removed now is removed by a later run.
+        let _left = fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Makes the tables of a run again from its record and those of its units; returns the run with them.
+pub(crate) fn make_again(lake: &Lake, mut run: Run) -> Result<Run, LakeError> {
     // Without the list of its units nothing can be said about them.
     let Ok(refs) = runs::units(lake.root(), &run) else {
-        return Ok(());
+        return Ok(run);
     };
+    let units = with_outcomes(lake, refs)?;
+    let record = run.record.clone();
+    run.history = keep(lake, &run, &record, &units)?;
+    runs::keep(lake, &run)?;
+    Ok(run)
+}
+
+/// Units with what their records say became of them; those that were collected are left out.
+pub(crate) fn with_outcomes(
+    lake: &Lake,
+    refs: Vec<UnitRef>,
+) -> Result<Vec<(UnitRef, Arc<RecordOutcome>)>, LakeError> {
     let mut units = Vec::new();
     for unit in refs {
         if let Some(stored) = lake.records().read(&unit.fingerprint)? {
             units.push((unit, Arc::new(stored.outcome)));
         }
     }
-    let record = run.record.clone();
-    run.history = keep(lake, &run, &record, &units)?;
-    runs::keep(lake, &run)
+    Ok(units)
 }
 
 fn text<'a>(values: impl Iterator<Item = &'a str>) -> ArrayRef {

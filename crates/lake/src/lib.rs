@@ -9,7 +9,9 @@
 //!                          with when and where it was made (never part of an artifact)
 //! manifests/abcd….json     lists of the units of runs, named by their digest
 //! runs/000012.json         what each run did, with which values
+//! again.json               which older run was gone through again last, and so is the newest
 //! tags/NAME.json           names for runs, which keep them
+//! copies/…                 recipes, manifests, runs and tags once more: nothing could make them again
 //! tables/…                 Hive-partitioned Parquet: the newest partitions of every artifact, and what
 //!                          runs did (`runs`, `settings`, `units`, `artifacts`, `metrics`)
 //! every/…                  Hive-partitioned Parquet: every partition that any unit made
@@ -17,6 +19,8 @@
 //! reports/PIPELINE/STAGE/… charts of the newest partitions
 //! views.sql                the tables as views for DuckDB
 //! newest/PIPELINE.cache    a cache: the newest state of every unit of a pipeline
+//! seen.cache               a cache: what everything that people see looked like when it was right
+//! changing/PIPELINE.…      whose tables and files are being changed
 //! sources.json             a cache: digests of files outside, by size, times and inode
 //! staging/, locks/         units in the making
 //! resume/abcd…/            what a unit goes on from that was interrupted, until its result is kept
@@ -26,9 +30,10 @@
 //! is named by a digest of its bytes or carries one, and is checked before it is used; two processes
 //! never make the same unit at the same time; a dead process's lock and staging folder are taken over.
 
+mod again;
 mod atomic;
 mod blobs;
-mod checked;
+mod changing;
 mod clock;
 mod collect;
 mod compact;
@@ -38,8 +43,10 @@ mod folder;
 mod history;
 mod lock;
 mod making;
+mod mend;
 mod newest;
 mod published;
+mod recorded;
 pub mod recording;
 mod records;
 mod runs;
@@ -49,13 +56,15 @@ mod stamp;
 mod store;
 pub mod table;
 mod tags;
+mod twice;
 mod verify;
 mod views;
 
 pub use atomic::write_whole;
 pub use collect::{Collected, CollectedUnits, Collecting};
 pub use error::LakeError;
-pub use folder::{Lake, NewestTable};
+pub use folder::Lake;
+pub use recorded::{StageTable, TableFiles};
 pub use records::Provenance;
 pub use runs::Run;
 pub use verify::{Fault, OnBytes, Verified};

@@ -35,6 +35,8 @@ pub(crate) struct Newest {
     retired: BTreeSet<NodeName>,
     /// Stamps of whole blobs, as they were read.
     pub(crate) stamps: Vec<(Digest, Stamp)>,
+    /// Stamps of whole records of units, as they were read.
+    pub(crate) records: Vec<(Digest, Stamp)>,
 }
 
 /// The newest state of a unit.
@@ -76,24 +78,31 @@ impl Newest {
         Ok(newest)
     }
 
-    /// Writes the file, with the stamps of the blobs that its units gave.
+    /// Whether bytes are the newest state that their file's name promises.
+    pub(crate) fn is_whole(path: &Path, bytes: &[u8]) -> bool {
+        stored::is_whole(path, bytes)
+    }
+
+    /// Writes the file, with the stamps of the records of its units and of the blobs that they gave.
     pub(crate) fn write(
         &self,
         staging: &Path,
         path: &Path,
-        stamp: impl Fn(&Digest) -> Option<Stamp>,
+        record: impl Fn(&Digest) -> Option<Stamp>,
+        blob: impl Fn(&Digest) -> Option<Stamp>,
     ) -> Result<(), LakeError> {
-        let mut stamps = BTreeMap::new();
+        let (mut records, mut blobs) = (BTreeMap::new(), BTreeMap::new());
         for unit in self.units.values().flat_map(BTreeMap::values) {
+            records.extend(record(&unit.fingerprint).map(|stamp| (unit.fingerprint, stamp)));
             let outcome = self.outcomes.get(&unit.fingerprint);
             if let Some(RecordOutcome::Made { files, .. }) = outcome.map(AsRef::as_ref) {
                 let known = files
                     .values()
-                    .filter_map(|file| Some((file.digest, stamp(&file.digest)?)));
-                stamps.extend(known);
+                    .filter_map(|file| Some((file.digest, blob(&file.digest)?)));
+                blobs.extend(known);
             }
         }
-        stored::write(self, &stamps, staging, path)
+        stored::write(self, [&records, &blobs], staging, path)
     }
 
     /// Returns the result of a unit that the newest runs still had, when this was read.

@@ -2,21 +2,25 @@
 
 use std::{
     collections::BTreeMap,
-    fs, io,
+    fs::{self, File},
+    io,
     os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
 };
 
-use dataflow::{Digest, Node, NodeName, RecordOutcome, Showing};
+use dataflow::{Digest, Node, NodeName, Showing};
 
 use crate::{
     LakeError,
     atomic::{self, io_error},
+    changing,
     folder::{Lake, names_in},
     lock::{self, Lock},
     newest::{Shown, ShownFile},
+    recorded::files_of,
     stamp::Stamp,
     table,
+    verify::files_below,
 };
 
 /// Folder of the tables, below the lake.
@@ -38,20 +42,49 @@ const CHART: &str = ".svg";
 /// Folder of every table ever made, by the unit that made it, below the lake.
 pub(crate) const EVERY: &str = "every";
 
-/// The folder of a node's tables, below the lake.
-fn tables_of(pipeline: &str, node: &NodeName) -> PathBuf {
-    Path::new(TABLES)
-        .join(&node.artifact)
-        .join(format!("pipeline={pipeline}"))
-        .join(format!("stage={}", node.stage))
+/// What stands before the digits of a unit in the name of the folder of its table among all.
+pub(crate) const FINGERPRINT: &str = "fingerprint=";
+
+/// The folders, below the lake, in which what a node made is shown.
+pub(crate) struct Folders {
+    tables: PathBuf,
+    files: PathBuf,
+    charts: PathBuf,
 }
 
-/// The folder of a node's charts, or of its other files, below the lake.
-fn files_of(folder: &str, pipeline: &str, node: &NodeName) -> PathBuf {
-    Path::new(folder)
-        .join(pipeline)
-        .join(&node.stage)
-        .join(&node.artifact)
+impl Folders {
+    pub(crate) fn of(pipeline: &str, node: &NodeName) -> Self {
+        let of = |folder| {
+            Path::new(folder)
+                .join(pipeline)
+                .join(&node.stage)
+                .join(&node.artifact)
+        };
+        Self {
+            tables: Path::new(TABLES)
+                .join(&node.artifact)
+                .join(format!("pipeline={pipeline}"))
+                .join(format!("stage={}", node.stage)),
+            files: of(FILES),
+            charts: of(REPORTS),
+        }
+    }
+
+    /// Where a file of a partition is shown.
+    pub(crate) fn path(&self, column: &str, partition: &str, name: &str) -> String {
+        let folder = if name == table::FILE {
+            self.tables.join(format!("{column}={partition}"))
+        } else if name.ends_with(CHART) {
+            self.charts.join(partition)
+        } else {
+            self.files.join(partition)
+        };
+        folder.join(name).to_string_lossy().into_owned()
+    }
+
+    fn all(self) -> [PathBuf; 3] {
+        [self.tables, self.files, self.charts]
+    }
 }
 
 /// A file to be shown.
@@ -72,23 +105,28 @@ pub(crate) fn publish(
     before: Option<&Shown>,
 ) -> Result<Option<Shown>, LakeError> {
     let wanted = wanted(pipeline, node, made);
-    if before.is_some_and(|before| is_shown(lake, before, &wanted)) {
+    let folders = Folders::of(pipeline, &node.name).all();
+    if let Some(before) = before
+        && is_shown(lake, before, &wanted)
+        && is_all(lake, &folders, before)?
+    {
         return Ok(None);
     }
+    changing::mark(lake, pipeline)?;
     let _turn = wait_for_turn(lake, pipeline)?;
     let mut shown = Shown::new();
     for (path, file) in &wanted {
         let target = lake.root().join(path);
         show(lake, &file.digest, &target)?;
         if file.is_table {
-            let column = format!("{}={}", node.output.partition, file.partition);
-            let unit = format!("fingerprint={}", file.fingerprint);
-            let every = lake.root().join(EVERY).join(&node.name.artifact);
-            show(
-                lake,
-                &file.digest,
-                &every.join(column).join(unit).join(table::FILE),
-            )?;
+            let every = every_path(
+                lake.root(),
+                &node.name.artifact,
+                node.output.partition,
+                file.partition,
+                file.fingerprint,
+            );
+            show(lake, &file.digest, &every)?;
         }
         let stamp = Stamp::read(&target).map_err(io_error("read", &target))?;
         let file = ShownFile {
@@ -98,41 +136,40 @@ pub(crate) fn publish(
         };
         shown.insert(path.clone(), file);
     }
-    for folder in [
-        tables_of(pipeline, &node.name),
-        files_of(FILES, pipeline, &node.name),
-        files_of(REPORTS, pipeline, &node.name),
-    ] {
+    for folder in folders {
         hide_others(lake, &lake.root().join(folder), before, &shown)?;
     }
     Ok(Some(shown))
 }
 
+/// Where the table of a unit lies, whatever is newest.
+pub(crate) fn every_path(
+    root: &Path,
+    artifact: &str,
+    column: &str,
+    partition: &str,
+    fingerprint: &Digest,
+) -> PathBuf {
+    root.join(EVERY)
+        .join(artifact)
+        .join(format!("{column}={partition}"))
+        .join(format!("{FINGERPRINT}{fingerprint}"))
+        .join(table::FILE)
+}
+
 fn wanted<'a>(pipeline: &str, node: &Node, made: &[Showing<'a>]) -> BTreeMap<String, Wanted<'a>> {
-    let tables = tables_of(pipeline, &node.name);
-    let others = files_of(FILES, pipeline, &node.name);
-    let charts = files_of(REPORTS, pipeline, &node.name);
+    let folders = Folders::of(pipeline, &node.name);
     let mut wanted = BTreeMap::new();
     for unit in made {
-        let RecordOutcome::Made { files, .. } = unit.outcome else {
-            continue;
-        };
-        for (name, file) in files {
-            let is_table = name == table::FILE;
-            let folder = if is_table {
-                tables.join(format!("{}={}", node.output.partition, unit.partition))
-            } else if name.ends_with(CHART) {
-                charts.join(unit.partition)
-            } else {
-                others.join(unit.partition)
-            };
+        for (name, file) in files_of(unit.outcome).into_iter().flatten() {
+            let path = folders.path(node.output.partition, unit.partition, name);
             let file = Wanted {
                 digest: file.digest,
                 fingerprint: unit.fingerprint,
                 partition: unit.partition,
-                is_table,
+                is_table: name == table::FILE,
             };
-            wanted.insert(folder.join(name).to_string_lossy().into_owned(), file);
+            wanted.insert(path, file);
         }
     }
     wanted
@@ -148,8 +185,24 @@ fn is_shown(lake: &Lake, before: &Shown, wanted: &BTreeMap<String, Wanted>) -> b
                 path == name
                     && shown.digest == file.digest
                     && shown.fingerprint == *file.fingerprint
-                    && Stamp::read(&lake.root().join(path)).is_ok_and(|stamp| stamp == shown.stamp)
+                    && Stamp::read(&lake.root().join(path)).is_ok_and(|stamp| {
+                        // Another unit that made the same bytes has taken their blob into use.
+                        stamp == shown.stamp || lake.blobs().stamp(&shown.digest) == Some(stamp)
+                    })
             })
+}
+
+/// Whether nothing but these files lies in the folders.
+fn is_all(lake: &Lake, folders: &[PathBuf], shown: &Shown) -> Result<bool, LakeError> {
+    for folder in folders {
+        for path in files_below(&lake.root().join(folder))? {
+            let name = path.strip_prefix(lake.root()).unwrap_or(&path);
+            if !shown.contains_key(&*name.to_string_lossy()) {
+                return Ok(false);
+            }
+        }
+    }
+    Ok(true)
 }
 
 /// Removes what stages that are no longer in the pipeline have shown: `before`, as far as is known.
@@ -182,6 +235,7 @@ pub(crate) fn retire(
     if old.is_empty() {
         return Ok(());
     }
+    changing::mark(lake, pipeline)?;
     let _turn = wait_for_turn(lake, pipeline)?;
     for folder in old {
         hide_others(lake, &folder, Some(before), &Shown::new())?;
@@ -206,27 +260,47 @@ pub(crate) fn show(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), Lake
     if same {
         return Ok(());
     }
-    let beside = atomic::temporary_name(&lake.staging());
     lake.blobs().touch(digest);
     let mut tries = LINK_TRIES;
-    loop {
-        tries -= 1;
-        match fs::hard_link(&blob, &beside) {
-            Ok(()) => break,
-            Err(err) if has_no_links(&err) => {
-                fs::copy(&blob, &beside).map_err(io_error("copy", &blob))?;
-                break;
+    by_way_of(lake, path, |beside| {
+        loop {
+            tries -= 1;
+            match fs::hard_link(&blob, beside) {
+                Ok(()) => return Ok(()),
+                Err(err) if has_no_links(&err) => return copy(&blob, beside),
+                // Another process has just put the same bytes in place of those that were found.
+                Err(err) if err.kind() == io::ErrorKind::NotFound && tries > 0 && blob.exists() => {
+                }
+                Err(err) => return Err(io_error("link", &blob)(err)),
             }
-            // Another process has just put the same bytes in place of those that were found.
-            Err(err) if err.kind() == io::ErrorKind::NotFound && tries > 0 && blob.exists() => {}
-            Err(err) => return Err(io_error("link", &blob)(err)),
         }
-    }
-    let renamed = atomic::rename(&beside, path);
-    if renamed.is_err() {
+    })
+}
+
+/// Puts a copy of a file at `path`: what happens to one does not happen to the other.
+pub(crate) fn show_copy(lake: &Lake, from: &Path, path: &Path) -> Result<(), LakeError> {
+    by_way_of(lake, path, |beside| copy(from, beside))
+}
+
+/// Copies a file, synced, under a name that nobody looks at.
+fn copy(from: &Path, to: &Path) -> Result<(), LakeError> {
+    fs::copy(from, to)
+        .and_then(|_| File::open(to)?.sync_all())
+        .map_err(io_error("copy", from))
+}
+
+/// Puts at `path` what `make` puts elsewhere first. Nothing is left of what cannot be put there.
+fn by_way_of(
+    lake: &Lake,
+    path: &Path,
+    make: impl FnOnce(&Path) -> Result<(), LakeError>,
+) -> Result<(), LakeError> {
+    let beside = atomic::temporary_name(&lake.staging());
+    let put = make(&beside).and_then(|()| atomic::rename(&beside, path));
+    if put.is_err() {
         let _gone = fs::remove_file(&beside);
     }
-    renamed
+    put
 }
 
 /// Whether the file system refuses hard links as such.

@@ -1,16 +1,23 @@
 //! Records of units: what each depended on and gave, by its fingerprint's digest.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, HashMap, HashSet},
     fs::File,
     path::{Path, PathBuf},
-    sync::Arc,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
 use dataflow::{Digest, Fingerprint, Recipe, Record, RecordOutcome};
 use serde::{Deserialize, Serialize};
 
-use crate::{LakeError, clock::now, folder::Lake, sealed};
+use crate::{
+    LakeError,
+    clock::now,
+    folder::{Lake, names_in},
+    sealed,
+    stamp::Stamp,
+    twice,
+};
 
 /// When, where and by what a unit was made: never part of an artifact.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -33,7 +40,7 @@ pub(crate) struct Stored {
     pub(crate) fingerprint: Digest,
     pub(crate) recipe: Digest,
     pub(crate) stage: String,
-    partition: String,
+    pub(crate) partition: String,
     inputs: BTreeMap<String, BTreeMap<String, Digest>>,
     files: BTreeMap<String, Digest>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -43,16 +50,107 @@ pub(crate) struct Stored {
     pub(crate) provenance: Provenance,
 }
 
+impl Stored {
+    fn fingerprint(self, recipe: Arc<Recipe>) -> Fingerprint {
+        Fingerprint {
+            recipe,
+            stage: self.stage,
+            partition: self.partition,
+            inputs: self.inputs,
+            files: self.files,
+            facts: self.facts,
+            seed: self.seed,
+        }
+    }
+}
+
+/// Returns the recipe that a file's bytes hold, if it is the one that the file's name promises.
+pub(crate) fn parse_recipe(path: &Path, bytes: &[u8]) -> Result<Recipe, LakeError> {
+    let recipe: Recipe = sealed::parse(path, bytes)?;
+    let promised = path
+        .file_stem()
+        .and_then(|name| name.to_str()?.parse().ok());
+    if promised == Some(recipe.digest()) {
+        Ok(recipe)
+    } else {
+        Err(LakeError::Damaged {
+            path: path.to_owned(),
+        })
+    }
+}
+
+/// The folder of recipes.
+pub(crate) fn recipes(root: &Path) -> PathBuf {
+    root.join("recipes")
+}
+
 /// The folders of records and recipes.
 pub(crate) struct Records {
     root: PathBuf,
+    stamps: Mutex<Stamps>,
+    /// What every record has of its own, without what its unit read of other stages, by digest.
+    own: Mutex<Option<HashSet<Digest>>>,
+}
+
+/// What is known about records without reading them.
+#[derive(Default)]
+struct Stamps {
+    /// Stamps that records had when they were last seen to be whole.
+    whole: HashMap<Digest, Stamp>,
+    changed: bool,
 }
 
 impl Records {
     pub(crate) fn new(root: &Path) -> Self {
         Self {
             root: root.to_owned(),
+            stamps: Mutex::default(),
+            own: Mutex::default(),
         }
+    }
+
+    fn stamps(&self) -> MutexGuard<'_, Stamps> {
+        self.stamps.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Recalls stamps that were seen on whole records.
+    pub(crate) fn recall(&self, stamps: impl IntoIterator<Item = (Digest, Stamp)>) {
+        self.stamps().whole.extend(stamps);
+    }
+
+    /// The stamp that a record had when it was last seen to be whole.
+    pub(crate) fn stamp(&self, fingerprint: &Digest) -> Option<Stamp> {
+        self.stamps().whole.get(fingerprint).copied()
+    }
+
+    /// Whether stamps were learned since they were recalled.
+    pub(crate) fn learned(&self) -> bool {
+        self.stamps().changed
+    }
+
+    /// Remembers the stamp of a record that was just written, or read and found whole.
+    fn remember(&self, fingerprint: &Digest) {
+        if let Ok(stamp) = Stamp::read(&self.path(fingerprint)) {
+            let mut stamps = self.stamps();
+            stamps.changed |= stamps.whole.insert(*fingerprint, stamp) != Some(stamp);
+        }
+    }
+
+    /// Whether a record is there with its recipe. It is read only if its stamp is not the one that it
+    /// had when it was last seen to be whole.
+    pub(crate) fn is_whole(&self, fingerprint: &Digest) -> Result<bool, LakeError> {
+        let stamp = Stamp::read(&self.path(fingerprint)).ok();
+        if stamp.is_some() && stamp == self.stamp(fingerprint) {
+            return Ok(true);
+        }
+        let Some(stored) = self.read(fingerprint)? else {
+            return Ok(false);
+        };
+        let is_whole = self.whole(stored)?.is_some();
+        if is_whole {
+            self.remember(fingerprint);
+        }
+        Ok(is_whole)
     }
 
     /// The folder of records.
@@ -62,7 +160,7 @@ impl Records {
 
     /// The folder of recipes.
     pub(crate) fn recipes(&self) -> PathBuf {
-        self.root.join("recipes")
+        recipes(&self.root)
     }
 
     /// Where a record lies.
@@ -86,8 +184,9 @@ impl Records {
         let fingerprint = &record.fingerprint;
         let recipe = fingerprint.recipe.digest();
         let path = self.recipe_path(&recipe);
-        if !matches!(sealed::read::<Recipe>(&path), Ok(Some(_))) {
-            sealed::write(&lake.staging(), &path, fingerprint.recipe.as_ref())?;
+        if self.recipe(&recipe)?.is_none() {
+            let bytes = sealed::seal(&path, fingerprint.recipe.as_ref())?;
+            twice::write(lake, &path, &bytes)?;
         }
         let stored = Stored {
             fingerprint: fingerprint.digest(),
@@ -102,7 +201,9 @@ impl Records {
             provenance,
         };
         let path = self.path(&stored.fingerprint);
-        sealed::write(&lake.staging(), &path, &stored)
+        sealed::write(&lake.staging(), &path, &stored)?;
+        self.remember(&stored.fingerprint);
+        Ok(())
     }
 
     /// Reads the record of a fingerprint; a damaged one is as good as none: the unit is made again.
@@ -111,29 +212,69 @@ impl Records {
         Ok(stored.filter(|stored| stored.fingerprint == *fingerprint))
     }
 
+    /// Reads a recipe; one that is damaged, and whose copy is too, is as good as none.
+    fn recipe(&self, digest: &Digest) -> Result<Option<Recipe>, LakeError> {
+        match twice::read(&self.root, &self.recipe_path(digest), parse_recipe) {
+            Err(LakeError::Damaged { .. } | LakeError::Json { .. }) => Ok(None),
+            read => read,
+        }
+    }
+
     /// Puts a record and its recipe together; `None` if the recipe is lost.
     pub(crate) fn whole(&self, stored: Stored) -> Result<Option<Record>, LakeError> {
-        let recipe: Option<Recipe> = sealed::read_if_whole(&self.recipe_path(&stored.recipe))?;
-        let Some(recipe) = recipe.filter(|recipe| recipe.digest() == stored.recipe) else {
+        let Some(recipe) = self.recipe(&stored.recipe)? else {
             return Ok(None);
         };
+        let outcome = stored.outcome.clone();
         Ok(Some(Record {
-            fingerprint: Fingerprint {
-                recipe: Arc::new(recipe),
-                stage: stored.stage,
-                partition: stored.partition,
-                inputs: stored.inputs,
-                files: stored.files,
-                facts: stored.facts,
-                seed: stored.seed,
-            },
-            outcome: stored.outcome,
+            fingerprint: stored.fingerprint(Arc::new(recipe)),
+            outcome,
         }))
+    }
+
+    /// Whether there is a record of a unit that differs from this one by nothing but what it reads of
+    /// other stages. All records are read, once, where the recipe is not new.
+    pub(crate) fn may_hold(&self, unit: &Fingerprint) -> Result<bool, LakeError> {
+        let recipe = unit.recipe.digest();
+        if self.recipe(&recipe)?.is_none() {
+            return Ok(false);
+        }
+        let mut own = self.own();
+        let own = match own.take() {
+            Some(known) => own.insert(known),
+            None => own.insert(self.read_own(&unit.recipe)?),
+        };
+        Ok(own.contains(&unit.own_digest(&recipe)))
+    }
+
+    /// Forgets what records there were, of which others may have been made since.
+    pub(crate) fn look_again(&self) {
+        self.own().take();
+    }
+
+    fn own(&self) -> MutexGuard<'_, Option<HashSet<Digest>>> {
+        self.own.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn read_own(&self, any: &Arc<Recipe>) -> Result<HashSet<Digest>, LakeError> {
+        let mut own = HashSet::new();
+        for folder in names_in(&self.folder())? {
+            let folder = self.folder().join(folder);
+            for name in names_in(&folder)? {
+                let stored: Option<Stored> = sealed::read_if_whole(&folder.join(name))?;
+                if let Some(stored) = stored {
+                    let recipe = stored.recipe;
+                    // The digest that is given counts, not the recipe itself.
+                    own.insert(stored.fingerprint(Arc::clone(any)).own_digest(&recipe));
+                }
+            }
+        }
+        Ok(own)
     }
 
     /// The artifact that a record's unit makes; `None` if its recipe is lost.
     pub(crate) fn output(&self, stored: &Stored) -> Result<Option<String>, LakeError> {
-        let recipe: Option<Recipe> = sealed::read_if_whole(&self.recipe_path(&stored.recipe))?;
+        let recipe = self.recipe(&stored.recipe)?;
         Ok(recipe.map(|recipe| recipe.output))
     }
 

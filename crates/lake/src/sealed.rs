@@ -50,20 +50,27 @@ pub(crate) fn write<T: Serialize>(staging: &Path, path: &Path, value: &T) -> Res
 ///
 /// Fails with [`LakeError::Damaged`] if its bytes are not as they were written.
 pub(crate) fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, LakeError> {
-    let Some(bytes) = atomic::read_if_there(path)? else {
-        return Ok(None);
-    };
+    match atomic::read_if_there(path)? {
+        Some(bytes) => parse(path, &bytes).map(Some),
+        None => Ok(None),
+    }
+}
+
+/// Returns what the bytes of a sealed file say.
+///
+/// # Errors
+///
+/// Fails with [`LakeError::Damaged`] if they are not as they were written.
+pub(crate) fn parse<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T, LakeError> {
     let damaged = || LakeError::Damaged {
         path: path.to_owned(),
     };
-    let body = body(&bytes).ok_or_else(damaged)?;
+    let body = body(bytes).ok_or_else(damaged)?;
     // Whole bytes that do not parse were written by another version of the program.
-    serde_json::from_slice(body)
-        .map(Some)
-        .map_err(|source| LakeError::Json {
-            path: path.to_owned(),
-            source,
-        })
+    serde_json::from_slice(body).map_err(|source| LakeError::Json {
+        path: path.to_owned(),
+        source,
+    })
 }
 
 /// Reads a sealed file of which nothing depends; one that cannot be used is as good as none.

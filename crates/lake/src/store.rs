@@ -8,17 +8,18 @@ use std::{
 };
 
 use dataflow::{
-    Advised, Digest, FileRef, Making, NewestUnit, Node, NodeName, Record, RecordOutcome, RunRecord,
-    Showing, Store, UnitRef,
+    Advised, Digest, FileRef, Fingerprint, Making, NewestUnit, Node, NodeName, Record,
+    RecordOutcome, RunRecord, Showing, Store, UnitRef,
 };
 
 use crate::{
-    LakeError,
+    Collecting, LakeError, again, changing,
     folder::Lake,
     history, lock,
     making::UnitInTheMaking,
+    mend,
     newest::{self, Newest},
-    published, runs, views,
+    published, runs,
 };
 
 /// Lock under which records are taken into use, and collected.
@@ -40,10 +41,8 @@ impl Lake {
 
     /// Returns the result that a record holds.
     fn recall_old(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, LakeError> {
-        let Some(stored) = self.records().read(fingerprint)? else {
-            return Ok(None);
-        };
-        Ok(Some(Arc::new(stored.outcome)))
+        let stored = self.records().read(fingerprint)?;
+        Ok(stored.map(|stored| Arc::new(stored.outcome)))
     }
 
     /// Returns the result of a unit that is or was newest in a pipeline that was entered.
@@ -68,9 +67,28 @@ impl Lake {
         }
     }
 
+    /// What was learned by reading is a convenience: a lake that cannot be written to is no fault of a
+    /// run that makes nothing.
+    fn unless_read_only(
+        units: Option<&[(UnitRef, Arc<RecordOutcome>)]>,
+        kept: Result<(), LakeError>,
+    ) -> Result<(), LakeError> {
+        use io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
+        match kept {
+            Err(LakeError::Io { source, .. })
+                if units.is_none()
+                    && matches!(source.kind(), PermissionDenied | ReadOnlyFilesystem) =>
+            {
+                Ok(())
+            }
+            kept => kept,
+        }
+    }
+
     /// Returns a whole result: one of the newest runs', or an older one, which is taken into use.
     fn find(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, LakeError> {
         if let Some(outcome) = self.current_outcome(fingerprint)
+            && self.records().is_whole(fingerprint)?
             && self.is_whole(&outcome)?
         {
             return Ok(Some(outcome));
@@ -88,8 +106,11 @@ impl Lake {
 
 impl Store for Lake {
     fn enter(&self, pipeline: &str) -> Result<(), Advised> {
+        self.records().look_again();
         let mut read = Newest::read(&newest::path(self.root(), pipeline))?;
         self.blobs().recall(std::mem::take(&mut read.stamps));
+        self.records().recall(std::mem::take(&mut read.records));
+        self.changing().enter(pipeline);
         self.newest().insert(pipeline.to_owned(), read);
         Ok(())
     }
@@ -108,6 +129,10 @@ impl Store for Lake {
 
     fn remembered(&self, fingerprint: &Digest) -> Result<Option<Record>, Advised> {
         Ok(self.record(fingerprint)?)
+    }
+
+    fn may_hold(&self, unit: &Fingerprint) -> Result<bool, Advised> {
+        Ok(self.records().may_hold(unit)?)
     }
 
     fn newest_units(&self, pipeline: &str) -> Result<Vec<NewestUnit>, Advised> {
@@ -158,7 +183,9 @@ impl Store for Lake {
             let newest = newest.get(pipeline);
             newest.and_then(|newest| newest.shown(&node.name).cloned())
         };
-        if let Some(shown) = published::publish(self, pipeline, node, made, before.as_ref())? {
+        let shown = published::publish(self, pipeline, node, made, before.as_ref());
+        let shown = self.changing().note(pipeline, Some(&node.name), shown)?;
+        if let Some(shown) = shown {
             let mut newest = self.newest();
             let newest = newest.entry(pipeline.to_owned()).or_default();
             newest.show(&node.name, shown);
@@ -174,7 +201,10 @@ impl Store for Lake {
         let shown = newest.all_shown().iter();
         let old = shown.filter(|(node, _)| !is_kept(node));
         let old = old.flat_map(|(_, shown)| shown.clone()).collect();
-        published::retire(self, pipeline, &is_kept, &old)?;
+        let retired = published::retire(self, pipeline, &is_kept, &old);
+        self.changing().note(pipeline, None, retired)?;
+        let names = kept.iter().map(|node| &node.name);
+        self.changing().has(pipeline, names);
         newest.retire(is_kept);
         Ok(())
     }
@@ -182,10 +212,20 @@ impl Store for Lake {
     fn begin_run(&self, run: &RunRecord) -> Result<u64, Advised> {
         let _landing = self.flight().land();
         self.prepare()?;
+        self.collect_staging(Collecting::Remove)?;
         let run = runs::begin(self, run)?;
         let number = run.number;
         *self.current_run() = Some(run);
         Ok(number)
+    }
+
+    fn keep_progress(&self, number: u64, record: &RunRecord) -> Result<(), Advised> {
+        let _landing = self.flight().land();
+        let mut current = self.current_run();
+        if let Some(run) = current.as_mut().filter(|run| run.number == number) {
+            runs::keep_progress(self, run, record.clone())?;
+        }
+        Ok(())
     }
 
     fn end_run(
@@ -202,7 +242,13 @@ impl Store for Lake {
         };
         let history = history::keep(self, &run, record, units)?;
         runs::end(self, run, record.clone(), history)?;
-        Ok(views::write(self)?)
+        changing::unmark(self, &record.pipeline)?;
+        Ok(mend::mend(self)?)
+    }
+
+    fn find_run(&self, run: &RunRecord) -> Result<Option<u64>, Advised> {
+        let _landing = self.flight().land();
+        Ok(again::find(self, run)?)
     }
 
     fn settle(
@@ -211,23 +257,17 @@ impl Store for Lake {
         units: Option<&[(UnitRef, Arc<RecordOutcome>)]>,
     ) -> Result<(), Advised> {
         let _landing = self.flight().land();
-        if !history::is_shown(self) && self.prepare().is_ok() {
-            history::mend(self)?;
-        }
         let is_changed = self.newest().get(pipeline).is_some_and(Newest::is_changed);
-        if units.is_some() || is_changed || self.blobs().learned() {
-            let kept = self.keep_newest(pipeline, units);
-            match kept {
-                // What was learned by reading is a convenience: a lake that cannot be written to is
-                // no fault of a run that makes nothing.
-                Err(LakeError::Io { source, .. })
-                    if units.is_none()
-                        && matches!(
-                            source.kind(),
-                            io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem
-                        ) => {}
-                kept => kept?,
-            }
+        if units.is_some() || is_changed || self.blobs().learned() || self.records().learned() {
+            Self::unless_read_only(units, self.keep_newest(pipeline, units))?;
+        }
+        // What a run is about to record is not all there yet.
+        if self.current_run().is_none() {
+            let mended = self
+                .collect_staging(Collecting::Remove)
+                .and_then(|_| changing::unmark(self, pipeline))
+                .and_then(|()| mend::mend(self));
+            Self::unless_read_only(units, mended)?;
         }
         match self.sources().save(&self.staging(), &self.locks()) {
             Err(_) if units.is_none() => Ok(()),

@@ -2,7 +2,8 @@
 
 use std::{fs::File, path::Path};
 
-use arrow::{compute::concat_batches, record_batch::RecordBatch};
+use arrow_array::RecordBatch;
+use arrow_select::concat::concat_batches;
 use dataflow::Artifact;
 use parquet::{
     arrow::{ArrowWriter, arrow_reader::ParquetRecordBatchReaderBuilder},

@@ -1,24 +1,43 @@
 //! Names for runs: tags, which keep their run, and names that are relative to the newest run.
 
-use std::{collections::BTreeMap, path::PathBuf};
-
-use dataflow::{RunStatus, nearest};
-
-use crate::{
-    LakeError, atomic,
-    folder::{Lake, names_in},
-    lock, sealed,
-    store::COLLECTING,
+use std::{
+    collections::BTreeMap,
+    ffi::OsStr,
+    path::{Path, PathBuf},
 };
 
+use dataflow::{RunStatus, nearest};
+use serde::{Deserialize, Serialize};
+
+use crate::{LakeError, again, folder::Lake, lock, mend, sealed, store::COLLECTING, twice};
+
 /// Folder of the tags, below the lake.
-const TAGS: &str = "tags";
+pub(crate) const TAGS: &str = "tags";
 
 /// The name of the newest run that came to its end.
 const NEWEST: &str = "newest";
 
 /// Stands between [`NEWEST`] and how many runs before it are meant.
 const BEFORE: char = '~';
+
+/// A tag as it lies in the lake.
+#[derive(Serialize, Deserialize)]
+struct Tag {
+    name: String,
+    run: u64,
+}
+
+/// Returns the run that a tag's file names, if it is the tag that the file's name promises.
+pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<u64, LakeError> {
+    let tag: Tag = sealed::parse(path, bytes)?;
+    if path.file_stem().and_then(OsStr::to_str) == Some(&tag.name) {
+        Ok(tag.run)
+    } else {
+        Err(LakeError::Damaged {
+            path: path.to_owned(),
+        })
+    }
+}
 
 /// Whether a tag may have this name: one that is no number, no path and no option.
 fn is_name(name: &str) -> bool {
@@ -43,9 +62,9 @@ impl Lake {
     /// Fails if a tag cannot be read.
     pub fn tags(&self) -> Result<BTreeMap<String, u64>, LakeError> {
         let mut tags = BTreeMap::new();
-        for file in names_in(&self.root().join(TAGS))? {
+        for file in twice::names(self.root(), &self.root().join(TAGS))? {
             if let Some(name) = file.strip_suffix(".json")
-                && let Some(run) = sealed::read(&self.tag_path(name))?
+                && let Some(run) = twice::read(self.root(), &self.tag_path(name), parse)?
             {
                 tags.insert(name.to_owned(), run);
             }
@@ -70,8 +89,13 @@ impl Lake {
         let _shared = lock::share(&self.locks(), COLLECTING)?;
         self.run_without_units(run)?;
         let path = self.tag_path(name);
-        let before: Option<u64> = sealed::read_if_whole(&path)?;
-        sealed::write(&self.staging(), &path, &run)?;
+        // A damaged tag can be set again.
+        let before = twice::read(self.root(), &path, parse).ok().flatten();
+        let tag = Tag {
+            name: name.to_owned(),
+            run,
+        };
+        twice::write(self, &path, &sealed::seal(&path, &tag)?)?;
         Ok(before)
     }
 
@@ -82,12 +106,15 @@ impl Lake {
     /// Fails if there is no such tag, or the lake cannot be written.
     pub fn untag(&self, name: &str) -> Result<(), LakeError> {
         // A damaged tag can be taken away too.
-        let files = names_in(&self.root().join(TAGS))?;
+        let files = twice::names(self.root(), &self.root().join(TAGS))?;
         let mut names = files.iter().filter_map(|file| file.strip_suffix(".json"));
         if !names.any(|there| there == name) {
             return Err(self.no_tag(name)?);
         }
-        atomic::remove_if_there(&self.tag_path(name))
+        self.prepare()?;
+        // Nobody takes the one file for a copy of the other that was lost.
+        let _turn = mend::turn(self)?;
+        twice::remove(self.root(), &self.tag_path(name))
     }
 
     fn no_tag(&self, name: &str) -> Result<LakeError, LakeError> {
@@ -131,7 +158,7 @@ impl Lake {
     /// The number of the finished run that so many others follow.
     fn finished(&self, n_back: usize) -> Result<Option<u64>, LakeError> {
         let mut n_left = n_back;
-        for number in self.runs()?.into_iter().rev() {
+        for number in again::ordered(self.root())?.into_iter().rev() {
             if self.run_without_units(number)?.record.status != RunStatus::Finished {
                 continue;
             }

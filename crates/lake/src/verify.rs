@@ -1,7 +1,9 @@
 //! Checking the whole lake: every byte against the digest that it was stored with.
 
+mod shown;
+
 use std::{
-    collections::{BTreeSet, HashMap},
+    collections::HashMap,
     fs, io,
     os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
@@ -15,16 +17,17 @@ use dataflow::{Digest, RecordOutcome};
 use serde::{Deserialize, Serialize, de::IgnoredAny};
 
 use crate::{
-    LakeError,
+    LakeError, again,
     atomic::io_error,
     blobs::digest_file,
-    compact,
     folder::{Lake, names_in},
-    history, lock, newest,
-    published::{EVERY, FILES, REPORTS, TABLES},
-    runs, sealed,
+    lock, mend,
+    newest::{self, Newest},
+    recorded::files_of,
+    records, runs, sealed,
     stamp::Stamp,
     store::COLLECTING,
+    tags, twice,
 };
 
 /// Something in the lake that is not as it was stored.
@@ -54,12 +57,21 @@ pub struct Verified {
 pub type OnBytes<'a> = dyn Fn(u64, u64) + Sync + 'a;
 
 impl Lake {
-    /// Checks everything that lies in the lake.
+    /// Checks everything that lies in the lake: that every file holds what was stored, and that what
+    /// people see is what the records say, all of it and nothing else.
     ///
     /// # Errors
     ///
-    /// Fails if a folder cannot be read; a file that cannot is a fault.
+    /// Fails if there is no lake or a folder cannot be read; a file that cannot is a fault.
     pub fn verify(&self, on_bytes: &OnBytes) -> Result<Verified, LakeError> {
+        self.expect_there()?;
+        // What goes meanwhile is no fault. In a lake that cannot be written to nobody collects.
+        let _shared = lock::share(&self.locks(), COLLECTING).ok();
+        self.verify_alone(on_bytes)
+    }
+
+    /// Checks everything while nobody collects.
+    fn verify_alone(&self, on_bytes: &OnBytes) -> Result<Verified, LakeError> {
         let mut verifier = Verifier {
             lake: self,
             verified: Verified::default(),
@@ -67,14 +79,10 @@ impl Lake {
         };
         verifier.blobs(on_bytes)?;
         verifier.records()?;
-        verifier.lists_of_units()?;
-        verifier.runs()?;
-        verifier.sealed_in("tags")?;
+        verifier.kept_twice()?;
         verifier.newest()?;
         verifier.sealed(Path::new("sources.json"));
-        for folder in [TABLES, FILES, REPORTS, EVERY] {
-            verifier.shown(Path::new(folder))?;
-        }
+        verifier.all_shown()?;
         verifier.verified.faults.sort();
         Ok(verifier.verified)
     }
@@ -102,11 +110,16 @@ impl Lake {
             .filter(|(path, stamp, _)| Stamp::read(path).is_ok_and(|now| now == *stamp))
             .map(|(path, _, digest)| (path, digest))
             .collect();
-        let verified = check_digests(&unchanged, on_bytes, |path| Fault {
+        let (faults, n_bytes) = check_digests(&unchanged, on_bytes, |path| Fault {
             path: path.to_owned(),
             what: "changed since it was read, behind an unchanged size, time and inode".to_owned(),
             can_drop: false,
         });
+        let verified = Verified {
+            n_files: unchanged.len(),
+            n_bytes,
+            faults,
+        };
         for fault in &verified.faults {
             self.sources().forget(&fault.path.to_string_lossy());
         }
@@ -117,24 +130,35 @@ impl Lake {
         Ok(verified)
     }
 
-    /// Removes damaged files, so that the next run that needs them makes them again, and shows the
-    /// tables of runs again. Everything is checked once more while nobody keeps a unit: what was
-    /// mended meanwhile stays. Returns the number of files removed.
+    /// Removes damaged files, so that the next run that needs them makes them again, and puts back what
+    /// can be put back. Everything is checked once more while nobody keeps a unit: what was mended
+    /// meanwhile stays. Returns the number of files removed.
     ///
     /// # Errors
     ///
     /// Fails if a file cannot be removed.
     pub fn drop_damaged(&self, on_bytes: &OnBytes) -> Result<usize, LakeError> {
         self.prepare()?;
-        let _alone = lock::exclude(&self.locks(), COLLECTING)?;
-        let faults = self.verify(on_bytes)?.faults;
-        let droppable = faults.iter().filter(|fault| fault.can_drop);
         let mut n_dropped = 0;
-        for fault in droppable {
-            crate::atomic::remove_if_there(&self.root().join(&fault.path))?;
-            n_dropped += 1;
+        loop {
+            let _alone = lock::exclude(&self.locks(), COLLECTING)?;
+            let faults = self.verify_alone(on_bytes)?.faults;
+            let mut droppable: Vec<PathBuf> = faults
+                .iter()
+                .filter(|fault| fault.can_drop)
+                .map(|fault| self.root().join(&fault.path))
+                .collect();
+            droppable.retain(|path| path.exists());
+            for path in &droppable {
+                crate::atomic::remove_if_there(path)?;
+            }
+            n_dropped += droppable.len();
+            // What is dropped may be what a record is about.
+            if droppable.is_empty() {
+                break;
+            }
         }
-        history::mend(self)?;
+        mend::mend(self)?;
         Ok(n_dropped)
     }
 }
@@ -173,31 +197,25 @@ impl Verifier<'_> {
             }
         }
         let root = self.lake.root();
-        let mut checked = check_digests(&files, on_bytes, |path| Fault {
+        let (mut faults, n_bytes) = check_digests(&files, on_bytes, |path| Fault {
             path: path.strip_prefix(root).unwrap_or(path).to_owned(),
             what: "its bytes are not the ones that its name promises".to_owned(),
             can_drop: true,
         });
-        self.verified.n_files += checked.n_files;
-        self.verified.n_bytes += checked.n_bytes;
-        self.verified.faults.append(&mut checked.faults);
+        self.verified.n_files += files.len();
+        self.verified.n_bytes += n_bytes;
+        self.verified.faults.append(&mut faults);
         Ok(())
     }
 
     fn records(&mut self) -> Result<(), LakeError> {
         let records = self.lake.records();
-        for path in files_below(&records.recipes())? {
-            let recipe = self.sealed_as::<dataflow::Recipe>(&path);
-            if recipe.is_some_and(|recipe| Some(recipe.digest()) != named_by(&path)) {
-                self.fault(&path, "it is not the recipe that its name promises");
-            }
-        }
         for path in files_below(&records.folder())? {
             let Some(stored) = self.sealed_as::<crate::records::Stored>(&path) else {
                 continue;
             };
             let fingerprint = stored.fingerprint;
-            if named_by(&path) != Some(fingerprint) {
+            if path != records.path(&fingerprint) {
                 self.fault(&path, "it is not the record that its name promises");
                 continue;
             }
@@ -221,49 +239,69 @@ impl Verifier<'_> {
 
     /// Says which file of a result is not in the lake.
     fn lacking(&self, outcome: &RecordOutcome) -> Option<String> {
-        let RecordOutcome::Made { files, .. } = outcome else {
-            return None;
-        };
-        files.iter().find_map(|(name, file)| {
+        files_of(outcome)?.iter().find_map(|(name, file)| {
             let path = self.lake.file(file);
             let is_there = fs::metadata(&path).is_ok_and(|blob| blob.len() == file.size);
             (!is_there).then(|| format!("its file `{name}` is missing or cut off"))
         })
     }
 
-    fn lists_of_units(&mut self) -> Result<(), LakeError> {
-        for path in files_below(&runs::manifests(self.lake.root()))? {
-            self.verified.n_files += 1;
-            match digest_file(&path) {
-                Ok(digest) if Some(digest) == named_by(&path) => {}
-                Ok(_) => self.fault(&path, "its bytes are not the ones that its name promises"),
-                Err(err) => self.fault(&path, format!("cannot be read: {err}")),
-            }
-        }
-        Ok(())
-    }
-
-    fn runs(&mut self) -> Result<(), LakeError> {
+    /// Checks what is kept twice, both files of each.
+    fn kept_twice(&mut self) -> Result<(), LakeError> {
         let root = self.lake.root();
-        for path in files_below(&runs::folder(root))? {
-            let Some(run) = self.sealed_as::<runs::Run>(&path) else {
-                continue;
+        self.twice(&again::path(root), &|path, bytes| {
+            again::parse(path, bytes).map(drop)
+        });
+        self.twice_in(&records::recipes(root), |path, bytes| {
+            records::parse_recipe(path, bytes).map(drop)
+        })?;
+        self.twice_in(&runs::manifests(root), |path, bytes| {
+            let damaged = || LakeError::Damaged {
+                path: path.to_owned(),
             };
-            if path != runs::path(root, run.number) {
-                self.fault(&path, "it is not the run that its name promises");
-            } else if runs::units(root, &run).is_err() {
-                self.fault(&path, "the list of its units is missing or damaged");
-            }
+            runs::is_manifest(path, bytes)
+                .then_some(())
+                .ok_or_else(damaged)
+        })?;
+        self.twice_in(&root.join(tags::TAGS), |path, bytes| {
+            tags::parse(path, bytes).map(drop)
+        })?;
+        self.twice_in(&runs::folder(root), |path, bytes| {
+            let run = runs::parse(root, path, bytes)?;
+            runs::units(root, &run).map(drop)
+        })
+    }
+
+    fn twice_in(
+        &mut self,
+        folder: &Path,
+        check: impl Fn(&Path, &[u8]) -> Result<(), LakeError>,
+    ) -> Result<(), LakeError> {
+        for name in twice::names(self.lake.root(), folder)? {
+            self.twice(&folder.join(name), &check);
         }
         Ok(())
     }
 
-    fn sealed_in(&mut self, folder: &str) -> Result<(), LakeError> {
-        let folder = Path::new(folder);
-        for name in names_in(&self.lake.root().join(folder))? {
-            self.sealed(&folder.join(name));
+    fn twice(&mut self, path: &Path, check: &impl Fn(&Path, &[u8]) -> Result<(), LakeError>) {
+        let copy = twice::copy_of(self.lake.root(), path);
+        for path in [path, &copy] {
+            let bytes = match fs::read(path) {
+                Ok(bytes) => bytes,
+                Err(err) if err.kind() == io::ErrorKind::NotFound => continue,
+                Err(err) => {
+                    self.fault(path, format!("cannot be read: {err}"));
+                    continue;
+                }
+            };
+            self.verified.n_files += 1;
+            self.verified.n_bytes += bytes.len() as u64;
+            self.expect(path, check(path, &bytes));
         }
-        Ok(())
+        // The copy is written second, so that it may not be there yet.
+        if !path.exists() && copy.exists() {
+            self.fault(path, "is missing; its copy is there");
+        }
     }
 
     fn newest(&mut self) -> Result<(), LakeError> {
@@ -273,8 +311,15 @@ impl Verifier<'_> {
             self.verified.n_files += 1;
             let bytes = fs::read(&path).unwrap_or_default();
             self.verified.n_bytes += bytes.len() as u64;
-            if compact::Reader::of(&bytes).is_none() {
+            if !Newest::is_whole(&path, &bytes) {
                 self.fault(&path, "its bytes are not the ones that were written");
+            }
+        }
+        let seen = self.lake.root().join(mend::SEEN);
+        if seen.exists() {
+            self.verified.n_files += 1;
+            if !mend::is_whole(&fs::read(&seen).unwrap_or_default()) {
+                self.fault(&seen, "its bytes are not the ones that were written");
             }
         }
         Ok(())
@@ -295,48 +340,26 @@ impl Verifier<'_> {
         let read = read.map_err(io_error("read", path));
         match read.and_then(|()| sealed::read(path)) {
             Ok(value) => value,
-            Err(LakeError::Damaged { .. }) => {
-                self.fault(path, "its bytes are not the ones that were written");
-                None
-            }
-            Err(LakeError::Json { source, .. }) => {
-                let what = format!("was written by another version of the program: {source}");
-                self.fault(path, what);
-                None
-            }
             Err(err) => {
-                self.fault(path, err.to_string());
+                self.expect(path, Err(err));
                 None
             }
         }
     }
 
-    /// Checks what people see: the same files as blobs, or copies of them.
-    fn shown(&mut self, folder: &Path) -> Result<(), LakeError> {
-        let blobs: BTreeSet<Digest> = self.inodes.values().copied().collect();
-        let faults = self.verified.faults.iter();
-        let damaged: BTreeSet<Digest> = faults
-            .filter(|fault| fault.path.starts_with("blobs"))
-            .filter_map(|fault| named_by(&fault.path))
-            .collect();
-        for path in files_below(&self.lake.root().join(folder))? {
-            self.verified.n_files += 1;
-            let inode = fs::metadata(&path).map(|metadata| (metadata.dev(), metadata.ino()));
-            if let Some(digest) = inode.ok().and_then(|inode| self.inodes.get(&inode)) {
-                if damaged.contains(digest) {
-                    self.fault(&path, "it shows damaged bytes");
-                }
-                continue;
+    /// Reports what is wrong with a file that was read.
+    fn expect(&mut self, path: &Path, read: Result<(), LakeError>) {
+        match read {
+            Ok(()) => {}
+            Err(LakeError::Damaged { path: at }) if at == path => {
+                self.fault(path, "its bytes are not the ones that were written");
             }
-            match digest_file(&path) {
-                // A run may show what it has made since the blobs were listed.
-                Ok(digest)
-                    if blobs.contains(&digest) || self.lake.blobs().path(&digest).exists() => {}
-                Ok(_) => self.fault(&path, "it is not what a unit made"),
-                Err(err) => self.fault(&path, format!("cannot be read: {err}")),
+            Err(LakeError::Json { source, .. }) => {
+                let what = format!("was written by another version of the program: {source}");
+                self.fault(path, what);
             }
+            Err(err) => self.fault(path, err.to_string()),
         }
-        Ok(())
     }
 }
 
@@ -367,12 +390,12 @@ pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, LakeError> {
     Ok(files)
 }
 
-/// Reads files on all cores and reports those that have other digests.
-fn check_digests(
+/// Reads files on all cores and returns, ordered, what is said of those that have other digests.
+pub(crate) fn check_digests<F: Ord + Send>(
     files: &[(PathBuf, Digest)],
     on_bytes: &OnBytes,
-    fault: impl Fn(&Path) -> Fault + Sync,
-) -> Verified {
+    fault: impl Fn(&Path) -> F + Sync,
+) -> (Vec<F>, u64) {
     let sizes = files
         .iter()
         .map(|(path, _)| fs::metadata(path).map_or(0, |m| m.len()));
@@ -395,17 +418,13 @@ fn check_digests(
     };
     let n_threads = std::thread::available_parallelism().map_or(1, usize::from);
     std::thread::scope(|scope| {
-        for _ in 0..n_threads {
+        for _ in 0..n_threads.min(files.len()) {
             scope.spawn(work);
         }
     });
     let mut faults = faults.into_inner().unwrap_or_else(PoisonError::into_inner);
     faults.sort();
-    Verified {
-        n_files: files.len(),
-        n_bytes: total,
-        faults,
-    }
+    (faults, total)
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! The lake's tables as SQL views for DuckDB: `duckdb -init views.sql` from the lake's folder.
 
+use std::path::{Path, PathBuf};
+
 use crate::{
     LakeError, atomic,
     folder::Lake,
@@ -11,8 +13,23 @@ use crate::{
 const HEAD: &str = "-- The lake's tables as views; paths are relative to this file's folder.\n\
     -- A table's name gives the newest run's rows; `all_` before it, every run's, by `run`.\n";
 
+/// Where the views lie.
+pub(crate) fn path(root: &Path) -> PathBuf {
+    root.join("views.sql")
+}
+
 /// Writes the views if they are not there as they should be.
 pub(crate) fn write(lake: &Lake) -> Result<(), LakeError> {
+    let views = text(lake)?;
+    let path = path(lake.root());
+    if atomic::read_if_there(&path)?.as_deref() == Some(views.as_bytes()) {
+        return Ok(());
+    }
+    atomic::write(&lake.staging(), &path, views.as_bytes())
+}
+
+/// The views of the tables that the lake shows.
+pub(crate) fn text(lake: &Lake) -> Result<String, LakeError> {
     let mut views = HEAD.to_owned();
     for name in history::TABLES {
         views.push_str(&format!(
@@ -45,9 +62,5 @@ pub(crate) fn write(lake: &Lake) -> Result<(), LakeError> {
             table::FILE
         ));
     }
-    let path = lake.root().join("views.sql");
-    if atomic::read_if_there(&path)?.as_deref() == Some(views.as_bytes()) {
-        return Ok(());
-    }
-    atomic::write(&lake.staging(), &path, views.as_bytes())
+    Ok(views)
 }

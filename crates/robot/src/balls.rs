@@ -1,5 +1,7 @@
 //! Collision shapes as balls: what a distance field can answer for.
 
+mod lining;
+
 use nalgebra::{Point3, Vector3};
 
 use crate::{Collision, RobotModel, Shape};
@@ -20,12 +22,13 @@ pub struct Ball {
     pub radius_m: f64,
 }
 
-/// Returns about how many balls [`fill`] makes of a collision shape, at most twice as many.
+/// Returns about how many balls [`fill`] makes of a collision shape: at most twice as many of a
+/// primitive, and of a body with many small sides one for each corner of each triangle.
 pub fn count(collision: &Collision) -> f64 {
     let along = |half: f64| 1.0 + (2.0 * half.max(0.0) / SPACING_M).ceil();
-    match collision.shape {
+    match &collision.shape {
         Shape::Sphere { .. } => 1.0,
-        Shape::Capsule { half_length_m, .. } => along(half_length_m),
+        Shape::Capsule { half_length_m, .. } => along(*half_length_m),
         Shape::Cylinder {
             radius_m,
             half_length_m,
@@ -36,6 +39,7 @@ pub fn count(collision: &Collision) -> f64 {
             let inner = ns.map(|n| (n - 2.0).max(0.0));
             ns.product() - inner.product()
         }
+        Shape::Convex(body) => lining::count(body),
     }
 }
 
@@ -47,14 +51,14 @@ pub fn fill(collision: &Collision) -> Vec<Ball> {
         center_in_link: collision.link_from_shape * Point3::from(center),
         radius_m,
     };
-    match collision.shape {
-        Shape::Sphere { radius_m } => vec![place(Vector3::zeros(), radius_m)],
+    match &collision.shape {
+        Shape::Sphere { radius_m } => vec![place(Vector3::zeros(), *radius_m)],
         Shape::Capsule {
             radius_m,
             half_length_m,
-        } => line(half_length_m)
+        } => line(*half_length_m)
             .into_iter()
-            .map(|z| place(Vector3::z() * z, radius_m))
+            .map(|z| place(Vector3::z() * z, *radius_m))
             .collect(),
         Shape::Cylinder {
             radius_m,
@@ -64,12 +68,12 @@ pub fn fill(collision: &Collision) -> Vec<Ball> {
                 // Flat: balls as thick as it is, out to its rim.
                 return disc(radius_m - half_length_m)
                     .into_iter()
-                    .map(|[x, y]| place(Vector3::new(x, y, 0.0), half_length_m))
+                    .map(|[x, y]| place(Vector3::new(x, y, 0.0), *half_length_m))
                     .collect();
             }
             line(half_length_m - radius_m)
                 .into_iter()
-                .map(|z| place(Vector3::z() * z, radius_m))
+                .map(|z| place(Vector3::z() * z, *radius_m))
                 .collect()
         }
         Shape::Box { half_extents_m } => {
@@ -89,6 +93,11 @@ pub fn fill(collision: &Collision) -> Vec<Ball> {
                 }
             }
             balls
+        }
+        Shape::Convex(body) => {
+            let (centers, radius_m) = lining::of(body);
+            let balls = centers.into_iter().map(|center| place(center, radius_m));
+            balls.collect()
         }
     }
 }
@@ -312,7 +321,7 @@ mod tests {
         ] {
             let collision = Collision {
                 link_from_shape: Isometry3::identity(),
-                shape,
+                shape: shape.clone(),
             };
             let (made, foretold) = (fill(&collision).len() as f64, count(&collision));
             assert!(

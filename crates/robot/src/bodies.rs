@@ -174,6 +174,15 @@ impl SpatialInertia {
         }
     }
 
+    /// Says whether there is mass, and inertia about every axis through its center.
+    fn is_of_a_body(&self) -> bool {
+        if self.mass <= 0.0 {
+            return false;
+        }
+        let about_center = self.inertia - parallel_axes(self.mass, &(self.moment / self.mass));
+        about_center.symmetric_eigenvalues().min() > 0.0
+    }
+
     pub(crate) fn add(&mut self, other: &Self) {
         self.mass += other.mass;
         self.moment += other.moment;
@@ -225,6 +234,20 @@ impl SpatialInertia {
 /// Returns the inertia of a point mass about the origin.
 fn parallel_axes(mass: f64, center: &Vector3<f64>) -> Matrix3<f64> {
     (Matrix3::identity() * center.norm_squared() - center * center.transpose()) * mass
+}
+
+impl RobotModel {
+    /// Returns the first link of each body that moves and has no inertia about some axis: that no
+    /// force is needed to turn. The root's body is left out.
+    pub fn bodies_without_inertia(&self) -> Vec<usize> {
+        let movable = (0..self.links().len()).filter(|&idx| self.links()[idx].kind.is_some());
+        let bodies = Bodies::new(self).all.into_iter().skip(1);
+        movable
+            .zip(bodies)
+            .filter(|(_, body)| !body.inertia.is_of_a_body())
+            .map(|(link, _)| link)
+            .collect()
+    }
 }
 
 impl Bodies {
@@ -294,6 +317,11 @@ impl Bodies {
     /// Returns the mass of all bodies in kilograms.
     pub fn mass_kg(&self) -> f64 {
         self.all.iter().map(|body| body.inertia.mass).sum()
+    }
+
+    /// Returns the mass of the root's body in kilograms.
+    pub(crate) fn root_mass_kg(&self) -> f64 {
+        self.all.first().map_or(0.0, |root| root.inertia.mass)
     }
 
     /// Returns the pose of each body in its parent's frame; the identity for the root.

@@ -86,6 +86,7 @@ impl Chain {
             links,
             joints: moved,
             findings: Vec::new(),
+            has_mesh_shapes: true,
         };
         Ok(Self { links, joints })
     }

@@ -19,7 +19,8 @@ impl RobotModel {
     /// Returns everything that is doubtful about the robot, the worst first: what was found while
     /// reading, and what no real robot is like.
     ///
-    /// Meshes are not looked for: this crate opens no file.
+    /// Meshes are not looked for: this crate opens no file. Who has read them gives their shapes to
+    /// [`RobotModel::with_mesh_shapes`] first.
     pub fn examine(&self) -> Vec<Finding> {
         let mut findings = self.findings().to_vec();
         for link in self.links() {
@@ -38,12 +39,9 @@ impl RobotModel {
                     center_of_mass(link, inertial)
                         .map(|problem| about(Severity::Doubtful, problem, CENTER)),
                 );
-                if link.collisions.is_empty() {
-                    let problem = if link.meshes.iter().any(|mesh| mesh.is_collision) {
-                        "has a mesh and no primitive to collide with: it touches nothing here"
-                    } else {
-                        "has mass and nothing to collide with: it touches nothing"
-                    };
+                let has_mesh = link.meshes.iter().any(|mesh| mesh.is_collision);
+                if link.collisions.is_empty() && !has_mesh {
+                    let problem = "has mass and nothing to collide with: it touches nothing";
                     findings.push(about(Severity::Note, problem.to_owned(), SHAPES));
                 }
             }
@@ -61,14 +59,26 @@ impl RobotModel {
         for joint in self.joints() {
             findings.extend(self::joint(joint));
         }
-        findings.extend(self.weightless());
+        findings.extend(self.unread());
+        findings.extend(self.without_inertia());
         findings.extend(self.followers());
         findings.sort_by_key(|finding| finding.severity);
         findings
     }
 
-    /// Joints that move nothing that weighs: no force is needed to move them, however fast.
-    fn weightless(&self) -> Vec<Finding> {
+    /// A mesh of which there is no shape: whoever cares for what the robot touches reads them first.
+    fn unread(&self) -> Option<Finding> {
+        let (link, mesh) = self.without_mesh_shape()?;
+        Some(Finding {
+            severity: Severity::Missing,
+            part: Part::Link(link.name.clone()),
+            problem: format!("collides with the mesh `{}`, which was not read", mesh.file),
+            advice: SHAPES.to_owned(),
+        })
+    }
+
+    /// What moves and has no inertia: no force is needed to move it, however fast.
+    fn without_inertia(&self) -> Vec<Finding> {
         let bodies = Bodies::new(self);
         if bodies.mass_kg() == 0.0 {
             return vec![Finding {
@@ -79,21 +89,51 @@ impl RobotModel {
                     .to_owned(),
             }];
         }
-        let Ok(mass) = bodies.mass_matrix(&self.open()) else {
-            return Vec::new();
-        };
-        self.joints()
+        let lacking = self.bodies_without_inertia();
+        let mut findings: Vec<Finding> = lacking
             .iter()
-            .zip(mass.diagonal().iter())
-            .filter(|&(_, &moved)| moved <= 0.0)
-            .map(|(joint, _)| Finding {
+            .filter_map(|&idx| self.links().get(idx))
+            // What an `<inertial>` says that is none is said of that.
+            .filter(|link| link.inertial.is_none())
+            .map(|link| Finding {
                 severity: Severity::Doubtful,
-                part: Part::Joint(joint.name.clone()),
-                problem: "moves nothing that has inertia".to_owned(),
-                advice: "give what it moves an `<inertial>` before dynamics or physics use it"
-                    .to_owned(),
+                part: Part::Link(link.name.clone()),
+                problem:
+                    "moves and has no inertia, nor has what is fixed to it: `screen` refuses it"
+                        .to_owned(),
+                advice: format!("give it an `<inertial>` with mass and inertia; {INERTIA}"),
             })
-            .collect()
+            .collect();
+        if let Some(root) = self.links().first()
+            && bodies.root_mass_kg() == 0.0
+        {
+            findings.push(Finding {
+                severity: Severity::Note,
+                part: Part::Link(root.name.clone()),
+                problem:
+                    "has no inertia, nor has what is fixed to it: in physics it has that of all \
+                          that it carries"
+                        .to_owned(),
+                advice: String::new(),
+            });
+        }
+        let Ok(mass) = bodies.mass_matrix(&self.open()) else {
+            return findings;
+        };
+        let moved = mass.diagonal();
+        let weightless = self.joints().iter().zip(moved.iter());
+        findings.extend(
+            weightless
+                .filter(|(joint, moved)| **moved <= 0.0 && !lacking.contains(&joint.link))
+                .map(|(joint, _)| Finding {
+                    severity: Severity::Doubtful,
+                    part: Part::Joint(joint.name.clone()),
+                    problem: "moves nothing that has inertia".to_owned(),
+                    advice: "give what it moves an `<inertial>` before dynamics or physics use it"
+                        .to_owned(),
+                }),
+        );
+        findings
     }
 
     /// What follows what.
@@ -127,8 +167,7 @@ const INERTIA: &str = "take its inertia from its drawing, or that of a solid box
                        mass: m/12 (a² + b²)";
 const CENTER: &str =
     "check the `<origin>` of its `<inertial>`: it may be that of another link or another frame";
-const SHAPES: &str =
-    "give it a `<collision>` of boxes, spheres, cylinders or capsules if it may touch anything";
+const SHAPES: &str = "give it a `<collision>` of boxes, spheres, cylinders, capsules or a mesh if it may touch anything";
 
 /// A number to six digits behind the point.
 fn short(number: f64) -> f64 {

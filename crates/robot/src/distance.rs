@@ -60,25 +60,29 @@ impl Shape {
                 radius_m,
                 half_length_m,
             } => radius_m + half_length_m,
+            Self::Convex(body) => {
+                let corners = body.corners_m().iter().map(|corner| corner.coords.norm());
+                corners.fold(0.0, f64::max)
+            }
         }
     }
 
     /// Returns what the shape is all points within a distance of, and that distance in meters: a
     /// point or a line segment where it is round, itself otherwise.
     fn core(&self) -> (Self, f64) {
-        match *self {
-            Self::Sphere { radius_m } => (Self::Sphere { radius_m: 0.0 }, radius_m),
+        match self {
+            Self::Sphere { radius_m } => (Self::Sphere { radius_m: 0.0 }, *radius_m),
             Self::Capsule {
                 radius_m,
                 half_length_m,
             } => {
                 let core = Self::Capsule {
                     radius_m: 0.0,
-                    half_length_m,
+                    half_length_m: *half_length_m,
                 };
-                (core, radius_m)
+                (core, *radius_m)
             }
-            Self::Box { .. } | Self::Cylinder { .. } => (*self, 0.0),
+            Self::Box { .. } | Self::Cylinder { .. } | Self::Convex(_) => (self.clone(), 0.0),
         }
     }
 
@@ -107,6 +111,7 @@ impl Shape {
                 radius_m,
                 half_length_m,
             } => along(*radius_m, *direction) + end(*half_length_m),
+            Self::Convex(body) => body.farthest(direction),
         }
     }
 }
@@ -203,12 +208,13 @@ fn nearest_between(corners: &[Vector3<f64>]) -> Option<Vector3<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::PI;
+    use std::{f64::consts::PI, sync::Arc};
 
     use nalgebra::{Translation3, UnitQuaternion};
     use proptest::prelude::*;
 
     use super::*;
+    use crate::{ConvexBody, convex::tests::cuboid};
 
     fn pose() -> impl Strategy<Value = Isometry3<f64>> {
         let axis = prop::array::uniform3(-PI..PI);
@@ -222,7 +228,7 @@ mod tests {
 
     fn shape() -> impl Strategy<Value = Shape> {
         let size = 0.01..0.2_f64;
-        (0..4, size.clone(), size.clone(), size).prop_map(|(kind, x, y, z)| match kind {
+        (0..5, size.clone(), size.clone(), size).prop_map(|(kind, x, y, z)| match kind {
             0 => Shape::Sphere { radius_m: x },
             1 => Shape::Box {
                 half_extents_m: Vector3::new(x, y, z),
@@ -231,11 +237,17 @@ mod tests {
                 radius_m: x,
                 half_length_m: y,
             },
+            3 => Shape::Convex(Arc::new(cuboid(&Vector3::new(x, y, z)))),
             _ => Shape::Capsule {
                 radius_m: x,
                 half_length_m: y,
             },
         })
+    }
+
+    /// Half of each side of a body, all of which are boxes here.
+    fn half(body: &ConvexBody) -> Vector3<f64> {
+        body.farthest(&Vector3::repeat(1.0))
     }
 
     /// How far a point is outside a shape, in closed form.
@@ -245,6 +257,10 @@ mod tests {
             Shape::Box { half_extents_m } => (point.abs() - half_extents_m)
                 .map(|off| off.max(0.0))
                 .norm(),
+            Shape::Convex(ref body) => {
+                let half_extents_m = half(body);
+                outside(&Shape::Box { half_extents_m }, point)
+            }
             Shape::Cylinder {
                 radius_m,
                 half_length_m,
@@ -270,6 +286,10 @@ mod tests {
             Shape::Sphere { radius_m } => from * (radius_m / from.norm()).min(1.0),
             Shape::Box { half_extents_m } => {
                 from.zip_map(&half_extents_m, |at, half| at.clamp(-half, half))
+            }
+            Shape::Convex(ref body) => {
+                let half_extents_m = half(body);
+                toward(&Shape::Box { half_extents_m }, from)
             }
             Shape::Cylinder {
                 radius_m,

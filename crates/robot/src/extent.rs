@@ -19,6 +19,7 @@ impl Shape {
                 radius_m,
                 half_length_m,
             } => half_length_m * direction.z.abs() + radius_m,
+            Self::Convex(body) => body.farthest(direction).dot(direction),
         }
     }
 }

@@ -16,6 +16,9 @@ pub struct Finding {
 /// How much a finding matters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
+    /// The description names it, and it is not there or cannot be read: nothing that rests on it can
+    /// be had.
+    Missing,
     /// No real robot is so: results that rest on it are wrong.
     Wrong,
     /// It may be meant, and is more often a mistake or a placeholder.

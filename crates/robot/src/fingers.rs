@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use crate::{JointKind, Link, RobotModel, Shape};
+use crate::{JointKind, Link, RobotModel};
 
 /// A chain of links from the palm to a tip.
 ///
@@ -248,19 +248,6 @@ impl crate::Collision {
     pub(crate) fn reach(&self, direction: &Vector3<f64>) -> f64 {
         let center = self.link_from_shape.translation.vector.dot(direction);
         let local = self.link_from_shape.rotation.inverse() * direction;
-        let across = local.xy().norm();
-        let own = match self.shape {
-            Shape::Box { half_extents_m } => half_extents_m.dot(&local.abs()),
-            Shape::Sphere { radius_m } => radius_m,
-            Shape::Cylinder {
-                radius_m,
-                half_length_m,
-            } => radius_m * across + half_length_m * local.z.abs(),
-            Shape::Capsule {
-                radius_m,
-                half_length_m,
-            } => radius_m + half_length_m * local.z.abs(),
-        };
-        center + own
+        center + self.shape.extent_m(&local)
     }
 }

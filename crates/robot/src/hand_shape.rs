@@ -4,6 +4,14 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::{Finger, RobotModel, Shape};
 
+/// What the fingers beside the thumb are called, in their order from it.
+const FINGERS: [[&str; 2]; 4] = [
+    ["index", "ff"],
+    ["middle", "mf"],
+    ["ring", "rf"],
+    ["little", "lf"],
+];
+
 /// A hand as its tree suggests it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandShape {
@@ -24,11 +32,13 @@ pub struct HandShape {
 impl RobotModel {
     /// Guesses how the hand is built; `None` if the robot has no finger beside a thumb.
     ///
-    /// Every joint is taken as near to 0 as its limits allow. Fingers are ordered along the line
-    /// between the two tips that are farthest apart, from the end at which the thumb begins. The
-    /// wrist is the end of the palm's collision shapes away from the fingers, or the joint on which the
-    /// palm turns where most of the palm is on the fingers' side of it. A hand is a right one if little finger to index, then wrist to tips,
-    /// then the way in which the tips go when the fingers bend are axes of a right-handed frame.
+    /// Every joint is taken as near to 0 as its limits allow. Fingers whose names say which they are
+    /// (`index`, `middle`, `ring`, `little` or `pinky`, or the Shadow hand's `ff`, `mf`, `rf`, `lf`) are
+    /// in that order; others along the line between the two tips that are farthest apart, from the end
+    /// at which the thumb begins. The wrist is the end of the palm's collision shapes away from the fingers, or the joint on which the
+    /// palm turns where most of the palm is on the fingers' side of it. A hand is a right or a left one
+    /// if its names say so; else it is a right one if little finger to index, then wrist to tips, then
+    /// the way in which the tips go when the fingers bend are axes of a right-handed frame.
     pub fn hand_shape(&self) -> Option<HandShape> {
         let (thumbs, mut fingers): (Vec<Finger>, Vec<Finger>) = self
             .fingers()
@@ -55,10 +65,19 @@ impl RobotModel {
                 across = -across;
             }
         }
-        fingers.sort_by(|a, b| {
-            let along = |finger: &Finger| tip(finger, &open).coords.dot(&across);
-            along(b).total_cmp(&along(a))
-        });
+        if let Some(order) = self.named_order(&fingers) {
+            let mut named: Vec<(usize, Finger)> = order.into_iter().zip(fingers).collect();
+            named.sort_by_key(|(place, _)| *place);
+            fingers = named.into_iter().map(|(_, finger)| finger).collect();
+            if let [index, .., little] = fingers.as_slice() {
+                across = tip(index, &open) - tip(little, &open);
+            }
+        } else {
+            fingers.sort_by(|a, b| {
+                let along = |finger: &Finger| tip(finger, &open).coords.dot(&across);
+                along(b).total_cmp(&along(a))
+            });
+        }
         let bases: Vec<Point3<f64>> = fingers.iter().map(base).collect();
         let forward = center(&tips) - center(&bases);
         let bent = self.forward_kinematics(&self.bent(&q)).ok()?;
@@ -72,7 +91,9 @@ impl RobotModel {
             .map(|tip| (tip.coords - wrist_offset_m).norm())
             .fold(0.0, f64::max);
         Some(HandShape {
-            is_left: across.cross(&forward).dot(&bending) < 0.0,
+            is_left: self
+                .named_left()
+                .unwrap_or(across.cross(&forward).dot(&bending) < 0.0),
             palm,
             wrist_offset_m,
             thumb,
@@ -81,17 +102,64 @@ impl RobotModel {
         })
     }
 
+    /// Returns for each finger its place after the thumb, as its names say; `None` unless they say it
+    /// of each, and of each another.
+    fn named_order(&self, fingers: &[Finger]) -> Option<Vec<usize>> {
+        let mut places = Vec::new();
+        for finger in fingers {
+            let names = finger
+                .links
+                .iter()
+                .filter_map(|&link| self.links().get(link));
+            let names = names.flat_map(|link| [Some(&link.name), link.joint_name.as_ref()]);
+            let text: Vec<String> = names.flatten().map(|name| name.to_lowercase()).collect();
+            let is_called = |(_, called): &(usize, &[&str; 2])| {
+                let [long, short] = called;
+                text.iter().flat_map(|name| words(name)).any(|word| {
+                    word.starts_with(long)
+                        || word.starts_with(short) && word.get(2..) != Some("inger")
+                })
+            };
+            let mut said = FINGERS.iter().enumerate().filter(is_called);
+            match (said.next(), said.next()) {
+                (Some((place, _)), None) if !places.contains(&place) => places.push(place),
+                _ => return None,
+            }
+        }
+        Some(places)
+    }
+
+    /// Says whether the names call the hand a left one; `None` if they call it neither or both.
+    fn named_left(&self) -> Option<bool> {
+        let side = |names: &[&str]| {
+            let names: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
+            let is_called = |side: [&str; 2]| {
+                let mut all = names.iter().flat_map(|name| words(name));
+                all.any(|word| side.contains(&word))
+            };
+            match (is_called(["left", "lh"]), is_called(["right", "rh"])) {
+                (true, false) => Some(true),
+                (false, true) => Some(false),
+                (true, true) | (false, false) => None,
+            }
+        };
+        let links: Vec<&str> = self.links().iter().map(|link| link.name.as_str()).collect();
+        side(&[self.name()]).or_else(|| side(&links))
+    }
+
     /// Returns the radius of the finger's end, in meters: that of the ball, cylinder or capsule that
-    /// its last link has, or half of a box's shortest side; `None` if it has no shape.
+    /// its last link has, or half of the way across a box or body where it is thinnest; `None` if it
+    /// has no shape.
     pub fn tip_radius_m(&self, finger: &Finger) -> Option<f64> {
         let link = self.links().get(finger.tip_link)?;
         link.collisions
             .iter()
-            .map(|collision| match collision.shape {
+            .map(|collision| match &collision.shape {
                 Shape::Box { half_extents_m } => half_extents_m.min(),
                 Shape::Sphere { radius_m }
                 | Shape::Cylinder { radius_m, .. }
-                | Shape::Capsule { radius_m, .. } => radius_m,
+                | Shape::Capsule { radius_m, .. } => *radius_m,
+                Shape::Convex(body) => body.half_thickness_m(),
             })
             .reduce(f64::min)
     }
@@ -127,6 +195,15 @@ impl RobotModel {
         }
         back * reach
     }
+}
+
+/// Returns the words of a name in lower case; a little finger is one, whatever it is called.
+fn words(name: &str) -> impl Iterator<Item = &str> {
+    let words = name.split(|c: char| !c.is_alphanumeric());
+    words.map(|word| match word.strip_prefix("pink") {
+        Some(_) => "little",
+        None => word,
+    })
 }
 
 /// Returns the direction between the two points that are farthest apart; zero if there are no two.

@@ -1,5 +1,5 @@
 //! Robots from their URDF: joints, kinematics and its derivatives, an arm's joints for a pose of its
-//! end, dynamics, collision primitives and their distances, fingers, and what is doubtful about the
+//! end, dynamics, collision shapes and their distances, fingers, and what is doubtful about the
 //! description.
 //!
 //! ```
@@ -26,13 +26,15 @@
 //! Lengths are in meters, angles in radians, masses in kilograms.
 //! A root that moves freely has a pose and a twist ([`Root`]) and never angles; [`Bodies`] computes
 //! with or without it. Kinematics and dynamics agree with Pinocchio (`tests/golden`).
-//! This crate opens no file: meshes that a URDF names are never read, and a link whose collision
-//! geometry is a mesh has no collision shape.
+//! This crate opens no file: who reads the meshes that a URDF names gives their convex parts to
+//! [`RobotModel::with_mesh_shapes`]; until then a link whose collision geometry is a mesh has no shape.
 
 pub mod balls;
 mod bodies;
 mod chain;
 mod checks;
+mod convex;
+mod description;
 mod distance;
 mod dynamics;
 mod error;
@@ -49,6 +51,8 @@ mod urdf;
 
 pub use bodies::Bodies;
 pub use chain::{Chain, ChainRates, Posture};
+pub use convex::ConvexBody;
+pub use description::{plain_urdf, read_form, shown_form};
 pub use distance::{Gap, gap};
 pub use dynamics::{Efforts, JointMotion};
 pub use error::{MimicFault, RobotError, WrongDof};

@@ -1,8 +1,10 @@
 //! A robot hand as a tree of links.
 
-use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
+use std::sync::Arc;
 
-use crate::{Finding, RobotError, near::near_names, urdf};
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, Vector3};
+
+use crate::{ConvexBody, Finding, RobotError, near::near_names, urdf};
 
 /// A robot hand: links in a tree, moved by joints.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,6 +14,8 @@ pub struct RobotModel {
     pub(crate) joints: Vec<Joint>,
     /// What was assumed or passed over while reading.
     pub(crate) findings: Vec<Finding>,
+    /// Whether its links have the shapes of the meshes that they collide with.
+    pub(crate) has_mesh_shapes: bool,
 }
 
 /// A rigid body of the hand.
@@ -38,19 +42,24 @@ pub struct Link {
     pub axis: Unit<Vector3<f64>>,
     /// Mass properties; `None` if the URDF gives none, or no mass.
     pub inertial: Option<Inertial>,
-    /// Collision primitives.
+    /// What it collides with: primitives, and convex bodies where
+    /// [`RobotModel::with_mesh_shapes`] made them of its meshes.
     pub collisions: Vec<Collision>,
-    /// Meshes that it names; they are never opened.
+    /// Meshes that it names.
     pub meshes: Vec<Mesh>,
 }
 
 /// A mesh that a link names.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
     /// The file as the URDF names it, e.g. `package://hand/meshes/palm.stl`.
     pub file: String,
     /// Is it what the link collides with, rather than what is drawn of it?
     pub is_collision: bool,
+    /// Pose of the mesh's frame in the link's frame.
+    pub link_from_mesh: Isometry3<f64>,
+    /// Factors on the file's numbers along its axes, by which they are meters.
+    pub scale: Vector3<f64>,
 }
 
 /// Mass properties of a link.
@@ -64,7 +73,7 @@ pub struct Inertial {
     pub inertia_kg_m2: Matrix3<f64>,
 }
 
-/// A collision primitive of a link.
+/// A shape that a link collides with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Collision {
     /// Pose of the shape's center in the link's frame.
@@ -73,8 +82,8 @@ pub struct Collision {
     pub shape: Shape,
 }
 
-/// A primitive about its own center.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A convex shape about its own center.
+#[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
     /// A box along the axes.
     Box {
@@ -100,6 +109,8 @@ pub enum Shape {
         /// Half of the cylinder's length without the ends, in meters.
         half_length_m: f64,
     },
+    /// A body, or part of a mesh: its center is the middle of the box about it.
+    Convex(Arc<ConvexBody>),
 }
 
 /// An independent joint.
@@ -140,8 +151,8 @@ impl RobotModel {
     /// What can be understood in one way only is read, whatever the order of links and joints:
     /// links without mass or shape weigh and touch nothing, the first of several `<inertial>`
     /// elements counts, a revolute joint without limits turns without end, one whose limits are
-    /// equal is locked, and meshes are named but never opened. [`RobotModel::findings`] lists what
-    /// was assumed.
+    /// equal is locked, and meshes are named but not opened: see [`RobotModel::with_mesh_shapes`].
+    /// [`RobotModel::findings`] lists what was assumed.
     ///
     /// # Errors
     ///
@@ -161,6 +172,47 @@ impl RobotModel {
     pub fn from_urdf_bytes(bytes: &[u8]) -> Result<Self, RobotError> {
         let xml = std::str::from_utf8(bytes).map_err(|source| RobotError::NotText { source })?;
         urdf::parse(xml)
+    }
+
+    /// Gives each link the shapes of the meshes that it collides with; `parts` returns, for the name
+    /// of a link and a mesh of its, convex bodies in meters in the mesh's frame, [`Mesh::scale`]
+    /// applied.
+    ///
+    /// # Errors
+    ///
+    /// Fails as `parts` does.
+    pub fn with_mesh_shapes<E>(
+        mut self,
+        mut parts: impl FnMut(&str, &Mesh) -> Result<Vec<ConvexBody>, E>,
+    ) -> Result<Self, E> {
+        if self.has_mesh_shapes {
+            return Ok(self);
+        }
+        for link in &mut self.links {
+            for mesh in link.meshes.iter().filter(|mesh| mesh.is_collision) {
+                for body in parts(&link.name, mesh)? {
+                    let middle = body.middle_m();
+                    link.collisions.push(Collision {
+                        link_from_shape: mesh.link_from_mesh * Translation3::from(middle),
+                        shape: Shape::Convex(Arc::new(body.moved(&-middle))),
+                    });
+                }
+            }
+        }
+        self.has_mesh_shapes = true;
+        Ok(self)
+    }
+
+    /// Returns the first link that collides with a mesh of which it has no shape yet, and the mesh:
+    /// such a link would touch nothing.
+    pub fn without_mesh_shape(&self) -> Option<(&Link, &Mesh)> {
+        if self.has_mesh_shapes {
+            return None;
+        }
+        self.links.iter().find_map(|link| {
+            let mesh = link.meshes.iter().find(|mesh| mesh.is_collision)?;
+            Some((link, mesh))
+        })
     }
 
     /// Returns the robot's name.

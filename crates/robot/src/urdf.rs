@@ -106,6 +106,7 @@ pub(crate) fn parse(text: &str) -> Result<RobotModel, RobotError> {
         links,
         joints,
         findings,
+        has_mesh_shapes: false,
     })
 }
 

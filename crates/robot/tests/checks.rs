@@ -4,8 +4,9 @@ use robot::{RobotModel, Severity};
 
 /// A robot whose link `a` turns on `palm` and has these elements; its joint has these limits.
 fn robot(link: &str, limit: &str) -> RobotModel {
+    let palm = inertial(0.02, SOUND);
     let xml = format!(
-        r#"<robot name="r"><link name="palm">{BOX}</link><link name="a">{link}</link><joint name="j" type="revolute"><origin xyz="0 0 0.1"/><parent link="palm"/><child link="a"/><axis xyz="0 1 0"/><limit {limit}/></joint></robot>"#
+        r#"<robot name="r"><link name="palm">{palm}</link><link name="a">{link}</link><joint name="j" type="revolute"><origin xyz="0 0 0.1"/><parent link="palm"/><child link="a"/><axis xyz="0 1 0"/><limit {limit}/></joint></robot>"#
     );
     RobotModel::from_urdf(&xml).unwrap()
 }
@@ -100,13 +101,6 @@ fn masses_in_odd_places_are_doubtful() {
             "link `a` has its center of mass 20.0 mm outside the box about its shapes",
         )],
     );
-    check(
-        &robot("", LIMIT),
-        &[(
-            Severity::Doubtful,
-            "robot weighs nothing: no link has a mass",
-        )],
-    );
     let without_mass = r#"<inertial><mass value="0"/></inertial>"#;
     let model = robot(without_mass, LIMIT);
     assert!(
@@ -127,12 +121,44 @@ fn shapes_in_millimeters_are_doubtful() {
                 Severity::Doubtful,
                 "link `a` has shapes that are 153.0 m across",
             ),
-            (
-                Severity::Doubtful,
-                "robot weighs nothing: no link has a mass",
-            ),
+            (Severity::Doubtful, WITHOUT),
         ],
     );
+}
+
+/// What is said of link `a` if it has no inertia.
+const WITHOUT: &str =
+    "link `a` moves and has no inertia, nor has what is fixed to it: `screen` refuses it";
+
+#[test]
+fn links_without_inertia_are_named() {
+    check(&robot("", LIMIT), &[(Severity::Doubtful, WITHOUT)]);
+    let sound = inertial(0.02, SOUND);
+    // What is fixed to a link gives it its inertia, and a root does without.
+    let xml = |root: &str, a: &str, fixed: &str| {
+        format!(
+            r#"<robot name="r"><link name="root">{root}</link><link name="a">{a}</link><link name="f">{fixed}</link>
+            <joint name="j" type="revolute"><parent link="root"/><child link="a"/><axis xyz="0 1 0"/><limit {LIMIT}/></joint>
+            <joint name="k" type="fixed"><parent link="a"/><child link="f"/></joint></robot>"#
+        )
+    };
+    let root = "link `root` has no inertia, nor has what is fixed to it: in physics it has that of all \
+                that it carries";
+    for (xml, expected) in [
+        (xml(&sound, "", &sound), vec![]),
+        (xml(&sound, &sound, ""), vec![]),
+        (xml(&sound, "", ""), vec![(Severity::Doubtful, WITHOUT)]),
+        (xml("", "", &sound), vec![(Severity::Note, root)]),
+        (
+            xml("", "", ""),
+            vec![(
+                Severity::Doubtful,
+                "robot weighs nothing: no link has a mass",
+            )],
+        ),
+    ] {
+        check(&RobotModel::from_urdf(&xml).unwrap(), &expected);
+    }
 }
 
 #[test]
@@ -219,4 +245,99 @@ fn side_wrist_and_order_of_the_fingers_are_guessed() {
     let (side, _, thumb, tips) = shape(include_str!("golden/mimic_hand.urdf"));
     assert_eq!((side, thumb.as_str()), ("right", "thumb_tip"));
     assert_eq!(tips, "index_tip middle_tip ring_tip pinky_tip");
+}
+
+/// A hand of four fingers along z that bend towards x, and a thumb that begins on the side of the
+/// little finger, as where some hands oppose it; `side` is −1 for its mirror image.
+fn opposed(robot: &str, fingers: [&str; 4], side: f64) -> String {
+    let link = |name: &str| format!(r#"<link name="{name}">{BOX}</link>"#);
+    let joint = |name: &str, parent: &str, child: &str, at: [f64; 3], axis: &str| {
+        let [x, y, z] = at;
+        format!(
+            r#"<joint name="{name}" type="revolute"><origin xyz="{x} {y} {z}"/><parent link="{parent}"/>
+            <child link="{child}"/><axis xyz="{axis}"/><limit lower="0" upper="1.5" effort="1" velocity="1"/></joint>"#
+        )
+    };
+    let mut xml = format!(r#"<robot name="{robot}">{}"#, link("palm"));
+    for (finger, y) in fingers.iter().zip([0.03, 0.01, -0.01, -0.03]) {
+        let end = format!("{finger}_end");
+        xml += &(link(finger) + &link(&end));
+        xml += &joint(
+            &format!("{finger}_j"),
+            "palm",
+            finger,
+            [0.0, side * y, 0.1],
+            "0 1 0",
+        );
+        xml += &joint(
+            &format!("{finger}_k"),
+            finger,
+            &end,
+            [0.0, 0.0, 0.04],
+            "0 1 0",
+        );
+    }
+    xml += &(link("thumb") + &link("thumb_end"));
+    xml += &joint(
+        "thumb_j",
+        "palm",
+        "thumb",
+        [0.01, side * -0.02, 0.02],
+        "0 0 1",
+    );
+    xml += &joint("thumb_k", "thumb", "thumb_end", [0.03, 0.0, 0.02], "0 1 0");
+    xml + "</robot>"
+}
+
+#[test]
+fn names_say_side_and_fingers_where_the_tree_misleads() {
+    let named = ["index", "middle", "ring", "pinky"];
+    let tips = "index_end middle_end ring_end pinky_end";
+    let of = |robot: &str, fingers: [&str; 4], side: f64| {
+        let (found, _, thumb, tips) = shape(&opposed(robot, fingers, side));
+        assert_eq!(thumb, "thumb_end");
+        (found, tips)
+    };
+    assert_eq!(of("r", named, 1.0), ("right", tips.to_owned()));
+    assert_eq!(of("r", named, -1.0), ("left", tips.to_owned()));
+    // In whatever words and letters.
+    for fingers in [
+        [
+            "r_Index_Finger",
+            "r_Middle_Finger",
+            "r_Ring_Finger",
+            "r_Pinkie",
+        ],
+        ["ffproximal", "mfproximal", "rfproximal", "lfproximal"],
+        [
+            "link_index_1",
+            "link_middle_1",
+            "link_ring_1",
+            "link_little_1",
+        ],
+    ] {
+        let tips = fingers.map(|finger| format!("{finger}_end")).join(" ");
+        assert_eq!(of("r", fingers, 1.0), ("right", tips.clone()));
+        assert_eq!(of("r", fingers, -1.0), ("left", tips));
+    }
+    // Without them the thumb's place misleads, but for the side if that is named.
+    let unnamed = ["f1", "f2", "f3", "f4"];
+    let backwards = "f4_end f3_end f2_end f1_end";
+    assert_eq!(
+        of("a_right_hand", unnamed, 1.0),
+        ("right", backwards.to_owned())
+    );
+    assert_eq!(of("LH", unnamed, -1.0).0, "left");
+    // Names that are all one, or of other things, say nothing.
+    for fingers in [
+        ["ring_1", "ring_2", "ring_3", "ring_4"],
+        ["spring", "lfinger", "rfinger", "wring"],
+    ] {
+        let tips: Vec<String> = fingers
+            .iter()
+            .rev()
+            .map(|finger| format!("{finger}_end"))
+            .collect();
+        assert_eq!(of("r", fingers, 1.0).1, tips.join(" "));
+    }
 }

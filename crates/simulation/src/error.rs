@@ -27,17 +27,31 @@ pub enum SimulationError {
     /// The object has no shape.
     #[error("object has no convex parts")]
     NoParts,
-    /// A moving link of the hand has no mass or no inertia.
-    #[error("link `{link}` of the hand has no inertia in its URDF")]
+    /// Links of the hand move and have no mass or no inertia.
+    #[error("{} of the hand move and have no inertia in its URDF", names(links))]
     NoInertia {
-        /// The link's name.
-        link: String,
+        /// The links' names.
+        links: Vec<String>,
     },
     /// The hand has nothing to touch with.
     #[error("the hand has no collision shapes in its URDF")]
     NoCollisions,
+    /// A link of the hand would touch nothing, because nobody read its mesh.
+    #[error("link `{link}` of the hand collides with the mesh `{file}`, which was not read")]
+    MeshNotRead {
+        /// The link's name.
+        link: String,
+        /// The mesh as the URDF names it.
+        file: String,
+    },
+    /// A collision shape of the hand has no volume.
+    #[error("link `{link}` of the hand has a collision shape without volume")]
+    FlatLink {
+        /// The link's name.
+        link: String,
+    },
     /// A joint is named that the hand does not have.
-    #[error("the hand has no joint `{name}`")]
+    #[error("`flexion_joints` names `{name}`, and the hand has no such joint of its own")]
     UnknownJoint {
         /// The name asked for.
         name: String,
@@ -62,6 +76,16 @@ pub enum SimulationError {
     Unsettled,
 }
 
+/// Names links.
+fn names(links: &[String]) -> String {
+    let names: Vec<String> = links.iter().map(|link| format!("`{link}`")).collect();
+    format!(
+        "link{} {}",
+        if names.len() == 1 { "" } else { "s" },
+        names.join(", ")
+    )
+}
+
 impl SimulationError {
     /// Returns what to do about it, where that is known.
     pub fn hint(&self) -> Option<String> {
@@ -71,15 +95,27 @@ impl SimulationError {
                 "check that the object's mesh is closed and wound outward, then ingest it again"
                     .to_owned(),
             ),
-            Self::NoInertia { link } => Some(format!(
-                "add `<inertial>` with mass and inertia to `<link name=\"{link}\">`"
-            )),
+            Self::NoInertia { .. } => Some(
+                "add `<inertial>` with mass and inertia to each of them, or to a link that is fixed \
+                 to it; `pipeline doctor --robot URDF` lists what else is amiss"
+                    .to_owned(),
+            ),
             Self::NoCollisions => {
-                Some("add `<collision>` with primitive shapes to the links".to_owned())
+                Some("add `<collision>` with shapes or meshes to the links".to_owned())
             }
             Self::UnknownJoint { known, .. } => {
-                Some(format!("its joints are {}", known.join(", ")))
+                Some(format!(
+                    "its joints are {}; those that follow another are not named",
+                    known.join(", ")
+                ))
             }
+            Self::MeshNotRead { .. } => Some(
+                "read it with `robot_meshes::with_mesh_shapes` before the hand is simulated"
+                    .to_owned(),
+            ),
+            Self::FlatLink { link } => Some(format!(
+                "give `<link name=\"{link}\">` a thicker `<collision>`; lengths are in meters"
+            )),
             Self::Motion(_) | Self::Setting { .. } | Self::Unsettled => None,
         }
     }

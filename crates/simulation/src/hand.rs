@@ -22,7 +22,7 @@ use rapier3d::{
 };
 use robot::{Bodies, JointKind, RobotModel};
 
-pub(crate) use self::bodies::engine_shape;
+pub(crate) use self::bodies::{LinkShape, check, link_shapes};
 use self::{
     bodies::{RigidGroup, engine_joint, mass_properties, rigid_groups},
     controller::Controller,
@@ -119,9 +119,7 @@ impl Hand {
         model: &RobotModel,
         palm: PalmJoint,
     ) -> Result<Self, SimulationError> {
-        if model.links().iter().all(|link| link.collisions.is_empty()) {
-            return Err(SimulationError::NoCollisions);
-        }
+        let shapes = link_shapes(model)?;
         let groups = rigid_groups(model);
         let mut bodies: Vec<RigidBodyHandle> = Vec::with_capacity(groups.len());
         let mut body_of_link = vec![(0, Isometry3::identity()); model.links().len()];
@@ -140,17 +138,16 @@ impl Hand {
             });
             for (link, body_from_link) in &group.links {
                 body_of_link[*link] = (idx, *body_from_link);
-                for collision in &model.links()[*link].collisions {
-                    let (shape, shape_from_engine) = engine_shape(&collision.shape);
+                for shape in shapes.iter().filter(|shape| shape.link == *link) {
                     world.colliders.insert_with_parent(
-                        ColliderBuilder::new(shape)
+                        ColliderBuilder::new(shape.engine.clone())
                             .density(0.0)
                             .friction(real(scene.friction))
                             .collision_groups(groups::hand())
                             .user_data(idx as u128)
                             .position(
-                                pose(&(body_from_link * collision.link_from_shape))
-                                    * shape_from_engine,
+                                pose(&(body_from_link * shape.link_from_shape))
+                                    * shape.shape_from_engine,
                             ),
                         body,
                         &mut world.bodies,

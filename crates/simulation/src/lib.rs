@@ -26,6 +26,7 @@ mod precision;
 mod rejection;
 mod rollout;
 mod script;
+mod settings;
 mod shortcuts;
 mod template;
 #[cfg(test)]
@@ -41,5 +42,6 @@ pub use played::PlayedStep;
 pub use rollout::{Flow, Record, Rollout, Trace, TraceStep, WatchedRollout};
 pub use schemas::rollouts::Verdict;
 pub use script::{Flexion, Instruction, JointRates, Motion, Phase};
+pub use settings::SettingFault;
 pub use shortcuts::Shortcuts;
-pub use template::Template;
+pub use template::{Template, check_hand};

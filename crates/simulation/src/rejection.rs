@@ -2,12 +2,12 @@
 
 use nalgebra::Isometry3;
 use rapier3d::{parry::query, prelude::SharedShape};
-use robot::{RobotModel, Shape};
+use robot::RobotModel;
 use schemas::rollouts::Verdict;
 
 use crate::{
     config::Protocol,
-    hand::engine_shape,
+    hand::LinkShape,
     precision::pose,
     script::{HandPose, Phase, Script},
 };
@@ -21,6 +21,7 @@ pub(crate) fn reject(
     script: &Script,
     protocol: &Protocol,
     model: &RobotModel,
+    shapes: &[LinkShape],
     hulls: &[SharedShape],
     table_from_object: &Isometry3<f64>,
 ) -> Option<Verdict> {
@@ -33,25 +34,25 @@ pub(crate) fn reject(
     if script.asked.iter().any(outside) {
         return Some(Verdict::Limit);
     }
-    let below = |shape: &Shape, object_from_shape: &Isometry3<f64>| {
+    let below = |shape: &LinkShape, object_from_shape: &Isometry3<f64>| {
         let table_from_shape = table_from_object * object_from_shape;
         lowest_m(shape, &table_from_shape) < -protocol.table_tolerance_m
     };
     if script
         .asked
         .iter()
-        .any(|pose| any_shape(model, pose, below))
+        .any(|pose| any_shape(model, shapes, pose, below))
     {
         return Some(Verdict::Table);
     }
-    let inside = |shape: &Shape, object_from_shape: &Isometry3<f64>| {
+    let inside = |shape: &LinkShape, object_from_shape: &Isometry3<f64>| {
         depth_m(shape, object_from_shape, hulls) > protocol.early_tolerance_m
     };
     let open = std::iter::once(&script.start)
         .chain(&script.commands)
         .take_while(|command| command.phase == Phase::Reach);
     open.map(|command| &command.hand)
-        .any(|pose| any_shape(model, pose, inside))
+        .any(|pose| any_shape(model, shapes, pose, inside))
         .then_some(Verdict::EarlyContact)
 }
 
@@ -59,38 +60,34 @@ pub(crate) fn reject(
 /// frame.
 fn any_shape(
     model: &RobotModel,
+    shapes: &[LinkShape],
     pose: &HandPose,
-    condition: impl Fn(&Shape, &Isometry3<f64>) -> bool,
+    condition: impl Fn(&LinkShape, &Isometry3<f64>) -> bool,
 ) -> bool {
     // The script was made for this model, so that the positions fit.
     let palm_from_links = model.forward_kinematics(&pose.q).unwrap_or_default();
-    model
-        .links()
-        .iter()
-        .zip(&palm_from_links)
-        .flat_map(|(link, palm_from_link)| link.collisions.iter().map(move |c| (c, palm_from_link)))
-        .any(|(collision, palm_from_link)| {
-            let object_from_shape =
-                pose.object_from_palm * palm_from_link * collision.link_from_shape;
-            condition(&collision.shape, &object_from_shape)
-        })
+    shapes.iter().any(|shape| {
+        let palm_from_link = palm_from_links.get(shape.link).copied();
+        let palm_from_link = palm_from_link.unwrap_or_default();
+        let object_from_shape = pose.object_from_palm * palm_from_link * shape.link_from_shape;
+        condition(shape, &object_from_shape)
+    })
 }
 
 /// Returns the height of a shape's lowest point in meters.
-fn lowest_m(shape: &Shape, table_from_shape: &Isometry3<f64>) -> f64 {
+fn lowest_m(shape: &LinkShape, table_from_shape: &Isometry3<f64>) -> f64 {
     let center = table_from_shape.translation.vector.z;
     // The table's z axis in the shape's frame.
     let up = table_from_shape
         .rotation
         .inverse_transform_vector(&nalgebra::Vector3::z());
-    center - shape.extent_m(&up)
+    center - shape.shape.extent_m(&up)
 }
 
 /// Returns how deep a shape is inside the deepest of the convex parts, in meters.
-fn depth_m(shape: &Shape, object_from_shape: &Isometry3<f64>, hulls: &[SharedShape]) -> f64 {
-    let (shape, shape_from_engine) = engine_shape(shape);
-    let object_from_engine = pose(object_from_shape) * shape_from_engine;
-    let sphere = shape.compute_bounding_sphere(&object_from_engine);
+fn depth_m(shape: &LinkShape, object_from_shape: &Isometry3<f64>, hulls: &[SharedShape]) -> f64 {
+    let object_from_engine = pose(object_from_shape) * shape.shape_from_engine;
+    let sphere = shape.engine.compute_bounding_sphere(&object_from_engine);
     hulls
         .iter()
         .filter(|hull| {
@@ -103,7 +100,7 @@ fn depth_m(shape: &Shape, object_from_shape: &Isometry3<f64>, hulls: &[SharedSha
                 &at,
                 hull.0.as_ref(),
                 &object_from_engine,
-                shape.0.as_ref(),
+                shape.engine.0.as_ref(),
                 0.0,
             )
             .ok()?

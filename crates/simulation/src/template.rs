@@ -9,7 +9,7 @@ use spatial::{Object, Pose, Rest, Table};
 use crate::{
     config::{Offset, Protocol, SceneConfig},
     error::SimulationError,
-    hand::Hand,
+    hand::{self, Hand, LinkShape, link_shapes},
     object::ObjectShape,
     played::PlayedStep,
     precision::isometry,
@@ -33,6 +33,7 @@ pub struct Template {
     pub(crate) model: RobotModel,
     pub(crate) hand: Hand,
     pub(crate) object: RigidBodyHandle,
+    shapes: Vec<LinkShape>,
     hulls: Vec<SharedShape>,
     /// Where the object lies.
     table_from_object: Isometry3<f64>,
@@ -46,7 +47,7 @@ impl Template {
     /// # Errors
     ///
     /// Fails if the object has no mass, volume or physical inertia; if a moving part of the hand
-    /// has no inertia; if a setting is out of range; or if the object does not stay on the table.
+    /// has no inertia, or the hand no shape or a mesh that was not read; if a setting is out of range; or if the object does not stay on the table.
     pub fn new(
         scene: &SceneConfig,
         model: &RobotModel,
@@ -69,6 +70,7 @@ impl Template {
             model: model.clone(),
             hand,
             object: body,
+            shapes: link_shapes(model)?,
             hulls,
             table_from_object,
             table_from_believed,
@@ -146,6 +148,7 @@ impl Template {
             script,
             protocol,
             &self.model,
+            &self.shapes,
             &self.hulls,
             &self.table_from_believed,
         )
@@ -189,10 +192,22 @@ impl Template {
             &script,
             protocol,
             &self.model,
+            &self.shapes,
             &self.hulls,
             &self.table_from_believed,
         ))
     }
+}
+
+/// Checks that a hand can be simulated in a scene, whatever the object.
+///
+/// # Errors
+///
+/// Fails if a setting of the scene is out of range, if a moving part of the hand has no inertia, and if
+/// the hand has no shape or a mesh that was not read.
+pub fn check_hand(scene: &SceneConfig, hand: &RobotModel) -> Result<(), SimulationError> {
+    check(scene)?;
+    hand::check(hand, scene)
 }
 
 /// Refuses settings with which nothing can be simulated.

@@ -19,9 +19,11 @@ mod passage;
 mod pose;
 mod rest;
 mod rotation;
+mod segment;
 
 pub use frame::{Camera, Frame, Object, Palm, Table, World};
-pub use passage::{MovingPose, Passage, Twist, quintic};
+pub use passage::{MovingPose, Passage, Peaks, Twist, quintic};
 pub use pose::{NotAPose, Pose};
 pub use rest::Rest;
 pub use rotation::{NotARotation, quaternion_xyzw, rot6d, rotation_from_rot6d, xyzw};
+pub use segment::{Coefficient, QuinticSegment};

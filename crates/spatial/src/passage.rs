@@ -2,6 +2,8 @@
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 
+use crate::QuinticSegment;
+
 /// Below this angle in radians the series are more exact than the quotients.
 const SMALL_RAD: f64 = 0.05;
 
@@ -63,6 +65,36 @@ impl Twist {
     }
 }
 
+/// Greatest sizes of velocities and accelerations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Peaks {
+    /// Speed of the origin in m/s.
+    pub speed: f64,
+    /// Its acceleration in m/s².
+    pub acceleration: f64,
+    /// Angular speed in rad/s.
+    pub angular_speed: f64,
+    /// Angular acceleration in rad/s².
+    pub angular_acceleration: f64,
+}
+
+impl Peaks {
+    /// Returns the peaks of what does not move.
+    pub fn zero() -> Self {
+        Self {
+            speed: 0.0,
+            acceleration: 0.0,
+            angular_speed: 0.0,
+            angular_acceleration: 0.0,
+        }
+    }
+}
+
+/// How much too large the bound of an angular speed or acceleration may be, of the greatest one.
+const EXACT: f64 = 1e-4;
+/// Most halvings of a passage.
+const HALVINGS: u32 = 12;
+
 /// The way between two moving poses: polynomials of fifth degree in time that have both ends'
 /// positions, velocities and accelerations. The rotation is that of the first end turned by the
 /// rotation vector that such a polynomial gives.
@@ -98,22 +130,11 @@ impl Passage {
         } = self;
         let mut place = [Vector3::zeros(); 3];
         let mut phi = [Vector3::zeros(); 3];
-        // At its beginning a rotation vector's derivatives are those of the angle turned.
-        let back = from.pose.rotation.inverse();
-        let spin = [from.velocity, from.acceleration].map(|twist| back * twist.angular);
-        let places = |end: &MovingPose| {
-            [
-                end.pose.translation.vector,
-                end.velocity.linear,
-                end.acceleration.linear,
-            ]
-        };
-        let (start, end) = (places(from), places(to));
+        let (start, end, first) = (places(from), places(to), spins(from));
         for axis in 0..3 {
             let number = |orders: &[Vector3<f64>; 3]| orders.map(|order| order[axis]);
             let found = quintic(number(&start), number(&end), *duration_s, time_s);
-            let first = [0.0, spin[0][axis], spin[1][axis]];
-            let turned = quintic(first, number(turn), *duration_s, time_s);
+            let turned = quintic(number(&first), number(turn), *duration_s, time_s);
             for order in 0..3 {
                 place[order][axis] = found[order];
                 phi[order][axis] = turned[order];
@@ -137,6 +158,110 @@ impl Passage {
             },
         }
     }
+
+    /// Returns the least and the greatest coordinates of the origin on the way.
+    pub fn range(&self) -> [Vector3<f64>; 2] {
+        let (start, end) = (places(&self.from), places(&self.to));
+        let mut range = [Vector3::zeros(); 2];
+        for axis in 0..3 {
+            let number = |orders: &[Vector3<f64>; 3]| orders.map(|order| order[axis]);
+            let segment = QuinticSegment::new(number(&start), number(&end), self.duration_s);
+            let [low, high] = segment.range();
+            (range[0][axis], range[1][axis]) = (low, high);
+        }
+        range
+    }
+
+    /// Returns the greatest velocities and accelerations on the way, or those of `least` that are no
+    /// smaller.
+    ///
+    /// None is less than what is reached. Those of the origin are exact, as [`QuinticSegment`] has them;
+    /// angular ones may be too large by a ten-thousandth.
+    pub fn peaks(&self, least: &Peaks) -> Peaks {
+        let place = QuinticSegment::new(places(&self.from), places(&self.to), self.duration_s);
+        let turn = QuinticSegment::new(spins(&self.from), self.turn, self.duration_s);
+        let [angular_speed, angular_acceleration] = self.turning(
+            &turn,
+            [0.0, self.duration_s],
+            HALVINGS,
+            [least.angular_speed, least.angular_acceleration],
+        );
+        Peaks {
+            speed: place.greatest_speed(least.speed),
+            acceleration: place.greatest_acceleration(least.acceleration),
+            angular_speed,
+            angular_acceleration,
+        }
+    }
+
+    /// Returns the greatest angular speed and acceleration on a part of the way, or those of `least`.
+    ///
+    /// The left Jacobian is the mean of the turns by r φ, `J = ∫ exp(r φ×) dr` over r from 0 to 1 (Barfoot,
+    /// *State Estimation for Robotics*, 2017, §7.1.5), and `exp(r φ×)` turns with the angular velocity
+    /// `∫ exp(s φ×) φ′ ds` over s from 0 to r, of which each `exp(s φ×) φ′` is at an angle of at most
+    /// `(r − s) |φ|` to `exp(r φ×) φ′`. From that follow, with bounds F, V, A and B of φ, φ′, φ″ and φ‴ on
+    /// the part:
+    ///
+    /// - the angular speed is at most V, the angular acceleration at most `A + min(V²/2, F V²/6)`;
+    /// - the angular acceleration changes at no more than `B + 3/2 V A + V³/2`.
+    ///
+    /// What changes at a bounded rate is bounded by its value in the middle (Piyavskii, *An Algorithm for
+    /// Finding the Absolute Extremum of a Function*, 1972).
+    fn turning(
+        &self,
+        turn: &QuinticSegment<Vector3<f64>>,
+        [from_s, to_s]: [f64; 2],
+        halvings: u32,
+        least: [f64; 2],
+    ) -> [f64; 2] {
+        let [f, v, a, b] = turn.hull(to_s - from_s);
+        let middle_s = 0.5 * (from_s + to_s);
+        let half_s = 0.5 * (to_s - from_s);
+        let at = self.at(middle_s);
+        let there = [at.velocity.angular.norm(), at.acceleration.angular.norm()];
+        let change = a + (0.5 * v * v).min(f * v * v / 6.0);
+        let bounds = [
+            v.min(there[0] + half_s * change),
+            change.min(there[1] + half_s * (b + 1.5 * v * a + 0.5 * v * v * v)),
+        ];
+        let least = [least[0].max(there[0]), least[1].max(there[1])];
+        let is_known = |order: usize| bounds[order] <= least[order] * (1.0 + EXACT);
+        // What is no number is bounded by nothing.
+        if halvings == 0 || is_known(0) && is_known(1) || bounds.iter().any(|b| !b.is_finite()) {
+            return [0, 1].map(|order| {
+                if bounds[order].is_finite() {
+                    bounds[order].max(least[order])
+                } else {
+                    f64::INFINITY
+                }
+            });
+        }
+        let parts = turn.halves().into_iter();
+        let times = [[from_s, middle_s], [middle_s, to_s]];
+        parts.zip(times).fold(least, |least, (part, times)| {
+            self.turning(&part, times, halvings - 1, least)
+        })
+    }
+}
+
+/// Returns where the origin is and its derivatives.
+fn places(end: &MovingPose) -> [Vector3<f64>; 3] {
+    [
+        end.pose.translation.vector,
+        end.velocity.linear,
+        end.acceleration.linear,
+    ]
+}
+
+/// Returns the rotation vector at the beginning of a passage, where its derivatives are those of the angle
+/// turned.
+fn spins(from: &MovingPose) -> [Vector3<f64>; 3] {
+    let back = from.pose.rotation.inverse();
+    [
+        Vector3::zeros(),
+        back * from.velocity.angular,
+        back * from.acceleration.angular,
+    ]
 }
 
 /// Returns position, velocity and acceleration, `time` after `from`, of the polynomial of fifth degree
@@ -226,7 +351,62 @@ fn slopes(angle: f64) -> [f64; 2] {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
+
+    fn twist(most: f64) -> impl Strategy<Value = Twist> {
+        prop::array::uniform6(-most..most).prop_map(Twist::from_array)
+    }
+
+    fn moving() -> impl Strategy<Value = MovingPose> {
+        let pose = prop::array::uniform6(-1.0..1.0_f64);
+        (pose, twist(4.0), twist(30.0)).prop_map(|([x, y, z, a, b, c], velocity, acceleration)| {
+            MovingPose {
+                pose: Isometry3::new(Vector3::new(x, y, z), Vector3::new(a, b, c)),
+                velocity,
+                acceleration,
+            }
+        })
+    }
+
+    proptest! {
+        /// No peak is passed, and each is reached but for what it may be too large by.
+        #[test]
+        fn peaks_are_what_a_passage_reaches(
+            from in moving(),
+            to in moving(),
+            duration_s in 0.02..1.0_f64,
+        ) {
+            let passage = Passage::new(&from, &to, duration_s).unwrap();
+            let found = passage.peaks(&Peaks::zero());
+            let mut seen = Peaks::zero();
+            let [low, high] = passage.range();
+            for look in 0..=4000 {
+                let at = passage.at(duration_s * f64::from(look) / 4000.0);
+                let place = at.pose.translation.vector;
+                prop_assert!((place - low).min() > -1e-9 && (high - place).min() > -1e-9);
+                seen = Peaks {
+                    speed: seen.speed.max(at.velocity.linear.norm()),
+                    acceleration: seen.acceleration.max(at.acceleration.linear.norm()),
+                    angular_speed: seen.angular_speed.max(at.velocity.angular.norm()),
+                    angular_acceleration: seen
+                        .angular_acceleration
+                        .max(at.acceleration.angular.norm()),
+                };
+            }
+            let all = |p: Peaks| [p.speed, p.acceleration, p.angular_speed, p.angular_acceleration];
+            for (found, seen) in all(found).into_iter().zip(all(seen)) {
+                prop_assert!((1.0 - 1e-9..1.0 + 5e-3).contains(&(found / seen)), "{found} {seen}");
+            }
+            let twice = all(found).map(|peak| 2.0 * peak);
+            let [speed, acceleration, angular_speed, angular_acceleration] = twice;
+            let least = Peaks { speed, acceleration, angular_speed, angular_acceleration };
+            for (found, twice) in all(passage.peaks(&least)).into_iter().zip(twice) {
+                prop_assert!((1.0..=1.0 + EXACT).contains(&(found / twice)), "{found} {twice}");
+            }
+        }
+    }
 
     #[test]
     fn the_polynomial_has_both_ends_and_its_own_derivatives() {

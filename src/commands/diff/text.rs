@@ -11,7 +11,10 @@ use super::{
     inputs::{InputChange, Source},
     values::Asked,
 };
-use crate::{commands::query::page::cut, numbers::number, report};
+use crate::{
+    numbers::number,
+    report::{self, cut},
+};
 
 /// Rows of a list that are shown.
 const ROWS: usize = 20;

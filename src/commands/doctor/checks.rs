@@ -5,8 +5,8 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Advise, Failure, Outside, Pipeline, Stage, StageEntry, readiness};
-use stage_dispatch::Dispatch;
+use dataflow::{Advise, Failure, Outside, Pipeline, StageEntry, readiness};
+use stage_dispatch::{Dispatch, DispatchConfig};
 
 use super::{Check, State};
 use crate::report;
@@ -70,15 +70,12 @@ pub(super) fn robot_cells(pipeline: &Pipeline) -> Vec<Check> {
     pipeline
         .stages
         .iter()
-        .filter(|stage| stage.kind.name == Dispatch::KIND)
-        .map(robot_cell)
+        .filter_map(|stage| Some(robot_cell(stage, stage.options::<Dispatch>()?)))
         .collect()
 }
 
-fn robot_cell(stage: &StageEntry) -> Check {
-    let config = stage.config();
-    let cell = config["cell"].as_str().unwrap_or_default();
-    let name = config["cell_name"].as_str().unwrap_or_default();
+fn robot_cell(stage: &StageEntry, options: &DispatchConfig) -> Check {
+    let (cell, name) = (options.cell.as_str(), options.cell_name.as_str());
     let address = ["tcp/", "tls/"]
         .iter()
         .find_map(|way| cell.strip_prefix(way));
@@ -100,13 +97,13 @@ fn robot_cell(stage: &StageEntry) -> Check {
         Err(reason) => Check::new(
             State::Missing,
             "robot cell",
-            format!("`{name}` at `{cell}` does not answer: {reason}"),
+            format!("nothing answers at `{cell}`, where `{name}` should be: {reason}"),
         )
         .with_hint(format!(
             "start the cell, or try the simulated one with `--set {}.cell=simulated`",
             stage.name
         )),
-        Ok(()) if config["execute"] == true => Check::new(
+        Ok(()) if options.execute => Check::new(
             State::Ok,
             "robot cell",
             format!("`{name}` takes connections at `{cell}`, and may be moved"),

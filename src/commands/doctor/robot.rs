@@ -3,12 +3,15 @@
 
 use std::{
     collections::BTreeSet,
+    convert::Infallible,
     fs::File,
     io::{self, Read},
-    path::{Path, PathBuf},
+    path::Path,
 };
 
-use robot::{Bodies, Finding, MAX_URDF_BYTES, Part, RobotModel, Severity};
+use dataflow::missing;
+use robot::{Bodies, Finding, MAX_URDF_BYTES, Mesh, Part, RobotModel, Severity};
+use robot_meshes::MeshError;
 use stage_retarget::HandTable;
 
 use crate::{
@@ -22,7 +25,7 @@ pub(super) fn check(path: &Path) -> Result<Outcome, Trouble> {
     let bytes = read(path).map_err(|err| {
         Trouble::failed(
             anyhow::Error::from(err).context(format!("cannot read `{shown}`")),
-            Some("give the path of a URDF, e.g. `data/robots/allegro_right.urdf`".to_owned()),
+            Some(format!("give the path of a URDF; {}", missing(path))),
         )
     })?;
     let model = RobotModel::from_urdf_bytes(&bytes).map_err(|err| {
@@ -32,8 +35,9 @@ pub(super) fn check(path: &Path) -> Result<Outcome, Trouble> {
             hint,
         )
     })?;
-    let mut findings = model.examine();
-    findings.extend(missing_meshes(&model, path));
+    let (model, mut findings) = with_mesh_shapes(model, path);
+    findings.extend(model.examine());
+    findings.extend(missing_drawings(&model, path));
     let table = HandTable::proposed(&model);
     if table.is_none() {
         findings.push(Finding {
@@ -50,7 +54,7 @@ pub(super) fn check(path: &Path) -> Result<Outcome, Trouble> {
     if let Some(table) = table {
         let head = "# A first proposal of a hand's table, from the tree alone: look it over, above all its \
                     side and scale.\n";
-        report::data(format!("{head}{}", table.to_toml()).as_bytes());
+        report::data(format!("{head}{}", table.to_toml()).as_bytes())?;
     }
     let mut hints: Vec<&str> = Vec::new();
     for finding in &findings {
@@ -60,17 +64,21 @@ pub(super) fn check(path: &Path) -> Result<Outcome, Trouble> {
             report::line(&format!("hint: {advice}"));
         }
     }
-    let is_wrong = |finding: &&Finding| finding.severity == Severity::Wrong;
-    match findings.iter().filter(is_wrong).count() {
-        0 => Ok(Outcome::Done),
-        n => {
+    let count = |severity| {
+        let such = findings
+            .iter()
+            .filter(|finding| finding.severity == severity);
+        such.count()
+    };
+    let trouble = match (count(Severity::Missing), count(Severity::Wrong)) {
+        (0, 0) => return Ok(Outcome::Done),
+        (0, n) => {
             let places = if n == 1 { "place" } else { "places" };
-            Err(Trouble::failed(
-                anyhow::anyhow!("`{shown}` describes what cannot be, in {n} {places}"),
-                None,
-            ))
+            format!("`{shown}` describes what cannot be, in {n} {places}")
         }
-    }
+        (n, _) => format!("`{shown}` cannot be used: {n} missing"),
+    };
+    Err(Trouble::failed(anyhow::anyhow!(trouble), None))
 }
 
 /// Reads no more of a file than a URDF can have, and one byte by which a larger one is known.
@@ -164,6 +172,7 @@ fn findings_by_kind(findings: &[Finding]) -> Vec<Vec<String>> {
     }
     kinds.sort_by_key(|(severity, ..)| *severity);
     let word = |severity| match severity {
+        Severity::Missing => "missing",
         Severity::Wrong => "wrong",
         Severity::Doubtful => "doubtful",
         Severity::Note => "note",
@@ -200,52 +209,55 @@ fn names(parts: &[&Part]) -> String {
     parts.iter().map(name).collect::<Vec<_>>().join(", ")
 }
 
-/// Looks for the meshes that the robot names.
-fn missing_meshes(model: &RobotModel, urdf: &Path) -> Option<Finding> {
-    let mut missing: BTreeSet<&str> = BTreeSet::new();
-    for mesh in model.links().iter().flat_map(|link| &link.meshes) {
-        if !candidates(&mesh.file, urdf)
-            .iter()
-            .any(|path| path.exists())
-        {
-            missing.insert(&mesh.file);
-        }
+/// Reads the meshes that the robot collides with; those that cannot be had are findings.
+fn with_mesh_shapes(model: RobotModel, urdf: &Path) -> (RobotModel, Vec<Finding>) {
+    let mut findings: Vec<Finding> = Vec::new();
+    let read = model.with_mesh_shapes(|link, mesh| {
+        let bodies = robot_meshes::convex_bodies(link, mesh, urdf);
+        Ok::<_, Infallible>(bodies.unwrap_or_else(|err| {
+            findings.push(missing_shape(link, mesh, err));
+            Vec::new()
+        }))
+    });
+    let Ok(model) = read;
+    (model, findings)
+}
+
+fn missing_shape(link: &str, mesh: &Mesh, err: MeshError) -> Finding {
+    let advice = err.hint().unwrap_or_default();
+    let file = &mesh.file;
+    let problem = match err {
+        MeshError::Missing { .. } => format!("collides with the mesh `{file}`, which is not there"),
+        err => format!(
+            "collides with the mesh `{file}`, which cannot be used: {}",
+            report::chain(&anyhow::Error::from(err))
+        ),
+    };
+    Finding {
+        severity: Severity::Missing,
+        part: Part::Link(link.to_owned()),
+        problem,
+        advice,
     }
+}
+
+/// Looks for the meshes that are only drawn.
+fn missing_drawings(model: &RobotModel, urdf: &Path) -> Option<Finding> {
+    let meshes = model.links().iter().flat_map(|link| &link.meshes);
+    let missing: BTreeSet<&str> = meshes
+        .filter(|mesh| !mesh.is_collision && robot_meshes::find(&mesh.file, urdf).is_none())
+        .map(|mesh| mesh.file.as_str())
+        .collect();
     let first = missing.first()?;
     Some(Finding {
         severity: Severity::Note,
         part: Part::Robot,
         problem: match missing.len() {
-            1 => format!("names a mesh that is not there: `{first}`"),
-            n => format!("names {n} meshes that are not there, the first `{first}`"),
+            1 => format!("is drawn with a mesh that is not there: `{first}`"),
+            n => format!("is drawn with {n} meshes that are not there, the first `{first}`"),
         },
-        advice:
-            "meshes are only for viewers, nothing here opens them: put them where the URDF says, \
-                 relative to it or to a folder above it that has the package's name"
-                .to_owned(),
+        advice: "nothing but a viewer needs them: put them where the URDF says, relative to it or \
+                 to a folder above it that has the package's name"
+            .to_owned(),
     })
-}
-
-/// Where a mesh may be: a path beside the URDF, or in a package among the folders above it.
-fn candidates(file: &str, urdf: &Path) -> Vec<PathBuf> {
-    let folder = urdf.parent().unwrap_or(Path::new(""));
-    if let Some(path) = file.strip_prefix("file://") {
-        return vec![PathBuf::from(path)];
-    }
-    let Some(in_package) = file
-        .strip_prefix("package://")
-        .or_else(|| file.strip_prefix("model://"))
-    else {
-        return vec![folder.join(file)];
-    };
-    let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
-    let below = in_package.split_once('/').map(|(_, below)| below);
-    absolute
-        .ancestors()
-        .flat_map(|above| {
-            let with_name = above.join(in_package);
-            let without = below.map(|below| above.join(below));
-            std::iter::once(with_name).chain(without)
-        })
-        .collect()
 }

@@ -30,14 +30,44 @@ pub(super) fn json(value: &AnyValue) -> serde_json::Value {
             .parse::<f64>()
             .map_or_else(|_| serde_json::Value::Null, serde_json::Value::from),
         AnyValue::Float64(value) => (*value).into(),
-        AnyValue::String(text) => (*text).into(),
+        AnyValue::UInt64(value) => (*value).into(),
         AnyValue::List(values) | AnyValue::Array(values, _) => {
             values.iter().map(|value| json(&value)).collect()
         }
+        AnyValue::Struct(..) | AnyValue::StructOwned(_) => object(value),
         other => match (other.extract::<i64>(), other.is_integer()) {
             (Some(whole), true) => whole.into(),
-            _ => other.to_string().into(),
+            _ => text(other).into(),
         },
+    }
+}
+
+/// The fields of a structure by name.
+fn object(value: &AnyValue) -> serde_json::Value {
+    let AnyValue::StructOwned(parts) = value.clone().into_static() else {
+        return serde_json::Value::Null;
+    };
+    let (values, fields) = *parts;
+    let named = fields.iter().zip(&values);
+    named
+        .map(|(field, value)| (field.name().to_string(), json(value)))
+        .collect()
+}
+
+/// A value as text that a program reads; a moment as ISO 8601 writes it.
+pub(super) fn text(value: &AnyValue) -> String {
+    match value {
+        AnyValue::Null => String::new(),
+        AnyValue::String(text) => (*text).to_owned(),
+        AnyValue::StringOwned(text) => text.to_string(),
+        AnyValue::Datetime(..) | AnyValue::DatetimeOwned(..) => {
+            value.to_string().replacen(' ', "T", 1)
+        }
+        AnyValue::List(_)
+        | AnyValue::Array(..)
+        | AnyValue::Struct(..)
+        | AnyValue::StructOwned(_) => json(value).to_string(),
+        other => other.to_string(),
     }
 }
 

@@ -1,6 +1,7 @@
 //! What is wrong with a question, in the project's words and with the near name.
 
 use dataflow::nearest;
+use lake::Lake;
 use polars::prelude::*;
 
 use crate::outcome::Trouble;
@@ -12,11 +13,26 @@ const PARSER: &str = "sql parser error: ";
 const EXAMPLE: &str =
     "write it as, e.g., `select object, count(*) as n from rollouts group by object`";
 
-/// Says what is wrong with a question; what it names is looked for among these tables.
-pub(super) fn explain(err: &PolarsError, sql: &str, tables: &[(String, LazyFrame)]) -> Trouble {
+/// Says why a question cannot be read.
+pub(super) fn unreadable(text: &str) -> Trouble {
+    let text = text.strip_prefix(PARSER).unwrap_or(text);
+    Trouble::usage(format!("cannot read the question: {text}"), EXAMPLE)
+}
+
+/// Says what is wrong with a question; the tables that it names are those that were opened for it.
+pub(super) fn explain(
+    err: &PolarsError,
+    sql: &str,
+    lake: &Lake,
+    tables: &[(String, LazyFrame)],
+) -> Trouble {
     let text = message(err);
     if let Some(table) = between(&text, "relation '", "' was not found") {
-        let names: Vec<&str> = tables.iter().map(|(name, _)| name.as_str()).collect();
+        // What cannot be listed is not needed to say what is wrong.
+        let shown = lake.tables().unwrap_or_default();
+        let mut names: Vec<&str> = shown.iter().map(String::as_str).collect();
+        names.extend(Lake::history_tables());
+        names.sort_unstable();
         let list = format!("the tables are: {}", names.join(", "));
         return Trouble::usage(
             format!("no table `{table}`"),
@@ -24,7 +40,7 @@ pub(super) fn explain(err: &PolarsError, sql: &str, tables: &[(String, LazyFrame
         );
     }
     if let Some(column) = missing_column(&text) {
-        let columns = columns(&text, sql, tables);
+        let columns = columns(&text, tables);
         let list = format!("the columns are: {}", columns.join(", "));
         return Trouble::usage(
             format!("no column `{column}`"),
@@ -32,16 +48,26 @@ pub(super) fn explain(err: &PolarsError, sql: &str, tables: &[(String, LazyFrame
         );
     }
     if let Some(text) = text.strip_prefix(PARSER) {
-        return Trouble::usage(format!("cannot read the question: {text}"), EXAMPLE);
+        return unreadable(text);
     }
     let message = format!("cannot answer the question: {text}");
-    match innermost(err) {
-        PolarsError::SQLSyntax(_) => Trouble::usage(message, EXAMPLE),
-        PolarsError::SQLInterface(_) => Trouble::Usage {
-            message,
-            hint: None,
-        },
-        _ => Trouble::failed(anyhow::anyhow!(message), None),
+    if is_of_the_lake(innermost(err), sql) {
+        let hint = "`pipeline verify` says what is damaged in the lake".to_owned();
+        return Trouble::failed(anyhow::anyhow!(message), Some(hint));
+    }
+    Trouble::usage(message, EXAMPLE)
+}
+
+/// Whether a table could not be read, and not that the question asks what cannot be.
+fn is_of_the_lake(err: &PolarsError, sql: &str) -> bool {
+    match err {
+        // A file of one's own is named in the question.
+        PolarsError::IO { error, .. } => {
+            let is_named = sql.to_lowercase().contains("read_parquet");
+            error.kind() != std::io::ErrorKind::NotFound || !is_named
+        }
+        PolarsError::ComputeError(text) => text.to_lowercase().contains("parquet"),
+        _ => false,
     }
 }
 
@@ -90,16 +116,13 @@ fn between<'t>(text: &'t str, start: &str, end: &str) -> Option<&'t str> {
 }
 
 /// The columns that the error lists as there, or else those of the tables that the question names.
-fn columns(text: &str, sql: &str, tables: &[(String, LazyFrame)]) -> Vec<String> {
+fn columns(text: &str, tables: &[(String, LazyFrame)]) -> Vec<String> {
     if let Some(list) = between(text, "valid columns: [", "]") {
         let words = list.split(", ").map(|word| word.trim_matches('"'));
         return words.map(str::to_owned).collect();
     }
     let mut columns = Vec::new();
-    for (name, frame) in tables {
-        if !sql.contains(name.as_str()) {
-            continue;
-        }
+    for (_, frame) in tables {
         // A table that cannot be read has no columns to offer.
         if let Ok(schema) = frame.clone().collect_schema() {
             columns.extend(schema.iter_names().map(ToString::to_string));

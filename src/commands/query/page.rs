@@ -2,6 +2,8 @@
 
 use std::io::{self, IsTerminal};
 
+use crate::report::{self, LEFT_OUT};
+
 /// Rows shown on a terminal.
 const ROWS: usize = 40;
 
@@ -13,9 +15,6 @@ const NARROW: usize = 12;
 
 /// Characters between two columns.
 const GAP: usize = 2;
-
-/// What stands for what is left out.
-pub(super) const LEFT_OUT: &str = "…";
 
 /// The space for a table; unlimited where it is not shown to people.
 #[derive(Debug, Clone, Copy, Default)]
@@ -29,16 +28,10 @@ pub(crate) struct Page {
 impl Page {
     /// Returns the space on stdout. `COLUMNS` sets the width, also where stdout is no terminal.
     pub(crate) fn of_stdout() -> Self {
-        let asked = std::env::var("COLUMNS").ok();
-        let asked = asked.and_then(|text| text.trim().parse().ok());
-        let is_terminal = io::stdout().is_terminal();
-        let found = || {
-            let size = terminal_size::terminal_size().filter(|_| is_terminal);
-            size.map(|(width, _)| usize::from(width.0))
-        };
+        let stdout = io::stdout();
         Self {
-            width: asked.or_else(found).filter(|&width| width > 0),
-            rows: is_terminal.then_some(ROWS),
+            width: report::width_of(&stdout),
+            rows: stdout.is_terminal().then_some(ROWS),
         }
     }
 
@@ -111,16 +104,6 @@ fn shrink(wishes: &[Wish], width: usize) -> Option<Vec<usize>> {
     Some(widths)
 }
 
-/// Cuts text to a width, with a mark in place of what is cut.
-pub(crate) fn cut(text: &str, width: usize) -> String {
-    if text.chars().count() <= width {
-        return text.to_owned();
-    }
-    let kept = width.saturating_sub(LEFT_OUT.chars().count());
-    let kept: String = text.chars().take(kept).collect();
-    format!("{}{LEFT_OUT}", kept.trim_end())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -141,13 +124,6 @@ mod tests {
         let used = widths.iter().sum::<usize>() + GAP * widths.len() + 1;
         assert!(used <= 40, "{widths:?}");
         assert_eq!(fit(&[Wish::numbers(3, 30)], 10), [10]);
-    }
-
-    #[test]
-    fn cut_text_says_so() {
-        assert_eq!(cut("pitcher", 7), "pitcher");
-        assert_eq!(cut("pitcher_base", 7), "pitche…");
-        assert_eq!(cut("äöüäöü", 3), "äö…");
     }
 
     #[test]

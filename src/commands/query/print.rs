@@ -4,9 +4,9 @@ use polars::prelude::*;
 
 use super::{
     cells,
-    page::{LEFT_OUT, Page, Wish, cut, fit},
+    page::{Page, Wish, fit},
 };
-use crate::report;
+use crate::report::{self, LEFT_OUT, cut};
 
 /// A table for people.
 pub(super) struct Printed {
@@ -115,40 +115,42 @@ fn fit_columns(columns: &mut Vec<(Vec<String>, bool)>, width: usize) -> Vec<Stri
 }
 
 /// Comma-separated values with a header; lists as JSON in one cell.
-pub(super) fn csv(answer: &mut DataFrame) -> PolarsResult<Vec<u8>> {
-    let nested: Vec<Column> = answer
-        .columns()
-        .iter()
-        .filter(|column| column.dtype().is_nested())
-        .cloned()
-        .collect();
-    for column in nested {
-        let mut texts = Vec::with_capacity(column.len());
-        for row in 0..column.len() {
-            texts.push(match column.get(row)? {
-                AnyValue::Null => None,
-                value => Some(cells::json(&value).to_string()),
-            });
+pub(super) fn csv(answer: &DataFrame) -> anyhow::Result<Vec<u8>> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(
+        answer
+            .columns()
+            .iter()
+            .map(|column| column.name().as_bytes()),
+    )?;
+    for row in 0..answer.height() {
+        for column in answer.columns() {
+            writer.write_field(cells::text(&column.get(row)?))?;
         }
-        let text = Column::new(column.name().clone(), texts);
-        answer.with_column(text)?;
+        writer.write_record(None::<&[u8]>)?;
     }
-    let mut bytes = Vec::new();
-    CsvWriter::new(&mut bytes).finish(answer)?;
-    Ok(bytes)
+    Ok(writer.into_inner()?)
 }
 
 /// One JSON object per line.
-pub(super) fn json_lines(answer: &mut DataFrame) -> PolarsResult<Vec<u8>> {
+pub(super) fn json_lines(answer: &DataFrame) -> anyhow::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    JsonWriter::new(&mut bytes)
-        .with_json_format(JsonFormat::JsonLines)
-        .finish(answer)?;
+    for row in 0..answer.height() {
+        let mut separator = b'{';
+        for column in answer.columns() {
+            bytes.push(separator);
+            separator = b',';
+            serde_json::to_writer(&mut bytes, column.name().as_str())?;
+            bytes.push(b':');
+            serde_json::to_writer(&mut bytes, &cells::json(&column.get(row)?))?;
+        }
+        bytes.extend_from_slice(b"}\n");
+    }
     Ok(bytes)
 }
 
 /// A Parquet file.
-pub(super) fn parquet(answer: &mut DataFrame) -> PolarsResult<Vec<u8>> {
+pub(super) fn parquet(answer: &mut DataFrame) -> anyhow::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     ParquetWriter::new(&mut bytes).finish(answer)?;
     Ok(bytes)
@@ -205,8 +207,8 @@ mod tests {
     #[test]
     fn lists_in_csv_are_json() {
         let list = Series::new("list".into(), [Series::new("".into(), [0.1, 0.2])]);
-        let mut answer = df!("list" => list).unwrap();
-        let text = String::from_utf8(csv(&mut answer).unwrap()).unwrap();
+        let answer = df!("list" => list).unwrap();
+        let text = String::from_utf8(csv(&answer).unwrap()).unwrap();
         assert_eq!(text, "list\n\"[0.1,0.2]\"\n");
     }
 }

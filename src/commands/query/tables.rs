@@ -1,12 +1,17 @@
 //! The lake's tables, under the names by which questions call them.
 
-use std::{fs, path::Path, sync::Arc};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    ffi::OsStr,
+    path::PathBuf,
+    sync::Arc,
+};
 
-use lake::{Lake, Run, table};
+use lake::{Lake, Run, TableFiles};
 use polars::{prelude::*, sql::SQLContext};
 
-use super::{faults, one_run};
-use crate::outcome::Trouble;
+use super::{artifacts, faults};
+use crate::{commands::chosen, outcome::Trouble};
 
 /// What stands before a table's name to mean the rows of all runs.
 const ALL: &str = "all_";
@@ -18,57 +23,76 @@ pub(super) const STAGE: &str = "stage";
 pub(super) const FINGERPRINT: &str = "fingerprint";
 
 /// The lake's tables, ready to be asked.
-pub(super) struct Tables {
+pub(super) struct Tables<'a> {
+    lake: &'a Lake,
     known: Vec<(String, LazyFrame)>,
     /// Tables of which so many partitions are no longer in the lake.
     pub(super) collected: Vec<(String, usize)>,
     context: SQLContext,
 }
 
-impl Tables {
-    /// Opens every table; nothing of it is read before a question asks for it. Tables of all runs
-    /// are many files, and are opened only where `sql` names one.
+impl<'a> Tables<'a> {
+    /// Opens the tables that `sql` names: exactly the files that the records name, each of which is
+    /// read once to make sure that it holds what the records say.
     ///
     /// The tables of artifacts are as `run` had them, or else each as the newest run that made it.
-    pub(super) fn open(lake: &Lake, sql: &str, run: Option<&Run>) -> Result<Self, Trouble> {
+    pub(super) fn open(lake: &'a Lake, sql: &str, run: Option<&Run>) -> Result<Self, Trouble> {
         let mut tables = Self {
+            lake,
             known: Vec::new(),
             collected: Vec::new(),
             context: SQLContext::new(),
         };
-        match run {
-            Some(run) => {
-                for table in one_run::tables(lake, run)? {
-                    check(lake, sql, &table.name, &lake.every_folder(&table.name))?;
-                    if table.n_collected > 0 && sql.contains(&table.name) {
-                        tables
-                            .collected
-                            .push((table.name.clone(), table.n_collected));
-                    }
-                    if let Some(frame) = table.frame {
-                        tables.register(table.name, frame);
-                    }
-                }
-            }
-            None => {
-                for newest in lake.newest_tables()? {
-                    check(lake, sql, &newest.table, &newest.folder)?;
-                    tables.register(newest.table, scan(&newest.folder).map_err(failed)?);
-                }
-            }
-        }
-        for (name, folder) in lake.history_tables()? {
-            check(lake, sql, &name, &folder)?;
-            tables.register(name, scan(&folder).map_err(failed)?);
-        }
-        tables.open_all_runs(lake, sql)?;
-        if tables.known.is_empty() {
+        let names = names(lake, run)?;
+        if names.is_empty() {
             return Err(Trouble::usage(
                 format!("no tables in the lake `{}`", lake.root().display()),
-                "make some with `pipeline run pipelines/cgf.toml`, or name another lake with `--lake DIR`",
+                format!(
+                    "{}, or name another lake with `--lake DIR`",
+                    chosen::begin()
+                ),
             ));
         }
+        let is_in_word = |c: char| c.is_alphanumeric() || c == '_';
+        let words: BTreeSet<&str> = sql.split(|c| !is_in_word(c)).collect();
+        for name in names {
+            if words.contains(name.as_str()) {
+                let files = match run {
+                    Some(run) => lake.table_of_run(&name, run)?,
+                    None => lake.newest_table(&name)?,
+                };
+                tables.note_collected(&name, &files);
+                if let Some(frame) = artifacts::table(&files).map_err(failed)? {
+                    tables.register(name.clone(), frame);
+                }
+            }
+            let all = format!("{ALL}{name}");
+            if words.contains(all.as_str()) {
+                let files = lake.table_of_all_runs(&name)?;
+                tables.note_collected(&all, &files);
+                let units = history(&lake.history_table("units")?).map_err(failed)?;
+                if let Some(units) = units
+                    && let Some(frame) =
+                        artifacts::of_all_runs(&files, &name, units).map_err(failed)?
+                {
+                    tables.register(all, frame);
+                }
+            }
+        }
+        for name in Lake::history_tables() {
+            if words.contains(name)
+                && let Some(frame) = history(&lake.history_table(name)?).map_err(failed)?
+            {
+                tables.register(name.to_owned(), frame);
+            }
+        }
         Ok(tables)
+    }
+
+    fn note_collected(&mut self, name: &str, files: &TableFiles) {
+        if files.n_collected > 0 {
+            self.collected.push((name.to_owned(), files.n_collected));
+        }
     }
 
     fn register(&mut self, name: String, frame: LazyFrame) {
@@ -76,74 +100,57 @@ impl Tables {
         self.known.push((name, frame));
     }
 
-    /// Opens the tables of all runs that a question names.
-    fn open_all_runs(&mut self, lake: &Lake, sql: &str) -> Result<(), Trouble> {
-        let units = self.known.iter().find(|(name, _)| name == "units");
-        let Some((_, units)) = units.cloned() else {
-            return Ok(());
-        };
-        for table in lake.tables()? {
-            let name = format!("{ALL}{table}");
-            if sql.contains(&name) && lake.every_folder(&table).is_dir() {
-                check(lake, sql, &name, &lake.every_folder(&table))?;
-                let frame = of_all_runs(lake, &table, &units).map_err(failed)?;
-                self.register(name, frame);
-            }
-        }
-        Ok(())
-    }
-
     /// Answers one question.
     pub(super) fn answer(mut self, sql: &str) -> Result<DataFrame, Trouble> {
         let answer = self.context.execute(sql).and_then(LazyFrame::collect);
-        answer.map_err(|err| faults::explain(&err, sql, &self.known))
+        answer.map_err(|err| faults::explain(&err, sql, self.lake, &self.known))
     }
 }
 
-/// Makes sure that a table that a question names is not damaged.
-fn check(lake: &Lake, sql: &str, name: &str, folder: &Path) -> Result<(), Trouble> {
-    if sql.contains(name) {
-        lake.check_shown(folder)?;
-    }
-    Ok(())
+/// Names of the artifacts of which there may be a table.
+fn names(lake: &Lake, run: Option<&Run>) -> Result<BTreeSet<String>, Trouble> {
+    let mut names = BTreeSet::new();
+    let newest = if run.is_some() {
+        None
+    } else {
+        names.extend(lake.tables()?);
+        let numbers = lake.runs()?;
+        let newest = numbers.last().map(|&number| lake.run_without_units(number));
+        newest.transpose()?
+    };
+    let outputs = run.or(newest.as_ref()).map(|run| &run.record.outputs);
+    names.extend(
+        outputs
+            .into_iter()
+            .flatten()
+            .map(|output| output.node.artifact.clone()),
+    );
+    Ok(names)
 }
 
 fn failed(err: PolarsError) -> Trouble {
     Trouble::failed(err, None)
 }
 
-/// Every row that any run made of a table, by `run`: what units made, joined to the runs that had
-/// them.
-fn of_all_runs(lake: &Lake, table: &str, units: &LazyFrame) -> PolarsResult<LazyFrame> {
-    let units = units
-        .clone()
-        .filter(col("artifact").eq(lit(table)))
-        .select([col(RUN), col(PIPELINE), col(STAGE), col(FINGERPRINT)]);
-    let made = scan(&lake.every_folder(table))?;
-    Ok(units.join(
-        made,
-        [col(FINGERPRINT)],
-        [col(FINGERPRINT)],
-        JoinArgs::new(JoinType::Inner),
-    ))
-}
-
-/// Opens a folder of Parquet files; the names of folders below it are columns.
-fn scan(folder: &Path) -> PolarsResult<LazyFrame> {
-    let pattern = format!("{}/**/{}", folder.display(), table::FILE);
-    let mut columns = Schema::default();
-    name_columns(folder, &mut columns);
-    // The folders above are columns as well.
-    let above = folder.iter().filter_map(|name| name.to_str());
-    for name in above {
-        add_column(name, &mut columns);
+/// Opens a table of runs; the names of the folders of its files give the column of runs.
+fn history(files: &BTreeMap<u64, PathBuf>) -> PolarsResult<Option<LazyFrame>> {
+    if files.is_empty() {
+        return Ok(None);
     }
-    LazyFrame::scan_parquet(PlRefPath::new(pattern), options(columns))
+    scan(files.values()).map(Some)
 }
 
-/// How files are read of which folders' names give columns.
-pub(super) fn options(columns: Schema) -> ScanArgsParquet {
-    ScanArgsParquet {
+/// Opens files of one form; the names of the folders above them are columns.
+pub(super) fn scan<'f>(files: impl IntoIterator<Item = &'f PathBuf>) -> PolarsResult<LazyFrame> {
+    let mut columns = Schema::default();
+    let mut paths = Vec::new();
+    for path in files {
+        for folder in path.iter().filter_map(OsStr::to_str) {
+            add_column(folder, &mut columns);
+        }
+        paths.push(PlRefPath::new(path.to_string_lossy()));
+    }
+    let options = ScanArgsParquet {
         hive_options: HiveOptions {
             schema: Some(Arc::new(columns)),
             ..HiveOptions::new_enabled()
@@ -151,37 +158,21 @@ pub(super) fn options(columns: Schema) -> ScanArgsParquet {
         // Older runs may have made tables with fewer columns.
         allow_missing_columns: true,
         ..ScanArgsParquet::default()
-    }
+    };
+    LazyFrame::scan_parquet_files(paths.into(), options)
 }
 
-/// The columns that folders below one are named for: text, so that the key `042` is not 42, except
-/// for numbers of runs.
-fn name_columns(folder: &Path, columns: &mut Schema) {
-    let Ok(entries) = fs::read_dir(folder) else {
+/// Adds the column for which a folder is named.
+///
+/// Text, so that the key `042` is not 42, except for numbers of runs.
+fn add_column(folder: &str, columns: &mut Schema) {
+    let Some((column, _)) = folder.split_once('=') else {
         return;
     };
-    let mut here: Vec<String> = Vec::new();
-    for entry in entries.flatten() {
-        let name = entry.file_name().to_string_lossy().into_owned();
-        let Some(column) = add_column(&name, columns) else {
-            continue;
-        };
-        // Other partitions of a stage have no other columns.
-        if [PIPELINE, STAGE].contains(&column.as_str()) || !here.contains(&column) {
-            name_columns(&entry.path(), columns);
-            here.push(column);
-        }
-    }
-}
-
-/// Adds the column for which a folder is named, and returns it.
-pub(super) fn add_column(folder: &str, columns: &mut Schema) -> Option<String> {
-    let (column, _) = folder.split_once('=')?;
     let kind = if column == RUN {
         DataType::Int64
     } else {
         DataType::String
     };
     columns.insert(column.into(), kind);
-    Some(column.to_owned())
 }

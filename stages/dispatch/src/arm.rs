@@ -15,7 +15,7 @@ mod way;
 use nalgebra::Isometry3;
 use robot::{Chain, RobotModel};
 
-use crate::DispatchError;
+use crate::{DispatchError, limits::Most};
 use clearance::Clearance;
 pub use config::ArmConfig;
 pub(crate) use path::{ArmMoving, ArmPath};
@@ -34,9 +34,8 @@ pub(crate) struct Arm {
     /// Which of the robot's joints each joint of the hand is.
     fingers: Vec<usize>,
     base_from_table: Isometry3<f64>,
-    /// Largest speed and acceleration of each joint of the arm.
-    velocity: Vec<f64>,
-    acceleration: Vec<f64>,
+    /// How fast each joint of the arm may move.
+    limits: Vec<Most>,
     clearance: Clearance,
 }
 
@@ -45,7 +44,7 @@ impl Arm {
     ///
     /// # Errors
     ///
-    /// Fails if an option cannot be used, if the URDF cannot be read, if the arm has not six joints with
+    /// Fails if an option cannot be used, if the URDF or a mesh that it collides with cannot be read, if the arm has not six joints with
     /// speeds, and if what it carries is not the hand.
     pub(crate) fn new(
         config: &ArmConfig,
@@ -58,6 +57,7 @@ impl Arm {
             path: config.robot.clone(),
             source,
         })?;
+        let robot = robot_meshes::with_mesh_shapes(robot, &config.robot)?;
         let of_palm = |err: robot::RobotError| wrong("arm.palm", err.to_string());
         let palm = robot.require_link(&config.palm).map_err(of_palm)?;
         let chain = Chain::to_link(&robot, &config.palm).map_err(of_palm)?;
@@ -79,10 +79,12 @@ impl Arm {
             let problem = format!("it gives joint `{}` no speed", joint.name);
             return Err(wrong("arm.robot", problem));
         }
-        let velocity = joints().map(|joint| joint.velocity * config.velocity_scale);
+        let limits = joints().map(|joint| Most {
+            velocity: joint.velocity * config.velocity_scale,
+            acceleration: config.acceleration_rad_per_s2,
+        });
         Ok(Self {
-            velocity: velocity.collect(),
-            acceleration: vec![config.acceleration_rad_per_s2; JOINTS],
+            limits: limits.collect(),
             clearance: Clearance::new(&robot, palm, config.clearance_m),
             base_from_table: config.table_from_base()?.isometry().inverse(),
             config: config.clone(),
@@ -98,14 +100,13 @@ impl Arm {
         joints.map(|joint| joint.name.clone()).collect()
     }
 
-    /// Returns the largest speed of each joint of the arm in rad/s, and the largest acceleration in rad/s²
-    /// (in meters if prismatic).
-    pub(crate) fn limits(&self) -> (Vec<f64>, Vec<f64>) {
-        (self.velocity.clone(), self.acceleration.clone())
+    /// Returns how fast each joint of the arm may move.
+    pub(crate) fn limits(&self) -> &[Most] {
+        &self.limits
     }
 
     /// The arm's joints, from its foot to the hand.
-    fn joints(&self) -> impl Iterator<Item = &robot::Joint> {
+    pub(crate) fn joints(&self) -> impl Iterator<Item = &robot::Joint> {
         let joints = self.chain.joints().iter();
         joints.filter_map(|&idx| self.robot.joints().get(idx))
     }

@@ -6,16 +6,15 @@ use std::{
 };
 
 use cell::{
-    Access, Capabilities, CellArm, CellClient, Gap, ObjectError, Service, SimulatedCell,
-    SimulatedCellConfig,
+    Access, Capabilities, Carrier, CellArm, CellClient, Gap, Goal, ObjectError, Offer, Service,
+    SimulatedCell, SimulatedCellConfig,
 };
 use schemas::objects::Object;
-use serde::{Deserialize, Deserializer, de::Error as _};
 use simulation::ObjectShape;
 
 use crate::{
     ArmConfig, DispatchConfig, DispatchError,
-    config::{SIMULATED, SimulatedConfig},
+    config::{MOST_HZ, SIMULATED, SimulatedConfig},
     robots::Robots,
 };
 
@@ -40,18 +39,19 @@ struct Asked {
 
 /// A cell that answered.
 pub(crate) struct Connected {
-    pub(crate) client: CellClient,
+    pub(crate) client: Arc<CellClient>,
     pub(crate) capabilities: Capabilities,
     /// Keeps the simulated cell alive.
     _simulated: Option<Arc<SimulatedCell>>,
 }
 
 /// Connects to the cell that the options ask for, with `object` lying before it; starts the
-/// simulated one if it does not run yet.
+/// simulated one if it does not run yet. It must be able to take goals like `goal`.
 pub(crate) fn connect(
     config: &DispatchConfig,
     robots: &Robots,
     object: &Object,
+    goal: &Goal,
 ) -> Result<Connected, DispatchError> {
     let simulated = if config.cell == SIMULATED {
         let cell = simulated(config, robots)?;
@@ -79,6 +79,7 @@ pub(crate) fn connect(
             hand: config.hand.clone(),
         });
     }
+    check_controllers(&capabilities, goal)?;
     let planned = config.arm.as_ref();
     let planned = planned.map(ArmConfig::table_from_base).transpose()?;
     let planned = planned.map(|pose| pose.to_array());
@@ -95,37 +96,80 @@ pub(crate) fn connect(
         }
     }
     Ok(Connected {
-        client,
+        client: Arc::new(client),
         capabilities,
         _simulated: simulated,
     })
 }
 
-/// Returns how the simulated cell of a `dispatch` stage is set up, which listens at `listen`, from the
-/// stage's options.
+/// Checks that a cell has the controllers that goals tell something.
+fn check_controllers(cell: &Capabilities, goal: &Goal) -> Result<(), DispatchError> {
+    let wrong = |problem: String| DispatchError::Controllers {
+        cell: cell.cell.clone(),
+        problem,
+    };
+    let [carrier, hand] = cell.controllers.as_slice() else {
+        let problem = format!("it has {} controllers, not two", cell.controllers.len());
+        return Err(wrong(problem));
+    };
+    let none = Vec::new();
+    let told = match &goal.carrier {
+        Carrier::Palm(_) => ("palm", &none),
+        Carrier::Arm(arm) => ("arm", &arm.joints),
+    };
+    for (offer, (controller, joints)) in [(carrier, told), (hand, ("hand", &goal.hand.joints))] {
+        check_controller(offer, controller, joints).map_err(wrong)?;
+    }
+    Ok(())
+}
+
+fn check_controller(offer: &Offer, controller: &str, joints: &[String]) -> Result<(), String> {
+    let Offer {
+        controller: found,
+        joints: offered,
+        rate_hz,
+    } = offer;
+    if found != controller {
+        return Err(format!("it has a controller `{found}` for `{controller}`"));
+    }
+    if !(1.0..=MOST_HZ).contains(rate_hz) {
+        return Err(format!(
+            "its controller `{found}` is told something {rate_hz} times a second, expected 1 to {MOST_HZ}"
+        ));
+    }
+    if let Some(joint) = joints.iter().find(|&joint| !offered.contains(joint)) {
+        return Err(format!("its controller `{found}` has no joint `{joint}`"));
+    }
+    if let Some(joint) = offered.iter().find(|&joint| !joints.contains(joint)) {
+        return Err(format!(
+            "no goal tells joint `{joint}` of its controller `{found}` anything"
+        ));
+    }
+    if offered.len() != joints.len() {
+        return Err(format!("its controller `{found}` names a joint twice"));
+    }
+    Ok(())
+}
+
+/// Returns how the simulated cell of a `dispatch` stage is set up, which listens at `listen`.
 ///
 /// # Errors
 ///
-/// Fails if they are not the options of a `dispatch` stage.
-pub fn simulated_cell<'de, D: Deserializer<'de>>(
-    options: D,
+/// Fails if the arm's URDF cannot be read, or its foot stands nowhere.
+pub fn simulated_cell(
+    config: &DispatchConfig,
     listen: String,
-) -> Result<SimulatedCellConfig, D::Error> {
-    let Options {
-        cell_name,
-        simulated,
-        arm,
-    } = Options::deserialize(options)?;
-    let arm = arm.map(|options| {
-        let urdf = fs::read_to_string(&options.robot).map_err(|err| {
-            D::Error::custom(format!(
-                "cannot read the arm's URDF `{}`: {err}",
-                options.robot.display()
-            ))
-        })?;
-        arm_of(&options, urdf).map_err(D::Error::custom)
+) -> Result<SimulatedCellConfig, DispatchError> {
+    let arm = config.arm.as_ref().map(|options| {
+        let urdf =
+            fs::read_to_string(&options.robot).map_err(|source| DispatchError::ReadHand {
+                path: options.robot.clone(),
+                source,
+            })?;
+        arm_of(options, urdf)
     });
-    Ok(setup(cell_name, listen, simulated, arm.transpose()?))
+    let (name, simulated) = (config.cell_name.clone(), config.simulated.clone());
+    Ok(setup(name, listen, simulated, arm.transpose()?))
 }
 
 /// Returns the arm of a simulated cell.
@@ -135,15 +179,6 @@ fn arm_of(options: &ArmConfig, urdf: String) -> Result<CellArm, DispatchError> {
         palm: options.palm.clone(),
         table_from_base: *options.table_from_base()?.isometry(),
     })
-}
-
-/// The options that describe the simulated cell.
-#[derive(Deserialize)]
-struct Options {
-    cell_name: String,
-    simulated: SimulatedConfig,
-    #[serde(default)]
-    arm: Option<ArmConfig>,
 }
 
 fn setup(
@@ -188,9 +223,10 @@ fn simulated(
     }
     // One with other options stops first: it may hold the port.
     *running = None;
-    let cell = Arc::new(SimulatedCell::start(
+    let cell = Arc::new(SimulatedCell::start_with(
         asked.config.clone(),
         &robots.hand_urdf,
+        robots.hand.clone(),
     )?);
     *running = Some(Running {
         asked,

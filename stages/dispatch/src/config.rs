@@ -2,10 +2,11 @@
 
 use std::{collections::BTreeMap, path::PathBuf, time::Duration};
 
-use cell::{Capabilities, Keys};
+use cell::{Access, Capabilities, CellError, Keys};
+use dataflow::{Advise, OptionFault, OptionFaults};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use simulation::{Protocol, SceneConfig};
+use simulation::{Protocol, SceneConfig, SettingFault};
 
 use crate::{ArmConfig, DispatchError, LimitsConfig};
 
@@ -15,8 +16,17 @@ pub(crate) const SIMULATED: &str = "simulated";
 /// Longest timeout accepted, in seconds.
 const DAY_S: f64 = 86_400.0;
 
+/// Most motions of one object.
+const MOST_MOTIONS: usize = 1_000_000;
+
+/// Longest time, in seconds, after which a simulated cell does what it is told.
+const LATEST_S: f64 = 10.0;
+
+/// Greatest error of the simulated cell, in meters and radians.
+const MOST_ERROR: f64 = 1000.0;
+
 /// Highest rate accepted, in 1/s: ten times that of the fastest controllers.
-const MOST_HZ: f64 = 10_000.0;
+pub(crate) const MOST_HZ: f64 = 10_000.0;
 
 /// Options of `kind = "dispatch"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -32,7 +42,8 @@ pub struct DispatchConfig {
     pub access: Option<PathBuf>,
     /// The cell's name in its keys, `cgf/cell/NAME/…`.
     pub cell_name: String,
-    /// Where the simulated cell listens, on the loopback interface; port 0 takes any free one.
+    /// Where the simulated cell listens, on the loopback interface; port 0 takes any free one, which lets
+    /// several runs go at once, another one can be watched at, e.g. `tcp/127.0.0.1:7447`.
     // Where a cell listens does not change what it does.
     #[serde(skip_serializing)]
     pub listen: String,
@@ -43,6 +54,11 @@ pub struct DispatchConfig {
     pub per_object: usize,
     /// Number of this attempt: raise it to have motions executed again by a cell that knows them.
     pub attempt: u32,
+    /// Whether motions that a person stopped before this run are sent again, each as a goal of its own;
+    /// without it they are told and left alone.
+    // What was stopped is to be moved again, nothing that was decided is to be decided again.
+    #[serde(default, skip_serializing)]
+    pub resume_stopped: bool,
     /// How long the cell gets to say whether it takes a goal (s).
     pub answer_timeout_s: f64,
     /// How long the cell gets to execute a motion (s).
@@ -100,6 +116,32 @@ pub struct SimulatedConfig {
 }
 
 impl DispatchConfig {
+    /// Returns what is wrong with the options beyond their types.
+    pub(crate) fn faults(&self) -> Vec<OptionFault> {
+        let mut faults = OptionFaults::default();
+        let arm = self.arm.as_ref().map_or(Ok(()), ArmConfig::check);
+        for checked in [self.check(), self.limits.check(), arm] {
+            match checked {
+                Ok(()) => {}
+                Err(DispatchError::BadOption { key, problem }) => faults.note(key, problem),
+                Err(other) => {
+                    let hint = other.hint().map(|hint| format!("; {hint}"));
+                    let problem = format!("{other}{}", hint.unwrap_or_default());
+                    faults.note(option_behind(&other), problem);
+                }
+            }
+        }
+        let why = "they are sent one after the other";
+        faults.within("per_object", self.per_object, 0..=MOST_MOTIONS, why);
+        let why = "it is an angle by which a joint may be off";
+        let tolerance_rad = self.start_tolerance_rad;
+        faults.within("start_tolerance_rad", tolerance_rad, 0.0..=MOST_ERROR, why);
+        let grasp = self.grasp.faults(&self.simulated.scene);
+        faults.of_table("grasp", option_faults(grasp));
+        faults.of_table("simulated", self.simulated.faults());
+        faults.found()
+    }
+
     /// Checks what types cannot say.
     pub(crate) fn check(&self) -> Result<(), DispatchError> {
         let wrong =
@@ -113,6 +155,10 @@ impl DispatchConfig {
                 self.cell
             );
             return wrong("cell", problem);
+        }
+        if self.cell != SIMULATED {
+            let access = self.access.as_deref().map(Access::read).transpose()?;
+            cell::check_endpoint(&self.cell, access.as_ref())?;
         }
         for (key, seconds) in [
             ("answer_timeout_s", self.answer_timeout_s),
@@ -152,6 +198,41 @@ impl DispatchConfig {
     }
 }
 
+impl SimulatedConfig {
+    fn faults(&self) -> Vec<OptionFault> {
+        let mut faults = OptionFaults::default();
+        let why = "what is told later is not told in time";
+        faults.within("latency_s", self.latency_s, 0.0..=LATEST_S, why);
+        for (key, error) in [
+            ("object_error_m", self.object_error_m),
+            ("object_error_rad", self.object_error_rad),
+            ("encoder_noise_rad", self.encoder_noise_rad),
+        ] {
+            let why = "it is the size of an error";
+            faults.within(key, error, 0.0..=MOST_ERROR, why);
+        }
+        faults.of_table("scene", option_faults(self.scene.faults()));
+        faults.found()
+    }
+}
+
+/// Returns the option that a failed check is about.
+fn option_behind(err: &DispatchError) -> &'static str {
+    match err {
+        DispatchError::Cell(CellError::Name { .. }) => "cell_name",
+        DispatchError::Cell(CellError::Access { .. }) => "access",
+        _ => "cell",
+    }
+}
+
+fn option_faults(faults: Vec<SettingFault>) -> Vec<OptionFault> {
+    let faults = faults.into_iter().map(|fault| OptionFault {
+        key: fault.key.to_owned(),
+        problem: fault.problem,
+    });
+    faults.collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -163,9 +244,12 @@ mod tests {
         let mut cell = Capabilities {
             protocol: cell::PROTOCOL,
             cell: "lab".to_owned(),
+            journal: String::new(),
+            clock_unix_ms: 0,
             simulated: true,
             robot: String::new(),
             controllers: Vec::new(),
+            palm: None,
             table_from_base: None,
             max_goal_bytes: 0,
             gap: String::new(),

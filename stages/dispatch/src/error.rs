@@ -3,9 +3,10 @@
 use std::{io, path::PathBuf};
 
 use cell::CellError;
-use dataflow::Advise;
+use dataflow::{Advise, missing};
 use lake::LakeError;
 use robot::RobotError;
+use robot_meshes::MeshError;
 use schemas::SchemaError;
 
 /// Why motions could not be dispatched; a motion that fails is a row of `executions`.
@@ -36,6 +37,9 @@ pub enum DispatchError {
         /// What is wrong with it.
         source: RobotError,
     },
+    /// The shape of a link cannot be had from its mesh.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
     /// The cell cannot be reached or started.
     #[error(transparent)]
     Cell(#[from] CellError),
@@ -47,7 +51,15 @@ pub enum DispatchError {
         /// The URDF for which the motions are.
         hand: PathBuf,
     },
-    /// Nobody knows what came of a motion: the cell does not answer.
+    /// The cell has other controllers than goals tell something.
+    #[error("cell `{cell}` cannot take goals for this robot, nothing was sent to it: {problem}")]
+    Controllers {
+        /// The cell's name.
+        cell: String,
+        /// How they differ.
+        problem: String,
+    },
+    /// Nobody knows what came of a motion: the cell does not answer, or not in a way that can be believed.
     #[error(
         "what came of motion `{candidate_id}` at cell `{cell}` is unknown, the robot may have moved: {message} (goal {goal_id})"
     )]
@@ -59,6 +71,20 @@ pub enum DispatchError {
         /// The goal.
         goal_id: String,
         /// What was waited for.
+        message: String,
+    },
+    /// A person had the motion broken off.
+    #[error(
+        "motion `{candidate_id}` was stopped at cell `{cell}` by a person, nothing more is sent: {message} (goal {goal_id})"
+    )]
+    Stopped {
+        /// The cell's name.
+        cell: String,
+        /// The motion.
+        candidate_id: String,
+        /// The goal.
+        goal_id: String,
+        /// The cell's word on it.
         message: String,
     },
     /// The cell takes no goals now.
@@ -117,19 +143,30 @@ impl Advise for DispatchError {
                 Some("`pipeline stages dispatch` lists every option with its unit".to_owned())
             }
             Self::ReadHand { path, .. } => Some(format!(
-                "set `hand` to the URDF of a robot hand; `{}` is read relative to the current \
-                 directory",
-                path.display()
+                "set `hand` to the URDF of a robot hand; {}",
+                missing(path)
             )),
             Self::Hand { source, .. } => source.hint(),
+            Self::Cell(CellError::PortTaken { .. }) => Some(
+                "end it, or take any free port with `--set dispatch.listen=tcp/127.0.0.1:0`".to_owned(),
+            ),
             Self::Cell(err) => err.hint(),
+            Self::Mesh(err) => err.hint(),
             Self::OtherRobot { .. } => Some(
                 "set `hand` of every stage to the URDF that the cell was started with".to_owned(),
             ),
             Self::Unknown { .. } => Some(
                 "look at the robot; when its cell is up again, the same command asks it what came of \
-                 this motion before it sends another"
+                 this motion before it sends another; `attempt` makes another goal of it"
                     .to_owned(),
+            ),
+            Self::Stopped { .. } => Some(
+                "look at the robot; the same command counts this motion as stopped and goes on with the \
+                 next, with `--set dispatch.resume_stopped=true` it sends this one again"
+                    .to_owned(),
+            ),
+            Self::Controllers { .. } => Some(
+                "set `arm` and `joint_names` to what the cell has, or have its drivers changed".to_owned(),
             ),
             Self::NotNow { .. } => Some(
                 "see to the cell; the same command then goes on with this motion".to_owned(),

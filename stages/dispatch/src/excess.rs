@@ -1,22 +1,19 @@
 //! By how much a sampled motion exceeds its limits.
 
 use cell::{JointPoint, PalmPoint};
-use spatial::{Twist, quintic};
+use nalgebra::Vector3;
+use spatial::{Peaks, Twist};
 
 use crate::{
-    limits::{self, Limits},
+    limits::{self, Limits, Most},
     motion::{Lengths, Part},
 };
 
-/// Parts of a period between two points at whose ends velocities are looked at.
-const LOOKS: u8 = 8;
-
 /// How many times as slow each part of a motion must be for its limits.
 ///
-/// What is told is judged three times: by the velocities and accelerations that go with the points; by
-/// the velocities of joints between them, on the polynomial that goes through both; and by what a
-/// controller sees that is told positions alone, differences over one period. Before and after, the robot
-/// rests.
+/// What is told is judged twice: by the greatest velocities and accelerations of what a controller makes of
+/// it, the polynomials of fifth degree through two points and all between them; and by what one sees that
+/// is told positions alone, differences over one period. Before and after, the robot rests.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Excess {
     way: f64,
@@ -38,9 +35,24 @@ impl Excess {
 
     /// Looks at a palm.
     pub(crate) fn of_palm(&mut self, points: &[PalmPoint], limits: &Limits, lengths: &Lengths) {
-        for point in points {
-            let part = lengths.part(point.time_s);
-            self.see(part, limits.of_palm(&point.velocity, &point.acceleration));
+        let kept = limits.of_palm_alone();
+        for (from, to) in points.iter().zip(points.iter().skip(1)) {
+            // What no rotation vector follows is turned without end.
+            let endless = Peaks {
+                angular_speed: f64::INFINITY,
+                ..Peaks::zero()
+            };
+            let passage = from.passage(to);
+            let peaks = passage.map_or(endless, |passage| passage.peaks(&kept));
+            let along = |linear: f64, angular: f64| Twist {
+                linear: Vector3::x() * linear,
+                angular: Vector3::x() * angular,
+            };
+            let velocity = along(peaks.speed, peaks.angular_speed);
+            let acceleration = along(peaks.acceleration, peaks.angular_acceleration);
+            self.see_between(lengths, from.time_s, to.time_s, || {
+                limits.of_palm(&velocity, &acceleration)
+            });
         }
         let velocity = |from: &PalmPoint, to: &PalmPoint| {
             let rate = 1.0 / (to.time_s - from.time_s);
@@ -64,36 +76,22 @@ impl Excess {
         }
     }
 
-    /// Looks at the joints of a hand.
-    pub(crate) fn of_joints(&mut self, points: &[JointPoint], limits: &Limits, lengths: &Lengths) {
-        self.of_track(points, lengths, |velocity, acceleration| {
-            limits.of_joints(velocity, acceleration)
-        });
-    }
-
-    /// Looks at joints whose limits `parts` knows, by their velocities and accelerations.
-    pub(crate) fn of_track(
-        &mut self,
-        points: &[JointPoint],
-        lengths: &Lengths,
-        parts: impl Fn(&[f64], &[f64]) -> Vec<limits::Part>,
-    ) {
+    /// Looks at joints that may be so fast.
+    pub(crate) fn of_joints(&mut self, points: &[JointPoint], most: &[Most], lengths: &Lengths) {
+        for (from, to) in points.iter().zip(points.iter().skip(1)) {
+            self.see_between(lengths, from.time_s, to.time_s, || {
+                let segments = from.segments(to).zip(most);
+                segments.map(|(segment, most)| {
+                    let velocity = segment.greatest_speed(most.velocity);
+                    let acceleration = segment.greatest_acceleration(most.acceleration);
+                    limits::Part::of_joint(velocity, acceleration, *most)
+                })
+            });
+        }
         let dof = points.first().map_or(0, |point| point.q_rad.len());
         let mut before = vec![0.0; dof];
         for (idx, point) in points.iter().enumerate() {
-            let part = lengths.part(point.time_s);
-            self.see(
-                part,
-                parts(&point.velocity_rad_per_s, &point.acceleration_rad_per_s2),
-            );
             let next = points.get(idx + 1);
-            if let Some(next) = next {
-                for look in 1..LOOKS {
-                    let share = f64::from(look) / f64::from(LOOKS);
-                    let between: Vec<f64> = between(point, next, share).collect();
-                    self.see(part, parts(&between, &vec![0.0; dof]));
-                }
-            }
             let after = next.map_or_else(
                 || vec![0.0; dof],
                 |next| {
@@ -105,8 +103,30 @@ impl Excess {
                 },
             );
             let rate = rate(points.get(idx.wrapping_sub(1)), point, next, |p| p.time_s);
-            self.see(part, parts(&after, &differences(&before, &after, rate)));
+            let change = differences(&before, &after, rate);
+            let joints = after.iter().zip(&change).zip(most);
+            self.see(
+                lengths.part(point.time_s),
+                joints.map(|((&velocity, &change), most)| {
+                    limits::Part::of_joint(velocity, change, *most)
+                }),
+            );
             before = after;
+        }
+    }
+
+    /// Looks at what is between two points, which may be of two parts.
+    fn see_between<I: IntoIterator<Item = limits::Part>>(
+        &mut self,
+        lengths: &Lengths,
+        from_s: f64,
+        to_s: f64,
+        parts: impl Fn() -> I,
+    ) {
+        let both = [lengths.part(from_s), lengths.part(to_s)];
+        self.see(both[0], parts());
+        if both[0] != both[1] {
+            self.see(both[1], parts());
         }
     }
 
@@ -133,13 +153,6 @@ fn rate<T>(before: Option<&T>, point: &T, after: Option<&T>, time_s: impl Fn(&T)
         (Some(one), None) | (None, Some(one)) => 1.0 / one,
         (None, None) => 0.0,
     }
-}
-
-/// Returns the joints' velocities after a share of the time between two points.
-fn between(from: &JointPoint, to: &JointPoint, share: f64) -> impl Iterator<Item = f64> {
-    let duration_s = to.time_s - from.time_s;
-    let ends = from.ends().zip(to.ends());
-    ends.map(move |(from, to)| quintic(from, to, duration_s, share * duration_s)[1])
 }
 
 fn differences(from: &[f64], to: &[f64], rate: f64) -> Vec<f64> {

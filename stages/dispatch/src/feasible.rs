@@ -1,9 +1,9 @@
 //! From a motion that holds in physics to one that a robot can make: timed within its limits, sampled
 //! at its controllers' rate, and refused where that cannot be.
 
-use cell::{Carrier, Track};
+use cell::{Carrier, JointPoint, Track};
 use nalgebra::{Isometry3, Vector3};
-use robot::{JointKind, RobotModel};
+use robot::{Joint, JointKind, RobotModel};
 use schemas::candidates::{Candidate, Candidates, Rates, Step};
 use simulation::{Approach, Flexion, Protocol, Trial};
 use spatial::{Object, Pose, Table};
@@ -14,8 +14,8 @@ use crate::{
     config::RatesConfig,
     course::Course,
     excess::Excess,
-    limits::{self, Limits},
-    motion::{Fingers, Lengths, Part, WholeMotion},
+    limits::{self, Limits, Most},
+    motion::{Fingers, Lengths, Part, RAMP_SPEED, WholeMotion, ramp_acceleration},
     refusal::Refusal,
     robots::Robots,
     timing::Timing,
@@ -23,10 +23,15 @@ use crate::{
 
 /// Relative excess of a limit that is rounding.
 const ROUNDING: f64 = 1e-9;
+/// What of a position beyond a limit is rounding, in radians (meters if prismatic).
+const ROUNDING_RAD: f64 = 1e-6;
 /// How often a sampled motion is slowed down until it keeps its limits; each time takes what is missing,
 /// and from the second time on a share more than the time before.
 const TRIALS: usize = 20;
 const MARGIN: f64 = 1e-4;
+/// Periods of the slower controller over which a change of the acceleration is spread: over fewer, what a
+/// controller makes up between two points is beyond the limit by more than slowing down costs.
+const WINDOW_PERIODS: f64 = 4.0;
 /// The parts of a motion that limits slow down.
 const PARTS: [Part; 4] = [Part::Way, Part::Close, Part::Squeeze, Part::Lift];
 
@@ -165,6 +170,10 @@ impl<'a> Planner<'a> {
     }
 
     /// Returns a course at the controllers' rates within all limits.
+    #[expect(
+        clippy::too_many_lines,
+        reason = "one loop, whose trials share all that was prepared for them"
+    )]
     fn timed(
         &self,
         course: &Course,
@@ -187,16 +196,25 @@ impl<'a> Planner<'a> {
                 .of_palm(&velocity.twist(), &acceleration.twist());
             let mut parts = palm.to_vec();
             if follows {
-                parts.extend(self.limits.of_joints(&velocity.q, &acceleration.q));
+                parts.extend(limits::of_joints(
+                    &velocity.q,
+                    &acceleration.q,
+                    &self.limits.joints,
+                ));
             }
             if let Some(arm) = arm {
                 let arm = arm.at(course_s)?;
-                parts.extend(self.of_arm(&arm.velocity, &arm.acceleration));
+                parts.extend(limits::of_joints(
+                    &arm.velocity,
+                    &arm.acceleration,
+                    self.arm_limits(),
+                ));
             }
             Some(parts)
         };
         let pace = course.duration_s() / asked_s;
-        let timing = Timing::fastest(course.duration_s(), pace, parts_at).ok_or_else(endless)?;
+        let timing = Timing::fastest(course.duration_s(), pace, self.window_s(), parts_at);
+        let timing = timing.ok_or_else(endless)?;
         let lengths = self.lengths(timing.duration_s(), fingers);
         let mut motion = WholeMotion {
             course,
@@ -232,16 +250,20 @@ impl<'a> Planner<'a> {
             let told = told.transpose()?;
             let mut excess = Excess::default();
             if let Some(told) = &told {
-                excess.of_track(told, &motion.lengths, |velocity, acceleration| {
-                    self.of_arm(velocity, acceleration)
-                });
+                excess.of_joints(told, self.arm_limits(), &motion.lengths);
             }
             excess.of_palm(&palm, &self.limits, &motion.lengths);
-            excess.of_joints(&hand, &self.limits, &motion.lengths);
+            excess.of_joints(&hand, &self.limits.joints, &motion.lengths);
             let is_kept = PARTS
                 .into_iter()
                 .all(|part| excess.of(part) <= 1.0 + ROUNDING);
             if is_kept {
+                let tolerance = self.protocol.limit_tolerance_rad;
+                check_range(&hand, self.hand.joints(), tolerance)?;
+                if let (Some(told), Some(arm)) = (&told, &self.arm) {
+                    let joints: Vec<Joint> = arm.joints().cloned().collect();
+                    check_range(told, &joints, 0.0)?;
+                }
                 return Ok(Feasible {
                     table_from_object,
                     grasp: motion.protocol(self.protocol),
@@ -275,19 +297,14 @@ impl<'a> Planner<'a> {
         Err(endless())
     }
 
-    /// Returns the joints of an arm that moves so.
-    fn of_arm(&self, velocity: &[f64], acceleration: &[f64]) -> Vec<limits::Part> {
-        let Some(arm) = &self.arm else {
-            return Vec::new();
-        };
-        let (most_velocity, most_acceleration) = arm.limits();
-        let most = most_velocity.into_iter().zip(most_acceleration);
-        let rates = velocity.iter().zip(acceleration).zip(most);
-        rates
-            .map(|((&velocity, &acceleration), (fastest, quickest))| {
-                limits::Part::of_joint(velocity, acceleration, fastest, quickest)
-            })
-            .collect()
+    /// Returns over how long a change of the acceleration is spread, in seconds.
+    fn window_s(&self) -> f64 {
+        WINDOW_PERIODS / self.rates.palm_hz.min(self.rates.hand_hz)
+    }
+
+    /// Returns how fast the joints of the arm may move, if there is one.
+    fn arm_limits(&self) -> &[Most] {
+        self.arm.as_ref().map_or(&[], Arm::limits)
     }
 
     /// Returns how long the parts of a motion last at least, of which the palm's way takes `way_s`.
@@ -296,10 +313,9 @@ impl<'a> Planner<'a> {
         let limits = &self.limits;
         let config = &limits.config;
         let fingers_s = |from: &[f64], to: &[f64]| {
-            let joints = from.iter().zip(to).zip(&limits.q_velocity);
-            let ramps = joints.map(|((from, to), &most)| {
-                ramp_s(to - from, most, config.joint_acceleration_rad_per_s2)
-            });
+            let joints = from.iter().zip(to).zip(&limits.joints);
+            let ramps = joints
+                .map(|((from, to), most)| ramp_s(to - from, most.velocity, most.acceleration));
             ramps.fold(0.0, f64::max)
         };
         let close_s = fingers.opened.as_ref().map_or(0.0, |opened| {
@@ -349,16 +365,7 @@ impl<'a> Planner<'a> {
     fn check_joints(&self, q: &[f64], time_s: f64) -> Result<(), Refusal> {
         let tolerance = self.protocol.limit_tolerance_rad;
         for (joint, &q) in self.hand.joints().iter().zip(q) {
-            let inside = q >= joint.lower - tolerance && q <= joint.upper + tolerance;
-            if joint.kind != JointKind::Continuous && !inside {
-                return Err(Refusal::Limit {
-                    joint: joint.name.clone(),
-                    q,
-                    time_s,
-                    lower: joint.lower,
-                    upper: joint.upper,
-                });
-            }
+            check_joint(joint, [q, q], tolerance, time_s)?;
         }
         Ok(())
     }
@@ -391,6 +398,41 @@ impl<'a> Planner<'a> {
     }
 }
 
+/// Refuses joints that leave their limits at what they are told or between that.
+fn check_range(points: &[JointPoint], joints: &[Joint], tolerance: f64) -> Result<(), Refusal> {
+    for (from, to) in points.iter().zip(points.iter().skip(1)) {
+        for (joint, segment) in joints.iter().zip(from.segments(to)) {
+            check_joint(joint, segment.range(), tolerance, from.time_s)?;
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a joint that is outside its limits by more than a tolerance.
+fn check_joint(
+    joint: &Joint,
+    [low, high]: [f64; 2],
+    tolerance: f64,
+    time_s: f64,
+) -> Result<(), Refusal> {
+    let tolerance = tolerance + ROUNDING_RAD;
+    let inside = low >= joint.lower - tolerance && high <= joint.upper + tolerance;
+    if joint.kind == JointKind::Continuous || inside {
+        return Ok(());
+    }
+    Err(Refusal::Limit {
+        joint: joint.name.clone(),
+        q: if low < joint.lower - tolerance {
+            low
+        } else {
+            high
+        },
+        time_s,
+        lower: joint.lower,
+        upper: joint.upper,
+    })
+}
+
 /// Returns what is told over `duration_s` at no more than a rate, in equal periods; `None` if that is
 /// more than memory can hold.
 fn sampled<T>(duration_s: f64, rate_hz: f64, at: impl Fn(f64) -> Option<T>) -> Option<Vec<T>> {
@@ -415,7 +457,7 @@ fn whole(ticks: f64) -> Option<usize> {
 /// Returns how long a [`WholeMotion`]'s ramp takes at least for a way, a speed and an acceleration.
 fn ramp_s(way: f64, speed: f64, acceleration: f64) -> f64 {
     let way = way.abs();
-    (1.5 * way / speed).max((6.0 * way / acceleration).sqrt())
+    (RAMP_SPEED * way / speed).max((ramp_acceleration() * way / acceleration).sqrt())
 }
 
 /// Returns how long the palm is on its way as asked for, in seconds.

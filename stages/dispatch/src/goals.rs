@@ -55,6 +55,7 @@ pub(crate) fn goal(
         object: candidates.object.clone(),
         robot: robots.digest(),
         attempt: config.attempt,
+        resumed: 0,
         table_from_object,
         start_tolerance_rad: config.start_tolerance_rad,
         grasp,

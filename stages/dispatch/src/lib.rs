@@ -16,8 +16,10 @@
 //! controllers' rate; one that cannot be made so is refused, and its row in `executions` says why.
 //! Where an arm carries the hand, its joints follow from the palm's way, with the object turned on the table
 //! as the arm can best reach it.
-//! Nothing real moves without `execute = true`. A goal of which nothing is heard ends the run: the next
-//! one asks the cell what came of it before it sends another, and never sends it under another name.
+//! Nothing real moves without `execute = true`. A goal of which nothing is heard, or nothing that can be
+//! believed, ends the run: the next one asks the cell what came of it before it sends another, and never
+//! sends it under another name.
+//! A motion that a person stopped is counted apart and sent again only where that is asked for.
 
 mod arm;
 mod cells;
@@ -27,6 +29,7 @@ mod error;
 mod excess;
 mod feasible;
 mod goals;
+mod in_flight;
 mod journal;
 mod limits;
 mod motion;
@@ -42,5 +45,6 @@ pub use arm::ArmConfig;
 pub use cells::simulated_cell;
 pub use config::{DispatchConfig, RatesConfig, SimulatedConfig};
 pub use error::DispatchError;
+pub use in_flight::{Cancellation, MotionInFlight, stop_sending};
 pub use limits::LimitsConfig;
 pub use stage::Dispatch;

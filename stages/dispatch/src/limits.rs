@@ -4,9 +4,12 @@ use nalgebra::Vector3;
 use robot::RobotModel;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use spatial::Twist;
+use spatial::{Peaks, Twist};
 
 use crate::DispatchError;
+
+/// Most times as long as asked for that a motion may take.
+const MOST_TIMES_SLOWER: f64 = 1000.0;
 
 /// How fast palm and joints may move; a motion is slowed down until it keeps to this.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -35,8 +38,17 @@ pub struct LimitsConfig {
 pub(crate) struct Limits {
     /// What they were made from.
     pub(crate) config: LimitsConfig,
-    /// Largest speed of each joint, in the order of the hand's joints.
-    pub(crate) q_velocity: Vec<f64>,
+    /// Of each joint, in the order of the hand's joints.
+    pub(crate) joints: Vec<Most>,
+}
+
+/// How fast a joint may move.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Most {
+    /// Largest speed in rad/s (m/s if prismatic).
+    pub(crate) velocity: f64,
+    /// Largest acceleration in rad/s² (m/s²).
+    pub(crate) acceleration: f64,
 }
 
 /// A part of a robot that has limits of its own: the palm's place, its rotation, or a joint.
@@ -55,7 +67,10 @@ impl Limits {
         let velocity = |joint: &robot::Joint| {
             let most = config.joint_velocity_rad_per_s.unwrap_or(joint.velocity);
             if most > 0.0 {
-                return Ok(most);
+                return Ok(Most {
+                    velocity: most,
+                    acceleration: config.joint_acceleration_rad_per_s2,
+                });
             }
             Err(DispatchError::BadOption {
                 key: "limits.joint_velocity_rad_per_s",
@@ -67,7 +82,7 @@ impl Limits {
         };
         Ok(Self {
             config: config.clone(),
-            q_velocity: hand
+            joints: hand
                 .joints()
                 .iter()
                 .map(velocity)
@@ -94,31 +109,34 @@ impl Limits {
         ]
     }
 
-    /// Returns the joints of a hand that moves so.
-    pub(crate) fn of_joints(&self, velocity: &[f64], acceleration: &[f64]) -> Vec<Part> {
-        let rates = velocity.iter().zip(acceleration).zip(&self.q_velocity);
-        rates
-            .map(|((&velocity, &acceleration), &most_velocity)| {
-                let most_acceleration = self.config.joint_acceleration_rad_per_s2;
-                Part::of_joint(velocity, acceleration, most_velocity, most_acceleration)
-            })
-            .collect()
+    /// Returns the limits of a palm.
+    pub(crate) fn of_palm_alone(&self) -> Peaks {
+        let config = &self.config;
+        Peaks {
+            speed: config.palm_speed_m_per_s,
+            acceleration: config.palm_acceleration_m_per_s2,
+            angular_speed: config.palm_turn_rad_per_s,
+            angular_acceleration: config.palm_turn_acceleration_rad_per_s2,
+        }
     }
+}
+
+/// Returns joints that move so.
+pub(crate) fn of_joints(velocity: &[f64], acceleration: &[f64], most: &[Most]) -> Vec<Part> {
+    let rates = velocity.iter().zip(acceleration).zip(most);
+    rates
+        .map(|((&velocity, &acceleration), most)| Part::of_joint(velocity, acceleration, *most))
+        .collect()
 }
 
 impl Part {
     /// Takes a single joint.
-    pub(crate) fn of_joint(
-        velocity: f64,
-        acceleration: f64,
-        most_velocity: f64,
-        most_acceleration: f64,
-    ) -> Self {
+    pub(crate) fn of_joint(velocity: f64, acceleration: f64, most: Most) -> Self {
         Self {
             velocity: Vector3::x() * velocity,
             acceleration: Vector3::x() * acceleration,
-            most_velocity,
-            most_acceleration,
+            most_velocity: most.velocity,
+            most_acceleration: most.acceleration,
         }
     }
 
@@ -132,7 +150,7 @@ impl Part {
 }
 
 impl LimitsConfig {
-    fn check(&self) -> Result<(), DispatchError> {
+    pub(crate) fn check(&self) -> Result<(), DispatchError> {
         let positive = [
             (
                 "limits.joint_velocity_rad_per_s",
@@ -155,16 +173,19 @@ impl LimitsConfig {
         ];
         for (key, value) in positive {
             if !(value.is_finite() && value > 0.0) {
-                let problem = format!("{value} is not more than 0");
+                let problem = format!("{value:?} is not more than 0");
                 return Err(DispatchError::BadOption { key, problem });
             }
         }
-        if self.most_times_slower.is_finite() && self.most_times_slower >= 1.0 {
+        if (1.0..=MOST_TIMES_SLOWER).contains(&self.most_times_slower) {
             return Ok(());
         }
         Err(DispatchError::BadOption {
             key: "limits.most_times_slower",
-            problem: format!("{} is not 1 or more", self.most_times_slower),
+            problem: format!(
+                "{:?} is not from 1 to {MOST_TIMES_SLOWER}: a goal holds every point of a motion",
+                self.most_times_slower
+            ),
         })
     }
 }

@@ -3,7 +3,7 @@
 use cell::{JointPoint, PalmPoint};
 use nalgebra::{Isometry3, Vector3};
 use simulation::{Approach, Protocol};
-use spatial::{Pose, Twist};
+use spatial::{Pose, Twist, quintic};
 
 use crate::{
     arm::{ArmMoving, ArmPath},
@@ -239,9 +239,16 @@ fn between(from: &[f64], to: &[f64], time_s: f64, start_s: f64, duration_s: f64)
     }
 }
 
-/// Returns `3 s² − 2 s³` of the share s of a duration, from 0 to 1, and its derivatives by time: its
-/// greatest speed is 1.5 and its greatest acceleration 6, over the duration and its square (Lynch and
-/// Park, *Modern Robotics*, 2017, §9.2.2.1).
+/// Most of a [`ramp`]'s speed, over its duration.
+pub(crate) const RAMP_SPEED: f64 = 1.875;
+
+/// Returns the most of a [`ramp`]'s acceleration, over the square of its duration: `10/√3`.
+pub(crate) fn ramp_acceleration() -> f64 {
+    10.0 / 3.0_f64.sqrt()
+}
+
+/// Returns `10 s³ − 15 s⁴ + 6 s⁵` of the share s of a duration, from 0 to 1, and its derivatives by time, of
+/// which none jumps (Lynch and Park, *Modern Robotics*, 2017, §9.2.2.2).
 fn ramp(time_s: f64, duration_s: f64) -> [f64; 3] {
     if time_s <= 0.0 {
         return [0.0; 3];
@@ -249,10 +256,5 @@ fn ramp(time_s: f64, duration_s: f64) -> [f64; 3] {
     if time_s >= duration_s {
         return [1.0, 0.0, 0.0];
     }
-    let s = time_s / duration_s;
-    [
-        s * s * (3.0 - 2.0 * s),
-        6.0 * s * (1.0 - s) / duration_s,
-        (6.0 - 12.0 * s) / duration_s.powi(2),
-    ]
+    quintic([0.0; 3], [1.0, 0.0, 0.0], duration_s, time_s)
 }

@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use cell::{Carrier, Goal, Report};
-use robot::RobotModel;
+use cell::{Carrier, Goal};
+use robot::{Joint, RobotModel};
 
 use crate::DispatchError;
 
@@ -56,9 +56,19 @@ impl JointNames {
         }
     }
 
-    /// Calls a report's joints what the hand's URDF calls them.
-    pub(crate) fn of_hand(&self, report: &mut Report) {
-        rename(&self.of_hand, &mut report.joints);
+    /// Calls joints what the robot's URDF calls them.
+    pub(crate) fn of_hand(&self, joints: &mut [String]) {
+        rename(&self.of_hand, joints);
+    }
+
+    /// Returns a robot's joints, called what they are called on the wire.
+    pub(crate) fn joints_on_wire(&self, robot: &RobotModel) -> Vec<Joint> {
+        let mut joints = robot.joints().to_vec();
+        rename(
+            &self.on_wire,
+            joints.iter_mut().map(|joint| &mut joint.name),
+        );
+        joints
     }
 }
 
@@ -72,8 +82,6 @@ fn rename<'a>(names: &BTreeMap<String, String>, joints: impl IntoIterator<Item =
 
 #[cfg(test)]
 mod tests {
-    use schemas::executions::Outcome;
-
     use super::*;
     use crate::feasible::testing::HAND;
 
@@ -88,17 +96,13 @@ mod tests {
     fn joints_go_out_and_come_back() {
         // Even with two names exchanged.
         let names = names(&[("ja", "jb"), ("jb", "ja"), ("jc", "ah_joint02")]).unwrap();
-        let mut report = Report {
-            goal_id: String::new(),
-            rejection: None,
-            outcome: Outcome::Succeeded,
-            message: String::new(),
-            lift_m: 0.0,
-            joints: ["ah_joint02", "ja", "jb"].map(str::to_owned).to_vec(),
-            samples: Vec::new(),
-        };
-        names.of_hand(&mut report);
-        assert_eq!(report.joints, ["jc", "jb", "ja"]);
+        let mut joints = ["ah_joint02", "ja", "jb"].map(str::to_owned);
+        names.of_hand(&mut joints);
+        assert_eq!(joints, ["jc", "jb", "ja"]);
+        let robot = RobotModel::from_urdf(HAND).unwrap();
+        let out = names.joints_on_wire(&robot);
+        let out: Vec<&str> = out.iter().map(|joint| joint.name.as_str()).collect();
+        assert_eq!(out[..3], ["jb", "ja", "ah_joint02"]);
     }
 
     #[test]

@@ -66,7 +66,7 @@ pub(crate) fn record(
     let link_poses = |q: &[f64]| robot.forward_kinematics(q).ok().ok_or_else(wrong);
     let first = samples.first().ok_or_else(wrong)?;
     let scene = Scene {
-        urdf: setting.robots.urdf(),
+        urdf: &robot::plain_urdf(setting.robots.urdf()),
         joints: &joints,
         hand: &Hand::new(robot.links().iter().map(|link| HandLink {
             name: link.name.clone(),

@@ -78,5 +78,6 @@ fn read(path: &Path) -> Result<(String, RobotModel), DispatchError> {
         path: path.to_owned(),
         source,
     })?;
+    let model = robot_meshes::with_mesh_shapes(model, path)?;
     Ok((urdf, model))
 }

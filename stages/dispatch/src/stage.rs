@@ -2,14 +2,17 @@
 
 use std::{
     collections::BTreeMap,
+    error::Error,
     path::{Component, Path},
+    sync::Arc,
 };
 
 use cell::{CellClient, Executed, Goal, Recovered, Rejection, RejectionCode, Report};
 use dataflow::{
-    Artifact, Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, SourceFile,
-    Stage, Summary, Unit,
+    Artifact, Code, Context, Form, Input, Inputs, Labels, Made, OptionFault, Outcome, Output,
+    Scope, SourceFile, Stage, Summary, Unit,
 };
+use robot::Joint;
 use schemas::{
     SchemaError,
     candidates::{self, Candidate, Candidates},
@@ -23,6 +26,7 @@ use crate::{
     config::SIMULATED,
     feasible::Planner,
     goals::{accepted, goal},
+    in_flight::MotionInFlight,
     journal::{Journal, Past},
     names::JointNames,
     recording::{Setting, record},
@@ -33,6 +37,12 @@ use crate::{
 
 /// Sends accepted motions to a robot cell.
 pub enum Dispatch {}
+
+/// The robot counts as recordings show it.
+const SHOWN_ROBOT: Form = Form {
+    name: "shown robot",
+    of: robot::shown_form,
+};
 
 impl Stage for Dispatch {
     type Config = DispatchConfig;
@@ -70,9 +80,12 @@ impl Stage for Dispatch {
         },
     ];
 
-    /// Checks the options and the hand's URDF.
+    fn check(config: &DispatchConfig) -> Vec<OptionFault> {
+        config.faults()
+    }
+
+    /// Checks the robot's URDF, and that it can do what the options say.
     fn prepare(config: &DispatchConfig) -> Result<(), DispatchError> {
-        config.check()?;
         let arm = config.arm.as_ref().map(|arm| arm.robot.as_path());
         let robots = Robots::load(config, &config.hand, arm)?;
         JointNames::new(&config.joint_names, robots.whole())?;
@@ -87,6 +100,17 @@ impl Stage for Dispatch {
         if output == TRIALS {
             return Ok(trials::units(scope));
         }
+        let of_hand = robot_meshes::sources(&config.hand)?;
+        let of_arm = match &config.arm {
+            Some(arm) => robot_meshes::sources(&arm.robot)?,
+            None => Vec::new(),
+        };
+        // Both may have a mesh of one name.
+        let of_arm = of_arm.into_iter().map(|mesh| SourceFile {
+            name: format!("arm: {}", mesh.name),
+            ..mesh
+        });
+        let meshes: Vec<SourceFile> = of_hand.into_iter().chain(of_arm).collect();
         Ok(scope
             .partitions("rollouts")
             .iter()
@@ -95,11 +119,15 @@ impl Stage for Dispatch {
                     .reading("rollouts", [&rollouts.key])
                     .reading("candidates", [&rollouts.key])
                     .reading("objects", [&rollouts.key])
-                    .with_file(SourceFile::named_by_file(&config.hand));
-                match &config.arm {
-                    Some(arm) => unit.with_file(SourceFile::named_by_file(&arm.robot)),
+                    .with_file_of_form(SourceFile::named("hand", &config.hand), SHOWN_ROBOT);
+                let unit = match &config.arm {
+                    Some(arm) => {
+                        let robot = SourceFile::named("arm.robot", &arm.robot);
+                        unit.with_file_of_form(robot, SHOWN_ROBOT)
+                    }
                     None => unit,
-                }
+                };
+                meshes.iter().cloned().fold(unit, Unit::with_file)
             })
             .collect())
     }
@@ -130,7 +158,6 @@ impl Stage for Dispatch {
         if cx.output() == TRIALS {
             return trials::make(inputs, cx);
         }
-        config.check()?;
         let schema = |source: SchemaError| DispatchError::Schema {
             partition: cx.partition().to_owned(),
             source,
@@ -177,9 +204,7 @@ impl Stage for Dispatch {
         }
         let dry = summary.total("dry_n");
         if dry > 0.0 {
-            return format!(
-                "{dry} of {motions} motions would be sent; nothing moved, because `execute` is not set"
-            );
+            return format!("{dry} of {motions} motions ready; nothing moved without `--execute`");
         }
         let cell = if summary.total("simulated_n") > 0.0 {
             "the simulated cell"
@@ -187,20 +212,25 @@ impl Stage for Dispatch {
             "the robot cell"
         };
         let succeeded = summary.total("succeeded_n");
-        let mut line = format!("{motions} motions → {succeeded} executed with success by {cell}");
-        let unknown = summary.total("unknown_n");
+        let mut line = format!("{motions} motions → {succeeded} succeed at {cell}");
         let refused = summary.total("refused_n");
         if refused > 0.0 {
-            line = format!("{line}; {refused} not sent, the robot cannot make them");
+            line = format!("{line}, {refused} infeasible");
         }
         let known = summary.total("known_n");
         if known > 0.0 {
+            line = format!("{line}, {known} done before (a higher `attempt` repeats them)");
+        }
+        let stopped = summary.total("stopped_n");
+        if stopped > 0.0 {
             line = format!(
-                "{line}; {known} the cell had executed before and did not again (raise `attempt` to have it)"
+                "{line}; {stopped} stopped by a person (`--fresh dispatch --set dispatch.resume_stopped=true` sends just these again)"
             );
         }
+        // First, so that it is not cut.
+        let unknown = summary.total("unknown_n");
         if unknown > 0.0 {
-            line = format!("{line}; {unknown} unknown, look at the robot before going on");
+            line = format!("{unknown} unknown, look at the robot before going on; {line}");
         }
         line
     }
@@ -236,6 +266,10 @@ impl Sent {
             (
                 "unknown_n",
                 count(&|e| e.outcome == executions::Outcome::Unknown),
+            ),
+            (
+                "stopped_n",
+                count(&|e| e.outcome == executions::Outcome::Stopped),
             ),
             ("known_n", self.known_n),
             ("dry_n", self.dry_n),
@@ -285,7 +319,21 @@ fn send(
             ..Sent::default()
         });
     }
-    let connected = cells::connect(config, robots, object)?;
+    let journal = Journal::new(cx.resume_folder().to_owned());
+    let joints = names.joints_on_wire(robots.whole());
+    let mut feasible = goals.iter().filter_map(|(_, goal)| goal.as_ref().ok());
+    let first = feasible
+        .clone()
+        .next()
+        .ok_or_else(|| missing(cx, "motion"))?;
+    let connected = cells::connect(config, robots, object, first).map_err(|err| {
+        // Of what a run before this one sent, nobody knows as long as no cell can be asked.
+        let is_open = |goal: &&Goal| matches!(journal.past(goal, &joints), Past::Sent(_));
+        match feasible.find(is_open) {
+            Some(goal) => unknown(&config.cell_name, goal, told(&err)),
+            None => err,
+        }
+    })?;
     let capabilities = &connected.capabilities;
     let mut sent = Sent {
         simulated: capabilities.simulated,
@@ -305,7 +353,9 @@ fn send(
         config,
         client: &connected.client,
         cell: &capabilities.cell,
-        journal: Journal::new(cx.resume_folder().to_owned()),
+        cell_journal: &capabilities.journal,
+        joints: &joints,
+        journal,
     };
     for (idx, (candidate, goal)) in goals.iter().enumerate() {
         cx.progress(idx as f64 / motions_n as f64, &candidate.candidate_id);
@@ -324,9 +374,9 @@ fn send(
             sent.executions.push(cell.refused(candidate, &refusal));
             continue;
         }
-        let (mut report, moved) = sender.carry_out(goal)?;
+        let (goal, mut report, moved) = sender.carry_out_or_resume(goal)?;
         sent.known_n += usize::from(moved == Moved::Before);
-        names.of_hand(&mut report);
+        names.of_hand(&mut report.joints);
         let grasp = candidate.steps.last();
         let grasp = grasp.map(|step| *step.object_from_palm.isometry());
         let setting = Setting {
@@ -337,7 +387,7 @@ fn send(
             gap: &capabilities.gap,
             object_from_grasp: &grasp.unwrap_or_default(),
         };
-        record(&setting, goal, &report, cx.folder())?;
+        record(&setting, &goal, &report, cx.folder())?;
         sent.executions.push(cell.execution(candidate, &report));
     }
     Ok(sent)
@@ -346,8 +396,10 @@ fn send(
 /// When a goal was carried out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Moved {
-    /// For this unit, if not for this process.
+    /// While this process waited.
     Now,
+    /// For this unit, while an earlier process waited for it or nobody did.
+    Earlier,
     /// For somebody else before, and not again.
     Before,
 }
@@ -355,65 +407,128 @@ enum Moved {
 /// Sends goals, each at most once whatever becomes of this process.
 struct Sender<'a> {
     config: &'a DispatchConfig,
-    client: &'a CellClient,
+    client: &'a Arc<CellClient>,
     cell: &'a str,
+    /// The name of the cell's own journal.
+    cell_journal: &'a str,
+    /// The robot's joints as goals call them.
+    joints: &'a [Joint],
     journal: Journal,
 }
 
 impl Sender<'_> {
+    /// As [`Sender::carry_out`]; what a person stopped before this run is sent again, as a goal of its own,
+    /// where the options ask for that. Returns the goal that came to its end.
+    fn carry_out_or_resume(&self, goal: &Goal) -> Result<(Goal, Report, Moved), DispatchError> {
+        let mut goal = goal.clone();
+        loop {
+            let (report, moved) = self.carry_out(&goal)?;
+            if report.outcome != executions::Outcome::Stopped {
+                return Ok((goal, report, moved));
+            }
+            if moved == Moved::Now {
+                return Err(DispatchError::Stopped {
+                    cell: self.cell.to_owned(),
+                    candidate_id: goal.candidate_id.clone(),
+                    goal_id: report.goal_id,
+                    message: report.message,
+                });
+            }
+            if !self.config.resume_stopped {
+                return Ok((goal, report, moved));
+            }
+            goal.resumed += 1;
+        }
+    }
+
     /// Has a goal carried out, or finds out what became of it when it was sent before.
     ///
-    /// Where nothing is heard of it the run ends: until somebody has looked, nothing more is sent to
-    /// this robot, and the next run asks the cell again.
+    /// Where nothing is heard of it, or what is heard cannot be believed, the run ends: until somebody has
+    /// looked, nothing more is sent to this robot, and the next run asks the cell again.
     fn carry_out(&self, goal: &Goal) -> Result<(Report, Moved), DispatchError> {
+        let id = goal.seal().goal_id;
+        if let Past::Over(report) = self.journal.past(goal, self.joints) {
+            return Ok((*report, Moved::Earlier));
+        }
+        let answer = self.config.answer_timeout();
+        let motion = MotionInFlight::new(self.client, &goal.candidate_id, self.cell, &id, answer);
+        motion.carry_out(|| self.send_or_recover(goal))
+    }
+
+    fn send_or_recover(&self, goal: &Goal) -> Result<(Report, Moved), DispatchError> {
         let (answer, result) = (self.config.answer_timeout(), self.config.result_timeout());
         let id = goal.seal().goal_id;
-        let unknown = |message: String| DispatchError::Unknown {
-            cell: self.cell.to_owned(),
-            candidate_id: goal.candidate_id.clone(),
-            goal_id: id.clone(),
-            message,
-        };
-        match self.journal.past(&id) {
-            Past::Over(report) => return Ok((*report, Moved::Now)),
-            Past::New => self.journal.send(&id)?,
-            Past::Sent => match self.client.recover(&id, answer, result)? {
-                Recovered::Report(report) => {
-                    self.journal.conclude(&report)?;
-                    return Ok((report, Moved::Now));
-                }
-                // Only a goal that the cell never took goes out again, under its own name.
-                Recovered::NeverTaken => {}
-                Recovered::Silent => {
-                    let message = format!("no answer about it within {answer:.1?}");
+        let unknown = |message: String| unknown(self.cell, goal, message);
+        match self.journal.past(goal, self.joints) {
+            Past::Over(report) => return Ok((*report, Moved::Earlier)),
+            Past::New => {
+                // A second cell of the name may have come: it would move too.
+                self.client.capabilities(answer)?;
+                self.journal.send(&id, self.cell_journal)?;
+            }
+            Past::Sent(to) => {
+                // What another cell never took says nothing about the one that it was sent to.
+                if to != self.cell_journal {
+                    let message = format!(
+                        "it was sent to the cell with journal `{to}`, the one that answers has `{}`",
+                        self.cell_journal
+                    );
                     return Err(unknown(message));
                 }
-            },
+                match self.client.recover(goal, self.joints, answer, result) {
+                    Recovered::Report(report) => {
+                        self.journal.conclude(&report)?;
+                        return Ok((report, Moved::Earlier));
+                    }
+                    // Only a goal that the cell never took goes out again, under its own name.
+                    Recovered::NeverTaken => {}
+                    Recovered::Unheard(message) => return Err(unknown(message)),
+                }
+                let there = self.client.capabilities(answer);
+                there.map_err(|err| unknown(told(&err)))?;
+            }
         }
-        // A second cell of the name may have come: it would move too.
-        self.client.capabilities(answer)?;
-        let done = match self.client.execute(goal, answer, result)? {
+        let done = match self.client.execute(goal, self.joints, answer, result)? {
             Executed::Over(report) => (report, Moved::Now),
             Executed::Known(report) => (report, Moved::Before),
-            Executed::Unheard(message) => return Err(unknown(message)),
+            Executed::Unknown(message) => return Err(unknown(message)),
         };
         let (report, moved) = done;
-        if let Some(rejection) = report
-            .rejection
-            .as_ref()
-            .filter(|rejection| passes(rejection))
-        {
-            return Err(DispatchError::NotNow {
+        if report.outcome != executions::Outcome::Rejected {
+            self.journal.conclude(&report)?;
+            return Ok((report, moved));
+        }
+        self.journal.withdraw(&id)?;
+        match report.rejection.as_ref().filter(|it| passes(it)) {
+            None => Ok((report, moved)),
+            Some(rejection) => Err(DispatchError::NotNow {
                 cell: self.cell.to_owned(),
                 candidate_id: goal.candidate_id.clone(),
                 reason: rejection.reason.clone(),
-            });
+            }),
         }
-        if report.outcome != executions::Outcome::Rejected {
-            self.journal.conclude(&report)?;
-        }
-        Ok((report, moved))
     }
+}
+
+/// Returns the error of a motion of which nobody knows what came.
+fn unknown(cell: &str, goal: &Goal, message: String) -> DispatchError {
+    DispatchError::Unknown {
+        cell: cell.to_owned(),
+        candidate_id: goal.candidate_id.clone(),
+        goal_id: goal.seal().goal_id,
+        message,
+    }
+}
+
+/// Returns what an error says, with its causes.
+fn told(err: &dyn Error) -> String {
+    let mut text = err.to_string();
+    let mut cause = err.source();
+    while let Some(next) = cause {
+        text = format!("{text}: {next}");
+        cause = next.source();
+    }
+    text
 }
 
 /// Whether a refusal says nothing about the motion: later it may be taken.
@@ -423,6 +538,7 @@ fn passes(rejection: &Rejection) -> bool {
         RejectionCode::Busy
             | RejectionCode::Stopped
             | RejectionCode::Expired
+            | RejectionCode::Clock
             | RejectionCode::Storage
     )
 }

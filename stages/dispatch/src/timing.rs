@@ -9,6 +9,12 @@
 //! its derivatives along the path times u′, accelerations `p″ x + p′ u″`. Their limits are lengths of
 //! vectors, convex in x and u″ and met at rest, so that the speeds from which a place can be passed are
 //! all those up to a greatest one.
+//!
+//! At such a timing u″ jumps, and a controller that is told positions, velocities and accelerations now and
+//! then has to make up between two of them for the jump that it was not told. So u is replaced by its mean
+//! over a short window that moves with time: u″ changes steadily then, and neither u′ nor u″ is ever greater
+//! than before (Biagiotti and Melchiorri, *FIR Filters for Online Trajectory Planning with Time- and
+//! Frequency-Domain Specifications*, 2012, §2).
 
 use crate::limits::Part;
 
@@ -23,6 +29,8 @@ const NOTHING: f64 = 1e-18;
 #[derive(Debug, Clone)]
 pub(crate) struct Timing {
     passed: Vec<Passed>,
+    /// Over how long the course's time is averaged.
+    window_s: f64,
 }
 
 /// A place and when it is passed.
@@ -33,15 +41,19 @@ struct Passed {
     course_s: f64,
     /// Seconds of the course per second.
     speed: f64,
+    /// Integral of the course's time up to here, in s².
+    sum: f64,
 }
 
 impl Timing {
     /// Returns the fastest timing of a course that lasts `duration_s`, never faster than `pace` seconds
-    /// of the course per second; `None` if the course has no length. `parts_at` tells what moves after so
-    /// many seconds of the course, with its derivatives by them and their limits.
+    /// of the course per second, averaged over `window_s`; `None` if the course has no length. `parts_at`
+    /// tells what moves after so many seconds of the course, with its derivatives by them and their
+    /// limits.
     pub(crate) fn fastest(
         duration_s: f64,
         pace: f64,
+        window_s: f64,
         parts_at: impl Fn(f64) -> Option<Vec<Part>>,
     ) -> Option<Self> {
         let step = duration_s / PLACES_N as f64;
@@ -53,49 +65,74 @@ impl Timing {
             time_s: 0.0,
             course_s: 0.0,
             speed: 0.0,
+            sum: 0.0,
         }];
-        let (mut x, mut time_s) = (0.0, 0.0);
+        let (mut x, mut time_s, mut sum) = (0.0, 0.0, 0.0);
         for (idx, (pair, &most)) in places.windows(2).zip(greatest.get(1..)?).enumerate() {
             let [from, to] = pair else { return None };
             // Rounding may leave nothing: then the speed is kept, and the sampled motion tells.
             let faster = changes(from, to, step, x, most).map_or(0.0, |[_, faster]| faster);
             let next = (x + 2.0 * step * faster).clamp(0.0, most);
-            time_s += 2.0 * step / (x.sqrt() + next.sqrt());
+            let (from_s, to_s) = (step * idx as f64, step * (idx + 1) as f64);
+            let lasts_s = 2.0 * step / (x.sqrt() + next.sqrt());
+            sum += lasts_s * (0.5 * (from_s + to_s) + (x.sqrt() - next.sqrt()) * lasts_s / 12.0);
+            time_s += lasts_s;
             x = next;
             passed.push(Passed {
                 time_s,
-                course_s: step * (idx + 1) as f64,
+                course_s: to_s,
                 speed: x.sqrt(),
+                sum,
             });
         }
-        Some(Self { passed })
+        Some(Self { passed, window_s })
     }
 
     /// Returns how long it takes, in seconds; infinite where limits allow no motion at all.
     pub(crate) fn duration_s(&self) -> f64 {
-        self.passed.last().map_or(0.0, |passed| passed.time_s)
+        self.passed_s() + self.window_s
     }
 
     /// Returns where the course is `time_s` after its start, in seconds of its own, and the first and
     /// second derivative of that by time; 0 at both ends, where it rests.
     pub(crate) fn at(&self, time_s: f64) -> [f64; 3] {
+        let end_s = self.passed.last().map_or(0.0, |passed| passed.course_s);
+        if time_s <= 0.0 {
+            return [0.0; 3];
+        }
+        if time_s >= self.duration_s() {
+            return [end_s, 0.0, 0.0];
+        }
+        let [now, before] = [time_s, time_s - self.window_s].map(|time_s| self.sums(time_s));
+        let [course_s, speed, faster] =
+            [0, 1, 2].map(|order| (now[order] - before[order]) / self.window_s);
+        [course_s.clamp(0.0, end_s), speed, faster]
+    }
+
+    /// When the last place is passed.
+    fn passed_s(&self) -> f64 {
+        self.passed.last().map_or(0.0, |passed| passed.time_s)
+    }
+
+    /// Returns the integral of the course's time before it is averaged, that time and its derivative; at
+    /// rest before and after.
+    fn sums(&self, time_s: f64) -> [f64; 3] {
         let after = self
             .passed
             .partition_point(|passed| passed.time_s <= time_s);
-        let after = after.min(self.passed.len().saturating_sub(1));
-        let (Some(from), Some(to)) = (
-            self.passed.get(after.saturating_sub(1)),
-            self.passed.get(after),
-        ) else {
+        let Some(from) = after.checked_sub(1).and_then(|idx| self.passed.get(idx)) else {
             return [0.0; 3];
         };
-        let (whole_s, part_s) = (to.time_s - from.time_s, time_s - from.time_s);
-        if whole_s <= 0.0 || part_s >= whole_s {
-            return [to.course_s, to.speed, 0.0];
-        }
-        let faster = (to.speed - from.speed) / whole_s;
-        let course_s = from.course_s + part_s * (from.speed + 0.5 * faster * part_s);
-        [course_s, from.speed + faster * part_s, faster]
+        let part_s = time_s - from.time_s;
+        let faster = self.passed.get(after).map_or(0.0, |to| {
+            (to.speed - from.speed) / (to.time_s - from.time_s)
+        });
+        [
+            from.sum
+                + part_s * (from.course_s + part_s * (0.5 * from.speed + part_s * faster / 6.0)),
+            from.course_s + part_s * (from.speed + 0.5 * faster * part_s),
+            from.speed + faster * part_s,
+        ]
     }
 
     /// Returns the same timing, `times` as slow.
@@ -104,10 +141,12 @@ impl Timing {
         let slower = |passed: &Passed| Passed {
             time_s: passed.time_s * times,
             speed: passed.speed / times,
+            sum: passed.sum * times,
             ..*passed
         };
         Self {
             passed: self.passed.iter().map(slower).collect(),
+            window_s: self.window_s * times,
         }
     }
 }

@@ -55,31 +55,37 @@ pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, DispatchErr
 
 /// Says how often motions succeed, of whichever object.
 pub(crate) fn describe(summary: &Summary) -> String {
-    let [objects, trials, successes, simulated, unknown] = [
-        "objects_n",
+    let [trials, successes, simulated, unknown, stopped] = [
         "trials_n",
         "successes_n",
         "simulated_n",
         "unknown_n",
+        "stopped_n",
     ]
     .map(|name| summary.total(name));
+    let by_people = if stopped > 0.0 {
+        format!("; {stopped:.0} stopped by a person, which are no trials")
+    } else {
+        String::new()
+    };
     if trials == 0.0 {
-        return "no trial: no robot cell has moved".to_owned();
+        return format!("no trial: no robot cell has carried out a motion{by_people}");
     }
     let [rate, low, high] =
         ["rate", "rate_low", "rate_high"].map(|name| 100.0 * summary.total(name));
-    let cell = if simulated >= trials {
-        "the simulated cell"
+    let succeed = if simulated >= trials {
+        "succeed"
     } else if simulated > 0.0 {
-        "cells of which one is simulated"
+        "succeed, some simulated"
     } else {
-        "the robot cell"
+        "succeed on the robot"
     };
-    let mut line = format!(
-        "{successes:.0} of {trials:.0} trials succeed at {cell}: {rate:.1} % ({low:.1} to {high:.1} %, 95 % interval) over {objects:.0} objects"
+    let line = format!(
+        "{successes:.0} of {trials:.0} {succeed}: {rate:.1} % (95 % CI {low:.1} to {high:.1}){by_people}"
     );
+    // First, so that it is not cut.
     if unknown > 0.0 {
-        line += &format!("; {unknown:.0} unknown, look at the robot before going on");
+        return format!("{unknown:.0} unknown, look at the robot before going on; {line}");
     }
     line
 }
@@ -124,6 +130,10 @@ fn metrics(rows: &[Trials]) -> BTreeMap<String, f64> {
             "unknown_n",
             sum(&|row| row.count(executions::Outcome::Unknown)) as f64,
         ),
+        (
+            "stopped_n",
+            sum(&|row| row.count(executions::Outcome::Stopped)) as f64,
+        ),
         ("rate", successes_n as f64 / trials_n.max(1) as f64),
         ("rate_low", low),
         ("rate_high", high),
@@ -154,8 +164,8 @@ mod tests {
 
     #[test]
     fn rows_are_by_cell_and_what_was_not_sent_is_no_trial() {
-        use executions::Outcome::{Aborted, Rejected, Succeeded, Unknown};
-        let mut all: Vec<Execution> = [Rejected, Succeeded, Succeeded, Unknown]
+        use executions::Outcome::{Aborted, Rejected, Stopped, Succeeded, Unknown};
+        let mut all: Vec<Execution> = [Rejected, Succeeded, Succeeded, Unknown, Stopped]
             .map(|outcome| execution("lab", false, outcome))
             .into();
         all[0].gap = String::new();
@@ -175,7 +185,7 @@ mod tests {
         };
         assert_eq!(
             describe(&summary),
-            "2 of 4 trials succeed at cells of which one is simulated: 50.0 % (15.0 to 85.0 %, 95 % interval) over 1 objects; 1 unknown, look at the robot before going on"
+            "1 unknown, look at the robot before going on; 2 of 4 succeed, some simulated: 50.0 % (95 % CI 15.0 to 85.0); 1 stopped by a person, which are no trials"
         );
     }
 }

@@ -153,7 +153,7 @@ fn inputs(folder: &Path, config: &DispatchConfig, verdict: Verdict) -> Inputs {
     });
     Inputs::new(
         artifacts.into(),
-        vec![SourceFile::named_by_file(&config.hand)],
+        vec![SourceFile::named("hand", &config.hand)],
     )
 }
 
@@ -211,12 +211,13 @@ fn accepted_motions_are_executed_by_the_simulated_cell_and_recorded() {
     assert!(ran.executions[0].simulated && ran.executions[0].gap.contains("mass times 1.1"));
     // Another test of this process may have had the cell execute the same goals before.
     let line = describe(&ran.made);
-    let expected = "2 motions → 1 executed with success by the simulated cell";
+    let expected = "2 motions → 1 succeed at the simulated cell";
     assert!(line.starts_with(expected), "{line}");
 
     let recording = lake::recording::read(&ran.folder.path().join("cube-1.mcap")).unwrap();
     assert_eq!(recording.about["outcome"], "succeeded");
-    assert_eq!(recording.attachments["robot.urdf"], GRIPPER.as_bytes());
+    let shown = robot::plain_urdf(GRIPPER);
+    assert_eq!(recording.attachments["robot.urdf"], shown.as_bytes());
     let states: Vec<JointState> = recording
         .topic(JOINT_STATES)
         .map(|m| m.decode().unwrap().unwrap())
@@ -275,7 +276,7 @@ fn motions_that_the_robot_cannot_make_are_rows_and_no_cell_is_asked() {
     }
     assert_eq!(
         describe(&ran.made),
-        "3 motions → 0 executed with success by the robot cell; 3 not sent, the robot cannot make them"
+        "3 motions → 0 succeed at the robot cell, 3 infeasible"
     );
 }
 
@@ -294,20 +295,22 @@ fn a_motion_gets_the_time_that_its_limits_ask_for() {
 }
 
 #[test]
-fn joints_are_called_what_the_cell_is_said_to_call_them() {
-    // The simulated cell calls them what the URDF does.
-    let ran = run(
+fn a_cell_with_other_controllers_is_sent_nothing() {
+    // The simulated cell calls its joints what the URDF does.
+    let err = run(
         |c| {
             let name = ("slide_left".to_owned(), "ah_joint00".to_owned());
             c.joint_names = BTreeMap::from([name]);
         },
         Verdict::Held,
-    )
-    .unwrap();
-    assert_eq!(ran.executions[0].outcome, executions::Outcome::Rejected);
-    let message = &ran.executions[0].message;
-    assert!(message.contains("`ah_joint00`"), "{message}");
-    assert!(!ran.executions[0].goal_id.is_empty());
+    );
+    let err = err.map(|_| ()).unwrap_err();
+    assert!(matches!(err, DispatchError::Controllers { .. }), "{err}");
+    let text = err.to_string();
+    for part in ["`hand` has no joint `ah_joint00`", "nothing was sent"] {
+        assert!(text.contains(part), "{text}");
+    }
+    assert!(err.hint().unwrap().contains("joint_names"));
 }
 
 #[test]
@@ -356,12 +359,47 @@ fn a_cell_that_does_not_answer_is_an_error_that_says_where_and_what_to_do() {
 
 #[test]
 fn options_that_make_no_sense_are_named() {
+    assert_eq!(Dispatch::check(&config()), []);
     let err = |change: fn(&mut DispatchConfig)| {
-        let err = run(change, Verdict::Held).map(|_| ()).unwrap_err();
-        assert!(err.hint().is_some(), "{err}");
-        err.to_string()
+        let mut config = config();
+        change(&mut config);
+        let faults = Dispatch::check(&config);
+        assert_eq!(faults.len(), 1);
+        faults[0].to_string()
     };
     assert!(err(|c| c.cell = "10.0.0.7".to_owned()).contains("`cell`"));
     assert!(err(|c| c.answer_timeout_s = 0.0).contains("`answer_timeout_s`"));
     assert!(err(|c| c.cell_name = "a/b".to_owned()).contains("`a/b`"));
+}
+
+#[test]
+fn a_cell_that_cannot_be_reached_as_asked_is_refused_before_anything_runs() {
+    let refused = |cell: &str, access: Option<&str>| {
+        let mut config = config();
+        config.cell = cell.to_owned();
+        config.access = access.map(Into::into);
+        let faults = Dispatch::check(&config);
+        let [fault] = faults.as_slice() else {
+            panic!("{cell}: {faults:?}");
+        };
+        format!("`{}` {}", fault.key, fault.problem)
+    };
+    for host in ["localhost", "no-such-host.invalid"] {
+        let said = refused(&format!("tls/{host}:7447"), None);
+        assert!(said.starts_with("`cell` `tls/"), "{said}");
+        assert!(said.contains("needs an access file"), "{said}");
+        assert!(said.contains("`--set dispatch.access=FILE`"), "{said}");
+    }
+    let said = refused("tls/localhost:7447", Some("/nowhere.json5"));
+    assert!(said.starts_with("`access` "), "{said}");
+    assert!(said.contains("/nowhere.json5"), "{said}");
+    let said = refused("tcp/10.0.0.7:7447", None);
+    assert!(said.starts_with("`cell` `tcp/"), "{said}");
+    assert!(said.contains("not protected"), "{said}");
+    let said = refused("tcp/127.0.0.1", None);
+    assert!(said.contains("is no endpoint"), "{said}");
+    // Whether somebody is there is another matter.
+    let mut config = config();
+    config.cell = "tcp/127.0.0.1:9".to_owned();
+    assert!(Dispatch::check(&config).is_empty());
 }

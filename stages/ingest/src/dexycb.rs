@@ -15,7 +15,7 @@ use std::{collections::BTreeSet, path::Path};
 use dataflow::SourceFile;
 use spatial::{Camera, Object, Pose, World};
 
-pub(crate) use self::hand_model::model_file;
+pub(crate) use self::hand_model::{MAX_MODEL_BYTES, model_file};
 use self::{calibration::Calibration, layout::SequenceFiles};
 use crate::{
     config::{IngestConfig, Landmarks, TableRule},
@@ -68,7 +68,7 @@ impl Reader for DexYcb<'_> {
         self.listed()
     }
 
-    fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, IngestError> {
+    fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, Unusable> {
         layout::files_of(listed, cameras)
     }
 

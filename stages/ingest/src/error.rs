@@ -1,6 +1,11 @@
 //! Why a dataset, or one recording of it, could not be used.
 
-use std::{cmp::Reverse, collections::BTreeMap, io, path::PathBuf};
+use std::{
+    cmp::Reverse,
+    collections::BTreeMap,
+    io,
+    path::{Path, PathBuf},
+};
 
 use dataflow::Advise;
 use demonstrator::DemonstratorError;
@@ -21,12 +26,16 @@ pub enum IngestError {
     NoSequences {
         /// The directory searched.
         root: PathBuf,
+        /// A directory above or below that has it.
+        near: Option<PathBuf>,
     },
     /// The directory holds no tracks.
     #[error("no `SUBJECT/SEQUENCE/track.yml` under `{}`", root.display())]
     NoTracks {
         /// The directory searched.
         root: PathBuf,
+        /// A directory above or below that holds some.
+        near: Option<PathBuf>,
     },
     /// An option names a subject or an object that no recording has.
     #[error("no recording has the name `{name}` of `{key}`")]
@@ -78,6 +87,9 @@ pub enum IngestError {
         /// Where it should be.
         path: PathBuf,
     },
+    /// A hand model cannot be read.
+    #[error("the hand model cannot be used")]
+    HandModel(#[source] Unusable),
     /// An object of the pipeline file has a name that no partition can have.
     #[error("`{name}` below `meshes` is no name for an object: letters, digits, `_` and `-` only")]
     MeshName {
@@ -91,6 +103,14 @@ pub enum IngestError {
         object: String,
         /// The file named.
         path: PathBuf,
+    },
+    /// A mesh of the pipeline file cannot be read.
+    #[error("the mesh of `{object}` cannot be used")]
+    Mesh {
+        /// The object's name.
+        object: String,
+        /// What is wrong with the file named.
+        source: Unusable,
     },
     /// A directory of the dataset could not be listed.
     #[error("cannot list the folder `{}`", path.display())]
@@ -107,16 +127,6 @@ pub enum IngestError {
         root: PathBuf,
         /// Why it failed.
         source: DemonstratorError,
-    },
-    /// An option has a value with which nothing can be made.
-    #[error("`{key}` must be {expected}, found {found}")]
-    Option {
-        /// The option.
-        key: &'static str,
-        /// What is accepted.
-        expected: &'static str,
-        /// What was found.
-        found: f64,
     },
     /// Nobody knows how heavy an object is.
     #[error("the mass of `{object}` is not known")]
@@ -150,20 +160,30 @@ pub enum IngestError {
 impl Advise for IngestError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::NoSequences { root } => Some(format!(
+            Self::NoSequences {
+                near: Some(near), ..
+            }
+            | Self::NoTracks {
+                near: Some(near), ..
+            } => Some(format!(
+                "the dataset's root seems to be `{}`: set `root` to that",
+                near.display()
+            )),
+            Self::NoSequences { root, near: None } => Some(format!(
                 "unpack the dataset so that `{}` exists, or try the bundled sample: `pipeline run \
-                 pipelines/cgf.toml`",
-                root.join("20200709-subject-01").display()
+                 pipelines/cgf.toml`{}",
+                root.join("20200709-subject-01").display(),
+                elsewhere(root)
             )),
             Self::UnknownMass { object } => Some(format!(
                 "add its mass in kilograms to the pipeline file, e.g. `{object} = 0.35` below \
                  `[stages.ingest.masses_kg]`"
             )),
-            Self::NoTracks { .. } => Some(
-                "`stages/ingest/README.md` says what is in `track.yml` and `track.npz`; a dataset \
-                 in DexYCB's layout has `format = \"dexycb\"`"
-                    .to_owned(),
-            ),
+            Self::NoTracks { root, near: None } => Some(format!(
+                "every recording has a folder with `track.yml` and `track.npz`; a dataset in \
+                 DexYCB's layout has `format = \"dexycb\"`{}",
+                elsewhere(root)
+            )),
             Self::UnknownName { near, known, .. } => Some(match near {
                 Some(near) => format!("did you mean `{near}`?"),
                 None => format!("there are: {}", known.join(", ")),
@@ -173,13 +193,13 @@ impl Advise for IngestError {
                  object"
                     .to_owned(),
             ),
-            Self::NoHandModels | Self::NoHandModel { .. } => Some(
+            Self::NoHandModels | Self::NoHandModel { .. } | Self::HandModel(_) => Some(
                 "get MANO's own files from https://mano.is.tue.mpg.de and set `mano_models` to the \
                  folder that holds `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`, or take \
                  `landmarks = \"labels\"`"
                     .to_owned(),
             ),
-            Self::NoMesh { object, .. } => Some(format!(
+            Self::NoMesh { object, .. } | Self::Mesh { object, .. } => Some(format!(
                 "correct `file` below `[stages.ingest.meshes.{object}]`"
             )),
             Self::Sample { source, .. } => source.hint(),
@@ -189,14 +209,31 @@ impl Advise for IngestError {
                  `mirror = true`"
                     .to_owned(),
             ),
+            Self::List { path, source } => match source.kind() {
+                io::ErrorKind::PermissionDenied => Some(format!(
+                    "give yourself the right to, e.g. with `chmod u+rx {}`, or move it out of the \
+                     dataset",
+                    path.display()
+                )),
+                io::ErrorKind::NotADirectory => {
+                    Some("set `root` to the folder that holds the subjects' folders".to_owned())
+                }
+                _ => None,
+            },
             Self::NoneTold { .. }
             | Self::MeshName { .. }
-            | Self::List { .. }
-            | Self::Option { .. }
             | Self::Schema { .. }
             | Self::Write { .. } => None,
         }
     }
+}
+
+/// Where the root of a dataset may be instead, if it is not there at all.
+fn elsewhere(root: &Path) -> String {
+    if root.is_dir() {
+        return String::new();
+    }
+    format!("; {}", dataflow::missing(root))
 }
 
 /// Says how many there are of each, the most frequent ones first, and of the others that there are some.
@@ -211,6 +248,15 @@ fn counted(reasons: &BTreeMap<String, usize>) -> String {
     said.join(", ")
 }
 
+/// Says what to do about a file or a folder that cannot be read.
+fn remedy(source: &io::Error) -> &'static str {
+    if source.kind() == io::ErrorKind::PermissionDenied {
+        ": give yourself the right to, e.g. with `chmod -R u+rX` on the dataset"
+    } else {
+        ""
+    }
+}
+
 /// Why one recording or one object could not be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -222,15 +268,32 @@ pub enum Unusable {
         file: String,
     },
     /// A file could not be read from disk.
-    #[error("cannot read `{file}`: {source}")]
+    #[error("cannot read `{file}`: {source}{}", remedy(source))]
     Unreadable {
         /// Its name in the dataset.
         file: String,
         /// Why it failed.
         source: io::Error,
     },
+    /// Something else lies in a file's place.
+    #[error("`{file}` is {found}: put the file there, or remove it")]
+    NotAFile {
+        /// The file's name in the dataset.
+        file: String,
+        /// What lies there.
+        found: &'static str,
+    },
+    /// A name cannot be written.
+    #[error("the name of `{name}` is not UTF-8: rename it")]
+    NotUtf8 {
+        /// The name, as much of it as is text.
+        name: String,
+    },
     /// A file is larger than any of its kind.
-    #[error("`{file}` has {found} bytes, more than the {limit} that such a file can have")]
+    #[error(
+        "`{file}` has {found} bytes, more than the {limit} that such a file can have: put the right \
+         one there"
+    )]
     TooLarge {
         /// Its name in the dataset.
         file: String,

@@ -1,17 +1,17 @@
 //! What lies in a dataset's folders, by name; no file is opened.
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::BTreeSet,
     ffi::OsString,
     fs::{self, DirEntry},
     io,
-    path::{Path, PathBuf},
+    path::{Component, Path, PathBuf},
 };
 
-use crate::error::IngestError;
+use crate::error::{IngestError, Unusable};
 
-/// Why a recording in a folder that cannot be named is not read.
-const NOT_UTF8: &str = "the name of its folder is not UTF-8: rename it";
+/// Folders that are listed at most in search of the dataset's root.
+const SEARCHED: usize = 2000;
 
 /// The folder of a recording: `SUBJECT/SEQUENCE`.
 #[derive(Debug)]
@@ -24,11 +24,12 @@ pub(crate) struct RecordingFolder {
     pub(crate) name: String,
     /// Where it lies.
     pub(crate) path: PathBuf,
-    /// Why it cannot be read, if its name is in the way.
-    pub(crate) fault: Option<&'static str>,
+    /// Why it cannot be read, if its name or its folder is in the way.
+    pub(crate) fault: Option<Unusable>,
 }
 
-/// Lists the folders `SUBJECT/SEQUENCE` that hold one of these files, ordered by name.
+/// Lists the folders `SUBJECT/SEQUENCE` that hold one of these files, or something in its place, ordered
+/// by name; one that may not be looked into is taken for a recording.
 ///
 /// # Errors
 ///
@@ -40,21 +41,121 @@ pub(crate) fn recordings(root: &Path, files: &[&str]) -> Result<Vec<RecordingFol
         let subject_path = root.join(&subject);
         for sequence in subfolders(&subject_path)? {
             let path = subject_path.join(&sequence);
-            if !files.iter().any(|file| path.join(file).is_file()) {
-                continue;
-            }
             let is_named = subject.to_str().is_some() && sequence.to_str().is_some();
             let (subject, sequence) = (subject.to_string_lossy(), sequence.to_string_lossy());
+            let name = format!("{subject}/{sequence}");
+            let fault = match holds_one(&path, files) {
+                Ok(false) => continue,
+                Ok(true) if is_named => None,
+                Ok(true) => Some(Unusable::NotUtf8 { name: name.clone() }),
+                Err(source) => Some(Unusable::Unreadable {
+                    file: name.clone(),
+                    source,
+                }),
+            };
             found.push(RecordingFolder {
                 key: keys.of(&format!("{subject}-{sequence}")),
-                name: format!("{subject}/{sequence}"),
+                name,
                 subject: subject.into_owned(),
                 path,
-                fault: (!is_named).then_some(NOT_UTF8),
+                fault,
             });
         }
     }
     Ok(found)
+}
+
+/// Says whether a folder holds one of these files, or something in its place.
+fn holds_one(folder: &Path, files: &[&str]) -> io::Result<bool> {
+    for file in files {
+        match fs::symlink_metadata(folder.join(file)) {
+            Ok(_) => return Ok(true),
+            Err(err) if err.kind() == io::ErrorKind::NotFound => {}
+            Err(err) => return Err(err),
+        }
+    }
+    Ok(false)
+}
+
+/// Looks for the dataset in the neighborhood of a folder that is not its root: one that is too deep, in
+/// a subject's or a recording's folder, or up to two folders too high.
+pub(crate) fn root_near(root: &Path, files: &[&str]) -> Option<PathBuf> {
+    let mut search = Search {
+        files,
+        left: SEARCHED,
+    };
+    if search.is_recording(root) {
+        return above(root, 2);
+    }
+    if search.is_subject(root) {
+        return above(root, 1);
+    }
+    let mut level = search.list(root);
+    for _ in 0..2 {
+        if let Some(found) = level.iter().find(|folder| search.is_root(folder)) {
+            return Some(found.clone());
+        }
+        level = level
+            .iter()
+            .flat_map(|folder| search.list(folder))
+            .collect();
+    }
+    None
+}
+
+/// Returns the folder so many levels above another.
+fn above(folder: &Path, levels: usize) -> Option<PathBuf> {
+    let mut last = folder.components().rev().take(levels);
+    let above = folder.ancestors().nth(levels);
+    match above {
+        Some(above)
+            if last.all(|part| matches!(part, Component::Normal(_)))
+                && !above.as_os_str().is_empty() =>
+        {
+            Some(above.to_owned())
+        }
+        _ => Some(
+            folder
+                .canonicalize()
+                .ok()?
+                .ancestors()
+                .nth(levels)?
+                .to_owned(),
+        ),
+    }
+}
+
+/// A search for recordings that ends, however large the disk is.
+struct Search<'a> {
+    files: &'a [&'a str],
+    /// Folders that may still be listed.
+    left: usize,
+}
+
+impl Search<'_> {
+    /// Lists the folders in a folder; none where that cannot be done.
+    fn list(&mut self, folder: &Path) -> Vec<PathBuf> {
+        let Some(left) = self.left.checked_sub(1) else {
+            return Vec::new();
+        };
+        self.left = left;
+        let names = subfolders(folder).unwrap_or_default();
+        names.iter().map(|name| folder.join(name)).collect()
+    }
+
+    fn is_recording(&self, folder: &Path) -> bool {
+        holds_one(folder, self.files).unwrap_or(false)
+    }
+
+    fn is_subject(&mut self, folder: &Path) -> bool {
+        let within = self.list(folder);
+        within.iter().any(|folder| self.is_recording(folder))
+    }
+
+    fn is_root(&mut self, folder: &Path) -> bool {
+        let within = self.list(folder);
+        within.iter().any(|folder| self.is_subject(folder))
+    }
 }
 
 /// Keys for partitions: unique, and of the characters that a key can hold.
@@ -91,8 +192,8 @@ pub(crate) fn plain(text: &str) -> String {
 /// Lists the folders in a folder, ordered by name; hidden ones are left out.
 fn subfolders(path: &Path) -> Result<Vec<OsString>, IngestError> {
     let mut found = Vec::new();
-    for entry in entries(path)? {
-        if is_folder(&entry, path)? == Some(true) {
+    for entry in entries(path).map_err(list_error(path))? {
+        if is_folder(&entry).map_err(list_error(path))? {
             found.push(entry.file_name());
         }
     }
@@ -100,50 +201,34 @@ fn subfolders(path: &Path) -> Result<Vec<OsString>, IngestError> {
     Ok(found)
 }
 
-/// Lists the files and folders in a folder, ordered by name, and whether each is a folder; hidden
-/// names, names that are not UTF-8, links to nothing, pipes and devices are left out, and a folder that
-/// does not exist is empty.
-pub(crate) fn names(path: &Path) -> Result<BTreeMap<String, bool>, IngestError> {
-    let mut found = BTreeMap::new();
-    for entry in entries(path)? {
-        if let (Ok(name), Some(is_folder)) =
-            (entry.file_name().into_string(), is_folder(&entry, path)?)
-        {
-            found.insert(name, is_folder);
-        }
-    }
-    Ok(found)
+/// Lists the names in a folder in order; hidden ones are left out, and a folder that does not exist is
+/// empty.
+pub(crate) fn names(path: &Path) -> io::Result<Vec<OsString>> {
+    let mut names: Vec<OsString> = entries(path)?.iter().map(DirEntry::file_name).collect();
+    names.sort_unstable();
+    Ok(names)
 }
 
 /// Lists what is in a folder and not hidden; a folder that does not exist is empty.
-fn entries(path: &Path) -> Result<Vec<DirEntry>, IngestError> {
+fn entries(path: &Path) -> io::Result<Vec<DirEntry>> {
     let entries = match fs::read_dir(path) {
         Ok(entries) => entries,
         Err(err) if err.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(err) => return Err(list_error(path)(err)),
+        Err(err) => return Err(err),
     };
     let is_shown = |entry: &io::Result<DirEntry>| {
         entry.as_ref().map_or(true, |entry| {
             !entry.file_name().as_encoded_bytes().starts_with(b".")
         })
     };
-    entries
-        .filter(is_shown)
-        .collect::<io::Result<_>>()
-        .map_err(list_error(path))
+    entries.filter(is_shown).collect()
 }
 
-/// Says whether something is a folder or a file; `None` for everything else.
-fn is_folder(entry: &DirEntry, folder: &Path) -> Result<Option<bool>, IngestError> {
-    let mut kind = entry.file_type().map_err(list_error(folder))?;
+/// Says whether something is a folder.
+fn is_folder(entry: &DirEntry) -> io::Result<bool> {
+    let kind = entry.file_type()?;
     // Datasets are often assembled from links; only those need a look at their target.
-    if kind.is_symlink() {
-        let Ok(target) = fs::metadata(entry.path()) else {
-            return Ok(None);
-        };
-        kind = target.file_type();
-    }
-    Ok((kind.is_dir() || kind.is_file()).then(|| kind.is_dir()))
+    Ok(kind.is_dir() || kind.is_symlink() && entry.path().is_dir())
 }
 
 fn list_error(path: &Path) -> impl Fn(io::Error) -> IngestError {

@@ -20,7 +20,9 @@ use crate::{
 };
 
 /// Largest accepted label file in bytes: an image's segmentation alone is 0.3 MB before compression.
-const MAX_LABEL_BYTES: usize = 4 << 20;
+pub(crate) const MAX_LABEL_BYTES: u64 = MAX_LABEL_LEN as u64;
+/// The same as a length in memory.
+const MAX_LABEL_LEN: usize = 4 << 20;
 /// The buffer for a file's bytes at first; real ones have 2 kB to 20 kB.
 const BUFFER_BYTES: usize = 64 << 10;
 /// Numbers of one landmark.
@@ -112,7 +114,7 @@ impl LabelReader {
         let mut len = 0;
         loop {
             if len == self.file.len() {
-                let longer = (2 * len).clamp(BUFFER_BYTES, MAX_LABEL_BYTES + 1);
+                let longer = (2 * len).clamp(BUFFER_BYTES, MAX_LABEL_LEN + 1);
                 self.file.resize(longer, 0);
             }
             let room = self.file.get_mut(len..).unwrap_or_default();
@@ -122,11 +124,11 @@ impl LabelReader {
                 Err(err) if err.kind() == ErrorKind::Interrupted => {}
                 Err(err) => return Err(unreadable(err)),
             }
-            if len > MAX_LABEL_BYTES {
+            if len > MAX_LABEL_LEN {
                 return Err(Unusable::TooLarge {
                     file: file.name.clone(),
                     found: opened.metadata().map_err(unreadable)?.len(),
-                    limit: MAX_LABEL_BYTES as u64,
+                    limit: MAX_LABEL_BYTES,
                 });
             }
             if npz::ends_whole(self.file.get(..len).unwrap_or_default()) {

@@ -30,6 +30,7 @@ mod mano;
 mod mirror;
 mod npz;
 mod objects;
+mod place;
 mod reach;
 pub mod read;
 mod reader;

@@ -17,6 +17,7 @@ use crate::{
     dexycb::DexYcb,
     error::{IngestError, Unusable},
     folders::RecordingFolder,
+    place,
     recording::Recording,
     selection::Cameras,
     tracks::Tracks,
@@ -31,12 +32,12 @@ pub(crate) trait Reader {
     /// Fails if a folder cannot be listed.
     fn list(&self) -> Result<Vec<Listed>, IngestError>;
 
-    /// Lists the files from which a recording is read, as seen by these cameras.
+    /// Lists the files from which a recording is read, as seen by these cameras; opens none.
     ///
     /// # Errors
     ///
-    /// Fails if a folder cannot be listed.
-    fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, IngestError>;
+    /// Fails if a folder cannot be listed, or if something else than such a file lies in a file's place.
+    fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, Unusable>;
 
     /// Returns the name of the file that says what a recording is about.
     fn description(&self) -> &'static str;
@@ -74,7 +75,7 @@ pub(crate) struct Listed {
     /// Its folder.
     pub(crate) path: PathBuf,
     /// Why it cannot be read at all, found out while listing.
-    pub(crate) fault: Option<&'static str>,
+    pub(crate) fault: Option<Unusable>,
     /// What it is about; `None` if the file that says so cannot be used, which is reported when the
     /// recording is read.
     pub(crate) about: Option<About>,
@@ -82,8 +83,9 @@ pub(crate) struct Listed {
     pub(crate) marks_table: bool,
     /// Its cameras' folders, in the recording's order.
     pub(crate) cameras: Vec<String>,
-    /// Files outside its folder with which it is read, where they are there.
-    pub(crate) beside: Vec<SourceFile>,
+    /// Files outside its folder with which it is read, where they are there, and their largest accepted
+    /// sizes in bytes.
+    pub(crate) beside: Vec<(SourceFile, u64)>,
 }
 
 impl Listed {
@@ -123,6 +125,25 @@ pub(crate) struct About {
     pub(crate) scene: Vec<String>,
 }
 
+/// Keeps the files that are there, of which each has its largest accepted size in bytes.
+///
+/// # Errors
+///
+/// Fails with the first that is no such file.
+pub(crate) fn those_there(
+    files: impl IntoIterator<Item = (SourceFile, u64)>,
+) -> Result<Vec<SourceFile>, Unusable> {
+    let mut there = Vec::new();
+    for (file, limit) in files {
+        if place::is_there(&file, limit)? {
+            there.push(file);
+        }
+    }
+    Ok(there)
+}
+
+/// Largest accepted mesh file: the dataset's own have 1 MB.
+pub(crate) const MAX_MESH_BYTES: u64 = 256 << 20;
 /// Where the datasets' meshes lie.
 pub(crate) const MODELS: &str = "models/";
 

@@ -5,7 +5,7 @@ mod make;
 mod units;
 
 use dataflow::{
-    Code, Context, Input, Inputs, Labels, Outcome, Output, Scope, Stage, Summary, Unit,
+    Code, Context, Input, Inputs, Labels, OptionFault, Outcome, Output, Scope, Stage, Summary, Unit,
 };
 
 use crate::{config::IngestConfig, error::IngestError, reader};
@@ -18,7 +18,7 @@ const OBJECTS: &str = "objects";
 const MESHES: &str = "meshes/";
 /// Why a recording is left out, found out while listing.
 const LEFT_OUT: &str = "left out";
-/// Why a recording cannot be read, found out while listing.
+/// Why a recording or a mesh cannot be read, found out while listing.
 const UNREADABLE: &str = "unreadable";
 /// The label of objects that the pipeline file adds.
 const ADDED: &str = "added";
@@ -56,6 +56,10 @@ impl Stage for Ingest {
             parallel: true,
         },
     ];
+
+    fn check(config: &IngestConfig) -> Vec<OptionFault> {
+        check::faults(config)
+    }
 
     fn prepare(config: &IngestConfig) -> Result<(), IngestError> {
         check::options(config)?;

@@ -20,9 +20,9 @@ use spatial::Pose;
 use crate::{
     config::{IngestConfig, TableRule},
     error::{IngestError, Unusable},
-    folders::{plain, recordings},
+    folders::{plain, recordings, root_near},
     npz::Arrays,
-    reader::{self, About, Listed, Reader, glance},
+    reader::{self, About, Listed, Reader, glance, those_there},
     recording::{Ground, Observation, Recording},
     selection::Cameras,
     yaml,
@@ -85,14 +85,15 @@ impl Reader for Tracks<'_> {
         if listed.is_empty() {
             return Err(IngestError::NoTracks {
                 root: self.root.to_owned(),
+                near: root_near(self.root, &[ABOUT]),
             });
         }
         Ok(listed)
     }
 
-    fn files(&self, listed: &Listed, _cameras: Cameras) -> Result<Vec<SourceFile>, IngestError> {
-        let files = [ABOUT, TRACK].map(|name| listed.file(name)).into_iter();
-        Ok(files.filter(|file| file.path.is_file()).collect())
+    fn files(&self, listed: &Listed, _cameras: Cameras) -> Result<Vec<SourceFile>, Unusable> {
+        let files = [(ABOUT, MAX_ABOUT_BYTES), (TRACK, MAX_TRACK_BYTES)];
+        those_there(files.map(|(name, limit)| (listed.file(name), limit)))
     }
 
     fn description(&self) -> &'static str {

@@ -41,15 +41,16 @@ pub enum InterpolateError {
 impl Advise for InterpolateError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::NoCandidates => {
-                Some("see why with `pipeline inspect sample.candidates --skipped`".to_owned())
-            }
             Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
             Self::Schema { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Lake(err) => err.hint(),
-            Self::MissingInput { .. } => None,
+            Self::NoCandidates | Self::MissingInput { .. } => None,
         }
+    }
+
+    fn lacks(&self) -> Option<&'static str> {
+        matches!(self, Self::NoCandidates).then_some("candidates")
     }
 }

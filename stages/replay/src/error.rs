@@ -45,14 +45,16 @@ pub enum ReplayError {
 impl Advise for ReplayError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::NoTrajectories => {
-                Some("see why with `pipeline inspect retarget.trajectories --skipped`".to_owned())
-            }
             Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
             Self::DifferentHands { .. } | Self::Schema { .. } => {
                 Some("make them again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Lake(err) => err.hint(),
+            Self::NoTrajectories => None,
         }
+    }
+
+    fn lacks(&self) -> Option<&'static str> {
+        matches!(self, Self::NoTrajectories).then_some("trajectories")
     }
 }

@@ -2,16 +2,19 @@
 
 use std::path::PathBuf;
 
+use dataflow::{OptionFault, OptionFaults};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-use crate::RetargetError;
 
 /// Greatest weight, length or time that makes sense: squares of it are still exact enough to add up.
 const MOST: f64 = 1e6;
 /// Greatest distance between an object's distances, in meters: farther apart they know nothing of a
 /// thing that a hand holds.
 const COARSEST_M: f64 = 0.1;
+/// Least distance between an object's distances, in meters: a mug has more than 2²⁶ finer ones.
+const FINEST_M: f64 = 1e-4;
+/// Most iterations for one step.
+const MOST_ITERATIONS: usize = 100_000;
 
 /// Options of `kind = "retarget"`.
 ///
@@ -85,19 +88,10 @@ pub enum Loss {
 }
 
 impl RetargetConfig {
-    /// Checks what types cannot say.
-    ///
-    /// # Errors
-    ///
-    /// Fails at the first value that makes no sense.
-    pub(crate) fn check(&self) -> Result<(), RetargetError> {
-        let bad = |key: &str, problem: String| {
-            Err(RetargetError::BadOption {
-                key: key.to_owned(),
-                problem,
-            })
-        };
-        let numbers = [
+    /// Returns what is wrong with the options beyond their types.
+    pub(crate) fn faults(&self) -> Vec<OptionFault> {
+        let mut faults = OptionFaults::default();
+        for (key, number) in [
             ("smoothing_s", self.smoothing_s),
             ("smoothness_weight", self.smoothness_weight),
             ("joint_smoothness_weight", self.joint_smoothness_weight),
@@ -110,25 +104,19 @@ impl RetargetConfig {
             ("contact_distance_m", self.contact_distance_m),
             ("contact_position_factor", self.contact_position_factor),
             ("max_keypoint_error_m", self.max_keypoint_error_m),
-        ];
-        for (key, number) in numbers {
-            if !(0.0..=MOST).contains(&number) {
-                let problem = format!("{number} is not a number of at least 0 and at most {MOST}");
-                return bad(key, problem);
-            }
-        }
-        for (key, number, most) in [
-            ("smooth_l1_beta_m", self.smooth_l1_beta_m, MOST),
-            ("field_spacing_m", self.field_spacing_m, COARSEST_M),
         ] {
-            if !(number > 0.0 && number <= most) {
-                let problem = format!("{number} is not a number above 0 and at most {most}");
-                return bad(key, problem);
-            }
+            let why = "squares of it are still exact enough to add up";
+            faults.within(key, number, 0.0..=MOST, why);
         }
-        if self.max_iterations == 0 {
-            return bad("max_iterations", "nothing is searched with 0".to_owned());
-        }
-        Ok(())
+        let why = "coordinates differ by this much before they count less";
+        faults.above("smooth_l1_beta_m", self.smooth_l1_beta_m, 0.0, MOST, why);
+        let why = "coarser distances know nothing of a thing that a hand holds, and finer ones are \
+                   more of them than can be held";
+        let spacing_m = self.field_spacing_m;
+        faults.within("field_spacing_m", spacing_m, FINEST_M..=COARSEST_M, why);
+        let why = "nothing is searched with 0, and a search that has not ended by then will not";
+        let iterations = self.max_iterations;
+        faults.within("max_iterations", iterations, 1..=MOST_ITERATIONS, why);
+        faults.found()
     }
 }

@@ -2,9 +2,10 @@
 
 use std::{io, path::PathBuf};
 
-use dataflow::Advise;
+use dataflow::{Advise, missing};
 use lake::LakeError;
 use robot::RobotError;
+use robot_meshes::MeshError;
 use schemas::SchemaError;
 
 use crate::solver::SolverError;
@@ -13,14 +14,6 @@ use crate::solver::SolverError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RetargetError {
-    /// An option has a value that makes no sense.
-    #[error("option `{key}` of retarget cannot be used: {problem}")]
-    BadOption {
-        /// The option's key.
-        key: String,
-        /// What is wrong.
-        problem: String,
-    },
     /// The hand's URDF or its table cannot be read.
     #[error("cannot read the hand's {what} `{}`", path.display())]
     ReadHand {
@@ -50,6 +43,9 @@ pub enum RetargetError {
     /// The robot is not what is needed.
     #[error(transparent)]
     Robot(#[from] RobotError),
+    /// The shape of a link cannot be had from its mesh.
+    #[error(transparent)]
+    HandMesh(#[from] MeshError),
     /// Nothing of the robot moves.
     #[error("the robot has no joint that moves")]
     NoJoint,
@@ -151,14 +147,10 @@ pub enum RetargetError {
 impl Advise for RetargetError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::BadOption { .. } => {
-                Some("`pipeline stages retarget` lists every option with its unit".to_owned())
-            }
             Self::ReadHand { what, path, .. } => Some(format!(
-                "set `{}` to the {what} of a robot hand; `{}` is read relative to the current \
-                 directory",
+                "set `{}` to the {what} of a robot hand; {}",
                 if *what == "URDF" { "hand" } else { "hand_table" },
-                path.display()
+                missing(path)
             )),
             Self::NotAHandTable { .. } | Self::BadHandTable { .. } => Some(
                 "`pipeline doctor --robot URDF` proposes a table; those in `data/hands` are examples"
@@ -169,6 +161,7 @@ impl Advise for RetargetError {
                 Some("the Allegro hand's URDF is `data/robots/allegro_right.urdf`".to_owned())
             }),
             Self::Robot(err) => err.hint(),
+            Self::HandMesh(err) => err.hint(),
             Self::NoJoint => Some(
                 "give its joints a type that moves: revolute, continuous or prismatic".to_owned(),
             ),
@@ -185,15 +178,22 @@ impl Advise for RetargetError {
             Self::PalmPointsInLine { .. } => Some(
                 "add a point on the root link beside that line, e.g. for `wrist`".to_owned(),
             ),
-            Self::NoDemonstrations | Self::NoObjects => Some(
-                "see what ingest left out with `pipeline inspect ingest.demonstrations --skipped`"
-                    .to_owned(),
-            ),
             Self::Lake(err) => err.hint(),
             Self::BadField { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
-            Self::Solver(_) | Self::ReadMesh { .. } | Self::WriteField { .. } | Self::MissingInput { .. } | Self::Schema { .. } => None,
+            Self::NoDemonstrations
+            | Self::NoObjects
+            | Self::Solver(_)
+            | Self::ReadMesh { .. }
+            | Self::WriteField { .. }
+            | Self::MissingInput { .. }
+            | Self::Schema { .. } => None,
         }
+    }
+
+    fn lacks(&self) -> Option<&'static str> {
+        // Objects are those of demonstrations: where there are none, these say why.
+        matches!(self, Self::NoDemonstrations | Self::NoObjects).then_some("demonstrations")
     }
 }

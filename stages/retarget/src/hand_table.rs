@@ -187,6 +187,21 @@ mod tests {
     }
 
     #[test]
+    fn any_number_is_written_as_it_is_read() {
+        let mut table: HandTable = TABLE.parse().unwrap();
+        let mut number = 0.1_f64;
+        for _ in 0..2000 {
+            // Steps through numbers of all digits (Knuth, TAOCP 2, section 3.2.1).
+            number = (number * 9301.0 + 0.233_333_333_333_333_34).fract();
+            table.scale = 0.5 + number;
+            table.points[0].weight = number;
+            table.points[1].offset_m = [number, -number, number * 1e-9];
+            let read: HandTable = table.to_toml().parse().unwrap();
+            assert_eq!(read, table);
+        }
+    }
+
+    #[test]
     fn any_link_name_is_written_as_it_is_read() {
         let mut table: HandTable = TABLE.parse().unwrap();
         for name in [

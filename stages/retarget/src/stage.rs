@@ -7,7 +7,8 @@ mod retargeted;
 use std::{collections::BTreeMap, fs, path::Path};
 
 use dataflow::{
-    Code, Context, Input, Inputs, Labels, Outcome, Output, Scope, SourceFile, Stage, Summary, Unit,
+    Code, Context, Form, Input, Inputs, Labels, OptionFault, Outcome, Output, Scope, SourceFile,
+    Stage, Summary, Unit,
 };
 use robot::RobotModel;
 use schemas::{distance_fields, objects, tracking, trajectories};
@@ -26,6 +27,21 @@ const FIELDS: &str = "distance_fields";
 const TRAJECTORIES: &str = "trajectories";
 /// The artifact of an object's report.
 const TRACKING: &str = "tracking";
+
+/// The robot counts as recordings show it.
+const SHOWN_ROBOT: Form = Form {
+    name: "shown robot",
+    of: robot::shown_form,
+};
+/// The hand's table counts as it is read.
+const TABLE: Form = Form {
+    name: "hand table",
+    of: |bytes| {
+        let text = std::str::from_utf8(bytes).ok()?;
+        let table: HandTable = text.parse().ok()?;
+        Some(table.to_toml().into_bytes())
+    },
+};
 
 impl Stage for Retarget {
     type Config = RetargetConfig;
@@ -65,9 +81,12 @@ impl Stage for Retarget {
         },
     ];
 
-    /// Checks the options and that the hand has every link that its table names.
+    fn check(config: &RetargetConfig) -> Vec<OptionFault> {
+        config.faults()
+    }
+
+    /// Checks that the hand has every link that its table names.
     fn prepare(config: &RetargetConfig) -> Result<(), RetargetError> {
-        config.check()?;
         let LoadedHand { hand, .. } = load_hand(&config.hand, &config.hand_table)?;
         check_wrist(config, &hand)
     }
@@ -126,15 +145,15 @@ impl Stage for Retarget {
         match output {
             FIELDS => format!("{} objects → distance fields", summary.n_made),
             TRACKING => format!(
-                "{} trajectories towards {} objects, finger tips {:.1} mm from their landmarks",
-                summary.total("trajectories_n"),
+                "{} objects, {} trajectories, tip error {:.1} mm",
                 summary.n_made,
+                summary.total("trajectories_n"),
                 mean_mm("tip_error_sum_m", summary.total("tips_n"))
             ),
             _ => {
                 let n_read = summary.n_made + summary.n_skipped + summary.n_filtered;
                 format!(
-                    "{n_read} demonstrations → {} trajectories, {:.0} mm from the landmarks",
+                    "{n_read} demonstrations → {} trajectories, error {:.0} mm",
                     summary.n_made,
                     mean_mm("keypoint_error_m", summary.n_made as f64)
                 )
@@ -164,6 +183,7 @@ fn retargeted(config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, Retar
         return Err(RetargetError::NoDemonstrations);
     }
     let (objects, fields) = (scope.partitions("objects"), scope.partitions(FIELDS));
+    let meshes = robot_meshes::sources(&config.hand)?;
     Ok(demonstrations
         .iter()
         .map(|demonstration| {
@@ -172,13 +192,14 @@ fn retargeted(config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, Retar
             let among = |known: &[dataflow::Partition]| {
                 object.filter(|name| known.iter().any(|one| one.key == *name))
             };
-            Unit::new(&demonstration.key)
+            let unit = Unit::new(&demonstration.key)
                 .reading("demonstrations", [&demonstration.key])
                 .reading("objects", among(objects))
                 .reading(FIELDS, among(fields))
                 .only_files("objects", [objects::MESH])
-                .with_file(SourceFile::named_by_file(&config.hand))
-                .with_file(SourceFile::named_by_file(&config.hand_table))
+                .with_file_of_form(SourceFile::named("hand", &config.hand), SHOWN_ROBOT)
+                .with_file_of_form(SourceFile::named("hand_table", &config.hand_table), TABLE);
+            meshes.iter().cloned().fold(unit, Unit::with_file)
         })
         .collect())
 }
@@ -219,6 +240,7 @@ fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<LoadedHand, Retarget
         source: Box::new(err),
     };
     let model = RobotModel::from_urdf(&urdf).map_err(|err| of_urdf(err.into()))?;
+    let model = robot_meshes::with_mesh_shapes(model, urdf_path)?;
     hand::check(&model).map_err(of_urdf)?;
     let in_table = |err: RetargetError| RetargetError::InHandTable {
         path: table_path.to_owned(),
@@ -226,6 +248,7 @@ fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<LoadedHand, Retarget
     };
     let table: HandTable = read(table_path, "table")?.parse().map_err(in_table)?;
     let hand = Hand::new(model, &table).map_err(|err| in_table(of_urdf(err)))?;
+    let urdf = robot::plain_urdf(&urdf);
     Ok(LoadedHand { urdf, hand, table })
 }
 

@@ -2,10 +2,26 @@
 
 use std::path::PathBuf;
 
+use dataflow::{OptionFault, OptionFaults};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::SampleError;
+/// Most motions of one object, a hundred times the paper's.
+const MOST_MOTIONS: usize = 1_000_000;
+/// Most steps of a motion: ten seconds of a controller that is told something 1000 times a second.
+const MOST_STEPS: usize = 10_000;
+/// Most steps of all motions of one object, ten times the paper's: 4 GB.
+const MOST_STEPS_HELD: usize = 4_000_000;
+/// Most codes drawn for one motion.
+const MOST_DRAWS: usize = 10_000;
+/// Longest motion, in seconds.
+const LONGEST_S: f64 = 3600.0;
+/// Greatest factor on a deviation, and greatest share of an extent.
+const WIDEST: f64 = 1000.0;
+/// Greatest depth, in meters.
+const DEEPEST_M: f64 = 10.0;
+/// Most motions side by side.
+const MOST_RECORDED: usize = 1000;
 
 /// Options of `kind = "sample"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -75,70 +91,65 @@ impl SampleConfig {
         self.draws > 1 && self.path.is_empty()
     }
 
-    /// Checks what can be checked without the lake.
-    pub(crate) fn check(&self) -> Result<(), SampleError> {
-        let at_least = if self.path.is_empty() { 1 } else { 2 };
-        check(
-            "per_object",
-            self.per_object,
-            self.per_object >= at_least,
-            "at least 1, or 2 along a `path`",
-        )?;
-        check("steps", self.steps, self.steps > 1, "at least 2")?;
-        let duration_s = self.duration_s;
-        let usable = duration_s.is_finite() && duration_s > 0.0;
-        check("duration_s", duration_s, usable, "more than 0")?;
-        let usable = self.spread.is_finite() && self.spread >= 0.0;
-        check("spread", self.spread, usable, "0 or more")?;
-        let noise = self.point_noise;
-        let usable = noise.is_finite() && noise >= 0.0;
-        check("point_noise", noise, usable, "0 or more")?;
+    /// Returns what is wrong with the options.
+    pub(crate) fn faults(&self) -> Vec<OptionFault> {
+        let mut faults = OptionFaults::default();
+        let least = if self.path.is_empty() { 1 } else { 2 };
+        let why = "a table of more motions of one object is read by nobody whole, and a path has two \
+                   ends";
+        faults.within("per_object", self.per_object, least..=MOST_MOTIONS, why);
+        let why = "a motion has a beginning and an end, and controllers are told no more than this";
+        faults.within("steps", self.steps, 2..=MOST_STEPS, why);
+        let steps = self.per_object.saturating_mul(self.steps);
+        if self.per_object <= MOST_MOTIONS && self.steps <= MOST_STEPS && steps > MOST_STEPS_HELD {
+            let problem = format!(
+                "is {}, with `steps` = {} that makes {steps} steps per object, and may make \
+                 {MOST_STEPS_HELD}: they are held in memory together, about 1 kB each",
+                self.per_object, self.steps
+            );
+            faults.note("per_object", problem);
+        }
+        let why = "reaching for an object takes seconds";
+        faults.above("duration_s", self.duration_s, 0.0, LONGEST_S, why);
+        let why = "it multiplies a standard deviation of 1, and codes farther out mean nothing";
+        faults.within("spread", self.spread, 0.0..=WIDEST, why);
+        let why = "it is a share of the object's extent";
+        faults.within("point_noise", self.point_noise, 0.0..=WIDEST, why);
         let share = self.demonstrated_share;
-        let usable = (0.0..=1.0).contains(&share);
-        check("demonstrated_share", share, usable, "from 0 to 1")?;
-        check("draws", self.draws, self.draws > 0, "at least 1")?;
-        let depth_m = self.max_depth_m;
-        let usable = depth_m.is_finite() && depth_m >= 0.0;
-        check("max_depth_m", depth_m, usable, "0 or more")?;
-        let names = format!("{:?}", self.path);
-        let usable = matches!(self.path.len(), 0 | 2);
-        check("path", names, usable, "two names or none")?;
-        let up = format!("{:?}", self.rest_up.unwrap_or_default());
+        faults.within("demonstrated_share", share, 0.0..=1.0, "it is a share");
+        let why = "every draw is decoded and measured, and more find no better ones";
+        faults.within("draws", self.draws, 1..=MOST_DRAWS, why);
+        let why = "it is a depth in an object that a hand can hold";
+        faults.within("max_depth_m", self.max_depth_m, 0.0..=DEEPEST_M, why);
+        let why = "they stand side by side in one scene";
+        let recorded = self.recorded_per_object;
+        faults.within("recorded_per_object", recorded, 0..=MOST_RECORDED, why);
+        if !matches!(self.path.len(), 0 | 2) {
+            let problem = format!("is {:?}, and must be two names or none", self.path);
+            faults.note("path", problem);
+        }
         match (self.rests, self.rest_up) {
             (Rests::Given, None) => {
-                let expected = "a unit vector, as `rests = \"given\"` asks for one";
-                check("rest_up", "missing", false, expected)
+                let problem = "is missing, and `rests = \"given\"` asks for a unit vector";
+                faults.note("rest_up", problem);
             }
             (Rests::Given, Some([x, y, z])) => {
                 let length = (x * x + y * y + z * z).sqrt();
                 // A length that is no number is not near 1 either.
-                check("rest_up", up, (length - 1.0).abs() < 1e-3, "a unit vector")
+                let is_unit = (length - 1.0).abs() < 1e-3;
+                if !is_unit {
+                    let problem = format!("is {:?}, and must be a unit vector", [x, y, z]);
+                    faults.note("rest_up", problem);
+                }
             }
-            (Rests::Seen | Rests::Stable, Some(_)) => check(
-                "rest_up",
-                up,
-                false,
-                "to be left out without `rests = \"given\"`",
-            ),
-            (Rests::Seen | Rests::Stable, None) => Ok(()),
+            (Rests::Seen | Rests::Stable, Some(_)) => {
+                let problem = "is to be left out without `rests = \"given\"`";
+                faults.note("rest_up", problem);
+            }
+            (Rests::Seen | Rests::Stable, None) => {}
         }
+        faults.found()
     }
-}
-
-fn check(
-    key: &'static str,
-    value: impl std::fmt::Display,
-    usable: bool,
-    expected: &'static str,
-) -> Result<(), SampleError> {
-    if usable {
-        return Ok(());
-    }
-    Err(SampleError::Config {
-        key,
-        value: value.to_string(),
-        expected,
-    })
 }
 
 /// Which of a checkpoint's weights are used.

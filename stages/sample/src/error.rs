@@ -7,6 +7,7 @@ use charts::ChartError;
 use dataflow::Advise;
 use lake::LakeError;
 use robot::RobotError;
+use robot_meshes::MeshError;
 use schemas::SchemaError;
 
 /// Why no motions could be drawn.
@@ -45,6 +46,9 @@ pub enum SampleError {
         /// What is wrong with it.
         source: RobotError,
     },
+    /// The shape of a link cannot be had from its mesh.
+    #[error(transparent)]
+    HandMesh(#[from] MeshError),
     /// Motions are of another hand.
     #[error("the {what} has joints {found:?}, the hand's URDF has {expected:?}")]
     AnotherHand {
@@ -74,16 +78,6 @@ pub enum SampleError {
         object: String,
         /// Why it failed.
         source: io::Error,
-    },
-    /// A value of the configuration cannot be used.
-    #[error("`{key}` is {value}, expected {expected}")]
-    Config {
-        /// The key.
-        key: &'static str,
-        /// Its value.
-        value: String,
-        /// What would be valid.
-        expected: &'static str,
     },
     /// An input has no partition, or a partition lacks a file.
     #[error("the {what} is missing")]
@@ -127,6 +121,10 @@ impl Advise for SampleError {
                     .to_owned(),
             ),
             Self::LargeShapes { .. } => Some("URDFs are in meters".to_owned()),
+            Self::ReadHand { path, .. } => Some(format!(
+                "set `hand` to the URDF of a robot hand; {}",
+                dataflow::missing(path)
+            )),
             Self::Missing { .. }
             | Self::Schema { .. }
             | Self::BadField { .. }
@@ -134,17 +132,14 @@ impl Advise for SampleError {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Lake(err) => err.hint(),
+            Self::HandMesh(err) => err.hint(),
             Self::Cgf(
                 CgfError::Weights(_)
                 | CgfError::Description(_)
                 | CgfError::Tensor { .. }
                 | CgfError::Version { .. },
             ) => Some("train again with `pipeline run FILE --fresh`".to_owned()),
-            Self::Config { .. }
-            | Self::ReadHand { .. }
-            | Self::Hand { .. }
-            | Self::Chart(_)
-            | Self::Cgf(_) => None,
+            Self::Hand { .. } | Self::Chart(_) | Self::Cgf(_) => None,
         }
     }
 }

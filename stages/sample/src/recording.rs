@@ -207,16 +207,23 @@ impl<'a> Shown<'a> {
         all
     }
 
-    /// Returns a box as it is, any other shape as the balls that fill it.
+    /// Returns a box or a body as it is, any other shape as the balls that fill it.
     fn shape(&self, frame: &str, collision: &robot::Collision) -> Marker {
-        if let Shape::Box { half_extents_m } = collision.shape {
-            let high = Point3::from(half_extents_m);
-            let mesh = TriMesh::cuboid(-high, high);
-            let corners = mesh.vertices_m.iter();
+        let mesh = |corners: &[Point3<f64>], triangles: &[[u32; 3]]| {
             let corners: Vec<[f64; 3]> = corners
+                .iter()
                 .map(|corner| (collision.link_from_shape * corner).into())
                 .collect();
-            return motion::mesh_marker(START_NS, frame, &corners, &mesh.triangles, self.color);
+            motion::mesh_marker(START_NS, frame, &corners, triangles, self.color)
+        };
+        match &collision.shape {
+            Shape::Box { half_extents_m } => {
+                let high = Point3::from(*half_extents_m);
+                let cuboid = TriMesh::cuboid(-high, high);
+                return mesh(&cuboid.vertices_m, &cuboid.triangles);
+            }
+            Shape::Convex(body) => return mesh(body.corners_m(), body.triangles()),
+            Shape::Sphere { .. } | Shape::Cylinder { .. } | Shape::Capsule { .. } => {}
         }
         let balls = balls::fill(collision);
         let centers: Vec<Point3<f64>> = balls.iter().map(|ball| ball.center_in_link).collect();

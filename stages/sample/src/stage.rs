@@ -7,8 +7,8 @@ mod sampling;
 use std::{fs, path::Path};
 
 use dataflow::{
-    Artifact, Code, Context, Input, Inputs, Labels, Outcome, Output, Scope, SourceFile, Stage,
-    Summary, Unit,
+    Artifact, Code, Context, Form, Input, Inputs, Labels, OptionFault, Outcome, Output, Scope,
+    SourceFile, Stage, Summary, Unit,
 };
 use geometry::DistanceField;
 use robot::RobotModel;
@@ -19,6 +19,16 @@ use crate::{SampleConfig, SampleError};
 /// Draws candidate motions from a grasping function.
 pub enum Sample {}
 
+/// The hand counts as it is read.
+const ROBOT: Form = Form {
+    name: "robot",
+    of: robot::read_form,
+};
+/// The robot counts as recordings show it.
+const SHOWN_ROBOT: Form = Form {
+    name: "shown robot",
+    of: robot::shown_form,
+};
 /// The artifact of an object's motions.
 const CANDIDATES: &str = "candidates";
 /// The artifact that says how plausible and different they are.
@@ -68,16 +78,18 @@ impl Stage for Sample {
         },
     ];
 
-    /// Checks the options and the hand's URDF.
+    fn check(config: &SampleConfig) -> Vec<OptionFault> {
+        config.faults()
+    }
+
+    /// Checks the hand's URDF.
     fn prepare(config: &SampleConfig) -> Result<(), SampleError> {
-        config.check()?;
         read_hand(&config.hand).map(drop)
     }
 
     fn units(config: &SampleConfig, output: &str, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
-        config.check()?;
         match output {
-            SAMPLING => Ok(sampling::units(config, scope)),
+            SAMPLING => sampling::units(config, scope),
             _ => candidates::units(config, scope),
         }
     }
@@ -96,7 +108,6 @@ impl Stage for Sample {
     }
 
     fn run(config: &SampleConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleError> {
-        config.check()?;
         match cx.output() {
             SAMPLING => sampling::make(inputs, cx),
             _ => candidates::make(config, inputs, cx),
@@ -115,12 +126,17 @@ fn labels(object: &str) -> Labels {
     Labels::from([("object".to_owned(), object.to_owned())])
 }
 
-/// The hand's URDF, of which some units read nothing.
-fn hand_file(config: &SampleConfig) -> SourceFile {
-    SourceFile::named_by_file(&config.hand)
+/// The meshes that the hand collides with.
+fn hand_meshes(config: &SampleConfig) -> Result<Vec<SourceFile>, SampleError> {
+    Ok(robot_meshes::sources(&config.hand)?)
 }
 
-/// Reads the hand's URDF: its text and what it says.
+/// The hand's URDF, of which some units read nothing.
+fn hand_file(config: &SampleConfig) -> SourceFile {
+    SourceFile::named("hand", &config.hand)
+}
+
+/// Reads the hand's URDF and meshes: its plain text and what it says.
 fn read_hand(path: &Path) -> Result<(String, RobotModel), SampleError> {
     let xml = fs::read_to_string(path).map_err(|source| SampleError::ReadHand {
         path: path.to_owned(),
@@ -130,7 +146,8 @@ fn read_hand(path: &Path) -> Result<(String, RobotModel), SampleError> {
         path: path.to_owned(),
         source,
     })?;
-    Ok((xml, model))
+    let model = robot_meshes::with_mesh_shapes(model, path)?;
+    Ok((robot::plain_urdf(&xml), model))
 }
 
 /// Reads the distances about an object.

@@ -237,7 +237,7 @@ fn inputs(folder: &Path) -> Inputs {
             ),
             ("trajectories".to_owned(), shown.to_vec()),
         ]),
-        vec![SourceFile::named_by_file(&folder.join("hand.urdf"))],
+        vec![SourceFile::named("hand", &folder.join("hand.urdf"))],
     )
 }
 
@@ -327,6 +327,13 @@ fn measured(config: &SampleConfig, inputs: &Inputs) -> (TempDir, Made) {
     artifacts.insert("candidates".to_owned(), vec![made_in(out.path())]);
     let inputs = Inputs::new(artifacts, inputs.files().to_vec());
     run(config, &inputs, 7, "sampling")
+}
+
+/// What is wrong with the options.
+fn faults(config: &SampleConfig) -> String {
+    let faults = Sample::check(config);
+    let said: Vec<String> = faults.iter().map(ToString::to_string).collect();
+    said.join("; ")
 }
 
 fn refused(config: &SampleConfig, inputs: &Inputs) -> String {
@@ -550,35 +557,38 @@ fn a_given_orientation_puts_the_mesh_on_the_table() {
         assert!(lowest.abs() < 1e-12, "{lowest}");
     }
     for up in [[0.0; 3], [0.0, 0.0, 2.0], [f64::NAN, 0.0, 1.0]] {
-        let err = refused(&given(up), &inputs);
+        let err = faults(&given(up));
         assert!(
             err.contains("`rest_up`") && err.contains("a unit vector"),
             "{err}"
         );
     }
-    let err = refused(
-        &SampleConfig {
-            rest_up: None,
-            ..given([0.0; 3])
-        },
-        &inputs,
-    );
+    let err = faults(&SampleConfig {
+        rest_up: None,
+        ..given([0.0; 3])
+    });
     assert!(err.contains("`rest_up` is missing"), "{err}");
     let without = SampleConfig {
         rests: Rests::Seen,
         ..given([0.0, 0.0, 1.0])
     };
-    assert!(refused(&without, &inputs).contains("left out"));
+    assert!(faults(&without).contains("left out"));
 }
 
 #[test]
 fn options_that_make_no_sense_are_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let inputs = inputs(folder.path());
+    assert_eq!(faults(&config()), "");
     let check = |config: SampleConfig, key: &str| {
-        let err = refused(&config, &inputs);
+        let err = faults(&config);
         assert!(err.starts_with(&format!("`{key}` is")), "{err}");
     };
+    let held = SampleConfig {
+        per_object: 1_000_000,
+        steps: 100,
+        ..config()
+    };
+    assert!(faults(&held).contains("makes 100000000 steps"));
+    check(held, "per_object");
     check(
         SampleConfig {
             steps: 1,
@@ -917,7 +927,7 @@ fn noisy_points_change_the_motions_by_the_seed_and_leave_the_draws() {
     assert_eq!(latents(&exact), latents(&noisy));
     assert_ne!(exact, noisy);
     for noise in [-1.0, f64::NAN] {
-        let said = refused(&with(noise), &inputs);
+        let said = faults(&with(noise));
         assert!(said.contains("point_noise"), "{said}");
     }
 }

@@ -2,9 +2,15 @@
 
 use std::path::PathBuf;
 
+use dataflow::{OptionFault, OptionFaults};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use simulation::{Protocol, SceneConfig};
+use simulation::{Protocol, SceneConfig, SettingFault};
+
+/// Most rollouts of an object that are recorded: a recording has about 1 MB.
+const MOST_RECORDED: usize = 10_000;
+/// Greatest share of an object's extent by which its place is mistaken.
+const MOST_MISTAKEN: f64 = 1000.0;
 
 /// Options of `kind = "screen"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -24,4 +30,27 @@ pub struct ScreenConfig {
     pub scene: SceneConfig,
     /// What is done with a motion, and what counts as success.
     pub protocol: Protocol,
+}
+
+impl ScreenConfig {
+    /// Returns what is wrong with the options beyond their types.
+    pub(crate) fn faults(&self) -> Vec<OptionFault> {
+        let mut faults = OptionFaults::default();
+        let recorded = self.recorded_per_object;
+        let why = "a recording has about 1 MB";
+        faults.within("recorded_per_object", recorded, 0..=MOST_RECORDED, why);
+        let why = "it is a share of the object's extent";
+        faults.within("pose_noise", self.pose_noise, 0.0..=MOST_MISTAKEN, why);
+        faults.of_table("scene", option_faults(self.scene.faults()));
+        faults.of_table("protocol", option_faults(self.protocol.faults(&self.scene)));
+        faults.found()
+    }
+}
+
+fn option_faults(faults: Vec<SettingFault>) -> Vec<OptionFault> {
+    let faults = faults.into_iter().map(|fault| OptionFault {
+        key: fault.key.to_owned(),
+        problem: fault.problem,
+    });
+    faults.collect()
 }

@@ -3,9 +3,10 @@
 use std::{io, path::PathBuf};
 
 use charts::ChartError;
-use dataflow::Advise;
+use dataflow::{Advise, missing};
 use lake::LakeError;
 use robot::RobotError;
+use robot_meshes::MeshError;
 use schemas::SchemaError;
 use simulation::SimulationError;
 
@@ -29,9 +30,17 @@ pub enum ScreenError {
         /// What is wrong with it.
         source: RobotError,
     },
-    /// No number says by how much the object's place is mistaken.
-    #[error("`pose_noise` is {0}, expected 0 or more")]
-    PoseNoise(f64),
+    /// The shape of a link cannot be had from its mesh.
+    #[error(transparent)]
+    HandMesh(#[from] MeshError),
+    /// The hand and the options do not go together, whatever is screened.
+    #[error("cannot simulate the hand `{}`", path.display())]
+    Options {
+        /// The hand's URDF.
+        path: PathBuf,
+        /// What is wrong.
+        source: SimulationError,
+    },
     /// Nothing can be simulated with this hand and these options.
     #[error("cannot simulate `{partition}` with the hand `{}`", path.display())]
     Simulation {
@@ -107,14 +116,16 @@ impl Advise for ScreenError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::ReadHand { path, .. } => Some(format!(
-                "set `hand` to the URDF of a robot hand; `{}` is read relative to the current \
-                 directory",
-                path.display()
+                "set `hand` to the URDF of a robot hand; {}",
+                missing(path)
             )),
             Self::Hand { source, .. } => source.hint(),
-            Self::Simulation { source, .. } => source.hint().or_else(|| {
-                Some("`pipeline stages screen` lists every option with its unit".to_owned())
-            }),
+            Self::HandMesh(err) => err.hint(),
+            Self::Options { source, .. } | Self::Simulation { source, .. } => {
+                source.hint().or_else(|| {
+                    Some("`pipeline stages screen` lists every option with its unit".to_owned())
+                })
+            }
             Self::UnknownJoint { .. } | Self::MissingJoint { .. } => {
                 Some("use the same `hand` in `retarget` and in `screen`, then run again".to_owned())
             }
@@ -123,10 +134,13 @@ impl Advise for ScreenError {
             }
             Self::Lake(err) => err.hint(),
             Self::NoCandidates
-            | Self::PoseNoise(_)
             | Self::MissingInput { .. }
             | Self::Chart(_)
             | Self::Schema { .. } => None,
         }
+    }
+
+    fn lacks(&self) -> Option<&'static str> {
+        matches!(self, Self::NoCandidates).then_some("candidates")
     }
 }

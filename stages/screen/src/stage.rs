@@ -3,12 +3,12 @@
 use std::{collections::BTreeMap, fs, path::Path};
 
 use dataflow::{
-    Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, SourceFile, Stage, Summary,
-    Unit,
+    Code, Context, Form, Input, Inputs, Labels, Made, OptionFault, Outcome, Output, Scope,
+    SourceFile, Stage, Summary, Unit,
 };
 use robot::RobotModel;
 use schemas::{candidates, objects, rollouts, rollouts::Verdict};
-use simulation::{Record, SimulationError};
+use simulation::{Flexion, Record, SimulationError, check_hand};
 
 use crate::{
     ScreenConfig, ScreenError,
@@ -19,6 +19,12 @@ use crate::{
 
 /// Judges candidate motions in physics.
 pub enum Screen {}
+
+/// The robot counts as recordings show it.
+const SHOWN_ROBOT: Form = Form {
+    name: "shown robot",
+    of: robot::shown_form,
+};
 
 impl Stage for Screen {
     type Config = ScreenConfig;
@@ -52,31 +58,41 @@ impl Stage for Screen {
         },
     ];
 
-    /// Checks that the hand can be read.
+    fn check(config: &ScreenConfig) -> Vec<OptionFault> {
+        config.faults()
+    }
+
+    /// Checks that the hand can be read, and be simulated as the options say.
     fn prepare(config: &ScreenConfig) -> Result<(), ScreenError> {
-        check(config)?;
-        load_hand(&config.hand).map(|_| ())
+        let (_, hand) = load_hand(&config.hand)?;
+        check_hand(&config.scene, &hand)
+            .and_then(|()| Flexion::new(&config.protocol, &hand).map(drop))
+            .map_err(|source| ScreenError::Options {
+                path: config.hand.clone(),
+                source,
+            })
     }
 
     fn units(config: &ScreenConfig, output: &str, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
         if output == SUCCESS {
             return Ok(success::units(scope));
         }
-        check(config)?;
         let candidates = scope.partitions("candidates");
         if candidates.is_empty() {
             return Err(ScreenError::NoCandidates);
         }
         let objects = scope.partitions("objects");
+        let meshes = robot_meshes::sources(&config.hand)?;
         Ok(candidates
             .iter()
             .map(|partition| {
                 // An object that is missing is planned without, and skipped.
                 let object = objects.iter().find(|object| object.key == partition.key);
-                Unit::new(&partition.key)
+                let unit = Unit::new(&partition.key)
                     .reading("candidates", [&partition.key])
                     .reading("objects", object.map(|object| &object.key))
-                    .with_file(SourceFile::named_by_file(&config.hand))
+                    .with_file_of_form(SourceFile::named("hand", &config.hand), SHOWN_ROBOT);
+                meshes.iter().cloned().fold(unit, Unit::with_file)
             })
             .collect())
     }
@@ -184,16 +200,6 @@ impl Stage for Screen {
     }
 }
 
-/// Refuses options that make no sense whatever the candidates.
-fn check(config: &ScreenConfig) -> Result<(), ScreenError> {
-    let noise = config.pose_noise;
-    if noise.is_finite() && noise >= 0.0 {
-        Ok(())
-    } else {
-        Err(ScreenError::PoseNoise(noise))
-    }
-}
-
 fn metrics(rollouts: &[rollouts::Rollout]) -> BTreeMap<String, f64> {
     let count = |verdict: Verdict| rollouts.iter().filter(|r| r.verdict == verdict).count() as f64;
     let steps: f64 = rollouts.iter().map(|r| f64::from(r.cost_n)).sum();
@@ -263,7 +269,7 @@ fn columns(
         .collect()
 }
 
-/// Reads the hand's URDF: its text and what it says.
+/// Reads the hand's URDF and meshes: its plain text and what it says.
 fn load_hand(path: &Path) -> Result<(String, RobotModel), ScreenError> {
     let xml = fs::read_to_string(path).map_err(|source| ScreenError::ReadHand {
         path: path.to_owned(),
@@ -273,5 +279,6 @@ fn load_hand(path: &Path) -> Result<(String, RobotModel), ScreenError> {
         path: path.to_owned(),
         source,
     })?;
-    Ok((xml, model))
+    let model = robot_meshes::with_mesh_shapes(model, path)?;
+    Ok((robot::plain_urdf(&xml), model))
 }

@@ -42,6 +42,7 @@ pub(crate) fn units(scope: &Scope) -> Vec<Unit> {
 /// Makes the table and its chart.
 pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, ScreenError> {
     let mut rows = Vec::new();
+    let mut touched_n = 0;
     for artifact in inputs.artifacts(ROLLOUTS) {
         let mut given = inputs.artifacts(CANDIDATES).iter();
         let given = given.find(|given| given.key == artifact.key);
@@ -51,6 +52,7 @@ pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, ScreenError
         })?;
         let schema = |source| of_partition(&artifact.key, source);
         let rollouts = rollouts::from_batch(&lake::table::read(artifact)?).map_err(schema)?;
+        touched_n += rollouts.iter().filter(|rollout| touched(rollout)).count();
         rows.extend(of_object(&rollouts, &read_candidates(given)?)?);
     }
     let batch = success::to_batch(&rows).map_err(|err| of_partition(cx.partition(), err))?;
@@ -62,22 +64,53 @@ pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, ScreenError
     }
     Ok(Outcome::Made(Made {
         labels: Labels::new(),
-        metrics: metrics(&rows),
+        metrics: metrics(&rows, touched_n),
     }))
+}
+
+/// Says whether the hand touched the object, as far as its figures tell: it moved it, or was in contact
+/// with it when it was to be lifted.
+fn touched(rollout: &Rollout) -> bool {
+    match rollout.verdict {
+        Verdict::Limit | Verdict::Table => false,
+        Verdict::NotGrasped | Verdict::Diverged => {
+            rollout.contacts_n > 0 || rollout.penetration_m > 0.0
+        }
+        Verdict::Held
+        | Verdict::EarlyContact
+        | Verdict::KnockedOver
+        | Verdict::Slipped
+        | Verdict::Dropped => true,
+    }
 }
 
 /// Says how often candidates hold, of whichever object.
 pub(crate) fn describe(summary: &Summary) -> String {
-    let [objects, accepted, steps] =
-        ["objects_n", "accepted_n", "control_steps_n"].map(|metric| summary.total(metric));
+    let objects = summary.total("objects_n");
     let [rate, low, high] =
         ["rate", "rate_low", "rate_high"].map(|metric| 100.0 * summary.total(metric));
-    let mut line =
-        format!("{rate:.1} % hold ({low:.1} to {high:.1} %, 95 % interval) over {objects} objects");
-    if accepted > 0.0 {
-        line += &format!(", {:.0} control steps for each", steps / accepted);
+    let mut line = format!("{rate:.1} % hold (95 % CI {low:.1} to {high:.1}), {objects} objects");
+    if summary.total("touched_n") == 0.0 && summary.total("candidates_n") > 0.0 {
+        line += &untouched(summary);
     }
     line
+}
+
+/// Says what became of motions of which none touched its object.
+fn untouched(summary: &Summary) -> String {
+    let [all, limit, table] =
+        ["candidates_n", "limit_n", "table_n"].map(|metric| summary.total(metric));
+    let became = [
+        (limit, "would exceed a joint's limit"),
+        (table, "would go through the table"),
+        (all - limit - table, "closed beside it"),
+    ];
+    let became: Vec<String> = became
+        .iter()
+        .filter(|(n, _)| *n > 0.0)
+        .map(|(n, what)| format!("{n:.0} {what}"))
+        .collect();
+    format!("; no motion touched the object: {}", became.join(", "))
 }
 
 fn read_candidates(artifact: &Artifact) -> Result<Candidates, ScreenError> {
@@ -148,7 +181,7 @@ fn as_stored(n: usize) -> i64 {
 }
 
 /// The figures of all candidates together.
-fn metrics(rows: &[Success]) -> BTreeMap<String, f64> {
+fn metrics(rows: &[Success], touched_n: usize) -> BTreeMap<String, f64> {
     let sum = |number: fn(&Success) -> i64| rows.iter().map(number).sum::<i64>();
     let (candidates, successes) = (sum(Success::candidates_n), sum(Success::successes_n));
     let [low, high] = success::wilson(successes, candidates);
@@ -160,6 +193,9 @@ fn metrics(rows: &[Success]) -> BTreeMap<String, f64> {
         ("rate_low", low),
         ("rate_high", high),
         ("control_steps_n", sum(|row| row.control_steps_n) as f64),
+        ("touched_n", touched_n as f64),
+        ("limit_n", sum(|row| row.count(Verdict::Limit)) as f64),
+        ("table_n", sum(|row| row.count(Verdict::Table)) as f64),
     ]
     .map(|(name, value)| (name.to_owned(), value))
     .into()
@@ -296,13 +332,47 @@ mod tests {
         assert_eq!((another.successes_n(), another.spread_n), (0, 0));
         assert_eq!(another.count(Verdict::Table), 1);
         assert_eq!(another.control_steps_per_success(), 0.0);
-        let metrics = metrics(&rows);
+        let metrics = metrics(&rows, 4);
+        assert_eq!((metrics["touched_n"], metrics["table_n"]), (4.0, 1.0));
         assert_eq!(metrics["objects_n"], 1.0);
         assert_eq!((metrics["accepted_n"], metrics["candidates_n"]), (3.0, 5.0));
         assert!(metrics["rate_low"] < 0.6 && 0.6 < metrics["rate_high"]);
         let svg = chart(&rows).unwrap();
         for name in ["can", "cgf", "another"] {
             assert!(svg.contains(&format!(">{name}</text>")), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_rate_of_zero_without_a_touch_says_so() {
+        let said = |rollouts: &[Rollout]| {
+            let rows = of_object(rollouts, &given()).unwrap();
+            let touched_n = rollouts.iter().filter(|rollout| touched(rollout)).count();
+            describe(&Summary {
+                n_made: 1,
+                totals: metrics(&rows, touched_n),
+                ..Summary::default()
+            })
+        };
+        let past = rollout("a", "cgf", Verdict::NotGrasped);
+        let through = rollout("b", "cgf", Verdict::Table);
+        let untouched = [past.clone(), past.clone(), through.clone()];
+        let line = said(&untouched);
+        let expected =
+            "; no motion touched the object: 1 would go through the table, 2 closed beside it";
+        assert!(line.ends_with(expected), "{line}");
+        // One that was in contact, or moved the object, is another matter.
+        let pressed = Rollout {
+            penetration_m: 1e-4,
+            ..past.clone()
+        };
+        for other in [
+            pressed,
+            rollout("c", "cgf", Verdict::KnockedOver),
+            rollout("c", "cgf", Verdict::Held),
+        ] {
+            let line = said(&[past.clone(), other]);
+            assert!(!line.contains("touched"), "{line}");
         }
     }
 

@@ -197,7 +197,7 @@ fn run(
             ("objects".to_owned(), vec![artifact(&made)]),
             ("candidates".to_owned(), vec![artifact(&motions)]),
         ]),
-        vec![SourceFile::named_by_file(Path::new(HAND))],
+        vec![SourceFile::named("hand", Path::new(HAND))],
     );
     Screen::run(
         config,
@@ -293,7 +293,10 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
             ..Summary::default()
         },
     );
-    assert!(said.starts_with("33.3 % hold (6.1 to 79.2 %"), "{said}");
+    assert!(
+        said.starts_with("33.3 % hold (95 % CI 6.1 to 79.2)"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -387,7 +390,7 @@ fn each_unit_reads_its_object_and_the_hand() {
     assert_eq!(units[0].reads["candidates"], ["can"]);
     assert_eq!(units[0].reads["objects"], ["can"]);
     assert!(units[1].reads["objects"].is_empty());
-    assert_eq!(units[0].files[0].name, "allegro_right.urdf");
+    assert_eq!(units[0].files[0].name, "hand");
     assert!(matches!(
         Screen::units(&config(), "rollouts", &Scope::default()),
         Err(ScreenError::NoCandidates)
@@ -406,6 +409,94 @@ fn the_hand_is_found_to_be_missing_before_anything_runs() {
     assert!(Screen::prepare(&config).is_ok());
     let xml = fs::read_to_string(HAND).unwrap();
     assert_eq!(RobotModel::from_urdf(&xml).unwrap().dof(), 16);
+}
+
+#[test]
+fn options_that_do_not_go_with_the_hand_are_refused_before_anything_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let urdf = folder.path().join("hand.urdf");
+    let described = fs::read_to_string(HAND).unwrap();
+    let refused = |config: &ScreenConfig| {
+        let err = Screen::prepare(config).unwrap_err();
+        assert!(matches!(err, ScreenError::Options { .. }), "{err:?}");
+        let cause = std::error::Error::source(&err).unwrap().to_string();
+        (cause, err.hint().unwrap_or_default())
+    };
+    let with = |described: &str| {
+        lake::write_whole(&urdf, described.as_bytes()).unwrap();
+        ScreenConfig {
+            hand: urdf.clone(),
+            ..config()
+        }
+    };
+    let mut unknown = config();
+    unknown
+        .protocol
+        .flexion_joints
+        .push("joint_99.0".to_owned());
+    let (said, hint) = refused(&unknown);
+    assert!(
+        said.contains("`flexion_joints` names `joint_99.0`"),
+        "{said}"
+    );
+    assert!(hint.contains("joint_0.0, joint_1.0"), "{hint}");
+
+    let mut still = config();
+    still.scene.time_step_s = 0.0;
+    assert!(refused(&still).0.contains("`time_step_s` is 0"));
+
+    // A link without inertia, and a palm without, which needs none.
+    let without = |link: &str| {
+        let link = described.find(&format!("<link name=\"{link}\">")).unwrap();
+        let start = link + described[link..].find("<inertial>").unwrap();
+        let end = start + described[start..].find("</inertial>").unwrap() + "</inertial>".len();
+        [&described[..start], &described[end..]].concat()
+    };
+    let (said, hint) = refused(&with(&without("link_2.0")));
+    assert!(said.contains("link `link_2.0` of the hand"), "{said}");
+    assert!(hint.contains("`<inertial>`"), "{hint}");
+    Screen::prepare(&with(&without("base_link"))).unwrap();
+
+    let untouchable = described.replace("<collision>", "<visual>");
+    let (said, _) = refused(&with(&untouchable.replace("</collision>", "</visual>")));
+    assert!(said.contains("no collision shapes"), "{said}");
+}
+
+#[test]
+fn the_meshes_of_a_hand_are_read_beside_its_urdf() {
+    let folder = tempfile::tempdir().unwrap();
+    let put = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        lake::write_whole(&path, text.as_bytes()).unwrap();
+        path
+    };
+    put("tip.obj", "");
+    let described = fs::read_to_string(HAND).unwrap();
+    let ball = "<sphere radius=\"0.012\"/>";
+    assert!(described.contains(ball));
+    let of_mesh = described.replace(ball, "<mesh filename=\"tip.obj\"/>");
+    let config = ScreenConfig {
+        hand: put("hand.urdf", &of_mesh),
+        ..config()
+    };
+    let scope = Scope::new(BTreeMap::from([(
+        "candidates".to_owned(),
+        vec![Partition::new("can", BTreeMap::new())],
+    )]));
+    let units = Screen::units(&config, "rollouts", &scope).unwrap();
+    let names: Vec<&str> = units[0]
+        .files
+        .iter()
+        .map(|file| file.name.as_str())
+        .collect();
+    assert_eq!(names, ["hand", "tip.obj"]);
+    // Whatever is wrong with it is known before anything runs.
+    let err = Screen::prepare(&config).unwrap_err();
+    assert!(matches!(err, ScreenError::HandMesh(_)), "{err}");
+    fs::remove_file(folder.path().join("tip.obj")).unwrap();
+    let err = Screen::prepare(&config).unwrap_err();
+    assert!(err.to_string().contains("which is not there"), "{err}");
+    assert!(Screen::units(&config, "rollouts", &scope).is_err());
 }
 
 #[test]
@@ -478,9 +569,8 @@ fn a_share_that_is_no_share_is_refused() {
     for pose_noise in [-0.1, f64::NAN, f64::INFINITY] {
         let mut config = config();
         config.pose_noise = pose_noise;
-        assert!(matches!(
-            Screen::prepare(&config),
-            Err(ScreenError::PoseNoise(_))
-        ));
+        let faults = Screen::check(&config);
+        assert_eq!(faults.len(), 1);
+        assert_eq!(faults[0].key, "pose_noise");
     }
 }

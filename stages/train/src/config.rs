@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use cgf::{CgfError, NetworkConfig, TrainingConfig};
+use dataflow::{OptionFault, OptionFaults};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -26,19 +27,39 @@ pub struct TrainConfig {
 }
 
 impl TrainConfig {
-    /// Checks every value but the hand.
-    pub(crate) fn check(&self) -> Result<(), CgfError> {
-        self.network.check()?;
-        self.training.check()?;
-        if (0.0..1.0).contains(&self.held_out_share) {
-            Ok(())
-        } else {
-            Err(CgfError::Config {
-                key: "held_out_share",
-                value: self.held_out_share.to_string(),
-                expected: "from 0 to below 1",
-            })
+    /// Returns what is wrong with every value but the hand.
+    pub(crate) fn faults(&self) -> Vec<OptionFault> {
+        let mut faults = OptionFaults::default();
+        let share = self.held_out_share;
+        if !(0.0..1.0).contains(&share) {
+            let problem = format!("is {share:?}, and must be from 0 to below 1: it is a share");
+            faults.note("held_out_share", problem);
         }
+        let network = self.network.check();
+        let training = self.training.check();
+        let memory = match (&network, &training) {
+            (Ok(()), Ok(())) => self.training.check_memory(&self.network),
+            _ => Ok(()),
+        };
+        for (table, checked) in [
+            ("network", network),
+            ("training", training),
+            ("training", memory),
+        ] {
+            match checked {
+                Ok(()) => {}
+                Err(CgfError::Config {
+                    key,
+                    value,
+                    expected,
+                }) => {
+                    let problem = format!("is {value}, and must be {expected}");
+                    faults.note(&format!("{table}.{key}"), problem);
+                }
+                Err(other) => faults.note(table, other.to_string()),
+            }
+        }
+        faults.found()
     }
 
     /// Says whether trajectories of this object are read.

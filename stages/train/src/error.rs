@@ -7,6 +7,7 @@ use charts::ChartError;
 use dataflow::Advise;
 use lake::LakeError;
 use robot::{RobotError, WrongDof};
+use robot_meshes::MeshError;
 use schemas::SchemaError;
 
 /// Why no grasping function could be trained.
@@ -43,6 +44,9 @@ pub enum TrainError {
         /// Why it failed.
         source: RobotError,
     },
+    /// The shape of a link cannot be had from its mesh.
+    #[error(transparent)]
+    HandMesh(#[from] MeshError),
     /// A trajectory belongs to another hand.
     #[error("trajectory `{sequence}` has joints {found:?}, the hand has {expected:?}")]
     AnotherHand {
@@ -100,30 +104,27 @@ pub enum TrainError {
 impl Advise for TrainError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::NoTrajectories { .. } => Some(
-                "check `objects` and `unseen_objects`, and see what was skipped before: `pipeline \
-                 inspect retarget.trajectories`"
-                    .to_owned(),
-            ),
+            Self::NoTrajectories { .. } => Some("check `objects` and `unseen_objects`".to_owned()),
             Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
-            Self::Hand { .. } | Self::Urdf { .. } => {
-                Some("set `hand` to the URDF that `retarget` used".to_owned())
-            }
+            Self::Hand { path, .. } => Some(format!(
+                "set `hand` to the URDF that `retarget` used; {}",
+                dataflow::missing(path)
+            )),
+            Self::Urdf { .. } => Some("set `hand` to the URDF that `retarget` used".to_owned()),
             Self::AnotherHand { .. } => {
                 Some("set `hand` in `train` and `retarget` to the same URDF".to_owned())
             }
             Self::Lake(err) => err.hint(),
+            Self::HandMesh(err) => err.hint(),
             Self::Schema { .. } | Self::ReadField { .. } | Self::BadField { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Cgf(CgfError::Diverged { .. }) => {
                 Some("lower `training.learning_rate`, e.g. to a third".to_owned())
             }
-            Self::Cgf(CgfError::TooFewTrajectories { .. }) => Some(
-                "train on more objects, or see what was skipped before: `pipeline inspect \
-                 retarget.trajectories`"
-                    .to_owned(),
-            ),
+            Self::Cgf(CgfError::TooFewTrajectories { .. }) => {
+                Some("train on more objects".to_owned())
+            }
             Self::Cgf(CgfError::NotBuiltFor { feature }) => Some(format!(
                 "set `device = \"cpu\"`, or build with `cargo build --release --features {feature}`"
             )),
@@ -133,5 +134,13 @@ impl Advise for TrainError {
             Self::Cgf(CgfError::LargeShapes { .. }) => Some("URDFs are in meters".to_owned()),
             Self::Curve { .. } | Self::Cgf(_) | Self::Dof(_) | Self::Chart(_) => None,
         }
+    }
+
+    fn lacks(&self) -> Option<&'static str> {
+        matches!(
+            self,
+            Self::NoTrajectories { .. } | Self::Cgf(CgfError::TooFewTrajectories { .. })
+        )
+        .then_some("trajectories")
     }
 }

@@ -10,7 +10,8 @@ use std::{
 
 use cgf::{GraspError, Split, Trained, Trainer, TrainingSet};
 use dataflow::{
-    Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage, Summary, Unit,
+    Code, Context, Form, Input, Inputs, Made, OptionFault, Outcome, Output, Scope, SourceFile,
+    Stage, Summary, Unit,
 };
 use robot::RobotModel;
 use schemas::{checkpoint, latents, reconstruction, training};
@@ -25,6 +26,11 @@ use crate::{
 /// Learns a continuous grasping function from trajectories.
 pub enum Train {}
 
+/// The hand counts as it is read.
+const ROBOT: Form = Form {
+    name: "robot",
+    of: robot::read_form,
+};
 /// Key of the one partition.
 const MODEL: &str = "cgf";
 
@@ -56,9 +62,12 @@ impl Stage for Train {
         output(RECONSTRUCTION, reconstruction::VERSION),
     ];
 
-    /// Checks the options and the hand's description.
+    fn check(config: &TrainConfig) -> Vec<OptionFault> {
+        config.faults()
+    }
+
+    /// Checks the hand's description.
     fn prepare(config: &TrainConfig) -> Result<(), TrainError> {
-        config.check()?;
         read_hand(&config.hand).map(drop)
     }
 
@@ -97,9 +106,13 @@ impl Stage for Train {
         let fields: BTreeSet<String> = objects.iter().filter(|_| keeps_out).cloned().collect();
         let unit = Unit::new(MODEL)
             .reading("trajectories", keys)
+            .only_files("trajectories", [lake::table::FILE])
             .reading("objects", objects)
             .reading(set::FIELDS, fields)
-            .with_file(SourceFile::named_by_file(&config.hand));
+            .with_file_of_form(SourceFile::named("hand", &config.hand), ROBOT);
+        let unit = robot_meshes::sources(&config.hand)?
+            .into_iter()
+            .fold(unit, Unit::with_file);
         Ok(match output {
             CHECKPOINT => vec![unit],
             _ => report::units(output, &unit, scope),
@@ -135,27 +148,16 @@ impl Stage for Train {
         if output != CHECKPOINT {
             return report::describe(output, summary);
         }
-        let errors = |suffix: &str| {
-            format!(
-                "{:.1} mm, {:.1}° and {:.2} rad",
-                1e3 * summary.total(&format!("position_error_m{suffix}")),
-                summary
-                    .total(&format!("rotation_error_rad{suffix}"))
-                    .to_degrees(),
-                summary.total(&format!("joints_error_rad{suffix}")),
-            )
-        };
+        let error_mm = |suffix| 1e3 * summary.total(&format!("position_error_m{suffix}"));
         let mut text = format!(
-            "{} trajectories → loss {:.4}, kl {:.1}; grasps {} from theirs",
+            "{} trajectories → error {:.1} mm",
             summary.total("trajectories"),
-            summary.total("loss"),
-            summary.total("kl"),
-            errors(""),
+            error_mm(""),
         );
-        for (suffix, what) in [("_held_out", "held-out"), ("_unseen", "unseen")] {
+        for (suffix, what) in [("_held_out", "held out"), ("_unseen", "unseen")] {
             let n = summary.total(&format!("trajectories{suffix}"));
             if n > 0.0 {
-                text += &format!(", {n} {what} {}", errors(suffix));
+                text += &format!(", {n} {what} {:.1} mm", error_mm(suffix));
             }
         }
         text
@@ -182,10 +184,11 @@ fn read_hand(path: &Path) -> Result<RobotModel, TrainError> {
         path: path.to_owned(),
         source,
     })?;
-    RobotModel::from_urdf(&text).map_err(|source| TrainError::Urdf {
+    let model = RobotModel::from_urdf(&text).map_err(|source| TrainError::Urdf {
         path: path.to_owned(),
         source,
-    })
+    })?;
+    Ok(robot_meshes::with_mesh_shapes(model, path)?)
 }
 
 /// Trains epoch after epoch.

@@ -1,14 +1,15 @@
 """Prints how many microseconds numpy takes to read the landmarks and poses of a label file.
 
-The files' paths come on stdin, one on each line.
+The files' paths come on stdin, as one line of JSON.
 """
 
+import json
 import sys
 import time
 
 import numpy
 
-paths = sys.stdin.read().splitlines()
+paths = json.loads(sys.stdin.readline())
 
 
 def read(path):

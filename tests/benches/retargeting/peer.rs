@@ -1,37 +1,25 @@
 //! The peer, `dex_retargeting`, in a Python process that is asked chunk by chunk.
 
-use std::{
-    io::{BufRead, BufReader, Write},
-    process::{Child, ChildStdin, ChildStdout, Stdio},
-};
-
 use serde_json::{Value, json};
 use stage_retarget::solver::{Posture, Target};
 
 use crate::{
     problem::{Problem, posture},
-    python,
+    python::{self, Script},
 };
 
 /// The running peer.
 pub(crate) struct Peer {
-    process: Child,
-    input: ChildStdin,
-    output: BufReader<ChildStdout>,
+    script: Script,
 }
 
 impl Peer {
     /// Starts the peer on a problem; an error says why it cannot be.
     pub(crate) fn start(problem: &Problem) -> Result<Self, String> {
         let script = "retargeting/dex_retargeting_frames.py";
-        let mut process = python::start(script, &[], 1, Stdio::null())?;
-        let mut peer = Self {
-            input: process.stdin.take().unwrap(),
-            output: BufReader::new(process.stdout.take().unwrap()),
-            process,
-        };
-        peer.say(&json!({ "urdf": problem.urdf, "links": problem.links }));
-        let said = peer.answer();
+        let mut script = Script::start(&python::name(), script, &[], 1)?;
+        let about = json!({ "urdf": problem.urdf, "links": problem.links });
+        let said: Value = serde_json::from_str(&script.ask(&about.to_string())?).unwrap();
         let names: Vec<&str> = said["joints"]
             .as_array()
             .into_iter()
@@ -44,10 +32,11 @@ impl Peer {
             .map(|&j| problem.model.joints()[j].name.as_str())
             .collect();
         if names.get(6..) == Some(&ours[..]) {
-            return Ok(peer);
+            return Ok(Self { script });
         }
         Err(format!(
-            "`{}` has no `dex_retargeting`, or one with other joints",
+            "the `dex_retargeting` of `{}` has other joints, {names:?}: \
+             `pip install -r tests/benches/requirements.txt`",
             python::name().display()
         ))
     }
@@ -63,8 +52,8 @@ impl Peer {
             .iter()
             .map(|frame| frame.iter().map(|target| target.at.coords.into()).collect())
             .collect();
-        self.say(&json!(frames));
-        let said = self.answer();
+        let said = self.script.ask_again(&json!(frames).to_string());
+        let said: Value = serde_json::from_str(&said).unwrap();
         let numbers = |value: &Value| -> Vec<f64> {
             value
                 .as_array()
@@ -80,24 +69,5 @@ impl Peer {
             .zip(answers)
             .map(|(s, answer)| (s * 1e6, posture(&numbers(answer), &problem.joints)))
             .collect()
-    }
-
-    fn say(&mut self, value: &Value) {
-        // It fails where the process has ended; the answer is then missing.
-        let _ = writeln!(self.input, "{value}");
-        let _ = self.input.flush();
-    }
-
-    fn answer(&mut self) -> Value {
-        let mut line = String::new();
-        self.output.read_line(&mut line).unwrap();
-        serde_json::from_str(&line).unwrap_or(Value::Null)
-    }
-}
-
-impl Drop for Peer {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
     }
 }

@@ -48,7 +48,8 @@ impl Problem {
     pub(crate) fn read(name: &'static str, urdf: &str) -> Result<Self, String> {
         let data = folder("PIPELINE_PEER_DATA")?.join(format!("{name}_position.npz"));
         let urdf = folder("PIPELINE_REAL_DATA")?.join("urdf").join(urdf);
-        let xml = fs::read_to_string(&urdf).map_err(|err| format!("{}: {err}", urdf.display()))?;
+        let unread = |err| format!("cannot read the hand's URDF `{}`: {err}", urdf.display());
+        let xml = fs::read_to_string(&urdf).map_err(unread)?;
         let model = RobotModel::from_urdf(&xml).map_err(|err| format!("{name}: {err}"))?;
         let arrays = arrays(&data)?;
         let links = arrays["link_names"].text();
@@ -136,10 +137,22 @@ fn single(number: f64) -> f64 {
     f64::from(number as f32)
 }
 
+/// Returns the folder that a variable names; an error says what belongs into it.
 fn folder(variable: &str) -> Result<PathBuf, String> {
-    env::var_os(variable)
+    let holds = match variable {
+        "PIPELINE_PEER_DATA" => "the recorded problems, `HAND_position.npz`",
+        _ => "the hands' URDFs in `urdf`",
+    };
+    let folder = env::var_os(variable)
         .map(PathBuf::from)
-        .ok_or_else(|| format!("`{variable}` is not set"))
+        .ok_or_else(|| format!("`{variable}` is not set: name the folder that holds {holds}"))?;
+    if !folder.is_dir() {
+        let folder = folder.display();
+        return Err(format!(
+            "`{variable}` names `{folder}`, where there is no folder: name the one that holds {holds}"
+        ));
+    }
+    Ok(folder)
 }
 
 /// An array of an archive: its kind of number and its bytes.
@@ -180,7 +193,12 @@ impl Array {
 
 /// Reads the arrays of an `npz` file, each with a header of version 1.
 fn arrays(path: &Path) -> Result<BTreeMap<String, Array>, String> {
-    let said = |err: &dyn std::fmt::Display| format!("{}: {err}", path.display());
+    let said = |err: &dyn std::fmt::Display| {
+        format!(
+            "cannot read the recorded problem `{}`: {err}",
+            path.display()
+        )
+    };
     let file = fs::File::open(path).map_err(|err| said(&err))?;
     let mut archive = zip::ZipArchive::new(file).map_err(|err| said(&err))?;
     let mut arrays = BTreeMap::new();

@@ -8,12 +8,8 @@ import json
 import sys
 import time
 
-try:
-    import torch
-    from torch import nn
-except ImportError:
-    print(json.dumps({"missing": "torch"}), flush=True)
-    sys.exit()
+import torch
+from torch import nn
 
 torch.set_num_threads(1)
 torch.manual_seed(0)

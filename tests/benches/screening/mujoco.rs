@@ -1,23 +1,16 @@
 //! `MuJoCo` in a process of its own, and the scene and the scripts as it is told of them.
 
-use std::{
-    io::{BufRead, BufReader, Write},
-    process::{Child, ChildStdin, ChildStdout, Stdio},
-};
-
 use nalgebra::{Isometry3, Matrix3};
 use robot::{JointKind, Link, RobotModel, Shape};
 use serde_json::{Value, json};
 use simulation::{Instruction, ObjectShape, Phase, Protocol, SceneConfig, Template};
 use spatial::{Object, Pose, Table};
 
-use crate::python;
+use crate::python::{self, Script};
 
 /// A running `MuJoCo`.
 pub(crate) struct Mujoco {
-    process: Child,
-    input: ChildStdin,
-    output: BufReader<ChildStdout>,
+    script: Script,
     /// Its version.
     pub(crate) version: String,
 }
@@ -33,20 +26,12 @@ pub(crate) struct Rolled {
 impl Mujoco {
     /// Starts it on one thread; an error says what is missing.
     pub(crate) fn start() -> Result<Self, String> {
-        let script = "screening/mujoco_rollouts.py";
-        let mut process = python::start(script, &[], 1, Stdio::inherit())?;
-        let mut mujoco = Self {
-            input: process.stdin.take().unwrap(),
-            output: BufReader::new(process.stdout.take().unwrap()),
-            process,
-            version: String::new(),
-        };
-        let said = mujoco.answer();
-        match said["mujoco"].as_str() {
-            Some(version) => version.clone_into(&mut mujoco.version),
-            None => return Err(format!("`{}` has no `mujoco`", python::name().display())),
-        }
-        Ok(mujoco)
+        let mut script = Script::start(&python::name(), "screening/mujoco_rollouts.py", &[], 1)?;
+        let said: Value = serde_json::from_str(&script.ask("start")?).unwrap();
+        Ok(Self {
+            script,
+            version: said["mujoco"].as_str().unwrap().to_owned(),
+        })
     }
 
     /// Builds a scene; all scripts after it are carried out there.
@@ -66,25 +51,9 @@ impl Mujoco {
         rolled.collect()
     }
 
-    /// Ends the process.
-    pub(crate) fn finish(mut self) {
-        drop(self.input);
-        self.process.wait().unwrap();
-    }
-
     fn ask(&mut self, what: &Value) -> Value {
-        // A process that has ended says so by its answer.
-        let _ = writeln!(self.input, "{what}");
-        let _ = self.input.flush();
-        let answer = self.answer();
-        assert!(!answer.is_null(), "MuJoCo broke off");
-        answer
-    }
-
-    fn answer(&mut self) -> Value {
-        let mut line = String::new();
-        self.output.read_line(&mut line).unwrap();
-        serde_json::from_str(&line).unwrap_or(Value::Null)
+        let answer = self.script.ask_again(&what.to_string());
+        serde_json::from_str(&answer).unwrap()
     }
 }
 
@@ -191,6 +160,10 @@ fn link(model: &RobotModel, link: &Link) -> Value {
                     radius_m,
                     half_length_m,
                 } => ("capsule", vec![*radius_m, *half_length_m]),
+                Shape::Convex(body) => {
+                    let corners = body.corners_m().iter().flat_map(|corner| corner.iter());
+                    ("mesh", corners.copied().collect())
+                }
             };
             json!({
                 "type": kind,

@@ -1,6 +1,6 @@
 """Carries out scripted grasps in MuJoCo: the scene, the script and the verdicts of `crates/simulation`.
 
-Reads lines of JSON. {"scene": ...} builds a model: a hand as a tree of links with primitives, masses,
+Reads lines of JSON. The first is answered with the version. {"scene": ...} builds a model: a hand as a tree of links with primitives, masses,
 joint limits and torque limits, one object of convex parts, a table. {"rollouts": [...]} carries out one
 script after the other to its end and answers with the CPU seconds of the physics steps alone (this
 thread's, without Python's share) and the verdicts. Lengths in meters, quaternions as x y z w.
@@ -15,12 +15,8 @@ import json
 import sys
 import time
 
-try:
-    import mujoco
-    import numpy as np
-except ImportError as error:
-    print(json.dumps({"missing": error.name}), flush=True)
-    sys.exit()
+import mujoco
+import numpy as np
 
 PALM_MASS, PALM_INERTIA = 1e4, 1e2
 HAND, OBJECT = 2, 1
@@ -269,6 +265,7 @@ class Judge:
 
 
 def serve():
+    sys.stdin.readline()
     say({"mujoco": mujoco.__version__})
     scene = None
     for line in sys.stdin:

@@ -2,20 +2,21 @@
 
 use std::{
     env, fs,
-    io::{BufRead, BufReader, Write, stdin},
-    process::{Child, ChildStdin, ChildStdout, Command, Stdio},
+    io::{BufRead, stdin},
+    process::Command,
     thread,
     time::Instant,
 };
 
-use crate::{CLOUDS, HAND, POINTS, ROLE, THREADS, python};
+use crate::{
+    CLOUDS, HAND, POINTS, ROLE, THREADS,
+    python::{self, Script},
+};
 
 /// A running contender and what its steps took.
 pub(crate) struct Contender {
     name: &'static str,
-    process: Child,
-    input: ChildStdin,
-    output: BufReader<ChildStdout>,
+    script: Script,
     wall_s: Vec<f64>,
     cpu_s: Vec<f64>,
 }
@@ -32,40 +33,34 @@ impl Contender {
     /// Starts this program again in a role.
     pub(crate) fn own(name: &'static str, role: &str) -> Result<Self, String> {
         let program = env::current_exe().map_err(|err| err.to_string())?;
-        let process = Command::new(program)
+        let mut command = Command::new(&program);
+        command
             .args([ROLE, role])
             .env("RAYON_NUM_THREADS", THREADS.to_string())
-            .envs(threads_of(role))
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn();
-        Self::start(name, process.map_err(|err| err.to_string())?)
+            .envs(threads_of(role));
+        let script = Script::of(command, &program, "training.rs");
+        Self::start(name, script.map_err(|err| err.to_string())?)
     }
 
     /// Starts a script in Python.
     pub(crate) fn python(name: &'static str, script: &str) -> Result<Self, String> {
         let sizes = [CLOUDS, POINTS].map(|size| size.to_string());
         let arguments = [HAND, sizes[0].as_str(), sizes[1].as_str()];
-        let process = python::start(script, &arguments, THREADS, Stdio::null())?;
-        Self::start(name, process)
+        let script = Script::start(&python::name(), script, &arguments, THREADS)?;
+        Self::start(name, script)
     }
 
-    fn start(name: &'static str, mut process: Child) -> Result<Self, String> {
-        let mut contender = Self {
+    fn start(name: &'static str, mut script: Script) -> Result<Self, String> {
+        let said = script
+            .ask("start")
+            .map_err(|reason| format!("{name}, {reason}"))?;
+        assert_eq!(said, "ready");
+        Ok(Self {
             name,
-            input: process.stdin.take().unwrap(),
-            output: BufReader::new(process.stdout.take().unwrap()),
-            process,
+            script,
             wall_s: Vec::new(),
             cpu_s: Vec::new(),
-        };
-        match contender.answer().as_str() {
-            "ready" => Ok(contender),
-            _ => Err(format!(
-                "{name}, `{}` has no torch",
-                python::name().display()
-            )),
-        }
+        })
     }
 
     /// Asks for a step.
@@ -83,9 +78,7 @@ impl Contender {
 
     /// Ends the process and gives the medians.
     pub(crate) fn finish(mut self) -> Figure {
-        let peak_kb: f64 = self.ask("peak").trim().parse().unwrap();
-        drop(self.input);
-        self.process.wait().unwrap();
+        let peak_kb: f64 = self.ask("peak").parse().unwrap();
         Figure {
             name: self.name,
             wall_s: median(self.wall_s),
@@ -95,14 +88,7 @@ impl Contender {
     }
 
     fn ask(&mut self, what: &str) -> String {
-        writeln!(self.input, "{what}").unwrap();
-        self.answer()
-    }
-
-    fn answer(&mut self) -> String {
-        let mut line = String::new();
-        self.output.read_line(&mut line).unwrap();
-        line.trim().to_owned()
+        self.script.ask_again(what)
     }
 }
 
@@ -114,6 +100,8 @@ pub(crate) struct Server {
 impl Server {
     /// Says that steps can be asked for, and waits for the first.
     pub(crate) fn ready() -> Option<Self> {
+        let mut first = String::new();
+        stdin().lock().read_line(&mut first).unwrap();
         println!("ready");
         wait().then(|| Self { started: now() })
     }

@@ -2,7 +2,7 @@
 
 Usage: released_model.py HAND.urdf CLOUDS POINTS
 Reads a line for each step and answers `wall seconds, CPU seconds, loss`; `peak` is answered with
-the process's peak memory in kB. Says `ready` when it can be asked.
+the process's peak memory in kB. The first line is answered with `ready`.
 
 What the released code does (jianglongye/cgf): point convolutions 3-64-128-1024 with batch
 normalization, a maximum over the points, hand features of 20 frames, the encoder run once for each of
@@ -15,11 +15,8 @@ import sys
 import time
 import xml.etree.ElementTree as ElementTree
 
-try:
-    import torch
-    from torch import nn
-except ImportError:
-    sys.exit("no torch")
+import torch
+from torch import nn
 
 FRAMES, SEEN, LATENT, TIPS = 25, 20, 256, 4
 
@@ -173,6 +170,7 @@ def main():
         adam.step()
         return loss.item()
 
+    sys.stdin.readline()
     print("ready", flush=True)
     for line in sys.stdin:
         if line.strip() == "peak":

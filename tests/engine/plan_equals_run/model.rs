@@ -102,7 +102,10 @@ impl Model {
                 let result = Expected {
                     made: forced || !self.made.contains(&made),
                     forced,
-                    causes: causes(last.map(|(reason, _)| reason), &reason),
+                    causes: match last {
+                        Some((last, _)) => causes(Some(last), &reason),
+                        None => self.renamed(world, &unit, &reason),
+                    },
                     was_part: last.is_some_and(|(_, was_part)| *was_part),
                     data: part.map(|part| part.data),
                 };
@@ -113,6 +116,28 @@ impl Model {
             }
         }
         expected
+    }
+}
+
+impl Model {
+    /// What differs from the unit of a stage that is gone and was the same but for its name and what it
+    /// read, the nearest if there are several.
+    fn renamed(&self, world: &World, unit: &Unit, reason: &Reason) -> BTreeSet<String> {
+        let own = |reason: &Reason| (reason.kind, reason.code, reason.config.clone());
+        let is_there = |name: &str| world.stages.iter().any(|stage| stage.name == name);
+        let before = self.last.iter().filter(|(before, (last, _))| {
+            before.partition == unit.partition
+                && !is_there(&before.stage)
+                && own(last) == own(reason)
+        });
+        let before = before.map(|(_, (last, _))| causes(Some(last), reason));
+        match before.min_by_key(BTreeSet::len) {
+            None => causes(None, reason),
+            Some(mut differences) => {
+                differences.insert("renamed".to_owned());
+                differences
+            }
+        }
     }
 }
 

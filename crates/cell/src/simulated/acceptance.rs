@@ -1,12 +1,15 @@
 //! What a cell checks before it takes a goal.
 
+use nalgebra::Vector3;
 use robot::{Joint, JointKind};
 use simulation::{Protocol, Trial};
+use spatial::Peaks;
 
 use super::Robot;
 use crate::{
+    PalmLimits,
     goal::{Goal, Rejection, RejectionCode},
-    track::{Carrier, Timed, Track},
+    track::{Carrier, PalmPoint, Timed, Track},
 };
 
 /// Longest goal accepted, in bytes: a minute of 16 joints at 333 Hz.
@@ -16,12 +19,23 @@ const MIN_POINTS: usize = 2;
 /// How far beyond the URDF's limits a finger may be told to be, whatever the goal says, in radians (meters
 /// if prismatic): it presses on its stop then.
 const MOST_TOLERANCE_RAD: f64 = 0.1;
-/// Time between two looks at a motion, in seconds, at most.
-const LOOK_S: f64 = 0.002;
 /// Longest motion, in seconds.
 const MOST_S: f64 = 600.0;
-/// Relative excess of a speed that may lie between two looks of a dispatcher at it.
-const ROUNDING: f64 = 1e-4;
+/// Relative excess of a joint's speed that is rounding.
+const ROUNDING: f64 = 1e-6;
+/// Relative excess of what a palm does that may be rounding: bounds of angular ones are no closer.
+const PALM_ROUNDING: f64 = 1e-4;
+/// What of a position beyond a limit is rounding, in radians (meters if prismatic).
+const ROUNDING_RAD: f64 = 1e-6;
+/// What a palm that flies can do: three times and more of what the shipped pipelines ask for, and little
+/// enough that nothing in a room of that size is out of reach.
+pub(super) const PALM: PalmLimits = PalmLimits {
+    speed_m_per_s: 3.0,
+    acceleration_m_per_s2: 60.0,
+    turn_rad_per_s: 12.0,
+    turn_acceleration_rad_per_s2: 250.0,
+    workspace_m: [[-2.0, -2.0, -0.5], [2.0, 2.0, 2.0]],
+};
 
 /// Checks a message's length, before anything of it is read.
 pub(super) fn check_length(bytes: &[u8]) -> Result<(), Rejection> {
@@ -57,14 +71,20 @@ pub(super) fn check(
         );
     }
     check_phases(&goal.grasp)?;
-    let tolerance = goal
-        .grasp
-        .limit_tolerance_rad
-        .clamp(0.0, MOST_TOLERANCE_RAD);
-    check_track(&goal.hand, "hand", robot.hand.joints(), tolerance)?;
+    check_tolerances(goal)?;
+    let tolerance = goal.grasp.limit_tolerance_rad.min(MOST_TOLERANCE_RAD);
+    check_track(
+        &goal.hand,
+        "hand",
+        robot.hand.joints(),
+        tolerance + ROUNDING_RAD,
+    )?;
     match (&goal.carrier, &robot.arm) {
-        (Carrier::Palm(points), None) => check_times("palm", points)?,
-        (Carrier::Arm(track), Some(arm)) => check_track(track, "arm", &arm.joints, 0.0)?,
+        (Carrier::Palm(points), None) => {
+            check_times("palm", points)?;
+            check_palm(points)?;
+        }
+        (Carrier::Arm(track), Some(arm)) => check_track(track, "arm", &arm.joints, ROUNDING_RAD)?,
         (Carrier::Palm(_), Some(_)) => {
             let problem = "the goal has a palm fly that this cell has on an arm".to_owned();
             return refuse(RejectionCode::Joints, problem);
@@ -132,6 +152,109 @@ fn check_phases(grasp: &Protocol) -> Result<(), Rejection> {
     Ok(())
 }
 
+/// Checks what a motion is measured by.
+fn check_tolerances(goal: &Goal) -> Result<(), Rejection> {
+    let grasp = &goal.grasp;
+    for (name, number) in [
+        ("start_tolerance_rad", goal.start_tolerance_rad),
+        ("limit_tolerance_rad", grasp.limit_tolerance_rad),
+        ("table_tolerance_m", grasp.table_tolerance_m),
+        ("early_tolerance_m", grasp.early_tolerance_m),
+        ("lift_m", grasp.lift_m),
+        ("lifted_m", grasp.lifted_m),
+        ("max_slip_m_per_s", grasp.max_slip_m_per_s),
+        ("knocked_m", grasp.knocked_m),
+        ("knocked_rad", grasp.knocked_rad),
+    ] {
+        if !(number.is_finite() && number >= 0.0) {
+            let problem = format!("`{name}` is {number}, expected 0 or more");
+            return refuse(RejectionCode::Limits, problem);
+        }
+    }
+    let fraction = grasp.close_fraction;
+    if (0.0..=1.0).contains(&fraction) {
+        return Ok(());
+    }
+    let problem = format!("`close_fraction` is {fraction}, expected 0 to 1");
+    refuse(RejectionCode::Limits, problem)
+}
+
+/// Checks where a palm that flies goes and how fast, at its points and all between them.
+fn check_palm(points: &[PalmPoint]) -> Result<(), Rejection> {
+    for point in points {
+        let (velocity, acceleration) = (&point.velocity, &point.acceleration);
+        let there = Peaks {
+            speed: velocity.linear.norm(),
+            acceleration: acceleration.linear.norm(),
+            angular_speed: velocity.angular.norm(),
+            angular_acceleration: acceleration.angular.norm(),
+        };
+        check_peaks(&there, &format!("after {} s", point.time_s))?;
+    }
+    let kept = peaks_kept();
+    for (from, to) in points.iter().zip(points.iter().skip(1)) {
+        let between = || format!("between {} and {} s", from.time_s, to.time_s);
+        let Some(passage) = from.passage(to) else {
+            let problem = format!("no palm can turn as this one would {}", between());
+            return refuse(RejectionCode::Limits, problem);
+        };
+        let [least, most] = PALM.workspace_m.map(Vector3::from);
+        let [low, high] = passage.range();
+        let is_inside = |axis: usize| low[axis] >= least[axis] && high[axis] <= most[axis];
+        if !(0..3).all(is_inside) {
+            let [low, high, least, most] = [low, high, least, most].map(<[f64; 3]>::from);
+            return refuse(
+                RejectionCode::Limits,
+                format!(
+                    "the palm would be at {low:?} to {high:?} m {}, outside {least:?} to {most:?}",
+                    between()
+                ),
+            );
+        }
+        check_peaks(&passage.peaks(&kept), &between())?;
+    }
+    Ok(())
+}
+
+/// What a palm that flies must keep to.
+fn peaks_kept() -> Peaks {
+    Peaks {
+        speed: PALM.speed_m_per_s,
+        acceleration: PALM.acceleration_m_per_s2,
+        angular_speed: PALM.turn_rad_per_s,
+        angular_acceleration: PALM.turn_acceleration_rad_per_s2,
+    }
+}
+
+/// Checks how fast a palm moves at some time and how that changes.
+fn check_peaks(found: &Peaks, when: &str) -> Result<(), Rejection> {
+    let kept = peaks_kept();
+    for (what, number, most, unit) in [
+        ("move at", found.speed, kept.speed, "m/s"),
+        (
+            "accelerate at",
+            found.acceleration,
+            kept.acceleration,
+            "m/s²",
+        ),
+        ("turn at", found.angular_speed, kept.angular_speed, "rad/s"),
+        (
+            "change its turn at",
+            found.angular_acceleration,
+            kept.angular_acceleration,
+            "rad/s²",
+        ),
+    ] {
+        if number > most * (1.0 + PALM_ROUNDING) {
+            return refuse(
+                RejectionCode::Limits,
+                format!("the palm would {what} {number} {unit} {when}, more than {most}"),
+            );
+        }
+    }
+    Ok(())
+}
+
 fn check_times<T: Timed>(controller: &str, points: &[T]) -> Result<(), Rejection> {
     let wrong = |problem: String| refuse(RejectionCode::Times, problem);
     if points.len() < MIN_POINTS {
@@ -159,45 +282,34 @@ fn check_times<T: Timed>(controller: &str, points: &[T]) -> Result<(), Rejection
     Ok(())
 }
 
-/// Checks positions and velocities: at the points, halfway between them, and every two milliseconds.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a count of looks between 2 and 300,000"
-)]
+/// Checks positions and velocities, at the points and all between them.
 fn check_limits(track: &Track, joints: &[&Joint], tolerance: f64) -> Result<(), Rejection> {
-    let between = track.points.windows(2).flat_map(|pair| {
-        let ends = pair.first().zip(pair.last());
-        let (from_s, to_s) = ends.map_or((0.0, 0.0), |(from, to)| (from.time_s, to.time_s));
-        // Times are those of a motion that is not too long.
-        let looks = ((to_s - from_s) / LOOK_S)
-            .ceil()
-            .clamp(2.0, MOST_S / LOOK_S);
-        (0..looks as u32).map(move |look| from_s + (to_s - from_s) * f64::from(look) / looks)
-    });
-    let end = track.points.last().map(|point| point.time_s);
-    for point in between.chain(end).filter_map(|time_s| track.at(time_s)) {
-        let time_s = point.time_s;
-        let moving = point.q_rad.iter().zip(&point.velocity_rad_per_s);
-        for (joint, (&q, &velocity)) in joints.iter().zip(moving) {
+    for (from, to) in track.points.iter().zip(track.points.iter().skip(1)) {
+        let between = || format!("between {} and {} s", from.time_s, to.time_s);
+        for (joint, segment) in joints.iter().zip(from.segments(to)) {
             let Joint {
                 name, lower, upper, ..
             } = joint;
-            let is_inside = q >= lower - tolerance && q <= upper + tolerance;
+            let [low, high] = segment.range();
+            let is_inside = low >= lower - tolerance && high <= upper + tolerance;
             if joint.kind != JointKind::Continuous && !is_inside {
+                let q = if low < lower - tolerance { low } else { high };
                 return refuse(
                     RejectionCode::Limits,
                     format!(
-                        "joint `{name}` would be at {q} after {time_s} s, outside {lower} to {upper}"
+                        "joint `{name}` would be at {q} {}, outside {lower} to {upper}",
+                        between()
                     ),
                 );
             }
             let most = joint.velocity;
-            if most > 0.0 && velocity.abs() > most * (1.0 + ROUNDING) {
+            let speed = segment.greatest_speed(most);
+            if most > 0.0 && speed > most * (1.0 + ROUNDING) {
                 return refuse(
                     RejectionCode::Limits,
                     format!(
-                        "joint `{name}` would move at {velocity} per second after {time_s} s, faster than {most}"
+                        "joint `{name}` would move at {speed} per second {}, faster than {most}",
+                        between()
                     ),
                 );
             }
@@ -208,4 +320,57 @@ fn check_limits(track: &Track, joints: &[&Joint], tolerance: f64) -> Result<(), 
 
 fn refuse(code: RejectionCode, reason: String) -> Result<(), Rejection> {
     Err(Rejection::new(code, reason))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use robot::RobotModel;
+
+    use super::*;
+    use crate::track::JointPoint;
+
+    const JOINT: &str = r#"<robot name="one"><link name="a"/><link name="b"/>
+  <joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="1 0 0"/>
+    <limit lower="-1" upper="1" effort="1" velocity="2"/></joint></robot>"#;
+
+    fn point(time_s: f64) -> impl Strategy<Value = JointPoint> {
+        (-1.0..1.0_f64, -2.0..2.0_f64, -60.0..60.0_f64).prop_map(move |(q, velocity, change)| {
+            JointPoint {
+                time_s,
+                q_rad: vec![q],
+                velocity_rad_per_s: vec![velocity],
+                acceleration_rad_per_s2: vec![change],
+            }
+        })
+    }
+
+    proptest! {
+        /// What is taken keeps the limits all the way, and what keeps them all the way is taken.
+        #[test]
+        fn limits_hold_between_two_points(
+            from in point(0.0),
+            mut to in point(1.0),
+            duration_s in 0.0005..1.0_f64,
+            near in 0.0..1.0_f64,
+        ) {
+            // As near as the velocities allow, so that many are taken.
+            to.time_s = duration_s;
+            let reach = from.q_rad[0] + (near - 0.5) * 3.0 * duration_s;
+            to.q_rad[0] = reach.clamp(-1.0, 1.0);
+            let track = Track { joints: vec!["j".to_owned()], points: vec![from, to] };
+            let robot = RobotModel::from_urdf(JOINT).unwrap();
+            let joints: Vec<&Joint> = robot.joints().iter().collect();
+            let taken = check_limits(&track, &joints, ROUNDING_RAD).is_ok();
+            let mut most = [0.0_f64; 2];
+            for look in 0..=2000 {
+                let now = track.at(duration_s * f64::from(look) / 2000.0).unwrap();
+                most[0] = most[0].max(now.q_rad[0].abs());
+                most[1] = most[1].max(now.velocity_rad_per_s[0].abs() / 2.0);
+            }
+            let most = most[0].max(most[1]);
+            prop_assert!(!taken || most <= 1.0 + 2e-6, "{most} is taken");
+            prop_assert!(taken || most >= 1.0 - 1e-4, "{most} is refused");
+        }
+    }
 }

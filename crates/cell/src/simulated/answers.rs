@@ -7,22 +7,19 @@ use zenoh::{Wait, query::Query};
 
 use super::{
     Fault, Gap, SILENCE, Shared,
-    acceptance::{self, MAX_GOAL_BYTES},
+    acceptance::{self, MAX_GOAL_BYTES, PALM},
+    fault::GARBLED,
     journal::{Asked, Job},
     lock,
 };
 use crate::{
     Goal, PROTOCOL,
-    goal::{Rejection, RejectionCode, SealedGoal, now},
+    capabilities::{Capabilities, GoalAnswer, Word},
+    goal::{Rejection, RejectionCode, SealedGoal, now_unix_ms},
     keys::goal_id_of,
-    report::{Answer, Capabilities, NEVER_TAKEN, Word},
+    signature::Question,
     wire,
 };
-
-/// Answers a question; who asked may be gone, which is theirs to notice.
-pub(super) fn reply(query: &Query, bytes: &[u8]) {
-    let _sent = query.reply(query.key_expr(), bytes).wait();
-}
 
 /// Returns the number from which on something is asked for: `?from=N`, the first without one.
 pub(super) fn asked_from(query: &Query) -> u64 {
@@ -30,12 +27,18 @@ pub(super) fn asked_from(query: &Query) -> u64 {
     from.parse().unwrap_or_default()
 }
 
-/// Answers that the goal is not one of this cell's.
-fn never_taken(query: &Query) {
-    let _sent = query.reply_err(NEVER_TAKEN).wait();
-}
-
 impl Shared {
+    /// Answers a question; who asked may be gone, which is theirs to notice.
+    pub(super) fn reply(&self, query: &Query, body: &[u8]) {
+        let bytes = self.key.sign(&Question::of(query), body);
+        let _sent = query.reply(query.key_expr(), bytes).wait();
+    }
+
+    /// Answers with a word.
+    pub(super) fn say(&self, query: &Query, word: Word) {
+        self.reply(query, &wire::line(&word));
+    }
+
     pub(super) fn capabilities(&self) -> Capabilities {
         let scene = &self.config.scene;
         let Gap {
@@ -46,9 +49,12 @@ impl Shared {
         Capabilities {
             protocol: PROTOCOL,
             cell: self.keys.name().to_owned(),
+            journal: self.key.name().to_owned(),
+            clock_unix_ms: now_unix_ms(),
             simulated: true,
             robot: self.robot.digest.clone(),
             controllers: self.robot.controllers(scene.control_step_s()),
+            palm: self.robot.arm.is_none().then_some(PALM),
             table_from_base: self.robot.table_from_base(),
             max_goal_bytes: MAX_GOAL_BYTES,
             gap: format!(
@@ -72,15 +78,19 @@ impl Shared {
         let (answer, job) = self.take(&payload.unwrap_or_default());
         self.faults.die(Fault::DieBeforeAnswer);
         self.faults.delay();
-        let answer = wire::line(&answer);
+        let answer = if self.faults.strikes(Fault::GarbledAnswer) {
+            GARBLED.to_vec()
+        } else {
+            wire::line(&answer)
+        };
         let silent = self.faults.lasts(Fault::NeverAnswer);
         if silent {
             lock(&self.unanswered).push(query.clone());
         } else if !self.faults.strikes(Fault::LoseAnswer) {
-            reply(query, &answer);
+            self.reply(query, &answer);
         }
         if !silent && self.faults.strikes(Fault::DoubleAnswer) {
-            reply(query, &answer);
+            self.reply(query, &answer);
         }
         self.faults.die(Fault::DieAfterAnswer);
         if let Some(job) = job {
@@ -105,13 +115,13 @@ impl Shared {
     }
 
     /// Takes or refuses a goal; a goal taken before is known, whatever has changed since.
-    fn take(&self, bytes: &[u8]) -> (Answer, Option<Job>) {
+    fn take(&self, bytes: &[u8]) -> (GoalAnswer, Option<Job>) {
         let came = Instant::now();
         let opened = acceptance::check_length(bytes).and_then(|()| SealedGoal::open(bytes));
         match opened.and_then(|(sealed, goal)| self.admit(sealed, goal, came)) {
-            Ok(Some(job)) => (Answer::Accepted { known: false }, Some(job)),
-            Ok(None) => (Answer::Accepted { known: true }, None),
-            Err(rejection) => (Answer::Rejected(rejection), None),
+            Ok(Some(job)) => (GoalAnswer::Accepted { known: false }, Some(job)),
+            Ok(None) => (GoalAnswer::Accepted { known: true }, None),
+            Err(rejection) => (GoalAnswer::Rejected(rejection), None),
         }
     }
 
@@ -144,14 +154,15 @@ impl Shared {
             let reason = "the cell was stopped and has not been told to resume";
             return Err(Rejection::new(RejectionCode::Stopped, reason.to_owned()));
         }
-        if sealed.has_expired(now()) {
-            let reason = "the goal came after the time until which it was valid";
-            return Err(Rejection::new(RejectionCode::Expired, reason.to_owned()));
+        if let Some(sending) = &sealed.sending {
+            sending.check(now_unix_ms())?;
         }
         if !journal.admit(&sealed)? {
             return Ok(None);
         }
-        self.control.begin();
+        let sending = sealed.sending.as_ref();
+        self.control
+            .begin(sending.map(|sending| sending.dispatcher.as_str()));
         Ok(Some(Job { sealed, goal, came }))
     }
 
@@ -168,8 +179,8 @@ impl Shared {
         let asked = lock(&self.journal).ask(id.as_deref().unwrap_or_default(), query);
         match asked {
             Asked::Kept => {}
-            Asked::Over(query, report) => reply(&query, &report),
-            Asked::NeverTaken(query) => never_taken(&query),
+            Asked::Over(query, report) => self.reply(&query, &report),
+            Asked::NeverTaken(query) => self.say(&query, Word::NeverTaken),
         }
     }
 
@@ -181,9 +192,9 @@ impl Shared {
         if journal.executing() == Some(&id) {
             self.control.cancel(&id, query);
         } else if journal.knows(&id) {
-            reply(&query, &wire::line(&Word::Over));
+            self.say(&query, Word::Over);
         } else {
-            never_taken(&query);
+            self.say(&query, Word::NeverTaken);
         }
     }
 
@@ -191,7 +202,7 @@ impl Shared {
     pub(super) fn stop(&self, query: Query) {
         let journal = lock(&self.journal);
         if let Some(query) = self.control.stop(query, journal.executing()) {
-            reply(&query, &wire::line(&Word::Done));
+            self.say(&query, Word::Done);
         }
     }
 }

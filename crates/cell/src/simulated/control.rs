@@ -5,9 +5,28 @@ use std::{
     time::{Duration, Instant},
 };
 
+use schemas::executions::Outcome;
 use zenoh::query::Query;
 
 use super::lock;
+
+/// Why a motion is broken off.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BrokenOff {
+    /// What that makes of it: `stopped` if a person wants it, `aborted` if the cell does.
+    pub outcome: Outcome,
+    /// The reason.
+    pub message: String,
+}
+
+impl BrokenOff {
+    fn by_a_person(message: &str) -> Self {
+        Self {
+            outcome: Outcome::Stopped,
+            message: message.to_owned(),
+        }
+    }
+}
 
 /// What was asked of the motion in execution.
 pub(super) struct Control {
@@ -20,7 +39,9 @@ struct Wish {
     cancel: Option<String>,
     /// Whether nothing may move until a person says so.
     stopped: bool,
-    /// When a dispatcher was last heard.
+    /// The name in the heartbeats that count: that of the goal in execution.
+    dispatcher: Option<String>,
+    /// When that dispatcher was last heard.
     heard: Instant,
     /// Who wants to know that nothing moves any more.
     asking: Vec<Query>,
@@ -33,6 +54,7 @@ impl Control {
             wish: Mutex::new(Wish {
                 cancel: None,
                 stopped: false,
+                dispatcher: None,
                 heard: Instant::now(),
                 asking: Vec::new(),
             }),
@@ -41,15 +63,19 @@ impl Control {
     }
 
     /// A goal was taken: its dispatcher has just been heard.
-    pub(super) fn begin(&self) {
+    pub(super) fn begin(&self, dispatcher: Option<&str>) {
         let mut wish = self.wish();
         wish.cancel = None;
+        wish.dispatcher = dispatcher.map(ToOwned::to_owned);
         wish.heard = Instant::now();
     }
 
     /// A dispatcher was heard.
-    pub(super) fn beat(&self) {
-        self.wish().heard = Instant::now();
+    pub(super) fn beat(&self, dispatcher: &str) {
+        let mut wish = self.wish();
+        if wish.dispatcher.as_deref() == Some(dispatcher) {
+            wish.heard = Instant::now();
+        }
     }
 
     /// Has a goal broken off; `query` is answered when it is.
@@ -84,21 +110,22 @@ impl Control {
     }
 
     /// Returns why a goal is to be broken off now, if it is.
-    pub(super) fn reason(&self, goal_id: &str) -> Option<String> {
+    pub(super) fn reason(&self, goal_id: &str) -> Option<BrokenOff> {
         let wish = self.wish();
         if wish.stopped {
-            return Some("stopped".to_owned());
+            return Some(BrokenOff::by_a_person("stopped"));
         }
         if wish.cancel.as_deref() == Some(goal_id) {
-            return Some("canceled".to_owned());
+            return Some(BrokenOff::by_a_person("canceled"));
         }
         let silent = wish.heard.elapsed();
         let longest = self.silence?;
-        (silent > longest).then(|| {
-            format!(
+        (silent > longest).then(|| BrokenOff {
+            outcome: Outcome::Aborted,
+            message: format!(
                 "no heartbeat of the dispatcher for {:.2} s",
                 silent.as_secs_f64()
-            )
+            ),
         })
     }
 

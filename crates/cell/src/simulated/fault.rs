@@ -12,6 +12,12 @@ use std::{
 };
 
 use super::lock;
+use crate::Report;
+
+/// What is said instead of an answer.
+pub(super) const GARBLED: &[u8] = b"?\n";
+/// How far an object has not risen, in meters.
+const WRONG_LIFT_M: f64 = -5.0;
 
 /// How late an answer is.
 const LATE: Duration = Duration::from_secs(3);
@@ -35,6 +41,12 @@ pub enum Fault {
     LoseResult,
     /// From this goal on no goal and no question for a report is answered.
     NeverAnswer,
+    /// The answer to a goal is no answer.
+    GarbledAnswer,
+    /// The report is cut in the middle of a number.
+    GarbledReport,
+    /// The report says that the object rose otherwise than it shows.
+    WrongReport,
 }
 
 /// A fault and the goal at which it happens.
@@ -47,7 +59,7 @@ pub struct PlannedFault {
 }
 
 impl Fault {
-    const ALL: [(&'static str, Self); 8] = [
+    const ALL: [(&'static str, Self); 11] = [
         ("die_before_answer", Self::DieBeforeAnswer),
         ("die_after_answer", Self::DieAfterAnswer),
         ("die_in_motion", Self::DieInMotion),
@@ -56,6 +68,9 @@ impl Fault {
         ("double_answer", Self::DoubleAnswer),
         ("lose_result", Self::LoseResult),
         ("never_answer", Self::NeverAnswer),
+        ("garbled_answer", Self::GarbledAnswer),
+        ("garbled_report", Self::GarbledReport),
+        ("wrong_report", Self::WrongReport),
     ];
 }
 
@@ -118,6 +133,18 @@ impl Faults {
         if self.strikes(fault) {
             process::abort();
         }
+    }
+
+    /// Returns a report as it is given.
+    pub(super) fn given(&self, mut report: Report) -> Vec<u8> {
+        if self.strikes(Fault::WrongReport) {
+            report.lift_m = WRONG_LIFT_M;
+        }
+        let mut bytes = report.to_bytes();
+        if self.strikes(Fault::GarbledReport) {
+            bytes.pop();
+        }
+        bytes
     }
 
     /// Waits, if the answer is to be late.

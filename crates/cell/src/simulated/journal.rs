@@ -4,7 +4,8 @@
 //! In the journal's folder `<goal id>.goal` is the goal as it came, written before the cell answers
 //! that it takes it, and `<goal id>.report` what came of it. A goal without a report was being
 //! executed when the cell went down: nobody knows how far, so its report is `unknown`. `taken` lists
-//! the goals in the order in which they were taken, below the list's own name.
+//! the goals in the order in which they were taken, below the journal's own name. In `key` is the secret
+//! with which the cell signs what it answers; the journal's name is the public key to it.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -12,7 +13,10 @@ use std::{
     io::{self, BufRead, BufReader, Write},
     path::{Path, PathBuf},
     process,
-    sync::atomic::{AtomicU64, Ordering},
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
     time::{Instant, UNIX_EPOCH},
 };
 
@@ -23,6 +27,7 @@ use crate::{
     goal::{Goal, Rejection, RejectionCode, SealedGoal, now},
     outcome::{Outcomes, OutcomesHeader},
     report::{Ending, Report},
+    signature::JournalKey,
 };
 
 const GOAL: &str = "goal";
@@ -34,7 +39,7 @@ const TAKEN: &str = "taken";
 /// Outcomes in one answer: few enough that reading them keeps no other question waiting.
 const OUTCOMES: usize = 64;
 
-/// Returns a name that nothing else has: of a list of goals, or of a cell's stream.
+/// Returns a name that no other stream of a cell has.
 pub(super) fn fresh_name() -> String {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let since = now().duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -46,7 +51,7 @@ pub(super) fn fresh_name() -> String {
     name.chars().take(NAME).collect()
 }
 
-/// Digits of a name.
+/// Digits of such a name.
 const NAME: usize = 16;
 
 /// A goal that was taken and waits for the robot.
@@ -59,8 +64,7 @@ pub(super) struct Job {
 
 /// Every goal taken, by id. Ids follow from the content, so that one id is one content.
 pub(super) struct Journal {
-    /// The list's name.
-    name: String,
+    key: Arc<JournalKey>,
     entries: BTreeMap<String, Entry>,
     /// The ids in the order in which they were taken.
     taken: Vec<String>,
@@ -99,14 +103,18 @@ enum Entry {
 
 impl Journal {
     /// Begins a journal that is forgotten when the cell ends.
-    pub(super) fn forgetful() -> Self {
-        Self {
-            name: fresh_name(),
+    ///
+    /// # Errors
+    ///
+    /// Fails if the system gives no random numbers.
+    pub(super) fn forgetful() -> Result<Self, CellError> {
+        Ok(Self {
+            key: Arc::new(JournalKey::fresh().map_err(CellError::Random)?),
             entries: BTreeMap::new(),
             taken: Vec::new(),
             endings: BTreeMap::new(),
             folder: None,
-        }
+        })
     }
 
     /// Opens the journal in a folder, which is made where it is not there.
@@ -134,14 +142,15 @@ impl Journal {
             }
             entries.insert(id.to_owned(), Entry::Stored);
         }
+        let key = JournalKey::open(path).map_err(failed)?;
         let list = path.join(TAKEN);
-        let (name, taken) = list_of(&list, &entries).map_err(failed)?;
-        let mut text = format!("{name}\n");
+        let taken = list_of(&list, &entries).map_err(failed)?;
+        let mut text = format!("{}\n", key.name());
         text.extend(taken.iter().map(|id| format!("{id}\n")));
         lake::write_whole(&list, text.as_bytes()).map_err(|err| failed(io::Error::other(err)))?;
         let continued = File::options().append(true).open(&list).map_err(failed)?;
         Ok(Self {
-            name,
+            key: Arc::new(key),
             entries,
             taken,
             endings: BTreeMap::new(),
@@ -152,6 +161,11 @@ impl Journal {
                 _lock: lock,
             }),
         })
+    }
+
+    /// Returns the key with which answers are signed.
+    pub(super) fn key(&self) -> Arc<JournalKey> {
+        Arc::clone(&self.key)
     }
 
     /// Notes a goal; returns whether it is to be executed now (and not known already).
@@ -253,7 +267,7 @@ impl Journal {
         let until = self.taken.len().min(from.saturating_add(OUTCOMES));
         Outcomes {
             header: OutcomesHeader {
-                journal: self.name.clone(),
+                journal: self.key.name().to_owned(),
                 results_n: self.executed_n() as u64,
             },
             outcomes: (from..until)
@@ -277,7 +291,7 @@ impl Journal {
         };
         let ending = ending.unwrap_or_else(Ending::lost);
         let outcome = GoalOutcome {
-            journal: self.name.clone(),
+            journal: self.key.name().to_owned(),
             result_n: result_n as u64,
             goal_id: goal_id.clone(),
             outcome: ending.outcome,
@@ -314,17 +328,16 @@ impl Journal {
     }
 }
 
-/// Reads the list of what was taken: its name, and each goal that there is, once; those that it does
-/// not hold come last.
-fn list_of(path: &Path, entries: &BTreeMap<String, Entry>) -> io::Result<(String, Vec<String>)> {
+/// Reads the list of what was taken: each goal that there is, once; those that it does not hold come
+/// last.
+fn list_of(path: &Path, entries: &BTreeMap<String, Entry>) -> io::Result<Vec<String>> {
     let text = match fs::read_to_string(path) {
         Ok(text) => text,
         Err(err) if err.kind() == io::ErrorKind::NotFound => String::new(),
         Err(err) => return Err(err),
     };
     let mut lines = text.lines();
-    let name = lines.next().filter(|name| name.len() == NAME);
-    let name = name.map_or_else(fresh_name, ToOwned::to_owned);
+    let _name = lines.next();
     let mut listed = BTreeSet::new();
     // A line may be a part of one, or name a goal that was refused in the end; of two the later one
     // was taken.
@@ -336,7 +349,7 @@ fn list_of(path: &Path, entries: &BTreeMap<String, Entry>) -> io::Result<(String
     taken.reverse();
     let others = entries.keys().filter(|id| !listed.contains(id.as_str()));
     taken.extend(others.cloned());
-    Ok((name, taken))
+    Ok(taken)
 }
 
 fn first_line(path: &Path) -> io::Result<Vec<u8>> {
@@ -355,7 +368,7 @@ mod tests {
         SealedGoal {
             goal_id: id.to_owned(),
             digest: id.to_owned(),
-            valid_until_unix_ms: None,
+            sending: None,
             bytes: b"goal".to_vec(),
         }
     }
@@ -374,7 +387,7 @@ mod tests {
         }
         let report = |id: &str| {
             let bytes = fs::read(folder.path().join(format!("{id}.report"))).unwrap();
-            Report::from_bytes(&bytes).unwrap().outcome
+            Ending::read(&bytes).unwrap().outcome
         };
         assert_eq!(
             [report("00"), report("01")],
@@ -396,7 +409,7 @@ mod tests {
         };
         let named = |n: u64, id: &str| (n, id.to_owned());
         let mut journal = Journal::open(folder.path()).unwrap();
-        let name = journal.name.clone();
+        let name = journal.key.name().to_owned();
         // Not in the order of their names.
         over(&mut journal, "0b");
         over(&mut journal, "0a");
@@ -410,7 +423,7 @@ mod tests {
         fs::write(&list, text.replace("0b\n", "0c\n0b\n") + "00").unwrap();
         let mut journal = Journal::open(folder.path()).unwrap();
         over(&mut journal, "01");
-        assert_eq!(journal.name, name);
+        assert_eq!(journal.key.name(), name);
         assert_eq!(
             ids(&mut journal, 1),
             [named(1, "0a"), named(2, "0c"), named(3, "01")]

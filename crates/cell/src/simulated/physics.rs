@@ -5,7 +5,7 @@ use schemas::{executions::Outcome, rollouts::Verdict};
 use simulation::{Flow, ObjectShape, SimulationError, Template, TraceStep, WatchedRollout};
 use spatial::{Pose, Rest};
 
-use super::{Robot, SimulatedCellConfig, gap::EncoderNoise, journal::Job, playing};
+use super::{BrokenOff, Robot, SimulatedCellConfig, gap::EncoderNoise, journal::Job, playing};
 use crate::{
     report::{Report, Sample},
     track::Track,
@@ -23,7 +23,7 @@ pub(super) fn carry_out(
     object: &ObjectShape,
     robot: &Robot,
     config: &SimulatedCellConfig,
-    see: &mut dyn FnMut(&Sample) -> Option<String>,
+    see: &mut dyn FnMut(&Sample) -> Option<BrokenOff>,
 ) -> Result<Report, SimulationError> {
     let goal = &job.goal;
     let digest = &job.sealed.digest;
@@ -31,17 +31,24 @@ pub(super) fn carry_out(
     scene.object_offset = config.gap.object.misplaced(scene.object_offset, digest);
     let rest = Rest::of(&goal.table_from_object);
     let template = Template::new(&scene, &robot.hand, object, &rest)?;
-    let mut steps = playing::steps(goal, robot, scene.control_step_s(), config.gap.latency_s)?;
+    let believed = *template.table_from_believed().isometry();
+    let table_from_scene = level(goal.table_from_object.isometry(), &believed);
+    // What comes to rest otherwise than it was laid down, as a ball does, takes no palm with it.
+    let object_from_table = (table_from_scene * believed).inverse();
+    let mut steps = playing::steps(
+        goal,
+        robot,
+        &object_from_table,
+        scene.control_step_s(),
+        config.gap.latency_s,
+    )?;
     let mut encoders = Encoders::new(
         EncoderNoise::of(digest, config.gap.encoder_noise_rad),
         steps.len(),
         robot.hand.dof(),
         playing::arm_of(goal, robot),
         config.gap.latency_s,
-        level(
-            goal.table_from_object.isometry(),
-            template.table_from_believed().isometry(),
-        ),
+        table_from_scene,
     );
     for (step, noise) in steps.iter_mut().zip(&encoders.noise) {
         // A drive that takes a joint to be further than it is drives it less far.
@@ -49,7 +56,7 @@ pub(super) fn carry_out(
             *q -= noise;
         }
     }
-    let (mut samples, mut reason): (Vec<Sample>, Option<String>) = (Vec::new(), None);
+    let (mut samples, mut reason): (Vec<Sample>, Option<BrokenOff>) = (Vec::new(), None);
     let mut shown = |step: &TraceStep| {
         let sample = encoders.read(step);
         let asked = see(&sample);
@@ -72,21 +79,38 @@ pub(super) fn carry_out(
         broken_off,
     } = template.play(&steps, &goal.grasp, HOLD_S, &mut shown)?;
     let broken_off = reason.filter(|_| broken_off);
+    let samples = match rollout.verdict {
+        Verdict::Diverged => Vec::new(),
+        _ => samples,
+    };
+    let lift_m = match (broken_off.is_some(), samples.first(), samples.last()) {
+        (false, Some(_), _) => rollout.lift_m,
+        // The physics looked at it when it was broken off, and it was held for a while then.
+        (true, Some(first), Some(last)) => height_m(last) - height_m(first),
+        _ => 0.0,
+    };
+    let end = broken_off.unwrap_or_else(|| BrokenOff {
+        outcome: outcome(rollout.verdict),
+        message: rollout.verdict.as_str().to_owned(),
+    });
+    let measured = robot.joint_names();
+    let joints = goal.joint_names();
     Ok(Report {
         goal_id: job.sealed.goal_id.clone(),
         rejection: None,
-        outcome: match broken_off {
-            None => outcome(rollout.verdict),
-            Some(_) => Outcome::Aborted,
-        },
-        message: broken_off.unwrap_or_else(|| rollout.verdict.as_str().to_owned()),
-        lift_m: rollout.lift_m,
-        joints: robot.joint_names(),
-        samples: match rollout.verdict {
-            Verdict::Diverged => Vec::new(),
-            _ => samples,
-        },
+        outcome: end.outcome,
+        message: end.message,
+        lift_m,
+        samples: samples
+            .into_iter()
+            .map(|sample| sample.in_order(&measured, &joints))
+            .collect(),
+        joints,
     })
+}
+
+fn height_m(sample: &Sample) -> f64 {
+    sample.table_from_object.isometry().translation.z
 }
 
 /// What the joints' encoders show.

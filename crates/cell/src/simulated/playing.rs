@@ -16,10 +16,12 @@ const ROUNDING: f64 = 1e-6;
 const ASIDE_M: f64 = 1e-3;
 const ASIDE_RAD: f64 = 0.01;
 
-/// Returns the goal's steps, its start first, each told `latency_s` late.
+/// Returns the goal's steps, its start first, each told `latency_s` late, for an object that lies where
+/// `object_from_table` says.
 pub(super) fn steps(
     goal: &Goal,
     robot: &Robot,
+    object_from_table: &Isometry3<f64>,
     control_s: f64,
     latency_s: f64,
 ) -> Result<Vec<PlayedStep>, SimulationError> {
@@ -39,7 +41,6 @@ pub(super) fn steps(
         };
         table_from_palm.ok_or_else(|| broken("what moves the palm tells no pose of it"))
     };
-    let object_from_table = goal.table_from_object.isometry().inverse();
     let grasp = palm(phases.grasp_s)?;
     let steps = (phases.end_s + latency_s) / control_s;
     (0..=whole(steps))

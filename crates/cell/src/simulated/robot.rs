@@ -2,9 +2,11 @@
 
 use nalgebra::Isometry3;
 use robot::{Chain, Joint, RobotModel};
+use simulation::check_hand;
 use spatial::{Palm, Pose, Table};
 
-use crate::{CellError, report::Offer, wire};
+use super::SimulatedCellConfig;
+use crate::{CellError, Offer, wire};
 
 /// The arm of a simulated cell.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,12 +38,18 @@ pub(super) struct Arm {
 }
 
 impl Robot {
-    /// Takes a hand, and the arm that carries it.
-    pub(super) fn new(hand: &str, arm: Option<&CellArm>) -> Result<Self, CellError> {
-        let urdf = arm.map_or(hand, |arm| arm.urdf.as_str());
+    /// Takes a hand that `urdf` describes, and the arm that carries it.
+    pub(super) fn new(
+        urdf: &str,
+        hand: RobotModel,
+        config: &SimulatedCellConfig,
+    ) -> Result<Self, CellError> {
+        let arm = config.arm.as_ref();
+        check_hand(&config.scene, &hand)?;
+        let urdf = arm.map_or(urdf, |arm| arm.urdf.as_str());
         Ok(Self {
             digest: wire::robot_digest(urdf),
-            hand: RobotModel::from_urdf(hand)?,
+            hand,
             arm: arm.map(Arm::new).transpose()?,
         })
     }

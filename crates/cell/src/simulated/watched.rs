@@ -2,13 +2,8 @@
 
 use std::time::Instant;
 
-use super::{Fault, Shared, lock, reply, stream::PERIOD};
-use crate::{
-    pacer::Pacer,
-    report::{Sample, Word},
-    ros2::Mirror,
-    wire,
-};
+use super::{BrokenOff, Fault, Shared, lock, stream::PERIOD};
+use crate::{capabilities::Word, pacer::Pacer, report::Sample, ros2::Mirror};
 
 /// Rounding that a sample's time may have, in seconds.
 const ROUNDING_S: f64 = 1e-6;
@@ -61,7 +56,7 @@ impl<'a> Watched<'a> {
 
     /// Shows a sample at its time; returns why the motion is to be broken off now, if it is. Those who
     /// asked for that are told that the palm stands still.
-    pub(super) fn see(&mut self, sample: &Sample) -> Option<String> {
+    pub(super) fn see(&mut self, sample: &Sample) -> Option<BrokenOff> {
         let is_first = self.pacer.is_new();
         let real_time = self.shared.config.service.real_time;
         let late_s = if real_time {
@@ -91,7 +86,7 @@ impl<'a> Watched<'a> {
         if reason.is_some() && !self.halted {
             self.halted = true;
             for query in self.shared.control.asking() {
-                reply(&query, &wire::line(&Word::Done));
+                self.shared.say(&query, Word::Done);
             }
         }
         reason

@@ -9,14 +9,14 @@ use std::{
 };
 
 use cell::{
-    Access, CellClient, CellError, Executed, Gap, Halt, Keys, Report, Router, Seen, Service,
-    SimulatedCell, SimulatedCellConfig, Watcher,
+    Access, CellClient, CellError, Gap, Halt, Keys, Router, Seen, Sending, Service, SimulatedCell,
+    SimulatedCellConfig, Watcher,
 };
 use schemas::executions::Outcome;
 use zenoh::{Session, Wait};
 
 use crate::{
-    lab::{GRIPPER, SOON, cube, execute, goal, scene},
+    lab::{GRIPPER, SOON, cube, execute, goal, report, robot, scene},
     papers::Papers,
 };
 
@@ -123,8 +123,11 @@ fn a_cell_that_listens_itself_asks_who_is_there() {
         let access = papers.access("certificates", who);
         CellClient::connect_as(Some(&access), cell.endpoint(), "simulated", SOON).unwrap()
     };
-    let unheard = connect("viewer").execute(&goal(0.04), REFUSED, REFUSED);
-    assert!(matches!(unheard, Ok(Executed::Unheard(_))), "{unheard:?}");
+    let unheard = connect("viewer").execute(&goal(0.04), &robot(), REFUSED, REFUSED);
+    assert!(
+        matches!(unheard, Err(CellError::NoAnswer { .. })),
+        "{unheard:?}"
+    );
     assert_eq!(cell.executed_n(), 0);
     let report = execute(&connect("dispatcher"), &goal(0.04));
     assert_eq!(report.outcome, Outcome::Succeeded);
@@ -139,12 +142,13 @@ fn somebody_who_is_not_known_is_not_let_in() {
         let refused = |access: Option<Access>| {
             let err =
                 CellClient::connect_as(access.as_ref(), router.endpoint(), "simulated", REFUSED);
-            let err = err.map(drop).unwrap_err();
-            assert!(matches!(err, CellError::Connect { .. }), "{way}: {err}");
-            err.hint().unwrap()
+            err.map(drop).unwrap_err()
         };
-        refused(None);
-        let hint = refused(Some(others.access(way, "dispatcher")));
+        let err = refused(None);
+        assert!(matches!(err, CellError::NoAccess { .. }), "{way}: {err}");
+        let err = refused(Some(others.access(way, "dispatcher")));
+        assert!(matches!(err, CellError::Connect { .. }), "{way}: {err}");
+        let hint = err.hint().unwrap();
         assert!(hint.contains("dispatcher.json5"), "{hint}");
     }
     // Somebody who was known once.
@@ -194,8 +198,11 @@ fn somebody_who_watches_sees_everything_and_moves_nothing() {
             hint.contains("access rules") && hint.contains("viewer.json5"),
             "{hint}"
         );
-        let unheard = viewer.execute(&goal(0.04), REFUSED, REFUSED).unwrap();
-        assert!(matches!(unheard, Executed::Unheard(_)), "{unheard:?}");
+        let unheard = viewer.execute(&goal(0.04), &robot(), REFUSED, REFUSED);
+        assert!(
+            matches!(unheard, Err(CellError::NoAnswer { .. })),
+            "{unheard:?}"
+        );
         assert_eq!(viewer.stop(REFUSED).unwrap(), Halt::Unheard);
         assert_eq!(cell.executed_n(), 0);
         // The viewer's stop has stopped nothing, and its resume takes no stop back.
@@ -257,7 +264,7 @@ fn the_heartbeat_of_somebody_who_watches_keeps_nothing_moving() {
         let dispatcher = papers.session(way, "dispatcher", &router);
         let mut goal = goal(0.04);
         goal.attempt = attempt;
-        let sealed = goal.seal();
+        let sealed = goal.seal().sent(Sending::now("me", SOON));
         let ask = |key: String, payload: &[u8]| {
             let replies = dispatcher.get(key).payload(payload).timeout(SOON);
             let reply = replies.wait().unwrap().recv().unwrap();
@@ -272,12 +279,13 @@ fn the_heartbeat_of_somebody_who_watches_keeps_nothing_moving() {
         thread::scope(|scope| {
             scope.spawn(|| {
                 while !over.load(std::sync::atomic::Ordering::Relaxed) {
-                    beats.put(keys.heartbeat(), []).wait().unwrap();
+                    let beat = "{\"dispatcher\":\"me\"}\n";
+                    beats.put(keys.heartbeat(), beat).wait().unwrap();
                     thread::sleep(Duration::from_millis(50));
                 }
             });
             ask(keys.goal(), &sealed.bytes);
-            let report = Report::from_bytes(&ask(keys.result(&sealed.goal_id), &[])).unwrap();
+            let report = report(&ask(keys.result(&sealed.goal_id), &[]), &goal);
             over.store(true, std::sync::atomic::Ordering::Relaxed);
             report
         })

@@ -9,10 +9,10 @@ use robot::RobotModel;
 use schemas::executions::Outcome;
 use spatial::Pose;
 
-use crate::lab::{LISTEN, connect, cube, execute, goal, scene};
+use crate::lab::{LISTEN, connect, cube, execute_by, goal, joints_of, scene};
 
-const HAND: &str = include_str!("../../../../data/robots/allegro_right.urdf");
-const ARM: &str = include_str!("../../../../data/robots/xarm6_allegro.urdf");
+pub(crate) const HAND: &str = include_str!("../../../../data/robots/allegro_right.urdf");
+pub(crate) const ARM: &str = include_str!("../../../../data/robots/xarm6_allegro.urdf");
 /// The arm's joints where the hand points down, in front of it and well above the table.
 const ABOVE: [f64; 6] = [0.0, -0.6, -0.6, 0.0, 1.2, 0.0];
 
@@ -20,8 +20,8 @@ fn table_from_base() -> Isometry3<f64> {
     Isometry3::translation(-0.4, 0.1, 0.0)
 }
 
-fn start() -> SimulatedCell {
-    let config = SimulatedCellConfig {
+pub(crate) fn config() -> SimulatedCellConfig {
+    SimulatedCellConfig {
         name: "simulated".to_owned(),
         listen: LISTEN.to_owned(),
         scene: scene(),
@@ -32,14 +32,17 @@ fn start() -> SimulatedCell {
         }),
         gap: Gap::default(),
         service: Service::default(),
-    };
-    let cell = SimulatedCell::start(config, HAND).unwrap();
+    }
+}
+
+fn start() -> SimulatedCell {
+    let cell = SimulatedCell::start(config(), HAND).unwrap();
     cell.put_object("cube", cube());
     cell
 }
 
 /// Turns the arm's first joint by a tenth of a radian while the fingers stay as they are.
-fn carried() -> Goal {
+pub(crate) fn carried() -> Goal {
     let still = |joints: Vec<String>, ends: [(f64, Vec<f64>); 2]| Track {
         points: ends
             .map(|(time_s, q)| JointPoint {
@@ -80,7 +83,7 @@ fn the_palm_is_where_the_arm_has_it() {
         Some([-0.4, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0])
     );
     let asked = carried();
-    let report = execute(&client, &asked);
+    let report = execute_by(&client, &asked, &joints_of(ARM));
     let cube = report.samples[0].table_from_object.isometry();
     let off = asked.table_from_object.isometry().inv_mul(cube);
     assert!(
@@ -131,7 +134,9 @@ fn what_the_arm_cannot_do_is_rejected_with_a_reason() {
             panic!("an arm was given");
         };
         change(track);
-        let rejection = execute(&client, &goal).rejection.unwrap();
+        let rejection = execute_by(&client, &goal, &joints_of(ARM))
+            .rejection
+            .unwrap();
         assert_eq!(rejection.code, code);
         assert!(rejection.reason.contains(reason), "{}", rejection.reason);
     };
@@ -146,7 +151,7 @@ fn what_the_arm_cannot_do_is_rejected_with_a_reason() {
     check(
         |arm| arm.points[1].velocity_rad_per_s[0] = 3.5,
         RejectionCode::Limits,
-        "`joint1` would move at 3.1",
+        "`joint1` would move at 3.5",
     );
     check(
         |arm| arm.joints[5] = "joint7".to_owned(),
@@ -162,7 +167,9 @@ fn what_the_arm_cannot_do_is_rejected_with_a_reason() {
         carrier: goal(0.0).carrier,
         ..carried()
     };
-    let rejection = execute(&client, &flying).rejection.unwrap();
+    let rejection = execute_by(&client, &flying, &joints_of(ARM))
+        .rejection
+        .unwrap();
     assert_eq!(rejection.code, RejectionCode::Joints);
     assert!(
         rejection.reason.contains("on an arm"),

@@ -1,12 +1,16 @@
 //! Motions that are broken off: by a word, or because nobody is heard.
 
-use std::{thread, time::Instant};
+use std::{
+    sync::atomic::{AtomicBool, Ordering},
+    thread,
+    time::{Duration, Instant},
+};
 
-use cell::{Halt, Keys, RejectionCode, Report, Service, State, subscribe};
+use cell::{Halt, Keys, RejectionCode, Report, Sending, Service, State, subscribe};
 use schemas::executions::Outcome;
 use zenoh::Wait;
 
-use crate::lab::{SOON, connect, execute, goal, start, start_with};
+use crate::lab::{SOON, connect, execute, goal, report, start, start_with};
 
 /// How long the hand is watched after it stopped, in seconds.
 const HOLD_S: f64 = 0.5;
@@ -70,7 +74,7 @@ fn a_motion_that_is_canceled_stops_where_it_is_and_the_hand_holds() {
     });
     assert_eq!(
         (report.outcome, report.message.as_str()),
-        (Outcome::Aborted, "canceled")
+        (Outcome::Stopped, "canceled")
     );
     let stopped_s = held_s(&report);
     assert!(
@@ -85,9 +89,10 @@ fn a_motion_that_is_canceled_stops_where_it_is_and_the_hand_holds() {
 fn a_motion_whose_dispatcher_falls_silent_stops_within_three_tenths_of_a_second() {
     let cell = start_with(in_real_time());
     let keys = Keys::new("simulated").unwrap();
-    // Somebody who sends a goal and is never heard again.
+    // Somebody who sends a goal and is never heard again, and others who are.
     let (session, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
-    let sealed = goal(0.04).seal();
+    let goal = goal(0.04);
+    let sealed = goal.seal().sent(Sending::now("one", SOON));
     let ask = |key: String, payload: &[u8]| {
         let replies = session
             .get(key)
@@ -98,8 +103,22 @@ fn a_motion_whose_dispatcher_falls_silent_stops_within_three_tenths_of_a_second(
         let reply = replies.recv().unwrap().into_result().unwrap();
         reply.payload().to_bytes().into_owned()
     };
-    ask(keys.goal(), &sealed.bytes);
-    let report = Report::from_bytes(&ask(keys.result(&sealed.goal_id), &[])).unwrap();
+    let over = AtomicBool::new(false);
+    let report = thread::scope(|scope| {
+        scope.spawn(|| {
+            let others = ["", "{}\n", "{\"dispatcher\":\"another\"}\n", "one"];
+            while !over.load(Ordering::Relaxed) {
+                for beat in others {
+                    session.put(keys.heartbeat(), beat).wait().unwrap();
+                }
+                thread::sleep(Duration::from_millis(20));
+            }
+        });
+        ask(keys.goal(), &sealed.bytes);
+        let report = report(&ask(keys.result(&sealed.goal_id), &[]), &goal);
+        over.store(true, Ordering::Relaxed);
+        report
+    });
     assert_eq!(report.outcome, Outcome::Aborted);
     assert!(
         report.message.contains("no heartbeat"),

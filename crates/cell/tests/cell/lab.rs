@@ -4,9 +4,10 @@ use std::time::Duration;
 
 use cell::{
     Carrier, CellClient, Executed, Gap, Goal, JointPoint, PalmPoint, Report, Service,
-    SimulatedCell, SimulatedCellConfig, Track, robot_digest,
+    SimulatedCell, SimulatedCellConfig, Track, UncheckedReport, robot_digest,
 };
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use robot::{Joint, RobotModel};
 use simulation::{
     Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, PullConfig, SceneConfig,
     Shortcuts, Trial,
@@ -116,6 +117,7 @@ pub(crate) fn goal(closed_m: f64) -> Goal {
         object: "cube".to_owned(),
         robot: robot_digest(GRIPPER),
         attempt: 1,
+        resumed: 0,
         table_from_object: rest.table_from_object(),
         start_tolerance_rad: 0.1,
         grasp: grasp(),
@@ -137,17 +139,29 @@ pub(crate) fn goal(closed_m: f64) -> Goal {
     }
 }
 
-/// A cell that serves in this way.
-pub(crate) fn start_with(service: Service) -> SimulatedCell {
-    let config = SimulatedCellConfig {
+/// The gripper's joints.
+pub(crate) fn robot() -> Vec<Joint> {
+    joints_of(GRIPPER)
+}
+
+pub(crate) fn joints_of(urdf: &str) -> Vec<Joint> {
+    RobotModel::from_urdf(urdf).unwrap().joints().to_vec()
+}
+
+pub(crate) fn config(service: Service) -> SimulatedCellConfig {
+    SimulatedCellConfig {
         name: "simulated".to_owned(),
         listen: LISTEN.to_owned(),
         scene: scene(),
         arm: None,
         gap: Gap::default(),
         service,
-    };
-    let cell = SimulatedCell::start(config, GRIPPER).unwrap();
+    }
+}
+
+/// A cell that serves in this way.
+pub(crate) fn start_with(service: Service) -> SimulatedCell {
+    let cell = SimulatedCell::start(config(service), GRIPPER).unwrap();
     cell.put_object("cube", cube());
     cell
 }
@@ -158,10 +172,27 @@ pub(crate) fn start() -> SimulatedCell {
 
 /// Has a goal executed to its end.
 pub(crate) fn execute(client: &CellClient, goal: &Goal) -> Report {
-    match client.execute(goal, SOON, SOON).unwrap() {
+    execute_by(client, goal, &robot())
+}
+
+/// As [`execute`], by a robot with these joints.
+pub(crate) fn execute_by(client: &CellClient, goal: &Goal, robot: &[Joint]) -> Report {
+    match client.execute(goal, robot, SOON, SOON).unwrap() {
         Executed::Over(report) | Executed::Known(report) => report,
-        Executed::Unheard(message) => panic!("{message}"),
+        Executed::Unknown(message) => panic!("{message}"),
     }
+}
+
+/// Returns what follows the signature of an answer.
+pub(crate) fn body(answer: &[u8]) -> &[u8] {
+    let end = answer.iter().position(|&byte| byte == b'\n').unwrap();
+    &answer[end + 1..]
+}
+
+/// Reads an answer that is a report on a goal.
+pub(crate) fn report(answer: &[u8], goal: &Goal) -> Report {
+    let report = UncheckedReport::from_bytes(body(answer)).unwrap();
+    report.check(goal, &robot()).unwrap()
 }
 
 pub(crate) fn connect(cell: &SimulatedCell) -> CellClient {

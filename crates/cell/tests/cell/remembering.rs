@@ -1,12 +1,14 @@
 //! What a cell knows of goals that came before.
 
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use cell::{CellError, Keys, Recovered, Service, SimulatedCell, SimulatedCellConfig, subscribe};
+use cell::{
+    CellError, Keys, Recovered, Sending, Service, SimulatedCell, SimulatedCellConfig, subscribe,
+};
 use schemas::executions::Outcome;
 use zenoh::Wait;
 
-use crate::lab::{GRIPPER, LISTEN, SOON, connect, execute, goal, scene, start, start_with};
+use crate::lab::{GRIPPER, LISTEN, SOON, connect, execute, goal, robot, scene, start, start_with};
 
 #[test]
 fn a_cell_started_again_tells_what_it_did_and_does_not_do_it_again() {
@@ -21,20 +23,24 @@ fn a_cell_started_again_tells_what_it_did_and_does_not_do_it_again() {
     let cell = start_with(service());
     assert_eq!(execute(&connect(&cell), &goal(0.04)), report);
     assert_eq!(cell.executed_n(), 1);
-    let found = connect(&cell).recover(&report.goal_id, SOON, SOON).unwrap();
+    let found = connect(&cell).recover(&goal(0.04), &robot(), SOON, SOON);
     assert_eq!(found, Recovered::Report(report));
 }
 
 #[test]
 fn a_goal_that_was_never_taken_is_known_to_be_none() {
     let cell = start();
-    let asked = connect(&cell).recover("00ff", SOON, SOON).unwrap();
+    let asked = connect(&cell).recover(&goal(0.04), &robot(), SOON, SOON);
     assert_eq!(asked, Recovered::NeverTaken);
     let client = connect(&cell);
+    client.capabilities(SOON).unwrap();
     cell.stop();
     let soon = Duration::from_millis(300);
-    let asked = client.recover("00ff", soon, soon).unwrap();
-    assert_eq!(asked, Recovered::Silent);
+    let asked = client.recover(&goal(0.04), &robot(), soon, soon);
+    assert!(
+        matches!(&asked, Recovered::Unheard(why) if why.contains("no answer about the result")),
+        "{asked:?}"
+    );
 }
 
 #[test]
@@ -43,22 +49,38 @@ fn a_goal_that_comes_too_late_is_refused_and_one_that_was_taken_is_answered() {
     let (session, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
     let keys = Keys::new("simulated").unwrap();
     let sealed = goal(0.04).seal();
-    let late = sealed.valid_until(SystemTime::now() - Duration::from_secs(1));
-    let send = || {
+    // By a clock that is right, or hours behind or ahead of the cell's.
+    let sending = |offset_s: i64| {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+        let now_ms = u64::try_from(since.as_millis()).unwrap();
+        let sent_unix_ms = now_ms.saturating_add_signed(1000 * offset_s);
+        sealed.sent(Sending {
+            dispatcher: "me".to_owned(),
+            sent_unix_ms,
+            valid_until_unix_ms: sent_unix_ms + 10_000,
+        })
+    };
+    let send = |offset_s: i64| {
         let replies = session
             .get(keys.goal())
-            .payload(late.bytes.as_slice())
+            .payload(sending(offset_s).bytes)
             .timeout(SOON)
             .wait()
             .unwrap();
         let reply = replies.recv().unwrap().into_result().unwrap();
         String::from_utf8(reply.payload().to_bytes().into_owned()).unwrap()
     };
-    assert!(send().contains("\"expired\""), "{}", send());
+    for (offset_s, code) in [(-11, "expired"), (-3600, "clock"), (3600, "clock")] {
+        let answer = send(offset_s);
+        assert!(answer.contains(&format!("\"{code}\"")), "{answer}");
+    }
     assert_eq!(cell.executed_n(), 0);
     let report = execute(&connect(&cell), &goal(0.04));
     assert_eq!(report.outcome, Outcome::Succeeded);
-    assert!(send().contains("\"known\":true"), "{}", send());
+    for offset_s in [-11, -3600, 3600] {
+        let answer = send(offset_s);
+        assert!(answer.contains("\"known\":true"), "{answer}");
+    }
 }
 
 #[test]

@@ -3,11 +3,14 @@
 use std::time::Duration;
 
 use cell::{
-    Carrier, CellClient, CellError, Executed, Gap, Goal, Keys, RejectionCode, SealedGoal, Service,
+    Carrier, CellClient, CellError, Gap, Goal, Keys, PalmPoint, RejectionCode, SealedGoal, Service,
     SimulatedCell, SimulatedCellConfig, StateHeader, robot_digest, subscribe,
 };
+use nalgebra::Isometry3;
+use robot::RobotModel;
 use schemas::executions::Outcome;
 use simulation::Trial;
+use spatial::Pose;
 use zenoh::Wait;
 
 use crate::lab::{GRIPPER, SOON, connect, execute, goal, joints, scene, start};
@@ -103,7 +106,7 @@ fn what_the_robot_cannot_do_is_rejected_with_a_reason() {
     check(
         |g| g.hand.points[2].q_rad[0] = 0.07,
         RejectionCode::Limits,
-        "`slide_left` would be at 0.06",
+        "`slide_left` would be at 0.07",
     );
     // Both points are inside, and the way between them is not.
     check(
@@ -117,7 +120,7 @@ fn what_the_robot_cannot_do_is_rejected_with_a_reason() {
     check(
         |g| g.hand.points[2].velocity_rad_per_s[0] = 50.0,
         RejectionCode::Limits,
-        "`slide_left` would be at -0.0",
+        "`slide_left` would be at -",
     );
     check(
         |g| g.hand.points[2].time_s = 0.3,
@@ -155,6 +158,26 @@ fn what_the_robot_cannot_do_is_rejected_with_a_reason() {
         "pulls at nothing",
     );
     check(
+        |g| g.start_tolerance_rad = -0.1,
+        RejectionCode::Limits,
+        "`start_tolerance_rad` is -0.1",
+    );
+    check(
+        |g| g.grasp.limit_tolerance_rad = -0.1,
+        RejectionCode::Limits,
+        "`limit_tolerance_rad` is -0.1",
+    );
+    check(
+        |g| g.grasp.knocked_m = -1.0,
+        RejectionCode::Limits,
+        "`knocked_m` is -1",
+    );
+    check(
+        |g| g.grasp.close_fraction = 1.5,
+        RejectionCode::Limits,
+        "`close_fraction` is 1.5",
+    );
+    check(
         |g| g.robot = robot_digest("<robot/>"),
         RejectionCode::Robot,
         "this one is",
@@ -164,6 +187,63 @@ fn what_the_robot_cannot_do_is_rejected_with_a_reason() {
         RejectionCode::Object,
         "no object `mug`",
     );
+    assert_eq!(cell.executed_n(), 0);
+}
+
+#[test]
+fn a_palm_flies_within_what_the_cell_says() {
+    let cell = start();
+    let client = connect(&cell);
+    let palm = client.capabilities(SOON).unwrap().palm.unwrap();
+    assert!(palm.speed_m_per_s > 1.0 && palm.speed_m_per_s < 10.0);
+    let check = |change: fn(&mut Vec<PalmPoint>), reason: &str| {
+        let mut goal = goal(0.04);
+        let Carrier::Palm(points) = &mut goal.carrier else {
+            panic!("a palm was given");
+        };
+        change(points);
+        let rejection = execute(&client, &goal).rejection;
+        let rejection = rejection.unwrap_or_else(|| panic!("{reason}: it was taken"));
+        assert_eq!(rejection.code, RejectionCode::Limits, "{reason}");
+        assert!(rejection.reason.contains(reason), "{}", rejection.reason);
+    };
+    // What a row says, and what is between two rows that say nothing of it.
+    check(
+        |p| p[1].velocity.linear.x = 1000.0,
+        "would move at 1000 m/s",
+    );
+    check(
+        |p| p[1].velocity.angular.z = 100.0,
+        "would turn at 100 rad/s",
+    );
+    check(
+        |p| p[1].acceleration.linear.y = -1e4,
+        "would accelerate at 10000 m/s²",
+    );
+    check(
+        |p| p[1].acceleration.angular.y = 1e4,
+        "would change its turn at 10000 rad/s²",
+    );
+    check(|p| p[1].time_s = 0.02, "the palm would move at");
+    // Every row is within the limits, and the quick way between two of them is not.
+    check(
+        |p| {
+            let along = Isometry3::translation(0.0225, 0.0, 0.0);
+            p[1].time_s = 0.03;
+            p[1].table_from_palm = Pose::new(along * p[0].table_from_palm.isometry());
+            p[1].velocity.linear.x = 1.5;
+        },
+        "m/s² between 0 and 0.03 s",
+    );
+    for change in [
+        (|p: &mut Vec<PalmPoint>| {
+            p[3].table_from_palm = Pose::new(Isometry3::translation(0.0, 0.0, 30.0));
+        }) as fn(&mut Vec<PalmPoint>),
+        |p| p[0].table_from_palm = Pose::new(Isometry3::translation(-2.5, 0.0, 0.2)),
+        |p| p[0].table_from_palm = Pose::new(Isometry3::translation(0.0, 0.0, -1.0)),
+    ] {
+        check(change, "the palm would");
+    }
     assert_eq!(cell.executed_n(), 0);
 }
 
@@ -258,60 +338,25 @@ fn a_cell_that_is_not_there_is_named_in_the_error() {
 }
 
 #[test]
-fn two_cells_that_answer_to_one_name_are_refused() {
-    let cell = start();
-    // Another program on the same router has the same name.
-    let (other, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
-    let _second = other
-        .declare_queryable(Keys::new("simulated").unwrap().capabilities())
-        .callback(|query| query.reply(query.key_expr(), "{}\n").wait().unwrap())
-        .wait()
-        .unwrap();
-    let err = connect(&cell).capabilities(SOON).unwrap_err();
-    assert!(
-        matches!(err, CellError::SeveralCells { count: 2, .. }),
-        "{err}"
-    );
-    assert!(err.to_string().contains("nothing was sent"), "{err}");
-}
-
-#[test]
-fn a_cell_that_takes_a_goal_and_falls_silent_leaves_it_unknown() {
-    // The simulated cell only forwards here: another program is the cell `mute`.
-    let router = start();
-    let (mute, _) = subscribe(router.endpoint(), "nothing", SOON).unwrap();
-    let keys = Keys::new("mute").unwrap();
-    let _goal = mute
-        .declare_queryable(keys.goal())
-        .callback(|query| {
-            query
-                .reply(
-                    query.key_expr(),
-                    "{\"answer\":\"accepted\",\"known\":false}\n",
-                )
-                .wait()
-                .unwrap();
-        })
-        .wait()
-        .unwrap();
-    let (kept, _never_answered) = std::sync::mpsc::channel();
-    let _result = mute
-        .declare_queryable(keys.result("*"))
-        .callback(move |query| drop(kept.send(query)))
-        .wait()
-        .unwrap();
-    let client = CellClient::connect(router.endpoint(), "mute", SOON).unwrap();
-    let executed = client
-        .execute(&goal(0.04), SOON, Duration::from_millis(300))
-        .unwrap();
-    assert!(
-        matches!(&executed, Executed::Unheard(message) if message.contains("no answer about the result")),
-        "{executed:?}"
-    );
-    assert!(matches!(
-        client.capabilities(Duration::from_millis(300)),
-        Err(CellError::NoAnswer { .. })
-    ));
+fn a_hand_that_would_touch_nothing_starts_no_cell() {
+    let of_mesh = GRIPPER.replacen("<box size=", "<mesh filename=", 1);
+    assert_ne!(of_mesh, GRIPPER);
+    let config = || SimulatedCellConfig {
+        name: "meshes".to_owned(),
+        listen: "tcp/127.0.0.1:0".to_owned(),
+        scene: scene(),
+        arm: None,
+        gap: Gap::default(),
+        service: Service::default(),
+    };
+    let err = SimulatedCell::start(config(), &of_mesh)
+        .map(drop)
+        .unwrap_err();
+    assert!(matches!(err, CellError::Simulation(_)), "{err}");
+    assert!(err.hint().unwrap().contains("with_mesh_shapes"), "{err}");
+    // With the shapes it is another matter, whatever they are.
+    let read = RobotModel::from_urdf(GRIPPER).unwrap();
+    SimulatedCell::start_with(config(), &of_mesh, read).unwrap();
 }
 
 #[test]
@@ -326,6 +371,6 @@ fn a_taken_port_is_an_error_that_says_what_to_do() {
         service: Service::default(),
     };
     let err = SimulatedCell::start(config, GRIPPER).map(drop).unwrap_err();
-    assert!(matches!(err, CellError::Listen { .. }), "{err}");
-    assert!(err.hint().unwrap().contains("dispatch.listen"));
+    assert!(matches!(err, CellError::PortTaken { .. }), "{err}");
+    assert!(err.hint().unwrap().contains("--listen tcp/127.0.0.1:0"));
 }

@@ -13,7 +13,10 @@ use cell::{
 use schemas::executions::Outcome;
 use zenoh::Wait;
 
-use crate::lab::{GRIPPER, LISTEN, SOON, connect, execute, goal, scene, start, start_with};
+use crate::{
+    impostor::Key,
+    lab::{GRIPPER, LISTEN, SOON, connect, execute, goal, scene, start, start_with},
+};
 
 /// Longest time in which nothing is seen of a cell that says something.
 const LONG: Duration = Duration::from_secs(5);
@@ -132,7 +135,7 @@ fn what_is_lost_is_asked_for_and_counted_where_it_is_gone() {
     };
     let kept = Arc::new(Mutex::new(Vec::<u64>::new()));
     let _history = {
-        let kept = Arc::clone(&kept);
+        let (kept, key) = (Arc::clone(&kept), Key::new(1));
         session
             .declare_queryable(keys.history())
             .callback(move |query| {
@@ -141,7 +144,8 @@ fn what_is_lost_is_asked_for_and_counted_where_it_is_gone() {
                 let rows: Vec<u64> = kept.iter().copied().filter(|&seq| seq >= from).collect();
                 let mut bytes = header(rows.first().copied().unwrap_or(99));
                 bytes.extend(rows.iter().flat_map(|&seq| row(seq)));
-                query.reply(query.key_expr(), bytes).wait().unwrap();
+                let answer = key.sign(&query, &bytes);
+                query.reply(query.key_expr(), answer).wait().unwrap();
             })
             .wait()
             .unwrap()

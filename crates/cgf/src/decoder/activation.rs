@@ -1,13 +1,17 @@
 //! What lies between two layers, in one pass over the rows: bias, activation, derivatives.
 //!
-//! Rows come as one block of values or as three: values x, first derivatives x′ in time and second
-//! ones x″. The activation f takes them to f(x), f′(x) x′ and f″(x) x′² + f′(x) x″.
+//! A patch of rows comes as one block of values or as three: values x, first derivatives x′ in time and
+//! second ones x″. The activation f takes them to f(x), f′(x) x′ and f″(x) x′² + f′(x) x″.
+//! What is zero in all rows of a patch is left out.
 //! Every loop is compiled for several instruction sets, and which is used is decided as it runs.
 
 use pulp::{Arch, Simd, WithSimd};
 
 use super::number::Number;
-use crate::config::Activation;
+use crate::{
+    config::Activation,
+    product::{LANES, Row, Sparse},
+};
 
 /// A function between layers and its first two derivatives.
 trait Function: Copy {
@@ -69,20 +73,6 @@ impl Function for Silu {
     }
 }
 
-/// Takes the products of a layer to what the next layer is multiplied with: `rows` of the bias' width,
-/// once (values) or three times (values, first and second derivatives).
-pub(super) fn activate<T: Number>(
-    activation: Activation,
-    products: &[T],
-    bias: &[T],
-    order: Order,
-) -> Vec<T> {
-    match activation {
-        Activation::Relu => between(Relu, products, bias, order),
-        Activation::Silu => between(Silu, products, bias, order),
-    }
-}
-
 /// Whether derivatives go along with the values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Order {
@@ -102,29 +92,43 @@ impl Order {
     }
 }
 
-fn between<T: Number, F: Function>(
-    function: F,
-    products: &[T],
+/// Takes the products of a layer, `(patches, width)` of its bias, once (values) or three times (values,
+/// first and second derivatives) for each patch, to what the next layer is multiplied with.
+pub(super) fn activate<T: Number>(
+    activation: Activation,
+    products: &[Row<T>],
     bias: &[T],
     order: Order,
-) -> Vec<T> {
-    let mut outputs = vec![T::zero(); products.len()];
+    outputs: &mut [Sparse<T>],
+) {
+    match activation {
+        Activation::Relu => between(Relu, products, bias, order, outputs),
+        Activation::Silu => between(Silu, products, bias, order, outputs),
+    }
+}
+
+fn between<T: Number, F: Function>(
+    function: F,
+    products: &[Row<T>],
+    bias: &[T],
+    order: Order,
+    outputs: &mut [Sparse<T>],
+) {
     Arch::new().dispatch(Between {
         function,
         products,
         bias,
         order,
-        outputs: &mut outputs,
+        outputs,
     });
-    outputs
 }
 
 struct Between<'a, T, F> {
     function: F,
-    products: &'a [T],
+    products: &'a [Row<T>],
     bias: &'a [T],
     order: Order,
-    outputs: &'a mut [T],
+    outputs: &'a mut [Sparse<T>],
 }
 
 impl<T: Number, F: Function> WithSimd for Between<'_, T, F> {
@@ -136,135 +140,164 @@ impl<T: Number, F: Function> WithSimd for Between<'_, T, F> {
     )]
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        match self.order {
-            Order::Values => self.values(),
-            Order::Derivatives => self.derivatives(),
-        }
-    }
-}
-
-impl<T: Number, F: Function> Between<'_, T, F> {
-    #[expect(
-        clippy::inline_always,
-        reason = "part of a loop for an instruction set"
-    )]
-    #[inline(always)]
-    fn values(self) {
-        let width = self.bias.len();
-        let rows = self.products.chunks_exact(width);
-        for (row, outputs) in rows.zip(self.outputs.chunks_exact_mut(width)) {
-            for ((&x, &bias), output) in row.iter().zip(self.bias).zip(outputs) {
-                *output = self.function.value(x + bias);
+        let Self {
+            function,
+            products,
+            bias,
+            order,
+            outputs,
+        } = self;
+        let blocks = order.blocks();
+        let patches = products.chunks_exact(blocks * bias.len());
+        for (products, outputs) in patches.zip(outputs.chunks_exact_mut(blocks)) {
+            for output in &mut *outputs {
+                output.clear();
+            }
+            let (values, rates) = products.split_at(bias.len());
+            let (firsts, seconds) = rates.split_at(rates.len() / 2);
+            let channels = (0_u32..).zip(values.iter().zip(bias));
+            match (order, outputs) {
+                (Order::Values, [output]) => {
+                    for (channel, (row, &bias)) in channels {
+                        let mut x = *row;
+                        for x in &mut x {
+                            *x = function.value(*x + bias);
+                        }
+                        put(output, channel, x);
+                    }
+                }
+                (Order::Derivatives, [values, to_firsts, to_seconds]) => {
+                    let rates = firsts.iter().zip(seconds);
+                    for ((channel, (row, &bias)), (first, second)) in channels.zip(rates) {
+                        let [mut x, mut x_1, mut x_2] = [*row, *first, *second];
+                        for ((x, x_1), x_2) in x.iter_mut().zip(&mut x_1).zip(&mut x_2) {
+                            let [value, slope, bend] = function.derivatives(*x + bias);
+                            *x_2 = bend * *x_1 * *x_1 + slope * *x_2;
+                            *x_1 = slope * *x_1;
+                            *x = value;
+                        }
+                        put(values, channel, x);
+                        put(to_firsts, channel, x_1);
+                        put(to_seconds, channel, x_2);
+                    }
+                }
+                (Order::Values | Order::Derivatives, _) => {}
             }
         }
     }
-
-    #[expect(
-        clippy::inline_always,
-        reason = "part of a loop for an instruction set"
-    )]
-    #[inline(always)]
-    fn derivatives(self) {
-        let width = self.bias.len();
-        let block = self.products.len() / 3;
-        let (values, rates) = self.products.split_at(block);
-        let (firsts, seconds) = rates.split_at(block);
-        let (to_values, to_rates) = self.outputs.split_at_mut(block);
-        let (to_firsts, to_seconds) = to_rates.split_at_mut(block);
-        let inputs = values
-            .chunks_exact(width)
-            .zip(firsts.chunks_exact(width))
-            .zip(seconds.chunks_exact(width));
-        let outputs = to_values
-            .chunks_exact_mut(width)
-            .zip(to_firsts.chunks_exact_mut(width))
-            .zip(to_seconds.chunks_exact_mut(width));
-        for (((x, first), second), ((to_x, to_first), to_second)) in inputs.zip(outputs) {
-            jet(
-                self.function,
-                [x, first, second],
-                self.bias,
-                [to_x, to_first, to_second],
-            );
-        }
-    }
 }
 
-/// One row of values and derivatives: as arguments of a function the slices are known not to overlap.
+/// Adds a channel that is not zero.
 #[expect(
     clippy::inline_always,
     reason = "part of a loop for an instruction set"
 )]
 #[inline(always)]
-fn jet<T: Number, F: Function>(
-    function: F,
-    [x, first, second]: [&[T]; 3],
-    bias: &[T],
-    [to_x, to_first, to_second]: [&mut [T]; 3],
-) {
-    let width = bias.len();
-    let (x, first, second) = (&x[..width], &first[..width], &second[..width]);
-    let to_x = &mut to_x[..width];
-    let to_first = &mut to_first[..width];
-    let to_second = &mut to_second[..width];
-    for k in 0..width {
-        let [value, slope, bend] = function.derivatives(x[k] + bias[k]);
-        to_x[k] = value;
-        to_first[k] = slope * first[k];
-        to_second[k] = bend * first[k] * first[k] + slope * second[k];
+fn put<T: Number>(output: &mut Sparse<T>, channel: u32, row: Row<T>) {
+    if !T::are_zero(&row) {
+        output.push(channel, row);
     }
 }
 
-/// Takes what the first layer knows of each motion, `(motions, width)` with its bias, and times to the
-/// layer's outputs, `(motions × times, width)` once or three times: the layer is linear in time, with
-/// `per_time` as its rate.
-pub(super) fn first_layer<T: Number>(
-    activation: Activation,
-    motions: &[T],
-    per_time: &[T],
-    times: &[T],
-    order: Order,
-    rows: usize,
-) -> Vec<T> {
-    match activation {
-        Activation::Relu => start(Relu, motions, per_time, times, order, rows),
-        Activation::Silu => start(Silu, motions, per_time, times, order, rows),
+/// What the first layer knows of motions at times; it is linear in time.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Start<'a, T> {
+    /// How many motions there are.
+    pub(super) n_motions: usize,
+    /// Its products with code and object, and its bias, for sixteen motions side by side.
+    pub(super) motions: &'a [Row<T>],
+    /// Its rate in time, `(width)`.
+    pub(super) per_time: &'a [T],
+    /// The times of every motion.
+    pub(super) times: &'a [T],
+}
+
+impl<T: Number> Start<'_, T> {
+    /// Returns how many rows there are: a motion's times, then the next one's.
+    pub(super) fn rows(&self) -> usize {
+        self.n_motions * self.times.len()
+    }
+
+    /// Takes the rows from `first` on to the layer's outputs, patch by patch, once or three times.
+    pub(super) fn layer(
+        &self,
+        activation: Activation,
+        first: usize,
+        order: Order,
+        outputs: &mut [Sparse<T>],
+    ) {
+        match activation {
+            Activation::Relu => self.through(Relu, first, order, outputs),
+            Activation::Silu => self.through(Silu, first, order, outputs),
+        }
+    }
+
+    fn through<F: Function>(
+        &self,
+        function: F,
+        first: usize,
+        order: Order,
+        outputs: &mut [Sparse<T>],
+    ) {
+        for (patch, outputs) in outputs.chunks_exact_mut(order.blocks()).enumerate() {
+            let (times, parts) = self.lanes(first + patch * LANES);
+            Arch::new().dispatch(FirstLayer {
+                function,
+                per_time: self.per_time,
+                times,
+                parts: &parts,
+                order,
+                outputs,
+            });
+        }
+    }
+
+    /// Returns the times of a patch's rows, and the motions that have a part in it. Rows beyond the last
+    /// are like the last.
+    fn lanes(&self, first: usize) -> (Row<T>, Vec<Part<'_, T>>) {
+        let (width, n_times) = (self.per_time.len(), self.times.len());
+        let last = self.rows().saturating_sub(1);
+        let mut times = [T::zero(); LANES];
+        let mut parts: Vec<Part<'_, T>> = Vec::new();
+        let mut newest = None;
+        for (from, time) in times.iter_mut().enumerate() {
+            let row = (first + from).min(last);
+            *time = self.times[row % n_times];
+            let motion = row / n_times;
+            if newest != Some(motion) {
+                newest = Some(motion);
+                let patch = motion / LANES * width;
+                parts.push(Part {
+                    from,
+                    known: &self.motions[patch..patch + width],
+                    lane: motion % LANES,
+                });
+            }
+        }
+        (times, parts)
     }
 }
 
-fn start<T: Number, F: Function>(
-    function: F,
-    motions: &[T],
-    per_time: &[T],
-    times: &[T],
-    order: Order,
-    rows: usize,
-) -> Vec<T> {
-    let mut outputs = vec![T::zero(); order.blocks() * rows * per_time.len()];
-    Arch::new().dispatch(Start {
-        function,
-        motions,
-        per_time,
-        times,
-        order,
-        rows,
-        outputs: &mut outputs,
-    });
-    outputs
+/// A motion's part of a patch.
+struct Part<'a, T> {
+    /// Its first row.
+    from: usize,
+    /// What is known of it and of the motions beside it.
+    known: &'a [Row<T>],
+    /// Where it is among them.
+    lane: usize,
 }
 
-struct Start<'a, T, F> {
+struct FirstLayer<'a, T, F> {
     function: F,
-    motions: &'a [T],
     per_time: &'a [T],
-    times: &'a [T],
+    times: Row<T>,
+    parts: &'a [Part<'a, T>],
     order: Order,
-    /// Rows of a block, those beyond the motions' are left at zero.
-    rows: usize,
-    outputs: &'a mut [T],
+    outputs: &'a mut [Sparse<T>],
 }
 
-impl<T: Number, F: Function> WithSimd for Start<'_, T, F> {
+impl<T: Number, F: Function> WithSimd for FirstLayer<'_, T, F> {
     type Output = ();
 
     #[expect(
@@ -273,73 +306,51 @@ impl<T: Number, F: Function> WithSimd for Start<'_, T, F> {
     )]
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let width = self.per_time.len();
-        let (values, rates) = self.outputs.split_at_mut(self.rows * width);
-        let mut values = values.chunks_exact_mut(width);
-        let (firsts, seconds) = rates.split_at_mut(rates.len() / 2);
-        let mut firsts = firsts.chunks_exact_mut(width);
-        let mut seconds = seconds.chunks_exact_mut(width);
-        for motion in self.motions.chunks_exact(width) {
-            for (&time, to_value) in self.times.iter().zip(&mut values) {
-                match self.order {
-                    Order::Values => {
-                        let parts = motion.iter().zip(self.per_time);
-                        for ((&known, &rate), output) in parts.zip(to_value) {
-                            *output = self.function.value(known + time * rate);
-                        }
-                    }
-                    Order::Derivatives => {
-                        let (Some(to_first), Some(to_second)) = (firsts.next(), seconds.next())
-                        else {
-                            return;
-                        };
-                        start_jet(
-                            self.function,
-                            [motion, self.per_time],
-                            time,
-                            [to_value, to_first, to_second],
-                        );
-                    }
+        for output in &mut *self.outputs {
+            output.clear();
+        }
+        for (channel, (k, &rate)) in (0_u32..).zip(self.per_time.iter().enumerate()) {
+            let mut x = [T::zero(); LANES];
+            for part in self.parts {
+                let known = part.known[k][part.lane];
+                for (lane, x) in x.iter_mut().enumerate() {
+                    *x = if lane < part.from { *x } else { known };
                 }
+            }
+            for (x, &time) in x.iter_mut().zip(&self.times) {
+                *x += time * rate;
+            }
+            match (self.order, &mut *self.outputs) {
+                (Order::Values, [output]) => {
+                    for x in &mut x {
+                        *x = self.function.value(*x);
+                    }
+                    put(output, channel, x);
+                }
+                (Order::Derivatives, [values, firsts, seconds]) => {
+                    let (mut x_1, mut x_2) = ([T::zero(); LANES], [T::zero(); LANES]);
+                    for ((x, x_1), x_2) in x.iter_mut().zip(&mut x_1).zip(&mut x_2) {
+                        let [value, slope, bend] = self.function.derivatives(*x);
+                        *x_2 = bend * rate * rate;
+                        *x_1 = slope * rate;
+                        *x = value;
+                    }
+                    put(values, channel, x);
+                    put(firsts, channel, x_1);
+                    put(seconds, channel, x_2);
+                }
+                (Order::Values | Order::Derivatives, _) => {}
             }
         }
     }
 }
 
-/// One row of [`Start`] with derivatives: as arguments of a function the slices are known not to overlap.
-#[expect(
-    clippy::inline_always,
-    reason = "part of a loop for an instruction set"
-)]
-#[inline(always)]
-fn start_jet<T: Number, F: Function>(
-    function: F,
-    [motion, per_time]: [&[T]; 2],
-    time: T,
-    [to_x, to_first, to_second]: [&mut [T]; 3],
-) {
-    let width = per_time.len();
-    let motion = &motion[..width];
-    let to_x = &mut to_x[..width];
-    let to_first = &mut to_first[..width];
-    let to_second = &mut to_second[..width];
-    for k in 0..width {
-        let rate = per_time[k];
-        let [value, slope, bend] = function.derivatives(motion[k] + time * rate);
-        to_x[k] = value;
-        to_first[k] = slope * rate;
-        to_second[k] = bend * rate * rate;
-    }
-}
-
-/// Adds the products of rows of inputs, `(rows, inputs)`, with a matrix, `(inputs, width)`, to `sums`,
-/// `(rows, width)`: input by input, so that a sum does not depend on how many rows there are.
-pub(super) fn add_product<T: Number>(sums: &mut [T], inputs: &[T], matrix: &[T], width: usize) {
+/// Adds the product of a row of inputs with a matrix, `(inputs, sums)`, to `sums`.
+pub(super) fn add_product<T: Number>(sums: &mut [T], inputs: &[T], matrix: &[T]) {
     Arch::new().dispatch(AddProduct {
         sums,
         inputs,
         matrix,
-        width,
     });
 }
 
@@ -347,7 +358,6 @@ struct AddProduct<'a, T> {
     sums: &'a mut [T],
     inputs: &'a [T],
     matrix: &'a [T],
-    width: usize,
 }
 
 impl<T: Number> WithSimd for AddProduct<'_, T> {
@@ -359,14 +369,10 @@ impl<T: Number> WithSimd for AddProduct<'_, T> {
     )]
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let n_inputs = self.matrix.len() / self.width;
-        for (input, weights) in self.matrix.chunks_exact(self.width).enumerate() {
-            let rows = self.inputs.chunks_exact(n_inputs);
-            for (sums, inputs) in self.sums.chunks_exact_mut(self.width).zip(rows) {
-                let by = inputs[input];
-                for (sum, &weight) in sums.iter_mut().zip(weights) {
-                    *sum += by * weight;
-                }
+        let rows = self.matrix.chunks_exact(self.sums.len());
+        for (&input, weights) in self.inputs.iter().zip(rows) {
+            for (sum, &weight) in self.sums.iter_mut().zip(weights) {
+                *sum += input * weight;
             }
         }
     }

@@ -2,8 +2,10 @@
 
 use candle_core::WithDType;
 
+use crate::product::{self, Packed, Row, Sparse};
+
 /// `f32` as the network computes, `f64` to check it.
-pub(crate) trait Number: WithDType {
+pub(crate) trait Number: WithDType + Default {
     /// Returns eˣ without a branch or a call, so that a loop of it fills a processor's vectors.
     ///
     /// With x = n ln 2 + r, |r| ≤ ln 2 / 2, it is 2ⁿ times the series of eʳ, which is cut where it no
@@ -11,13 +13,25 @@ pub(crate) trait Number: WithDType {
     /// chapter 6): correct to two units in the last place between the least and the greatest argument
     /// whose result is a normal number, and constant beyond them.
     fn exp(self) -> Self;
+
+    /// Whether all numbers are zero.
+    fn are_zero(row: &Row<Self>) -> bool;
+
+    /// Sets `out`, patch after patch, to the products of a matrix with patches, plus `offset` of each
+    /// output.
+    fn project(
+        weights: &Packed<Self>,
+        patches: &[Sparse<Self>],
+        offset: &[Self],
+        out: &mut [Row<Self>],
+    );
 }
 
 macro_rules! number {
     (
         $number:ty, least: $least:literal, greatest: $greatest:literal, to_integer: $to_integer:literal,
         log2_e: $log2_e:expr, ln_2: $high:literal + $low:literal, one: $one:literal, mantissa_bits: $bits:literal,
-        series: [$last:literal $(, $term:literal)*]
+        series: [$last:literal $(, $term:literal)*], project: $project:path
     ) => {
         impl Number for $number {
             // It must become part of the loop that is compiled for an instruction set.
@@ -36,6 +50,20 @@ macro_rules! number {
                 let power = Self::from_bits((shifted.to_bits() << $bits).wrapping_add($one));
                 series * power
             }
+
+            #[inline(always)]
+            fn are_zero(row: &Row<Self>) -> bool {
+                row.iter().fold(0, |bits, x| bits | (x.to_bits() << 1)) == 0
+            }
+
+            fn project(
+                weights: &Packed<Self>,
+                patches: &[Sparse<Self>],
+                offset: &[Self],
+                out: &mut [Row<Self>],
+            ) {
+                $project(weights, patches, offset, out);
+            }
         }
     };
 }
@@ -46,7 +74,8 @@ number! {
     mantissa_bits: 23,
     series: [
         1.984_127e-4, 1.388_888_9e-3, 8.333_334e-3, 4.166_666_8e-2, 1.666_666_7e-1, 0.5, 1.0, 1.0
-    ]
+    ],
+    project: product::project
 }
 
 number! {
@@ -58,7 +87,8 @@ number! {
         2.755_731_922_398_589_3e-7, 2.755_731_922_398_589e-6, 2.480_158_730_158_73e-5,
         1.984_126_984_126_984e-4, 1.388_888_888_888_889e-3, 8.333_333_333_333_333e-3,
         4.166_666_666_666_666_4e-2, 1.666_666_666_666_666_6e-1, 0.5, 1.0, 1.0
-    ]
+    ],
+    project: product::project_plainly
 }
 
 #[cfg(test)]

@@ -18,10 +18,13 @@ use self::{
 use super::{
     EPSILON, Ladder, Layer, LayerGradient, Normalized, Pass, PointNet, Statistics,
     cloud::{BLOCK, Cloud},
-    kernel::{LANES, Packed, Pairs, Row, Sparse, by_channels, correlate, project},
+    kernel::{Pairs, by_channels, correlate},
     moments::{Moments, clear_beyond},
 };
-use crate::precision::{narrow, narrow_all};
+use crate::{
+    precision::{narrow, narrow_all},
+    product::{LANES, Packed, Row, Sparse, project},
+};
 
 impl PointNet {
     /// Takes the gradient of a loss by the features to its gradients by every layer's numbers.
@@ -243,7 +246,8 @@ impl Step<'_> {
                 clear_beyond(by, cloud.points_of(patch));
                 cloud.input(self.ladder, self.idx, patch, x);
                 sparse.take(by);
-                project(self.transposed, &sparse, &zeros, &mut g);
+                let alone = std::slice::from_ref(&sparse);
+                project(self.transposed, alone, &zeros, &mut g);
                 let place = Place::new(self.ladder, self.below, cloud, patch);
                 running.absorb(&place, x, &mut g);
                 if self.below > 0 {

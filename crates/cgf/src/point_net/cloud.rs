@@ -9,11 +9,11 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::{
     Affine, Ladder, Layer,
-    kernel::{LANES, Row, Sparse, project},
     moments::{Moments, Room},
     order::near_together,
     search::Largest,
 };
+use crate::product::{LANES, Row, Sparse, project};
 
 /// Patches whose moments are measured together.
 pub(super) const BLOCK: usize = 32;
@@ -200,7 +200,8 @@ impl Cloud {
         let start = linear.len();
         linear.resize(start + layer.outputs, [0.0; LANES]);
         let out = &mut linear[start..];
-        project(&ladder.packed[level - 2], &room.sparse, &room.zeros, out);
+        let x = std::slice::from_ref(&room.sparse);
+        project(&ladder.packed[level - 2], x, &room.zeros, out);
     }
 }
 

@@ -7,8 +7,11 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::kernel::{LANES, Pairs, Row, correlate};
-use crate::precision::narrow;
+use super::kernel::{Pairs, correlate};
+use crate::{
+    precision::narrow,
+    product::{LANES, Row},
+};
 
 /// Number, mean and scatter matrix `Σ (x − mean)(x − mean)ᵀ` of rows of numbers.
 #[derive(Debug, Clone, Default)]

@@ -10,8 +10,8 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::kernel::{Row, are_zero};
 use crate::precision::row_index;
+use crate::product::{Row, are_zero};
 
 /// Outputs whose entries lie side by side.
 const OUTPUTS: usize = 32;

@@ -321,7 +321,8 @@ mod tests {
             let err = Sweep::in_file(Path::new("x.toml"), source).unwrap_err();
             let problem = &err.problems[0];
             assert_eq!(problem.message, expected);
-            assert_eq!(problem.location.as_ref().unwrap().line, line);
+            let shown = problem.location.as_ref().unwrap().to_string();
+            assert!(shown.contains(&format!("--> x.toml:{line}:")), "{shown}");
             assert!(problem.hint.is_some());
         };
         check("sweep = 3", 1, "`sweep` is no list of tables");

@@ -1,11 +1,16 @@
 //! Reading a pipeline file and collecting everything that is wrong with it.
 
-use std::{collections::BTreeMap, ops::Range, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    ops::Range,
+    path::Path,
+};
 
-use toml_edit::{InlineTable, Item, Key, Table, Value};
+use toml_edit::{InlineTable, Item, Key, Table, TableLike, Value};
 
 use super::{
     DEFAULT_MAX_SKIPPED_FRACTION, Pipeline, StageEntry,
+    faults::{Part, faults, found},
     tables::{copy_table, merge_table, set_value},
 };
 use crate::{
@@ -22,6 +27,8 @@ pub(super) struct FileReader<'a> {
     pub(super) path: &'a Path,
     pub(super) source: &'a str,
     pub(super) kinds: &'a [Kind],
+    /// Values that replace those of the file.
+    pub(super) overrides: &'a [Override],
     /// What is wrong, in the order in which it was found.
     pub(super) problems: Vec<Problem>,
 }
@@ -29,18 +36,110 @@ pub(super) struct FileReader<'a> {
 impl FileReader<'_> {
     fn problem(&mut self, message: String, span: Option<Range<usize>>, hint: Option<String>) {
         let location = span.map(|span| Location::of(self.path, self.source, span));
+        self.problem_at(message, location, hint);
+    }
+
+    fn problem_at(&mut self, message: String, location: Option<Location>, hint: Option<String>) {
         self.problems
             .push(Problem::new(message).at(location).hint(hint));
     }
 
-    /// Reads the whole file; `None` if anything is wrong with it.
-    pub(super) fn pipeline(
-        &mut self,
-        root: &Table,
-        profile: Option<&str>,
-        overrides: &[Override],
-    ) -> Option<Pipeline> {
+    /// Where something of a stage stands: in the file, or else in the value given beside it.
+    fn place(
+        &self,
+        stage: &str,
+        path: &[String],
+        part: Part,
+        span: Option<Range<usize>>,
+    ) -> Option<Location> {
+        match span {
+            Some(span) => Some(Location::of(self.path, self.source, span)),
+            None => self.in_set(Some(stage), path, part),
+        }
+    }
+
+    /// Where the last value given for these keys, or for what is around or below them, says it.
+    fn in_set(&self, stage: Option<&str>, path: &[String], part: Part) -> Option<Location> {
+        let mut given = self.overrides.iter().rev();
+        let given = given.find(|given| {
+            let is_related = path.starts_with(&given.keys) || given.keys.starts_with(path);
+            given.stage.as_deref() == stage && is_related && !path.is_empty()
+        })?;
+        let (argument, value) = given.argument();
+        let part = match path.split_last() {
+            Some((key, above)) if part == Part::Key && path.len() <= given.keys.len() => {
+                let above = stage.into_iter().chain(above.iter().map(String::as_str));
+                let start: usize = above.map(|key| key.len() + 1).sum();
+                start..start + key.len()
+            }
+            _ => value..argument.len(),
+        };
+        Some(Location::in_set(&argument, part))
+    }
+
+    /// Reads the whole file; `None` if anything is wrong with it, in profiles that nobody asks for too.
+    pub(super) fn pipeline(&mut self, root: &Table, profile: Option<&str>) -> Option<Pipeline> {
+        let pipeline = self.with_profile(root, profile);
+        self.check_others(root, profile);
+        pipeline.filter(|_| self.problems.is_empty())
+    }
+
+    /// Checks the profiles that are not chosen.
+    fn check_others(&mut self, root: &Table, chosen: Option<&str>) {
+        let Some(profiles) = root.get("profiles") else {
+            return;
+        };
+        let Some(profiles) = profiles.as_table() else {
+            let message = "`profiles` is no table of profiles".to_owned();
+            self.problem(message, profiles.span(), None);
+            return;
+        };
+        for (name, item) in profiles {
+            let Some(profile) = item.as_table() else {
+                self.problem(
+                    format!("profile `{name}` is not a table"),
+                    item.span(),
+                    None,
+                );
+                continue;
+            };
+            if chosen == Some(name) {
+                continue;
+            }
+            // What is wrong without the profile has been said, and values given on the command line
+            // are not meant for it.
+            let mut reader = FileReader {
+                overrides: &[],
+                problems: Vec::new(),
+                ..*self
+            };
+            reader.with_profile(root, Some(name));
+            let own = self.lines(profile);
+            for problem in reader.problems {
+                let line = problem.location.as_ref().and_then(Location::line);
+                if line.is_some_and(|line| own.contains(&line)) && !self.problems.contains(&problem)
+                {
+                    self.problems.push(problem);
+                }
+            }
+        }
+    }
+
+    /// The lines, from 1, on which the keys and values of a table stand.
+    fn lines(&self, table: &Table) -> BTreeSet<usize> {
+        let mut spans = Vec::new();
+        collect_spans(table, &mut spans);
+        let line = |at: usize| self.source[..at].matches('\n').count() + 1;
+        spans
+            .into_iter()
+            .flat_map(|span| line(span.start)..=line(span.end))
+            .collect()
+    }
+
+    /// Reads the file with one profile; `None` if anything is wrong with it.
+    fn with_profile(&mut self, root: &Table, profile: Option<&str>) -> Option<Pipeline> {
         const KEYS: [&str; 4] = ["seed", "stages", "profiles", "sweep"];
+        let overrides = self.overrides;
         for (key, _) in root {
             if !KEYS.contains(&key) {
                 let span = root.key(key).and_then(Key::span);
@@ -50,7 +149,7 @@ impl FileReader<'_> {
         }
         let profile_name = profile;
         let profile = self.profile(root, profile);
-        let seed = self.seed(root, profile, overrides);
+        let seed = self.seed(root, profile);
         let Some(tables) = root.get("stages").and_then(Item::as_table) else {
             self.problem("the file has no `[stages.…]` tables".to_owned(), None, None);
             return None;
@@ -64,9 +163,11 @@ impl FileReader<'_> {
                     || format!("its stages are: {}", names.join(", ")),
                     |near| format!("did you mean `{near}`?"),
                 );
-                self.problem(
+                let (argument, _) = given.argument();
+                let location = Location::in_set(&argument, 0..stage.len());
+                self.problem_at(
                     format!("`--set` names an unknown stage `{stage}`"),
-                    None,
+                    Some(location),
                     Some(hint),
                 );
             }
@@ -83,11 +184,15 @@ impl FileReader<'_> {
                 self.problem(format!("stage `{name}` is not a table"), span, None);
                 continue;
             };
-            if let Some(changes) = profile
-                .and_then(|profile| profile.get(name))
-                .and_then(Item::as_table_like)
-            {
-                merge_table(&mut table, changes);
+            if let Some(changes) = profile.and_then(|profile| profile.get(name)) {
+                match changes.as_table_like() {
+                    Some(changes) => merge_table(&mut table, changes),
+                    None => self.problem(
+                        format!("what a profile changes in stage `{name}` is not a table"),
+                        changes.span(),
+                        None,
+                    ),
+                }
             }
             for given in overrides
                 .iter()
@@ -153,24 +258,27 @@ impl FileReader<'_> {
                 self.problem(
                     format!("profile `{name}` changes an unknown stage `{key}`"),
                     span,
-                    None,
+                    nearest(
+                        key,
+                        stages
+                            .into_iter()
+                            .flat_map(Table::iter)
+                            .map(|(name, _)| name),
+                    )
+                    .map(|near| format!("did you mean `{near}`?")),
                 );
             }
         }
         found
     }
 
-    fn seed(
-        &mut self,
-        root: &Table,
-        profile: Option<&Table>,
-        overrides: &[Override],
-    ) -> Option<u64> {
+    fn seed(&mut self, root: &Table, profile: Option<&Table>) -> Option<u64> {
+        let overrides = self.overrides;
         let at_top = || overrides.iter().rev().filter(|given| given.stage.is_none());
         if let Some(given) = at_top().find(|given| given.keys != ["seed"]) {
-            self.problem(
+            self.problem_at(
                 format!("`--set` names an unknown key `{}`", given.keys.join(".")),
-                None,
+                self.in_set(None, &given.keys, Part::Key),
                 Some("write `stage.key=value`, or `seed=NUMBER`".to_owned()),
             );
             return None;
@@ -187,10 +295,16 @@ impl FileReader<'_> {
             .and_then(Value::as_integer)
             .and_then(|seed| u64::try_from(seed).ok());
         if seed.is_none() {
-            self.problem(
+            let given = self.in_set(None, &["seed".to_owned()], Part::Value);
+            let hint = match given {
+                Some(_) => "write `--set seed=7`",
+                None => "write `seed = 7` at the top of the file",
+            };
+            let in_file = || span.map(|span| Location::of(self.path, self.source, span));
+            self.problem_at(
                 "`seed` must be a whole number, 0 or more".to_owned(),
-                span,
-                Some("write `seed = 7` at the top of the file".to_owned()),
+                given.or_else(in_file),
+                Some(hint.to_owned()),
             );
         }
         seed
@@ -218,19 +332,43 @@ impl FileReader<'_> {
         }
         let kind = self.kind(name, span.as_ref(), &mut table);
         let inputs = self.inputs(name, &mut table, kind);
-        let max_skipped_fraction = self.max_skipped_fraction(&mut table);
+        let max_skipped_fraction = self.max_skipped_fraction(name, &mut table);
         let kind = kind?;
-        match kind.configure(table) {
-            Ok(configured) => Some(StageEntry {
-                name: name.to_owned(),
-                kind,
-                inputs,
-                max_skipped_fraction: max_skipped_fraction?,
-                configured,
-            }),
+        match kind.configure(table.clone()) {
+            Ok(configured) => {
+                for fault in configured.check() {
+                    let path: Vec<String> = fault.key.split('.').map(str::to_owned).collect();
+                    let place = self.place(name, &path, Part::Value, span_of(&table, &fault.key));
+                    let header =
+                        || Location::of(self.path, self.source, span.clone().unwrap_or(0..0));
+                    let place = place.unwrap_or_else(header);
+                    let list = format!("`pipeline stages {}` lists every option", kind.name);
+                    let message = format!("stage `{name}`: {fault}");
+                    self.problem_at(message, Some(place), Some(list));
+                }
+                Some(StageEntry {
+                    name: name.to_owned(),
+                    kind,
+                    inputs: inputs?,
+                    max_skipped_fraction: max_skipped_fraction?,
+                    configured,
+                })
+            }
             Err(fault) => {
-                let (message, hint) = explain(name, &kind, &fault.message);
-                self.problem(message, fault.span.or(span), hint);
+                let faults = faults(name, &kind, &table);
+                if faults.is_empty() {
+                    // What the schema does not say: the option's own words.
+                    let message = format!("stage `{name}`: {}", fault.message);
+                    let list = format!("`pipeline stages {}` lists every option", kind.name);
+                    self.problem(message, fault.span.or_else(|| span.clone()), Some(list));
+                }
+                for fault in faults {
+                    let place = self.place(name, &fault.path, fault.part, fault.span);
+                    let header =
+                        || Location::of(self.path, self.source, span.clone().unwrap_or(0..0));
+                    let place = place.unwrap_or_else(header);
+                    self.problem_at(fault.message, Some(place), Some(fault.hint));
+                }
                 None
             }
         }
@@ -259,34 +397,39 @@ impl FileReader<'_> {
                 || "`pipeline stages` lists every kind".to_owned(),
                 |near| format!("did you mean `{near}`? `pipeline stages` lists every kind"),
             );
-            self.problem(
+            let place = self.place(name, &["kind".to_owned()], Part::Value, value.span());
+            self.problem_at(
                 format!("stage `{name}` has an unknown kind `{word}`"),
-                value.span(),
+                place,
                 Some(hint),
             );
         }
         found
     }
 
+    /// Reads where the inputs come from; `None` if anything is wrong with that.
     fn inputs(
         &mut self,
         name: &str,
         table: &mut InlineTable,
         kind: Option<Kind>,
-    ) -> BTreeMap<String, NodeName> {
+    ) -> Option<BTreeMap<String, NodeName>> {
         let mut inputs = BTreeMap::new();
         let Some(value) = table.remove("inputs") else {
-            return inputs;
+            return Some(inputs);
         };
+        let n_problems = self.problems.len();
         let Some(wires) = value.as_inline_table() else {
-            self.problem(
+            let place = self.place(name, &["inputs".to_owned()], Part::Value, value.span());
+            self.problem_at(
                 format!("`inputs` of stage `{name}` is not a table"),
-                value.span(),
-                None,
+                place,
+                Some("write, e.g., `inputs.demonstrations = \"ingest.demonstrations\"`".to_owned()),
             );
-            return inputs;
+            return None;
         };
         for (input, value) in wires {
+            let path = ["inputs".to_owned(), input.to_owned()];
             if let Some(kind) = kind
                 && !kind.inputs.iter().any(|known| known.name == input)
             {
@@ -295,9 +438,10 @@ impl FileReader<'_> {
                     || format!("`{}` reads: {}", kind.name, known.join(", ")),
                     |near| format!("did you mean `{near}`?"),
                 );
-                self.problem(
+                let place = self.place(name, &path, Part::Key, value.span());
+                self.problem_at(
                     format!("stage `{name}` has no input `{input}`"),
-                    value.span(),
+                    place,
                     Some(hint),
                 );
                 continue;
@@ -306,18 +450,19 @@ impl FileReader<'_> {
                 Some(node) => {
                     inputs.insert(input.to_owned(), node);
                 }
-                None => self.problem(
+                None => self.problem_at(
                     format!("input `{input}` of stage `{name}` must name `stage.artifact`"),
-                    value.span(),
+                    self.place(name, &path, Part::Value, value.span()),
                     Some(format!("for example `inputs.{input} = \"ingest.{input}\"`")),
                 ),
             }
         }
-        inputs
+        (self.problems.len() == n_problems).then_some(inputs)
     }
 
-    fn max_skipped_fraction(&mut self, table: &mut InlineTable) -> Option<f64> {
-        let Some(value) = table.remove("max_skipped_fraction") else {
+    fn max_skipped_fraction(&mut self, stage: &str, table: &mut InlineTable) -> Option<f64> {
+        const KEY: &str = "max_skipped_fraction";
+        let Some(value) = table.remove(KEY) else {
             return Some(DEFAULT_MAX_SKIPPED_FRACTION);
         };
         let number = value
@@ -325,9 +470,10 @@ impl FileReader<'_> {
             .or_else(|| value.as_integer().map(|whole| whole as f64));
         let fraction = number.filter(|number| (0.0..=1.0).contains(number));
         if fraction.is_none() {
-            self.problem(
-                "`max_skipped_fraction` must be a number from 0 to 1".to_owned(),
-                value.span(),
+            let found = found(&value);
+            self.problem_at(
+                format!("`{KEY}` in stage `{stage}` must be a number from 0 to 1, found {found}"),
+                self.place(stage, &[KEY.to_owned()], Part::Value, value.span()),
                 None,
             );
         }
@@ -363,16 +509,20 @@ impl FileReader<'_> {
                     );
                     continue;
                 };
-                let written = tables
+                let in_file = tables
                     .get(&stage.name)
                     .and_then(|table| table.get("inputs"))
                     .and_then(|inputs| inputs.get(input.name))
                     .and_then(Item::span)
                     .or_else(|| span.clone());
+                let path = ["inputs".to_owned(), input.name.to_owned()];
+                let given = self.in_set(Some(&stage.name), &path, Part::Value);
+                let written = given
+                    .or_else(|| in_file.map(|span| Location::of(self.path, self.source, span)));
                 if !tables.contains_key(&node.stage) {
                     let hint = nearest(&node.stage, tables.iter().map(|(name, _)| name))
                         .map(|near| format!("did you mean `{near}.{}`?", node.artifact));
-                    self.problem(
+                    self.problem_at(
                         format!(
                             "stage `{}` reads from an unknown stage `{}`",
                             stage.name, node.stage
@@ -393,13 +543,13 @@ impl FileReader<'_> {
                     .map(|output| output.artifact)
                     .collect();
                 if !outputs.contains(&node.artifact.as_str()) {
-                    self.problem(
+                    self.problem_at(
                         format!("stage `{}` makes no `{}`", node.stage, node.artifact),
                         written,
                         Some(format!("it makes: {}", outputs.join(", "))),
                     );
                 } else if node.artifact != input.artifact {
-                    self.problem(
+                    self.problem_at(
                         format!(
                             "input `{}` of stage `{}` wants `{}`, and is wired to `{}`",
                             input.name, stage.name, input.artifact, node.artifact
@@ -413,30 +563,35 @@ impl FileReader<'_> {
     }
 }
 
-/// Turns serde's words about a stage's table into the project's, with a hint.
-fn explain(stage: &str, kind: &Kind, message: &str) -> (String, Option<String>) {
-    let quoted = |prefix: &str| {
-        let rest = message.strip_prefix(prefix)?;
-        rest.split('`').next()
-    };
-    let list = format!("`pipeline stages {}` lists every option", kind.name);
-    if let Some(key) = quoted("unknown field `") {
-        let options = kind.options();
-        let names = options
-            .iter()
-            .map(|option| option.key.rsplit('.').next().unwrap_or(&option.key));
-        let common = ["inputs", "kind", "max_skipped_fraction"];
-        let hint = nearest(key, names.chain(common)).map_or_else(
-            || list.clone(),
-            |near| format!("did you mean `{near}`? {list}"),
-        );
-        return (
-            format!("unknown key `{key}` in stage `{stage}`"),
-            Some(hint),
-        );
+/// Collects where the keys and values of a table stand, and of the tables in it.
+fn collect_spans(table: &dyn TableLike, spans: &mut Vec<Range<usize>>) {
+    for (name, item) in table.iter() {
+        spans.extend(table.key(name).and_then(Key::span));
+        match item {
+            Item::Value(value) => spans.extend(value.span()),
+            Item::Table(table) => collect_spans(table, spans),
+            Item::ArrayOfTables(tables) => {
+                for table in tables {
+                    collect_spans(table, spans);
+                }
+            }
+            Item::None => {}
+        }
     }
-    if let Some(key) = quoted("missing field `") {
-        return (format!("stage `{stage}` lacks the key `{key}`"), Some(list));
+}
+
+/// Where the value of a dotted key stands, or that of the nearest table around it.
+fn span_of(table: &InlineTable, key: &str) -> Option<Range<usize>> {
+    let (mut table, mut found) = (table, None);
+    for word in key.split('.') {
+        let Some(value) = table.get(word) else {
+            break;
+        };
+        found = value.span().or(found);
+        let Some(inner) = value.as_inline_table() else {
+            break;
+        };
+        table = inner;
     }
-    (format!("stage `{stage}`: {message}"), Some(list))
+    found
 }

@@ -39,18 +39,24 @@ pub(super) fn copy_table(from: &dyn toml_edit::TableLike, to: &mut InlineTable) 
 pub(super) fn merge_table(table: &mut InlineTable, changes: &dyn toml_edit::TableLike) {
     let mut flat = InlineTable::new();
     copy_table(changes, &mut flat);
-    merge_values(table, flat);
+    merge_values(table, &flat);
 }
 
-fn merge_values(table: &mut InlineTable, changes: InlineTable) {
-    for (key, value) in changes {
-        match (table.get_mut(&key), value) {
+/// Takes the keys with their places, as [`copy_table`] does.
+fn merge_values(table: &mut InlineTable, changes: &InlineTable) {
+    for (name, value) in changes.clone() {
+        match (table.get_mut(&name), value) {
             (Some(Value::InlineTable(inner)), Value::InlineTable(changes)) => {
-                merge_values(inner, changes);
+                merge_values(inner, &changes);
             }
-            (_, value) => {
-                table.insert(key.as_str(), value);
-            }
+            (_, value) => match changes.key(&name) {
+                Some(key) => {
+                    table.insert_formatted(key, value);
+                }
+                None => {
+                    table.insert(name.as_str(), value);
+                }
+            },
         }
     }
 }

@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, path::Path, sync::Arc};
 
 use dataflow::{Digest, FileRef, NodeName, RecordOutcome};
 
-use super::{Newest, NewestOf, ShownFile};
+use super::{Newest, NewestOf, ShownFile, pipeline_of};
 use crate::{
     LakeError, atomic,
     compact::{Reader, Writer},
@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// Changes with the form, so that a program does not misread the file of another version.
-const VERSION: u64 = 2;
+const VERSION: u64 = 3;
 
 const MADE: u64 = 0;
 const SKIPPED: u64 = 1;
@@ -21,18 +21,31 @@ const FILTERED: u64 = 2;
 /// Reads the file; one that cannot be used is as good as none.
 pub(super) fn read(path: &Path) -> Result<Newest, LakeError> {
     let bytes = atomic::read_if_there(path)?.unwrap_or_default();
-    Ok(Reader::of(&bytes).and_then(newest).unwrap_or_default())
+    let read = Reader::of(&bytes).and_then(|reader| newest(reader, &pipeline_at(path)));
+    Ok(read.unwrap_or_default())
 }
 
-/// Writes the file with these stamps of blobs.
+/// Whether bytes are the newest state that their file's name promises.
+pub(super) fn is_whole(path: &Path, bytes: &[u8]) -> bool {
+    Reader::of(bytes).is_some_and(|reader| newest(reader, &pipeline_at(path)).is_some())
+}
+
+/// The pipeline that a file is about.
+fn pipeline_at(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    pipeline_of(&name).to_owned()
+}
+
+/// Writes the file with these stamps of records and of blobs.
 pub(super) fn write(
     newest: &Newest,
-    stamps: &BTreeMap<Digest, Stamp>,
+    stamps: [&BTreeMap<Digest, Stamp>; 2],
     staging: &Path,
     path: &Path,
 ) -> Result<(), LakeError> {
     let mut writer = Writer::default();
     writer.number(VERSION);
+    writer.text(&pipeline_at(path));
     writer.number(newest.units.len() as u64);
     for (node, units) in &newest.units {
         writer.text(&node.stage);
@@ -57,19 +70,21 @@ pub(super) fn write(
             writer.text(path);
             writer.digest(&file.digest);
             writer.digest(&file.fingerprint);
-            write_stamp(&mut writer, file.stamp);
+            writer.stamp(file.stamp);
         }
     }
-    writer.number(stamps.len() as u64);
-    for (digest, stamp) in stamps {
-        writer.digest(digest);
-        write_stamp(&mut writer, *stamp);
+    for stamps in stamps {
+        writer.number(stamps.len() as u64);
+        for (digest, stamp) in stamps {
+            writer.digest(digest);
+            writer.stamp(*stamp);
+        }
     }
     writer.write(staging, path)
 }
 
-fn newest(mut reader: Reader) -> Option<Newest> {
-    if reader.number()? != VERSION {
+fn newest(mut reader: Reader, pipeline: &str) -> Option<Newest> {
+    if reader.number()? != VERSION || reader.text()? != pipeline {
         return None;
     }
     let mut newest = Newest::default();
@@ -90,14 +105,15 @@ fn newest(mut reader: Reader) -> Option<Newest> {
             let file = ShownFile {
                 digest: reader.digest()?,
                 fingerprint: reader.digest()?,
-                stamp: stamp(reader)?,
+                stamp: reader.stamp()?,
             };
             Some((path, file))
         })?;
         newest.units.insert(node.clone(), units);
         newest.shown.insert(node, shown);
     }
-    newest.stamps = reader.each(|reader| Some((reader.digest()?, stamp(reader)?)))?;
+    newest.records = reader.each(|reader| Some((reader.digest()?, reader.stamp()?)))?;
+    newest.stamps = reader.each(|reader| Some((reader.digest()?, reader.stamp()?)))?;
     Some(newest)
 }
 
@@ -164,20 +180,6 @@ fn outcome(reader: &mut Reader) -> Option<RecordOutcome> {
     }
 }
 
-fn write_stamp(writer: &mut Writer, stamp: Stamp) {
-    for number in <[i64; 6]>::from(stamp) {
-        writer.number(number.cast_unsigned());
-    }
-}
-
-fn stamp(reader: &mut Reader) -> Option<Stamp> {
-    let mut numbers = [0; 6];
-    for number in &mut numbers {
-        *number = reader.number()?.cast_signed();
-    }
-    Some(Stamp::from(numbers))
-}
-
 #[cfg(test)]
 mod tests {
     use dataflow::UnitRef;
@@ -225,7 +227,10 @@ mod tests {
         newest.take_over(&units);
         newest.show(&node, shown.clone());
         let stamp_of = |asked: &Digest| (*asked == digest).then_some(stamp);
-        newest.write(folder.path(), &path, stamp_of).unwrap();
+        let record_of = |asked: &Digest| (*asked == units[0].0.fingerprint).then_some(stamp);
+        newest
+            .write(folder.path(), &path, record_of, stamp_of)
+            .unwrap();
 
         let there = Newest::read(&path).unwrap();
         assert_eq!(there.list(), newest.list());
@@ -234,6 +239,11 @@ mod tests {
         }
         assert_eq!(there.shown(&node), Some(&shown));
         assert_eq!(there.stamps, [(digest, stamp)]);
+        assert_eq!(there.records, [(units[0].0.fingerprint, stamp)]);
         assert!(!there.is_changed());
+
+        let other = folder.path().join("newest").join("other.cache");
+        std::fs::copy(&path, &other).unwrap();
+        assert!(Newest::read(&other).unwrap().list().is_empty());
     }
 }

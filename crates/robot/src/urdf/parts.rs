@@ -70,6 +70,8 @@ pub(super) fn link(element: &Element, findings: &mut Vec<Finding>) -> Result<Raw
                 meshes.push(Mesh {
                     file: mesh.attribute("filename").unwrap_or_default().to_owned(),
                     is_collision,
+                    link_from_mesh: drawn.origin()?,
+                    scale: Vector3::from(mesh.triple("scale")?.unwrap_or([1.0; 3])),
                 });
             } else if is_collision && let Some(written) = geometry.children.first() {
                 match shape(written)? {
@@ -152,35 +154,35 @@ fn inertial(
 
 /// Reads what stands in a `<geometry>` other than a mesh; `None` if it is no shape or has no volume.
 fn shape(element: &Element) -> Result<Option<Shape>, RobotError> {
-    let shape = match element.name.as_str() {
-        "box" => Shape::Box {
-            half_extents_m: Vector3::from(element.triple("size")?.unwrap_or_default()) / 2.0,
-        },
-        "sphere" => Shape::Sphere {
-            radius_m: element.needed_number("radius")?,
-        },
-        "cylinder" => Shape::Cylinder {
-            radius_m: element.needed_number("radius")?,
-            half_length_m: element.needed_number("length")? / 2.0,
-        },
-        "capsule" => Shape::Capsule {
-            radius_m: element.needed_number("radius")?,
-            half_length_m: element.needed_number("length")? / 2.0,
-        },
+    let (shape, has_volume) = match element.name.as_str() {
+        "box" => {
+            let half_extents_m = Vector3::from(element.triple("size")?.unwrap_or_default()) / 2.0;
+            (Shape::Box { half_extents_m }, half_extents_m.min() > 0.0)
+        }
+        "sphere" => {
+            let radius_m = element.needed_number("radius")?;
+            (Shape::Sphere { radius_m }, radius_m > 0.0)
+        }
+        "cylinder" => {
+            let radius_m = element.needed_number("radius")?;
+            let half_length_m = element.needed_number("length")? / 2.0;
+            let shape = Shape::Cylinder {
+                radius_m,
+                half_length_m,
+            };
+            (shape, radius_m > 0.0 && half_length_m > 0.0)
+        }
+        "capsule" => {
+            let radius_m = element.needed_number("radius")?;
+            let half_length_m = element.needed_number("length")? / 2.0;
+            let shape = Shape::Capsule {
+                radius_m,
+                half_length_m,
+            };
+            // A capsule without a cylinder is a ball.
+            (shape, radius_m > 0.0 && half_length_m >= 0.0)
+        }
         _ => return Ok(None),
-    };
-    let has_volume = match shape {
-        Shape::Box { half_extents_m } => half_extents_m.min() > 0.0,
-        Shape::Sphere { radius_m } => radius_m > 0.0,
-        Shape::Cylinder {
-            radius_m,
-            half_length_m,
-        } => radius_m > 0.0 && half_length_m > 0.0,
-        // A capsule without a cylinder is a ball.
-        Shape::Capsule {
-            radius_m,
-            half_length_m,
-        } => radius_m > 0.0 && half_length_m >= 0.0,
     };
     Ok(has_volume.then_some(shape))
 }

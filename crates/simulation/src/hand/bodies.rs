@@ -10,6 +10,7 @@ use rapier3d::{
 use robot::{JointKind, Link, RobotModel, Shape};
 
 use crate::{
+    config::SceneConfig,
     error::SimulationError,
     object::principal_moments,
     precision::{matrix, point, pose, real, rotation, vector},
@@ -51,17 +52,46 @@ pub(crate) fn rigid_groups(model: &RobotModel) -> Vec<RigidGroup> {
     groups
 }
 
-/// Adds up the mass properties of a body's links, each times `scale`; refuses a body that has none.
+/// Adds up the mass properties of a body's links, each times `scale`; refuses a moving body that has
+/// none.
+///
+/// A root without any has those of the whole hand with its joints at 0: it yields to nothing, and
+/// whatever they are, the equations of what it carries can be solved.
 pub(crate) fn mass_properties(
     model: &RobotModel,
     group: &RigidGroup,
     scale: f64,
 ) -> Result<MassProperties, SimulationError> {
-    let no_inertia = || SimulationError::NoInertia {
-        link: model.links()[group.root].name.clone(),
+    if let Some(own) = summed(model, &group.links, scale) {
+        return Ok(own);
+    }
+    let lacking = |links: Vec<usize>| SimulationError::NoInertia {
+        links: links
+            .into_iter()
+            .map(|link| model.links()[link].name.clone())
+            .collect(),
     };
-    let parts: Vec<_> = group
-        .links
+    if group.root != 0 {
+        let all = model.bodies_without_inertia();
+        let named = all.contains(&group.root);
+        return Err(lacking(if named { all } else { vec![group.root] }));
+    }
+    let palm_from_links = model.forward_kinematics(&vec![0.0; model.dof()]);
+    let all: Vec<_> = palm_from_links
+        .unwrap_or_default()
+        .into_iter()
+        .enumerate()
+        .collect();
+    summed(model, &all, scale).ok_or_else(|| lacking(vec![0]))
+}
+
+/// Adds up the mass properties of links at their poses, each times `scale`; `None` if there are none.
+fn summed(
+    model: &RobotModel,
+    links: &[(usize, Isometry3<f64>)],
+    scale: f64,
+) -> Option<MassProperties> {
+    let parts: Vec<_> = links
         .iter()
         .filter_map(|(link, body_from_link)| {
             let inertial = model.links()[*link].inertial.as_ref()?;
@@ -75,7 +105,7 @@ pub(crate) fn mass_properties(
         .collect();
     let mass_kg: f64 = parts.iter().map(|(mass, ..)| mass).sum();
     if !(mass_kg.is_finite() && mass_kg > 0.0) {
-        return Err(no_inertia());
+        return None;
     }
     let moment: Vector3<f64> = parts.iter().map(|(mass, com, _)| com.coords * *mass).sum();
     let center = moment / mass_kg;
@@ -87,17 +117,12 @@ pub(crate) fn mass_properties(
             sum + inertia
                 + (Matrix3::identity() * arm.norm_squared() - arm * arm.transpose()) * *mass
         });
-    if !principal_moments(&inertia)
+    let is_physical = principal_moments(&inertia)
         .iter()
-        .all(|moment| moment.is_finite() && *moment > 0.0)
-    {
-        return Err(no_inertia());
-    }
-    Ok(MassProperties::with_inertia_matrix(
-        point(&center.into()),
-        real(mass_kg),
-        matrix(&inertia),
-    ))
+        .all(|moment| moment.is_finite() && *moment > 0.0);
+    is_physical.then(|| {
+        MassProperties::with_inertia_matrix(point(&center.into()), real(mass_kg), matrix(&inertia))
+    })
 }
 
 /// Returns a joint about (or along) the engine's x axis, turned onto the link's axis.
@@ -116,9 +141,73 @@ pub(crate) fn engine_joint(link: &Link, body_from_parent: &Isometry3<f64>) -> Ge
         .build()
 }
 
-/// Returns the engine's shape and its pose in ours: the engine's cylinders stand along y.
-pub(crate) fn engine_shape(shape: &Shape) -> (SharedShape, Pose) {
-    match shape {
+/// A link's collision shape as the engine has it.
+#[derive(Debug, Clone)]
+pub(crate) struct LinkShape {
+    /// Which of the model's links.
+    pub(crate) link: usize,
+    /// The shape about its center as the model has it.
+    pub(crate) shape: Shape,
+    /// Pose of that center in the link's frame.
+    pub(crate) link_from_shape: Isometry3<f64>,
+    /// The engine's shape.
+    pub(crate) engine: SharedShape,
+    /// Pose of the engine's shape in ours.
+    pub(crate) shape_from_engine: Pose,
+}
+
+/// Checks that a hand can be simulated in a scene, whatever the object.
+///
+/// # Errors
+///
+/// Fails if a moving part of the hand has no inertia, if it has no shape or a mesh that was not read.
+pub(crate) fn check(model: &RobotModel, scene: &SceneConfig) -> Result<(), SimulationError> {
+    link_shapes(model)?;
+    for group in rigid_groups(model) {
+        mass_properties(model, &group, scene.hand_mass_scale)?;
+    }
+    Ok(())
+}
+
+/// Returns every collision shape of the hand, link after link.
+///
+/// # Errors
+///
+/// Fails if there is none, if the shapes of the meshes that a link collides with are not there, and if
+/// one is too small or flat for the engine.
+pub(crate) fn link_shapes(model: &RobotModel) -> Result<Vec<LinkShape>, SimulationError> {
+    if let Some((link, mesh)) = model.without_mesh_shape() {
+        return Err(SimulationError::MeshNotRead {
+            link: link.name.clone(),
+            file: mesh.file.clone(),
+        });
+    }
+    let mut shapes = Vec::new();
+    for (idx, link) in model.links().iter().enumerate() {
+        for collision in &link.collisions {
+            let (engine, shape_from_engine) =
+                engine_shape(&collision.shape).ok_or_else(|| SimulationError::FlatLink {
+                    link: link.name.clone(),
+                })?;
+            shapes.push(LinkShape {
+                link: idx,
+                shape: collision.shape.clone(),
+                link_from_shape: collision.link_from_shape,
+                engine,
+                shape_from_engine,
+            });
+        }
+    }
+    if shapes.is_empty() {
+        return Err(SimulationError::NoCollisions);
+    }
+    Ok(shapes)
+}
+
+/// Returns the engine's shape and its pose in ours: the engine's cylinders stand along y. `None` if a
+/// body has no volume in single precision.
+fn engine_shape(shape: &Shape) -> Option<(SharedShape, Pose)> {
+    Some(match shape {
         Shape::Box { half_extents_m } => {
             let half = vector(half_extents_m);
             (SharedShape::cuboid(half.x, half.y, half.z), Pose::IDENTITY)
@@ -138,5 +227,9 @@ pub(crate) fn engine_shape(shape: &Shape) -> (SharedShape, Pose) {
             SharedShape::capsule_z(real(*half_length_m), real(*radius_m)),
             Pose::IDENTITY,
         ),
-    }
+        Shape::Convex(body) => {
+            let corners: Vec<Vector> = body.corners_m().iter().map(point).collect();
+            (SharedShape::convex_hull(&corners)?, Pose::IDENTITY)
+        }
+    })
 }

@@ -57,7 +57,7 @@ fn a_hand_without_inertia_is_refused_by_the_link_that_lacks_it() {
     assert_eq!(
         error,
         SimulationError::NoInertia {
-            link: "link_2.0".to_owned()
+            links: vec!["link_2.0".to_owned()]
         }
     );
 }

@@ -1,6 +1,10 @@
-use simulation::{Approach, Motion, Offset, Record, Rollout, Template, Verdict};
+use std::convert::Infallible;
 
-use crate::scene::{hand, protocol, q, scene, side_grasp, template};
+use nalgebra::{Point3, Vector3};
+use robot::{ConvexBody, RobotModel};
+use simulation::{Approach, Motion, Offset, Record, Rollout, SimulationError, Template, Verdict};
+
+use crate::scene::{can, hand, protocol, q, scene, side_grasp, template, upright, urdf};
 
 const BESIDE: [f64; 3] = [-0.015, -0.055, 0.02];
 
@@ -27,6 +31,82 @@ fn a_closed_hand_lifts_and_holds_the_can() {
     assert!(rollout.contacts_n >= 2, "{rollout:?}");
     // 0.8 s reach, 0.3 s squeeze, 0.3 s pause, 0.4 s lift, 2 s hold, at 50 Hz.
     assert_eq!(rollout.cost_n, 190);
+}
+
+#[test]
+fn a_palm_without_inertia_holds_as_one_with_it() {
+    let urdf = urdf();
+    let start = urdf.find("<inertial>").unwrap();
+    let end = start + urdf[start..].find("</inertial>").unwrap() + "</inertial>".len();
+    let without = [&urdf[..start], &urdf[end..]].concat();
+    let hand = RobotModel::from_urdf(&without).unwrap();
+    assert!(hand.links()[0].inertial.is_none());
+    let template = Template::new(&scene(), &hand, &can(), &upright()).unwrap();
+    let rollout = template.rollout(&good(), &protocol(), Record::Nothing);
+    let rollout = rollout.unwrap();
+    assert_eq!(rollout.verdict, Verdict::Held);
+    let with = roll(&good());
+    assert!((rollout.lift_m - with.lift_m).abs() < 1e-3, "{rollout:?}");
+    assert!((rollout.slip_m - with.slip_m).abs() < 1e-3, "{rollout:?}");
+}
+
+/// The hand with a mesh in place of every box, named by the box's sides.
+fn hand_of_meshes() -> RobotModel {
+    let urdf = urdf();
+    let n_boxes = urdf.matches("<box size=").count();
+    assert!(n_boxes > 10);
+    let of_meshes = urdf.replace("<box size=", "<mesh filename=");
+    RobotModel::from_urdf(&of_meshes).unwrap()
+}
+
+/// A box with these sides, in meters.
+fn cuboid(sides: &str) -> ConvexBody {
+    let sides: Vec<f64> = sides.split(' ').map(|side| side.parse().unwrap()).collect();
+    let half = Vector3::from_column_slice(&sides) / 2.0;
+    let corner = |k: usize| {
+        let sign = |axis: usize| if k >> axis & 1 == 0 { -1.0 } else { 1.0 };
+        Point3::from(half.component_mul(&Vector3::new(sign(0), sign(1), sign(2))))
+    };
+    let quads = [
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+    ];
+    let triangles = quads
+        .iter()
+        .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
+    ConvexBody::new((0..8).map(corner).collect(), triangles.collect()).unwrap()
+}
+
+#[test]
+fn a_hand_of_meshes_holds_what_one_of_boxes_holds() {
+    let unread = hand_of_meshes();
+    let build = |hand: &RobotModel| Template::new(&scene(), hand, &can(), &upright());
+    let refused = build(&unread).err().unwrap();
+    assert!(
+        matches!(refused, SimulationError::MeshNotRead { .. }),
+        "{refused}"
+    );
+    let read = unread.with_mesh_shapes(|_, mesh| Ok::<_, Infallible>(vec![cuboid(&mesh.file)]));
+    let template = build(&read.unwrap()).unwrap();
+    let roll = |motion: &Motion| {
+        let rollout = template.rollout(motion, &protocol(), Record::Nothing);
+        rollout.unwrap()
+    };
+    let rollout = roll(&good());
+    assert_eq!(rollout.verdict, Verdict::Held);
+    assert!((rollout.lift_m - 0.15).abs() < 0.02, "{rollout:?}");
+    assert!(rollout.contacts_n >= 2, "{rollout:?}");
+    assert_eq!(roll(&too_open()).verdict, Verdict::NotGrasped);
+    // What geometry alone refuses it refuses of meshes, too.
+    let fingers = q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]);
+    let low = side_grasp([BESIDE[0], BESIDE[1], -0.03], fingers.clone());
+    assert_eq!(roll(&low).verdict, Verdict::Table);
+    let inside = side_grasp([BESIDE[0], -0.01, BESIDE[2]], fingers);
+    assert_eq!(roll(&inside).verdict, Verdict::EarlyContact);
 }
 
 #[test]

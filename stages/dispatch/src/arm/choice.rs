@@ -207,8 +207,8 @@ impl Arm {
         for pair in to_grasp.windows(2) {
             let [from, to] = pair else { continue };
             let step_s = to.at.number() - from.at.number();
-            let joints = from.q.iter().zip(&to.q).zip(&self.velocity);
-            let needed = joints.map(|((from, to), most)| (to - from).abs() / most);
+            let joints = from.q.iter().zip(&to.q).zip(&self.limits);
+            let needed = joints.map(|((from, to), most)| (to - from).abs() / most.velocity);
             asked_s += step_s;
             takes_s += needed.fold(step_s, f64::max);
         }

@@ -279,7 +279,7 @@ fn pieces(robot: &RobotModel) -> Vec<Piece> {
                 link,
                 name: body.name.clone(),
                 link_from_shape: collision.link_from_shape,
-                shape: collision.shape,
+                shape: collision.shape.clone(),
             })
         })
         .collect()
@@ -325,6 +325,6 @@ impl Clearance {
         base_from_links: &[Isometry3<f64>],
     ) -> (Isometry3<f64>, Shape) {
         let piece = &self.pieces[idx];
-        (piece.pose(base_from_links), piece.shape)
+        (piece.pose(base_from_links), piece.shape.clone())
     }
 }

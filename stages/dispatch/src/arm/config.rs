@@ -79,7 +79,11 @@ impl ArmConfig {
             return Err(wrong("arm.object_m", format!("{:?}", self.object_m)));
         }
         if self.turns == 0 || self.turns > MOST_TURNS {
-            let problem = format!("{} is not between 1 and {MOST_TURNS}", self.turns);
+            let turns = self.turns;
+            let problem = format!(
+                "is {turns}, and must be from 1 to {MOST_TURNS}: an object turned by less than a degree \
+                 stands as it did"
+            );
             return Err(wrong("arm.turns", problem));
         }
         self.table_from_base().map(|_| ())

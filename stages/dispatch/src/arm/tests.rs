@@ -1,15 +1,18 @@
+use cell::Carrier;
 use proptest::{
     strategy::{Strategy, ValueTree},
     test_runner::TestRunner,
 };
 use robot::RobotModel;
-use schemas::candidates::Candidate;
+use schemas::candidates::{Candidate, Candidates};
 use spatial::{Object, Pose, Table};
 
 use super::*;
 use crate::{
     course::Course,
+    feasible::Planner,
     refusal::{ArmFault, Refusal},
+    robots::{ArmRobot, Robots},
 };
 
 mod clear;
@@ -90,7 +93,7 @@ fn off(a: &nalgebra::Isometry3<f64>, b: &nalgebra::Isometry3<f64>) -> f64 {
 /// Checks a path at the arm's rate and, for what it meets, at four times that.
 fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course, lift_m: f64) {
     let palm = arm.robot.link("base_link").unwrap();
-    let (most_velocity, _) = arm.limits();
+    let most_velocity: Vec<f64> = arm.limits().iter().map(|most| most.velocity).collect();
     let clear = Clear::of(&arm.robot, arm.config.clearance_m - 1e-6);
     // As fast as the joints allow, but no faster than asked for.
     let slower = (0..=1000)
@@ -197,6 +200,70 @@ fn the_arm_follows_what_it_can() {
     }
     println!("{followed} of {} motions followed", cases());
     assert!(followed > cases() / 4, "{followed}");
+}
+
+/// What a controller makes of what the arm is told keeps every limit, between two points as at them.
+#[test]
+fn told_arms_keep_every_limit_between_two_points() {
+    let mut config: crate::DispatchConfig =
+        serde_json::from_str(include_str!("../../tests/dispatch.json")).unwrap();
+    config.grasp.flexion_joints = vec!["joint_1.0".to_owned()];
+    config.grasp.squeeze_rad = 0.1;
+    config.grasp.limit_tolerance_rad = 0.1;
+    config.limits.most_times_slower = 1e3;
+    config.arm = Some(self::config());
+    let robots = Robots {
+        hand: hand(),
+        hand_urdf: HAND.to_owned(),
+        arm: Some(ArmRobot {
+            model: RobotModel::from_urdf(XARM).unwrap(),
+            urdf: XARM.to_owned(),
+            table_from_base: nalgebra::Isometry3::identity(),
+        }),
+    };
+    let planner = Planner::new(&config, &robots).unwrap();
+    let arm = arm(&self::config());
+    let mut runner = TestRunner::deterministic();
+    let (mut planned_n, mut most_share) = (0, 0.0_f64);
+    for _ in 0..cases() / 4 {
+        let made = joint_paths().new_tree(&mut runner).unwrap().current();
+        let (candidate, _) = made.candidate(&arm);
+        let given = Candidates {
+            object: "can".to_owned(),
+            joints: hand().joint_names(),
+            candidates: vec![candidate],
+        };
+        let Ok(goal) = planner.plan(&given, &given.candidates[0]) else {
+            continue;
+        };
+        planned_n += 1;
+        let Carrier::Arm(track) = &goal.carrier else {
+            panic!("an arm was given");
+        };
+        for pair in track.points.windows(2) {
+            for look in 0..=20 {
+                let length_s = pair[1].time_s - pair[0].time_s;
+                let time_s = pair[0].time_s + length_s * f64::from(look) / 20.0;
+                let now = track.at(time_s).unwrap();
+                assert!(arm.chain.is_within_limits(&now.q_rad), "{:?}", now.q_rad);
+                let moving = now
+                    .velocity_rad_per_s
+                    .iter()
+                    .zip(&now.acceleration_rad_per_s2);
+                for ((velocity, acceleration), most) in moving.zip(arm.limits()) {
+                    let shares = [velocity / most.velocity, acceleration / most.acceleration];
+                    let share = shares.map(f64::abs).into_iter().fold(0.0, f64::max);
+                    assert!(
+                        share <= 1.0 + 1e-6,
+                        "{shares:?} of the limits at {time_s} s"
+                    );
+                    most_share = most_share.max(share);
+                }
+            }
+        }
+    }
+    println!("{planned_n} motions planned, at most {most_share} of a limit");
+    assert!(planned_n > cases() / 40 && most_share > 0.98);
 }
 
 /// With twelve turns the arm follows wherever it can with one, in no more time.
@@ -376,6 +443,26 @@ fn the_hand_on_the_arm_has_to_be_the_hand() {
     assert!(message.contains("`extra` is neither"), "{message}");
 }
 
+/// An arm of meshes keeps clear of things as one of primitives does, or is refused.
+#[test]
+fn an_arm_whose_meshes_are_not_there_is_refused() {
+    let start = XARM.find("<collision>").unwrap();
+    let shape = start + XARM[start..].find("<geometry>").unwrap() + "<geometry>".len();
+    let end = shape + XARM[shape..].find("</geometry>").unwrap();
+    let of_mesh = [
+        &XARM[..shape],
+        "<mesh filename=\"meshes/none.stl\"/>",
+        &XARM[end..],
+    ]
+    .concat();
+    let refused = Arm::new(&config(), &of_mesh, &hand()).unwrap_err();
+    assert!(matches!(refused, DispatchError::Mesh(_)), "{refused}");
+    assert!(
+        refused.to_string().contains("`meshes/none.stl`"),
+        "{refused}"
+    );
+}
+
 #[test]
 fn an_arm_that_cannot_be_used_is_refused() {
     let message = |change: fn(&mut ArmConfig)| {
@@ -419,7 +506,11 @@ fn speeds_are_those_of_the_urdf_or_less() {
         arm.joint_names(),
         ["joint1", "joint2", "joint3", "joint4", "joint5", "joint6"]
     );
-    assert_eq!(arm.limits(), (vec![1.57; 6], vec![20.0; 6]));
+    let most = Most {
+        velocity: 1.57,
+        acceleration: 20.0,
+    };
+    assert_eq!(arm.limits(), [most; 6]);
 }
 
 #[test]

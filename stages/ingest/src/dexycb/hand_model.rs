@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// Largest accepted hand model: MANO's have 4 MB.
-const MAX_MODEL_BYTES: u64 = 64 << 20;
+pub(crate) const MAX_MODEL_BYTES: u64 = 64 << 20;
 /// Numbers that describe a hand in an image.
 const HAND: usize = 51;
 

@@ -10,16 +10,17 @@ use std::{
 
 use dataflow::SourceFile;
 
-use super::{DexYcb, MAX_YAML_BYTES};
+use super::{DexYcb, MAX_POSES_BYTES, MAX_YAML_BYTES};
 use crate::{
     config::TableRule,
     dexycb::{
         calibration::{self, TAG},
         hand_model,
     },
-    error::IngestError,
-    folders::{RecordingFolder, names, plain, recordings},
-    reader::{About, Listed, glance},
+    error::{IngestError, Unusable},
+    folders::{RecordingFolder, names, plain, recordings, root_near},
+    labels::MAX_LABEL_BYTES,
+    reader::{About, Listed, glance, those_there},
     selection::Cameras,
     yaml::{self, Extrinsics, Meta},
     ycb,
@@ -29,6 +30,8 @@ use crate::{
 pub(super) const META: &str = "meta.yml";
 /// Holds the poses of a recording's objects and hand.
 const POSES: &str = "pose.npz";
+/// How the name of a label begins and ends.
+const LABEL: (&str, &str) = ("labels_", ".npz");
 /// Marks a recording whose `pose_m` holds something else than a hand model's numbers.
 const NOT_MANO: &str = "NOT_MANO.txt";
 /// Folders beside the subjects' ones.
@@ -66,16 +69,17 @@ impl DexYcb<'_> {
         if listed.is_empty() {
             return Err(IngestError::NoSequences {
                 root: self.root.to_owned(),
+                near: root_near(self.root, &[META, POSES]),
             });
         }
         Ok(listed)
     }
 
     /// Names the calibration of a recording's cameras and of its hand, and the hand model.
-    fn beside(&self, folder: &RecordingFolder, meta: &Meta) -> Vec<SourceFile> {
-        let of_dataset = |name: String| SourceFile {
-            path: self.root.join(&name),
-            name,
+    fn beside(&self, folder: &RecordingFolder, meta: &Meta) -> Vec<(SourceFile, u64)> {
+        let of_dataset = |name: String| {
+            let path = self.root.join(&name);
+            (SourceFile { name, path }, MAX_YAML_BYTES)
         };
         let mut files = Vec::new();
         // An id is part of a folder's name; one that leads elsewhere is no id.
@@ -87,10 +91,11 @@ impl DexYcb<'_> {
             && !folder.path.join(NOT_MANO).exists()
         {
             let file = hand_model::model_file(hand);
-            files.push(SourceFile {
+            let file = SourceFile {
                 name: format!("mano/{file}"),
                 path: models.join(file),
-            });
+            };
+            files.push((file, hand_model::MAX_MODEL_BYTES));
             let id = meta.mano_calib.first().filter(|id| plain(id) == **id);
             files.extend(id.map(|id| of_dataset(hand_model::shape_name(id))));
         }
@@ -99,13 +104,15 @@ impl DexYcb<'_> {
 }
 
 /// Lists the files that say something about the hand, the object and the cameras.
-pub(super) fn files_of(listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, IngestError> {
-    let own = [META, POSES].map(|name| listed.file(name));
-    let mut files: Vec<SourceFile> = own
-        .into_iter()
-        .chain(listed.beside.iter().cloned())
-        .filter(|file| file.path.is_file())
-        .collect();
+///
+/// # Errors
+///
+/// Fails if something else than such a file lies in a file's place, or a camera's folder cannot be
+/// listed.
+pub(super) fn files_of(listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, Unusable> {
+    let own = [(META, MAX_YAML_BYTES), (POSES, MAX_POSES_BYTES)];
+    let own = own.map(|(name, limit)| (listed.file(name), limit));
+    let mut files = those_there(own.into_iter().chain(listed.beside.iter().cloned()))?;
     let serials = listed.cameras.iter().enumerate();
     let mut taken = BTreeSet::new();
     for (_, serial) in serials.filter(|&(number, _)| cameras.holds(number)) {
@@ -113,13 +120,34 @@ pub(super) fn files_of(listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFi
         if plain(serial) != *serial || !taken.insert(serial) {
             continue;
         }
-        for (label, is_folder) in names(&listed.path.join(serial))? {
-            if !is_folder && image_of_label(&label).is_some() {
-                files.push(listed.file(&format!("{serial}/{label}")));
-            }
-        }
+        files.extend(those_there(labels_of(listed, serial)?)?);
     }
     Ok(files)
+}
+
+/// Lists what has the name of a label in a camera's folder.
+fn labels_of(listed: &Listed, serial: &str) -> Result<Vec<(SourceFile, u64)>, Unusable> {
+    let folder = listed.file(serial);
+    let names = names(&folder.path).map_err(|source| Unusable::Unreadable {
+        file: folder.name.clone(),
+        source,
+    })?;
+    let mut labels = Vec::with_capacity(names.len());
+    for name in names {
+        match name.to_str() {
+            Some(label) if image_of_label(label).is_some() => {
+                labels.push((listed.file(&format!("{serial}/{label}")), MAX_LABEL_BYTES));
+            }
+            None if is_like_a_label(name.as_encoded_bytes()) => {
+                return Err(Unusable::NotUtf8 {
+                    name: format!("{}/{}", folder.name, name.to_string_lossy()),
+                });
+            }
+            // Images, and whatever else lies beside the labels.
+            Some(_) | None => {}
+        }
+    }
+    Ok(labels)
 }
 
 /// Returns what a recording is about; `None` where `meta.yml` names what there is not.
@@ -146,9 +174,14 @@ fn has_tag(root: &Path, id: &str) -> bool {
 
 /// Returns the image's number of a file `labels_NNNNNN.npz`.
 fn image_of_label(file: &str) -> Option<u32> {
-    let digits = file.strip_prefix("labels_")?.strip_suffix(".npz")?;
+    let digits = file.strip_prefix(LABEL.0)?.strip_suffix(LABEL.1)?;
     let is_number = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
     is_number.then(|| digits.parse().ok()).flatten()
+}
+
+/// Says whether a name was meant for a label, as far as it can be read.
+fn is_like_a_label(name: &[u8]) -> bool {
+    name.starts_with(LABEL.0.as_bytes()) && name.ends_with(LABEL.1.as_bytes())
 }
 
 /// The files of one recording by what they are, from the names that [`files_of`] gave them.

@@ -1,7 +1,11 @@
 //! What is refused before anything is planned.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+};
 
+use dataflow::{OptionFault, OptionFaults, SourceFile};
 use schemas::demonstrations::Side;
 
 use super::units;
@@ -10,36 +14,68 @@ use crate::{
     dexycb,
     error::IngestError,
     folders::plain,
-    reader::{Listed, Reader},
+    place,
+    reader::{Listed, MAX_MESH_BYTES, Reader},
     selection::{self, Cameras, Choice},
 };
 
-/// Refuses options with which nothing can be made.
-pub(super) fn options(config: &IngestConfig) -> Result<(), IngestError> {
-    let positive = [
-        ("rate_hz", config.rate_hz),
+/// Most images of a recording that options speak of: nine hours at 30 per second.
+const MOST_IMAGES: usize = 1_000_000;
+/// Most points on a surface: 48 MB of them with their normals.
+const MOST_SURFACE_POINTS: usize = 1_000_000;
+/// Most convex parts of an object.
+const MOST_PARTS: usize = 4096;
+/// Most objects of a scene.
+const MOST_OBJECTS: usize = 1000;
+/// Most images per second, ten times those of the fastest cameras that film a whole hand.
+const MOST_HZ: f64 = 10_000.0;
+/// Greatest length, angle, factor or mass.
+const MOST: f64 = 1e6;
+
+/// Returns what is wrong with the options beyond their types.
+pub(super) fn faults(config: &IngestConfig) -> Vec<OptionFault> {
+    let mut faults = OptionFaults::default();
+    let why = "cameras are not faster";
+    faults.above("rate_hz", config.rate_hz, 0.0, MOST_HZ, why);
+    for (key, number) in [
         ("max_mirror_error_m", config.max_mirror_error_m),
         ("camera_agreement_m", config.camera_agreement_m),
         ("move_threshold_m", config.move_threshold_m),
         ("move_threshold_rad", config.move_threshold_rad),
         ("jitter_factor", config.jitter_factor),
         ("max_table_error_m", config.max_table_error_m),
-        ("points_n", config.points_n as f64),
-        ("max_convex_parts_n", config.max_convex_parts_n as f64),
-        ("min_steps_n", config.min_steps_n as f64),
-        ("settle_n", config.settle_n as f64),
-    ];
-    let masses = config.masses_kg.values().map(|&kg| ("masses_kg", kg));
-    let added = config.meshes.values().map(|mesh| ("mass_kg", mesh.mass_kg));
-    for (key, found) in positive.into_iter().chain(masses).chain(added) {
-        if !(found.is_finite() && found > 0.0) {
-            return Err(IngestError::Option {
-                key,
-                expected: "positive",
-                found,
-            });
-        }
+    ] {
+        let why = "with 0 nothing is good enough, and no hand's scene is larger";
+        faults.above(key, number, 0.0, MOST, why);
     }
+    for (key, number, least) in [
+        ("settle_n", config.settle_n, 1),
+        ("max_gap_n", config.max_gap_n, 0),
+        ("min_steps_n", config.min_steps_n, 1),
+    ] {
+        let why = "it is a number of a recording's images";
+        faults.within(key, number, least..=MOST_IMAGES, why);
+    }
+    let objects = config.min_table_objects_n;
+    let why = "the grasped object is one of them, and a table holds no more";
+    faults.within("min_table_objects_n", objects, 1..=MOST_OBJECTS, why);
+    let why = "they are drawn and held in memory for every object";
+    faults.within("points_n", config.points_n, 1..=MOST_SURFACE_POINTS, why);
+    let why = "each is a body's shape in every step of physics";
+    let parts = config.max_convex_parts_n;
+    faults.within("max_convex_parts_n", parts, 1..=MOST_PARTS, why);
+    let masses = config.masses_kg.iter();
+    let masses = masses.map(|(object, &kg)| (format!("masses_kg.{object}"), kg));
+    let meshes = config.meshes.iter();
+    let added = meshes.map(|(object, mesh)| (format!("meshes.{object}.mass_kg"), mesh.mass_kg));
+    for (key, kg) in masses.chain(added) {
+        faults.above(&key, kg, 0.0, MOST, "a hand lifts it");
+    }
+    faults.found()
+}
+
+/// Refuses options that name files that are not there.
+pub(super) fn options(config: &IngestConfig) -> Result<(), IngestError> {
     check_hand_models(config)?;
     for (object, mesh) in &config.meshes {
         if plain(object) != *object || object.is_empty() {
@@ -47,7 +83,11 @@ pub(super) fn options(config: &IngestConfig) -> Result<(), IngestError> {
                 name: object.clone(),
             });
         }
-        if !mesh.file.is_file() {
+        let is_there = place::is_there(&outside(&mesh.file), MAX_MESH_BYTES);
+        if !is_there.map_err(|source| IngestError::Mesh {
+            object: object.clone(),
+            source,
+        })? {
             return Err(IngestError::NoMesh {
                 object: object.clone(),
                 path: mesh.file.clone(),
@@ -69,12 +109,21 @@ fn check_hand_models(config: &IngestConfig) -> Result<(), IngestError> {
         (true, _) => vec![Side::Right, Side::Left],
         (false, hand) => vec![hand],
     };
-    let mut paths = hands
-        .into_iter()
-        .map(|hand| folder.join(dexycb::model_file(hand)));
-    match paths.find(|path| !path.is_file()) {
-        Some(path) => Err(IngestError::NoHandModel { path }),
-        None => Ok(()),
+    for hand in hands {
+        let path = folder.join(dexycb::model_file(hand));
+        let is_there = place::is_there(&outside(&path), dexycb::MAX_MODEL_BYTES);
+        if !is_there.map_err(IngestError::HandModel)? {
+            return Err(IngestError::NoHandModel { path });
+        }
+    }
+    Ok(())
+}
+
+/// Returns a file that is none of the dataset's and is told by its path.
+fn outside(path: &Path) -> SourceFile {
+    SourceFile {
+        name: path.display().to_string(),
+        path: path.to_owned(),
     }
 }
 
@@ -96,8 +145,8 @@ pub(super) fn chosen(config: &IngestConfig, reader: &dyn Reader) -> Result<(), I
     }
     let found = chosen.len();
     if let Some((listed, _)) = chosen.iter().find(|(_, choice)| choice.is_taken()) {
-        let files = reader.files(listed, Cameras::ALL)?;
-        if let Err(source) = reader.about(&files) {
+        let files = reader.files(listed, Cameras::ALL);
+        if let Err(source) = files.and_then(|files| reader.about(&files)) {
             return Err(IngestError::NoneTold { found, source });
         }
     }

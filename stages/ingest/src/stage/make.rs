@@ -13,13 +13,11 @@ use crate::{
     config::IngestConfig,
     error::{IngestError, Unusable},
     film, mirror, objects, reach,
-    reader::{self, MODELS},
+    reader::{self, MAX_MESH_BYTES, MODELS},
     recording::Recording,
     rests, table,
 };
 
-/// Largest accepted mesh file: the dataset's own have 1 MB.
-const MAX_MESH_BYTES: u64 = 256 << 20;
 /// Name of the recording in a demonstration's artifact.
 const FILM: &str = "demonstration.mcap";
 
@@ -29,6 +27,11 @@ pub(super) fn shape(
     inputs: &Inputs,
     cx: &Context,
 ) -> Result<Outcome, IngestError> {
+    if let Some(reason) = inputs.fact(UNREADABLE) {
+        return Ok(Outcome::Skipped {
+            reason: reason.to_owned(),
+        });
+    }
     let name = cx.partition();
     let mass_kg = inputs.fact(MASS).and_then(|kg| kg.parse().ok());
     let (Some(file), Some(mass_kg)) = (inputs.files().first(), mass_kg) else {

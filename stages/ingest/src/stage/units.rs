@@ -7,8 +7,9 @@ use dataflow::{Labels, Scope, SourceFile, Unit};
 use super::{ADDED, DEMONSTRATIONS, LEFT_OUT, MASS, MESHES, SHAPES, UNREADABLE};
 use crate::{
     config::IngestConfig,
-    error::IngestError,
-    reader::{self, Listed, Reader},
+    error::{IngestError, Unusable},
+    place,
+    reader::{self, Listed, MAX_MESH_BYTES, Reader},
     selection::{self, Choice},
     ycb,
 };
@@ -35,7 +36,7 @@ pub(super) fn shapes(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
         if !listed.marks_table {
             // What only stands there is no loss if nobody knows its shape.
             let scene = about.scene.into_iter();
-            names.extend(scene.filter(|name| mesh_file(config, name).is_some()));
+            names.extend(scene.filter(|name| !matches!(mesh_file(config, name), Ok(None))));
         }
         names.insert(about.object);
     }
@@ -46,23 +47,32 @@ pub(super) fn shapes(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
             let mass_kg = mass_kg(config, &object)?;
             let file = mesh_file(config, &object);
             let mut unit = Unit::new(object).with_fact(MASS, mass_kg.to_string());
-            unit.files.extend(file);
+            match file {
+                Ok(file) => unit.files.extend(file),
+                Err(unusable) => unit = unit.with_fact(UNREADABLE, unusable.to_string()),
+            }
             Ok(unit)
         })
         .collect()
 }
 
 /// Returns the pipeline file's mesh of an object, or the dataset's, if there is one.
-fn mesh_file(config: &IngestConfig, object: &str) -> Option<SourceFile> {
+///
+/// # Errors
+///
+/// Fails if something else lies in its place.
+fn mesh_file(config: &IngestConfig, object: &str) -> Result<Option<SourceFile>, Unusable> {
     if let Some(added) = config.meshes.get(object) {
-        return Some(SourceFile {
+        // It was looked at before anything was planned.
+        return Ok(Some(SourceFile {
             name: format!("{MESHES}{object}.obj"),
             path: added.file.clone(),
-        });
+        }));
     }
     let name = reader::mesh_name(object);
     let path = config.root.join(&name);
-    path.is_file().then_some(SourceFile { name, path })
+    let file = SourceFile { name, path };
+    Ok(place::is_there(&file, MAX_MESH_BYTES)?.then_some(file))
 }
 
 /// The label of a shape whose mesh comes from the pipeline file.
@@ -94,21 +104,26 @@ pub(super) fn demonstrations(
         .iter()
         .map(|s| s.key.as_str())
         .collect();
-    chosen(config, reader.as_ref())?
+    let units = chosen(config, reader.as_ref())?
         .into_iter()
-        .map(|(listed, choice)| match (listed.fault, choice) {
-            (Some(fault), _) => Ok(Unit::new(&listed.key).with_fact(UNREADABLE, fault)),
+        .map(|(listed, choice)| match (&listed.fault, choice) {
+            (Some(fault), _) => unreadable(&listed.key, fault),
             (None, Choice::Leave(reason)) => {
                 // What it is about is all that is read of it.
-                Ok(Unit::new(&listed.key)
+                Unit::new(&listed.key)
                     .with_fact(LEFT_OUT, reason)
-                    .with_file(listed.file(reader.description())))
+                    .with_file(listed.file(reader.description()))
             }
             (None, Choice::Take(cameras)) => {
+                let files = match reader.files(&listed, cameras) {
+                    Ok(files) => files,
+                    Err(unusable) => return unreadable(&listed.key, &unusable),
+                };
                 let mut unit = Unit::new(&listed.key);
-                unit.files = reader.files(&listed, cameras)?;
+                unit.files = files;
                 let object = listed.about.as_ref().map(|about| about.object.as_str());
-                let mesh = object.and_then(|object| mesh_file(config, object));
+                // What is wrong with a mesh is told where its shape is made.
+                let mesh = object.and_then(|object| mesh_file(config, object).ok().flatten());
                 unit.files.extend(mesh);
                 let read = listed.about.iter().flat_map(|about| {
                     let scene = about.scene.iter().filter(|_| !listed.marks_table);
@@ -116,14 +131,19 @@ pub(super) fn demonstrations(
                     scene.chain(mirrored).map(String::as_str)
                 });
                 let read: BTreeSet<&str> = read.filter(|name| shapes.contains(name)).collect();
-                Ok(if read.is_empty() {
+                if read.is_empty() {
                     unit
                 } else {
                     unit.reading(SHAPES, read)
-                })
+                }
             }
-        })
-        .collect()
+        });
+    Ok(units.collect())
+}
+
+/// Returns a unit that only says why its recording cannot be read.
+fn unreadable(key: &str, why: &Unusable) -> Unit {
+    Unit::new(key).with_fact(UNREADABLE, why.to_string())
 }
 
 /// Lists one unit per shape that is grasped in a demonstration or that the pipeline file adds.

@@ -20,7 +20,7 @@ use crate::{
 };
 
 /// A folder with the made-up models under their licensed names.
-fn models() -> TempDir {
+pub(crate) fn models() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mano/models.zip");
     let mut archive = npyz::zip::ZipArchive::new(File::open(path).unwrap()).unwrap();

@@ -45,8 +45,9 @@ fn an_object_of_unknown_mass_is_refused_with_the_way_out() {
     fs::write(&mesh, brick([0.1, 0.1, 0.2])).unwrap();
     let mut config = config(root.path());
     config.masses_kg.insert("008_pudding_box".to_owned(), 0.0);
-    let err = Ingest::prepare(&config).unwrap_err();
-    assert_eq!(err.to_string(), "`masses_kg` must be positive, found 0");
+    let fault = Ingest::check(&config).remove(0).to_string();
+    assert!(fault.starts_with("`masses_kg."), "{fault}");
+    assert!(fault.contains("is 0.0, and must be more than 0"), "{fault}");
     config.masses_kg.insert("008_pudding_box".to_owned(), 0.2);
     config.masses_kg.insert("008_puding_box".to_owned(), 0.2);
     let err = Ingest::prepare(&config).unwrap_err();

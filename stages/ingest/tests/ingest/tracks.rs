@@ -1,6 +1,6 @@
 //! Plain tracks: the same reach as through `DexYCB`'s layout.
 
-use std::{error::Error, fs};
+use std::{error::Error, fs, path::Path};
 
 use dataflow::{Advise, Stage};
 use spatial::{Object, Pose, World};
@@ -21,22 +21,14 @@ fn refused(config: &IngestConfig) -> String {
     err.source().unwrap().to_string()
 }
 
-#[test]
-fn plain_tracks_give_the_known_reach() {
-    let root = tempfile::tempdir().unwrap();
-    let folder = root.path().join("20200709-subject-01/first try");
-    let model = root.path().join("models").join(OBJECT.0);
+/// Writes the known recording as tracks.
+pub(crate) fn tracks(root: &Path) {
+    let folder = root.join("20200709-subject-01/first try");
+    let model = root.join("models").join(OBJECT.0);
     for folder in [&folder, &model] {
         fs::create_dir_all(folder).unwrap();
     }
     fs::write(model.join("textured_simple.obj"), brick([0.1, 0.08, 0.03])).unwrap();
-    let about = |images: usize| {
-        format!(
-            "object: {}\nhand: right\nimages: {images}\ntable: {}\n",
-            OBJECT.0,
-            rows(&Rig::world_from_tag())
-        )
-    };
     fs::write(folder.join("track.yml"), about(IMAGES)).unwrap();
     let (mut hands, mut poses) = (Vec::new(), Vec::new());
     for image in 0..IMAGES {
@@ -56,6 +48,22 @@ fn plain_tracks_give_the_known_reach() {
             ("world_from_object", &[IMAGES as u64, 7], &poses),
         ],
     );
+}
+
+/// The recording's `track.yml` with so many images.
+fn about(images: usize) -> String {
+    format!(
+        "object: {}\nhand: right\nimages: {images}\ntable: {}\n",
+        OBJECT.0,
+        rows(&Rig::world_from_tag())
+    )
+}
+
+#[test]
+fn plain_tracks_give_the_known_reach() {
+    let root = tempfile::tempdir().unwrap();
+    tracks(root.path());
+    let folder = root.path().join("20200709-subject-01/first try");
     let mut config = config(root.path());
     config.format = Format::Tracks;
     let bench = Bench::new(config.clone());

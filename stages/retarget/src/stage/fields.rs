@@ -19,7 +19,6 @@ pub(super) fn make(
     inputs: &Inputs,
     cx: &Context,
 ) -> Result<Outcome, RetargetError> {
-    config.check()?;
     let object = inputs
         .artifacts("objects")
         .first()

@@ -23,8 +23,7 @@ pub(super) fn make(
     inputs: &Inputs,
     cx: &Context,
 ) -> Result<Outcome, RetargetError> {
-    config.check()?;
-    let [urdf, table] = inputs.files() else {
+    let [urdf, table, ..] = inputs.files() else {
         return Err(missing(cx, "URDF and table of a hand"));
     };
     let LoadedHand { urdf, hand, table } = load_hand(&urdf.path, &table.path)?;

@@ -238,13 +238,16 @@ fn options_without_sense_are_refused() {
     let refused = |change: fn(&mut RetargetConfig)| {
         let mut config = fixture::config();
         change(&mut config);
-        Retarget::prepare(&config).unwrap_err().to_string()
+        Retarget::check(&config)[0].to_string()
     };
+    assert_eq!(Retarget::check(&fixture::config()), []);
     assert!(refused(|c| c.smooth_l1_beta_m = 0.0).contains("`smooth_l1_beta_m`"));
     assert!(refused(|c| c.field_spacing_m = 0.0).contains("`field_spacing_m`"));
     assert!(refused(|c| c.object_weight = f64::NAN).contains("`object_weight`"));
     assert!(refused(|c| c.field_spacing_m = 5.0).contains("`field_spacing_m`"));
     assert!(refused(|c| c.object_weight = 1e200).contains("`object_weight`"));
     assert!(refused(|c| c.smoothing_s = -1.0).contains("`smoothing_s`"));
+    assert!(refused(|c| c.field_spacing_m = 1e-9).contains("`field_spacing_m`"));
+    assert!(refused(|c| c.max_iterations = usize::MAX).contains("`max_iterations`"));
     assert!(refused(|c| c.max_iterations = 0).contains("`max_iterations`"));
 }

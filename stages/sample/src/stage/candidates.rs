@@ -9,7 +9,10 @@ use schemas::{
     checkpoint, objects,
 };
 
-use super::{FIELDS, columns, hand_file, labels, only, read_field, read_hand, schema};
+use super::{
+    FIELDS, ROBOT, SHOWN_ROBOT, columns, hand_file, hand_meshes, labels, only, read_field,
+    read_hand, schema,
+};
 use crate::{
     Epoch, SampleConfig, SampleError, motions::sample, quality::Gauge, recording, room::Room,
 };
@@ -30,6 +33,12 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
         .iter()
         .map(|model| &model.key);
     let fields = scope.partitions(FIELDS);
+    let reads_hand = config.chooses() || config.recorded_per_object > 0;
+    let meshes = if reads_hand {
+        hand_meshes(config)?
+    } else {
+        Vec::new()
+    };
     let units = objects
         .iter()
         .map(|object| &object.key)
@@ -45,11 +54,15 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
             } else {
                 unit
             };
-            if config.chooses() || config.recorded_per_object > 0 {
-                unit.with_file(hand_file(config))
+            let form = if config.recorded_per_object > 0 {
+                SHOWN_ROBOT
+            } else if config.chooses() {
+                ROBOT
             } else {
-                unit
-            }
+                return unit;
+            };
+            let unit = unit.with_file_of_form(hand_file(config), form);
+            meshes.iter().cloned().fold(unit, Unit::with_file)
         });
     Ok(units.collect())
 }

@@ -5,13 +5,13 @@ use diversity::{Diversity, Motion};
 use schemas::{
     candidates::{self, Step},
     sampling,
-    sampling::{LIMIT_TOLERANCE_RAD, Sampled},
+    sampling::Sampled,
     trajectories,
 };
 
 use super::{
-    CANDIDATES, FIELDS, TRAJECTORIES, charts, columns, hand_file, labels, only, read_field,
-    read_hand, schema,
+    CANDIDATES, FIELDS, ROBOT, TRAJECTORIES, charts, columns, hand_file, hand_meshes, labels, only,
+    read_field, read_hand, schema,
 };
 use crate::{
     SampleConfig, SampleError,
@@ -23,7 +23,8 @@ use crate::{
 const CLEAR_M: f64 = 0.005;
 
 /// One unit per object that has candidates.
-pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Vec<Unit> {
+pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
+    let meshes = hand_meshes(config)?;
     let fields = scope.partitions(FIELDS);
     let trajectories = scope.partitions(TRAJECTORIES);
     let units = scope.partitions(CANDIDATES).iter().map(|candidates| {
@@ -33,7 +34,7 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Vec<Unit> {
         let shown = trajectories
             .iter()
             .filter(|trajectory| trajectory.label("object") == Some(object));
-        Unit::new(object)
+        let unit = Unit::new(object)
             .reading(CANDIDATES, [object])
             .only_files(CANDIDATES, [lake::table::FILE])
             .reading(FIELDS, field.map(|field| field.key.as_str()))
@@ -42,9 +43,10 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Vec<Unit> {
                 shown.map(|trajectory| trajectory.key.as_str()),
             )
             .only_files(TRAJECTORIES, [lake::table::FILE])
-            .with_file(hand_file(config))
+            .with_file_of_form(hand_file(config), ROBOT);
+        meshes.iter().cloned().fold(unit, Unit::with_file)
     });
-    units.collect()
+    Ok(units.collect())
 }
 
 /// Measures the motions of one object.
@@ -119,21 +121,17 @@ pub(super) fn describe(summary: &Summary) -> String {
     let candidates = summary.total("candidates_n");
     let percent = |metric| 100.0 * summary.total(metric) / candidates.max(1.0);
     let mean = |metric| summary.total(metric) / (summary.n_made as f64).max(1.0);
-    let mut line = format!(
-        "{candidates} candidates: {:.0} % within limits to {LIMIT_TOLERANCE_RAD} rad, {:.0} % with no hand point deeper than \
-         {:.0} mm before the grasp; spread {:.0} mm, {:.0}° and {:.2} rad",
+    let line = format!(
+        "{:.0} % within limits, {:.0} % clear; spread {:.0} mm, {:.0}°",
         percent("within_limits_n"),
         percent("clear_n"),
-        1e3 * CLEAR_M,
         1e3 * mean("grasp_spread_m"),
         mean("grasp_spread_rad").to_degrees(),
-        mean("grasp_q_spread_rad"),
     );
-    let collapsed = summary.total("collapsed_n");
-    if collapsed > 0.0 {
-        line = format!("{line}; COLLAPSED for {collapsed} objects: all their motions are one");
+    match summary.total("collapsed_n") {
+        0.0 => line,
+        collapsed => format!("COLLAPSED for {collapsed} objects, all motions one; {line}"),
     }
-    line
 }
 
 /// Reads a demonstration with its joints in this order; `None` if it has no step.

@@ -15,7 +15,7 @@ use schemas::{
     reconstruction::{self, Row},
 };
 
-use super::{SPLITS, counted, file, mean, of_split, put};
+use super::{SPLITS, file, mean, of_split, put};
 use crate::{TrainConfig, TrainError, set, stage};
 
 /// Parts of a motion over which errors are shown.
@@ -101,24 +101,18 @@ pub(super) fn make(
 }
 
 pub(super) fn describe(summary: &Summary) -> String {
-    let of_split = |suffix: &str, what: &str| {
-        let n = summary.total(&format!("trajectories_n{suffix}"));
-        let tips = 1e3 * summary.total(&format!("tip_error_mean_m{suffix}"));
-        let grasp = 1e3 * summary.total(&format!("tip_error_grasp_m{suffix}"));
-        let what = if what.is_empty() {
-            counted(n, "motion")
-        } else {
-            format!("{n} {what}")
-        };
-        (n > 0.0).then(|| format!("{what}: {tips:.1} mm ({grasp:.1} mm at the grasp)"))
+    let errors_mm = |suffix: &str| {
+        ["mean", "grasp"].map(|what| 1e3 * summary.total(&format!("tip_error_{what}_m{suffix}")))
     };
-    let all = [
-        of_split("", ""),
-        of_split("_held_out", "held out"),
-        of_split("_unseen", "with unseen objects"),
-    ];
-    let all: Vec<String> = all.into_iter().flatten().collect();
-    format!("finger tips from where they were, {}", all.join(", "))
+    let [mean, grasp] = errors_mm("");
+    let mut text = format!("tip error {mean:.1} mm (grasp {grasp:.1})");
+    for (suffix, what) in [("_held_out", "held out"), ("_unseen", "unseen")] {
+        if summary.total(&format!("trajectories_n{suffix}")) > 0.0 {
+            let [mean, grasp] = errors_mm(suffix);
+            text += &format!(", {what} {mean:.1} ({grasp:.1})");
+        }
+    }
+    text
 }
 
 /// The links whose origins the training calls finger tips; those of the hand's fingers if it names none.

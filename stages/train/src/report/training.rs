@@ -70,12 +70,7 @@ pub(super) fn describe(summary: &Summary) -> String {
     let mut text = format!("{epochs}, loss {:.4} → {:.4}", loss("_first"), loss(""));
     for (_, _, name, suffix) in &SPLITS[1..] {
         if summary.totals.contains_key(&format!("loss{suffix}")) {
-            text += &format!(
-                ", {name} {:.4} (least {:.4} after epoch {})",
-                loss(suffix),
-                loss(&format!("{suffix}_least")),
-                summary.total(&format!("least_epoch{suffix}")),
-            );
+            text += &format!(", {name} {:.4}", loss(suffix));
         }
     }
     text

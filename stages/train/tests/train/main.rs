@@ -137,12 +137,7 @@ fn trajectory(sequence: &str, object: &str, up: Vector3<f64>) -> Trajectory {
     }
 }
 
-fn artifact(
-    folder: &Path,
-    key: &str,
-    object: &str,
-    batch: &arrow::record_batch::RecordBatch,
-) -> Artifact {
+fn artifact(folder: &Path, key: &str, object: &str, batch: &arrow_array::RecordBatch) -> Artifact {
     let folder = folder.join(key);
     std::fs::create_dir(&folder).unwrap();
     lake::table::write(&folder, batch).unwrap();
@@ -174,7 +169,7 @@ fn inputs(folder: &Path) -> Inputs {
             ("objects".to_owned(), objects.to_vec()),
             ("trajectories".to_owned(), trajectories.collect()),
         ]),
-        vec![SourceFile::named_by_file(&config().hand)],
+        vec![SourceFile::named("hand", &config().hand)],
     )
 }
 
@@ -254,7 +249,7 @@ fn a_damaged_distance_field_is_named() {
     field.key = "tin".to_owned();
     let inputs = Inputs::new(
         BTreeMap::from([("distance_fields".to_owned(), vec![field.clone()])]),
-        vec![SourceFile::named_by_file(&config().hand)],
+        vec![SourceFile::named("hand", &config().hand)],
     );
     let cx = Context::detached("checkpoint", "cgf", 7, out.path());
     let err = Train::run(&config(), &inputs, &cx).unwrap_err();
@@ -262,7 +257,7 @@ fn a_damaged_distance_field_is_named() {
     field.files.insert(distance_fields::FIELD.to_owned(), path);
     let inputs = Inputs::new(
         BTreeMap::from([("distance_fields".to_owned(), vec![field])]),
-        vec![SourceFile::named_by_file(&config().hand)],
+        vec![SourceFile::named("hand", &config().hand)],
     );
     let err = Train::run(&config(), &inputs, &cx).unwrap_err();
     assert!(

@@ -9,10 +9,10 @@ use crate::{
     point_net::{
         EPSILON, Ladder, LayerGradient,
         cloud::Cloud,
-        kernel::{LANES, Packed, Row, Sparse, project},
         moments::{Axpy, Moments},
     },
     precision::{narrow, narrow_all, row_index},
+    product::{LANES, Packed, Row, Sparse, project},
 };
 
 /// The gradient by the last layer's input.
@@ -142,7 +142,8 @@ impl Top {
             cloud.input(ladder, below + 1, patch, &mut x);
             if let Some(dense) = &self.dense {
                 sparse.take(&x);
-                project(&dense.kernel, &sparse, &dense.offset, &mut g);
+                let alone = std::slice::from_ref(&sparse);
+                project(&dense.kernel, alone, &dense.offset, &mut g);
             } else {
                 g.fill([0.0; LANES]);
             }

@@ -6,12 +6,14 @@ use super::{
     super::{
         Ladder, Layer, Normalized,
         cloud::{BLOCK, Cloud},
-        kernel::{LANES, Row},
         moments::{clear_beyond, sum_of},
     },
     add,
 };
-use crate::precision::narrow;
+use crate::{
+    precision::narrow,
+    product::{LANES, Row},
+};
 
 /// Sums over points of the gradient `g` by a layer's normalized output.
 pub(super) struct Sums {

@@ -32,7 +32,7 @@ impl Clear {
                     name: body.name.clone(),
                     is_arm: body.name.starts_with("link") && !body.name.contains('.'),
                     link_from_shape: collision.link_from_shape,
-                    shape: collision.shape,
+                    shape: collision.shape.clone(),
                     points: points(&collision.shape),
                 });
             }
@@ -116,6 +116,7 @@ fn outside(shape: &Shape, at: &Vector3<f64>) -> f64 {
             let z = at.z - at.z.clamp(-half_length_m, half_length_m);
             (Vector3::new(at.x, at.y, z).norm() - radius_m).max(0.0)
         }
+        Shape::Convex(_) => panic!("the arm is in primitives"),
     }
 }
 
@@ -133,6 +134,7 @@ fn points(shape: &Shape) -> Vec<Point3<f64>> {
             radius_m,
             half_length_m,
         } => Vector3::new(radius_m, radius_m, half_length_m + radius_m),
+        Shape::Convex(_) => panic!("the arm is in primitives"),
     };
     let mut all = Vec::new();
     for x in -N..=N {
@@ -158,6 +160,7 @@ fn points(shape: &Shape) -> Vec<Point3<f64>> {
                         let off = at - middle;
                         middle + off * (radius_m / off.norm()).min(1.0)
                     }
+                    Shape::Convex(_) => panic!("the arm is in primitives"),
                 }));
             }
         }

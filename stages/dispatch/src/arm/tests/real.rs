@@ -138,12 +138,15 @@ impl Tally {
 
 /// Returns the greatest speed of a joint over its limit.
 fn fastest(arm: &Arm, path: &ArmPath<'_>, course: &Course) -> f64 {
-    let (most, _) = arm.limits();
+    let most = arm.limits();
     let places = (0..=PLACES).map(|k| course.duration_s() * f64::from(k) / f64::from(PLACES));
     places
         .map(|time_s| {
             let velocity = path.at(time_s).unwrap().velocity;
-            let shares = velocity.iter().zip(&most).map(|(v, most)| v.abs() / most);
+            let shares = velocity
+                .iter()
+                .zip(most)
+                .map(|(v, most)| v.abs() / most.velocity);
             shares.fold(0.0, f64::max)
         })
         .fold(0.0, f64::max)

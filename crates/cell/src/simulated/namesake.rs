@@ -1,0 +1,48 @@
+//! Whether another cell has the name already.
+
+use std::time::{Duration, Instant};
+
+use zenoh::{
+    Session, Wait,
+    qos::{CongestionControl, Priority},
+    query::{ConsolidationMode, QueryTarget},
+};
+
+use crate::{
+    CellError, Keys,
+    client::MOST_ANSWER,
+    signature::{Answer, Question},
+};
+
+/// How long another cell gets to say that it is there.
+const ANSWER: Duration = Duration::from_secs(1);
+
+/// Makes sure that nobody answers for a cell of this name, before another one does.
+///
+/// Two cells that start at one moment may both find nobody: dispatchers send nothing to either.
+pub(super) fn refuse(session: &Session, keys: &Keys, endpoint: &str) -> Result<(), CellError> {
+    let question = Question::new(&keys.capabilities()).map_err(CellError::Random)?;
+    let deadline = Instant::now() + ANSWER;
+    let replies = session
+        .get(question.selector(None))
+        .target(QueryTarget::All)
+        .consolidation(ConsolidationMode::None)
+        .congestion_control(CongestionControl::Block)
+        .priority(Priority::RealTime)
+        .timeout(ANSWER)
+        .wait()
+        .map_err(|source| CellError::Zenoh {
+            action: "look for another cell of the name",
+            source: source.into(),
+        })?;
+    let answers = question.collect(&replies, MOST_ANSWER, deadline);
+    if answers.is_empty() {
+        return Ok(());
+    }
+    let who: Vec<String> = answers.iter().map(Answer::who).collect();
+    Err(CellError::NameTaken {
+        name: keys.name().to_owned(),
+        endpoint: endpoint.to_owned(),
+        who: who.join(" and "),
+    })
+}

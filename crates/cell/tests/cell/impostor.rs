@@ -1,0 +1,117 @@
+//! A cell that somebody else made, by the protocol's page alone, and those who only say that they are one.
+
+use std::{
+    sync::Arc,
+    time::{SystemTime, UNIX_EPOCH},
+};
+
+use cell::{PROTOCOL, robot_digest, subscribe};
+use ring::signature::{Ed25519KeyPair, KeyPair};
+use serde_json::{Value, json};
+use zenoh::{
+    Session, Wait,
+    query::{Query, Queryable},
+};
+
+use crate::lab::{GRIPPER, SOON, joints};
+
+/// The key of a journal.
+pub(crate) struct Key(Ed25519KeyPair);
+
+impl Key {
+    pub(crate) fn new(seed: u8) -> Arc<Self> {
+        Arc::new(Self(
+            Ed25519KeyPair::from_seed_unchecked(&[seed; 32]).unwrap(),
+        ))
+    }
+
+    pub(crate) fn name(&self) -> String {
+        hex(self.0.public_key().as_ref())
+    }
+
+    /// Returns an answer to a question.
+    pub(crate) fn sign(&self, query: &Query, body: &[u8]) -> Vec<u8> {
+        let nonce = query.parameters().get("nonce").unwrap_or_default();
+        let digest = blake3::hash(body).to_hex();
+        let text = format!("cgf cell answer\n{}\n{nonce}\n{digest}", query.key_expr());
+        let signature = hex(self.0.sign(text.as_bytes()).as_ref());
+        let line = json!({ "journal": self.name(), "signature": signature });
+        [format!("{line}\n").as_bytes(), body].concat()
+    }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    let digits = bytes.iter().map(|byte| format!("{byte:02x}"));
+    digits.collect::<Vec<_>>().concat()
+}
+
+/// What the cell `simulated` can do whose journal this is.
+pub(crate) fn capabilities(key: &Key) -> Value {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+    json!({
+        "protocol": PROTOCOL,
+        "cell": "simulated",
+        "journal": key.name(),
+        "clock_unix_ms": u64::try_from(since.as_millis()).unwrap(),
+        "simulated": true,
+        "robot": robot_digest(GRIPPER),
+        "controllers": [
+            { "controller": "palm", "rate_hz": 100.0 },
+            { "controller": "hand", "joints": joints(), "rate_hz": 100.0 },
+        ],
+        "max_goal_bytes": 1_000_000,
+        "gap": "it is somebody else's",
+        "real_time": false,
+    })
+}
+
+pub(crate) fn line(value: &Value) -> Vec<u8> {
+    format!("{value}\n").into_bytes()
+}
+
+/// Somebody with a session.
+pub(crate) struct Somebody {
+    session: Session,
+    queryables: Vec<Queryable<()>>,
+}
+
+impl Somebody {
+    pub(crate) fn at(endpoint: &str) -> Self {
+        Self {
+            session: subscribe(endpoint, "nothing", SOON).unwrap().0,
+            queryables: Vec::new(),
+        }
+    }
+
+    /// Answers whoever asks for `key` with what `answers` says.
+    pub(crate) fn answers(
+        &mut self,
+        key: String,
+        answers: impl Fn(&Query) -> Vec<Vec<u8>> + Send + Sync + 'static,
+    ) {
+        let queryable = self.session.declare_queryable(key).callback(move |query| {
+            for answer in answers(&query) {
+                let _sent = query.reply(query.key_expr(), answer).wait();
+            }
+        });
+        self.queryables.push(queryable.wait().unwrap());
+    }
+
+    /// Answers as a cell with this journal does.
+    pub(crate) fn says(
+        &mut self,
+        asked: String,
+        key: &Arc<Key>,
+        body: impl Fn() -> Vec<u8> + Send + Sync + 'static,
+    ) {
+        let key = Arc::clone(key);
+        self.answers(asked, move |query| vec![key.sign(query, &body())]);
+    }
+
+    /// Asks as anybody may; returns what is answered first.
+    pub(crate) fn ask(&self, selector: &str) -> Vec<u8> {
+        let replies = self.session.get(selector).timeout(SOON).wait().unwrap();
+        let reply = replies.recv().unwrap().into_result().unwrap();
+        reply.payload().to_bytes().into_owned()
+    }
+}

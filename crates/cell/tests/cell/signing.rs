@@ -1,0 +1,428 @@
+//! Whose answers are believed.
+
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Duration,
+};
+
+use cell::{
+    CellClient, CellError, Executed, Gap, Halt, Keys, Router, Seen, Service, SimulatedCell,
+    SimulatedCellConfig, Watcher, rehearse,
+};
+use schemas::executions::Outcome;
+use serde_json::{Value, json};
+
+use crate::{
+    impostor::{Key, Somebody, capabilities, line},
+    lab::{GRIPPER, LISTEN, SOON, body, config, connect, cube, execute, goal, robot, scene, start},
+};
+
+/// How long is waited for what does not come.
+const SHORT: Duration = Duration::from_millis(500);
+
+fn keys() -> Keys {
+    Keys::new("simulated").unwrap()
+}
+
+fn router() -> Router {
+    Router::start(LISTEN, None).unwrap()
+}
+
+fn client(router: &Router) -> CellClient {
+    CellClient::connect(router.endpoint(), "simulated", SOON).unwrap()
+}
+
+/// A report that says that a goal succeeded, as a cell gives it.
+fn success() -> Vec<u8> {
+    let service = Service::default();
+    let report = rehearse(&config(service), GRIPPER, &cube(), &goal(0.04), &mut |_| {
+        None
+    })
+    .unwrap();
+    assert_eq!(report.outcome, Outcome::Succeeded);
+    report.to_bytes()
+}
+
+/// What answers a question of each kind, so that somebody would be glad to hear it.
+fn bodies() -> Vec<(String, Vec<u8>)> {
+    let id = goal(0.04).seal().goal_id;
+    let word = |word: &str| line(&json!({ "answer": word }));
+    vec![
+        (
+            keys().goal(),
+            line(&json!({ "answer": "accepted", "known": true })),
+        ),
+        (keys().result(&id), success()),
+        (keys().cancel(&id), word("over")),
+        (keys().stop(), word("done")),
+        (keys().resume(), word("done")),
+    ]
+}
+
+/// Asks a cell what this key is asked for; returns why its answer is not taken.
+fn refused(client: &CellClient, key: &str) -> Option<String> {
+    let id = goal(0.04).seal().goal_id;
+    let halted = |halt: Result<Halt, CellError>| halt.err().map(|err| err.to_string());
+    if key.ends_with("/stop") {
+        return halted(client.stop(SOON));
+    }
+    if key.ends_with("/resume") {
+        return halted(client.resume(SOON));
+    }
+    if key.ends_with("/cancel") {
+        return halted(client.cancel(&id, SOON));
+    }
+    match client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap() {
+        Executed::Unknown(why) => Some(why),
+        Executed::Over(_) | Executed::Known(_) => None,
+    }
+}
+
+#[test]
+fn whoever_else_answers_decides_nothing_and_is_named() {
+    let liar = Key::new(7);
+    for (key, glad) in bodies() {
+        for way in ["unsigned", "signed by another", "said before"] {
+            let cell = start();
+            let mut stranger = Somebody::at(cell.endpoint());
+            let before = match way {
+                "said before" => stranger.ask(&format!("{}?nonce=1", keys().capabilities())),
+                _ => Vec::new(),
+            };
+            let (signer, glad) = (Arc::clone(&liar), glad.clone());
+            stranger.answers(key.clone(), move |query| {
+                vec![match way {
+                    "unsigned" => glad.clone(),
+                    "signed by another" => signer.sign(query, &glad),
+                    _ => before.clone(),
+                }]
+            });
+            let client = connect(&cell);
+            client.capabilities(SOON).unwrap();
+            let why = refused(&client, &key);
+            let why = why.unwrap_or_else(|| panic!("{key}, {way}: it was taken"));
+            let named = match way {
+                "signed by another" => format!("journal {}", &liar.name()[..16]),
+                _ => "without a valid signature".to_owned(),
+            };
+            assert!(why.contains(&named), "{key}, {way}: {why}");
+            assert!(why.contains(&key), "{key}, {way}: {why}");
+        }
+    }
+}
+
+#[test]
+fn a_stranger_whom_nobody_contradicts_is_no_cell() {
+    // The router is no cell of this name.
+    let router = router();
+    for (key, glad) in bodies() {
+        let known = Key::new(1);
+        let mut cell = Somebody::at(router.endpoint());
+        let signer = Arc::clone(&known);
+        cell.says(keys().capabilities(), &known, move || {
+            line(&capabilities(&signer))
+        });
+        // It takes the goal, and says nothing more.
+        if key != keys().goal() {
+            cell.says(keys().goal(), &known, || {
+                line(&json!({ "answer": "accepted", "known": false }))
+            });
+        }
+        let mut stranger = Somebody::at(router.endpoint());
+        stranger.answers(key.clone(), move |_| vec![glad.clone()]);
+        let client = client(&router);
+        client.capabilities(SOON).unwrap();
+        let why = refused(&client, &key).unwrap();
+        assert!(why.contains("without a valid signature"), "{key}: {why}");
+    }
+}
+
+#[test]
+fn a_cell_made_by_the_page_is_believed() {
+    let router = router();
+    let key = Key::new(1);
+    let mut cell = Somebody::at(router.endpoint());
+    let signer = Arc::clone(&key);
+    cell.says(keys().capabilities(), &key, move || {
+        line(&capabilities(&signer))
+    });
+    for (asked, body) in bodies() {
+        cell.says(asked, &key, move || body.clone());
+    }
+    let client = client(&router);
+    assert_eq!(client.capabilities(SOON).unwrap().journal, key.name());
+    let executed = client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap();
+    assert!(
+        matches!(&executed, Executed::Known(report) if report.outcome == Outcome::Succeeded),
+        "{executed:?}"
+    );
+    assert_eq!(client.stop(SOON).unwrap(), Halt::Done);
+    assert_eq!(
+        client.cancel(&goal(0.04).seal().goal_id, SOON).unwrap(),
+        Halt::Over
+    );
+}
+
+/// What a client says of somebody who answers so what they can do.
+fn capabilities_of(answer: impl Fn(&Key) -> Value + Send + Sync + 'static) -> CellError {
+    let router = router();
+    let key = Key::new(1);
+    let mut cell = Somebody::at(router.endpoint());
+    let signer = Arc::clone(&key);
+    cell.says(keys().capabilities(), &key, move || line(&answer(&signer)));
+    client(&router).capabilities(SOON).unwrap_err()
+}
+
+#[test]
+fn what_a_cell_says_of_itself_is_checked_before_anything_is_sent() {
+    fn with(key: &Key, name: &str, value: Value) -> Value {
+        let mut said = capabilities(key);
+        said[name] = value;
+        said
+    }
+    let named = capabilities_of(|key| with(key, "cell", json!("other")));
+    assert!(matches!(named, CellError::OtherName { .. }), "{named}");
+    let journal = capabilities_of(|key| with(key, "journal", json!("00")));
+    assert!(matches!(journal, CellError::Answer { .. }), "{journal}");
+    let version = capabilities_of(|key| with(key, "protocol", json!(5)));
+    assert!(
+        matches!(version, CellError::Protocol { found: 5, .. }),
+        "{version}"
+    );
+    for (ms, word) in [(0, "behind"), (u64::MAX / 4, "ahead")] {
+        let clock = capabilities_of(move |key| with(key, "clock_unix_ms", json!(ms)));
+        assert!(matches!(clock, CellError::Clock { .. }), "{clock}");
+        assert!(clock.to_string().contains(word), "{clock}");
+    }
+    for err in [named, version] {
+        assert!(err.hint().is_some(), "{err}");
+    }
+}
+
+#[test]
+fn a_cell_of_the_version_before_is_told_from_a_stranger() {
+    let answered = |text: &'static str| {
+        let router = router();
+        let mut cell = Somebody::at(router.endpoint());
+        cell.answers(keys().capabilities(), move |_| {
+            vec![text.as_bytes().to_vec()]
+        });
+        client(&router).capabilities(SOON).unwrap_err()
+    };
+    let old = answered("{\"protocol\":3,\"cell\":\"simulated\"}\n");
+    assert!(matches!(old, CellError::Protocol { found: 3, .. }), "{old}");
+    let stranger = answered("{\"protocol\":4}\n");
+    assert!(matches!(stranger, CellError::Unsigned { .. }), "{stranger}");
+    assert!(
+        stranger.to_string().contains("nothing was sent"),
+        "{stranger}"
+    );
+}
+
+#[test]
+fn two_cells_that_answer_to_one_name_are_refused() {
+    let cell = start();
+    // Another program on the same router has the same name.
+    let mut other = Somebody::at(cell.endpoint());
+    let key = Key::new(1);
+    let signer = Arc::clone(&key);
+    other.says(keys().capabilities(), &key, move || {
+        line(&capabilities(&signer))
+    });
+    let err = connect(&cell).capabilities(SOON).unwrap_err();
+    assert!(
+        matches!(err, CellError::SeveralCells { count: 2, .. }),
+        "{err}"
+    );
+    let text = err.to_string();
+    assert!(
+        text.contains("nothing was sent") && text.contains(&key.name()[..16]),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_cell_that_is_exchanged_is_not_the_one_that_was_asked() {
+    let router = router();
+    let exchanged = Arc::new(AtomicBool::new(false));
+    let pair = [Key::new(1), Key::new(2)];
+    let (now, signers) = (Arc::clone(&exchanged), pair.clone());
+    let signer = move || Arc::clone(&signers[usize::from(now.load(Ordering::SeqCst))]);
+    let mut cell = Somebody::at(router.endpoint());
+    let of_capabilities = signer.clone();
+    cell.answers(keys().capabilities(), move |query| {
+        let key = of_capabilities();
+        vec![key.sign(query, &line(&capabilities(&key)))]
+    });
+    cell.answers(keys().stop(), move |query| {
+        vec![signer().sign(query, &line(&json!({ "answer": "done" })))]
+    });
+    let client = client(&router);
+    client.capabilities(SOON).unwrap();
+    assert_eq!(client.stop(SOON).unwrap(), Halt::Done);
+    exchanged.store(true, Ordering::SeqCst);
+    let err = client.capabilities(SOON).unwrap_err();
+    assert!(matches!(err, CellError::OtherCell { .. }), "{err}");
+    let err = client.stop(SOON).unwrap_err();
+    assert!(matches!(err, CellError::Strangers { .. }), "{err}");
+    assert!(err.to_string().contains("may be moving"), "{err}");
+}
+
+#[test]
+fn a_second_cell_of_the_name_does_not_start() {
+    let router = router();
+    let config = |name: &str| SimulatedCellConfig {
+        name: name.to_owned(),
+        listen: String::new(),
+        scene: scene(),
+        arm: None,
+        gap: Gap::default(),
+        service: Service {
+            router: Some(router.endpoint().to_owned()),
+            ..Service::default()
+        },
+    };
+    let first = SimulatedCell::start(config("simulated"), GRIPPER).unwrap();
+    first.put_object("cube", cube());
+    let refused = SimulatedCell::start(config("simulated"), GRIPPER);
+    let err = refused.map(drop).unwrap_err();
+    assert!(matches!(err, CellError::NameTaken { .. }), "{err}");
+    assert!(
+        err.to_string().contains("`simulated`") && err.hint().is_some(),
+        "{err}"
+    );
+    let _other = SimulatedCell::start(config("other"), GRIPPER).unwrap();
+    // The first is as it was.
+    let report = execute(&client(&router), &goal(0.04));
+    assert_eq!(report.outcome, Outcome::Succeeded);
+    first.stop();
+    let _again = SimulatedCell::start(config("simulated"), GRIPPER).unwrap();
+}
+
+#[test]
+fn an_answer_is_not_read_where_it_is_too_long() {
+    let router = router();
+    let key = Key::new(1);
+    let mut cell = Somebody::at(router.endpoint());
+    let signer = Arc::clone(&key);
+    cell.says(keys().capabilities(), &key, move || {
+        line(&capabilities(&signer))
+    });
+    cell.says(keys().goal(), &key, || {
+        line(&json!({ "answer": "accepted", "known": false }))
+    });
+    cell.says(keys().stop(), &key, || vec![b' '; 1 << 20]);
+    // What is longer than any report does not come through at all.
+    cell.answers(keys().result("*"), |_| vec![vec![b' '; 66 << 20]]);
+    let client = client(&router);
+    let err = client.stop(SOON).unwrap_err();
+    assert!(err.to_string().contains("which were not read"), "{err}");
+    let executed = client.execute(&goal(0.04), &robot(), SOON, SHORT).unwrap();
+    assert!(
+        matches!(&executed, Executed::Unknown(why) if why.contains("no answer about the result")),
+        "{executed:?}"
+    );
+}
+
+#[test]
+fn answers_that_cannot_be_read_leave_the_motion_unknown() {
+    for (asked, wrong) in [
+        (keys().goal(), "{}\n"),
+        (keys().goal(), ""),
+        (keys().goal(), "{\"answer\":\"perhaps\"}\n"),
+        (keys().result("*"), "{}\n"),
+        (keys().result("*"), "\u{0}"),
+        (keys().result("*"), "{\"answer\":\"done\"}\n"),
+        (keys().result("*"), "{\"answer\":\"never_taken\"}\n"),
+    ] {
+        let router = router();
+        let key = Key::new(1);
+        let mut cell = Somebody::at(router.endpoint());
+        let signer = Arc::clone(&key);
+        cell.says(keys().capabilities(), &key, move || {
+            line(&capabilities(&signer))
+        });
+        if asked != keys().goal() {
+            cell.says(keys().goal(), &key, || {
+                line(&json!({ "answer": "accepted", "known": false }))
+            });
+        }
+        cell.says(asked.clone(), &key, move || wrong.as_bytes().to_vec());
+        let client = client(&router);
+        let executed = client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap();
+        let Executed::Unknown(why) = executed else {
+            panic!("{asked} {wrong}: {executed:?}");
+        };
+        assert!(
+            why.contains("cannot be read") || why.contains("says that it never did"),
+            "{asked} {wrong}: {why}"
+        );
+    }
+}
+
+#[test]
+fn a_cell_that_takes_a_goal_and_falls_silent_leaves_it_unknown() {
+    let router = router();
+    let key = Key::new(1);
+    let mut mute = Somebody::at(router.endpoint());
+    let signer = Arc::clone(&key);
+    mute.says(keys().capabilities(), &key, move || {
+        line(&capabilities(&signer))
+    });
+    mute.says(keys().goal(), &key, || {
+        line(&json!({ "answer": "accepted", "known": false }))
+    });
+    let client = client(&router);
+    let executed = client.execute(&goal(0.04), &robot(), SOON, SHORT).unwrap();
+    assert!(
+        matches!(&executed, Executed::Unknown(why) if why.contains("no answer about the result")),
+        "{executed:?}"
+    );
+}
+
+#[test]
+fn whoever_watches_takes_no_outcome_from_two() {
+    let cell = start();
+    let mut stranger = Somebody::at(cell.endpoint());
+    let key = Key::new(7);
+    let signer = Arc::clone(&key);
+    let made_up = Arc::new(AtomicBool::new(true));
+    let lies = Arc::clone(&made_up);
+    let line_of = json!({ "journal": key.name(), "results_n": 1 });
+    let lie = json!({
+        "journal": key.name(), "result_n": 0, "goal_id": "00", "outcome": "succeeded",
+        "message": "", "lift_m": 0.1,
+    });
+    stranger.answers(keys().results(), move |query| {
+        let body = [line(&line_of), line(&lie)].concat();
+        let answer = signer.sign(query, &body);
+        if lies.load(Ordering::SeqCst) {
+            vec![answer]
+        } else {
+            Vec::new()
+        }
+    });
+    let mut watcher = Watcher::start(None, cell.endpoint(), "simulated", SOON).unwrap();
+    let goal = goal(0.04);
+    execute(&connect(&cell), &goal);
+    let mut seen = |wait: Duration| {
+        let mut outcomes = Vec::new();
+        while let Some(next) = watcher.next(wait) {
+            if let Seen::Outcome(outcome) = next {
+                outcomes.push(outcome.goal_id);
+            }
+        }
+        (outcomes, watcher.counts().foreign_n)
+    };
+    let (outcomes, foreign_n) = seen(SHORT);
+    assert!(outcomes.is_empty() && foreign_n > 0, "{outcomes:?}");
+    made_up.store(false, Ordering::SeqCst);
+    let (outcomes, _) = seen(Duration::from_secs(2));
+    assert_eq!(outcomes, [goal.seal().goal_id]);
+    // What it answered is signed, and reads as the page says.
+    let answer = stranger.ask(&format!("{}?from=0;nonce=1", keys().results()));
+    assert!(body(&answer).starts_with(b"{\"journal\":"));
+}

@@ -1,0 +1,115 @@
+//! What is wrong with a stage's options beyond their types.
+
+use std::{
+    fmt::{Debug, Display},
+    ops::RangeInclusive,
+};
+
+/// What is wrong with one option of a stage.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OptionFault {
+    /// Dotted key in the stage's table, e.g. `training.epochs`.
+    pub key: String,
+    /// What is wrong, to be read after the key: `is 0, and must be from 1 to 100: …`.
+    pub problem: String,
+}
+
+/// Goes over a stage's options and gathers what is wrong with them.
+///
+/// ```
+/// let mut faults = dataflow::OptionFaults::default();
+/// faults.within("steps", 1, 2..=10_000, "a motion has a beginning and an end");
+/// faults.above("duration_s", f64::NAN, 0.0, 3600.0, "a grasp takes seconds");
+/// let found = faults.found();
+/// assert_eq!(found[0].key, "steps");
+/// assert_eq!(
+///     found[1].problem,
+///     "is NaN, and must be more than 0 and at most 3600: a grasp takes seconds"
+/// );
+/// ```
+#[derive(Debug, Clone, Default)]
+pub struct OptionFaults {
+    found: Vec<OptionFault>,
+}
+
+impl OptionFaults {
+    /// Notes an option that is not within these bounds, and `why` they are where they are. What is no
+    /// number is within none.
+    pub fn within<N: PartialOrd + Copy + Debug + Display>(
+        &mut self,
+        key: &str,
+        value: N,
+        bounds: RangeInclusive<N>,
+        why: &str,
+    ) {
+        if !bounds.contains(&value) {
+            let (least, most) = bounds.into_inner();
+            let problem = format!("is {value:?}, and must be from {least} to {most}: {why}");
+            self.note(key, problem);
+        }
+    }
+
+    /// Notes a number that is not more than `bound` and at most `most`, and `why`.
+    pub fn above(&mut self, key: &str, value: f64, bound: f64, most: f64, why: &str) {
+        if !(value > bound && value <= most) {
+            let problem =
+                format!("is {value:?}, and must be more than {bound} and at most {most}: {why}");
+            self.note(key, problem);
+        }
+    }
+
+    /// Notes that something is wrong with an option.
+    pub fn note(&mut self, key: &str, problem: impl Into<String>) {
+        self.found.push(OptionFault {
+            key: key.to_owned(),
+            problem: problem.into(),
+        });
+    }
+
+    /// Adds what is wrong with the options of a table inside the stage's, e.g. `training`.
+    pub fn of_table(&mut self, table: &str, found: Vec<OptionFault>) {
+        self.found
+            .extend(found.into_iter().map(|fault| OptionFault {
+                key: format!("{table}.{}", fault.key),
+                ..fault
+            }));
+    }
+
+    /// Returns what was noted.
+    pub fn found(self) -> Vec<OptionFault> {
+        self.found
+    }
+}
+
+impl std::fmt::Display for OptionFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "`{}` {}", self.key, self.problem)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_outside_its_bounds_is_named_with_value_bounds_and_reason() {
+        let mut faults = OptionFaults::default();
+        faults.within("ok", 3, 1..=3, "");
+        faults.above("fine", 1e-9, 0.0, 1.0, "");
+        assert_eq!(faults.clone().found(), []);
+        faults.within("n", 4_000_000_000_u64, 1..=3, "each is held in memory");
+        faults.within("share", f64::NAN, 0.0..=1.0, "it is a share");
+        faults.above("rate_hz", f64::INFINITY, 0.0, 10.0, "nothing is faster");
+        let mut outer = OptionFaults::default();
+        outer.of_table("inner", faults.found());
+        let said: Vec<String> = outer.found().iter().map(ToString::to_string).collect();
+        assert_eq!(
+            said,
+            [
+                "`inner.n` is 4000000000, and must be from 1 to 3: each is held in memory",
+                "`inner.share` is NaN, and must be from 0 to 1: it is a share",
+                "`inner.rate_hz` is inf, and must be more than 0 and at most 10: nothing is faster",
+            ]
+        );
+    }
+}

@@ -1,0 +1,116 @@
+//! Marks of pipelines whose tables and files are being changed for people to see.
+//!
+//! Until the run that changes them is recorded, what is shown is neither what the newest record says
+//! nor damaged. A mark is an empty file `changing/PIPELINE.PROCESS`: it outlives its process, and is
+//! removed when a later run has shown everything that the pipeline makes.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+    sync::{Mutex, MutexGuard, PoisonError},
+};
+
+use dataflow::NodeName;
+
+use crate::{
+    LakeError, atomic,
+    folder::{Lake, names_in},
+    lock,
+};
+
+/// Folder of the marks, below the lake.
+const FOLDER: &str = "changing";
+
+/// What this process shows, by pipeline.
+#[derive(Default)]
+pub(crate) struct Changing(Mutex<BTreeMap<String, Progress>>);
+
+#[derive(Default)]
+struct Progress {
+    /// Nodes of which exactly the right files are shown.
+    shown: BTreeSet<NodeName>,
+    /// Whether something was begun to be shown and not brought to its end.
+    failed: bool,
+    /// Whether nothing of the pipeline is left to be shown.
+    whole: bool,
+}
+
+impl Changing {
+    fn known(&self) -> MutexGuard<'_, BTreeMap<String, Progress>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Begins a run of a pipeline.
+    pub(crate) fn enter(&self, pipeline: &str) {
+        self.known()
+            .insert(pipeline.to_owned(), Progress::default());
+    }
+
+    /// Notes that showing something came to its end, or did not.
+    pub(crate) fn note<T>(
+        &self,
+        pipeline: &str,
+        node: Option<&NodeName>,
+        result: Result<T, LakeError>,
+    ) -> Result<T, LakeError> {
+        let mut known = self.known();
+        let progress = known.entry(pipeline.to_owned()).or_default();
+        progress.failed |= result.is_err();
+        progress.shown.extend(node.cloned());
+        result
+    }
+
+    /// Notes that a pipeline has these nodes and no others.
+    pub(crate) fn has<'n>(&self, pipeline: &str, mut nodes: impl Iterator<Item = &'n NodeName>) {
+        let mut known = self.known();
+        let progress = known.entry(pipeline.to_owned()).or_default();
+        progress.whole = !progress.failed && nodes.all(|node| progress.shown.contains(node));
+    }
+}
+
+/// Marks a pipeline before something that it shows is changed.
+pub(crate) fn mark(lake: &Lake, pipeline: &str) -> Result<(), LakeError> {
+    lake.prepare()?;
+    let path = lake.root().join(FOLDER).join(mine(pipeline));
+    if path.exists() {
+        return Ok(());
+    }
+    atomic::write(&lake.staging(), &path, b"")
+}
+
+/// Removes this process's mark when what a pipeline shows is recorded, and those of dead processes
+/// when nothing is left of what they began.
+pub(crate) fn unmark(lake: &Lake, pipeline: &str) -> Result<(), LakeError> {
+    let folder = lake.root().join(FOLDER);
+    let known = lake.changing().known();
+    let Some(progress) = known.get(pipeline).filter(|progress| !progress.failed) else {
+        return Ok(());
+    };
+    for name in marks(lake)? {
+        let Some((of, process)) = name.rsplit_once('.') else {
+            continue;
+        };
+        let alive = lock::is_held(&lake.locks(), &Lake::alive_name(process));
+        if name == mine(pipeline) || (of == pipeline && progress.whole && !alive) {
+            atomic::remove_if_there(&folder.join(name))?;
+        }
+    }
+    let _kept = std::fs::remove_dir(&folder);
+    Ok(())
+}
+
+/// The pipelines that are marked.
+pub(crate) fn pipelines(lake: &Lake) -> Result<BTreeSet<String>, LakeError> {
+    let marks = marks(lake)?;
+    let pipelines = marks.iter().filter_map(|name| name.rsplit_once('.'));
+    Ok(pipelines.map(|(pipeline, _)| pipeline.to_owned()).collect())
+}
+
+/// The names of all marks.
+pub(crate) fn marks(lake: &Lake) -> Result<Vec<String>, LakeError> {
+    names_in(&lake.root().join(Path::new(FOLDER)))
+}
+
+fn mine(pipeline: &str) -> String {
+    format!("{pipeline}.{}", atomic::process_name())
+}

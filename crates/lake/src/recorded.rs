@@ -1,0 +1,391 @@
+//! What the records say: which unit made each newest partition, and which bytes its files have.
+//!
+//! What people see below `tables/` and `every/` is made of this, and can be lost, exchanged or added
+//! to; a question is answered from here.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::{Path, PathBuf},
+};
+
+use dataflow::{Digest, FileRef, NodeName, RecordOutcome, RunStatus, UnitRef};
+
+use crate::{
+    LakeError, again,
+    folder::Lake,
+    history, published,
+    runs::{self, Run},
+    table,
+    verify::check_digests,
+};
+
+/// The newest partitions of a node, as the newest run that showed them left them.
+pub(crate) struct ShownNode {
+    pub(crate) node: NodeName,
+    /// The column of partitions' keys.
+    pub(crate) column: String,
+    pub(crate) units: Vec<UnitRef>,
+}
+
+/// Partitions of a table that one stage of one pipeline made. Their bytes have been checked.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StageTable {
+    /// The pipeline.
+    pub pipeline: String,
+    /// The stage.
+    pub stage: String,
+    /// The column of partitions' keys.
+    pub column: String,
+    /// The table's file of each partition, by key, below a folder `COLUMN=KEY` and one
+    /// `fingerprint=DIGITS`.
+    pub files: BTreeMap<String, PathBuf>,
+}
+
+/// A table, or what is left of it.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct TableFiles {
+    /// Its partitions by stage.
+    pub stages: Vec<StageTable>,
+    /// Number of partitions that are no longer in the lake: somebody collected them.
+    pub n_collected: usize,
+}
+
+/// A file and what it must hold.
+pub(crate) type Promised = (PathBuf, Digest);
+
+impl Lake {
+    /// Returns the newest partitions of a table: of the pipeline whose newest run is the newest of
+    /// those that show the table.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a record or a file of it is lost or damaged.
+    pub fn newest_table(&self, table: &str) -> Result<TableFiles, LakeError> {
+        let mut recorded = Recorded::of(self)?;
+        let mut asked = BTreeSet::new();
+        let mut idx = 0;
+        while let Some(run) = recorded.at(idx)? {
+            idx += 1;
+            let pipeline = run.record.pipeline.clone();
+            if !asked.insert(pipeline.clone()) {
+                continue;
+            }
+            let mut promised = Vec::new();
+            let mut found = TableFiles::default();
+            for shown in recorded.shown_nodes(&pipeline, |node| node.artifact == table)? {
+                let mut files = BTreeMap::new();
+                for unit in &shown.units {
+                    let outcome = self.outcome_of(&unit.fingerprint)?;
+                    if let Some(file) = files_of(&outcome).and_then(|files| files.get(table::FILE))
+                    {
+                        let path = self.every_path(&shown.column, unit);
+                        promised.push((path.clone(), file.digest));
+                        files.insert(unit.partition.clone(), path);
+                    }
+                }
+                found.add(&pipeline, &shown.node.stage, &shown.column, files);
+            }
+            if !found.stages.is_empty() {
+                check(&promised)?;
+                return Ok(found);
+            }
+        }
+        Ok(TableFiles::default())
+    }
+
+    /// Returns the partitions of a table that a run had.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a record or a file of it is lost or damaged.
+    pub fn table_of_run(&self, table: &str, run: &Run) -> Result<TableFiles, LakeError> {
+        let mut promised = Vec::new();
+        let found = self.table_had_by(table, run, &mut promised)?;
+        check(&promised)?;
+        Ok(found)
+    }
+
+    /// Returns every partition of a table that any run had, each once.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a record or a file of it is lost or damaged.
+    pub fn table_of_all_runs(&self, table: &str) -> Result<TableFiles, LakeError> {
+        let mut promised = Vec::new();
+        let mut all = TableFiles::default();
+        let mut lists = BTreeSet::new();
+        for number in runs::numbers(self.root())? {
+            let run = runs::read(self.root(), number)?;
+            // Runs that had the same units share their list.
+            if lists.insert((run.record.pipeline.clone(), run.manifest)) {
+                let run = self.run(number)?;
+                let found = self.table_had_by(table, &run, &mut promised)?;
+                all.stages.extend(found.stages);
+                all.n_collected += found.n_collected;
+            }
+        }
+        promised.sort();
+        promised.dedup();
+        check(&promised)?;
+        Ok(all)
+    }
+
+    /// Lists the partitions of a table that a run had, and what their files must hold.
+    fn table_had_by(
+        &self,
+        table: &str,
+        run: &Run,
+        promised: &mut Vec<Promised>,
+    ) -> Result<TableFiles, LakeError> {
+        let mut found = TableFiles::default();
+        for node in shown_by(run).filter(|node| node.artifact == table) {
+            let Some(column) = column_of(run, node) else {
+                continue;
+            };
+            let mut files = BTreeMap::new();
+            for unit in run.record.units.iter().filter(|unit| unit.node == *node) {
+                let path = self.every_path(column, unit);
+                let Some(stored) = self.records().read(&unit.fingerprint)? else {
+                    // Whoever collects a unit leaves nothing of it.
+                    if path.exists() || self.records().path(&unit.fingerprint).exists() {
+                        return Err(self.lost_record(&unit.fingerprint));
+                    }
+                    found.n_collected += 1;
+                    continue;
+                };
+                let made = files_of(&stored.outcome);
+                if let Some(file) = made.and_then(|files| files.get(table::FILE)) {
+                    promised.push((path.clone(), file.digest));
+                    files.insert(unit.partition.clone(), path);
+                }
+            }
+            found.add(&run.record.pipeline, &node.stage, column, files);
+        }
+        Ok(found)
+    }
+
+    /// Returns the files of a table of runs, by the runs' numbers. Their bytes have been checked.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a record of a run or a file is lost or damaged.
+    pub fn history_table(&self, name: &str) -> Result<BTreeMap<u64, PathBuf>, LakeError> {
+        let mut files = BTreeMap::new();
+        let mut promised = Vec::new();
+        for number in runs::numbers(self.root())? {
+            let run = runs::read(self.root(), number)?;
+            if let Some(file) = run.history.get(name) {
+                let path = self.root().join(history::shown(name, number));
+                promised.push((path.clone(), file.digest));
+                files.insert(number, path);
+            }
+        }
+        check(&promised)?;
+        Ok(files)
+    }
+
+    /// Where the table of a unit lies, whatever is newest.
+    pub(crate) fn every_path(&self, column: &str, unit: &UnitRef) -> PathBuf {
+        let artifact = &unit.node.artifact;
+        published::every_path(
+            self.root(),
+            artifact,
+            column,
+            &unit.partition,
+            &unit.fingerprint,
+        )
+    }
+
+    /// What became of a unit that is newest: its record must be there.
+    fn outcome_of(&self, fingerprint: &Digest) -> Result<RecordOutcome, LakeError> {
+        let stored = self.records().read(fingerprint)?;
+        let stored = stored.ok_or_else(|| self.lost_record(fingerprint))?;
+        Ok(stored.outcome)
+    }
+
+    fn lost_record(&self, fingerprint: &Digest) -> LakeError {
+        let path = self.records().path(fingerprint);
+        if path.exists() {
+            LakeError::Damaged { path }
+        } else {
+            LakeError::Lost { path }
+        }
+    }
+
+    /// What a pipeline shows, by path below the lake, and what it must hold. Units whose records are
+    /// lost are returned beside it.
+    pub(crate) fn promised_by(
+        &self,
+        pipeline: &str,
+    ) -> Result<(BTreeMap<String, Digest>, Vec<Digest>), LakeError> {
+        let (mut promised, mut lost) = (BTreeMap::new(), Vec::new());
+        for node in Recorded::of(self)?.shown_nodes(pipeline, |_| true)? {
+            for unit in &node.units {
+                let Some(stored) = self.records().read(&unit.fingerprint)? else {
+                    lost.push(unit.fingerprint);
+                    continue;
+                };
+                let folders = published::Folders::of(pipeline, &node.node);
+                for (name, file) in files_of(&stored.outcome).into_iter().flatten() {
+                    let path = folders.path(&node.column, &unit.partition, name);
+                    promised.insert(path, file.digest);
+                }
+            }
+        }
+        Ok((promised, lost))
+    }
+
+    /// Units that the newest partitions of every pipeline come from.
+    pub(crate) fn newest_shown_units(&self) -> Result<BTreeSet<Digest>, LakeError> {
+        let mut recorded = Recorded::of(self)?;
+        let mut units = BTreeSet::new();
+        for pipeline in recorded.pipelines()? {
+            for node in recorded.shown_nodes(&pipeline, |_| true)? {
+                units.extend(node.units.iter().map(|unit| unit.fingerprint));
+            }
+        }
+        Ok(units)
+    }
+
+    /// Pipelines of which there is a record of a run, the one with the newest run first.
+    pub(crate) fn recorded_pipelines(&self) -> Result<Vec<String>, LakeError> {
+        Recorded::of(self)?.pipelines()
+    }
+}
+
+impl TableFiles {
+    fn add(&mut self, pipeline: &str, stage: &str, column: &str, files: BTreeMap<String, PathBuf>) {
+        if !files.is_empty() {
+            self.stages.push(StageTable {
+                pipeline: pipeline.to_owned(),
+                stage: stage.to_owned(),
+                column: column.to_owned(),
+                files,
+            });
+        }
+    }
+}
+
+/// The runs of a lake, the newest or last gone through first, each read when it is first asked for.
+struct Recorded<'a> {
+    lake: &'a Lake,
+    /// Numbers of the runs that are not read yet, in order.
+    left: Vec<u64>,
+    read: Vec<Run>,
+}
+
+impl<'a> Recorded<'a> {
+    fn of(lake: &'a Lake) -> Result<Self, LakeError> {
+        Ok(Self {
+            lake,
+            left: again::ordered(lake.root())?,
+            read: Vec::new(),
+        })
+    }
+
+    /// Returns a run without its units, 0 for the newest; `None` where there are fewer runs.
+    fn at(&mut self, idx: usize) -> Result<Option<&Run>, LakeError> {
+        while self.read.len() <= idx {
+            let Some(number) = self.left.pop() else {
+                return Ok(None);
+            };
+            self.read.push(runs::read(self.lake.root(), number)?);
+        }
+        Ok(self.read.get(idx))
+    }
+
+    fn pipelines(&mut self) -> Result<Vec<String>, LakeError> {
+        let mut pipelines = Vec::new();
+        let mut idx = 0;
+        while let Some(run) = self.at(idx)? {
+            idx += 1;
+            if !pipelines.contains(&run.record.pipeline) {
+                pipelines.push(run.record.pipeline.clone());
+            }
+        }
+        Ok(pipelines)
+    }
+
+    /// Returns what a pipeline shows of these nodes: of each what the newest run that showed it left,
+    /// without nodes that the pipeline no longer had when a run of it last came to its end.
+    fn shown_nodes(
+        &mut self,
+        pipeline: &str,
+        is_asked: impl Fn(&NodeName) -> bool,
+    ) -> Result<Vec<ShownNode>, LakeError> {
+        let mut found: BTreeMap<NodeName, ShownNode> = BTreeMap::new();
+        // Known once a run that came to its end is seen: what runs after it have failed in stays.
+        let mut left: Option<BTreeSet<NodeName>> = None;
+        let mut idx = 0;
+        while left.as_ref().is_none_or(|left| !left.is_empty()) {
+            let root = self.lake.root();
+            let Some(run) = self.at(idx)? else {
+                break;
+            };
+            idx += 1;
+            if run.record.pipeline != pipeline {
+                continue;
+            }
+            let shown: BTreeSet<&NodeName> = shown_by(run).filter(|node| is_asked(node)).collect();
+            let is_new = |node: &&&NodeName| {
+                !found.contains_key(**node)
+                    && left.as_ref().is_none_or(|left| left.contains(**node))
+            };
+            let new: Vec<&NodeName> = shown.iter().filter(is_new).copied().collect();
+            let units = if new.is_empty() {
+                Vec::new()
+            } else {
+                runs::units(root, run)?
+            };
+            let new = new.into_iter().filter_map(|node| {
+                let of_node = units.iter().filter(|unit| unit.node == *node);
+                let shown = ShownNode {
+                    node: node.clone(),
+                    column: column_of(run, node)?.to_owned(),
+                    units: of_node.cloned().collect(),
+                };
+                Some((node.clone(), shown))
+            });
+            found.extend(new.collect::<Vec<_>>());
+            if left.is_none() && run.record.status == RunStatus::Finished {
+                let outputs = run.record.outputs.iter().map(|output| &output.node);
+                left = Some(outputs.filter(|node| is_asked(node)).cloned().collect());
+            }
+            if let Some(left) = &mut left {
+                left.retain(|node| !found.contains_key(node));
+            }
+        }
+        Ok(found.into_values().collect())
+    }
+}
+
+/// The nodes that a run has shown.
+pub(crate) fn shown_by(run: &Run) -> impl Iterator<Item = &NodeName> {
+    let nodes = run.record.nodes.iter().filter(|node| node.shown);
+    nodes.map(|node| &node.node)
+}
+
+/// The column of partitions' keys of a node of a run.
+pub(crate) fn column_of<'r>(run: &'r Run, node: &NodeName) -> Option<&'r str> {
+    let mut outputs = run.record.outputs.iter();
+    let output = outputs.find(|output| output.node == *node)?;
+    Some(&output.partition)
+}
+
+/// The files of a result, if it has any.
+pub(crate) fn files_of(outcome: &RecordOutcome) -> Option<&BTreeMap<String, FileRef>> {
+    match outcome {
+        RecordOutcome::Made { files, .. } => Some(files),
+        RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => None,
+    }
+}
+
+/// Reads files and makes sure that each holds what it must.
+fn check(promised: &[Promised]) -> Result<(), LakeError> {
+    let (wrong, _) = check_digests(promised, &|_, _| {}, Path::to_owned);
+    match wrong.into_iter().next() {
+        None => Ok(()),
+        Some(path) if path.exists() => Err(LakeError::Damaged { path }),
+        Some(path) => Err(LakeError::Lost { path }),
+    }
+}

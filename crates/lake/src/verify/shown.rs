@@ -1,0 +1,262 @@
+//! Checking what people see against what the records say: all of it, and nothing else.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs, io,
+    os::unix::fs::MetadataExt,
+    path::Path,
+};
+
+use dataflow::{Digest, RunStatus};
+
+use super::{Verifier, files_below, named_by};
+use crate::{
+    LakeError,
+    blobs::digest_file,
+    changing, history, mend,
+    published::{EVERY, FILES, REPORTS, TABLES},
+    recorded::files_of,
+    runs,
+    stamp::Stamp,
+    table, views,
+};
+
+/// How often what people see is compared with the records while runs end.
+const SHOWN_TRIES: usize = 5;
+
+impl Verifier<'_> {
+    /// Checks what people see against what the records say.
+    pub(super) fn all_shown(&mut self) -> Result<(), LakeError> {
+        // Runs may end meanwhile: then what was read of them is not all.
+        let n_faults = self.verified.faults.len();
+        let n_files = self.verified.n_files;
+        for _ in 0..SHOWN_TRIES {
+            let before = self.state_of_runs()?;
+            self.verified.faults.truncate(n_faults);
+            self.verified.n_files = n_files;
+            self.shown_now()?;
+            if self.verified.faults.len() == n_faults || self.state_of_runs()? == before {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Changes whenever a run begins or ends to change what people see.
+    fn state_of_runs(&self) -> Result<(Vec<String>, Vec<Option<Stamp>>), LakeError> {
+        let runs = files_below(&runs::folder(self.lake.root()))?;
+        let stamps = runs.iter().map(|path| Stamp::read(path).ok());
+        Ok((changing::marks(self.lake)?, stamps.collect()))
+    }
+
+    fn shown_now(&mut self) -> Result<(), LakeError> {
+        let root = self.lake.root();
+        let faults = self.verified.faults.iter();
+        let shown = Shown {
+            damaged: faults
+                .filter(|fault| fault.path.starts_with("blobs"))
+                .filter_map(|fault| named_by(&fault.path))
+                .collect(),
+            changing: changing::pipelines(self.lake)?,
+        };
+        let mut promised = BTreeMap::new();
+        let pipelines = match self.lake.recorded_pipelines() {
+            Ok(pipelines) => pipelines,
+            // Reported already, and with it nothing can be said about what is shown.
+            Err(LakeError::Damaged { .. } | LakeError::Json { .. }) => return Ok(()),
+            Err(err) => return Err(err),
+        };
+        for pipeline in pipelines {
+            let (of_pipeline, lost) = match self.lake.promised_by(&pipeline) {
+                Ok(promised) => promised,
+                Err(
+                    LakeError::Damaged { .. } | LakeError::Json { .. } | LakeError::Lost { .. },
+                ) => {
+                    return Ok(());
+                }
+                Err(err) => return Err(err),
+            };
+            for unit in lost {
+                let path = self.lake.records().path(&unit);
+                if !path.exists() {
+                    self.fault(&path, "is missing: what it is the record of is shown");
+                }
+            }
+            promised.extend(of_pipeline);
+        }
+        for folder in [TABLES, FILES, REPORTS] {
+            for path in files_below(&root.join(folder))? {
+                let name = path.strip_prefix(root).unwrap_or(&path);
+                if history::TABLES
+                    .iter()
+                    .any(|table| name.starts_with(Path::new(TABLES).join(table)))
+                {
+                    continue;
+                }
+                let promise = promised.remove(&*name.to_string_lossy());
+                self.shown_file(&shown, &path, promise);
+            }
+        }
+        for (name, _) in promised {
+            if !shown.is_changing(Path::new(&name)) {
+                self.fault(&root.join(&name), "is missing: a unit made it");
+            }
+        }
+        self.history_shown()?;
+        self.every_shown(&shown)?;
+        self.views()
+    }
+
+    /// Checks a file below the newest tables, files and charts.
+    fn shown_file(&mut self, shown: &Shown, path: &Path, promised: Option<Digest>) {
+        self.verified.n_files += 1;
+        let digest = match self.digest_shown(path) {
+            Ok(digest) => digest,
+            Err(err) if err.kind() == io::ErrorKind::NotFound => return,
+            Err(err) => return self.fault(path, format!("cannot be read: {err}")),
+        };
+        let name = path.strip_prefix(self.lake.root()).unwrap_or(path);
+        // A run that is not recorded yet may show what it has made.
+        let is_new = || shown.is_changing(name) && self.lake.blobs().path(&digest).exists();
+        match promised {
+            _ if shown.damaged.contains(&digest) => self.fault(path, "it shows damaged bytes"),
+            Some(promised) if promised == digest => {}
+            _ if is_new() => {}
+            Some(_) => self.fault(path, "it is not what the unit made that it is named for"),
+            None => self.fault(path, "it is not what a unit made that is newest"),
+        }
+    }
+
+    /// The digest of what a file shows; a blob that is shown has been read already.
+    fn digest_shown(&self, path: &Path) -> io::Result<Digest> {
+        let metadata = fs::metadata(path)?;
+        match self.inodes.get(&(metadata.dev(), metadata.ino())) {
+            Some(digest) => Ok(*digest),
+            None => digest_file(path),
+        }
+    }
+
+    /// Checks the tables of runs.
+    fn history_shown(&mut self) -> Result<(), LakeError> {
+        let root = self.lake.root();
+        let mut there = BTreeSet::new();
+        for name in history::TABLES {
+            there.extend(files_below(&root.join(TABLES).join(name))?);
+        }
+        let mut running = BTreeSet::new();
+        for number in runs::numbers(root)? {
+            let Ok(run) = runs::read(root, number) else {
+                running.insert(number);
+                continue;
+            };
+            if run.record.status == RunStatus::Running {
+                running.insert(number);
+            }
+            for (name, file) in &run.history {
+                let path = root.join(history::shown(name, number));
+                there.remove(&path);
+                self.verified.n_files += 1;
+                match digest_file(&path) {
+                    Ok(digest) if digest == file.digest => {}
+                    Ok(_) => self.fault(&path, "it is not what its run did"),
+                    Err(err) => self.fault(&path, format!("cannot be read: {err}")),
+                }
+                let blob = self.lake.file(file);
+                if !blob.exists() {
+                    self.fault(&blob, "is missing: it is a table of a run");
+                }
+            }
+        }
+        for path in there {
+            // A run that ends writes its tables before it says so.
+            if !mend::run_of(&path).is_some_and(|run| running.contains(&run)) {
+                self.fault(&path, "it is not what a run did");
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks the tables of all units.
+    fn every_shown(&mut self, shown: &Shown) -> Result<(), LakeError> {
+        let root = self.lake.root();
+        let mut promised = mend::every_promised(self.lake)?;
+        for path in files_below(&root.join(EVERY))? {
+            self.verified.n_files += 1;
+            let is_promised = promised.remove(&path).is_some();
+            let Some((partition, unit)) = mend::unit_of(&path) else {
+                self.fault(&path, "it is not what a unit made");
+                continue;
+            };
+            let Some(stored) = self.lake.records().read(&unit)? else {
+                if is_promised {
+                    let record = self.lake.records().path(&unit);
+                    if !record.exists() {
+                        self.fault(&record, "is missing: what it is the record of is there");
+                    }
+                }
+                self.fault(&path, "the record of its unit is missing or damaged");
+                continue;
+            };
+            let made = files_of(&stored.outcome).and_then(|files| files.get(table::FILE));
+            match (self.digest_shown(&path), made) {
+                (Ok(digest), _) if shown.damaged.contains(&digest) => {
+                    self.fault(&path, "it shows damaged bytes");
+                }
+                (Ok(digest), Some(file))
+                    if digest == file.digest && stored.partition == partition => {}
+                (Ok(_), _) => {
+                    self.fault(&path, "it is not what the unit made that it is named for");
+                }
+                (Err(err), _) => self.fault(&path, format!("cannot be read: {err}")),
+            }
+        }
+        for (path, unit) in promised {
+            let stored = self.lake.records().read(&unit)?;
+            let made = stored.as_ref().and_then(|stored| files_of(&stored.outcome));
+            if made.is_some_and(|files| files.contains_key(table::FILE)) {
+                self.fault(&path, "is missing: a unit made it");
+            }
+        }
+        Ok(())
+    }
+
+    fn views(&mut self) -> Result<(), LakeError> {
+        let path = views::path(self.lake.root());
+        let there = crate::atomic::read_if_there(&path)?;
+        self.verified.n_files += usize::from(there.is_some());
+        let is_due = self
+            .lake
+            .root()
+            .join(TABLES)
+            .join(history::TABLES[0])
+            .exists();
+        let is_right = || -> Result<bool, LakeError> {
+            Ok(there.as_deref() == Some(views::text(self.lake)?.as_bytes()))
+        };
+        if is_due && changing::marks(self.lake)?.is_empty() && !is_right()? {
+            self.fault(&path, "they are not the views of the tables that there are");
+        }
+        Ok(())
+    }
+}
+
+/// What counts for all files that people see.
+struct Shown {
+    /// Blobs that are damaged.
+    damaged: BTreeSet<Digest>,
+    /// Pipelines whose tables and files are being changed, or were when a program died.
+    changing: BTreeSet<String>,
+}
+
+impl Shown {
+    /// Whether a file, named below the lake, is one that its pipeline may be changing.
+    fn is_changing(&self, name: &Path) -> bool {
+        let mut folders = name.iter().skip(1).filter_map(|folder| folder.to_str());
+        let folders = [folders.next(), folders.next()];
+        let pipeline = match (name.starts_with(TABLES), folders) {
+            (true, [_, Some(folder)]) => folder.strip_prefix("pipeline="),
+            (_, [pipeline, _]) => pipeline,
+        };
+        pipeline.is_some_and(|pipeline| self.changing.contains(pipeline))
+    }
+}

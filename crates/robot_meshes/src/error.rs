@@ -1,0 +1,90 @@
+//! Why a mesh that a robot collides with cannot be used.
+
+use std::{io, path::PathBuf};
+
+use geometry::GeometryError;
+use robot::RobotError;
+
+/// Why a mesh that a robot collides with cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeshError {
+    /// The URDF that names the meshes cannot be read.
+    #[error("cannot read the URDF `{}`", path.display())]
+    ReadUrdf {
+        /// The file.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// The URDF that names the meshes cannot be used.
+    #[error("cannot use the URDF `{}`", path.display())]
+    Urdf {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: RobotError,
+    },
+    /// There is no such file.
+    #[error("link `{link}` of `{}` collides with the mesh `{file}`, which is not there", urdf.display())]
+    Missing {
+        /// The link.
+        link: String,
+        /// The mesh as the URDF names it.
+        file: String,
+        /// The URDF.
+        urdf: PathBuf,
+    },
+    /// The file is of a kind that is not read.
+    #[error("link `{link}` collides with the mesh `{}`, which is neither STL nor OBJ", path.display())]
+    Kind {
+        /// The link.
+        link: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file cannot be read.
+    #[error("cannot read the mesh `{}` of link `{link}`", path.display())]
+    Read {
+        /// The link.
+        link: String,
+        /// The file.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// The file is no mesh with a volume.
+    #[error("cannot use the mesh `{}` of link `{link}`", path.display())]
+    Mesh {
+        /// The link.
+        link: String,
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: GeometryError,
+    },
+}
+
+impl MeshError {
+    /// Says what to do next, if that is known.
+    pub fn hint(&self) -> Option<String> {
+        match self {
+            Self::ReadUrdf { .. } | Self::Read { .. } => None,
+            Self::Urdf { source, .. } => source.hint(),
+            Self::Missing { .. } => Some(
+                "put it where the URDF says, relative to it or to a folder above it that has the \
+                 package's name, or give its link `<collision>` shapes that are no meshes"
+                    .to_owned(),
+            ),
+            Self::Kind { path, .. } => {
+                let stl = path.with_extension("stl");
+                Some(format!(
+                    "convert it and name the new file in the URDF, e.g. `assimp export {} {}`",
+                    path.display(),
+                    stl.display()
+                ))
+            }
+            Self::Mesh { source, .. } => source.hint(),
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! What a scene and a protocol can be: the bounds of their numbers.
+
+use crate::config::{Protocol, PullConfig, SceneConfig, Trial};
+
+/// Longest of the times that a protocol is made of, in seconds.
+const LONGEST_S: f64 = 3600.0;
+/// Shortest physics time step, in seconds: the numbers of physics have 32 bits.
+const SHORTEST_STEP_S: f64 = 1e-6;
+/// Longest physics time step, in seconds.
+const LONGEST_STEP_S: f64 = 0.1;
+/// Most physics steps in one control step.
+const MOST_STEPS_PER_CONTROL: u32 = 10_000;
+/// Most control steps of a motion, of which each is held in memory: 500 times those of a usual one.
+const MOST_CONTROL_STEPS: f64 = 100_000.0;
+/// Most physics steps of a motion or of an object that comes to rest.
+const MOST_STEPS: f64 = 10_000_000.0;
+/// Most links of a hand.
+const MOST_LINKS: u32 = 5000;
+/// Greatest number of any other setting.
+const MOST: f64 = 1e6;
+
+/// What is wrong with one setting.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SettingFault {
+    /// Dotted name of the setting, e.g. `drive.stiffness`.
+    pub key: &'static str,
+    /// What is wrong, to be read after the name.
+    pub problem: String,
+}
+
+impl SceneConfig {
+    /// Returns what is wrong with the scene's settings, each with its bounds and why they are there.
+    pub fn faults(&self) -> Vec<SettingFault> {
+        let mut faults = Faults::default();
+        for (key, number) in [
+            ("mass_scale", self.mass_scale),
+            ("hand_mass_scale", self.hand_mass_scale),
+            ("drive.stiffness", self.drive.stiffness),
+        ] {
+            faults.above(key, number, "without it nothing is moved, or held");
+        }
+        for (key, number) in [
+            ("friction", self.friction),
+            ("prediction_m", self.prediction_m),
+            ("drive.damping", self.drive.damping),
+            ("drive.torque_limit", self.drive.torque_limit),
+            ("drive.armature", self.drive.armature),
+            ("drive.stop_stiffness", self.drive.stop_stiffness),
+        ] {
+            faults.within(key, number, 0.0, MOST, "physics computes with 32 bits");
+        }
+        for (key, number) in [
+            ("object_offset.x_m", self.object_offset.x_m),
+            ("object_offset.y_m", self.object_offset.y_m),
+            ("object_offset.yaw_rad", self.object_offset.yaw_rad),
+        ] {
+            faults.within(key, number, -MOST, MOST, "physics computes with 32 bits");
+        }
+        let why = "physics computes with 32 bits, and passes over what is faster";
+        let step_s = self.time_step_s;
+        faults.within("time_step_s", step_s, SHORTEST_STEP_S, LONGEST_STEP_S, why);
+        let per_control = self.steps_per_control;
+        if !(1..=MOST_STEPS_PER_CONTROL).contains(&per_control) {
+            let problem = format!(
+                "is {per_control}, and must be from 1 to {MOST_STEPS_PER_CONTROL}: controllers are told \
+                 something more often"
+            );
+            faults.note("steps_per_control", problem);
+        }
+        let why = "what does not rest by then never will";
+        faults.within("settle_s", self.settle_s, 0.0, LONGEST_S, why);
+        let settling = self.settle_s / step_s;
+        if faults.0.is_empty() && settling > MOST_STEPS {
+            faults.note(
+                "settle_s",
+                format!(
+                    "is {:?}, with `time_step_s` = {step_s:?} that makes {settling:.0} steps, and may \
+                     make {MOST_STEPS}: they take hours",
+                    self.settle_s
+                ),
+            );
+        }
+        faults.0
+    }
+}
+
+impl Protocol {
+    /// Returns what is wrong with the protocol's settings in a scene, each with its bounds and why
+    /// they are there.
+    pub fn faults(&self, scene: &SceneConfig) -> Vec<SettingFault> {
+        let mut faults = Faults::default();
+        faults.above_to("reach_s", self.reach_s, LONGEST_S, "reaching takes seconds");
+        for (key, seconds) in [
+            ("squeeze_s", self.squeeze_s),
+            ("pause_s", self.pause_s),
+            ("lift_s", self.lift_s),
+            ("hold_s", self.hold_s),
+            ("pull.pull_s", self.pull.pull_s),
+        ] {
+            faults.within(key, seconds, 0.0, LONGEST_S, "a grasp takes seconds");
+        }
+        let closing = self.close_fraction;
+        faults.within(
+            "close_fraction",
+            closing,
+            0.0,
+            1.0,
+            "it is a share of the reach",
+        );
+        let PullConfig {
+            force_n_per_kg,
+            max_displacement_m,
+            max_rotation_rad,
+            ..
+        } = self.pull;
+        for (key, number) in [
+            ("open_rad", self.open_rad),
+            ("squeeze_rad", self.squeeze_rad),
+            ("lift_m", self.lift_m),
+            ("lifted_m", self.lifted_m),
+            ("max_slip_m_per_s", self.max_slip_m_per_s),
+            ("knocked_m", self.knocked_m),
+            ("knocked_rad", self.knocked_rad),
+            ("limit_tolerance_rad", self.limit_tolerance_rad),
+            ("table_tolerance_m", self.table_tolerance_m),
+            ("early_tolerance_m", self.early_tolerance_m),
+            ("pull.force_n_per_kg", force_n_per_kg),
+            ("pull.max_displacement_m", max_displacement_m),
+            ("pull.max_rotation_rad", max_rotation_rad),
+        ] {
+            faults.within(key, number, -MOST, MOST, "physics computes with 32 bits");
+        }
+        if self.min_links > MOST_LINKS {
+            let problem = format!(
+                "is {}, and must be from 0 to {MOST_LINKS}: no hand has more links",
+                self.min_links
+            );
+            faults.note("min_links", problem);
+        }
+        if faults.0.is_empty() && scene.faults().is_empty() {
+            self.check_steps(scene, &mut faults);
+        }
+        faults.0
+    }
+
+    /// Notes the longest of the times if a motion would have more steps than can be held.
+    fn check_steps(&self, scene: &SceneConfig, faults: &mut Faults) {
+        let trial = match self.trial {
+            Trial::Lift => [("lift_s", self.lift_s), ("hold_s", self.hold_s)],
+            Trial::SixDirections => [("pull.pull_s", 6.0 * self.pull.pull_s), ("lift_s", 0.0)],
+        };
+        let [first, second] = trial;
+        let times = [
+            ("reach_s", self.reach_s),
+            ("squeeze_s", self.squeeze_s),
+            ("pause_s", self.pause_s),
+            first,
+            second,
+        ];
+        let whole_s: f64 = times.iter().map(|(_, seconds)| seconds).sum();
+        let longest = times.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        let key = longest.map_or("reach_s", |(key, _)| key);
+        for (what, step_s, most, why) in [
+            (
+                "control steps",
+                scene.control_step_s(),
+                MOST_CONTROL_STEPS,
+                "each is held in memory",
+            ),
+            (
+                "physics steps",
+                scene.time_step_s,
+                MOST_STEPS,
+                "they take hours",
+            ),
+        ] {
+            let steps = whole_s / step_s;
+            if steps > most {
+                let problem = format!(
+                    "is part of {whole_s:?} s, which are {steps:.0} {what} of {step_s:?} s, and may be \
+                     {most}: {why}"
+                );
+                faults.note(key, problem);
+                return;
+            }
+        }
+    }
+}
+
+/// What is wrong, as it is found.
+#[derive(Default)]
+struct Faults(Vec<SettingFault>);
+
+impl Faults {
+    fn note(&mut self, key: &'static str, problem: String) {
+        self.0.push(SettingFault { key, problem });
+    }
+
+    fn within(&mut self, key: &'static str, number: f64, least: f64, most: f64, why: &str) {
+        if !(least..=most).contains(&number) {
+            let problem = format!("is {number:?}, and must be from {least} to {most}: {why}");
+            self.note(key, problem);
+        }
+    }
+
+    fn above(&mut self, key: &'static str, number: f64, why: &str) {
+        self.above_to(key, number, MOST, why);
+    }
+
+    fn above_to(&mut self, key: &'static str, number: f64, most: f64, why: &str) {
+        if !(number > 0.0 && number <= most) {
+            let problem =
+                format!("is {number:?}, and must be more than 0 and at most {most}: {why}");
+            self.note(key, problem);
+        }
+    }
+}

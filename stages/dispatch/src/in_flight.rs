@@ -1,0 +1,187 @@
+//! The motion that a cell executes now, for whoever ends the program: a robot is not left to itself.
+
+use std::{
+    error::Error,
+    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    thread,
+    time::{Duration, Instant},
+};
+
+use cell::{CellClient, Halt};
+
+/// Pause before a cell is asked again that has not taken the motion yet.
+const PAUSE: Duration = Duration::from_millis(50);
+
+static IN_FLIGHT: Mutex<InFlight> = Mutex::new(InFlight {
+    is_ending: false,
+    motions: Vec::new(),
+});
+static CHANGED: Condvar = Condvar::new();
+
+/// What was sent and may be sent.
+struct InFlight {
+    /// Whether the program is about to end: nothing more is sent.
+    is_ending: bool,
+    motions: Vec<MotionInFlight>,
+}
+
+/// A motion that was sent to a cell, and that may move its robot.
+#[derive(Clone)]
+pub struct MotionInFlight {
+    client: Arc<CellClient>,
+    candidate_id: String,
+    cell: String,
+    goal_id: String,
+    answer: Duration,
+}
+
+/// What came of the wish to have a motion broken off.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Cancellation {
+    /// The cell says that nothing of it moves any more.
+    Stands,
+    /// It was over before.
+    Over,
+    /// Nobody knows, as this says: the robot may be moving.
+    Unknown(String),
+}
+
+/// Returns the motions that cells execute now for this process, which is about to end: from now on it
+/// sends no other.
+pub fn stop_sending() -> Vec<MotionInFlight> {
+    let mut in_flight = in_flight();
+    in_flight.is_ending = true;
+    in_flight.motions.clone()
+}
+
+impl MotionInFlight {
+    /// Takes a motion that is about to be sent; a cell has `answer` to say anything.
+    pub(crate) fn new(
+        client: &Arc<CellClient>,
+        candidate_id: &str,
+        cell: &str,
+        goal_id: &str,
+        answer: Duration,
+    ) -> Self {
+        Self {
+            client: Arc::clone(client),
+            candidate_id: candidate_id.to_owned(),
+            cell: cell.to_owned(),
+            goal_id: goal_id.to_owned(),
+            answer,
+        }
+    }
+
+    /// Does what sends this motion and waits for its end. It does not begin, or not return, where the
+    /// program is about to end: whoever ends it waits for this motion alone.
+    pub(crate) fn carry_out<T>(self, send_and_wait: impl FnOnce() -> T) -> T {
+        let id = self.goal_id.clone();
+        unless_ending(|in_flight| in_flight.motions.push(self));
+        let done = send_and_wait();
+        in_flight().motions.retain(|motion| motion.goal_id != id);
+        CHANGED.notify_all();
+        unless_ending(|_| {});
+        done
+    }
+
+    /// Returns the motion's name.
+    pub fn candidate_id(&self) -> &str {
+        &self.candidate_id
+    }
+
+    /// Returns the cell's name.
+    pub fn cell(&self) -> &str {
+        &self.cell
+    }
+
+    /// Returns the goal's name.
+    pub fn goal_id(&self) -> &str {
+        &self.goal_id
+    }
+
+    /// Returns how long a cancellation waits at most.
+    pub fn answer_timeout(&self) -> Duration {
+        self.answer
+    }
+
+    /// Has the motion broken off, waits for the cell's word on it, and then until what came of it is
+    /// written down, if that comes in time.
+    pub fn cancel(&self) -> Cancellation {
+        let deadline = Instant::now() + self.answer;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let halt = self.client.cancel(&self.goal_id, left);
+            match halt {
+                Ok(Halt::Done) => {
+                    self.wait(deadline);
+                    return Cancellation::Stands;
+                }
+                Ok(Halt::Over) => {
+                    self.wait(deadline);
+                    return Cancellation::Over;
+                }
+                // It may be on its way to the cell, which may refuse it.
+                Ok(Halt::NeverTaken) => {
+                    if self.wait(Instant::now() + PAUSE) {
+                        return Cancellation::Over;
+                    }
+                    if Instant::now() > deadline {
+                        let message = "the cell has not said whether it takes it".to_owned();
+                        return Cancellation::Unknown(message);
+                    }
+                }
+                Ok(Halt::Unheard) => {
+                    let message = format!("no answer within {:.1?}", self.answer);
+                    return Cancellation::Unknown(message);
+                }
+                Err(err) => return Cancellation::Unknown(chain(&err)),
+            }
+        }
+    }
+
+    /// Waits until the motion is over and that is written down; returns whether it is.
+    fn wait(&self, deadline: Instant) -> bool {
+        let mut in_flight = in_flight();
+        while in_flight
+            .motions
+            .iter()
+            .any(|motion| motion.goal_id == self.goal_id)
+        {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return false;
+            }
+            let waited = CHANGED.wait_timeout(in_flight, left);
+            in_flight = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
+        true
+    }
+}
+
+/// Does something; where the program is about to end, the thread sleeps until it does.
+fn unless_ending(then: impl FnOnce(&mut InFlight)) {
+    let mut in_flight = in_flight();
+    if !in_flight.is_ending {
+        then(&mut in_flight);
+        return;
+    }
+    drop(in_flight);
+    loop {
+        thread::park();
+    }
+}
+
+fn in_flight() -> MutexGuard<'static, InFlight> {
+    IN_FLIGHT.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Returns what an error says, with its causes.
+fn chain(err: &dyn Error) -> String {
+    let mut text = err.to_string();
+    let mut cause = err.source();
+    while let Some(next) = cause {
+        text = format!("{text}: {next}");
+        cause = next.source();
+    }
+    text
+}

@@ -1,0 +1,206 @@
+//! A number that cannot be is refused when the pipeline file is read, before anything runs.
+
+use std::path::Path;
+
+use dataflow::{FileError, Override, Pipeline};
+
+use crate::bench::{Bench, stderr};
+
+const FILE: &str = include_str!("../../pipelines/cgf.toml");
+
+/// Whole numbers that only name something, and take no memory or time.
+const NAMES: [&str; 1] = ["dispatch.attempt"];
+
+/// Reads the pipeline, with an arm, and with one value in place of its own.
+fn read(set: &str) -> Result<Pipeline, FileError> {
+    let given: Override = set.parse().unwrap();
+    let path = Path::new("pipelines/cgf.toml");
+    Pipeline::parse(path, FILE, &pipeline::kinds(), Some("arm"), &[given])
+}
+
+/// The options of these types of every stage of the pipeline.
+fn options(kind_of: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for kind in pipeline::kinds() {
+        // Each kind has a stage of its name in this file, or no numbers.
+        for option in kind.options() {
+            if option.value.split(" or ").any(|word| word == kind_of) {
+                found.push(format!("{}.{}", kind.name, option.key));
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn every_count_has_bounds_and_says_why_they_are_there() {
+    let counts = options("integer");
+    assert!(counts.len() >= 25, "{counts:?}");
+    let mut faults = Vec::new();
+    for option in counts
+        .iter()
+        .filter(|option| !NAMES.contains(&option.as_str()))
+    {
+        for value in ["4294967295", "4000000000", "9223372036854775807"] {
+            let Err(err) = read(&format!("{option}={value}")) else {
+                faults.push(format!("{option} can be {value}"));
+                continue;
+            };
+            // A value that the option's type cannot hold is told as such.
+            let key = option.split_once('.').unwrap().1;
+            let said = err.to_string();
+            if value != "9223372036854775807"
+                && !(said.contains(&format!("`{key}` is {value}")) && said.contains(": "))
+            {
+                faults.push(format!("{option} = {value}: {said}"));
+            }
+        }
+        for value in ["-1", "1.5", "nan"] {
+            if read(&format!("{option}={value}")).is_ok() {
+                faults.push(format!("{option} can be {value}"));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn no_number_is_infinite_or_none() {
+    let numbers = options("number");
+    assert!(numbers.len() >= 100, "{}", numbers.len());
+    let mut faults = Vec::new();
+    for option in &numbers {
+        for value in ["nan", "inf", "-inf"] {
+            if read(&format!("{option}={value}")).is_ok() {
+                faults.push(format!("{option} can be {value}"));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn no_pipeline_or_profile_is_out_of_bounds() {
+    let mut n = 0;
+    for entry in std::fs::read_dir("pipelines").unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|extension| extension != "toml") {
+            continue;
+        }
+        let source = std::fs::read_to_string(&path).unwrap();
+        let read = Pipeline::parse(&path, &source, &pipeline::kinds(), None, &[]);
+        assert!(read.is_ok(), "{}: {:?}", path.display(), read.err());
+        n += 1;
+    }
+    assert!(n >= 4);
+}
+
+/// Plans with these values, and returns what is said; nothing may be left of it.
+fn refused(values: &[&str]) -> String {
+    let bench = Bench::new();
+    let sets = values.iter().flat_map(|value| ["--set", value]);
+    let arguments: Vec<&str> = sets.collect();
+    for command in ["plan", "run"] {
+        let ended = bench.command(command, &arguments).output().unwrap();
+        assert_eq!(
+            ended.status.code(),
+            Some(2),
+            "{values:?}: {}",
+            stderr(&ended)
+        );
+        assert!(!bench.lake().exists());
+        if command == "run" {
+            return stderr(&ended);
+        }
+    }
+    unreachable!()
+}
+
+#[test]
+fn a_value_that_cannot_be_ends_with_its_key_its_bound_and_the_reason() {
+    let check = |values: &[&str], says: &[&str]| {
+        let said = refused(values);
+        for part in says {
+            assert!(said.contains(part), "no `{part}` in {said}");
+        }
+    };
+    let hint = "hint: `pipeline stages sample` lists every option";
+    check(
+        &["sample.per_object=4000000000"],
+        &[
+            "error: stage `sample`: `per_object` is 4000000000, and must be from 1 to 1000000",
+            hint,
+        ],
+    );
+    // Two values that are each well, and are too many together.
+    check(
+        &["sample.per_object=1000000", "sample.steps=1000"],
+        &["`per_object`", "1000000000 steps", "held in memory"],
+    );
+    check(
+        &["train.training.batch=1000000", "train.network.points=65536"],
+        &["`training.batch` is 1000000", "GB of at most"],
+    );
+    check(
+        &["train.network.point_widths=[16384, 16384, 16384]"],
+        &["`network.point_widths` is [16384, 16384, 16384]", "weights"],
+    );
+    check(
+        &["train.network.decoder_widths=[4000000000]"],
+        &[
+            "`network.decoder_widths` is [4000000000]",
+            "from 1 to 16384",
+        ],
+    );
+    check(
+        &["train.network.hand_widths=[]"],
+        &["`network.hand_widths` is []"],
+    );
+    check(
+        &[
+            "screen.protocol.hold_s=3600",
+            "screen.scene.time_step_s=1e-6",
+        ],
+        &["`protocol.hold_s`", "control steps"],
+    );
+    check(
+        &["dispatch.grasp.reach_s=1e300"],
+        &["`grasp.reach_s` is 1e300, and must be more than 0 and at most 3600"],
+    );
+    check(
+        &["retarget.field_spacing_m=1e-12"],
+        &["`field_spacing_m` is 1e-12, and must be from 0.0001 to 0.1"],
+    );
+    // Everything that is wrong is said at once.
+    check(
+        &[
+            "ingest.points_n=0",
+            "sample.draws=0",
+            "dispatch.limits.most_times_slower=1e9",
+        ],
+        &[
+            "`points_n` is 0",
+            "`draws` is 0",
+            "`limits.most_times_slower`",
+        ],
+    );
+}
+
+#[test]
+fn a_value_of_the_file_is_shown_where_it_stands() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("much.toml");
+    let file = FILE.replacen("per_object = 64", "per_object = 4_000_000_000", 1);
+    crate::bench::put(&path, &file);
+    let plan = std::process::Command::new(env!("CARGO_BIN_EXE_pipeline"))
+        .arg("plan")
+        .arg(&path)
+        .arg("--lake")
+        .arg(folder.path().join("lake"))
+        .output()
+        .unwrap();
+    assert_eq!(plan.status.code(), Some(2));
+    let said = stderr(&plan);
+    assert!(said.contains("| per_object = 4_000_000_000"), "{said}");
+    assert!(said.contains("^^^^^^^^^^^^^"), "{said}");
+}

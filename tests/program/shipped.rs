@@ -1,0 +1,121 @@
+//! Every pipeline file that is shipped, with each of its profiles, in every command that takes one.
+
+use std::{
+    collections::BTreeSet,
+    fs,
+    io::{BufRead, BufReader},
+    path::Path,
+    process::{Command, Stdio},
+};
+
+use crate::{
+    bench::{Bench, stderr},
+    cell_lab::Served,
+};
+
+/// A pipeline file, with a profile or without.
+struct Shipped {
+    file: String,
+    profile: Option<String>,
+    /// Whether a stage sends motions to a cell.
+    dispatches: bool,
+}
+
+fn shipped() -> Vec<Shipped> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines");
+    let mut all = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|ending| ending != "toml") {
+            continue;
+        }
+        let text = fs::read_to_string(&path).unwrap();
+        let profiles: BTreeSet<&str> = text
+            .lines()
+            .filter_map(|line| line.strip_prefix("[profiles."))
+            .filter_map(|rest| rest.split(['.', ']']).next())
+            .collect();
+        let none = [None].into_iter();
+        for profile in none.chain(profiles.into_iter().map(Some)) {
+            all.push(Shipped {
+                file: path.to_str().unwrap().to_owned(),
+                profile: profile.map(str::to_owned),
+                dispatches: text.contains("kind = \"dispatch\""),
+            });
+        }
+    }
+    assert!(all.len() > 7 && all.iter().any(|one| one.dispatches));
+    all
+}
+
+impl Shipped {
+    fn name(&self) -> String {
+        let profile = self.profile.as_deref().unwrap_or("no profile");
+        format!("`{}` with {profile}", self.file)
+    }
+
+    /// The command line of a command on it.
+    fn command(&self, command: &str, bench: &Bench) -> Command {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_pipeline"));
+        program
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .args([command, &self.file, "--lake"])
+            .arg(bench.lake());
+        if let Some(profile) = &self.profile {
+            program.args(["--profile", profile]);
+        }
+        program
+    }
+}
+
+#[test]
+fn each_is_planned_and_found_ready() {
+    let bench = Bench::new();
+    for one in shipped() {
+        for command in ["plan", "doctor"] {
+            let mut program = one.command(command, &bench);
+            let root = format!("ingest.root={}", bench.root().display());
+            let ran = program.args(["--set", &root]).output().unwrap();
+            let said = stderr(&ran);
+            assert_eq!(
+                ran.status.code(),
+                Some(0),
+                "{command} {}: {said}",
+                one.name()
+            );
+        }
+    }
+}
+
+#[test]
+fn each_that_dispatches_has_a_cell_and_the_others_say_that_they_have_none() {
+    let bench = Bench::new();
+    for one in shipped() {
+        let mut program = one.command("cell", &bench);
+        program.args(["--fast", "--listen", "tcp/127.0.0.1:0"]);
+        if !one.dispatches {
+            let ran = program.output().unwrap();
+            assert_eq!(
+                ran.status.code(),
+                Some(2),
+                "{}: {}",
+                one.name(),
+                stderr(&ran)
+            );
+            assert!(stderr(&ran).contains("no stage of kind `dispatch`"));
+            continue;
+        }
+        let program = program.stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut process = program.spawn().unwrap();
+        let mut line = String::new();
+        let mut said = BufReader::new(process.stdout.take().unwrap());
+        said.read_line(&mut line).unwrap();
+        let served = Served::of(process);
+        assert!(
+            line.starts_with("tcp/127.0.0.1:"),
+            "{}: {}",
+            one.name(),
+            served.end()
+        );
+    }
+}
