@@ -1,13 +1,15 @@
 //! Putting back what people see and what nothing could make again, whatever happened to it: records
 //! of runs and their tables, every table that runs refer to, and the views.
 //!
-//! A run that ends looks at sizes, times and inodes alone. Only if a file has come, gone or changed
-//! since somebody last looked at all of them, records are read, and files that are new or other.
+//! A run that ends looks at sizes, times and inodes alone, and lists no folder that has not changed.
+//! Only if a file has come, gone or changed since somebody last looked at all of them, records are
+//! read, and files that are new or other.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
     fs, io,
     path::{Path, PathBuf},
+    time::SystemTime,
 };
 
 use dataflow::{Digest, FileRef, RunStatus};
@@ -15,6 +17,7 @@ use dataflow::{Digest, FileRef, RunStatus};
 use crate::{
     LakeError, again, atomic,
     blobs::digest_file,
+    clock,
     compact::{Reader, Writer},
     folder::Lake,
     history,
@@ -25,7 +28,7 @@ use crate::{
     stamp::Stamp,
     store::COLLECTING,
     table, tags, twice,
-    verify::files_below,
+    verify::{entries, files_below},
     views,
 };
 
@@ -33,11 +36,16 @@ use crate::{
 pub(crate) const SEEN: &str = "seen.cache";
 
 /// Changes with the form of that file.
-const VERSION: u64 = 1;
+const VERSION: u64 = 2;
 
 /// What was seen when somebody last looked at everything: a cache.
 #[derive(Default, PartialEq, Eq)]
-struct Seen(BTreeMap<String, SeenFile>);
+struct Seen {
+    files: BTreeMap<String, SeenFile>,
+    /// Folders that hold these files and nothing else as long as their stamps stay; empty if they had
+    /// changed too shortly before they were listed.
+    folders: BTreeMap<String, Option<Stamp>>,
+}
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct SeenFile {
@@ -49,7 +57,16 @@ struct SeenFile {
 /// Puts back what is lost, damaged or exchanged, and removes what nobody made.
 pub(crate) fn mend(lake: &Lake) -> Result<(), LakeError> {
     let seen = Seen::read(lake)?;
-    if seen.is_all_there_is(lake)? {
+    if seen.is_unchanged(lake) {
+        return Ok(());
+    }
+    let watched = Watched::list(lake.root())?;
+    if seen.is_all_there_is(lake, &watched.files) {
+        let (files, folders) = (seen.files, watched.settled_folders());
+        if !folders.is_empty() && lake.prepare().is_ok() {
+            // Where it cannot be kept, as in a lake that is only read, they are listed each time.
+            let _kept = Seen { files, folders }.write(lake);
+        }
         return Ok(());
     }
     lake.prepare()?;
@@ -74,22 +91,60 @@ pub(crate) fn turn(lake: &Lake) -> Result<Lock, LakeError> {
     lock::wait_for(&lake.locks(), "mending", "what was lost anew", &|_| {})
 }
 
-/// The files of which stamps are kept, in order, beside blobs of tables of runs.
-fn watched(root: &Path) -> Result<Vec<PathBuf>, LakeError> {
-    let mut folders = vec![
-        root.join(EVERY),
-        twice::copy_of(root, root),
-        runs::folder(root),
-        runs::manifests(root),
-        records::recipes(root),
-        root.join(tags::TAGS),
-    ];
-    folders.extend(history::TABLES.map(|name| root.join(TABLES).join(name)));
-    let mut files = vec![views::path(root), again::path(root)];
-    for folder in folders {
-        files.extend(files_below(&folder)?);
+/// What is kept in view, beside blobs of tables of runs.
+struct Watched {
+    /// In order.
+    files: Vec<PathBuf>,
+    /// Every folder that was listed, with its stamp before that; `None` if it is not there.
+    folders: BTreeMap<String, Option<Stamp>>,
+    /// When the first stamp was about to be read.
+    began: SystemTime,
+}
+
+impl Watched {
+    fn list(root: &Path) -> Result<Self, LakeError> {
+        let began = clock::now();
+        let mut left = vec![
+            root.join(EVERY),
+            twice::copy_of(root, root),
+            runs::folder(root),
+            runs::manifests(root),
+            records::recipes(root),
+            root.join(tags::TAGS),
+        ];
+        left.extend(history::TABLES.map(|name| root.join(TABLES).join(name)));
+        let mut files = Vec::from(single_files(root));
+        let mut folders = BTreeMap::new();
+        while let Some(folder) = left.pop() {
+            let stamp = Stamp::read(&folder).ok();
+            folders.insert(name_of(root, &folder).into_owned(), stamp);
+            for (path, is_folder) in entries(&folder)? {
+                let list = if is_folder { &mut left } else { &mut files };
+                list.push(path);
+            }
+        }
+        files.sort();
+        Ok(Self {
+            files,
+            folders,
+            began,
+        })
     }
-    Ok(files)
+
+    /// The folders, if a file that comes or goes from now on leaves another stamp of each; else none.
+    fn settled_folders(self) -> BTreeMap<String, Option<Stamp>> {
+        let mut stamps = self.folders.values().flatten();
+        if stamps.all(|stamp| stamp.is_settled(self.began)) {
+            self.folders
+        } else {
+            BTreeMap::new()
+        }
+    }
+}
+
+/// Files that are kept in view by themselves.
+fn single_files(root: &Path) -> [PathBuf; 2] {
+    [views::path(root), again::path(root)]
 }
 
 impl Seen {
@@ -101,34 +156,63 @@ impl Seen {
     fn write(&self, lake: &Lake) -> Result<(), LakeError> {
         let mut writer = Writer::default();
         writer.number(VERSION);
-        writer.number(self.0.len() as u64);
-        for (name, file) in &self.0 {
+        writer.number(self.files.len() as u64);
+        for (name, file) in &self.files {
             writer.text(name);
             writer.stamp(file.stamp);
             writer.number(u64::from(file.is_right));
         }
+        writer.number(self.folders.len() as u64);
+        for (name, stamp) in &self.folders {
+            writer.text(name);
+            writer.number(u64::from(stamp.is_some()));
+            if let Some(stamp) = stamp {
+                writer.stamp(*stamp);
+            }
+        }
         writer.write(&lake.staging(), &lake.root().join(SEEN))
     }
 
-    /// Whether every file that was seen is there as it was, and no other.
-    fn is_all_there_is(&self, lake: &Lake) -> Result<bool, LakeError> {
+    /// Whether every folder and every file that was seen is there as it was, so that no other is.
+    fn is_unchanged(&self, lake: &Lake) -> bool {
+        let root = lake.root();
+        let is_same =
+            |name: &String, stamp: Option<Stamp>| match (Stamp::read(&root.join(name)), stamp) {
+                (Ok(now), Some(stamp)) => now == stamp,
+                (Err(err), None) => err.kind() == io::ErrorKind::NotFound,
+                _ => false,
+            };
+        let singles = single_files(root).map(|path| name_of(root, &path).into_owned());
+        let mut unseen = singles
+            .iter()
+            .filter(|&name| !self.files.contains_key(name));
+        let mut folders = self.folders.iter();
+        let mut files = self.files.iter();
+        !self.folders.is_empty()
+            && folders.all(|(name, stamp)| is_same(name, *stamp))
+            && unseen.all(|name| is_same(name, None))
+            && files.all(|(name, file)| is_same(name, Some(file.stamp)))
+    }
+
+    /// Whether every file that was seen is there as it was, and no other of those that are watched.
+    fn is_all_there_is(&self, lake: &Lake, watched: &[PathBuf]) -> bool {
         let root = lake.root();
         let mut n_seen = 0;
-        for path in watched(root)? {
-            match (self.0.get(&*name_of(root, &path)), Stamp::read(&path)) {
+        for path in watched {
+            match (self.files.get(&*name_of(root, path)), Stamp::read(path)) {
                 (Some(seen), Ok(stamp)) if seen.stamp == stamp => n_seen += 1,
                 (None, Err(err)) if err.kind() == io::ErrorKind::NotFound => {}
-                _ => return Ok(false),
+                _ => return false,
             }
         }
-        let blobs = self.0.iter().filter(|(name, _)| is_blob(name));
+        let blobs = self.files.iter().filter(|(name, _)| is_blob(name));
         for (name, seen) in blobs {
             if Stamp::read(&root.join(name)).ok() != Some(seen.stamp) {
-                return Ok(false);
+                return false;
             }
             n_seen += 1;
         }
-        Ok(n_seen == self.0.len())
+        n_seen == self.files.len()
     }
 }
 
@@ -144,7 +228,15 @@ fn parse(mut reader: Reader) -> Option<Seen> {
         };
         Some((name, file))
     })?;
-    Some(Seen(files))
+    let folders = reader.each(|reader| {
+        let name = reader.text()?.to_owned();
+        let stamp = match reader.number()? {
+            0 => None,
+            _ => Some(reader.stamp()?),
+        };
+        Some((name, stamp))
+    })?;
+    Some(Seen { files, folders })
 }
 
 fn name_of<'p>(root: &Path, path: &'p Path) -> std::borrow::Cow<'p, str> {
@@ -167,7 +259,7 @@ struct Mender<'a> {
 impl Mender<'_> {
     /// Whether a file looks as it did when its bytes were last seen to be right.
     fn is_known(&self, path: &Path) -> bool {
-        let seen = self.seen.0.get(&*name_of(self.lake.root(), path));
+        let seen = self.seen.files.get(&*name_of(self.lake.root(), path));
         seen.is_some_and(|seen| {
             seen.is_right && Stamp::read(path).is_ok_and(|stamp| stamp == seen.stamp)
         })
@@ -340,14 +432,16 @@ impl Mender<'_> {
     fn look_again(self) -> Result<(), LakeError> {
         let root = self.lake.root();
         let mut files = BTreeMap::new();
-        for path in watched(root)?.into_iter().chain(self.watched) {
-            if let Ok(stamp) = Stamp::read(&path) {
-                let is_right = !self.wrong.contains(&path);
+        let watched = Watched::list(root)?;
+        for path in watched.files.iter().chain(&self.watched) {
+            if let Ok(stamp) = Stamp::read(path) {
+                let is_right = !self.wrong.contains(path);
                 let file = SeenFile { stamp, is_right };
-                files.insert(name_of(root, &path).into_owned(), file);
+                files.insert(name_of(root, path).into_owned(), file);
             }
         }
-        let seen = Seen(files);
+        let folders = watched.settled_folders();
+        let seen = Seen { files, folders };
         if seen == self.seen {
             return Ok(());
         }

@@ -373,21 +373,29 @@ pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, LakeError> {
     let mut files = Vec::new();
     let mut folders = vec![folder.to_owned()];
     while let Some(folder) = folders.pop() {
-        let entries = match fs::read_dir(&folder) {
-            Err(err) if err.kind() == io::ErrorKind::NotFound => continue,
-            entries => entries.map_err(io_error("read", &folder))?,
-        };
-        for entry in entries {
-            let entry = entry.map_err(io_error("read", &folder))?;
-            if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
-                folders.push(entry.path());
-            } else {
-                files.push(entry.path());
-            }
+        for (path, is_folder) in entries(&folder)? {
+            let list = if is_folder { &mut folders } else { &mut files };
+            list.push(path);
         }
     }
     files.sort();
     Ok(files)
+}
+
+/// Lists what is in a folder, and whether each is a folder; nothing if it is not there.
+pub(crate) fn entries(folder: &Path) -> Result<Vec<(PathBuf, bool)>, LakeError> {
+    let entries = match fs::read_dir(folder) {
+        Err(err) if err.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries.map_err(io_error("read", folder))?,
+    };
+    let listed = entries.map(|entry| {
+        let entry = entry?;
+        let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
+        Ok((entry.path(), is_folder))
+    });
+    listed
+        .collect::<io::Result<_>>()
+        .map_err(io_error("read", folder))
 }
 
 /// Reads files on all cores and returns, ordered, what is said of those that have other digests.
