@@ -1,17 +1,27 @@
 //! Every kind of stage: adding one is one line here.
 
 use dataflow::Kind;
+use report_dispatch::DispatchReport;
+use report_ingest::IngestReport;
+use report_interpolate::InterpolateReport;
+use report_replay::ReplayReport;
+use report_retarget::RetargetReport;
+use report_sample::SampleReport;
+use report_screen::ScreenReport;
+use report_train::TrainReport;
 
-/// Returns the kinds in the order of the flow.
+use crate::sample::Sample;
+
+/// Returns the kinds in the order of the flow, each named by its report.
 pub fn kinds() -> Vec<Kind> {
     vec![
-        Kind::of::<stage_ingest::Ingest>(),
-        Kind::of::<stage_retarget::Retarget>(),
-        Kind::of::<stage_replay::Replay>(),
-        Kind::of::<stage_train::Train>(),
-        Kind::of::<stage_sample::Sample>(),
-        Kind::of::<stage_interpolate::Interpolate>(),
-        Kind::of::<stage_screen::Screen>(),
-        Kind::of::<stage_dispatch::Dispatch>(),
+        Kind::generated::<IngestReport, Sample>(),
+        Kind::reported::<RetargetReport>(),
+        Kind::reported::<ReplayReport>(),
+        Kind::reported::<TrainReport>(),
+        Kind::reported::<SampleReport>(),
+        Kind::reported::<InterpolateReport>(),
+        Kind::reported::<ScreenReport>(),
+        Kind::reported::<DispatchReport>(),
     ]
 }

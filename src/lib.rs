@@ -19,6 +19,7 @@ mod outcome;
 mod processes;
 mod progress;
 mod report;
+mod sample;
 mod system_errors;
 
 pub use command_line::command_line;

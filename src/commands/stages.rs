@@ -38,7 +38,7 @@ fn overview(kinds: &[Kind]) -> String {
     let mut rows = Vec::new();
     for kind in kinds {
         let reads: Vec<&str> = kind.inputs.iter().map(|input| input.name).collect();
-        let makes: Vec<&str> = kind.outputs.iter().map(|output| output.artifact).collect();
+        let makes: Vec<&str> = kind.outputs().map(|output| output.artifact).collect();
         rows.push(vec![kind.name.to_owned(), kind.about.to_owned()]);
         if !reads.is_empty() {
             rows.push(vec![String::new(), format!("reads  {}", reads.join(", "))]);
@@ -59,7 +59,7 @@ fn options(kind: &Kind, width: Option<usize>) -> String {
             input.name, input.artifact
         ));
     }
-    for output in kind.outputs {
+    for output in kind.outputs() {
         text.push_str(&format!(
             "makes `{}`, one partition per {}, schema {}\n",
             output.artifact, output.partition, output.schema

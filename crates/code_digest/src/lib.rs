@@ -5,8 +5,14 @@
 //! The digest covers, crate by crate, `Cargo.toml` and every file below `src/` of the crate itself
 //! and of the workspace crates that it depends on, and the locked versions of everything else that
 //! those depend on. A crate of which only some files decide what a stage computes (the engine, the
-//! lake) names them in its manifest: `[package.metadata.code] decides = ["src/table.rs"]`. Nobody bumps a number by hand: editing a source changes the digest of that crate
-//! alone, and a stage that does not depend on it keeps its results.
+//! lake) names them in its manifest: `[package.metadata.code] decides = ["src/table.rs"]`.
+//! Nobody bumps a number by hand: editing a source changes the digest of that crate alone, and what
+//! does not link it keeps its results.
+//!
+//! A crate cannot compute with what it does not link, so the boundary of a crate is the boundary of
+//! its code: a stage's reports are a crate of their own (`stages/STAGE/report`) that links the stage,
+//! and no edit of them, or of the charts that they draw, is in the digest of the stage's results.
+//!
 //! What it deliberately leaves out: documentation, tests and benches outside `src/`, development
 //! dependencies, and the compiler.
 

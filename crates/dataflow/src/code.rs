@@ -1,6 +1,7 @@
 //! The code part of a fingerprint: digests of the sources that decide an output.
 
-/// Digests of a stage's sources, by workspace crate, and of the locked versions it computes with.
+/// Digests of the sources of a stage or of its report, by workspace crate that it links, and of the
+/// locked versions it computes with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Code {
     /// `crate=digest` pairs separated by `;`, ordered by name, as the build script wrote them.

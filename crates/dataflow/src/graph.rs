@@ -82,12 +82,12 @@ pub(crate) fn order(stages: &[StageEntry]) -> Result<Vec<Node>, Problem> {
         placed[idx] = true;
         let stage = &stages[idx];
         let mut reads = stage.inputs.clone();
-        for output in stage.kind.outputs {
+        for output in stage.kind.outputs() {
             let name = NodeName::new(&stage.name, output.artifact);
             nodes.push(Node {
                 name: name.clone(),
                 stage_idx: idx,
-                output: *output,
+                output,
                 reads: reads.clone(),
             });
             reads.insert(output.artifact.to_owned(), name);

@@ -1,6 +1,6 @@
 //! Stage kinds without their types, so that a pipeline can hold stages of every kind.
 
-use std::{any::Any, ops::Range};
+use std::{any::Any, marker::PhantomData, ops::Range};
 
 use serde::{Deserialize, de::IntoDeserializer};
 use serde_json::Value;
@@ -9,6 +9,7 @@ use crate::{
     code::Code,
     context::{Context, Inputs},
     option_faults::OptionFault,
+    report::{Generator, Recorded, Report, Unreported},
     stage::{Advised, Input, Labels, Outcome, Output, Scope, Stage},
     unit::{Summary, Unit},
 };
@@ -22,9 +23,12 @@ pub struct Kind {
     pub about: &'static str,
     /// The artifacts it reads.
     pub inputs: &'static [Input],
-    /// The artifacts it makes.
-    pub outputs: &'static [Output],
-    pub(crate) code: Code,
+    /// The artifacts that the stage makes.
+    results: &'static [Output],
+    code: Code,
+    /// The artifacts that its report makes of them.
+    reports: fn() -> Vec<Output>,
+    report_code: Code,
     configure: fn(toml_edit::InlineTable) -> Result<Box<dyn Configured>, ConfigFault>,
     schema: fn() -> Value,
 }
@@ -66,69 +70,124 @@ pub(crate) struct ConfigFault {
     pub(crate) span: Option<Range<usize>>,
 }
 
-struct WithConfig<S: Stage>(S::Config);
+/// A configured stage with its report and its generator.
+struct Whole<R: Report, G> {
+    config: Config<R>,
+    generator: PhantomData<fn() -> G>,
+}
 
-impl<S: Stage> Configured for WithConfig<S> {
+type Config<R> = <<R as Report>::Stage as Stage>::Config;
+
+impl<R, G> Configured for Whole<R, G>
+where
+    R: Report,
+    G: Generator<Stage = R::Stage>,
+{
     fn options(&self) -> &dyn Any {
-        &self.0
+        &self.config
     }
 
     fn config(&self) -> Value {
-        serde_json::to_value(&self.0).unwrap_or(Value::Null)
+        serde_json::to_value(&self.config).unwrap_or(Value::Null)
     }
 
     fn config_of(&self, output: &str) -> Value {
         let mut config = self.config();
         if let Value::Object(options) = &mut config {
-            options.retain(|option, _| S::decides(option, output));
+            let is_result = R::reported(output).is_none();
+            options.retain(|option, _| is_result && R::Stage::decides(option, output));
         }
         config
     }
 
     fn check(&self) -> Vec<OptionFault> {
-        S::check(&self.0)
+        R::Stage::check(&self.config)
     }
 
     fn prepare(&self) -> Result<(), Advised> {
-        S::prepare(&self.0).map_err(Advised::from)
+        G::generate(&self.config)?;
+        Ok(R::Stage::prepare(&self.config)?)
     }
 
     fn units(&self, output: &str, scope: &Scope) -> Result<Vec<Unit>, Advised> {
-        S::units(&self.0, output, scope).map_err(Advised::from)
+        match R::reported(output) {
+            Some(report) => Ok((report.units)(&self.config, scope)?),
+            None => Ok(R::Stage::units(&self.config, output, scope)?),
+        }
     }
 
     fn foretell(&self, output: &str, unit: &Unit, scope: &Scope) -> Option<Labels> {
-        S::foretell(&self.0, output, unit, scope)
+        match R::reported(output) {
+            Some(report) => (report.foretell)(unit),
+            None => R::Stage::foretell(&self.config, output, unit, scope),
+        }
     }
 
     fn run(&self, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised> {
-        S::run(&self.0, inputs, cx).map_err(Advised::from)
+        match R::reported(cx.output()) {
+            Some(report) => Ok((report.run)(&self.config, inputs, cx)?),
+            None => Ok(R::Stage::run(&self.config, inputs, cx)?),
+        }
     }
 
     fn describe(&self, output: &str, summary: &Summary) -> String {
-        S::describe(output, summary)
+        match R::reported(output) {
+            Some(report) => (report.describe)(summary),
+            None => R::describe(output, summary),
+        }
     }
 }
 
 impl Kind {
-    /// Returns the kind that a stage type implements.
+    /// Returns the kind of a stage without a report.
     pub fn of<S: Stage>() -> Self {
+        Self::generated::<Unreported<S>, Recorded<S>>()
+    }
+
+    /// Returns the kind of a stage with its report.
+    pub fn reported<R: Report>() -> Self {
+        Self::generated::<R, Recorded<R::Stage>>()
+    }
+
+    /// Returns the kind of a stage with its report, of which a dataset can be generated.
+    pub fn generated<R: Report, G: Generator<Stage = R::Stage>>() -> Self {
         Self {
-            name: S::KIND,
-            about: S::ABOUT,
-            inputs: S::INPUTS,
-            outputs: S::OUTPUTS,
-            code: S::CODE,
+            name: R::Stage::KIND,
+            about: R::Stage::ABOUT,
+            inputs: R::Stage::INPUTS,
+            results: R::Stage::OUTPUTS,
+            code: R::Stage::CODE,
+            reports: || R::OUTPUTS.iter().map(|report| report.output).collect(),
+            report_code: R::CODE,
             configure: |table| {
                 let deserializer = toml_edit::Value::InlineTable(table).into_deserializer();
-                S::Config::deserialize(deserializer)
-                    .map(|config| Box::new(WithConfig::<S>(config)) as Box<dyn Configured>)
+                Config::<R>::deserialize(deserializer)
+                    .map(|config| {
+                        let generator = PhantomData;
+                        Box::new(Whole::<R, G> { config, generator }) as Box<dyn Configured>
+                    })
                     .map_err(|err| ConfigFault {
                         message: err.message().to_owned(),
                         span: err.span(),
                     })
             },
-            schema: || schemars::schema_for!(S::Config).to_value(),
+            schema: || schemars::schema_for!(Config<R>).to_value(),
+        }
+    }
+
+    /// Iterates over the artifacts it makes, in the order in which they are made: results, then
+    /// reports.
+    pub fn outputs(&self) -> impl Iterator<Item = Output> + use<> {
+        self.results.iter().copied().chain((self.reports)())
+    }
+
+    /// Returns the sources that decide an output.
+    pub(crate) fn code_of(&self, output: &str) -> Code {
+        let reports = (self.reports)();
+        if reports.iter().any(|report| report.artifact == output) {
+            self.report_code
+        } else {
+            self.code
         }
     }
 

@@ -5,6 +5,10 @@
 //! fingerprint the [`Store`] already knows is not made again; `plan` compares fingerprints field by
 //! field and so names the cause of every rerun.
 //!
+//! A [`Stage`] makes results; its [`Report`], in a crate of its own, shows and sums them up, so that
+//! what is said about a result is no part of its fingerprint. Neither is a [`Generator`], which makes
+//! the files that a stage reads.
+//!
 //! Invariants: equal fingerprints give equal bytes on any number of threads; an artifact appears
 //! whole or not at all; what a unit reads is checked against its digest before the unit starts.
 //!
@@ -30,6 +34,7 @@ mod pipeline;
 mod plan;
 mod reach;
 mod readiness;
+mod report;
 mod run;
 mod seed;
 mod source;
@@ -58,6 +63,7 @@ pub use pipeline::{Pipeline, StageEntry};
 pub use plan::{Plan, PlannedNode, PlannedUnit, UnitState, plan};
 pub use reach::reached;
 pub use readiness::{Outside, Readiness, readiness};
+pub use report::{Generator, Report, Reported};
 pub use run::{NodeReport, RunReport, UnitReport, run};
 pub use source::{Location, Source};
 pub use stage::{

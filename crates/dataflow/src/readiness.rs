@@ -51,7 +51,7 @@ fn outside(stage: &StageEntry) -> Result<Outside, Failure> {
         });
     }
     let (mut units, mut most) = (Vec::new(), (0, ""));
-    for output in stage.kind.outputs {
+    for output in stage.kind.outputs() {
         let listed = stage.units(output.artifact, &Scope::default())?;
         if listed.len() > most.0 {
             most = (listed.len(), output.partition);

@@ -73,7 +73,7 @@ pub trait Stage: 'static {
     const KIND: &'static str;
     /// What it does, in one sentence for the list of stages.
     const ABOUT: &'static str;
-    /// The sources that decide the output, made at build time by `dataflow::code!()`.
+    /// The sources that decide the outputs, made at build time by `dataflow::code!()`.
     const CODE: Code;
     /// The artifacts it reads: the key under `inputs` and the artifact that must be wired there.
     const INPUTS: &'static [Input];
@@ -134,8 +134,15 @@ pub trait Stage: 'static {
     /// Fails if the whole stage cannot go on. One bad item is [`Outcome::Skipped`] instead.
     fn run(config: &Self::Config, inputs: &Inputs, cx: &Context) -> Result<Outcome, Self::Error>;
 
-    /// Says in the user's terms what became of one output, e.g. `24 recordings → 23 demonstrations`.
-    fn describe(output: &str, summary: &Summary) -> String;
+    /// Sums up one output in the user's terms, e.g. `24 recordings → 23 demonstrations`.
+    ///
+    /// Its text is part of [`Stage::CODE`]: where results are costly, [`Report::describe`] does this
+    /// instead, whose text can change without making them again.
+    ///
+    /// [`Report::describe`]: crate::Report::describe
+    fn describe(output: &str, summary: &Summary) -> String {
+        format!("{} {output}", summary.n_made)
+    }
 }
 
 /// An artifact that a stage reads.

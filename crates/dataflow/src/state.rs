@@ -94,7 +94,7 @@ impl<'a> State<'a> {
             let recipe = Recipe {
                 kind: stage.kind.name.to_owned(),
                 output: node.output.artifact.to_owned(),
-                code: code_parts(stage.kind.code),
+                code: code_parts(stage.kind.code_of(node.output.artifact)),
                 config: stage.config_of(node.output.artifact),
                 schema: node.output.schema.to_owned(),
             };

@@ -10,8 +10,8 @@
 //! ```
 //!
 //! The protocol and the simulated cell are in crate `cell`; this stage chooses the motions, asks the
-//! cell, and writes the table `executions` and one recording per motion executed. From these follows
-//! `trials`: how often motions succeed, for each object and cell.
+//! cell, and writes the table `executions` and one recording per motion executed. How often motions succeed
+//! says crate `report-dispatch`.
 //! A motion is sent as its continuous course, timed within the robot's limits and sampled at its
 //! controllers' rate; one that cannot be made so is refused, and its row in `executions` says why.
 //! Where an arm carries the hand, its joints follow from the palm's way, with the object turned on the table
@@ -39,7 +39,6 @@ mod refusal;
 mod robots;
 mod stage;
 mod timing;
-mod trials;
 
 pub use arm::ArmConfig;
 pub use cells::simulated_cell;
@@ -47,4 +46,4 @@ pub use config::{DispatchConfig, RatesConfig, SimulatedConfig};
 pub use error::DispatchError;
 pub use in_flight::{Cancellation, MotionInFlight, stop_sending};
 pub use limits::LimitsConfig;
-pub use stage::Dispatch;
+pub use stage::{Dispatch, EXECUTIONS};

@@ -10,7 +10,7 @@ use std::{
 use cell::{CellClient, Executed, Goal, Recovered, Rejection, RejectionCode, Report};
 use dataflow::{
     Artifact, Code, Context, Form, Input, Inputs, Labels, Made, OptionFault, Outcome, Output,
-    Scope, SourceFile, Stage, Summary, Unit,
+    Scope, SourceFile, Stage, Unit,
 };
 use robot::Joint;
 use schemas::{
@@ -32,7 +32,6 @@ use crate::{
     recording::{Setting, record},
     refusal::Refusal,
     robots::Robots,
-    trials::{self, EXECUTIONS, TRIALS},
 };
 
 /// Sends accepted motions to a robot cell.
@@ -43,6 +42,9 @@ const SHOWN_ROBOT: Form = Form {
     name: "shown robot",
     of: robot::shown_form,
 };
+
+/// The artifact of what became of each motion.
+pub const EXECUTIONS: &str = "executions";
 
 impl Stage for Dispatch {
     type Config = DispatchConfig;
@@ -65,20 +67,12 @@ impl Stage for Dispatch {
             artifact: "objects",
         },
     ];
-    const OUTPUTS: &'static [Output] = &[
-        Output {
-            artifact: EXECUTIONS,
-            schema: executions::VERSION,
-            partition: "object",
-            parallel: false,
-        },
-        Output {
-            artifact: TRIALS,
-            schema: schemas::trials::VERSION,
-            partition: "dispatching",
-            parallel: true,
-        },
-    ];
+    const OUTPUTS: &'static [Output] = &[Output {
+        artifact: EXECUTIONS,
+        schema: executions::VERSION,
+        partition: "object",
+        parallel: false,
+    }];
 
     fn check(config: &DispatchConfig) -> Vec<OptionFault> {
         config.faults()
@@ -94,12 +88,9 @@ impl Stage for Dispatch {
 
     fn units(
         config: &DispatchConfig,
-        output: &str,
+        _output: &str,
         scope: &Scope,
     ) -> Result<Vec<Unit>, DispatchError> {
-        if output == TRIALS {
-            return Ok(trials::units(scope));
-        }
         let of_hand = robot_meshes::sources(&config.hand)?;
         let of_arm = match &config.arm {
             Some(arm) => robot_meshes::sources(&arm.robot)?,
@@ -134,20 +125,12 @@ impl Stage for Dispatch {
 
     fn foretell(
         _config: &DispatchConfig,
-        output: &str,
+        _output: &str,
         unit: &Unit,
         _scope: &Scope,
     ) -> Option<Labels> {
-        if output == TRIALS {
-            return Some(Labels::new());
-        }
         let object = unit.partition.clone();
         Some(Labels::from([("object".to_owned(), object)]))
-    }
-
-    /// How often motions succeed goes by what is known of each.
-    fn decides(_option: &str, output: &str) -> bool {
-        output == EXECUTIONS
     }
 
     fn run(
@@ -155,9 +138,6 @@ impl Stage for Dispatch {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome, DispatchError> {
-        if cx.output() == TRIALS {
-            return trials::make(inputs, cx);
-        }
         let schema = |source: SchemaError| DispatchError::Schema {
             partition: cx.partition().to_owned(),
             source,
@@ -192,47 +172,6 @@ impl Stage for Dispatch {
             labels: BTreeMap::from([("object".to_owned(), object.name)]),
             metrics: sent.metrics(),
         }))
-    }
-
-    fn describe(output: &str, summary: &Summary) -> String {
-        if output == TRIALS {
-            return trials::describe(summary);
-        }
-        let motions = summary.total("motions_n");
-        if motions == 0.0 {
-            return "no accepted motion to execute".to_owned();
-        }
-        let dry = summary.total("dry_n");
-        if dry > 0.0 {
-            return format!("{dry} of {motions} motions ready; nothing moved without `--execute`");
-        }
-        let cell = if summary.total("simulated_n") > 0.0 {
-            "the simulated cell"
-        } else {
-            "the robot cell"
-        };
-        let succeeded = summary.total("succeeded_n");
-        let mut line = format!("{motions} motions → {succeeded} succeed at {cell}");
-        let refused = summary.total("refused_n");
-        if refused > 0.0 {
-            line = format!("{line}, {refused} infeasible");
-        }
-        let known = summary.total("known_n");
-        if known > 0.0 {
-            line = format!("{line}, {known} done before (a higher `attempt` repeats them)");
-        }
-        let stopped = summary.total("stopped_n");
-        if stopped > 0.0 {
-            line = format!(
-                "{line}; {stopped} stopped by a person (`--fresh dispatch --set dispatch.resume_stopped=true` sends just these again)"
-            );
-        }
-        // First, so that it is not cut.
-        let unknown = summary.total("unknown_n");
-        if unknown > 0.0 {
-            line = format!("{unknown} unknown, look at the robot before going on; {line}");
-        }
-        line
     }
 }
 

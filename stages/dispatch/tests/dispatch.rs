@@ -2,8 +2,11 @@
 
 use std::{collections::BTreeMap, fs, path::Path};
 
-use dataflow::{Advise, Artifact, Context, Inputs, Made, Outcome, SourceFile, Stage, Summary};
+use dataflow::{
+    Advise, Artifact, Context, Inputs, Made, Outcome, Report, SourceFile, Stage, Summary,
+};
 use nalgebra::{Isometry3, Vector3};
+use report_dispatch::DispatchReport;
 use schemas::{
     candidates::{self, Candidate, Candidates, Rates, Step},
     executions::{self, Execution},
@@ -188,7 +191,7 @@ fn describe(made: &Made) -> String {
         totals: made.metrics.clone(),
         ..Summary::default()
     };
-    Dispatch::describe("executions", &summary)
+    DispatchReport::describe("executions", &summary)
 }
 
 #[test]

@@ -8,7 +8,6 @@ use std::{
 };
 
 use dataflow::Advise;
-use demonstrator::DemonstratorError;
 use lake::LakeError;
 use schemas::SchemaError;
 
@@ -120,14 +119,6 @@ pub enum IngestError {
         /// Why it failed.
         source: io::Error,
     },
-    /// The bundled sample could not be made.
-    #[error("cannot make the sample in `{}`", root.display())]
-    Sample {
-        /// Where.
-        root: PathBuf,
-        /// Why it failed.
-        source: DemonstratorError,
-    },
     /// Nobody knows how heavy an object is.
     #[error("the mass of `{object}` is not known")]
     UnknownMass {
@@ -202,7 +193,6 @@ impl Advise for IngestError {
             Self::NoMesh { object, .. } | Self::Mesh { object, .. } => Some(format!(
                 "correct `file` below `[stages.ingest.meshes.{object}]`"
             )),
-            Self::Sample { source, .. } => source.hint(),
             Self::Lake(source) => source.hint(),
             Self::NoneChosen { .. } => Some(
                 "change `hand`, `subjects`, `objects` or `split`, or take both hands with \

@@ -49,5 +49,5 @@ pub use error::{IngestError, Unusable};
 pub use mano::{ManoError, ManoModel, ShapedHand};
 pub use npz::NpzError;
 pub use selection::Split;
-pub use stage::Ingest;
+pub use stage::{Ingest, OBJECTS, SHAPES};
 pub use yaml::YamlError;

@@ -5,14 +5,16 @@ mod make;
 mod units;
 
 use dataflow::{
-    Code, Context, Input, Inputs, Labels, OptionFault, Outcome, Output, Scope, Stage, Summary, Unit,
+    Code, Context, Input, Inputs, Labels, OptionFault, Outcome, Output, Scope, Stage, Unit,
 };
 
 use crate::{config::IngestConfig, error::IngestError, reader};
 
-const SHAPES: &str = "shapes";
+/// The artifact of what follows from an object's mesh and its mass.
+pub const SHAPES: &str = "shapes";
 const DEMONSTRATIONS: &str = "demonstrations";
-const OBJECTS: &str = "objects";
+/// The artifact of an object with the orientations in which it was seen to lie.
+pub const OBJECTS: &str = "objects";
 
 /// Names of the pipeline file's meshes, among the files of a unit, begin so.
 const MESHES: &str = "meshes/";
@@ -63,13 +65,6 @@ impl Stage for Ingest {
 
     fn prepare(config: &IngestConfig) -> Result<(), IngestError> {
         check::options(config)?;
-        // Its presence marks a dataset that is made, not downloaded.
-        if config.root.join(demonstrator::RECIPE_FILE).is_file() {
-            demonstrator::ensure_sample(&config.root).map_err(|source| IngestError::Sample {
-                root: config.root.clone(),
-                source,
-            })?;
-        }
         check::chosen(config, reader::reader(config).as_ref())
     }
 
@@ -118,34 +113,5 @@ impl Stage for Ingest {
             OBJECTS => make::object(inputs, cx),
             _ => make::demonstration(config, inputs, cx),
         }
-    }
-
-    fn describe(output: &str, summary: &Summary) -> String {
-        let skipped = counted(summary.n_skipped, "skipped");
-        match output {
-            SHAPES => format!(
-                "{} shapes in {} convex parts{skipped}",
-                summary.n_made,
-                summary.total("convex_parts_n")
-            ),
-            OBJECTS => format!("{} objects{skipped}", summary.n_made),
-            _ => {
-                let n_recordings = summary.n_made + summary.n_skipped + summary.n_filtered;
-                format!(
-                    "{n_recordings} recordings → {} demonstrations{}{skipped}",
-                    summary.n_made,
-                    counted(summary.n_filtered, "left out"),
-                )
-            }
-        }
-    }
-}
-
-/// Returns `, 3 skipped`, or nothing for none.
-fn counted(n: usize, what: &str) -> String {
-    if n == 0 {
-        String::new()
-    } else {
-        format!(", {n} {what}")
     }
 }

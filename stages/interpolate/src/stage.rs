@@ -2,9 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{
-    Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Summary, Unit,
-};
+use dataflow::{Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Unit};
 use schemas::{SchemaError, candidates, candidates::Candidates};
 
 use crate::{InterpolateConfig, InterpolateError, line::line};
@@ -110,11 +108,6 @@ impl Stage for Interpolate {
             labels: labels(&lines.object),
             metrics: BTreeMap::from([("candidates".to_owned(), n)]),
         }))
-    }
-
-    fn describe(_output: &str, summary: &Summary) -> String {
-        let candidates = summary.total("candidates");
-        format!("{} objects → {candidates} straight lines", summary.n_made)
     }
 }
 

@@ -3,8 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use dataflow::{
-    Artifact, Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Summary,
-    Unit,
+    Artifact, Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Unit,
 };
 use schemas::{
     candidates::{self, Candidate, Candidates},
@@ -119,14 +118,6 @@ impl Stage for Replay {
             labels: BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]),
             metrics: BTreeMap::from([("candidates".to_owned(), n)]),
         }))
-    }
-
-    fn describe(_output: &str, summary: &Summary) -> String {
-        format!(
-            "{} objects → {} candidates",
-            summary.n_made,
-            summary.total("candidates")
-        )
     }
 }
 

@@ -38,4 +38,4 @@ mod track;
 pub use config::{Loss, RetargetConfig, Wrist};
 pub use error::RetargetError;
 pub use hand_table::{FollowedPoint, HandTable};
-pub use stage::Retarget;
+pub use stage::{FIELDS, Retarget, TRAJECTORIES};

@@ -1,17 +1,16 @@
-//! The stage: a distance field per object, a trajectory per demonstration, a report per object.
+//! The stage: a distance field per object, a trajectory per demonstration.
 
 mod fields;
-mod report;
 mod retargeted;
 
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{fs, path::Path};
 
 use dataflow::{
     Code, Context, Form, Input, Inputs, Labels, OptionFault, Outcome, Output, Scope, SourceFile,
-    Stage, Summary, Unit,
+    Stage, Unit,
 };
 use robot::RobotModel;
-use schemas::{distance_fields, objects, tracking, trajectories};
+use schemas::{distance_fields, objects, trajectories};
 
 use crate::{
     HandTable, RetargetConfig, RetargetError, Wrist,
@@ -22,11 +21,9 @@ use crate::{
 pub enum Retarget {}
 
 /// The artifact of an object's distances.
-const FIELDS: &str = "distance_fields";
+pub const FIELDS: &str = "distance_fields";
 /// The artifact of a demonstration's motion.
-const TRAJECTORIES: &str = "trajectories";
-/// The artifact of an object's report.
-const TRACKING: &str = "tracking";
+pub const TRAJECTORIES: &str = "trajectories";
 
 /// The robot counts as recordings show it.
 const SHOWN_ROBOT: Form = Form {
@@ -73,12 +70,6 @@ impl Stage for Retarget {
             partition: "sequence",
             parallel: true,
         },
-        Output {
-            artifact: TRACKING,
-            schema: tracking::VERSION,
-            partition: "object",
-            parallel: true,
-        },
     ];
 
     fn check(config: &RetargetConfig) -> Vec<OptionFault> {
@@ -98,7 +89,6 @@ impl Stage for Retarget {
     ) -> Result<Vec<Unit>, RetargetError> {
         match output {
             FIELDS => fields(scope),
-            TRACKING => Ok(reports(scope)),
             _ => retargeted(config, scope),
         }
     }
@@ -123,7 +113,6 @@ impl Stage for Retarget {
     fn decides(option: &str, output: &str) -> bool {
         match output {
             FIELDS => option == "field_spacing_m",
-            TRACKING => false,
             _ => option != "field_spacing_m",
         }
     }
@@ -135,29 +124,7 @@ impl Stage for Retarget {
     ) -> Result<Outcome, RetargetError> {
         match cx.output() {
             FIELDS => fields::make(config, inputs, cx),
-            TRACKING => report::make(inputs, cx),
             _ => retargeted::make(config, inputs, cx),
-        }
-    }
-
-    fn describe(output: &str, summary: &Summary) -> String {
-        let mean_mm = |metric, n: f64| 1000.0 * summary.total(metric) / n.max(1.0);
-        match output {
-            FIELDS => format!("{} objects → distance fields", summary.n_made),
-            TRACKING => format!(
-                "{} objects, {} trajectories, tip error {:.1} mm",
-                summary.n_made,
-                summary.total("trajectories_n"),
-                mean_mm("tip_error_sum_m", summary.total("tips_n"))
-            ),
-            _ => {
-                let n_read = summary.n_made + summary.n_skipped + summary.n_filtered;
-                format!(
-                    "{n_read} demonstrations → {} trajectories, error {:.0} mm",
-                    summary.n_made,
-                    mean_mm("keypoint_error_m", summary.n_made as f64)
-                )
-            }
         }
     }
 }
@@ -202,20 +169,6 @@ fn retargeted(config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, Retar
             meshes.iter().cloned().fold(unit, Unit::with_file)
         })
         .collect())
-}
-
-/// Returns the units of reports.
-fn reports(scope: &Scope) -> Vec<Unit> {
-    let mut by_object: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for trajectory in scope.partitions(TRAJECTORIES) {
-        if let Some(object) = trajectory.label("object") {
-            by_object.entry(object).or_default().push(&trajectory.key);
-        }
-    }
-    by_object
-        .into_iter()
-        .map(|(object, keys)| Unit::new(object).reading(TRAJECTORIES, keys))
-        .collect()
 }
 
 /// A hand with the text of its URDF.

@@ -3,7 +3,6 @@
 use std::{io, path::PathBuf};
 
 use cgf::CgfError;
-use charts::ChartError;
 use dataflow::Advise;
 use lake::LakeError;
 use robot::RobotError;
@@ -96,9 +95,6 @@ pub enum SampleError {
         /// How it differs.
         source: SchemaError,
     },
-    /// A chart's data is not as it should be.
-    #[error(transparent)]
-    Chart(#[from] ChartError),
     /// The grasping function cannot be used.
     #[error(transparent)]
     Cgf(#[from] CgfError),
@@ -139,7 +135,7 @@ impl Advise for SampleError {
                 | CgfError::Tensor { .. }
                 | CgfError::Version { .. },
             ) => Some("train again with `pipeline run FILE --fresh`".to_owned()),
-            Self::Hand { .. } | Self::Chart(_) | Self::Cgf(_) => None,
+            Self::Hand { .. } | Self::Cgf(_) => None,
         }
     }
 }

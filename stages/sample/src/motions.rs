@@ -12,7 +12,7 @@ use spatial::Rest;
 use crate::{
     SampleConfig, SampleError,
     draw::{self, Draw, Source},
-    quality::Gauge,
+    room::Gauge,
 };
 
 /// What the candidates say drew them.

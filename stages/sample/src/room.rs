@@ -6,6 +6,7 @@ use robot::{
     RobotModel,
     balls::{Cluster, clusters},
 };
+use schemas::candidates::{Candidate, Step};
 
 use crate::SampleError;
 
@@ -13,16 +14,18 @@ use crate::SampleError;
 const SLACK: f64 = 1.1;
 
 /// The room that a hand takes up: its collision shapes filled with balls.
-pub(crate) struct Room<'a> {
+pub struct Room<'a> {
     hand: &'a RobotModel,
     clusters: Vec<Cluster>,
 }
 
 /// How deep a hand is in things, in meters; 0 where it is not.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Depth {
-    pub(crate) object_m: f64,
-    pub(crate) table_m: f64,
+pub struct Depth {
+    /// In the object.
+    pub object_m: f64,
+    /// Below the table.
+    pub table_m: f64,
 }
 
 impl<'a> Room<'a> {
@@ -31,7 +34,7 @@ impl<'a> Room<'a> {
     /// # Errors
     ///
     /// Fails if they are far larger than a hand's.
-    pub(crate) fn new(hand: &'a RobotModel) -> Result<Self, SampleError> {
+    pub fn new(hand: &'a RobotModel) -> Result<Self, SampleError> {
         let clusters =
             clusters(hand).map_err(|large| SampleError::LargeShapes { link: large.link })?;
         Ok(Self { hand, clusters })
@@ -39,7 +42,7 @@ impl<'a> Room<'a> {
 
     /// Returns how deep the hand is in the object of the field and below the table; `q` has the order
     /// of the hand's joints.
-    pub(crate) fn depth(
+    pub fn depth(
         &self,
         field: &DistanceField,
         object_from_palm: &Isometry3<f64>,
@@ -70,6 +73,43 @@ impl<'a> Room<'a> {
             }
         }
         depth
+    }
+}
+
+/// What tells how deep motions of an object are in things.
+#[derive(Clone, Copy)]
+pub struct Gauge<'a> {
+    /// The hand's room.
+    pub room: &'a Room<'a>,
+    /// Distances about the object.
+    pub field: &'a DistanceField,
+    /// Which of a candidate's joints each of the hand's is.
+    pub columns: &'a [usize],
+}
+
+impl Gauge<'_> {
+    /// Measures how deep the hand is at one step.
+    pub fn depth(&self, candidate: &Candidate, step: &Step) -> Depth {
+        let q: Vec<f64> = self
+            .columns
+            .iter()
+            .filter_map(|&column| step.q_rad.get(column).copied())
+            .collect();
+        self.room.depth(
+            self.field,
+            step.object_from_palm.isometry(),
+            candidate.table_from_object.isometry(),
+            &q,
+        )
+    }
+
+    /// Returns how deep the hand is in object or table at its deepest, in meters.
+    pub(crate) fn deepest_m(&self, candidate: &Candidate) -> f64 {
+        let depths = candidate.steps.iter().map(|step| {
+            let depth = self.depth(candidate, step);
+            depth.object_m.max(depth.table_m)
+        });
+        depths.fold(0.0, f64::max)
     }
 }
 

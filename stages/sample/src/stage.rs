@@ -1,42 +1,28 @@
-//! The stage: the candidates of one object, and how plausible and different they are.
+//! The stage: the candidates of one object.
 
 mod candidates;
-mod charts;
-mod sampling;
-
-use std::{fs, path::Path};
 
 use dataflow::{
-    Artifact, Code, Context, Form, Input, Inputs, Labels, OptionFault, Outcome, Output, Scope,
-    SourceFile, Stage, Summary, Unit,
+    Code, Context, Form, Input, Inputs, Labels, OptionFault, Outcome, Output, Scope, Stage, Unit,
 };
-use geometry::DistanceField;
-use robot::RobotModel;
-use schemas::{SchemaError, distance_fields};
 
-use crate::{SampleConfig, SampleError};
+use crate::{
+    SampleConfig, SampleError,
+    inputs::{FIELDS, read_hand},
+};
 
 /// Draws candidate motions from a grasping function.
 pub enum Sample {}
 
-/// The hand counts as it is read.
-const ROBOT: Form = Form {
-    name: "robot",
-    of: robot::read_form,
-};
 /// The robot counts as recordings show it.
 const SHOWN_ROBOT: Form = Form {
     name: "shown robot",
     of: robot::shown_form,
 };
 /// The artifact of an object's motions.
-const CANDIDATES: &str = "candidates";
-/// The artifact that says how plausible and different they are.
-const SAMPLING: &str = "sampling";
-/// The artifact of an object's distances.
-const FIELDS: &str = "distance_fields";
+pub const CANDIDATES: &str = "candidates";
 /// The artifact of a demonstration's motion.
-const TRAJECTORIES: &str = "trajectories";
+pub const TRAJECTORIES: &str = "trajectories";
 
 impl Stage for Sample {
     type Config = SampleConfig;
@@ -63,20 +49,12 @@ impl Stage for Sample {
             artifact: TRAJECTORIES,
         },
     ];
-    const OUTPUTS: &'static [Output] = &[
-        Output {
-            artifact: CANDIDATES,
-            schema: schemas::candidates::VERSION,
-            partition: "object",
-            parallel: true,
-        },
-        Output {
-            artifact: SAMPLING,
-            schema: schemas::sampling::VERSION,
-            partition: "object",
-            parallel: true,
-        },
-    ];
+    const OUTPUTS: &'static [Output] = &[Output {
+        artifact: CANDIDATES,
+        schema: schemas::candidates::VERSION,
+        partition: "object",
+        parallel: true,
+    }];
 
     fn check(config: &SampleConfig) -> Vec<OptionFault> {
         config.faults()
@@ -87,11 +65,12 @@ impl Stage for Sample {
         read_hand(&config.hand).map(drop)
     }
 
-    fn units(config: &SampleConfig, output: &str, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
-        match output {
-            SAMPLING => sampling::units(config, scope),
-            _ => candidates::units(config, scope),
-        }
+    fn units(
+        config: &SampleConfig,
+        _output: &str,
+        scope: &Scope,
+    ) -> Result<Vec<Unit>, SampleError> {
+        candidates::units(config, scope)
     }
 
     fn foretell(
@@ -103,98 +82,15 @@ impl Stage for Sample {
         Some(labels(&unit.partition))
     }
 
-    fn decides(option: &str, output: &str) -> bool {
-        output == CANDIDATES && option != "objects"
+    fn decides(option: &str, _output: &str) -> bool {
+        option != "objects"
     }
 
     fn run(config: &SampleConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleError> {
-        match cx.output() {
-            SAMPLING => sampling::make(inputs, cx),
-            _ => candidates::make(config, inputs, cx),
-        }
-    }
-
-    fn describe(output: &str, summary: &Summary) -> String {
-        match output {
-            SAMPLING => sampling::describe(summary),
-            _ => candidates::describe(summary),
-        }
+        candidates::make(config, inputs, cx)
     }
 }
 
 fn labels(object: &str) -> Labels {
     Labels::from([("object".to_owned(), object.to_owned())])
-}
-
-/// The meshes that the hand collides with.
-fn hand_meshes(config: &SampleConfig) -> Result<Vec<SourceFile>, SampleError> {
-    Ok(robot_meshes::sources(&config.hand)?)
-}
-
-/// The hand's URDF, of which some units read nothing.
-fn hand_file(config: &SampleConfig) -> SourceFile {
-    SourceFile::named("hand", &config.hand)
-}
-
-/// Reads the hand's URDF and meshes: its plain text and what it says.
-fn read_hand(path: &Path) -> Result<(String, RobotModel), SampleError> {
-    let xml = fs::read_to_string(path).map_err(|source| SampleError::ReadHand {
-        path: path.to_owned(),
-        source,
-    })?;
-    let model = RobotModel::from_urdf(&xml).map_err(|source| SampleError::Hand {
-        path: path.to_owned(),
-        source,
-    })?;
-    let model = robot_meshes::with_mesh_shapes(model, path)?;
-    Ok((robot::plain_urdf(&xml), model))
-}
-
-/// Reads the distances about an object.
-fn read_field(artifact: &Artifact) -> Result<DistanceField, SampleError> {
-    let path = artifact
-        .file(distance_fields::FIELD)
-        .ok_or(SampleError::Missing {
-            what: "distance field of an object",
-        })?;
-    let bytes = fs::read(path).map_err(|source| SampleError::ReadField {
-        object: artifact.key.clone(),
-        source,
-    })?;
-    DistanceField::from_bytes(&bytes).ok_or_else(|| SampleError::BadField {
-        object: artifact.key.clone(),
-    })
-}
-
-/// Returns which of `joints`, those of `what`, each of the hand's joints is.
-fn columns(model: &RobotModel, joints: &[String], what: &str) -> Result<Vec<usize>, SampleError> {
-    let names = model.joint_names();
-    let columns: Option<Vec<usize>> = names
-        .iter()
-        .map(|name| joints.iter().position(|joint| joint == name))
-        .collect();
-    columns
-        .filter(|columns| columns.len() == joints.len())
-        .ok_or_else(|| SampleError::AnotherHand {
-            what: what.to_owned(),
-            expected: names,
-            found: joints.to_vec(),
-        })
-}
-
-/// Returns the one artifact of an input.
-fn only<'a>(
-    inputs: &'a Inputs,
-    input: &str,
-    what: &'static str,
-) -> Result<&'a Artifact, SampleError> {
-    let artifact = inputs.artifacts(input).first();
-    artifact.ok_or(SampleError::Missing { what })
-}
-
-fn schema(key: &str) -> impl Fn(SchemaError) -> SampleError {
-    move |source| SampleError::Schema {
-        key: key.to_owned(),
-        source,
-    }
 }

@@ -17,9 +17,12 @@ use cgf::{
     JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Scene, Schedule,
     Split, TimedGrasp, Times, Track, TrainingConfig, TrainingDevice, TrainingSet,
 };
-use dataflow::{Advise, Artifact, Context, Inputs, Made, Outcome, SourceFile, Stage, Summary};
+use dataflow::{
+    Advise, Artifact, Context, Inputs, Made, Outcome, Report, Reported, SourceFile, Stage, Summary,
+};
 use geometry::{DistanceField, TriMesh};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use report_sample::{SampleReport, SampleReportError};
 use robot::RobotModel;
 use safetensors::{SafeTensors, tensor::TensorView};
 use schemas::{
@@ -282,10 +285,10 @@ fn config() -> SampleConfig {
     }
 }
 
-/// Runs one output of the stage in a folder of its own, which is returned.
-fn run(config: &SampleConfig, inputs: &Inputs, seed: u64, output: &str) -> (TempDir, Made) {
+/// Draws motions into a folder, which is returned.
+fn run(config: &SampleConfig, inputs: &Inputs, seed: u64) -> (TempDir, Made) {
     let out = tempfile::tempdir().unwrap();
-    let cx = Context::detached(output, "can", seed, out.path());
+    let cx = Context::detached("candidates", "can", seed, out.path());
     let Outcome::Made(made) = Sample::run(config, inputs, &cx).unwrap() else {
         panic!("nothing was made");
     };
@@ -306,7 +309,7 @@ fn made_in(folder: &Path) -> Artifact {
 }
 
 fn sample(config: &SampleConfig, inputs: &Inputs, seed: u64) -> Candidates {
-    let (out, _) = run(config, inputs, seed, "candidates");
+    let (out, _) = run(config, inputs, seed);
     let batch = lake::table::read(&made_in(out.path())).unwrap();
     candidates::from_batch("can", &batch).unwrap()
 }
@@ -318,15 +321,24 @@ fn measure(config: &SampleConfig, inputs: &Inputs) -> (Vec<Sampled>, Made) {
     (sampling::from_batch(&batch).unwrap(), made)
 }
 
+fn reported() -> &'static Reported<SampleReport> {
+    SampleReport::reported("sampling").unwrap()
+}
+
 /// Samples, then measures into a folder, which is returned.
 fn measured(config: &SampleConfig, inputs: &Inputs) -> (TempDir, Made) {
-    let (out, _) = run(config, inputs, 7, "candidates");
+    let (out, _) = run(config, inputs, 7);
     let mut artifacts: BTreeMap<String, Vec<Artifact>> = ["distance_fields", "trajectories"]
         .map(|input| (input.to_owned(), inputs.artifacts(input).to_vec()))
         .into();
     artifacts.insert("candidates".to_owned(), vec![made_in(out.path())]);
     let inputs = Inputs::new(artifacts, inputs.files().to_vec());
-    run(config, &inputs, 7, "sampling")
+    let out = tempfile::tempdir().unwrap();
+    let cx = Context::detached("sampling", "can", 7, out.path());
+    let Outcome::Made(made) = (reported().run)(config, &inputs, &cx).unwrap() else {
+        panic!("nothing was measured");
+    };
+    (out, made)
 }
 
 /// What is wrong with the options.
@@ -775,7 +787,7 @@ fn a_decoder_that_ignores_the_code_is_flagged_as_collapsed() {
         totals: made.metrics,
         ..Summary::default()
     };
-    let said = Sample::describe("sampling", &summary);
+    let said = (reported().describe)(&summary);
     assert!(
         said.contains("COLLAPSED for 1 objects") && said.contains("spread 0 mm"),
         "{said}"
@@ -792,7 +804,7 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
             draws,
             ..config()
         };
-        let (out, made) = run(&config, &inputs, 7, "candidates");
+        let (out, made) = run(&config, &inputs, 7);
         let batch = lake::table::read(&made_in(out.path())).unwrap();
         let candidates = candidates::from_batch("can", &batch).unwrap().candidates;
         let (sampled, _) = measure(&config, &inputs);
@@ -832,7 +844,7 @@ fn a_recording_shows_motions_side_by_side() {
         recorded_per_object: 3,
         ..config()
     };
-    let (out, _) = run(&config, &inputs, 7, "candidates");
+    let (out, _) = run(&config, &inputs, 7);
     let drawn = candidates::from_batch("can", &lake::table::read(&made_in(out.path())).unwrap());
     let drawn = drawn.unwrap().candidates;
     let contents = lake::recording::read(&out.path().join("motions.mcap")).unwrap();
@@ -894,7 +906,7 @@ fn another_hand_and_a_damaged_field_are_errors() {
     );
 
     fs::write(&other, HAND).unwrap();
-    let (out, _) = run(&config(), &inputs, 7, "candidates");
+    let (out, _) = run(&config(), &inputs, 7);
     let field = inputs.artifacts("distance_fields")[0]
         .file(distance_fields::FIELD)
         .unwrap();
@@ -905,8 +917,12 @@ fn another_hand_and_a_damaged_field_are_errors() {
     artifacts.insert("candidates".to_owned(), vec![made_in(out.path())]);
     let damaged = Inputs::new(artifacts, inputs.files().to_vec());
     let cx = Context::detached("sampling", "can", 7, out.path());
-    let err = Sample::run(&config(), &damaged, &cx).unwrap_err();
-    assert!(matches!(err, SampleError::BadField { .. }), "{err}");
+    let err = (reported().run)(&config(), &damaged, &cx).unwrap_err();
+    let SampleReportError::Sample(err) = err else {
+        panic!("{err}");
+    };
+    let is_told = matches!(*err, SampleError::BadField { .. });
+    assert!(is_told, "{err}");
 }
 
 #[test]

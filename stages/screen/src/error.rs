@@ -2,7 +2,6 @@
 
 use std::{io, path::PathBuf};
 
-use charts::ChartError;
 use dataflow::{Advise, missing};
 use lake::LakeError;
 use robot::RobotError;
@@ -88,17 +87,6 @@ pub enum ScreenError {
         /// What is missing.
         what: &'static str,
     },
-    /// A rollout is of a candidate that there is not.
-    #[error("a rollout of `{partition}` is of `{candidate}`, which is not among the candidates")]
-    UnknownCandidate {
-        /// The object.
-        partition: String,
-        /// The candidate's name.
-        candidate: String,
-    },
-    /// A chart's data is not as it should be.
-    #[error(transparent)]
-    Chart(#[from] ChartError),
     /// A table or recording could not be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
@@ -129,14 +117,8 @@ impl Advise for ScreenError {
             Self::UnknownJoint { .. } | Self::MissingJoint { .. } => {
                 Some("use the same `hand` in `retarget` and in `screen`, then run again".to_owned())
             }
-            Self::UnknownCandidate { .. } => {
-                Some("make them again with `pipeline run FILE --fresh`".to_owned())
-            }
             Self::Lake(err) => err.hint(),
-            Self::NoCandidates
-            | Self::MissingInput { .. }
-            | Self::Chart(_)
-            | Self::Schema { .. } => None,
+            Self::NoCandidates | Self::MissingInput { .. } | Self::Schema { .. } => None,
         }
     }
 

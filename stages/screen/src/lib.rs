@@ -7,8 +7,8 @@
 //! Candidates are independent: they run on all threads and keep their order, and each can be run
 //! again alone with the same verdict. This stage does not know who drew them.
 //!
-//! A second output says for each object and generator how often they hold, with what confidence, why the
-//! others fail, at what cost, and how different the grasps that hold are.
+//! How often they hold, why the others fail and how different the grasps are says crate
+//! `report-screen`.
 
 mod config;
 mod error;
@@ -16,9 +16,8 @@ mod mistake;
 mod recording;
 mod smoothness;
 mod stage;
-mod success;
 mod verdicts;
 
 pub use config::ScreenConfig;
 pub use error::ScreenError;
-pub use stage::Screen;
+pub use stage::{ROLLOUTS, Screen};

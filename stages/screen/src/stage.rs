@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, fs, path::Path};
 
 use dataflow::{
     Code, Context, Form, Input, Inputs, Labels, Made, OptionFault, Outcome, Output, Scope,
-    SourceFile, Stage, Summary, Unit,
+    SourceFile, Stage, Unit,
 };
 use robot::RobotModel;
 use schemas::{candidates, objects, rollouts, rollouts::Verdict};
@@ -13,7 +13,6 @@ use simulation::{Flexion, Record, SimulationError, check_hand};
 use crate::{
     ScreenConfig, ScreenError,
     recording::{self, record},
-    success::{self, ROLLOUTS, SUCCESS},
     verdicts::Screening,
 };
 
@@ -25,6 +24,9 @@ const SHOWN_ROBOT: Form = Form {
     name: "shown robot",
     of: robot::shown_form,
 };
+
+/// The artifact of what became of each candidate.
+pub const ROLLOUTS: &str = "rollouts";
 
 impl Stage for Screen {
     type Config = ScreenConfig;
@@ -43,20 +45,12 @@ impl Stage for Screen {
             artifact: "objects",
         },
     ];
-    const OUTPUTS: &'static [Output] = &[
-        Output {
-            artifact: ROLLOUTS,
-            schema: rollouts::VERSION,
-            partition: "object",
-            parallel: true,
-        },
-        Output {
-            artifact: SUCCESS,
-            schema: schemas::success::VERSION,
-            partition: "screening",
-            parallel: true,
-        },
-    ];
+    const OUTPUTS: &'static [Output] = &[Output {
+        artifact: ROLLOUTS,
+        schema: rollouts::VERSION,
+        partition: "object",
+        parallel: true,
+    }];
 
     fn check(config: &ScreenConfig) -> Vec<OptionFault> {
         config.faults()
@@ -73,10 +67,11 @@ impl Stage for Screen {
             })
     }
 
-    fn units(config: &ScreenConfig, output: &str, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
-        if output == SUCCESS {
-            return Ok(success::units(scope));
-        }
+    fn units(
+        config: &ScreenConfig,
+        _output: &str,
+        scope: &Scope,
+    ) -> Result<Vec<Unit>, ScreenError> {
         let candidates = scope.partitions("candidates");
         if candidates.is_empty() {
             return Err(ScreenError::NoCandidates);
@@ -99,26 +94,15 @@ impl Stage for Screen {
 
     fn foretell(
         _config: &ScreenConfig,
-        output: &str,
+        _output: &str,
         unit: &Unit,
         _scope: &Scope,
     ) -> Option<Labels> {
-        if output == SUCCESS {
-            return Some(Labels::new());
-        }
         let object = unit.partition.clone();
         Some(Labels::from([("object".to_owned(), object)]))
     }
 
-    /// How often candidates hold goes by what the rollouts say of them.
-    fn decides(_option: &str, output: &str) -> bool {
-        output == ROLLOUTS
-    }
-
     fn run(config: &ScreenConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, ScreenError> {
-        if cx.output() == SUCCESS {
-            return success::make(inputs, cx);
-        }
         let missing = |what| ScreenError::MissingInput {
             partition: cx.partition().to_owned(),
             what,
@@ -186,17 +170,6 @@ impl Stage for Screen {
             labels: BTreeMap::from([("object".to_owned(), object.name)]),
             metrics: metrics(&rollouts),
         }))
-    }
-
-    fn describe(output: &str, summary: &Summary) -> String {
-        if output == SUCCESS {
-            return success::describe(summary);
-        }
-        format!(
-            "{:.0} candidates → {:.0} accepted",
-            summary.total("candidates_n"),
-            summary.total("accepted_n")
-        )
     }
 }
 

@@ -3,9 +3,11 @@
 use std::{collections::BTreeMap, f64::consts::TAU, fs, path::Path};
 
 use dataflow::{
-    Advise, Artifact, Context, Inputs, Made, Outcome, Partition, Scope, SourceFile, Stage, Summary,
+    Advise, Artifact, Context, Inputs, Made, Outcome, Partition, Report, Scope, SourceFile, Stage,
+    Summary,
 };
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use report_screen::ScreenReport;
 use robot::RobotModel;
 use schemas::{
     candidates::{self, Candidate, Candidates, Rates, Step},
@@ -260,8 +262,9 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     let read = [("rollouts", "out"), ("candidates", "candidates")]
         .map(|(input, made)| (input.to_owned(), vec![artifact(&folder.path().join(made))]));
     let inputs = Inputs::new(BTreeMap::from(read), Vec::new());
+    let reported = ScreenReport::reported("success").unwrap();
     let cx = Context::detached("success", "all", 7, &success);
-    let made = made(Screen::run(&config(), &inputs, &cx).unwrap());
+    let made = made((reported.run)(&config(), &inputs, &cx).unwrap());
     assert!(made.labels.is_empty());
     let said = success::from_batch(&lake::table::read(&artifact(&success)).unwrap()).unwrap();
     assert_eq!(said.len(), 1);
@@ -285,14 +288,11 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     ] {
         assert!(svg.contains(text), "{svg}");
     }
-    let said = Screen::describe(
-        "success",
-        &Summary {
-            n_made: 1,
-            totals: made.metrics,
-            ..Summary::default()
-        },
-    );
+    let said = (reported.describe)(&Summary {
+        n_made: 1,
+        totals: made.metrics,
+        ..Summary::default()
+    });
     assert!(
         said.starts_with("33.3 % hold (95 % CI 6.1 to 79.2)"),
         "{said}"

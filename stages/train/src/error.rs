@@ -3,10 +3,9 @@
 use std::{io, path::PathBuf};
 
 use cgf::CgfError;
-use charts::ChartError;
 use dataflow::Advise;
 use lake::LakeError;
-use robot::{RobotError, WrongDof};
+use robot::RobotError;
 use robot_meshes::MeshError;
 use schemas::SchemaError;
 
@@ -90,12 +89,6 @@ pub enum TrainError {
         /// How it differs.
         source: SchemaError,
     },
-    /// The hand has another number of joints than a motion.
-    #[error(transparent)]
-    Dof(#[from] WrongDof),
-    /// A chart's data is not as it should be.
-    #[error(transparent)]
-    Chart(#[from] ChartError),
     /// Training failed.
     #[error(transparent)]
     Cgf(#[from] CgfError),
@@ -132,7 +125,7 @@ impl Advise for TrainError {
                 Some("give `training.tips` the names of the hand's finger tip links".to_owned())
             }
             Self::Cgf(CgfError::LargeShapes { .. }) => Some("URDFs are in meters".to_owned()),
-            Self::Curve { .. } | Self::Cgf(_) | Self::Dof(_) | Self::Chart(_) => None,
+            Self::Curve { .. } | Self::Cgf(_) => None,
         }
     }
 

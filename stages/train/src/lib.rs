@@ -3,17 +3,15 @@
 //! All trajectories of the chosen objects are gathered into one training set: each is expressed above
 //! the table on which its object lay, in the resting orientation of the object that is nearest to the
 //! recorded one. The network and its losses are those of crate `cgf`; the checkpoint is two files,
-//! weights as safetensors and everything else as JSON. Three further outputs show how the training
-//! went, each as a table and as charts: the losses, how near the motions of the mean codes are to those
-//! that they were encoded from, and what is used of the latent code.
+//! weights as safetensors and everything else as JSON. What shows how the training went is in crate
+//! `report-train`.
 
 mod config;
 mod error;
-mod report;
 mod resume;
-mod set;
+pub mod set;
 mod stage;
 
 pub use config::TrainConfig;
 pub use error::TrainError;
-pub use stage::Train;
+pub use stage::{CHECKPOINT, Train, hand};

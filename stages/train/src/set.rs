@@ -17,13 +17,17 @@ use spatial::Rest;
 use crate::{TrainConfig, TrainError};
 
 /// The artifact of the distances about an object.
-pub(crate) const FIELDS: &str = "distance_fields";
+pub const FIELDS: &str = "distance_fields";
 /// Stream of the random numbers that say which motions are held out.
 const HELD_OUT: u64 = 3;
 
 /// Reads objects and trajectories, puts every motion above the table of its scene and says which are
 /// learned from.
-pub(crate) fn read(
+///
+/// # Errors
+///
+/// Fails if an artifact cannot be read, or a trajectory is of another hand or of no object.
+pub fn read(
     config: &TrainConfig,
     inputs: &Inputs,
     joints: &[String],

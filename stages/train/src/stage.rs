@@ -11,14 +11,13 @@ use std::{
 use cgf::{GraspError, Split, Trained, Trainer, TrainingSet};
 use dataflow::{
     Code, Context, Form, Input, Inputs, Made, OptionFault, Outcome, Output, Scope, SourceFile,
-    Stage, Summary, Unit,
+    Stage, Unit,
 };
 use robot::RobotModel;
-use schemas::{checkpoint, latents, reconstruction, training};
+use schemas::checkpoint;
 
 use crate::{
     TrainConfig, TrainError,
-    report::{self, CHECKPOINT, LATENTS, RECONSTRUCTION, TRAINING},
     resume::{self, Found, Saver},
     set,
 };
@@ -33,6 +32,8 @@ const ROBOT: Form = Form {
 };
 /// Key of the one partition.
 const MODEL: &str = "cgf";
+/// The artifact of the trained function.
+pub const CHECKPOINT: &str = "checkpoint";
 
 impl Stage for Train {
     type Config = TrainConfig;
@@ -55,12 +56,12 @@ impl Stage for Train {
             artifact: set::FIELDS,
         },
     ];
-    const OUTPUTS: &'static [Output] = &[
-        output(CHECKPOINT, checkpoint::VERSION),
-        output(TRAINING, training::VERSION),
-        output(LATENTS, latents::VERSION),
-        output(RECONSTRUCTION, reconstruction::VERSION),
-    ];
+    const OUTPUTS: &'static [Output] = &[Output {
+        artifact: CHECKPOINT,
+        schema: checkpoint::VERSION,
+        partition: "model",
+        parallel: true,
+    }];
 
     fn check(config: &TrainConfig) -> Vec<OptionFault> {
         config.faults()
@@ -71,7 +72,7 @@ impl Stage for Train {
         read_hand(&config.hand).map(drop)
     }
 
-    fn units(config: &TrainConfig, output: &str, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
+    fn units(config: &TrainConfig, _output: &str, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
         let known: Vec<String> = scope
             .partitions("objects")
             .iter()
@@ -110,24 +111,14 @@ impl Stage for Train {
             .reading("objects", objects)
             .reading(set::FIELDS, fields)
             .with_file_of_form(SourceFile::named("hand", &config.hand), ROBOT);
-        let unit = robot_meshes::sources(&config.hand)?
-            .into_iter()
-            .fold(unit, Unit::with_file);
-        Ok(match output {
-            CHECKPOINT => vec![unit],
-            _ => report::units(output, &unit, scope),
-        })
-    }
-
-    /// What shows a training goes by what the checkpoint says of it.
-    fn decides(_option: &str, output: &str) -> bool {
-        output == CHECKPOINT
+        Ok(vec![
+            robot_meshes::sources(&config.hand)?
+                .into_iter()
+                .fold(unit, Unit::with_file),
+        ])
     }
 
     fn run(config: &TrainConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainError> {
-        if cx.output() != CHECKPOINT {
-            return report::make(config, inputs, cx);
-        }
         let hand = Arc::new(hand(config, inputs)?);
         let set = set::read(config, inputs, &hand.joint_names(), cx.seed())?;
         let trained = train(config, &set, &hand, cx)?;
@@ -143,38 +134,14 @@ impl Stage for Train {
             metrics: metrics(&trained),
         }))
     }
-
-    fn describe(output: &str, summary: &Summary) -> String {
-        if output != CHECKPOINT {
-            return report::describe(output, summary);
-        }
-        let error_mm = |suffix| 1e3 * summary.total(&format!("position_error_m{suffix}"));
-        let mut text = format!(
-            "{} trajectories → error {:.1} mm",
-            summary.total("trajectories"),
-            error_mm(""),
-        );
-        for (suffix, what) in [("_held_out", "held out"), ("_unseen", "unseen")] {
-            let n = summary.total(&format!("trajectories{suffix}"));
-            if n > 0.0 {
-                text += &format!(", {n} {what} {:.1} mm", error_mm(suffix));
-            }
-        }
-        text
-    }
-}
-
-const fn output(artifact: &'static str, schema: &'static str) -> Output {
-    Output {
-        artifact,
-        schema,
-        partition: "model",
-        parallel: true,
-    }
 }
 
 /// Reads the hand that a unit was given.
-pub(crate) fn hand(config: &TrainConfig, inputs: &Inputs) -> Result<RobotModel, TrainError> {
+///
+/// # Errors
+///
+/// Fails if its description or a mesh of it cannot be read.
+pub fn hand(config: &TrainConfig, inputs: &Inputs) -> Result<RobotModel, TrainError> {
     let given = inputs.files().first();
     read_hand(given.map_or(&config.hand, |file| &file.path))
 }

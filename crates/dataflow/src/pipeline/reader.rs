@@ -489,8 +489,7 @@ impl FileReader<'_> {
                     let offer = stages.iter().find(|other| {
                         other
                             .kind
-                            .outputs
-                            .iter()
+                            .outputs()
                             .any(|output| output.artifact == input.artifact)
                     });
                     let hint = offer.map(|other| {
@@ -536,12 +535,8 @@ impl FileReader<'_> {
                 let Some(maker) = stages.iter().find(|other| other.name == node.stage) else {
                     continue;
                 };
-                let outputs: Vec<&str> = maker
-                    .kind
-                    .outputs
-                    .iter()
-                    .map(|output| output.artifact)
-                    .collect();
+                let outputs: Vec<&str> =
+                    maker.kind.outputs().map(|output| output.artifact).collect();
                 if !outputs.contains(&node.artifact.as_str()) {
                     self.problem_at(
                         format!("stage `{}` makes no `{}`", node.stage, node.artifact),

@@ -1,6 +1,6 @@
 //! The stage from the outside: what it makes, skips and refuses.
 
-use std::{io::Write, path::PathBuf};
+use std::{collections::BTreeMap, io::Write, path::PathBuf};
 
 use dataflow::{Advise, Artifact, Partition};
 use schemas::demonstrations::{self, Demonstration, KEYPOINTS};

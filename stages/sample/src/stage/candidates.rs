@@ -3,18 +3,19 @@
 use std::collections::BTreeMap;
 
 use cgf::Cgf;
-use dataflow::{Artifact, Context, Inputs, Made, Outcome, Scope, Summary, Unit};
+use dataflow::{Artifact, Context, Inputs, Made, Outcome, Scope, Unit};
 use schemas::{
     candidates::{self, Candidate, Candidates},
     checkpoint, objects,
 };
 
-use super::{
-    FIELDS, ROBOT, SHOWN_ROBOT, columns, hand_file, hand_meshes, labels, only, read_field,
-    read_hand, schema,
-};
+use super::{SHOWN_ROBOT, labels};
 use crate::{
-    Epoch, SampleConfig, SampleError, motions::sample, quality::Gauge, recording, room::Room,
+    Epoch, SampleConfig, SampleError,
+    inputs::{FIELDS, ROBOT, columns, hand_file, hand_meshes, only, read_field, read_hand, schema},
+    motions::sample,
+    recording,
+    room::{Gauge, Room},
 };
 
 /// One unit per object.
@@ -127,17 +128,6 @@ pub(super) fn make(
             ("draws".to_owned(), sample.draws as f64),
         ]),
     }))
-}
-
-/// Says how many motions were drawn, and of how many draws if they were chosen.
-pub(super) fn describe(summary: &Summary) -> String {
-    let (candidates, draws) = (summary.total("candidates"), summary.total("draws"));
-    let of = if draws > candidates {
-        format!(" of {draws} draws")
-    } else {
-        String::new()
-    };
-    format!("{} objects → {candidates} candidates{of}", summary.n_made)
 }
 
 fn read_checkpoint(epoch: Epoch, artifact: &Artifact) -> Result<Cgf, SampleError> {

@@ -3,7 +3,10 @@
 use std::{collections::BTreeMap, fs, path::Path};
 
 use cgf::{Description, Split};
-use dataflow::{Artifact, Context, Inputs, Made, Outcome, Partition, Scope, Stage, Summary};
+use dataflow::{
+    Artifact, Context, Inputs, Made, Outcome, Partition, Report, Reported, Scope, Stage, Summary,
+};
+use report_train::{TrainReport, TrainReportError};
 use schemas::{checkpoint, latents, reconstruction, training};
 use stage_train::{Train, TrainConfig, TrainError};
 use tempfile::TempDir;
@@ -52,9 +55,14 @@ impl Trained {
         }
     }
 
-    fn report(&self, output: &str, seed: u64, folder: &Path) -> Result<Made, Box<TrainError>> {
+    fn report(
+        &self,
+        output: &str,
+        seed: u64,
+        folder: &Path,
+    ) -> Result<Made, Box<TrainReportError>> {
         let cx = Context::detached(output, "cgf", seed, folder);
-        match Train::run(&self.config, &self.inputs, &cx).map_err(Box::new)? {
+        match (reported(output).run)(&self.config, &self.inputs, &cx).map_err(Box::new)? {
             Outcome::Made(made) => Ok(made),
             other => panic!("{other:?}"),
         }
@@ -89,13 +97,17 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     files.collect()
 }
 
+fn reported(output: &str) -> &'static Reported<TrainReport> {
+    TrainReport::reported(output).unwrap()
+}
+
 fn said(output: &str, made: &Made) -> String {
     let summary = Summary {
         n_made: 1,
         totals: made.metrics.clone(),
         ..Summary::default()
     };
-    Train::describe(output, &summary)
+    (reported(output).describe)(&summary)
 }
 
 #[test]
@@ -212,7 +224,7 @@ fn reports_are_the_same_bytes_whatever_the_seed() {
 fn reports_read_only_what_they_need_of_the_checkpoint() {
     let config = config();
     assert!(
-        Train::units(&config, "training", &scope())
+        (reported("training").units)(&config, &scope())
             .unwrap()
             .is_empty()
     );
@@ -229,16 +241,14 @@ fn reports_read_only_what_they_need_of_the_checkpoint() {
         ("latents", &["last.json"], 0),
         ("reconstruction", &["last.json", "last.safetensors"], 3),
     ] {
-        let [unit] = &Train::units(&config, output, &scope).unwrap()[..] else {
+        let [unit] = &(reported(output).units)(&config, &scope).unwrap()[..] else {
             panic!("{output}");
         };
         assert_eq!(unit.partition, "cgf");
         assert_eq!(unit.parts["checkpoint"], parts, "{output}");
         let motions = unit.reads.get("trajectories").map_or(0, Vec::len);
         assert_eq!(motions, n_motions, "{output}");
-        assert!(!Train::decides("training", output), "{output}");
     }
-    assert!(Train::decides("training", "checkpoint"));
 }
 
 #[test]
@@ -257,5 +267,8 @@ fn a_cut_off_checkpoint_is_a_clear_error() {
     let err = trained
         .report("reconstruction", 7, folder.path())
         .unwrap_err();
+    let TrainReportError::Train(err) = *err else {
+        panic!("{err:?}");
+    };
     assert!(matches!(*err, TrainError::Cgf(_)), "{err:?}");
 }

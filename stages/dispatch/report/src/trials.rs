@@ -8,13 +8,8 @@ use schemas::{
     success::wilson,
     trials::{self, Trials},
 };
+use stage_dispatch::{DispatchError, EXECUTIONS};
 
-use crate::DispatchError;
-
-/// The artifact of what became of each motion.
-pub(crate) const EXECUTIONS: &str = "executions";
-/// The artifact of how often they succeed.
-pub(crate) const TRIALS: &str = "trials";
 /// Key of the one partition.
 const ALL: &str = "all";
 

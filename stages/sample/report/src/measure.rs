@@ -1,15 +1,13 @@
 //! How plausible each motion is and how far from the object's demonstrations.
 
 use diversity::{Diversity, root_mean_square};
-use geometry::DistanceField;
 use rayon::prelude::*;
 use schemas::{
     candidates::{Candidate, Step},
     sampling::{GraspDistance, Sampled},
 };
 use spatial::Rest;
-
-use crate::room::{Depth, Room};
+use stage_sample::room::Gauge;
 
 /// Meters that count as much as a radian where grasps are compared: about a hand's length.
 const ARM_M: f64 = 0.1;
@@ -24,42 +22,6 @@ pub(crate) struct Shown {
     pub(crate) approach: Vec<Step>,
     /// The hand at the grasp.
     pub(crate) grasp: Step,
-}
-
-/// What tells how deep motions of an object are in things.
-#[derive(Clone, Copy)]
-pub(crate) struct Gauge<'a> {
-    pub(crate) room: &'a Room<'a>,
-    /// Distances about the object.
-    pub(crate) field: &'a DistanceField,
-    /// Which of a candidate's joints each of the hand's is.
-    pub(crate) columns: &'a [usize],
-}
-
-impl Gauge<'_> {
-    /// Measures how deep the hand is at one step.
-    fn depth(&self, candidate: &Candidate, step: &Step) -> Depth {
-        let q: Vec<f64> = self
-            .columns
-            .iter()
-            .filter_map(|&column| step.q_rad.get(column).copied())
-            .collect();
-        self.room.depth(
-            self.field,
-            step.object_from_palm.isometry(),
-            candidate.table_from_object.isometry(),
-            &q,
-        )
-    }
-
-    /// Returns how deep the hand is in object or table at its deepest, in meters.
-    pub(crate) fn deepest_m(&self, candidate: &Candidate) -> f64 {
-        let depths = candidate.steps.iter().map(|step| {
-            let depth = self.depth(candidate, step);
-            depth.object_m.max(depth.table_m)
-        });
-        depths.fold(0.0, f64::max)
-    }
 }
 
 /// What motions of an object are measured against.

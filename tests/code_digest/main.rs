@@ -1,5 +1,7 @@
 //! Digests of a small workspace made for the test: what changes them and what does not.
 
+mod apart;
+
 use std::{collections::BTreeMap, fs, path::Path, process::Command};
 
 use tempfile::TempDir;
@@ -64,8 +66,7 @@ fn digests(folder: &Path) -> BTreeMap<String, String> {
 fn changed_by(name: &str, more: &str) -> Vec<String> {
     let folder = workspace();
     let before = digests(folder.path());
-    let old = fs::read_to_string(folder.path().join(name)).unwrap_or_default();
-    put(folder.path(), name, &format!("{old}{more}"));
+    append(folder.path(), name, more);
     let after = digests(folder.path());
     assert_eq!(
         before.keys().collect::<Vec<_>>(),
@@ -115,22 +116,33 @@ fn buildable() -> TempDir {
     folder
 }
 
-/// Builds the workspace and returns the digests that its program carries, by part.
-fn built(folder: &Path) -> BTreeMap<String, String> {
-    let program = Command::new(env!("CARGO"))
-        .args(["run", "--quiet", "--offline", "--package", "stage"])
+/// Builds a program of the workspace and returns what it prints.
+fn output_of(folder: &Path, program: &str) -> String {
+    let ran = Command::new(env!("CARGO"))
+        .args(["run", "--quiet", "--offline", "--package", program])
         .current_dir(folder)
         .env("CARGO_TARGET_DIR", folder.join("target"))
         .env_remove("PIPELINE_CODE")
         .output()
         .unwrap();
-    let complaint = String::from_utf8_lossy(&program.stderr);
-    assert!(program.status.success(), "{complaint}");
-    let parts = String::from_utf8(program.stdout).unwrap();
+    let complaint = String::from_utf8_lossy(&ran.stderr);
+    assert!(ran.status.success(), "{complaint}");
+    String::from_utf8(ran.stdout).unwrap()
+}
+
+/// Builds the workspace and returns the digests that its program carries, by part.
+fn built(folder: &Path) -> BTreeMap<String, String> {
+    let parts = output_of(folder, "stage");
     let parts = parts.split(';').map(|part| part.split_once('=').unwrap());
     parts
         .map(|(name, digest)| (name.to_owned(), digest.to_owned()))
         .collect()
+}
+
+/// Appends to a file.
+fn append(folder: &Path, name: &str, more: &str) {
+    let old = fs::read_to_string(folder.join(name)).unwrap_or_default();
+    put(folder, name, &format!("{old}{more}"));
 }
 
 #[test]
@@ -144,8 +156,7 @@ fn a_rebuilt_program_carries_the_digests_of_what_was_edited_and_no_others() {
         ("stage/src/main.rs", "// Another line.\n", Some("stage")),
         ("library/src/new.rs", "//! A new file.\n", Some("library")),
     ] {
-        let old = fs::read_to_string(folder.path().join(name)).unwrap_or_default();
-        put(folder.path(), name, &format!("{old}{more}"));
+        append(folder.path(), name, more);
         let after = built(folder.path());
         let differing: Vec<&str> = before
             .iter()

@@ -6,9 +6,12 @@ use cgf::{Description, Epoch, Losses, Split, TrainingConfig};
 use charts::{Captions, Scale, Series, lines};
 use dataflow::{Context, Inputs, Made, Outcome, Summary};
 use schemas::training::{self, Row};
+use stage_train::TrainError;
 
-use super::{SPLITS, counted, description, put};
-use crate::TrainError;
+use crate::{
+    TrainReportError,
+    report::{SPLITS, counted, description, put},
+};
 
 /// A term of the loss: its name, its number, its weight.
 type Term = (&'static str, fn(&Losses) -> f32, fn(&TrainingConfig) -> f64);
@@ -49,7 +52,7 @@ const TERMS: [Term; 7] = [
 ];
 
 /// Makes the table of losses and its charts.
-pub(super) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainError> {
+pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainReportError> {
     let description = description(inputs)?;
     let rows = rows(&description.training_curve);
     let batch = training::to_batch(&rows).map_err(|source| TrainError::Schema {
@@ -64,7 +67,7 @@ pub(super) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainError>
     }))
 }
 
-pub(super) fn describe(summary: &Summary) -> String {
+pub(crate) fn describe(summary: &Summary) -> String {
     let loss = |name: &str| summary.total(&format!("loss{name}"));
     let epochs = counted(summary.total("epochs"), "epoch");
     let mut text = format!("{epochs}, loss {:.4} → {:.4}", loss("_first"), loss(""));
@@ -136,7 +139,7 @@ fn metrics(curve: &[Epoch]) -> BTreeMap<String, f64> {
     metrics
 }
 
-fn draw(description: &Description, cx: &Context) -> Result<(), TrainError> {
+fn draw(description: &Description, cx: &Context) -> Result<(), TrainReportError> {
     let curve = &description.training_curve;
     let captions = |title, y| Captions {
         title,

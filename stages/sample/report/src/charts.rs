@@ -6,7 +6,7 @@ use diversity::{Diversity, Motion};
 use schemas::{candidates::Step, sampling::Sampled};
 use spatial::{Object, Pose, Rest, Table};
 
-use crate::{SampleError, quality::Shown};
+use crate::{SampleReportError, measure::Shown};
 
 /// Motions of which each is a dot of its own; more would make pictures of megabytes.
 const DOTS: usize = 1000;
@@ -17,20 +17,20 @@ const BINS: usize = 30;
 const LIES_ALIKE: f64 = 0.866;
 
 /// What the charts of an object are made of.
-pub(super) struct Charts<'a> {
+pub(crate) struct Charts<'a> {
     /// Names of the hand's joints.
-    pub(super) joints: &'a [String],
+    pub(crate) joints: &'a [String],
     /// How plausible each motion is.
-    pub(super) sampled: &'a [Sampled],
+    pub(crate) sampled: &'a [Sampled],
     /// How different the motions are.
-    pub(super) drawn: &'a Diversity,
+    pub(crate) drawn: &'a Diversity,
     /// How different the object's demonstrations are.
-    pub(super) shown: &'a Diversity,
+    pub(crate) shown: &'a Diversity,
 }
 
 /// Measures how different an object's demonstrations are, of those in which it lies as in one of the
 /// motions that were drawn.
-pub(super) fn of_shown(shown: &[Shown], drawn: &[Motion]) -> Diversity {
+pub(crate) fn of_shown(shown: &[Shown], drawn: &[Motion]) -> Diversity {
     let n_steps = drawn.iter().map(|motion| motion.steps.len()).min();
     let motions = shown.iter().filter_map(|shown| {
         Some(Motion {
@@ -65,7 +65,7 @@ fn at_equal_times(shown: &Shown, n: usize) -> Vec<&Step> {
 
 impl Charts<'_> {
     /// Writes all charts; those in which there is nothing to draw are left out.
-    pub(super) fn put(&self, cx: &Context) -> Result<(), SampleError> {
+    pub(crate) fn put(&self, cx: &Context) -> Result<(), SampleReportError> {
         for (name, chart) in [
             ("grasps", self.grasps()),
             ("palm", self.palm()),

@@ -6,16 +6,19 @@ use cgf::{Demonstration, Description, Split};
 use charts::{Captions, Scale, Series, lines, scatter};
 use dataflow::{Context, Inputs, Made, Outcome, Summary};
 use schemas::latents::{self, Row};
+use stage_train::TrainError;
 
-use super::{SPLITS, description, mean, of_split, put};
-use crate::TrainError;
+use crate::{
+    TrainReportError,
+    report::{SPLITS, description, mean, of_split, put},
+};
 
 /// Variance of the means beyond which a dimension is active (Burda, Grosse and Salakhutdinov,
 /// *Importance Weighted Autoencoders*, 2016, section 5.2).
 const ACTIVE: f64 = 0.01;
 
 /// Makes the table of dimensions and its charts.
-pub(super) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainError> {
+pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainReportError> {
     let description = description(inputs)?;
     let rows = rows(&description);
     let batch = latents::to_batch(&rows).map_err(|source| TrainError::Schema {
@@ -38,7 +41,7 @@ pub(super) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainError>
     }))
 }
 
-pub(super) fn describe(summary: &Summary) -> String {
+pub(crate) fn describe(summary: &Summary) -> String {
     format!(
         "{} of {} latent dimensions in use, {:.1} nats",
         summary.total("active_n"),
@@ -77,7 +80,7 @@ fn code(demonstration: &Demonstration, dimension: usize) -> Option<(f64, f64)> {
     Some((*mean, *deviation))
 }
 
-fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), TrainError> {
+fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), TrainReportError> {
     let mut ranked: Vec<(usize, &Row)> = rows.iter().enumerate().collect();
     ranked.sort_by(|(_, a), (_, b)| b.kl_nats.total_cmp(&a.kl_nats));
     let by_rank = |name: &str, number: fn(&Row) -> f64| Series {

@@ -11,13 +11,10 @@ use schemas::{
     rollouts::{self, Rollout, Verdict},
     success::{self, Success},
 };
+use stage_screen::{ROLLOUTS, ScreenError};
 
-use crate::ScreenError;
+use crate::ScreenReportError;
 
-/// The artifact of what became of each candidate.
-pub(crate) const ROLLOUTS: &str = "rollouts";
-/// The artifact of how often they hold.
-pub(crate) const SUCCESS: &str = "success";
 /// The input, and the artifact in it.
 const CANDIDATES: &str = "candidates";
 /// Key of the one partition.
@@ -40,7 +37,7 @@ pub(crate) fn units(scope: &Scope) -> Vec<Unit> {
 }
 
 /// Makes the table and its chart.
-pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, ScreenError> {
+pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, ScreenReportError> {
     let mut rows = Vec::new();
     let mut touched_n = 0;
     for artifact in inputs.artifacts(ROLLOUTS) {
@@ -127,7 +124,7 @@ fn of_partition(partition: &str, source: SchemaError) -> ScreenError {
 }
 
 /// Returns one row for each generator of an object's candidates, in the order of their names.
-fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, ScreenError> {
+fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, ScreenReportError> {
     let by_name: BTreeMap<&str, &Candidate> = given
         .candidates
         .iter()
@@ -144,7 +141,7 @@ fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, S
             .map(|rollout| {
                 let name = rollout.candidate_id.as_str();
                 let candidate = by_name.get(name).copied();
-                candidate.ok_or_else(|| ScreenError::UnknownCandidate {
+                candidate.ok_or_else(|| ScreenReportError::UnknownCandidate {
                     partition: given.object.clone(),
                     candidate: name.to_owned(),
                 })

@@ -1,6 +1,6 @@
 //! How plausible and different the motions of one object are.
 
-use dataflow::{Artifact, Context, Inputs, Made, Outcome, Scope, Summary, Unit};
+use dataflow::{Artifact, Context, Inputs, Labels, Made, Outcome, Scope, Summary, Unit};
 use diversity::{Diversity, Motion};
 use schemas::{
     candidates::{self, Step},
@@ -8,22 +8,22 @@ use schemas::{
     sampling::Sampled,
     trajectories,
 };
-
-use super::{
-    CANDIDATES, FIELDS, ROBOT, TRAJECTORIES, charts, columns, hand_file, hand_meshes, labels, only,
-    read_field, read_hand, schema,
+use stage_sample::{
+    CANDIDATES, SampleConfig, SampleError, TRAJECTORIES,
+    inputs::{FIELDS, ROBOT, columns, hand_file, hand_meshes, only, read_field, read_hand, schema},
+    room::{Gauge, Room},
 };
+
 use crate::{
-    SampleConfig, SampleError,
-    quality::{Gauge, Measure, Shown},
-    room::Room,
+    SampleReportError, charts,
+    measure::{Measure, Shown},
 };
 
 /// Depth in the object, in meters, up to which a motion counts as clear of it before the grasp.
 const CLEAR_M: f64 = 0.005;
 
 /// One unit per object that has candidates.
-pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
+pub(crate) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleReportError> {
     let meshes = hand_meshes(config)?;
     let fields = scope.partitions(FIELDS);
     let trajectories = scope.partitions(TRAJECTORIES);
@@ -49,8 +49,13 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
     Ok(units.collect())
 }
 
+/// What is said of an object's report.
+pub(crate) fn labels(object: &str) -> Labels {
+    Labels::from([("object".to_owned(), object.to_owned())])
+}
+
 /// Measures the motions of one object.
-pub(super) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleError> {
+pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleReportError> {
     let artifact = only(inputs, CANDIDATES, "candidates")?;
     let batch = lake::table::read(artifact)?;
     let drawn = candidates::from_batch(&artifact.key, &batch).map_err(schema(&artifact.key))?;
@@ -117,7 +122,7 @@ fn metrics(sampled: &[Sampled], diversity: &Diversity) -> [(&'static str, f64); 
 }
 
 /// Says what became of all objects' candidates; spreads are means over the objects.
-pub(super) fn describe(summary: &Summary) -> String {
+pub(crate) fn describe(summary: &Summary) -> String {
     let candidates = summary.total("candidates_n");
     let percent = |metric| 100.0 * summary.total(metric) / candidates.max(1.0);
     let mean = |metric| summary.total(metric) / (summary.n_made as f64).max(1.0);
@@ -135,7 +140,7 @@ pub(super) fn describe(summary: &Summary) -> String {
 }
 
 /// Reads a demonstration with its joints in this order; `None` if it has no step.
-fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, SampleError> {
+fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, SampleReportError> {
     let batch = lake::table::read(artifact)?;
     let shown = trajectories::from_batch(&artifact.key, &batch).map_err(schema(&artifact.key))?;
     let columns: Option<Vec<usize>> = joints

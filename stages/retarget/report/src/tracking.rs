@@ -2,30 +2,54 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Context, Inputs, Made, Outcome};
+use dataflow::{Context, Inputs, Labels, Made, Outcome, Scope, Summary, Unit};
 use schemas::{
+    SchemaError,
     tracking::{self, TrackingReport},
     trajectories::{self, Trajectory},
 };
-
-use super::{TRAJECTORIES, schema, skipped};
-use crate::RetargetError;
+use stage_retarget::{RetargetError, TRAJECTORIES};
 
 /// Depth below the table, in meters, that is more than measurement and thin objects explain.
 const BELOW_TABLE_M: f64 = 0.003;
 
+/// One unit per object that has trajectories.
+pub(crate) fn units(scope: &Scope) -> Vec<Unit> {
+    let mut by_object: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for trajectory in scope.partitions(TRAJECTORIES) {
+        if let Some(object) = trajectory.label("object") {
+            by_object.entry(object).or_default().push(&trajectory.key);
+        }
+    }
+    by_object
+        .into_iter()
+        .map(|(object, keys)| Unit::new(object).reading(TRAJECTORIES, keys))
+        .collect()
+}
+
+/// What is said of an object's report.
+pub(crate) fn labels(object: &str) -> Labels {
+    Labels::from([("object".to_owned(), object.to_owned())])
+}
+
 /// Makes the report on one object's trajectories.
-pub(super) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, RetargetError> {
+pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, RetargetError> {
+    let schema = |source: SchemaError| RetargetError::Schema {
+        partition: cx.partition().to_owned(),
+        source,
+    };
     let mut trajectories = Vec::new();
     for artifact in inputs.artifacts(TRAJECTORIES) {
         let batch = lake::table::read(artifact)?;
-        trajectories.push(trajectories::from_batch(&artifact.key, &batch).map_err(schema(cx))?);
+        trajectories.push(trajectories::from_batch(&artifact.key, &batch).map_err(schema)?);
     }
     if trajectories.is_empty() {
-        return Ok(skipped("it has no trajectory"));
+        return Ok(Outcome::Skipped {
+            reason: "it has no trajectory".to_owned(),
+        });
     }
     let report = report(&trajectories);
-    let batch = tracking::to_batch(&report).map_err(schema(cx))?;
+    let batch = tracking::to_batch(&report).map_err(schema)?;
     lake::table::write(cx.folder(), &batch)?;
     let tips_n = trajectories
         .iter()
@@ -38,9 +62,19 @@ pub(super) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, RetargetErr
         ("tip_error_sum_m", tips_n * report.tip_error_mean_m),
     ];
     Ok(Outcome::Made(Made {
-        labels: BTreeMap::from([("object".to_owned(), cx.partition().to_owned())]),
+        labels: labels(cx.partition()),
         metrics: metrics.map(|(name, value)| (name.to_owned(), value)).into(),
     }))
+}
+
+/// Says how far finger tips are from their landmarks, of whichever object.
+pub(crate) fn describe(summary: &Summary) -> String {
+    format!(
+        "{} objects, {} trajectories, tip error {:.1} mm",
+        summary.n_made,
+        summary.total("trajectories_n"),
+        1000.0 * summary.total("tip_error_sum_m") / summary.total("tips_n").max(1.0)
+    )
 }
 
 /// Sums up the trajectories of one object.
@@ -122,12 +156,11 @@ impl Spread {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Isometry3;
+    use nalgebra::{Isometry3, Vector3};
     use schemas::trajectories::{Rates, Step, Tracking};
-    use spatial::Pose;
+    use spatial::{Pose, Rest};
 
     use super::*;
-    use crate::fixture;
 
     #[test]
     fn a_report_sums_up_steps_and_grasps() {
@@ -154,7 +187,10 @@ mod tests {
             joints: vec!["j".to_owned()],
             keypoints: Vec::new(),
             tips: Vec::new(),
-            rest: fixture::rest(),
+            rest: Rest {
+                up_in_object: Vector3::z_axis(),
+                height_m: 0.0,
+            },
             // What is deep before the grasp does not count.
             steps: vec![step(0.01, 1.0), step(0.03, depth)],
         };

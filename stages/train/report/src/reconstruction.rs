@@ -14,9 +14,12 @@ use schemas::{
     checkpoint,
     reconstruction::{self, Row},
 };
+use stage_train::{TrainConfig, TrainError, hand, set};
 
-use super::{SPLITS, file, mean, of_split, put};
-use crate::{TrainConfig, TrainError, set, stage};
+use crate::{
+    TrainReportError,
+    report::{SPLITS, file, mean, of_split, put},
+};
 
 /// Parts of a motion over which errors are shown.
 const PARTS: usize = 20;
@@ -46,18 +49,18 @@ struct StepError {
 type Tip = (usize, Point3<f64>);
 
 /// Makes the table of errors and its charts.
-pub(super) fn make(
+pub(crate) fn make(
     config: &TrainConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome, TrainError> {
+) -> Result<Outcome, TrainReportError> {
     let files = checkpoint::LAST;
     let cgf = Cgf::load(
         file(inputs, files.weights)?,
         file(inputs, files.description)?,
     )?;
     let description = cgf.description();
-    let hand = Arc::new(stage::hand(config, inputs)?);
+    let hand = Arc::new(hand(config, inputs)?);
     cgf.check_hand(&hand.joint_names())?;
     let tips = tips(description, &hand)?;
     let set = set::read(config, inputs, &hand.joint_names(), cx.seed())?;
@@ -100,7 +103,7 @@ pub(super) fn make(
     }))
 }
 
-pub(super) fn describe(summary: &Summary) -> String {
+pub(crate) fn describe(summary: &Summary) -> String {
     let errors_mm = |suffix: &str| {
         ["mean", "grasp"].map(|what| 1e3 * summary.total(&format!("tip_error_{what}_m{suffix}")))
     };
@@ -116,7 +119,7 @@ pub(super) fn describe(summary: &Summary) -> String {
 }
 
 /// The links whose origins the training calls finger tips; those of the hand's fingers if it names none.
-fn tips(description: &Description, hand: &RobotModel) -> Result<Vec<Tip>, TrainError> {
+fn tips(description: &Description, hand: &RobotModel) -> Result<Vec<Tip>, TrainReportError> {
     let named = &description.training.tips;
     if named.is_empty() {
         let fingers = hand.fingers().into_iter();
@@ -149,7 +152,7 @@ fn rebuilt<'a>(
     decoded: &[Grasp],
     hand: &RobotModel,
     tips: &[Tip],
-) -> Result<Rebuilt<'a>, TrainError> {
+) -> Result<Rebuilt<'a>, TrainReportError> {
     let steps = track.steps.iter().zip(decoded);
     let errors = steps
         .map(|(step, grasp)| step_error(&step.grasp, grasp, hand, tips))
@@ -191,8 +194,8 @@ fn step_error(
     decoded: &Grasp,
     hand: &RobotModel,
     tips: &[Tip],
-) -> Result<StepError, TrainError> {
-    let points = |grasp: &Grasp| -> Result<Vec<Point3<f64>>, TrainError> {
+) -> Result<StepError, TrainReportError> {
+    let points = |grasp: &Grasp| -> Result<Vec<Point3<f64>>, TrainReportError> {
         let table_from_palm = grasp.table_from_palm.isometry();
         let palm_from_links: Vec<Isometry3<f64>> = hand.forward_kinematics(&grasp.q_rad)?;
         let tips = tips.iter();
@@ -252,7 +255,7 @@ fn metrics(description: &Description, all: &[Rebuilt]) -> BTreeMap<String, f64> 
     metrics
 }
 
-fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainError> {
+fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainReportError> {
     let splits = SPLITS
         .into_iter()
         .filter(|(split, ..)| all.iter().any(|m| m.demonstration.split == *split));

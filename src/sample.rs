@@ -1,0 +1,41 @@
+//! The bundled sample: recordings that are generated before `ingest` reads them.
+
+use std::path::PathBuf;
+
+use dataflow::{Advise, Generator};
+use demonstrator::DemonstratorError;
+use stage_ingest::{Ingest, IngestConfig};
+
+/// Generates the dataset of a stage `ingest` whose folder holds a recipe.
+pub(crate) enum Sample {}
+
+/// Why the sample could not be made.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot make the sample in `{}`", root.display())]
+pub(crate) struct SampleError {
+    root: PathBuf,
+    source: DemonstratorError,
+}
+
+impl Advise for SampleError {
+    fn hint(&self) -> Option<String> {
+        self.source.hint()
+    }
+}
+
+impl Generator for Sample {
+    type Stage = Ingest;
+    type Error = SampleError;
+
+    fn generate(config: &IngestConfig) -> Result<(), SampleError> {
+        // Its presence marks a dataset that is made, not downloaded.
+        if !config.root.join(demonstrator::RECIPE_FILE).is_file() {
+            return Ok(());
+        }
+        let made = demonstrator::ensure_sample(&config.root);
+        made.map(drop).map_err(|source| SampleError {
+            root: config.root.clone(),
+            source,
+        })
+    }
+}

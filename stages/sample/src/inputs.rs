@@ -1,0 +1,116 @@
+//! What the units of `candidates` and of their report read: the hand, its joints, an object's field.
+
+use std::{fs, path::Path};
+
+use dataflow::{Artifact, Form, Inputs, SourceFile};
+use geometry::DistanceField;
+use robot::RobotModel;
+use schemas::{SchemaError, distance_fields};
+
+use crate::{SampleConfig, SampleError};
+
+/// The hand counts as it is read.
+pub const ROBOT: Form = Form {
+    name: "robot",
+    of: robot::read_form,
+};
+/// The artifact of an object's distances.
+pub const FIELDS: &str = "distance_fields";
+
+/// Returns the meshes that the hand collides with.
+///
+/// # Errors
+///
+/// Fails if the URDF or the place of a mesh cannot be read.
+pub fn hand_meshes(config: &SampleConfig) -> Result<Vec<SourceFile>, SampleError> {
+    Ok(robot_meshes::sources(&config.hand)?)
+}
+
+/// The hand's URDF, of which some units read nothing.
+pub fn hand_file(config: &SampleConfig) -> SourceFile {
+    SourceFile::named("hand", &config.hand)
+}
+
+/// Reads the hand's URDF and meshes: its plain text and what it says.
+///
+/// # Errors
+///
+/// Fails if a file cannot be read or is no robot.
+pub fn read_hand(path: &Path) -> Result<(String, RobotModel), SampleError> {
+    let xml = fs::read_to_string(path).map_err(|source| SampleError::ReadHand {
+        path: path.to_owned(),
+        source,
+    })?;
+    let model = RobotModel::from_urdf(&xml).map_err(|source| SampleError::Hand {
+        path: path.to_owned(),
+        source,
+    })?;
+    let model = robot_meshes::with_mesh_shapes(model, path)?;
+    Ok((robot::plain_urdf(&xml), model))
+}
+
+/// Reads the distances about an object.
+///
+/// # Errors
+///
+/// Fails if they are missing or damaged.
+pub fn read_field(artifact: &Artifact) -> Result<DistanceField, SampleError> {
+    let path = artifact
+        .file(distance_fields::FIELD)
+        .ok_or(SampleError::Missing {
+            what: "distance field of an object",
+        })?;
+    let bytes = fs::read(path).map_err(|source| SampleError::ReadField {
+        object: artifact.key.clone(),
+        source,
+    })?;
+    DistanceField::from_bytes(&bytes).ok_or_else(|| SampleError::BadField {
+        object: artifact.key.clone(),
+    })
+}
+
+/// Returns which of `joints`, those of `what`, each of the hand's joints is.
+///
+/// # Errors
+///
+/// Fails if they are not the hand's joints.
+pub fn columns(
+    model: &RobotModel,
+    joints: &[String],
+    what: &str,
+) -> Result<Vec<usize>, SampleError> {
+    let names = model.joint_names();
+    let columns: Option<Vec<usize>> = names
+        .iter()
+        .map(|name| joints.iter().position(|joint| joint == name))
+        .collect();
+    columns
+        .filter(|columns| columns.len() == joints.len())
+        .ok_or_else(|| SampleError::AnotherHand {
+            what: what.to_owned(),
+            expected: names,
+            found: joints.to_vec(),
+        })
+}
+
+/// Returns the one artifact of an input, which is `what`.
+///
+/// # Errors
+///
+/// Fails if there is none.
+pub fn only<'a>(
+    inputs: &'a Inputs,
+    input: &str,
+    what: &'static str,
+) -> Result<&'a Artifact, SampleError> {
+    let artifact = inputs.artifacts(input).first();
+    artifact.ok_or(SampleError::Missing { what })
+}
+
+/// Returns what makes the error of an artifact that does not follow its schema.
+pub fn schema(key: &str) -> impl Fn(SchemaError) -> SampleError {
+    move |source| SampleError::Schema {
+        key: key.to_owned(),
+        source,
+    }
+}
