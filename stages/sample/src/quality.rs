@@ -3,6 +3,7 @@
 use diversity::{Diversity, root_mean_square};
 use geometry::DistanceField;
 use rayon::prelude::*;
+use robot::{JointOrder, WrongDof};
 use schemas::{
     candidates::{Candidate, Step},
     sampling::{GraspDistance, Sampled},
@@ -32,33 +33,27 @@ pub(crate) struct Gauge<'a> {
     pub(crate) room: &'a Room<'a>,
     /// Distances about the object.
     pub(crate) field: &'a DistanceField,
-    /// Which of a candidate's joints each of the hand's is.
-    pub(crate) columns: &'a [usize],
+    /// From a candidate's joints to the hand's.
+    pub(crate) order: &'a JointOrder,
 }
 
 impl Gauge<'_> {
     /// Measures how deep the hand is at one step.
-    fn depth(&self, candidate: &Candidate, step: &Step) -> Depth {
-        let q: Vec<f64> = self
-            .columns
-            .iter()
-            .filter_map(|&column| step.q_rad.get(column).copied())
-            .collect();
+    fn depth(&self, candidate: &Candidate, step: &Step) -> Result<Depth, WrongDof> {
         self.room.depth(
             self.field,
             step.object_from_palm.isometry(),
             candidate.table_from_object.isometry(),
-            &q,
+            &self.order.apply(&step.q_rad)?,
         )
     }
 
     /// Returns how deep the hand is in object or table at its deepest, in meters.
-    pub(crate) fn deepest_m(&self, candidate: &Candidate) -> f64 {
-        let depths = candidate.steps.iter().map(|step| {
-            let depth = self.depth(candidate, step);
-            depth.object_m.max(depth.table_m)
-        });
-        depths.fold(0.0, f64::max)
+    pub(crate) fn deepest_m(&self, candidate: &Candidate) -> Result<f64, WrongDof> {
+        candidate.steps.iter().try_fold(0.0_f64, |deepest_m, step| {
+            let depth = self.depth(candidate, step)?;
+            Ok(deepest_m.max(depth.object_m.max(depth.table_m)))
+        })
     }
 }
 
@@ -71,24 +66,28 @@ pub(crate) struct Measure<'a> {
 
 impl Measure<'_> {
     /// Measures all motions of the object, in their order.
-    pub(crate) fn all(&self, candidates: &[Candidate], diversity: &Diversity) -> Vec<Sampled> {
+    pub(crate) fn all(
+        &self,
+        candidates: &[Candidate],
+        diversity: &Diversity,
+    ) -> Result<Vec<Sampled>, WrongDof> {
         candidates
             .par_iter()
             .enumerate()
             .map(|(idx, candidate)| {
                 let grasp = candidate.steps.last();
                 let from_mean = diversity.from_mean.get(idx).copied().flatten();
-                Sampled {
+                Ok(Sampled {
                     demonstration: grasp.and_then(|grasp| self.nearest(grasp)),
                     from_mean: from_mean.unwrap_or_default(),
-                    ..self.depths(candidate)
-                }
+                    ..self.depths(candidate)?
+                })
             })
             .collect()
     }
 
     /// Measures how deep the hand is in object and table over a motion.
-    fn depths(&self, candidate: &Candidate) -> Sampled {
+    fn depths(&self, candidate: &Candidate) -> Result<Sampled, WrongDof> {
         let mut sampled = Sampled {
             candidate_id: candidate.candidate_id.clone(),
             limit_excess_rad: candidate.limit_excess_rad,
@@ -100,20 +99,20 @@ impl Measure<'_> {
             from_mean: GraspDistance::default(),
         };
         let Some((grasp, approach)) = candidate.steps.split_last() else {
-            return sampled;
+            return Ok(sampled);
         };
         for step in approach {
-            let depth = self.gauge.depth(candidate, step);
+            let depth = self.gauge.depth(candidate, step)?;
             if depth.object_m > sampled.approach_depth_m {
                 sampled.approach_depth_m = depth.object_m;
                 sampled.approach_depth_time_s = step.time_s;
             }
             sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
         }
-        let depth = self.gauge.depth(candidate, grasp);
+        let depth = self.gauge.depth(candidate, grasp)?;
         sampled.grasp_depth_m = depth.object_m;
         sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
-        sampled
+        Ok(sampled)
     }
 
     /// Returns the demonstration whose grasp is nearest, a radian counting as much as [`ARM_M`].

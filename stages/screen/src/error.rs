@@ -5,7 +5,7 @@ use std::{io, path::PathBuf};
 use charts::ChartError;
 use dataflow::{Advise, missing};
 use lake::LakeError;
-use robot::RobotError;
+use robot::{JointMismatch, RobotError, WrongDof};
 use robot_meshes::MeshError;
 use schemas::SchemaError;
 use simulation::SimulationError;
@@ -52,30 +52,14 @@ pub enum ScreenError {
         source: SimulationError,
     },
     /// The candidates are for another hand.
-    #[error(
-        "candidates of `{partition}` name joint `{joint}`, which the hand `{}` does not have",
-        path.display()
-    )]
-    UnknownJoint {
+    #[error("candidates of `{partition}` are not for the hand `{}`", path.display())]
+    AnotherHand {
         /// The object.
         partition: String,
-        /// The first such joint.
-        joint: String,
         /// The hand's URDF.
         path: PathBuf,
-    },
-    /// The candidates leave joints of the hand without a position.
-    #[error(
-        "candidates of `{partition}` have no position for joint `{joint}` of the hand `{}`",
-        path.display()
-    )]
-    MissingJoint {
-        /// The object.
-        partition: String,
-        /// The first such joint.
-        joint: String,
-        /// The hand's URDF.
-        path: PathBuf,
+        /// How their joints differ from the hand's.
+        source: JointMismatch,
     },
     /// There is nothing to screen.
     #[error("there are no candidates to screen")]
@@ -96,6 +80,9 @@ pub enum ScreenError {
         /// The candidate's name.
         candidate: String,
     },
+    /// A rollout has another number of joints than the hand.
+    #[error("a rollout cannot be recorded: {0}")]
+    Dof(#[from] WrongDof),
     /// A chart's data is not as it should be.
     #[error(transparent)]
     Chart(#[from] ChartError),
@@ -126,7 +113,7 @@ impl Advise for ScreenError {
                     Some("`pipeline stages screen` lists every option with its unit".to_owned())
                 })
             }
-            Self::UnknownJoint { .. } | Self::MissingJoint { .. } => {
+            Self::AnotherHand { .. } => {
                 Some("use the same `hand` in `retarget` and in `screen`, then run again".to_owned())
             }
             Self::UnknownCandidate { .. } => {
@@ -135,6 +122,7 @@ impl Advise for ScreenError {
             Self::Lake(err) => err.hint(),
             Self::NoCandidates
             | Self::MissingInput { .. }
+            | Self::Dof(_)
             | Self::Chart(_)
             | Self::Schema { .. } => None,
         }

@@ -6,7 +6,7 @@ use cgf::CgfError;
 use charts::ChartError;
 use dataflow::Advise;
 use lake::LakeError;
-use robot::{RobotError, WrongDof};
+use robot::{JointMismatch, RobotError, WrongDof};
 use robot_meshes::MeshError;
 use schemas::SchemaError;
 
@@ -48,14 +48,12 @@ pub enum TrainError {
     #[error(transparent)]
     HandMesh(#[from] MeshError),
     /// A trajectory belongs to another hand.
-    #[error("trajectory `{sequence}` has joints {found:?}, the hand has {expected:?}")]
+    #[error("trajectory `{sequence}` is not of the hand")]
     AnotherHand {
         /// The trajectory's sequence.
         sequence: String,
-        /// Joints of the hand.
-        expected: Vec<String>,
-        /// Joints of the trajectory.
-        found: Vec<String>,
+        /// How its joints differ from the hand's.
+        source: JointMismatch,
     },
     /// The curve of a running training cannot be written.
     #[error("cannot write the training's curve `{}`", path.display())]
