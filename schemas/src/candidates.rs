@@ -223,8 +223,7 @@ pub fn from_batch(object: &str, batch: &RecordBatch) -> Result<Candidates, Schem
             of_joints("q_acceleration_rad_per_s2")?,
         ];
         let at = |numbers: &[f64], step: usize| -> Vec<f64> {
-            let mut steps = numbers.chunks_exact(joints.len().max(1));
-            steps.nth(step).unwrap_or(&[]).to_vec()
+            numbers[step * joints.len()..(step + 1) * joints.len()].to_vec()
         };
         let palm = poses.into_iter().zip(velocities).zip(accelerations);
         let mut steps = Vec::with_capacity(times.len());

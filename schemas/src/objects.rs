@@ -265,16 +265,16 @@ pub fn from_batch(name: &str, batch: &RecordBatch) -> Result<Object, SchemaError
         }
         triangles.push(triangle);
     }
-    let parts_m = r
-        .i64_list("part_sizes", 0)?
-        .iter()
-        .map(|&size| {
-            part_points
-                .by_ref()
-                .take(usize::try_from(size).unwrap_or(0))
-                .collect()
-        })
-        .collect();
+    let mut parts_m = Vec::new();
+    for size in r.i64_list("part_sizes", 0)? {
+        let size = counted(&r, "part_sizes", size)?;
+        let part: Vec<[f64; 3]> = part_points.by_ref().take(size).collect();
+        if part.len() != size {
+            let message = format!("a part of {size} points has {} of them", part.len());
+            return Err(r.invalid("part_sizes", message));
+        }
+        parts_m.push(part);
+    }
     let ups: Vec<[f64; 3]> = r.f64_arrays("rest_up", 0)?;
     let heights = r.f64_list("rest_height_m", 0)?;
     let seen = r.i64_list("rest_seen_n", 0)?;
@@ -283,17 +283,17 @@ pub fn from_batch(name: &str, batch: &RecordBatch) -> Result<Object, SchemaError
         .iter()
         .zip(heights)
         .zip(seen.iter().zip(probabilities))
-        .map(
-            |((&up, height_m), (&seen_n, probability))| RestingOrientation {
+        .map(|((&up, height_m), (&seen_n, probability))| {
+            Ok(RestingOrientation {
                 rest: Rest {
                     up_in_object: Unit::new_normalize(Vector3::from(up)),
                     height_m,
                 },
-                seen_n: u32::try_from(seen_n).unwrap_or(0),
+                seen_n: counted(&r, "rest_seen_n", seen_n)?,
                 probability,
-            },
-        )
-        .collect();
+            })
+        })
+        .collect::<Result<_, SchemaError>>()?;
     let normals: Vec<[f64; 3]> = r.f64_arrays("mirror_normal", 0)?;
     let offsets = r.f64_list("mirror_offset_m", 0)?;
     let errors = r.f64_list("mirror_error_m", 0)?;
@@ -322,4 +322,9 @@ pub fn from_batch(name: &str, batch: &RecordBatch) -> Result<Object, SchemaError
         parts_m,
         rests,
     })
+}
+
+/// Takes a count as it is stored.
+fn counted<T: TryFrom<i64>>(r: &Reader<'_>, column: &str, n: i64) -> Result<T, SchemaError> {
+    T::try_from(n).map_err(|_no_count| r.invalid(column, format!("{n} is no count")))
 }

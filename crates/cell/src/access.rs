@@ -62,15 +62,22 @@ impl Access {
         let text = fs::read_to_string(path).map_err(|err| wrong(err.to_string()))?;
         let config =
             Config::from_json5(&text).map_err(|err| wrong(Cause::from(err).to_string()))?;
-        let (said, default) = (value(&config), value(&Config::default()));
-        let others = differences(&said, &default);
+        let value = |config: &Config| {
+            let value = serde_json::to_value(config);
+            value.map_err(|err| wrong(format!("zenoh cannot write its settings: {err}")))
+        };
+        let others = differences(&value(&config)?, &value(&Config::default())?);
         if !others.is_empty() {
             let others = others.join("`, `");
             return Err(wrong(format!("`{others}` is not for an access file")));
         }
         for key in FILES {
-            let named = config.get_json(key).unwrap_or_default();
-            let Ok(Some(file)) = serde_json::from_str::<Option<PathBuf>>(&named) else {
+            let unknown = |err: String| wrong(format!("`{key}` in it: {err}"));
+            let named = config
+                .get_json(key)
+                .map_err(|err| unknown(err.to_string()))?;
+            let named = serde_json::from_str::<Option<PathBuf>>(&named);
+            let Some(file) = named.map_err(|err| unknown(err.to_string()))? else {
                 continue;
             };
             if let Err(err) = fs::File::open(&file) {
@@ -112,11 +119,6 @@ impl Access {
                 .to_owned(),
         })
     }
-}
-
-fn value(config: &Config) -> Value {
-    // Plain settings, all of whose keys are strings: writing them cannot fail.
-    serde_json::to_value(config).unwrap_or_default()
 }
 
 /// Returns the paths at which a configuration says something else than the default, but for those

@@ -129,6 +129,9 @@ pub enum Contradiction {
         /// Its limits.
         upper: f64,
     },
+    /// The goal moves something nowhere: no report can be told from it.
+    #[error("the goal has a controller without points, or a turn that no palm can follow")]
+    NoCourse,
     /// A joint was told something else.
     #[error(
         "sample {row} has joint `{joint}` told to be at {q}, the goal tells {least:.4} to {most:.4} then"
@@ -228,7 +231,7 @@ pub(crate) fn check(report: &Report, goal: &Goal, robot: &[Joint]) -> Result<(),
     let joints = joints_of(&report.joints, goal, robot)?;
     check_times(&report.samples, goal, outcome)?;
     check_places(&report.samples, goal)?;
-    let course = Course::of(goal);
+    let course = Course::of(goal).ok_or(Contradiction::NoCourse)?;
     let history = if is_whole {
         History::Recent
     } else {
@@ -384,7 +387,7 @@ fn check_motion(
         let seen = samples
             .iter()
             .filter(|sample| sample.time_s <= until_s + LATE_S);
-        let [least, most] = span(seen.filter_map(|sample| sample.q_rad.get(idx).copied()));
+        let [least, most] = span(seen.map(|sample| sample.q_rad[idx]));
         let moved = most - least;
         if told > least_told && moved < MOVED_SHARE * told {
             return Err(Contradiction::Still {
@@ -462,33 +465,34 @@ struct Course {
     q: Vec<Vec<f64>>,
     /// For each joint and look, the least and the most up to then.
     until: Vec<Vec<[f64; 2]>>,
-    /// Poses of a palm that flies at each look.
-    palm: Vec<Isometry3<f64>>,
+    /// Poses of the palm at each look, if it flies.
+    palm: Option<Vec<Isometry3<f64>>>,
     looks_n: usize,
 }
 
 impl Course {
-    fn of(goal: &Goal) -> Self {
+    /// Takes what a goal tells; `None` where that is nothing.
+    fn of(goal: &Goal) -> Option<Self> {
         let looks_n = look(end_s(goal)) + 2;
         let times = || (0..looks_n).map(|idx| idx as f64 * LOOK_S);
         let (arm, palm) = match &goal.carrier {
-            Carrier::Arm(arm) => (Some(arm), Vec::new()),
+            Carrier::Arm(arm) => (Some(arm), None),
             Carrier::Palm(points) => {
-                let poses = times().filter_map(|time_s| PalmPoint::between(points, time_s));
-                (None, poses.map(|pose| *pose.isometry()).collect())
+                let pose = |time_s| Some(*PalmPoint::between(points, time_s)?.isometry());
+                (None, Some(times().map(pose).collect::<Option<_>>()?))
             }
         };
         let mut q = Vec::new();
         for track in arm.into_iter().chain([&goal.hand]) {
-            q.extend(columns(track, times()));
+            q.extend(columns(track, times())?);
         }
         let until = q.iter().map(|column| extremes(column)).collect();
-        Self {
+        Some(Self {
             q,
             until,
             palm,
             looks_n,
-        }
+        })
     }
 
     /// Returns the looks at which a command was given that may be seen at a time.
@@ -504,17 +508,10 @@ impl Course {
     /// Returns the least and the most that a joint was told of which something may be seen at a time.
     fn range(&self, joint: usize, time_s: f64, history: History) -> [f64; 2] {
         let looks = self.looks(time_s, history);
-        let found = match history {
-            History::Recent => {
-                let told = self.q.get(joint).and_then(|column| column.get(looks));
-                told.map(|told| span(told.iter().copied()))
-            }
-            History::Any => {
-                let column = self.until.get(joint);
-                column.and_then(|column| column.get(looks.end.saturating_sub(1)).copied())
-            }
-        };
-        found.unwrap_or([0.0; 2])
+        match history {
+            History::Recent => span(self.q[joint][looks].iter().copied()),
+            History::Any => self.until[joint][looks.end - 1],
+        }
     }
 
     fn check_palm(
@@ -523,13 +520,16 @@ impl Course {
         sample: &Sample,
         history: History,
     ) -> Result<(), Contradiction> {
-        let told = self.palm.get(self.looks(sample.time_s, history));
+        let Some(palm) = &self.palm else {
+            return Ok(());
+        };
+        let told = &palm[self.looks(sample.time_s, history)];
         let seen = sample.table_from_palm.isometry();
         let off = |pose: &Isometry3<f64>| {
             let off_m = (pose.translation.vector - seen.translation.vector).norm();
             (off_m, pose.rotation.angle_to(&seen.rotation))
         };
-        let offs = told.into_iter().flatten().map(off);
+        let offs = told.iter().map(off);
         // The one that is nearest, each by how much may be.
         let far = |(off_m, off_rad): &(f64, f64)| (off_m / PALM_M).max(off_rad / PALM_RAD);
         match offs.min_by(|a, b| far(a).total_cmp(&far(b))) {
@@ -553,15 +553,15 @@ fn look(time_s: f64) -> usize {
     (time_s / LOOK_S).floor().clamp(0.0, 1e6) as usize
 }
 
-/// Returns the positions of each joint of a track at some times.
-fn columns(track: &Track, times: impl Iterator<Item = f64>) -> Vec<Vec<f64>> {
+/// Returns the positions of each joint of a track at some times; `None` if it has no points.
+fn columns(track: &Track, times: impl Iterator<Item = f64>) -> Option<Vec<Vec<f64>>> {
     let mut columns = vec![Vec::new(); track.joints.len()];
-    for point in times.filter_map(|time_s| track.at(time_s)) {
-        for (column, q) in columns.iter_mut().zip(point.q_rad) {
+    for time_s in times {
+        for (column, q) in columns.iter_mut().zip(track.at(time_s)?.q_rad) {
             column.push(q);
         }
     }
-    columns
+    Some(columns)
 }
 
 /// Returns the least and the most of some numbers up to each of them.

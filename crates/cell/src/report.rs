@@ -1,6 +1,6 @@
 //! What a cell says came of a goal.
 
-use robot::Joint;
+use robot::{Joint, JointOrder, WrongDof};
 use schemas::executions::Outcome;
 use serde::{Deserialize, Serialize};
 use spatial::{Object, Palm, Pose, Table};
@@ -109,14 +109,13 @@ impl Sample {
         row
     }
 
-    /// Returns the sample with its positions, which are of the joints `from`, in the order of `to`.
-    pub(crate) fn in_order(mut self, from: &[String], to: &[String]) -> Self {
-        for q in [&mut self.q_rad, &mut self.q_command_rad] {
-            let column = |joint| from.iter().position(|name| name == joint);
-            let columns = to.iter().filter_map(column);
-            *q = columns.filter_map(|idx| q.get(idx).copied()).collect();
-        }
-        self
+    /// Returns the sample with its positions in another order of the joints.
+    pub(crate) fn in_order(self, order: &JointOrder) -> Result<Self, WrongDof> {
+        Ok(Self {
+            q_rad: order.apply(&self.q_rad)?,
+            q_command_rad: order.apply(&self.q_command_rad)?,
+            ..self
+        })
     }
 
     pub(crate) fn from_row(row: usize, numbers: &[f64], dof: usize) -> Result<Self, WireError> {

@@ -100,18 +100,23 @@ impl Track {
             });
         }
         let (rows, rest) = rows(bytes, points_n, 1 + 3 * dof)?;
-        let point = |numbers: &Vec<f64>| {
-            let (time_s, numbers) = numbers.split_first()?;
-            let (q, numbers) = numbers.split_at_checked(dof)?;
-            let (velocity, acceleration) = numbers.split_at_checked(dof)?;
-            Some(JointPoint {
+        let point = |(row, numbers): (usize, &Vec<f64>)| {
+            let short = || WireError::Row {
+                row,
+                message: format!("{} numbers for {dof} joints", numbers.len()),
+            };
+            let (time_s, numbers) = numbers.split_first().ok_or_else(short)?;
+            let (q, numbers) = numbers.split_at_checked(dof).ok_or_else(short)?;
+            let (velocity, acceleration) = numbers.split_at_checked(dof).ok_or_else(short)?;
+            Ok(JointPoint {
                 time_s: *time_s,
                 q_rad: q.to_vec(),
                 velocity_rad_per_s: velocity.to_vec(),
                 acceleration_rad_per_s2: acceleration.to_vec(),
             })
         };
-        let points = rows.iter().filter_map(point).collect();
+        let points = rows.iter().enumerate().map(point);
+        let points = points.collect::<Result<_, WireError>>()?;
         Ok((Self { joints, points }, rest))
     }
 }

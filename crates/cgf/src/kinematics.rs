@@ -93,15 +93,12 @@ pub(crate) struct Posed<'a> {
 }
 
 impl<'a> Posed<'a> {
-    /// All links are at the palm's origin if the row has too few joint positions.
+    /// A row has one joint position per joint of the hand.
     pub(crate) fn new(hand: &'a RobotModel, row: &[f32]) -> Self {
-        let q: Vec<f64> = row[ROOT..].iter().map(|&x| f64::from(x)).collect();
-        let links = hand.forward_kinematics(&q);
         Self {
             hand,
             frame: Frame::of(row),
-            palm_from_links: links
-                .unwrap_or_else(|_| vec![Isometry3::identity(); hand.links().len()]),
+            palm_from_links: hand.link_poses(|joint| f64::from(row[ROOT + joint])),
         }
     }
 

@@ -9,11 +9,10 @@ pub struct Code {
 }
 
 impl Code {
-    /// Iterates over the crates and their digests.
+    /// Iterates over the crates and their digests; a part that is no pair counts as it stands.
     pub fn iter(self) -> impl Iterator<Item = (&'static str, &'static str)> {
-        self.parts
-            .split(';')
-            .filter_map(|part| part.split_once('='))
+        let parts = self.parts.split(';').filter(|part| !part.is_empty());
+        parts.map(|part| part.split_once('=').unwrap_or((part, "")))
     }
 }
 

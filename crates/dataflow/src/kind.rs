@@ -4,6 +4,7 @@ use std::{any::Any, marker::PhantomData, ops::Range};
 
 use serde::{Deserialize, de::IntoDeserializer};
 use serde_json::Value;
+use toml_edit::InlineTable;
 
 use crate::{
     code::Code,
@@ -29,7 +30,7 @@ pub struct Kind {
     /// The artifacts that its report makes of them.
     reports: fn() -> Vec<Output>,
     report_code: Code,
-    configure: fn(toml_edit::InlineTable) -> Result<Box<dyn Configured>, ConfigFault>,
+    configure: fn(InlineTable) -> Result<Box<dyn Configured>, ConfigFault>,
     schema: fn() -> Value,
 }
 
@@ -72,8 +73,53 @@ pub(crate) struct ConfigFault {
 
 /// A configured stage with its report and its generator.
 struct Whole<R: Report, G> {
-    config: Config<R>,
+    options: Config<R>,
+    /// The options as they count for fingerprints: written once, where that can fail.
+    config: Value,
     generator: PhantomData<fn() -> G>,
+}
+
+impl<R: Report, G> Whole<R, G> {
+    /// Takes the options of a stage's table.
+    fn read(table: InlineTable) -> Result<Self, ConfigFault> {
+        // As JSON every such number is `null`, and two recipes with different ones would be equal.
+        if let Some(fault) = not_finite(&table) {
+            return Err(fault);
+        }
+        let deserializer = toml_edit::Value::InlineTable(table).into_deserializer();
+        let options = Config::<R>::deserialize(deserializer).map_err(|err| ConfigFault {
+            message: err.message().to_owned(),
+            span: err.span(),
+        })?;
+        let config = serde_json::to_value(&options).map_err(|err| ConfigFault {
+            message: format!("its options cannot be written as JSON: {err}"),
+            span: None,
+        })?;
+        Ok(Self {
+            options,
+            config,
+            generator: PhantomData,
+        })
+    }
+}
+
+/// Finds the first number of a table that is NaN or infinite.
+fn not_finite(table: &InlineTable) -> Option<ConfigFault> {
+    fn within(key: &str, value: &toml_edit::Value) -> Option<ConfigFault> {
+        match value {
+            toml_edit::Value::Float(number) if !number.value().is_finite() => Some(ConfigFault {
+                message: format!("`{key}` is {}, expected a finite number", number.value()),
+                span: value.span(),
+            }),
+            toml_edit::Value::Array(values) => values.iter().find_map(|value| within(key, value)),
+            toml_edit::Value::InlineTable(table) => {
+                let mut values = table.iter();
+                values.find_map(|(below, value)| within(&format!("{key}.{below}"), value))
+            }
+            _ => None,
+        }
+    }
+    table.iter().find_map(|(key, value)| within(key, value))
 }
 
 type Config<R> = <<R as Report>::Stage as Stage>::Config;
@@ -84,11 +130,11 @@ where
     G: Generator<Stage = R::Stage>,
 {
     fn options(&self) -> &dyn Any {
-        &self.config
+        &self.options
     }
 
     fn config(&self) -> Value {
-        serde_json::to_value(&self.config).unwrap_or(Value::Null)
+        self.config.clone()
     }
 
     fn config_of(&self, output: &str) -> Value {
@@ -101,32 +147,32 @@ where
     }
 
     fn check(&self) -> Vec<OptionFault> {
-        R::Stage::check(&self.config)
+        R::Stage::check(&self.options)
     }
 
     fn prepare(&self) -> Result<(), Advised> {
-        G::generate(&self.config)?;
-        Ok(R::Stage::prepare(&self.config)?)
+        G::generate(&self.options)?;
+        Ok(R::Stage::prepare(&self.options)?)
     }
 
     fn units(&self, output: &str, scope: &Scope) -> Result<Vec<Unit>, Advised> {
         match R::reported(output) {
-            Some(report) => Ok((report.units)(&self.config, scope)?),
-            None => Ok(R::Stage::units(&self.config, output, scope)?),
+            Some(report) => Ok((report.units)(&self.options, scope)?),
+            None => Ok(R::Stage::units(&self.options, output, scope)?),
         }
     }
 
     fn foretell(&self, output: &str, unit: &Unit, scope: &Scope) -> Option<Labels> {
         match R::reported(output) {
             Some(report) => (report.foretell)(unit),
-            None => R::Stage::foretell(&self.config, output, unit, scope),
+            None => R::Stage::foretell(&self.options, output, unit, scope),
         }
     }
 
     fn run(&self, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised> {
         match R::reported(cx.output()) {
-            Some(report) => Ok((report.run)(&self.config, inputs, cx)?),
-            None => Ok(R::Stage::run(&self.config, inputs, cx)?),
+            Some(report) => Ok((report.run)(&self.options, inputs, cx)?),
+            None => Ok(R::Stage::run(&self.options, inputs, cx)?),
         }
     }
 
@@ -160,16 +206,8 @@ impl Kind {
             reports: || R::OUTPUTS.iter().map(|report| report.output).collect(),
             report_code: R::CODE,
             configure: |table| {
-                let deserializer = toml_edit::Value::InlineTable(table).into_deserializer();
-                Config::<R>::deserialize(deserializer)
-                    .map(|config| {
-                        let generator = PhantomData;
-                        Box::new(Whole::<R, G> { config, generator }) as Box<dyn Configured>
-                    })
-                    .map_err(|err| ConfigFault {
-                        message: err.message().to_owned(),
-                        span: err.span(),
-                    })
+                let configured = Whole::<R, G>::read(table)?;
+                Ok(Box::new(configured) as Box<dyn Configured>)
             },
             schema: || schemars::schema_for!(Config<R>).to_value(),
         }
@@ -191,10 +229,7 @@ impl Kind {
         }
     }
 
-    pub(crate) fn configure(
-        &self,
-        table: toml_edit::InlineTable,
-    ) -> Result<Box<dyn Configured>, ConfigFault> {
+    pub(crate) fn configure(&self, table: InlineTable) -> Result<Box<dyn Configured>, ConfigFault> {
         (self.configure)(table)
     }
 
@@ -276,5 +311,85 @@ fn type_name(schema: &Value) -> String {
             names.join(" or ")
         }
         _ => "value".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::code::Code;
+
+    /// A stage with an option that cannot always be written.
+    enum Fixture {}
+
+    #[derive(Debug, Deserialize, serde::Serialize, schemars::JsonSchema)]
+    struct Config {
+        #[serde(default, serialize_with = "positive")]
+        weights: Vec<f64>,
+    }
+
+    fn positive<T: serde::Serializer>(weights: &[f64], serializer: T) -> Result<T::Ok, T::Error> {
+        if weights.iter().any(|weight| *weight < 0.0) {
+            return Err(serde::ser::Error::custom("a weight is negative"));
+        }
+        serializer.collect_seq(weights)
+    }
+
+    #[derive(Debug, thiserror::Error)]
+    #[error("it makes nothing")]
+    struct Nothing;
+
+    impl crate::Advise for Nothing {
+        fn hint(&self) -> Option<String> {
+            None
+        }
+    }
+
+    impl Stage for Fixture {
+        type Config = Config;
+        type Error = Nothing;
+
+        const KIND: &'static str = "fixture";
+        const ABOUT: &'static str = "Makes nothing";
+        const CODE: Code = Code { parts: "" };
+        const INPUTS: &'static [Input] = &[];
+        const OUTPUTS: &'static [Output] = &[];
+
+        fn units(_: &Config, _: &str, _: &Scope) -> Result<Vec<Unit>, Nothing> {
+            Err(Nothing)
+        }
+
+        fn run(_: &Config, _: &Inputs, _: &Context) -> Result<Outcome, Nothing> {
+            Err(Nothing)
+        }
+
+        fn describe(_: &str, _: &Summary) -> String {
+            String::new()
+        }
+    }
+
+    #[test]
+    fn options_that_would_count_as_null_are_refused() {
+        let read = |table: &str| {
+            let table = table.parse::<toml_edit::Value>().unwrap();
+            let table = table.as_inline_table().unwrap().clone();
+            let configured = Kind::of::<Fixture>().configure(table);
+            configured.map(|it| it.config()).map_err(|err| err.message)
+        };
+        assert_eq!(
+            read("{ weights = [0.5] }").unwrap(),
+            serde_json::json!({"weights": [0.5]})
+        );
+        for (weight, expected) in [
+            ("nan", "`weights` is NaN, expected a finite number"),
+            ("-inf", "`weights` is -inf, expected a finite number"),
+            (
+                "-1.0",
+                "its options cannot be written as JSON: a weight is negative",
+            ),
+        ] {
+            let found = read(&format!("{{ weights = [1.0, {weight}] }}"));
+            assert_eq!(found.unwrap_err(), expected);
+        }
     }
 }

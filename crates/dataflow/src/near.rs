@@ -49,37 +49,17 @@ fn near_path(path: &Path) -> Option<String> {
     Some(path.to_string_lossy().trim_end_matches('/').to_owned())
 }
 
-/// Returns the candidate nearest to `word`, if it is near enough to be a misspelling of it.
+/// Returns the candidate nearest to `word`, if it is near enough to be a misspelling of it: by
+/// insertions, deletions, replacements and swaps of neighbors (optimal string alignment; Boytsov,
+/// *Indexing methods for approximate dictionary searching*, 2011, §2.2).
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let largest = word.chars().count().max(3) / 3;
     candidates
         .into_iter()
-        .map(|candidate| (distance(word, candidate), candidate))
+        .map(|candidate| (strsim::osa_distance(word, candidate), candidate))
         .filter(|&(distance, _)| distance <= largest.max(1))
         .min()
         .map(|(_, candidate)| candidate)
-}
-
-/// Number of insertions, deletions, replacements and swaps of neighbors between two words
-/// (optimal string alignment; Boytsov, *Indexing methods for approximate dictionary searching*,
-/// 2011, §2.2).
-fn distance(a: &str, b: &str) -> usize {
-    let a: Vec<char> = a.chars().collect();
-    let b: Vec<char> = b.chars().collect();
-    let mut rows: Vec<Vec<usize>> = vec![(0..=b.len()).collect()];
-    for (i, &x) in a.iter().enumerate() {
-        let mut row = vec![i + 1];
-        for (j, &y) in b.iter().enumerate() {
-            let replaced = rows[i][j] + usize::from(x != y);
-            let mut least = replaced.min(rows[i][j + 1] + 1).min(row[j] + 1);
-            if i > 0 && j > 0 && x == b[j - 1] && a[i - 1] == y {
-                least = least.min(rows[i - 1][j - 1] + 1);
-            }
-            row.push(least);
-        }
-        rows.push(row);
-    }
-    rows[a.len()][b.len()]
 }
 
 #[cfg(test)]

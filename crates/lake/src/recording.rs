@@ -7,7 +7,7 @@
 use std::{
     collections::BTreeMap,
     fs::{self, File},
-    io::{BufWriter, Write},
+    io::{self, BufWriter, Write},
     path::{Path, PathBuf},
 };
 
@@ -140,10 +140,11 @@ impl Recording {
             self.channels.insert(topic.to_owned(), channel);
         }
         let Some(channel) = self.channels.get_mut(topic) else {
-            return Ok(());
+            unreachable!("the channel `{topic}` was added");
         };
         assert_eq!(channel.message_type, M::TYPE, "type of topic `{topic}`");
-        let time = u64::try_from(time_ns).unwrap_or(0);
+        let time = u64::try_from(time_ns)
+            .map_err(|source| writing(&self.path, McapError::Io(io::Error::other(source))))?;
         let header = MessageHeader {
             channel_id: channel.id,
             sequence: channel.n_messages,
@@ -314,7 +315,8 @@ fn parse(bytes: &[u8]) -> Result<Contents, McapError> {
             Ok(RecordedMessage {
                 topic: message.channel.topic.clone(),
                 message_type: schema.map_or_else(String::new, |schema| schema.name.clone()),
-                time_ns: i64::try_from(message.log_time).unwrap_or(i64::MAX),
+                time_ns: i64::try_from(message.log_time)
+                    .map_err(|source| McapError::Io(io::Error::other(source)))?,
                 cdr: message.data.into_owned(),
             })
         })

@@ -101,6 +101,12 @@ impl Chain {
         self.joints.len()
     }
 
+    /// Returns the chain as a robot of its own: its links without masses and shapes, and its joints in
+    /// the order of its positions.
+    pub fn model(&self) -> &RobotModel {
+        &self.links
+    }
+
     /// Returns where the chain's end is and how it moves with the joints.
     ///
     /// # Errors
@@ -108,30 +114,39 @@ impl Chain {
     /// Fails if `q` does not hold exactly one position per joint of the chain.
     pub fn posture(&self, q: &[f64]) -> Result<Posture, WrongDof> {
         let poses = self.links.forward_kinematics(q)?;
-        let root_from_end = poses.last().copied().unwrap_or_default();
+        // A chain has one link at least: its end.
+        let end = poses.len() - 1;
+        let root_from_end = poses[end];
         let origin = Point3::from(root_from_end.translation.vector);
-        let end = poses.len().saturating_sub(1);
         Ok(Posture {
             root_from_end,
             jacobian: self.links.geometric_jacobian(&poses, end, &origin),
         })
     }
 
-    /// Whether every joint is within its limits, but for rounding; a continuous one always is.
+    /// Whether there is a position for every joint and all are within their limits, but for rounding; a
+    /// continuous joint always is.
     pub fn is_within_limits(&self, q: &[f64]) -> bool {
         /// Radians (meters if prismatic).
         const ROUNDING: f64 = 1e-9;
-        self.links.joints.iter().zip(q).all(|(joint, &q)| {
-            joint.kind == JointKind::Continuous
-                || (q >= joint.lower - ROUNDING && q <= joint.upper + ROUNDING)
-        })
+        let is_whole = q.len() == self.dof();
+        is_whole
+            && self.links.joints.iter().zip(q).all(|(joint, &q)| {
+                joint.kind == JointKind::Continuous
+                    || (q >= joint.lower - ROUNDING && q <= joint.upper + ROUNDING)
+            })
     }
 }
 
 impl Posture {
     /// Returns the twist of the end while the joints move so: velocity of its origin, then angular
-    /// velocity, along the root's axes. A joint that is missing stands still.
+    /// velocity, along the root's axes.
+    ///
+    /// # Panics
+    ///
+    /// Panics if there is not one velocity per joint.
     pub fn twist(&self, velocity: &[f64]) -> Vector6<f64> {
+        assert_eq!(velocity.len(), self.jacobian.ncols(), "joint velocities");
         let mut twist = Vector6::zeros();
         for (column, &velocity) in self.jacobian.column_iter().zip(velocity) {
             twist.axpy(velocity, &column, 1.0);
@@ -146,7 +161,12 @@ impl Posture {
     /// of a later joint i by `ωⱼ × (vᵢ, ωᵢ)`, and that of an earlier one by `(ωᵢ × vⱼ, 0)` (Bruyninckx
     /// and De Schutter, *Symbolic Differentiation of the Velocity Mapping for a Serial Kinematic
     /// Chain*, 1996).
+    ///
+    /// # Panics
+    ///
+    /// Panics if there is not one velocity per joint.
     pub fn bias(&self, velocity: &[f64]) -> Vector6<f64> {
+        assert_eq!(velocity.len(), self.jacobian.ncols(), "joint velocities");
         let mut bias = Vector6::zeros();
         let mut spin: Vector3<f64> = Vector3::zeros();
         for (column, &velocity) in self.jacobian.column_iter().zip(velocity) {

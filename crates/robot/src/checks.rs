@@ -117,8 +117,9 @@ impl RobotModel {
                 advice: String::new(),
             });
         }
-        let Ok(mass) = bodies.mass_matrix(&self.open()) else {
-            return findings;
+        let mass = match bodies.mass_matrix(&self.open()) {
+            Ok(mass) => mass,
+            Err(err) => unreachable!("the bodies are those of this robot: {err}"),
         };
         let moved = mass.diagonal();
         let weightless = self.joints().iter().zip(moved.iter());

@@ -55,7 +55,7 @@ impl RobotModel {
                 has_moving_child[body_of[parent]] = true;
             }
         }
-        let palm_from_links = self.forward_kinematics(&self.open()).unwrap_or_default();
+        let palm_from_links = self.link_poses(|joint| self.joints()[joint].nearest_zero());
         let mut fingers = Vec::new();
         for (body, link) in self.links().iter().enumerate() {
             if link.kind.is_none() || has_moving_child[body] {

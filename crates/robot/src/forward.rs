@@ -20,9 +20,18 @@ impl RobotModel {
                 found: q.len(),
             });
         }
+        Ok(self.link_poses(|joint| q[joint]))
+    }
+
+    /// Returns the pose of each link in the palm's frame, in the order of the links; `position` gives
+    /// that of the joint of each index of [`RobotModel::joints`].
+    ///
+    /// It cannot fail, as it asks for every position that it needs: for positions that follow from the
+    /// joints themselves. [`RobotModel::forward_kinematics`] takes vectors.
+    pub fn link_poses(&self, position: impl Fn(usize) -> f64) -> Vec<Isometry3<f64>> {
         let mut palm_from_links: Vec<Isometry3<f64>> = Vec::with_capacity(self.links.len());
         for link in &self.links {
-            let position = link.joint.and_then(|joint| q.get(joint)).copied();
+            let position = link.joint.map(&position);
             let parent_from_link = parent_from_link(link, position);
             let palm_from_link = match link.parent.and_then(|parent| palm_from_links.get(parent)) {
                 Some(palm_from_parent) => palm_from_parent * parent_from_link,
@@ -30,7 +39,7 @@ impl RobotModel {
             };
             palm_from_links.push(palm_from_link);
         }
-        Ok(palm_from_links)
+        palm_from_links
     }
 }
 

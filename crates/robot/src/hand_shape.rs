@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use crate::{Finger, RobotModel, Shape};
+use crate::{Finger, Joint, RobotModel, Shape};
 
 /// What the fingers beside the thumb are called, in their order from it.
 const FINGERS: [[&str; 2]; 4] = [
@@ -46,7 +46,7 @@ impl RobotModel {
             .partition(|finger| finger.is_thumb);
         let thumb = thumbs.into_iter().next();
         let q = self.open();
-        let open = self.forward_kinematics(&q).ok()?;
+        let open = self.link_poses(|joint| q[joint]);
         let palm = fingers.first()?.palm;
         // In the palm's own frame, wherever an arm or a wrist has put it.
         let tip = |finger: &Finger, root_from_links: &[Isometry3<f64>]| {
@@ -80,7 +80,8 @@ impl RobotModel {
         }
         let bases: Vec<Point3<f64>> = fingers.iter().map(base).collect();
         let forward = center(&tips) - center(&bases);
-        let bent = self.forward_kinematics(&self.bent(&q)).ok()?;
+        let bent = self.bent(&q);
+        let bent = self.link_poses(|joint| bent[joint]);
         let bending: Vector3<f64> = fingers
             .iter()
             .map(|finger| tip(finger, &bent) - tip(finger, &open))
@@ -166,10 +167,7 @@ impl RobotModel {
 
     /// Returns the joint positions that are nearest to 0.
     pub(crate) fn open(&self) -> Vec<f64> {
-        self.joints()
-            .iter()
-            .map(|joint| 0.0_f64.max(joint.lower).min(joint.upper))
-            .collect()
+        self.joints().iter().map(Joint::nearest_zero).collect()
     }
 
     /// Returns joint positions a little nearer to the middle of the limits than `q`.

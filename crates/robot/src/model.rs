@@ -134,6 +134,21 @@ pub struct Joint {
     pub velocity: f64,
 }
 
+impl Joint {
+    /// Returns the position halfway between the limits, 0 if it is continuous.
+    pub fn middle(&self) -> f64 {
+        match self.kind {
+            JointKind::Continuous => 0.0,
+            JointKind::Revolute | JointKind::Prismatic => 0.5 * (self.lower + self.upper),
+        }
+    }
+
+    /// Returns the position within the limits that is nearest to 0.
+    pub fn nearest_zero(&self) -> f64 {
+        0.0_f64.max(self.lower).min(self.upper)
+    }
+}
+
 /// How a joint moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JointKind {
@@ -289,12 +304,6 @@ impl RobotModel {
 
     /// Returns the joint positions halfway between the limits, 0 for continuous joints.
     pub fn mid_range(&self) -> Vec<f64> {
-        self.joints
-            .iter()
-            .map(|joint| match joint.kind {
-                JointKind::Continuous => 0.0,
-                JointKind::Revolute | JointKind::Prismatic => 0.5 * (joint.lower + joint.upper),
-            })
-            .collect()
+        self.joints.iter().map(Joint::middle).collect()
     }
 }

@@ -26,19 +26,7 @@ pub(crate) fn near_names<'a>(name: &str, candidates: impl Iterator<Item = &'a st
 /// Returns the least number of insertions, deletions and replacements between two names
 /// (Levenshtein 1966), ignoring case.
 fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.to_lowercase().chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, from) in a.to_lowercase().chars().enumerate() {
-        let mut previous = Vec::with_capacity(row.len());
-        previous.push(i + 1);
-        for ((&to, diagonal), above) in b.iter().zip(&row).zip(row.iter().skip(1)) {
-            let left = previous.last().copied().unwrap_or_default();
-            let replaced = diagonal + usize::from(from != to);
-            previous.push(replaced.min(above + 1).min(left + 1));
-        }
-        row = previous;
-    }
-    row.last().copied().unwrap_or_default()
+    strsim::levenshtein(&a.to_lowercase(), &b.to_lowercase())
 }
 
 #[cfg(test)]

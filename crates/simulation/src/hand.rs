@@ -341,34 +341,35 @@ impl Hand {
     /// Sets every finger's torque for the next physics step.
     pub(crate) fn drive(&self, world: &mut World, q_command: &[f64]) {
         for drive in &self.drives {
-            let (Some((multibody, place)), Some(command)) = (
-                finger_mut(&mut world.multibodies, drive.body),
-                q_command.get(drive.joint),
-            ) else {
+            let Some((multibody, place)) = finger_mut(&mut world.multibodies, drive.body) else {
                 continue;
             };
-            drive.apply(multibody, place, *command, 0.0);
+            drive.apply(multibody, place, q_command[drive.joint], 0.0);
         }
     }
 
     /// Returns the pose of the palm in the table frame.
     pub(crate) fn table_from_palm(&self, world: &World) -> Isometry3<f64> {
-        self.bodies
-            .first()
-            .and_then(|palm| world.table_from_body(*palm))
-            .unwrap_or_default()
+        world.table_from_body(self.bodies[0])
     }
 
-    /// Returns the joint positions in radians.
+    /// Returns the joint positions in radians; NaN for a joint that the engine no longer has.
     pub(crate) fn positions(&self, world: &World) -> Vec<f64> {
-        self.joints
-            .iter()
-            .filter_map(|&drive| {
-                let drive = self.drives.get(drive)?;
-                let (multibody, place) = finger(&world.multibodies, drive.body)?;
-                Some(f64::from(position(multibody, place.link, drive.axis)))
+        let states = self.states(world);
+        states.map(|[position, _]| position).collect()
+    }
+
+    /// Returns position and velocity of each joint; NaN for one that the engine no longer has.
+    fn states<'a>(&'a self, world: &'a World) -> impl Iterator<Item = [f64; 2]> + 'a {
+        self.joints.iter().map(|&drive| {
+            let drive = &self.drives[drive];
+            let found = finger(&world.multibodies, drive.body);
+            found.map_or([f64::NAN; 2], |(multibody, place)| {
+                let position = position(multibody, place.link, drive.axis);
+                let velocity = multibody.generalized_velocity()[place.coordinate];
+                [position, velocity].map(f64::from)
             })
-            .collect()
+        })
     }
 
     /// Returns the torque of each joint's drive (without end stops) in newton meters, as it was

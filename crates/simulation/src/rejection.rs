@@ -7,6 +7,7 @@ use schemas::rollouts::Verdict;
 
 use crate::{
     config::Protocol,
+    error::SimulationError,
     hand::LinkShape,
     precision::pose,
     script::{HandPose, Phase, Script},
@@ -17,6 +18,10 @@ use crate::{
 /// Checked are, in this order, over the whole reach: joint limits and the hand below the table, of
 /// the motion as it was asked for; then the hand deep inside the object before it closes, as it is
 /// commanded. Fingers that are opened further than asked for may press on the table: they yield.
+///
+/// # Errors
+///
+/// Fails if the script has not one position per joint of the hand.
 pub(crate) fn reject(
     script: &Script,
     protocol: &Protocol,
@@ -24,7 +29,7 @@ pub(crate) fn reject(
     shapes: &[LinkShape],
     hulls: &[SharedShape],
     table_from_object: &Isometry3<f64>,
-) -> Option<Verdict> {
+) -> Result<Option<Verdict>, SimulationError> {
     let tolerance = protocol.limit_tolerance_rad;
     let outside = |pose: &HandPose| {
         pose.q.iter().zip(model.joints()).any(|(&position, joint)| {
@@ -32,18 +37,17 @@ pub(crate) fn reject(
         })
     };
     if script.asked.iter().any(outside) {
-        return Some(Verdict::Limit);
+        return Ok(Some(Verdict::Limit));
     }
     let below = |shape: &LinkShape, object_from_shape: &Isometry3<f64>| {
         let table_from_shape = table_from_object * object_from_shape;
-        lowest_m(shape, &table_from_shape) < -protocol.table_tolerance_m
+        let is_above = lowest_m(shape, &table_from_shape) >= -protocol.table_tolerance_m;
+        !is_above
     };
-    if script
-        .asked
-        .iter()
-        .any(|pose| any_shape(model, shapes, pose, below))
-    {
-        return Some(Verdict::Table);
+    for pose in &script.asked {
+        if any_shape(model, shapes, pose, below)? {
+            return Ok(Some(Verdict::Table));
+        }
     }
     let inside = |shape: &LinkShape, object_from_shape: &Isometry3<f64>| {
         depth_m(shape, object_from_shape, hulls) > protocol.early_tolerance_m
@@ -51,9 +55,12 @@ pub(crate) fn reject(
     let open = std::iter::once(&script.start)
         .chain(&script.commands)
         .take_while(|command| command.phase == Phase::Reach);
-    open.map(|command| &command.hand)
-        .any(|pose| any_shape(model, shapes, pose, inside))
-        .then_some(Verdict::EarlyContact)
+    for command in open {
+        if any_shape(model, shapes, &command.hand, inside)? {
+            return Ok(Some(Verdict::EarlyContact));
+        }
+    }
+    Ok(None)
 }
 
 /// Whether a condition holds for any shape of the hand; it gets the shape's pose in the object's
@@ -63,15 +70,15 @@ fn any_shape(
     shapes: &[LinkShape],
     pose: &HandPose,
     condition: impl Fn(&LinkShape, &Isometry3<f64>) -> bool,
-) -> bool {
-    // The script was made for this model, so that the positions fit.
-    let palm_from_links = model.forward_kinematics(&pose.q).unwrap_or_default();
-    shapes.iter().any(|shape| {
-        let palm_from_link = palm_from_links.get(shape.link).copied();
-        let palm_from_link = palm_from_link.unwrap_or_default();
+) -> Result<bool, SimulationError> {
+    let palm_from_links = model
+        .forward_kinematics(&pose.q)
+        .map_err(|err| SimulationError::Motion(err.to_string()))?;
+    Ok(shapes.iter().any(|shape| {
+        let palm_from_link = palm_from_links[shape.link];
         let object_from_shape = pose.object_from_palm * palm_from_link * shape.link_from_shape;
         condition(shape, &object_from_shape)
-    })
+    }))
 }
 
 /// Returns the height of a shape's lowest point in meters.
@@ -107,4 +114,27 @@ fn depth_m(shape: &LinkShape, object_from_shape: &Isometry3<f64>, hulls: &[Share
         })
         .map(|contact| -f64::from(contact.dist))
         .fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hand_whose_joints_are_nowhere_is_not_clear() {
+        let model = RobotModel::from_urdf(
+            r#"<robot name="h"><link name="palm"/><link name="tip"/>
+              <joint name="j" type="continuous"><parent link="palm"/><child link="tip"/></joint>
+            </robot>"#,
+        )
+        .unwrap();
+        for (q, is_known) in [(vec![0.1], true), (vec![], false), (vec![0.1; 2], false)] {
+            let pose = HandPose {
+                object_from_palm: Isometry3::identity(),
+                q,
+            };
+            let found = any_shape(&model, &[], &pose, |_, _| true);
+            assert_eq!(found.is_ok(), is_known, "{found:?}");
+        }
+    }
 }

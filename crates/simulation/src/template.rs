@@ -102,7 +102,7 @@ impl Template {
         record: Record,
     ) -> Result<Rollout, SimulationError> {
         let script = Script::new(motion, protocol, &self.scene, &self.model)?;
-        Ok(match self.refuses(&script, protocol) {
+        Ok(match self.refuses(&script, protocol)? {
             Some(verdict) if self.scene.shortcuts.refused => Rollout::refused(verdict, &script),
             Some(verdict) => Rollout {
                 verdict,
@@ -131,7 +131,7 @@ impl Template {
         see: &mut dyn FnMut(&TraceStep) -> Flow,
     ) -> Result<WatchedRollout, SimulationError> {
         let script = Script::played(steps, &self.scene, &self.model)?;
-        if let Some(verdict) = self.refuses(&script, protocol) {
+        if let Some(verdict) = self.refuses(&script, protocol)? {
             return Ok(WatchedRollout {
                 rollout: Rollout::refused(verdict, &script),
                 broken_off: false,
@@ -143,7 +143,11 @@ impl Template {
     }
 
     /// Returns why geometry alone refuses a script, if it does.
-    fn refuses(&self, script: &Script, protocol: &Protocol) -> Option<Verdict> {
+    fn refuses(
+        &self,
+        script: &Script,
+        protocol: &Protocol,
+    ) -> Result<Option<Verdict>, SimulationError> {
         reject(
             script,
             protocol,
@@ -156,7 +160,7 @@ impl Template {
 
     /// Returns where the object is in a copy of the world, in the table's frame.
     pub(crate) fn now(&self, world: &World) -> Isometry3<f64> {
-        world.table_from_body(self.object).unwrap_or_default()
+        world.table_from_body(self.object)
     }
 
     /// Returns what palm and fingers are told in the rollout of a motion: where they start, then one
@@ -188,14 +192,7 @@ impl Template {
         protocol: &Protocol,
     ) -> Result<Option<Verdict>, SimulationError> {
         let script = Script::new(motion, protocol, &self.scene, &self.model)?;
-        Ok(reject(
-            &script,
-            protocol,
-            &self.model,
-            &self.shapes,
-            &self.hulls,
-            &self.table_from_believed,
-        ))
+        self.refuses(&script, protocol)
     }
 }
 

@@ -238,9 +238,9 @@ impl World {
     }
 
     /// Returns where a body is, in the table's frame.
-    pub(crate) fn table_from_body(&self, body: RigidBodyHandle) -> Option<Isometry3<f64>> {
-        let engine_from_body = isometry(self.bodies.get(body)?.position());
-        Some(Translation3::new(0.0, 0.0, self.rise.height_m) * engine_from_body)
+    pub(crate) fn table_from_body(&self, body: RigidBodyHandle) -> Isometry3<f64> {
+        let engine_from_body = isometry(self.bodies[body].position());
+        Translation3::new(0.0, 0.0, self.rise.height_m) * engine_from_body
     }
 }
 

@@ -13,7 +13,7 @@ mod trace;
 mod way;
 
 use nalgebra::Isometry3;
-use robot::{Chain, RobotModel};
+use robot::{Chain, RobotModel, WrongDof};
 
 use crate::{DispatchError, limits::Most};
 use clearance::Clearance;
@@ -69,12 +69,7 @@ impl Arm {
             return Err(wrong("arm.palm", problem));
         }
         let fingers = hand::joints_of_hand(&robot, &chain, palm, hand)?;
-        let joints = || {
-            chain
-                .joints()
-                .iter()
-                .filter_map(|&idx| robot.joints().get(idx))
-        };
+        let joints = || chain.model().joints().iter();
         if let Some(joint) = joints().find(|joint| joint.velocity <= 0.0) {
             let problem = format!("it gives joint `{}` no speed", joint.name);
             return Err(wrong("arm.robot", problem));
@@ -96,8 +91,7 @@ impl Arm {
 
     /// Returns the names of the arm's joints, from its foot to the hand: the order of all its numbers.
     pub(crate) fn joint_names(&self) -> Vec<String> {
-        let joints = self.joints();
-        joints.map(|joint| joint.name.clone()).collect()
+        self.chain.model().joint_names()
     }
 
     /// Returns how fast each joint of the arm may move.
@@ -106,22 +100,30 @@ impl Arm {
     }
 
     /// The arm's joints, from its foot to the hand.
-    pub(crate) fn joints(&self) -> impl Iterator<Item = &robot::Joint> {
-        let joints = self.chain.joints().iter();
-        joints.filter_map(|&idx| self.robot.joints().get(idx))
+    pub(crate) fn joints(&self) -> &[robot::Joint] {
+        self.chain.model().joints()
     }
 
     /// Returns the pose of each of the robot's links in the frame of the arm's foot, for joints of the arm
     /// and of the hand.
-    fn links(&self, arm: &[f64], hand: &[f64]) -> Vec<Isometry3<f64>> {
+    ///
+    /// # Errors
+    ///
+    /// Fails unless there is one position for each of them.
+    fn links(&self, arm: &[f64], hand: &[f64]) -> Result<Vec<Isometry3<f64>>, WrongDof> {
         let mut q = vec![0.0; self.robot.dof()];
-        let arm = self.chain.joints().iter().zip(arm);
-        for (&joint, &position) in arm.chain(self.fingers.iter().zip(hand)) {
-            if let Some(slot) = q.get_mut(joint) {
-                *slot = position;
+        for (joints, positions) in [(self.chain.joints(), arm), (&self.fingers, hand)] {
+            if joints.len() != positions.len() {
+                return Err(WrongDof {
+                    expected: joints.len(),
+                    found: positions.len(),
+                });
+            }
+            for (&joint, &position) in joints.iter().zip(positions) {
+                q[joint] = position;
             }
         }
-        self.robot.forward_kinematics(&q).unwrap_or_default()
+        self.robot.forward_kinematics(&q)
     }
 }
 

@@ -85,13 +85,10 @@ impl Course {
             last_s = knot.time_s;
             knots.push(knot);
         }
-        let pairs = knots.windows(2).enumerate();
-        let passages = pairs.filter_map(|(idx, pair)| match pair {
-            [from, to] => Some(
-                Passage::new(&from.palm, &to.palm, to.time_s - from.time_s)
-                    .ok_or(Refusal::Turn { step: idx + 1 }),
-            ),
-            _ => None,
+        let pairs = knots.iter().zip(knots.iter().skip(1)).enumerate();
+        let passages = pairs.map(|(idx, (from, to))| {
+            Passage::new(&from.palm, &to.palm, to.time_s - from.time_s)
+                .ok_or(Refusal::Turn { step: idx + 1 })
         });
         let passages = passages.collect::<Result<_, _>>()?;
         Ok(Self { knots, passages })
@@ -99,20 +96,24 @@ impl Course {
 
     /// Returns how long it takes, in seconds.
     pub(crate) fn duration_s(&self) -> f64 {
-        let time = |knot: Option<&Knot>| knot.map_or(0.0, |knot| knot.time_s);
-        time(self.knots.last()) - time(self.knots.first())
+        self.knots[self.knots.len() - 1].time_s - self.knots[0].time_s
     }
 
     /// Returns the hand `time_s` after the first step; before it and after the last it stands still
     /// there, at their rates.
-    pub(crate) fn at(&self, time_s: f64) -> Option<Moving> {
-        let start_s = self.knots.first()?.time_s;
+    pub(crate) fn at(&self, time_s: f64) -> Moving {
+        let start_s = self.knots[0].time_s;
         let time_s = start_s + time_s.clamp(0.0, self.duration_s());
         let after = self.knots.partition_point(|knot| knot.time_s <= time_s);
+        // There are two knots at least, and a passage between every two.
         let after = after.clamp(1, self.knots.len() - 1);
-        let (from, to) = (self.knots.get(after - 1)?, self.knots.get(after)?);
-        let passage = self.passages.get(after - 1)?;
-        Some(between(from, to, passage, time_s - from.time_s))
+        let (from, to) = (&self.knots[after - 1], &self.knots[after]);
+        between(from, to, &self.passages[after - 1], time_s - from.time_s)
+    }
+
+    /// Returns the hand at the last step.
+    pub(crate) fn grasp(&self) -> Moving {
+        self.at(self.duration_s())
     }
 }
 
@@ -186,7 +187,7 @@ mod tests {
         ) {
             let course = Course::through(&candidate, 3).unwrap();
             for step in &candidate.steps {
-                let found = course.at(step.time_s).unwrap();
+                let found = course.at(step.time_s);
                 let off = step.object_from_palm.isometry().inverse() * found.object_from_palm;
                 prop_assert!(off.translation.vector.norm() < 1e-9);
                 prop_assert!(off.rotation.angle() < 1e-7);
@@ -197,7 +198,7 @@ mod tests {
                 prop_assert!((found.q[1] - step.q_rad[1]).abs() < 1e-9);
             }
             let (time, h) = (share * course.duration_s(), 1e-5);
-            let [before, now, after] = [-h, 0.0, h].map(|d| course.at(time + d).unwrap());
+            let [before, now, after] = [-h, 0.0, h].map(|d| course.at(time + d));
             let turned = after.object_from_palm.rotation * before.object_from_palm.rotation.inverse();
             let spin = turned.scaled_axis() / (2.0 * h);
             prop_assert!((spin - now.velocity.angular).norm() < 1e-3, "{spin} {}", now.velocity.angular);

@@ -78,6 +78,8 @@ impl Excess {
 
     /// Looks at joints that may be so fast.
     pub(crate) fn of_joints(&mut self, points: &[JointPoint], most: &[Most], lengths: &Lengths) {
+        let is_limited = points.iter().all(|point| point.q_rad.len() == most.len());
+        assert!(is_limited, "every joint has a limit");
         for (from, to) in points.iter().zip(points.iter().skip(1)) {
             self.see_between(lengths, from.time_s, to.time_s, || {
                 let segments = from.segments(to).zip(most);

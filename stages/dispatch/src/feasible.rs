@@ -3,7 +3,7 @@
 
 use cell::{Carrier, JointPoint, Track};
 use nalgebra::{Isometry3, Vector3};
-use robot::{Joint, JointKind, RobotModel};
+use robot::{Joint, JointKind, JointOrder, RobotModel};
 use schemas::candidates::{Candidate, Candidates, Rates, Step};
 use simulation::{Approach, Flexion, Protocol, Trial};
 use spatial::{Object, Pose, Table};
@@ -14,7 +14,7 @@ use crate::{
     config::RatesConfig,
     course::Course,
     excess::Excess,
-    limits::{self, Limits, Most},
+    limits::{self, Limits},
     motion::{Fingers, Lengths, Part, RAMP_SPEED, WholeMotion, ramp_acceleration},
     refusal::Refusal,
     robots::Robots,
@@ -106,8 +106,7 @@ impl<'a> Planner<'a> {
         let ordered = self.in_order(candidates, candidate)?;
         let course = Course::through(&ordered, self.hand.dof())?;
         self.check_course(&course, candidate.table_from_object.isometry())?;
-        let grasp = course.at(course.duration_s()).map(|hand| hand.q);
-        let grasp = grasp.unwrap_or_default();
+        let grasp = course.grasp().q;
         let fingers = Fingers {
             opened: match self.protocol.approach {
                 Approach::Follow => None,
@@ -117,9 +116,8 @@ impl<'a> Planner<'a> {
             grasp,
         };
         let stands = |course_s: f64| {
-            let follows = || course.at(course_s).map(|hand| hand.q);
-            let q = fingers.opened.clone().or_else(follows);
-            q.unwrap_or_default()
+            let opened = fingers.opened.clone();
+            opened.unwrap_or_else(|| course.at(course_s).q)
         };
         let lying = &candidate.table_from_object;
         let arm = self.arm.as_ref();
@@ -135,36 +133,29 @@ impl<'a> Planner<'a> {
         candidates: &Candidates,
         candidate: &Candidate,
     ) -> Result<Candidate, Refusal> {
-        let names = self.hand.joint_names();
-        let strange = candidates.joints.iter().find(|name| !names.contains(name));
-        if let Some(joint) = strange {
-            let joint = joint.clone();
-            return Err(Refusal::Joints { joint });
-        }
-        let columns: Vec<usize> = names
-            .iter()
-            .map(|name| {
-                let column = candidates.joints.iter().position(|joint| joint == name);
-                let joint = name.clone();
-                column.ok_or(Refusal::Joints { joint })
+        let order = JointOrder::new(&candidates.joints, &self.hand.joint_names());
+        let order = order.map_err(|err| Refusal::Joints {
+            joint: err.joint().to_owned(),
+        })?;
+        let step = |(idx, step): (usize, &Step)| {
+            // What is missing is missing of this step.
+            let pick = |numbers: &[f64]| {
+                let found = order.apply(numbers);
+                found.map_err(|_short| Refusal::Number { step: idx })
+            };
+            Ok(Step {
+                q_rad: pick(&step.q_rad)?,
+                rates: Rates {
+                    q_velocity_rad_per_s: pick(&step.rates.q_velocity_rad_per_s)?,
+                    q_acceleration_rad_per_s2: pick(&step.rates.q_acceleration_rad_per_s2)?,
+                    ..step.rates.clone()
+                },
+                ..step.clone()
             })
-            .collect::<Result<_, _>>()?;
-        let pick = |numbers: &[f64]| -> Vec<f64> {
-            let numbers = columns.iter().map(|&column| numbers.get(column));
-            // What is missing is found when the course is laid.
-            numbers.flatten().copied().collect()
         };
-        let step = |step: &Step| Step {
-            q_rad: pick(&step.q_rad),
-            rates: Rates {
-                q_velocity_rad_per_s: pick(&step.rates.q_velocity_rad_per_s),
-                q_acceleration_rad_per_s2: pick(&step.rates.q_acceleration_rad_per_s2),
-                ..step.rates.clone()
-            },
-            ..step.clone()
-        };
+        let steps = candidate.steps.iter().enumerate().map(step);
         Ok(Candidate {
-            steps: candidate.steps.iter().map(step).collect(),
+            steps: steps.collect::<Result<_, Refusal>>()?,
             ..candidate.clone()
         })
     }
@@ -189,7 +180,7 @@ impl<'a> Planner<'a> {
         let endless = || slow(f64::INFINITY);
         let follows = fingers.opened.is_none();
         let parts_at = |course_s: f64| {
-            let hand = course.at(course_s)?;
+            let hand = course.at(course_s);
             let (velocity, acceleration) = (&hand.velocity, &hand.acceleration);
             let palm = self
                 .limits
@@ -202,12 +193,12 @@ impl<'a> Planner<'a> {
                     &self.limits.joints,
                 ));
             }
-            if let Some(arm) = arm {
-                let arm = arm.at(course_s)?;
+            if let Some(path) = arm {
+                let moving = path.at(course_s)?;
                 parts.extend(limits::of_joints(
-                    &arm.velocity,
-                    &arm.acceleration,
-                    self.arm_limits(),
+                    &moving.velocity,
+                    &moving.acceleration,
+                    path.arm().limits(),
                 ));
             }
             Some(parts)
@@ -235,22 +226,24 @@ impl<'a> Planner<'a> {
                 return Err(slow(times));
             }
             let palm = sampled(motion.lengths.lifted_s(), self.rates.palm_hz, |time_s| {
-                motion.palm(time_s)
+                Some(motion.palm(time_s))
             });
             let hand = sampled(motion.lengths.squeezed_s(), self.rates.hand_hz, |time_s| {
-                motion.hand(time_s)
+                Some(motion.hand(time_s))
             });
             let (palm, hand) = (palm.ok_or_else(endless)?, hand.ok_or_else(endless)?);
-            let told = arm.map(|_| {
-                let points = sampled(motion.lengths.lifted_s(), self.rates.palm_hz, |time_s| {
-                    motion.arm(time_s)
-                });
-                points.ok_or_else(endless)
-            });
-            let told = told.transpose()?;
+            let told = match arm {
+                None => None,
+                Some(path) => {
+                    let points = sampled(motion.lengths.lifted_s(), self.rates.palm_hz, |time_s| {
+                        motion.arm(time_s)
+                    });
+                    Some((path.arm(), points.ok_or_else(endless)?))
+                }
+            };
             let mut excess = Excess::default();
-            if let Some(told) = &told {
-                excess.of_joints(told, self.arm_limits(), &motion.lengths);
+            if let Some((arm, points)) = &told {
+                excess.of_joints(points, arm.limits(), &motion.lengths);
             }
             excess.of_palm(&palm, &self.limits, &motion.lengths);
             excess.of_joints(&hand, &self.limits.joints, &motion.lengths);
@@ -260,19 +253,18 @@ impl<'a> Planner<'a> {
             if is_kept {
                 let tolerance = self.protocol.limit_tolerance_rad;
                 check_range(&hand, self.hand.joints(), tolerance)?;
-                if let (Some(told), Some(arm)) = (&told, &self.arm) {
-                    let joints: Vec<Joint> = arm.joints().cloned().collect();
-                    check_range(told, &joints, 0.0)?;
+                if let Some((arm, points)) = &told {
+                    check_range(points, arm.joints(), 0.0)?;
                 }
                 return Ok(Feasible {
                     table_from_object,
                     grasp: motion.protocol(self.protocol),
-                    carrier: match (told, &self.arm) {
-                        (Some(points), Some(arm)) => Carrier::Arm(Track {
+                    carrier: match told {
+                        Some((arm, points)) => Carrier::Arm(Track {
                             joints: arm.joint_names(),
                             points,
                         }),
-                        _ => Carrier::Palm(palm),
+                        None => Carrier::Palm(palm),
                     },
                     hand: Track {
                         joints: self.hand.joint_names(),
@@ -300,11 +292,6 @@ impl<'a> Planner<'a> {
     /// Returns over how long a change of the acceleration is spread, in seconds.
     fn window_s(&self) -> f64 {
         WINDOW_PERIODS / self.rates.palm_hz.min(self.rates.hand_hz)
-    }
-
-    /// Returns how fast the joints of the arm may move, if there is one.
-    fn arm_limits(&self) -> &[Most] {
-        self.arm.as_ref().map_or(&[], Arm::limits)
     }
 
     /// Returns how long the parts of a motion last at least, of which the palm's way takes `way_s`.
@@ -350,14 +337,13 @@ impl<'a> Planner<'a> {
         })?;
         for place in 0..=places {
             let time_s = course.duration_s() * place as f64 / places as f64;
-            if let Some(hand) = course.at(time_s) {
-                self.check_joints(&hand.q, time_s)?;
-                self.check_table(
-                    &(table_from_object * hand.object_from_palm),
-                    &hand.q,
-                    time_s,
-                )?;
-            }
+            let hand = course.at(time_s);
+            self.check_joints(&hand.q, time_s)?;
+            self.check_table(
+                &(table_from_object * hand.object_from_palm),
+                &hand.q,
+                time_s,
+            )?;
         }
         Ok(())
     }
@@ -376,8 +362,7 @@ impl<'a> Planner<'a> {
         q: &[f64],
         time_s: f64,
     ) -> Result<(), Refusal> {
-        // The positions are those of the hand's joints.
-        let palm_from_links = self.hand.forward_kinematics(q).unwrap_or_default();
+        let palm_from_links = self.hand.forward_kinematics(q)?;
         for (link, palm_from_link) in self.hand.links().iter().zip(&palm_from_links) {
             for collision in &link.collisions {
                 let table_from_shape = table_from_palm * palm_from_link * collision.link_from_shape;
@@ -385,7 +370,9 @@ impl<'a> Planner<'a> {
                     .rotation
                     .inverse_transform_vector(&Vector3::z());
                 let depth_m = collision.shape.extent_m(&up) - table_from_shape.translation.vector.z;
-                if depth_m > self.protocol.table_tolerance_m {
+                // NaN is not above.
+                let is_above = depth_m <= self.protocol.table_tolerance_m;
+                if !is_above {
                     return Err(Refusal::Table {
                         link: link.name.clone(),
                         depth_m,

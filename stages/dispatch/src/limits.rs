@@ -123,6 +123,8 @@ impl Limits {
 
 /// Returns joints that move so.
 pub(crate) fn of_joints(velocity: &[f64], acceleration: &[f64], most: &[Most]) -> Vec<Part> {
+    let numbers = [velocity.len(), acceleration.len()];
+    assert_eq!(numbers, [most.len(); 2], "every joint has a limit");
     let rates = velocity.iter().zip(acceleration).zip(most);
     rates
         .map(|((&velocity, &acceleration), most)| Part::of_joint(velocity, acceleration, *most))
@@ -141,10 +143,13 @@ impl Part {
     }
 
     /// Returns how many times as slow it must be for its limits: velocities go with the inverse of
-    /// that, accelerations with the inverse of its square.
+    /// that, accelerations with the inverse of its square. What is no number is endlessly too fast.
     pub(crate) fn excess(&self) -> f64 {
         let speed = self.velocity.norm() / self.most_velocity;
         let change = self.acceleration.norm() / self.most_acceleration;
+        if speed.is_nan() || change.is_nan() {
+            return f64::INFINITY;
+        }
         speed.max(change.sqrt())
     }
 }
@@ -187,5 +192,23 @@ impl LimitsConfig {
                 self.most_times_slower
             ),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rate_that_is_no_number_is_beyond_every_limit() {
+        let most = Most {
+            velocity: 2.0,
+            acceleration: 8.0,
+        };
+        let excess = |velocity, acceleration| Part::of_joint(velocity, acceleration, most).excess();
+        assert!((excess(1.0, 2.0) - 0.5).abs() < 1e-12);
+        for (velocity, acceleration) in [(f64::NAN, 0.0), (0.0, f64::NAN), (f64::NAN, f64::NAN)] {
+            assert!(excess(velocity, acceleration).is_infinite());
+        }
     }
 }

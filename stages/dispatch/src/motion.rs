@@ -113,9 +113,9 @@ impl WholeMotion<'_> {
     }
 
     /// Returns the palm in the table's frame.
-    pub(crate) fn palm(&self, time_s: f64) -> Option<PalmPoint> {
+    pub(crate) fn palm(&self, time_s: f64) -> PalmPoint {
         let [course_s, once, twice] = self.timing.at(time_s);
-        let hand = self.course.at(course_s)?;
+        let hand = self.course.at(course_s);
         let [height_m, speed, change] = self.height(time_s);
         let up = Vector3::z();
         let turn = self.table_from_object.rotation;
@@ -123,7 +123,7 @@ impl WholeMotion<'_> {
         let acceleration = hand.acceleration.twist().turned(&turn);
         let mut table_from_palm = self.table_from_object * hand.object_from_palm;
         table_from_palm.translation.vector += up * height_m;
-        Some(PalmPoint {
+        PalmPoint {
             time_s,
             table_from_palm: Pose::new(table_from_palm),
             velocity: Twist {
@@ -134,7 +134,7 @@ impl WholeMotion<'_> {
                 linear: chain(velocity.linear, acceleration.linear, once, twice) + up * change,
                 angular: chain(velocity.angular, acceleration.angular, once, twice),
             },
-        })
+        }
     }
 
     /// Returns the arm; `None` if there is none.
@@ -166,7 +166,7 @@ impl WholeMotion<'_> {
     }
 
     /// Returns the fingers.
-    pub(crate) fn hand(&self, time_s: f64) -> Option<JointPoint> {
+    pub(crate) fn hand(&self, time_s: f64) -> JointPoint {
         let Lengths {
             way_s,
             close_s,
@@ -180,22 +180,22 @@ impl WholeMotion<'_> {
         } = self.fingers;
         let grasp_s = self.lengths.grasp_s();
         if time_s > grasp_s {
-            return Some(between(grasp, squeezed, time_s, grasp_s, squeeze_s));
+            return between(grasp, squeezed, time_s, grasp_s, squeeze_s);
         }
         if let Some(opened) = opened {
-            return Some(between(opened, grasp, time_s, way_s, close_s));
+            return between(opened, grasp, time_s, way_s, close_s);
         }
         let [course_s, once, twice] = self.timing.at(time_s);
-        let hand = self.course.at(course_s)?;
+        let hand = self.course.at(course_s);
         let rates = hand.velocity.q.iter().zip(&hand.acceleration.q);
-        Some(JointPoint {
+        JointPoint {
             time_s,
             q_rad: hand.q,
             velocity_rad_per_s: hand.velocity.q.iter().map(|v| v * once).collect(),
             acceleration_rad_per_s2: rates
                 .map(|(velocity, acceleration)| acceleration * once * once + velocity * twice)
                 .collect(),
-        })
+        }
     }
 
     /// Returns the protocol that a motion of these lengths follows.

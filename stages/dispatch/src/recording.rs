@@ -5,6 +5,7 @@ use std::{collections::BTreeMap, path::Path};
 use cell::{Carrier, Goal, Report, Sample, Track};
 use lake::recording::Recording;
 use nalgebra::Isometry3;
+use robot::{JointOrder, WrongDof};
 use schemas::{
     executions,
     objects::Object,
@@ -48,22 +49,19 @@ pub(crate) fn record(
     };
     let robot = setting.robots.whole();
     let joints = robot.joint_names();
-    let columns: Vec<usize> = joints
-        .iter()
-        .map(|name| {
-            report
-                .joints
-                .iter()
-                .position(|joint| joint == name)
-                .ok_or_else(wrong)
+    let order = JointOrder::new(&report.joints, &joints).map_err(|_other| wrong())?;
+    let in_order = |sample: &Sample| -> Result<Sample, WrongDof> {
+        Ok(Sample {
+            q_rad: order.apply(&sample.q_rad)?,
+            q_command_rad: order.apply(&sample.q_command_rad)?,
+            ..sample.clone()
         })
-        .collect::<Result<_, _>>()?;
-    let samples: Vec<Sample> = report
-        .samples
-        .iter()
-        .map(|sample| in_order(sample, &columns))
-        .collect();
-    let link_poses = |q: &[f64]| robot.forward_kinematics(q).ok().ok_or_else(wrong);
+    };
+    let samples = report.samples.iter().map(in_order);
+    let samples: Vec<Sample> = samples
+        .collect::<Result<_, _>>()
+        .map_err(|_short| wrong())?;
+    let link_poses = |q: &[f64]| robot.forward_kinematics(q).map_err(|_short| wrong());
     let first = samples.first().ok_or_else(wrong)?;
     let scene = Scene {
         urdf: &robot::plain_urdf(setting.robots.urdf()),
@@ -117,21 +115,6 @@ fn told(track: &Track) -> JointTrajectory {
         acceleration_rad_per_s2: &point.acceleration_rad_per_s2,
     });
     motion::joint_trajectory(START_NS, &track.joints, points)
-}
-
-/// Returns a sample with its positions in the order of the robot's own joints.
-fn in_order(sample: &Sample, columns: &[usize]) -> Sample {
-    let pick = |q: &[f64]| {
-        columns
-            .iter()
-            .filter_map(|&idx| q.get(idx).copied())
-            .collect()
-    };
-    Sample {
-        q_rad: pick(&sample.q_rad),
-        q_command_rad: pick(&sample.q_command_rad),
-        ..sample.clone()
-    }
 }
 
 fn about(setting: &Setting<'_>, goal: &Goal, report: &Report) -> BTreeMap<String, String> {

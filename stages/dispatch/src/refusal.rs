@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use robot::WrongDof;
+
 /// Why a motion is not sent; nothing of it has moved.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(crate) enum Refusal {
@@ -24,6 +26,9 @@ pub(crate) enum Refusal {
     /// The steps are those of another hand.
     #[error("not sent: its joints are not those of the hand: `{joint}`")]
     Joints { joint: String },
+    /// The motion has another number of joints than the hand.
+    #[error("not sent: {0}")]
+    Dof(#[from] WrongDof),
     /// A joint's position.
     #[error(
         "not sent: joint `{joint}` would be at {q:.4} after {time_s:.3} s, outside {lower:.4} to {upper:.4}"
@@ -102,6 +107,9 @@ pub(crate) enum ArmFault {
         least_m: f64,
         at: Place,
     },
+    /// The hand or the arm has another number of joints than is told.
+    #[error("it cannot be followed: {0}")]
+    Dof(#[from] WrongDof),
     /// Two links.
     #[error(
         "its link `{first}` may come to {gap_m:.4} m from link `{second}` {at}, less than `arm.clearance_m` = {least_m}"

@@ -317,14 +317,14 @@ fn send(
         sent.known_n += usize::from(moved == Moved::Before);
         names.of_hand(&mut report.joints);
         let grasp = candidate.steps.last();
-        let grasp = grasp.map(|step| *step.object_from_palm.isometry());
+        let grasp = grasp.ok_or_else(|| missing(cx, "step of a motion"))?;
         let setting = Setting {
             robots,
             hand_path: &config.hand,
             object,
             cell: &capabilities.cell,
             gap: &capabilities.gap,
-            object_from_grasp: &grasp.unwrap_or_default(),
+            object_from_grasp: grasp.object_from_palm.isometry(),
         };
         record(&setting, &goal, &report, cx.folder())?;
         sent.executions.push(cell.execution(candidate, &report));

@@ -4,7 +4,7 @@ use std::{io, path::PathBuf};
 
 use dataflow::{Advise, missing};
 use lake::LakeError;
-use robot::RobotError;
+use robot::{RobotError, WrongDof};
 use robot_meshes::MeshError;
 use schemas::SchemaError;
 
@@ -43,6 +43,9 @@ pub enum RetargetError {
     /// The robot is not what is needed.
     #[error(transparent)]
     Robot(#[from] RobotError),
+    /// A trajectory has another number of joints than the hand.
+    #[error("a trajectory cannot be recorded: {0}")]
+    Dof(#[from] WrongDof),
     /// The shape of a link cannot be had from its mesh.
     #[error(transparent)]
     HandMesh(#[from] MeshError),
@@ -188,6 +191,7 @@ impl Advise for RetargetError {
             | Self::ReadMesh { .. }
             | Self::WriteField { .. }
             | Self::MissingInput { .. }
+            | Self::Dof(_)
             | Self::Schema { .. } => None,
         }
     }

@@ -52,10 +52,8 @@ pub(crate) fn goal(
     to_grasp_s: f64,
 ) -> Goal {
     let clearance_m = config.clearance_m * openness(to_grasp_s, config.closing_time_s);
-    let place = |keypoints_m: &[[f64; 3]; KEYPOINTS], keypoint: usize| {
-        let xyz = keypoints_m.get(keypoint).unwrap_or(&keypoints_m[0]);
-        Point3::from(*xyz)
-    };
+    let place =
+        |keypoints_m: &[[f64; 3]; KEYPOINTS], keypoint: usize| Point3::from(keypoints_m[keypoint]);
     let scaled = |keypoints_m: &[[f64; 3]; KEYPOINTS], keypoint: usize| {
         let wrist = place(keypoints_m, 0);
         wrist + (place(keypoints_m, keypoint) - wrist) * hand.scale

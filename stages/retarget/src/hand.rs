@@ -60,7 +60,7 @@ impl Hand {
     /// # Errors
     ///
     /// Fails if the robot lacks a link that is named, or has more joints than the solver was made
-    /// for.
+    /// for, and if a keypoint is none.
     pub(crate) fn new(model: RobotModel, table: &HandTable) -> Result<Self, RetargetError> {
         let (mut points, mut places) = (Vec::new(), Vec::new());
         let mut palm_points = Vec::new();
@@ -71,17 +71,16 @@ impl Hand {
                 palm_points.push(idx);
             }
             points.push(HandPoint {
-                // A table is checked when it is read.
-                keypoint: point.keypoint_idx().unwrap_or(0),
+                keypoint: point.require_keypoint(idx)?,
                 weight: point.weight,
                 tip_radius_m: point.tip_radius_m,
             });
             places.push((link, Point3::from(point.offset_m)));
         }
-        let palm_from_links = model.forward_kinematics(&mid_range).unwrap_or_default();
+        let palm_from_links = model.link_poses(|joint| mid_range[joint]);
         let in_palm = places
             .iter()
-            .filter_map(|(link, point)| Some(palm_from_links.get(*link)? * point))
+            .map(|(link, point)| palm_from_links[*link] * point)
             .collect();
         let (mut clusters, mut radii_m, mut centers) = (Vec::new(), Vec::new(), Vec::new());
         for balls::Cluster {
@@ -117,11 +116,7 @@ impl Hand {
     /// about it.
     pub(crate) fn is_palm_a_line(&self) -> bool {
         const NEAR_M: f64 = 5e-4;
-        let points = || {
-            self.palm_points
-                .iter()
-                .filter_map(|&idx| self.in_palm.get(idx))
-        };
+        let points = || self.palm_points.iter().map(|&idx| &self.in_palm[idx]);
         let Some(&first) = points().next() else {
             return true;
         };

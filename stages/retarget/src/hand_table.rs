@@ -67,6 +67,19 @@ impl FollowedPoint {
             .iter()
             .position(|name| *name == self.keypoint)
     }
+
+    /// Returns the landmark's index, of the point of this number in its table.
+    pub(crate) fn require_keypoint(&self, idx: usize) -> Result<usize, RetargetError> {
+        self.keypoint_idx()
+            .ok_or_else(|| RetargetError::BadHandTable {
+                key: format!("points[{idx}]"),
+                problem: format!(
+                    "there is no keypoint `{}`, expected one of: {}",
+                    self.keypoint,
+                    KEYPOINT_NAMES.join(", ")
+                ),
+            })
+    }
 }
 
 impl FromStr for HandTable {
@@ -108,14 +121,7 @@ impl HandTable {
         }
         for (idx, point) in self.points.iter().enumerate() {
             let key = format!("points[{idx}]");
-            if point.keypoint_idx().is_none() {
-                let problem = format!(
-                    "there is no keypoint `{}`, expected one of: {}",
-                    point.keypoint,
-                    KEYPOINT_NAMES.join(", ")
-                );
-                return bad(key, problem);
-            }
+            point.require_keypoint(idx)?;
             if !(0.0..=HEAVIEST).contains(&point.weight) {
                 let problem = format!("`weight` must be at least 0 and at most {HEAVIEST}");
                 return bad(key, problem);

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use geometry::TriMesh;
-use lake::{LakeError, recording::Recording};
+use lake::recording::Recording;
 use robot::RobotModel;
 use schemas::{
     ros2::motion::{
@@ -11,6 +11,8 @@ use schemas::{
     },
     trajectories::{self, Trajectory},
 };
+
+use crate::RetargetError;
 
 /// Name of the recording in the artifact.
 pub(crate) const FILE: &str = "trajectory.mcap";
@@ -22,9 +24,7 @@ pub(crate) fn record(
     mesh: &TriMesh,
     trajectory: &Trajectory,
     folder: &Path,
-) -> Result<(), LakeError> {
-    // A trajectory holds one position per joint of this very model.
-    let link_poses = |q: &[f64]| model.forward_kinematics(q).unwrap_or_default();
+) -> Result<(), RetargetError> {
     let hand = Hand::new(model.links().iter().map(|link| HandLink {
         name: link.name.clone(),
         parent: link.parent,
@@ -35,7 +35,7 @@ pub(crate) fn record(
         urdf,
         joints: &trajectory.joints,
         hand: &hand,
-        palm_from_links: &link_poses(&vec![0.0; model.dof()]),
+        palm_from_links: &model.link_poses(|_| 0.0),
         vertices_m: &vertices_m,
         triangles: &mesh.triangles,
     };
@@ -63,11 +63,11 @@ pub(crate) fn record(
                 time_s: step.time_s,
                 table_from_palm: *(table_from_object * step.object_from_palm).isometry(),
                 table_from_object: object_on_table,
-                palm_from_links: &link_poses(&step.q_rad),
+                palm_from_links: &model.forward_kinematics(&step.q_rad)?,
                 q_rad: &step.q_rad,
                 q_velocity_rad_per_s: &step.rates.q_velocity_rad_per_s,
             },
         )?;
     }
-    recording.finish()
+    Ok(recording.finish()?)
 }

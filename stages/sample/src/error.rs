@@ -5,7 +5,7 @@ use std::{io, path::PathBuf};
 use cgf::CgfError;
 use dataflow::Advise;
 use lake::LakeError;
-use robot::RobotError;
+use robot::{JointMismatch, RobotError, WrongDof};
 use robot_meshes::MeshError;
 use schemas::SchemaError;
 
@@ -49,15 +49,16 @@ pub enum SampleError {
     #[error(transparent)]
     HandMesh(#[from] MeshError),
     /// Motions are of another hand.
-    #[error("the {what} has joints {found:?}, the hand's URDF has {expected:?}")]
+    #[error("the {what} is not of the hand")]
     AnotherHand {
         /// What they are of, e.g. `grasping function`.
         what: String,
-        /// The URDF's joints.
-        expected: Vec<String>,
-        /// Their joints.
-        found: Vec<String>,
+        /// How its joints differ from the hand's.
+        source: JointMismatch,
     },
+    /// A motion has another number of joints than the hand.
+    #[error("a motion does not fit the hand: {0}")]
+    Dof(#[from] WrongDof),
     /// The collision shapes are far larger than a hand's.
     #[error("the collision shapes up to those of link `{link}` are far larger than a hand")]
     LargeShapes {
@@ -124,6 +125,7 @@ impl Advise for SampleError {
             Self::Missing { .. }
             | Self::Schema { .. }
             | Self::BadField { .. }
+            | Self::Dof(_)
             | Self::ReadField { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }

@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use dataflow::{Artifact, Form, Inputs, SourceFile};
 use geometry::DistanceField;
-use robot::RobotModel;
+use robot::{JointOrder, RobotModel};
 use schemas::{SchemaError, distance_fields};
 
 use crate::{SampleConfig, SampleError};
@@ -69,28 +69,16 @@ pub fn read_field(artifact: &Artifact) -> Result<DistanceField, SampleError> {
     })
 }
 
-/// Returns which of `joints`, those of `what`, each of the hand's joints is.
+/// Returns how vectors of `joints`, those of `what`, are put into the order of the hand's.
 ///
 /// # Errors
 ///
 /// Fails if they are not the hand's joints.
-pub fn columns(
-    model: &RobotModel,
-    joints: &[String],
-    what: &str,
-) -> Result<Vec<usize>, SampleError> {
-    let names = model.joint_names();
-    let columns: Option<Vec<usize>> = names
-        .iter()
-        .map(|name| joints.iter().position(|joint| joint == name))
-        .collect();
-    columns
-        .filter(|columns| columns.len() == joints.len())
-        .ok_or_else(|| SampleError::AnotherHand {
-            what: what.to_owned(),
-            expected: names,
-            found: joints.to_vec(),
-        })
+pub fn order(model: &RobotModel, joints: &[String], what: &str) -> Result<JointOrder, SampleError> {
+    JointOrder::new(joints, &model.joint_names()).map_err(|source| SampleError::AnotherHand {
+        what: what.to_owned(),
+        source,
+    })
 }
 
 /// Returns the one artifact of an input, which is `what`.

@@ -3,6 +3,7 @@
 use cgf::{Cgf, JointRange, MovingGrasp, ObjectFeature, Random, Scene};
 use nalgebra::{Point3, UnitQuaternion};
 use rayon::prelude::*;
+use robot::WrongDof;
 use schemas::{
     candidates::{Candidate, Rates, Step},
     objects::Object,
@@ -60,10 +61,10 @@ pub(crate) fn sample(
             .decode(&draws)?
             .into_par_iter()
             .map(|(number, candidate)| {
-                let depth_m = gauge.map_or(0.0, |gauge| gauge.deepest_m(&candidate));
-                (number, depth_m, candidate)
+                let depth_m = gauge.map(|gauge| gauge.deepest_m(&candidate));
+                Ok((number, depth_m.transpose()?.unwrap_or(0.0), candidate))
             })
-            .collect();
+            .collect::<Result<_, WrongDof>>()?;
         left.clear();
         for (number, depth_m, candidate) in measured {
             let kept = &mut best[number];

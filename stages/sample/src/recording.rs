@@ -6,9 +6,9 @@
 use std::{collections::BTreeMap, path::Path};
 
 use geometry::TriMesh;
-use lake::{LakeError, recording::Recording};
+use lake::recording::Recording;
 use nalgebra::{Isometry3, Point3};
-use robot::{RobotModel, Shape, balls};
+use robot::{JointOrder, RobotModel, Shape, WrongDof, balls};
 use schemas::{
     candidates::{self, Candidate},
     objects::Object,
@@ -20,6 +20,8 @@ use schemas::{
         },
     },
 };
+
+use crate::SampleError;
 
 /// Name of the recording in the artifact.
 pub(crate) const FILE: &str = "motions.mcap";
@@ -36,8 +38,8 @@ pub(crate) struct Stage<'a> {
     pub(crate) model: &'a RobotModel,
     /// The object.
     pub(crate) object: &'a Object,
-    /// Which of a candidate's joints each of the hand's is.
-    pub(crate) columns: &'a [usize],
+    /// From a candidate's joints to the hand's.
+    pub(crate) order: &'a JointOrder,
 }
 
 /// Returns the numbers of `n` of `total` motions: the first, the last, and others at equal distances.
@@ -54,7 +56,7 @@ pub(crate) fn record(
     stage: &Stage<'_>,
     motions: &[&Candidate],
     folder: &Path,
-) -> Result<(), LakeError> {
+) -> Result<(), SampleError> {
     let names: Vec<&str> = motions.iter().map(|m| m.candidate_id.as_str()).collect();
     let about = [
         ("schema", candidates::VERSION),
@@ -84,16 +86,16 @@ pub(crate) fn record(
                 continue;
             };
             time_ns = motion::stamp_ns(step.time_s);
-            transforms.extend(shown.poses(step, time_ns));
+            let q = stage.order.apply(&step.q_rad)?;
+            let q_velocity = stage.order.apply(&step.rates.q_velocity_rad_per_s)?;
+            transforms.extend(shown.poses(step, &q, time_ns)?);
             let names = shown.joints();
-            let q = shown.in_hand_order(&step.q_rad);
-            let q_velocity = shown.in_hand_order(&step.rates.q_velocity_rad_per_s);
             let joints = motion::joint_state(time_ns, &names, &q, &q_velocity);
             recording.write(&format!("/{}/joint_states", shown.frame), time_ns, &joints)?;
         }
         recording.write(TF, time_ns, &TfMessage { transforms })?;
     }
-    recording.finish()
+    Ok(recording.finish()?)
 }
 
 /// One motion among several.
@@ -136,13 +138,6 @@ impl<'a> Shown<'a> {
         names.iter().map(|joint| self.name(joint)).collect()
     }
 
-    fn in_hand_order(&self, numbers: &[f64]) -> Vec<f64> {
-        let columns = self.stage.columns.iter();
-        columns
-            .filter_map(|&column| numbers.get(column).copied())
-            .collect()
-    }
-
     /// Returns the poses that stay: its table, its object and the hand's fixed links.
     fn fixed(&self) -> Vec<schemas::ros2::TransformStamped> {
         let table_from_own = Isometry3::translation(0.0, self.beside_m, 0.0);
@@ -151,21 +146,19 @@ impl<'a> Shown<'a> {
             motion::transform_stamped(START_NS, TABLE, &self.frame, &table_from_own),
             motion::transform_stamped(START_NS, &self.frame, &self.name("object"), own_from_object),
         ];
-        let zeros = vec![0.0; self.stage.model.dof()];
-        // As many positions as the hand has joints.
-        let poses = self
-            .stage
-            .model
-            .forward_kinematics(&zeros)
-            .unwrap_or_default();
+        let poses = self.stage.model.link_poses(|_| 0.0);
         all.extend(self.hand.fixed(START_NS, &poses).transforms);
         all
     }
 
-    /// Returns the poses that change.
-    fn poses(&self, step: &candidates::Step, time_ns: i64) -> Vec<schemas::ros2::TransformStamped> {
-        let q = self.in_hand_order(&step.q_rad);
-        let palm_from_links = self.stage.model.forward_kinematics(&q).unwrap_or_default();
+    /// Returns the poses that change, with the hand's joint positions `q`.
+    fn poses(
+        &self,
+        step: &candidates::Step,
+        q: &[f64],
+        time_ns: i64,
+    ) -> Result<Vec<schemas::ros2::TransformStamped>, WrongDof> {
+        let palm_from_links = self.stage.model.forward_kinematics(q)?;
         let own_from_palm = self.candidate.table_from_object * step.object_from_palm;
         let moving = self
             .hand
@@ -176,7 +169,7 @@ impl<'a> Shown<'a> {
                 transform.header.frame_id.clone_from(&self.frame);
             }
         }
-        transforms
+        Ok(transforms)
     }
 
     /// Returns the object, the way of the palm's origin and the hand's collision shapes.

@@ -3,7 +3,7 @@
 use geometry::DistanceField;
 use nalgebra::{Isometry3, Point3};
 use robot::{
-    RobotModel,
+    JointOrder, RobotModel, WrongDof,
     balls::{Cluster, clusters},
 };
 use schemas::candidates::{Candidate, Step};
@@ -42,21 +42,21 @@ impl<'a> Room<'a> {
 
     /// Returns how deep the hand is in the object of the field and below the table; `q` has the order
     /// of the hand's joints.
+    ///
+    /// # Errors
+    ///
+    /// Fails if `q` has not one position per joint of the hand.
     pub fn depth(
         &self,
         field: &DistanceField,
         object_from_palm: &Isometry3<f64>,
         table_from_object: &Isometry3<f64>,
         q: &[f64],
-    ) -> Depth {
-        // Joints are matched by name before: there is one position for each.
-        let palm_from_links = self.hand.forward_kinematics(q).unwrap_or_default();
+    ) -> Result<Depth, WrongDof> {
+        let palm_from_links = self.hand.forward_kinematics(q)?;
         let mut depth = Depth::default();
         for cluster in &self.clusters {
-            let Some(palm_from_link) = palm_from_links.get(cluster.link) else {
-                continue;
-            };
-            let object_from_link = object_from_palm * palm_from_link;
+            let object_from_link = object_from_palm * palm_from_links[cluster.link];
             let height_m = |center: &Point3<f64>| (table_from_object * center).z;
             let center = object_from_link * cluster.around.center_in_link;
             let reach_m = cluster.around.radius_m;
@@ -72,7 +72,7 @@ impl<'a> Room<'a> {
                 depth.table_m = depth.table_m.max(ball.radius_m - height_m(&center));
             }
         }
-        depth
+        Ok(depth)
     }
 }
 
@@ -83,33 +83,31 @@ pub struct Gauge<'a> {
     pub room: &'a Room<'a>,
     /// Distances about the object.
     pub field: &'a DistanceField,
-    /// Which of a candidate's joints each of the hand's is.
-    pub columns: &'a [usize],
+    /// From a candidate's joints to the hand's.
+    pub order: &'a JointOrder,
 }
 
 impl Gauge<'_> {
     /// Measures how deep the hand is at one step.
-    pub fn depth(&self, candidate: &Candidate, step: &Step) -> Depth {
-        let q: Vec<f64> = self
-            .columns
-            .iter()
-            .filter_map(|&column| step.q_rad.get(column).copied())
-            .collect();
+    ///
+    /// # Errors
+    ///
+    /// Fails if the step has not one position per joint of the hand.
+    pub fn depth(&self, candidate: &Candidate, step: &Step) -> Result<Depth, WrongDof> {
         self.room.depth(
             self.field,
             step.object_from_palm.isometry(),
             candidate.table_from_object.isometry(),
-            &q,
+            &self.order.apply(&step.q_rad)?,
         )
     }
 
     /// Returns how deep the hand is in object or table at its deepest, in meters.
-    pub(crate) fn deepest_m(&self, candidate: &Candidate) -> f64 {
-        let depths = candidate.steps.iter().map(|step| {
-            let depth = self.depth(candidate, step);
-            depth.object_m.max(depth.table_m)
-        });
-        depths.fold(0.0, f64::max)
+    pub(crate) fn deepest_m(&self, candidate: &Candidate) -> Result<f64, WrongDof> {
+        candidate.steps.iter().try_fold(0.0_f64, |deepest_m, step| {
+            let depth = self.depth(candidate, step)?;
+            Ok(deepest_m.max(depth.object_m.max(depth.table_m)))
+        })
     }
 }
 
@@ -142,6 +140,7 @@ mod tests {
             let object_from_palm = Isometry3::translation(palm[0], palm[1], palm[2]);
             let table_from_object = Isometry3::translation(0.0, 0.0, 0.05);
             let found = room.depth(&cube(), &object_from_palm, &table_from_object, &[q]);
+            let found = found.unwrap();
             assert!((found.object_m - object_m).abs() < 2e-4, "{found:?}");
             assert!((found.table_m - table_m).abs() < 1e-9, "{found:?}");
         };
@@ -150,5 +149,11 @@ mod tests {
         check([0.1, 0.0, 0.0], -0.046, 0.006, 0.0);
         check([0.1, 0.0, 0.0], -0.058, 0.018, 0.0);
         check([0.2, 0.0, -0.047], 0.0, 0.0, 0.007);
+        // Without positions for all joints nothing is known, least of all that the hand is clear.
+        let found = room.depth(&cube(), &Isometry3::identity(), &Isometry3::identity(), &[]);
+        assert_eq!(
+            (found.unwrap_err().expected, found.unwrap_err().found),
+            (1, 0)
+        );
     }
 }

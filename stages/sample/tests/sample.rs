@@ -351,7 +351,9 @@ fn faults(config: &SampleConfig) -> String {
 fn refused(config: &SampleConfig, inputs: &Inputs) -> String {
     let out = tempfile::tempdir().unwrap();
     let cx = Context::detached("candidates", "can", 7, out.path());
-    Sample::run(config, inputs, &cx).unwrap_err().to_string()
+    let err = Sample::run(config, inputs, &cx).unwrap_err();
+    let source = std::error::Error::source(&err).map(ToString::to_string);
+    format!("{err}: {}", source.unwrap_or_default())
 }
 
 #[test]
@@ -901,7 +903,7 @@ fn another_hand_and_a_damaged_field_are_errors() {
     };
     let err = refused(&recorded, &inputs);
     assert!(
-        err.contains("grasping function") && err.contains("other"),
+        err.contains("grasping function") && err.contains("`k`"),
         "{err}"
     );
 

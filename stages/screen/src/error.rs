@@ -4,7 +4,7 @@ use std::{io, path::PathBuf};
 
 use dataflow::{Advise, missing};
 use lake::LakeError;
-use robot::RobotError;
+use robot::{JointMismatch, RobotError, WrongDof};
 use robot_meshes::MeshError;
 use schemas::SchemaError;
 use simulation::SimulationError;
@@ -51,30 +51,14 @@ pub enum ScreenError {
         source: SimulationError,
     },
     /// The candidates are for another hand.
-    #[error(
-        "candidates of `{partition}` name joint `{joint}`, which the hand `{}` does not have",
-        path.display()
-    )]
-    UnknownJoint {
+    #[error("candidates of `{partition}` are not for the hand `{}`", path.display())]
+    AnotherHand {
         /// The object.
         partition: String,
-        /// The first such joint.
-        joint: String,
         /// The hand's URDF.
         path: PathBuf,
-    },
-    /// The candidates leave joints of the hand without a position.
-    #[error(
-        "candidates of `{partition}` have no position for joint `{joint}` of the hand `{}`",
-        path.display()
-    )]
-    MissingJoint {
-        /// The object.
-        partition: String,
-        /// The first such joint.
-        joint: String,
-        /// The hand's URDF.
-        path: PathBuf,
+        /// How their joints differ from the hand's.
+        source: JointMismatch,
     },
     /// There is nothing to screen.
     #[error("there are no candidates to screen")]
@@ -87,6 +71,9 @@ pub enum ScreenError {
         /// What is missing.
         what: &'static str,
     },
+    /// A rollout has another number of joints than the hand.
+    #[error("a rollout cannot be recorded: {0}")]
+    Dof(#[from] WrongDof),
     /// A table or recording could not be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
@@ -114,11 +101,14 @@ impl Advise for ScreenError {
                     Some("`pipeline stages screen` lists every option with its unit".to_owned())
                 })
             }
-            Self::UnknownJoint { .. } | Self::MissingJoint { .. } => {
+            Self::AnotherHand { .. } => {
                 Some("use the same `hand` in `retarget` and in `screen`, then run again".to_owned())
             }
             Self::Lake(err) => err.hint(),
-            Self::NoCandidates | Self::MissingInput { .. } | Self::Schema { .. } => None,
+            Self::NoCandidates
+            | Self::MissingInput { .. }
+            | Self::Dof(_)
+            | Self::Schema { .. } => None,
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use lake::{LakeError, recording::Recording};
+use lake::recording::Recording;
 use robot::RobotModel;
 use schemas::{
     objects::Object,
@@ -12,6 +12,8 @@ use schemas::{
     },
 };
 use simulation::{Rollout, Trace};
+
+use crate::ScreenError;
 
 /// What is the same in all recordings of an object.
 pub(crate) struct Stage<'a> {
@@ -29,13 +31,11 @@ pub(crate) fn record(
     candidate_id: &str,
     rollout: &Rollout,
     folder: &Path,
-) -> Result<(), LakeError> {
+) -> Result<(), ScreenError> {
     let Some(Trace { steps }) = &rollout.trace else {
         return Ok(());
     };
     let joints = stage.model.joint_names();
-    // A trace holds one position per joint of this very model.
-    let link_poses = |q: &[f64]| stage.model.forward_kinematics(q).unwrap_or_default();
     let hand = Hand::new(stage.model.links().iter().map(|link| HandLink {
         name: link.name.clone(),
         parent: link.parent,
@@ -45,7 +45,7 @@ pub(crate) fn record(
         urdf: stage.urdf,
         joints: &joints,
         hand: &hand,
-        palm_from_links: &link_poses(&vec![0.0; stage.model.dof()]),
+        palm_from_links: &stage.model.link_poses(|_| 0.0),
         vertices_m: &stage.object.vertices_m,
         triangles: &stage.object.triangles,
     };
@@ -74,11 +74,11 @@ pub(crate) fn record(
                 time_s: step.time_s,
                 table_from_palm: step.table_from_palm,
                 table_from_object: step.table_from_object,
-                palm_from_links: &link_poses(&step.q),
+                palm_from_links: &stage.model.forward_kinematics(&step.q)?,
                 q_rad: &step.q,
                 q_velocity_rad_per_s: &[],
             },
         )?;
     }
-    recording.finish()
+    Ok(recording.finish()?)
 }

@@ -1,7 +1,7 @@
 //! How smooth a candidate is, by the definitions of [`Smoothness`].
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use robot::RobotModel;
+use robot::{RobotModel, WrongDof};
 use schemas::rollouts::{Smoothness, Variation, Variations};
 
 /// Net motion below which a channel has no shape of its own, in rad or m.
@@ -16,7 +16,11 @@ pub(crate) struct Posture {
 }
 
 /// Measures a motion by all definitions.
-pub(crate) fn smoothness(steps: &[Posture], model: &RobotModel) -> Smoothness {
+///
+/// # Errors
+///
+/// Fails if a step has not one position per joint of the hand.
+pub(crate) fn smoothness(steps: &[Posture], model: &RobotModel) -> Result<Smoothness, WrongDof> {
     let joints: Vec<Vec<f64>> = steps.iter().map(|step| step.q.clone()).collect();
     let with_palm: Vec<Vec<f64>> = steps
         .iter()
@@ -28,19 +32,19 @@ pub(crate) fn smoothness(steps: &[Posture], model: &RobotModel) -> Smoothness {
     let links: Vec<Vec<f64>> = steps
         .iter()
         .map(|step| origins(model, step, &step.object_from_palm))
-        .collect();
+        .collect::<Result<_, _>>()?;
     let misread: Vec<Vec<f64>> = steps
         .iter()
         .map(|step| {
-            let mut origins = origins(model, step, &misread(&step.object_from_palm));
+            let mut origins = origins(model, step, &misread(&step.object_from_palm))?;
             // The released hand has a link `palm` at its root.
             origins.extend_from_within(..origins.len().min(3));
-            origins
+            Ok(origins)
         })
-        .collect();
+        .collect::<Result<_, _>>()?;
     let own = 1.0 / steps.len().saturating_sub(1).max(1) as f64;
     let released = 1.0 / steps.len().max(1) as f64;
-    Smoothness {
+    Ok(Smoothness {
         paper: Variations {
             joints: of_channels(&joints, own),
             cartesian: of_channels(&links, own),
@@ -53,20 +57,21 @@ pub(crate) fn smoothness(steps: &[Posture], model: &RobotModel) -> Smoothness {
             joints: of_vector(&joints, own),
             cartesian: of_vector(&links, own),
         },
-    }
+    })
 }
 
 /// Returns the coordinates of all links' origins.
-fn origins(model: &RobotModel, step: &Posture, object_from_palm: &Isometry3<f64>) -> Vec<f64> {
-    // The columns were chosen for this hand, so that the positions fit.
-    let palm_from_links = model.forward_kinematics(&step.q).unwrap_or_default();
-    palm_from_links
-        .iter()
-        .flat_map(|palm_from_link| {
-            let origin: Vector3<f64> = (object_from_palm * palm_from_link).translation.vector;
-            [origin.x, origin.y, origin.z]
-        })
-        .collect()
+fn origins(
+    model: &RobotModel,
+    step: &Posture,
+    object_from_palm: &Isometry3<f64>,
+) -> Result<Vec<f64>, WrongDof> {
+    let palm_from_links = model.forward_kinematics(&step.q)?;
+    let origins = palm_from_links.iter().flat_map(|palm_from_link| {
+        let origin: Vector3<f64> = (object_from_palm * palm_from_link).translation.vector;
+        [origin.x, origin.y, origin.z]
+    });
+    Ok(origins.collect())
 }
 
 /// Returns the pose with its angles about its own x, y and z taken for a rotation vector.

@@ -6,7 +6,7 @@ use dataflow::{
     Code, Context, Form, Input, Inputs, Labels, Made, OptionFault, Outcome, Output, Scope,
     SourceFile, Stage, Unit,
 };
-use robot::RobotModel;
+use robot::{JointOrder, RobotModel};
 use schemas::{candidates, objects, rollouts, rollouts::Verdict};
 use simulation::{Flexion, Record, SimulationError, check_hand};
 
@@ -127,7 +127,14 @@ impl Stage for Screen {
         };
         let object =
             objects::from_batch(&artifact.key, &lake::table::read(artifact)?).map_err(schema)?;
-        let columns = columns(&candidates.joints, &model, &urdf.path, cx.partition())?;
+        let order =
+            JointOrder::new(&candidates.joints, &model.joint_names()).map_err(|source| {
+                ScreenError::AnotherHand {
+                    partition: cx.partition().to_owned(),
+                    path: urdf.path.clone(),
+                    source,
+                }
+            })?;
 
         let failed = |candidate: Option<String>, source: SimulationError| {
             unusable(&source, candidate.as_deref()).ok_or_else(|| ScreenError::Simulation {
@@ -136,11 +143,11 @@ impl Stage for Screen {
                 source,
             })
         };
-        let screening =
-            match Screening::new(config, &model, &object, &candidates, columns, cx.seed()) {
-                Ok(screening) => screening,
-                Err(err) => return failed(None, err),
-            };
+        let screening = match Screening::new(config, &model, &object, &candidates, order, cx.seed())
+        {
+            Ok(screening) => screening,
+            Err(err) => return failed(None, err),
+        };
         let rollouts = match screening.judge(|share| cx.progress(share, "in physics")) {
             Ok(rollouts) => rollouts,
             Err((candidate, err)) => return failed(Some(candidate), err),
@@ -210,36 +217,6 @@ fn unusable(err: &SimulationError, candidate: Option<&str>) -> Option<Outcome> {
         })),
         _ => None,
     }
-}
-
-/// Returns where each joint of the hand stands among the candidates' joints.
-fn columns(
-    joints: &[String],
-    model: &RobotModel,
-    path: &Path,
-    partition: &str,
-) -> Result<Vec<usize>, ScreenError> {
-    let names = model.joint_names();
-    if let Some(joint) = joints.iter().find(|joint| !names.contains(joint)) {
-        return Err(ScreenError::UnknownJoint {
-            partition: partition.to_owned(),
-            joint: joint.clone(),
-            path: path.to_owned(),
-        });
-    }
-    names
-        .iter()
-        .map(|name| {
-            joints
-                .iter()
-                .position(|joint| joint == name)
-                .ok_or_else(|| ScreenError::MissingJoint {
-                    partition: partition.to_owned(),
-                    joint: name.clone(),
-                    path: path.to_owned(),
-                })
-        })
-        .collect()
 }
 
 /// Reads the hand's URDF and meshes: its plain text and what it says.

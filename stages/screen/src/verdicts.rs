@@ -4,9 +4,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::{Translation3, Vector3};
 use rayon::prelude::*;
-use robot::RobotModel;
+use robot::{JointOrder, RobotModel, WrongDof};
 use schemas::{
-    candidates::{Candidate, Candidates},
+    candidates::{Candidate, Candidates, Step},
     objects::Object,
     rollouts,
 };
@@ -28,21 +28,21 @@ pub(crate) struct Screening<'a> {
     /// How far the object reaches along its axes, in meters.
     extent_m: Vector3<f64>,
     seed: u64,
-    columns: Vec<usize>,
+    order: JointOrder,
     templates: Vec<Template>,
     /// The template of each candidate.
     template_of: Vec<usize>,
 }
 
 impl<'a> Screening<'a> {
-    /// Builds the scenes; `columns` says which of a candidate's positions each joint takes, and of `seed`
-    /// are the mistakes about the object's place.
+    /// Builds the scenes; `order` takes a candidate's positions to the hand's joints, and of `seed` are
+    /// the mistakes about the object's place.
     pub(crate) fn new(
         config: &'a ScreenConfig,
         model: &'a RobotModel,
         object: &Object,
         candidates: &'a Candidates,
-        columns: Vec<usize>,
+        order: JointOrder,
         seed: u64,
     ) -> Result<Self, SimulationError> {
         let mut poses: Vec<Pose<Table, spatial::Object>> = Vec::new();
@@ -66,7 +66,7 @@ impl<'a> Screening<'a> {
             model,
             extent_m: extent_m(object),
             seed,
-            columns,
+            order,
             templates,
             template_of,
         })
@@ -85,7 +85,8 @@ impl<'a> Screening<'a> {
                 let (candidate, rollout) = self.rollout(idx, Record::Nothing)?;
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(done as f64 / total as f64);
-                Ok(self.row(candidate, &rollout))
+                let row = self.row(candidate, &rollout);
+                row.map_err(|err| (candidate.candidate_id.clone(), err))
             })
             .collect()
     }
@@ -98,23 +99,20 @@ impl<'a> Screening<'a> {
     ) -> Result<(&'a Candidate, Rollout), (String, SimulationError)> {
         let candidate = &self.candidates.candidates[idx];
         let template = &self.templates[self.template_of[idx]];
-        template
-            .rollout(&self.motion(idx, candidate), &self.config.protocol, record)
+        self.motion(idx, candidate)
+            .and_then(|motion| template.rollout(&motion, &self.config.protocol, record))
             .map(|rollout| (candidate, rollout))
             .map_err(|err| (candidate.candidate_id.clone(), err))
     }
 
     /// Returns a candidate's numbers in the order of the hand's joints.
-    fn in_order(&self, numbers: &[f64]) -> Vec<f64> {
-        let columns = self.columns.iter();
-        columns
-            .filter_map(|&column| numbers.get(column).copied())
-            .collect()
+    fn in_order(&self, numbers: &[f64]) -> Result<Vec<f64>, SimulationError> {
+        self.order.apply(numbers).map_err(unfit)
     }
 
     /// Returns a candidate's motion with the joints in the hand's order, shifted with the object's place
     /// if that is mistaken.
-    fn motion(&self, idx: usize, candidate: &Candidate) -> Motion {
+    fn motion(&self, idx: usize, candidate: &Candidate) -> Result<Motion, SimulationError> {
         let steps = &candidate.steps;
         let in_order = |numbers: &[f64]| self.in_order(numbers);
         let noise = self.config.pose_noise;
@@ -123,24 +121,30 @@ impl<'a> Screening<'a> {
         } else {
             Vector3::zeros()
         });
-        Motion {
+        let rates = |step: &Step| {
+            Ok(JointRates {
+                velocity: in_order(&step.rates.q_velocity_rad_per_s)?,
+                acceleration: in_order(&step.rates.q_acceleration_rad_per_s2)?,
+            })
+        };
+        Ok(Motion {
             time_s: steps.iter().map(|step| step.time_s).collect(),
             object_from_palm: steps
                 .iter()
                 .map(|step| mistake * step.object_from_palm.isometry())
                 .collect(),
-            q: steps.iter().map(|step| in_order(&step.q_rad)).collect(),
-            rates: Some(
-                steps
-                    .iter()
-                    .map(|step| JointRates {
-                        velocity: in_order(&step.rates.q_velocity_rad_per_s),
-                        acceleration: in_order(&step.rates.q_acceleration_rad_per_s2),
-                    })
-                    .collect(),
-            ),
-        }
+            q: steps
+                .iter()
+                .map(|step| in_order(&step.q_rad))
+                .collect::<Result<_, _>>()?,
+            rates: Some(steps.iter().map(rates).collect::<Result<_, _>>()?),
+        })
     }
+}
+
+/// A motion that has another number of joints than the hand.
+fn unfit(err: WrongDof) -> SimulationError {
+    SimulationError::Motion(err.to_string())
 }
 
 /// Returns how far an object's points reach along its axes.
@@ -152,16 +156,20 @@ fn extent_m(object: &Object) -> Vector3<f64> {
 }
 
 impl Screening<'_> {
-    fn row(&self, candidate: &Candidate, rollout: &Rollout) -> rollouts::Rollout {
-        let steps: Vec<Posture> = candidate
-            .steps
-            .iter()
-            .map(|step| Posture {
+    fn row(
+        &self,
+        candidate: &Candidate,
+        rollout: &Rollout,
+    ) -> Result<rollouts::Rollout, SimulationError> {
+        let posture = |step: &Step| {
+            Ok(Posture {
                 object_from_palm: *step.object_from_palm.isometry(),
-                q: self.in_order(&step.q_rad),
+                q: self.in_order(&step.q_rad)?,
             })
-            .collect();
-        rollouts::Rollout {
+        };
+        let steps = candidate.steps.iter().map(posture);
+        let steps: Vec<Posture> = steps.collect::<Result<_, SimulationError>>()?;
+        Ok(rollouts::Rollout {
             candidate_id: candidate.candidate_id.clone(),
             generator: candidate.generator.clone(),
             verdict: rollout.verdict,
@@ -172,7 +180,7 @@ impl Screening<'_> {
             displacement_m: rollout.displacement_m,
             penetration_m: rollout.penetration_m,
             contacts_n: rollout.contacts_n,
-            smoothness: smoothness(&steps, self.model),
-        }
+            smoothness: smoothness(&steps, self.model).map_err(unfit)?,
+        })
     }
 }

@@ -336,7 +336,8 @@ fn candidates_for_another_hand_are_an_error_with_a_hint() {
         spoil(&mut candidates);
         let folder = tempfile::tempdir().unwrap();
         let error = run(&config(), &can(0.35), &candidates, folder.path()).unwrap_err();
-        assert!(error.to_string().contains(expected), "{error}");
+        let source = std::error::Error::source(&error).unwrap().to_string();
+        assert!(source.contains(expected), "{error}: {source}");
         assert!(error.hint().is_some());
     };
     check(

@@ -5,7 +5,7 @@ use std::{io, path::PathBuf};
 use cgf::CgfError;
 use dataflow::Advise;
 use lake::LakeError;
-use robot::RobotError;
+use robot::{JointMismatch, RobotError, WrongDof};
 use robot_meshes::MeshError;
 use schemas::SchemaError;
 
@@ -47,15 +47,16 @@ pub enum TrainError {
     #[error(transparent)]
     HandMesh(#[from] MeshError),
     /// A trajectory belongs to another hand.
-    #[error("trajectory `{sequence}` has joints {found:?}, the hand has {expected:?}")]
+    #[error("trajectory `{sequence}` is not of the hand")]
     AnotherHand {
         /// The trajectory's sequence.
         sequence: String,
-        /// Joints of the hand.
-        expected: Vec<String>,
-        /// Joints of the trajectory.
-        found: Vec<String>,
+        /// How its joints differ from the hand's.
+        source: JointMismatch,
     },
+    /// The hand has another number of joints than a motion.
+    #[error(transparent)]
+    Dof(#[from] WrongDof),
     /// The curve of a running training cannot be written.
     #[error("cannot write the training's curve `{}`", path.display())]
     Curve {
@@ -125,7 +126,7 @@ impl Advise for TrainError {
                 Some("give `training.tips` the names of the hand's finger tip links".to_owned())
             }
             Self::Cgf(CgfError::LargeShapes { .. }) => Some("URDFs are in meters".to_owned()),
-            Self::Curve { .. } | Self::Cgf(_) => None,
+            Self::Curve { .. } | Self::Dof(_) | Self::Cgf(_) => None,
         }
     }
 

@@ -7,6 +7,7 @@ use dataflow::{Artifact, Inputs};
 use geometry::DistanceField;
 use lake::LakeError;
 use nalgebra::Point3;
+use robot::{JointOrder, WrongDof};
 use schemas::{
     distance_fields,
     objects::{self, Object},
@@ -156,32 +157,25 @@ fn track(
     scene: usize,
     joints: &[String],
 ) -> Result<Track, TrainError> {
-    let order: Option<Vec<usize>> = joints
-        .iter()
-        .map(|joint| trajectory.joints.iter().position(|found| found == joint))
-        .collect();
-    let order = order
-        .filter(|order| order.len() == trajectory.joints.len())
-        .ok_or_else(|| TrainError::AnotherHand {
+    let order =
+        JointOrder::new(&trajectory.joints, joints).map_err(|source| TrainError::AnotherHand {
             sequence: trajectory.sequence.clone(),
-            expected: joints.to_vec(),
-            found: trajectory.joints.clone(),
+            source,
         })?;
     let table_from_object = rest.table_from_object();
-    let steps = trajectory.steps.iter().map(|step| TimedGrasp {
-        time_s: step.time_s,
-        grasp: Grasp {
-            table_from_palm: table_from_object * step.object_from_palm,
-            q_rad: order
-                .iter()
-                .filter_map(|&idx| step.q_rad.get(idx).copied())
-                .collect(),
-        },
+    let steps = trajectory.steps.iter().map(|step| {
+        Ok(TimedGrasp {
+            time_s: step.time_s,
+            grasp: Grasp {
+                table_from_palm: table_from_object * step.object_from_palm,
+                q_rad: order.apply(&step.q_rad)?,
+            },
+        })
     });
     Ok(Track {
         name: trajectory.sequence.clone(),
         scene,
         split: Split::Training,
-        steps: steps.collect(),
+        steps: steps.collect::<Result<_, WrongDof>>()?,
     })
 }

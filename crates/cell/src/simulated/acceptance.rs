@@ -84,7 +84,7 @@ pub(super) fn check(
             check_times("palm", points)?;
             check_palm(points)?;
         }
-        (Carrier::Arm(track), Some(arm)) => check_track(track, "arm", &arm.joints, ROUNDING_RAD)?,
+        (Carrier::Arm(track), Some(arm)) => check_track(track, "arm", arm.joints(), ROUNDING_RAD)?,
         (Carrier::Palm(_), Some(_)) => {
             let problem = "the goal has a palm fly that this cell has on an arm".to_owned();
             return refuse(RejectionCode::Joints, problem);
@@ -111,10 +111,15 @@ fn check_track(
     tolerance: f64,
 ) -> Result<(), Rejection> {
     let wrong = |problem: String| refuse(RejectionCode::Joints, problem);
-    let known = |name: &String| joints.iter().find(|joint| joint.name == *name);
-    if let Some(name) = track.joints.iter().find(|&name| known(name).is_none()) {
-        return wrong(format!("the {controller} has no joint `{name}`"));
-    }
+    let known = |name: &String| {
+        let found = joints.iter().find(|joint| joint.name == *name);
+        found.ok_or_else(|| {
+            let problem = format!("the {controller} has no joint `{name}`");
+            Rejection::new(RejectionCode::Joints, problem)
+        })
+    };
+    let ordered = track.joints.iter().map(known);
+    let ordered: Vec<&Joint> = ordered.collect::<Result<_, _>>()?;
     let missing = joints
         .iter()
         .find(|joint| !track.joints.contains(&joint.name));
@@ -125,7 +130,6 @@ fn check_track(
         return wrong("a joint is named twice".to_owned());
     }
     check_times(controller, &track.points)?;
-    let ordered: Vec<&Joint> = track.joints.iter().filter_map(known).collect();
     check_limits(track, &ordered, tolerance)
 }
 

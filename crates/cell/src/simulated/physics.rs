@@ -1,6 +1,7 @@
 //! One goal carried out in physics.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use robot::JointOrder;
 use schemas::{executions::Outcome, rollouts::Verdict};
 use simulation::{Flow, ObjectShape, SimulationError, Template, TraceStep, WatchedRollout};
 use spatial::{Pose, Rest};
@@ -46,7 +47,7 @@ pub(super) fn carry_out(
         EncoderNoise::of(digest, config.gap.encoder_noise_rad),
         steps.len(),
         robot.hand.dof(),
-        playing::arm_of(goal, robot),
+        playing::arm_of(goal, robot)?,
         config.gap.latency_s,
         table_from_scene,
     );
@@ -93,18 +94,18 @@ pub(super) fn carry_out(
         outcome: outcome(rollout.verdict),
         message: rollout.verdict.as_str().to_owned(),
     });
-    let measured = robot.joint_names();
     let joints = goal.joint_names();
+    let order = JointOrder::new(&robot.joint_names(), &joints);
+    let order = order.map_err(|err| SimulationError::Motion(err.to_string()))?;
+    let samples = samples.into_iter().map(|sample| sample.in_order(&order));
+    let samples = samples.collect::<Result<_, _>>();
     Ok(Report {
         goal_id: job.sealed.goal_id.clone(),
         rejection: None,
         outcome: end.outcome,
         message: end.message,
         lift_m,
-        samples: samples
-            .into_iter()
-            .map(|sample| sample.in_order(&measured, &joints))
-            .collect(),
+        samples: samples.map_err(|err| SimulationError::Motion(err.to_string()))?,
         joints,
     })
 }
@@ -153,11 +154,12 @@ impl Encoders {
 
     /// Returns what is measured at the next step, and what was commanded but for the noise.
     fn read(&mut self, step: &TraceStep) -> Sample {
-        let noise = self.noise.get(self.seen_n).or(self.noise.last());
+        // A goal has one step at least: its start.
+        let noise = &self.noise[self.seen_n.min(self.noise.len() - 1)];
         self.seen_n += 1;
         let add = |q: &[f64]| -> Vec<f64> {
-            let noise = noise.into_iter().flatten();
-            q.iter().zip(noise).map(|(q, noise)| q + noise).collect()
+            let joints = q.iter().enumerate();
+            joints.map(|(joint, q)| q + noise[joint]).collect()
         };
         let (mut q_rad, mut q_command_rad) = (add(&step.q), add(&step.q_command));
         // It is where it is told to be, as late as the fingers are told.

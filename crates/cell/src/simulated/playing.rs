@@ -1,6 +1,7 @@
 //! A goal as the physics plays it: what palm and fingers are told at each control step.
 
 use nalgebra::Isometry3;
+use robot::{JointOrder, WrongDof};
 use simulation::{Approach, JointRates, Phase, PlayedStep, Protocol, SimulationError};
 
 use super::Robot;
@@ -26,9 +27,8 @@ pub(super) fn steps(
     latency_s: f64,
 ) -> Result<Vec<PlayedStep>, SimulationError> {
     let broken = |message: &str| SimulationError::Motion(message.to_owned());
-    let hand = in_order(&goal.hand, &robot.hand.joint_names())
-        .ok_or_else(|| broken("a joint of the hand is missing"))?;
-    let arm = arm_of(goal, robot);
+    let hand = in_order(&goal.hand, &robot.hand.joint_names())?;
+    let arm = arm_of(goal, robot)?;
     let phases = Phases::new(&goal.grasp);
     let palm = |time_s: f64| {
         let table_from_palm = match &goal.carrier {
@@ -148,35 +148,33 @@ impl Phases {
     }
 }
 
-/// Returns what the arm is told, with its joints in its own order.
-pub(super) fn arm_of(goal: &Goal, robot: &Robot) -> Option<Track> {
+/// Returns what the arm is told, if there is one, with its joints in its own order.
+pub(super) fn arm_of(goal: &Goal, robot: &Robot) -> Result<Option<Track>, SimulationError> {
     match (&goal.carrier, &robot.arm) {
-        (Carrier::Arm(track), Some(arm)) => in_order(track, &arm.joint_names()),
-        _ => None,
+        (Carrier::Arm(track), Some(arm)) => in_order(track, &arm.joint_names()).map(Some),
+        (Carrier::Arm(_), None) | (Carrier::Palm(_), _) => Ok(None),
     }
 }
 
 /// Returns a track with its joints in this order.
-fn in_order(track: &Track, joints: &[String]) -> Option<Track> {
-    let column = |name: &String| track.joints.iter().position(|joint| joint == name);
-    let columns: Vec<usize> = joints.iter().map(column).collect::<Option<_>>()?;
-    let pick = |numbers: &[f64]| -> Option<Vec<f64>> {
-        columns
-            .iter()
-            .map(|&idx| numbers.get(idx).copied())
-            .collect()
-    };
+fn in_order(track: &Track, joints: &[String]) -> Result<Track, SimulationError> {
+    let order = JointOrder::new(&track.joints, joints);
+    let order = order.map_err(|err| SimulationError::Motion(err.to_string()))?;
     let point = |point: &JointPoint| {
-        Some(JointPoint {
+        Ok(JointPoint {
             time_s: point.time_s,
-            q_rad: pick(&point.q_rad)?,
-            velocity_rad_per_s: pick(&point.velocity_rad_per_s)?,
-            acceleration_rad_per_s2: pick(&point.acceleration_rad_per_s2)?,
+            q_rad: order.apply(&point.q_rad)?,
+            velocity_rad_per_s: order.apply(&point.velocity_rad_per_s)?,
+            acceleration_rad_per_s2: order.apply(&point.acceleration_rad_per_s2)?,
         })
     };
-    let points = track.points.iter().map(point).collect::<Option<_>>()?;
-    Some(Track {
+    let points = track
+        .points
+        .iter()
+        .map(point)
+        .collect::<Result<_, WrongDof>>();
+    Ok(Track {
         joints: joints.to_vec(),
-        points,
+        points: points.map_err(|err| SimulationError::Motion(err.to_string()))?,
     })
 }

@@ -32,8 +32,6 @@ pub(super) struct Robot {
 /// An arm that does exactly what it is told.
 pub(super) struct Arm {
     chain: Chain,
-    /// Its joints, from its foot to the palm.
-    pub(super) joints: Vec<Joint>,
     table_from_base: Isometry3<f64>,
 }
 
@@ -56,7 +54,7 @@ impl Robot {
 
     /// Returns all joints, the hand's before the arm's: the order of all that is measured.
     pub(super) fn joints(&self) -> impl Iterator<Item = &Joint> {
-        let arm = self.arm.iter().flat_map(|arm| &arm.joints);
+        let arm = self.arm.iter().flat_map(Arm::joints);
         self.hand.joints().iter().chain(arm)
     }
 
@@ -98,19 +96,19 @@ impl Robot {
 impl Arm {
     fn new(arm: &CellArm) -> Result<Self, CellError> {
         let robot = RobotModel::from_urdf(&arm.urdf)?;
-        let chain = Chain::to_link(&robot, &arm.palm)?;
-        let joints = chain.joints().iter();
-        let joints = joints.filter_map(|&idx| robot.joints().get(idx).cloned());
         Ok(Self {
-            joints: joints.collect(),
+            chain: Chain::to_link(&robot, &arm.palm)?,
             table_from_base: arm.table_from_base,
-            chain,
         })
     }
 
-    /// Returns the names of its joints, from its foot to the palm.
+    /// Returns its joints, from its foot to the palm.
+    pub(super) fn joints(&self) -> &[Joint] {
+        self.chain.model().joints()
+    }
+
+    /// Returns their names.
     pub(super) fn joint_names(&self) -> Vec<String> {
-        let joints = self.joints.iter();
-        joints.map(|joint| joint.name.clone()).collect()
+        self.chain.model().joint_names()
     }
 }

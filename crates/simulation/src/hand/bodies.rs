@@ -76,12 +76,8 @@ pub(crate) fn mass_properties(
         let named = all.contains(&group.root);
         return Err(lacking(if named { all } else { vec![group.root] }));
     }
-    let palm_from_links = model.forward_kinematics(&vec![0.0; model.dof()]);
-    let all: Vec<_> = palm_from_links
-        .unwrap_or_default()
-        .into_iter()
-        .enumerate()
-        .collect();
+    let palm_from_links = model.link_poses(|_| 0.0);
+    let all: Vec<_> = palm_from_links.into_iter().enumerate().collect();
     summed(model, &all, scale).ok_or_else(|| lacking(vec![0]))
 }
 

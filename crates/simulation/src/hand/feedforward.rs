@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, UnitQuaternion, Vector3, Vector6};
 use robot::{JointMotion, Root};
 
-use super::{DIMENSIONS, Hand, finger, finger_mut, position};
+use super::{DIMENSIONS, Hand, finger_mut};
 use crate::{
     desired::Asked,
     precision::{isometry, real},
@@ -18,14 +18,8 @@ impl Hand {
     /// The hand's weight is compensated, as in [`Hand::drive`], and the palm moves at constant
     /// velocity between the jumps that the engine makes without any effect on the fingers.
     pub(crate) fn follow(&self, world: &mut World, asked: &Asked) {
-        let drives = self.joints.iter().filter_map(|&idx| self.drives.get(idx));
-        let states = drives.filter_map(|drive| {
-            let (multibody, place) = finger(&world.multibodies, drive.body)?;
-            let q = position(multibody, place.link, drive.axis);
-            let speed = multibody.generalized_velocity()[place.coordinate];
-            Some((f64::from(q), f64::from(speed)))
-        });
-        let (q, velocity): (Vec<f64>, Vec<f64>) = states.unzip();
+        let states = self.states(world);
+        let (q, velocity): (Vec<f64>, Vec<f64>) = states.map(<(f64, f64)>::from).unzip();
         let motion = JointMotion {
             q: &q,
             velocity: &velocity,
@@ -40,23 +34,21 @@ impl Hand {
         ];
         let orientation = isometry(palm.position()).rotation;
         let root = root(&orientation, velocity_of_palm.map(f64::from));
-        // The hand was built of the same model: the numbers of joints agree.
-        let torques = self
+        let torques = match self
             .dynamics
             .link_efforts(&root, &motion, &Vector3::zeros())
-            .unwrap_or_default();
+        {
+            Ok(torques) => torques,
+            Err(err) => unreachable!("the script was checked against the hand: {err}"),
+        };
         for (drive, torque) in self.drives.iter().zip(torques) {
-            let (Some(q_asked), Some(speed_asked)) =
-                (asked.q.get(drive.joint), asked.velocity.get(drive.joint))
-            else {
-                continue;
-            };
+            let (q_asked, speed_asked) = (asked.q[drive.joint], asked.velocity[drive.joint]);
             let Some((multibody, place)) = finger_mut(&mut world.multibodies, drive.body) else {
                 continue;
             };
-            let speed_asked = drive.multiplier * real(*speed_asked);
+            let speed_asked = drive.multiplier * real(speed_asked);
             let ahead = drive.controller.ahead(real(torque), speed_asked);
-            drive.apply(multibody, place, *q_asked, ahead);
+            drive.apply(multibody, place, q_asked, ahead);
         }
     }
 }

@@ -81,7 +81,7 @@ impl Arm {
     ) -> Result<ArmPath<'a>, Refusal> {
         let turns = self.config.turns;
         let lift_m = lift_m.max(0.0);
-        let hands = hands(course)?;
+        let hands = hands(course);
         let fingers: Vec<Vec<f64>> = hands.iter().map(|(time_s, _)| fingers(*time_s)).collect();
         let hand = Hand {
             moving: hands,
@@ -108,9 +108,8 @@ impl Arm {
         Err(worse.refusal(turns).unwrap_or_else(|| {
             let way = Way::new(self, course, table_from_object, 0.0);
             let grasp = way.at(Place::Lift { height_m: 0.0 });
-            let palm = grasp.map(|grasp| grasp.base_from_palm.translation.vector);
             Refusal::Reach {
-                palm_in_base_m: palm.map_or([f64::NAN; 3], Into::into),
+                palm_in_base_m: grasp.base_from_palm.translation.vector.into(),
                 turns,
             }
         }))
@@ -136,7 +135,7 @@ impl Arm {
         let grasp = to_start.remove(0);
         let up: Vec<Target> = (0..=LIFT_N)
             .map(|k| hand.lift_m * k as f64 / LIFT_N as f64)
-            .filter_map(|height_m| way.at(Place::Lift { height_m }))
+            .map(|height_m| way.at(Place::Lift { height_m }))
             .collect();
         let closed = hand.fingers.last().map_or(&[][..], std::slice::from_ref);
         let tracer = Tracer {
@@ -227,11 +226,13 @@ impl Arm {
         let stands: Vec<Stand> = knots
             .into_iter()
             .zip(fingers.iter().chain(last))
-            .map(|(knot, fingers)| Stand {
-                at: knot.at,
-                base_from_links: self.links(&knot.q, fingers),
+            .map(|(knot, fingers)| {
+                Ok(Stand {
+                    at: knot.at,
+                    base_from_links: self.links(&knot.q, fingers)?,
+                })
             })
-            .collect();
+            .collect::<Result<_, ArmFault>>()?;
         let foot_m = self.base_from_table.inverse().translation.z;
         self.clearance.check(&stands, way.up(), foot_m)
     }
@@ -264,12 +265,11 @@ impl Worse {
 }
 
 /// Returns the hand at evenly spaced times of a course.
-fn hands(course: &Course) -> Result<Vec<(f64, Moving)>, Refusal> {
+fn hands(course: &Course) -> Vec<(f64, Moving)> {
     (0..=WAY_N)
         .map(|k| {
             let time_s = course.duration_s() * k as f64 / WAY_N as f64;
-            let hand = course.at(time_s).ok_or(Refusal::Number { step: k })?;
-            Ok((time_s, hand))
+            (time_s, course.at(time_s))
         })
         .collect()
 }

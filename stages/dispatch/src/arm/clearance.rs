@@ -60,21 +60,16 @@ impl Clearance {
     /// them apart: they may come as near as [`NEIGHBORS_M`].
     pub(crate) fn new(robot: &RobotModel, palm: usize, least_m: f64) -> Self {
         let carried = beyond(robot, palm);
-        let is_hand = |piece: &Piece| carried.get(piece.link).copied().unwrap_or(false);
+        let is_hand = |piece: &Piece| carried[piece.link];
         let bodies = bodies(robot);
-        let body = |link: usize| bodies.get(link).copied().unwrap_or(0);
+        let body = |link: usize| bodies[link];
         // What carries a body, which may be carried by another.
         let below = |link: usize| {
             let parent = robot.links().get(link)?.parent?;
             Some(body(parent))
         };
         let pieces = pieces(robot);
-        let zero: Vec<f64> = robot
-            .joints()
-            .iter()
-            .map(|joint| 0.0_f64.max(joint.lower).min(joint.upper))
-            .collect();
-        let stand = robot.forward_kinematics(&zero).unwrap_or_default();
+        let stand = robot.link_poses(|joint| robot.joints()[joint].nearest_zero());
         let zero: Vec<Isometry3<f64>> = pieces.iter().map(|piece| piece.pose(&stand)).collect();
         let mut pairs = Vec::new();
         for (first, (a, at_a)) in pieces.iter().zip(&zero).enumerate() {
@@ -136,13 +131,16 @@ impl Clearance {
             .zip(&poses)
             .map(|(piece, poses)| Track::new(piece, poses))
             .collect();
-        for track in self.above.iter().filter_map(|&idx| tracks.get(idx)) {
-            self.check_table(track, stands, up, foot_m)?;
+        for &idx in &self.above {
+            self.check_table(&tracks[idx], stands, up, foot_m)?;
         }
         for pair in &self.pairs {
-            if let (Some(a), Some(b)) = (tracks.get(pair.first), tracks.get(pair.second)) {
-                check_pair(a, b, pair.least_m, stands)?;
-            }
+            check_pair(
+                &tracks[pair.first],
+                &tracks[pair.second],
+                pair.least_m,
+                stands,
+            )?;
         }
         Ok(())
     }
@@ -159,7 +157,9 @@ impl Clearance {
             let lowest =
                 foot_m + pose.translation.vector.dot(up) - track.piece.shape.extent_m(&down);
             let gap_m = lowest - 0.5 * track.moves(idx);
-            if gap_m < self.least_m {
+            // NaN is not clear.
+            let is_clear = gap_m >= self.least_m;
+            if !is_clear {
                 return Err(ArmFault::Table {
                     link: track.piece.name.clone(),
                     gap_m,
@@ -196,7 +196,8 @@ fn check_pair(
         apart_m = gap((at_a, &a.piece.shape), (at_b, &b.piece.shape)).at_least_m;
         // What moves both alike brings them no nearer.
         let slack_m = 0.5 * relative(a, b, idx);
-        if apart_m < least_m + slack_m {
+        let is_clear = apart_m >= least_m + slack_m;
+        if !is_clear {
             return Err(ArmFault::Collision {
                 first: a.piece.name.clone(),
                 second: b.piece.name.clone(),
@@ -266,8 +267,7 @@ impl<'a> Track<'a> {
 
 impl Piece {
     fn pose(&self, base_from_links: &[Isometry3<f64>]) -> Isometry3<f64> {
-        let base_from_link = base_from_links.get(self.link).copied().unwrap_or_default();
-        base_from_link * self.link_from_shape
+        base_from_links[self.link] * self.link_from_shape
     }
 }
 
@@ -290,11 +290,7 @@ fn bodies(robot: &RobotModel) -> Vec<usize> {
     let mut bodies: Vec<usize> = Vec::with_capacity(robot.links().len());
     for (idx, link) in robot.links().iter().enumerate() {
         let carrier = link.parent.filter(|_| link.joint.is_none());
-        bodies.push(
-            carrier
-                .and_then(|parent| bodies.get(parent).copied())
-                .unwrap_or(idx),
-        );
+        bodies.push(carrier.map_or(idx, |parent| bodies[parent]));
     }
     bodies
 }

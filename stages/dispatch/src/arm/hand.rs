@@ -1,12 +1,14 @@
 //! The hand on the arm, and the hand for which motions are made.
 
 use nalgebra::Isometry3;
-use robot::{Chain, JointKind, RobotModel};
+use robot::{Chain, Joint, JointKind, RobotModel};
 
 use crate::DispatchError;
 
 /// How far links may be from where the other description has them, in meters and radians.
 const SAME: f64 = 1e-9;
+/// Shares of the joints' ranges at which two descriptions that are not of one hand differ.
+const SAMPLES: [f64; 3] = [0.1, 0.5, 0.9];
 
 /// Returns which joint of `robot` each joint of the hand is.
 ///
@@ -21,7 +23,7 @@ pub(crate) fn joints_of_hand(
     hand: &RobotModel,
 ) -> Result<Vec<usize>, DispatchError> {
     let carried = beyond(robot, palm);
-    let is_carried = |link: usize| carried.get(link).copied().unwrap_or(false);
+    let is_carried = |link: usize| carried[link];
     let joints = hand
         .joints()
         .iter()
@@ -38,22 +40,19 @@ pub(crate) fn joints_of_hand(
             return Err(wrong(&problem));
         }
     }
-    for q in samples(hand) {
-        let palm_from_links = hand.forward_kinematics(&q).unwrap_or_default();
+    for share in SAMPLES {
+        let q: Vec<f64> = hand.joints().iter().map(|joint| at(joint, share)).collect();
+        let palm_from_links = hand.link_poses(|joint| q[joint]);
         let mut all = vec![0.0; robot.dof()];
         for (&joint, &q) in joints.iter().zip(&q) {
-            if let Some(slot) = all.get_mut(joint) {
-                *slot = q;
-            }
+            all[joint] = q;
         }
-        let base_from_links = robot.forward_kinematics(&all).unwrap_or_default();
-        let Some(base_from_palm) = base_from_links.get(palm) else {
-            continue;
-        };
+        let base_from_links = robot.link_poses(|joint| all[joint]);
+        let base_from_palm = base_from_links[palm];
         // The hand's root is the palm, whatever it is called.
         for (link, palm_from_link) in hand.links().iter().zip(&palm_from_links).skip(1) {
             let ours = robot.link(&link.name).filter(|&idx| is_carried(idx));
-            let Some(found) = ours.and_then(|idx| base_from_links.get(idx)) else {
+            let Some(found) = ours.map(|idx| base_from_links[idx]) else {
                 return Err(wrong(&format!("it has no link `{}` there", link.name)));
             };
             let off = off(&(base_from_palm.inverse() * found), palm_from_link);
@@ -80,19 +79,14 @@ pub(crate) fn beyond(robot: &RobotModel, palm: usize) -> Vec<bool> {
     carried
 }
 
-/// Joint positions at which two descriptions that are not of one hand differ.
-fn samples(hand: &RobotModel) -> [Vec<f64>; 3] {
-    [0.1, 0.5, 0.9].map(|share| {
-        let joints = hand.joints().iter();
-        joints
-            .map(|joint| match joint.kind {
-                JointKind::Continuous => share,
-                JointKind::Revolute | JointKind::Prismatic => {
-                    joint.lower + share * (joint.upper - joint.lower)
-                }
-            })
-            .collect()
-    })
+/// Returns the position of a joint at a share of its range (rad, where it has none).
+fn at(joint: &Joint, share: f64) -> f64 {
+    match joint.kind {
+        JointKind::Continuous => share,
+        JointKind::Revolute | JointKind::Prismatic => {
+            joint.lower + share * (joint.upper - joint.lower)
+        }
+    }
 }
 
 fn off(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {

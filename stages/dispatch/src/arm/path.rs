@@ -44,6 +44,11 @@ impl<'a> ArmPath<'a> {
         }
     }
 
+    /// Returns the arm.
+    pub(crate) fn arm(&self) -> &Arm {
+        self.arm
+    }
+
     /// Returns the joints at a time of the course, in seconds after its first step; before that and after
     /// its last they are as there.
     ///
@@ -76,7 +81,7 @@ impl<'a> ArmPath<'a> {
             // It has been followed: between two knots it is what it is.
             least: 0.0,
         };
-        let knot = tracer.next(nearest, &self.way.at(at)?).ok()?;
+        let knot = tracer.next(nearest, &self.way.at(at)).ok()?;
         Some(ArmMoving {
             q: knot.q,
             velocity: knot.rates.velocity,

@@ -62,8 +62,28 @@ fn follow<'a>(
     candidate: &Candidate,
     lift_m: f64,
 ) -> Result<ArmPath<'a>, Refusal> {
-    let fingers = |time_s: f64| course.at(time_s).unwrap().q;
+    let fingers = |time_s: f64| course.at(time_s).q;
     arm.follow(course, &candidate.table_from_object, fingers, lift_m)
+}
+
+/// With no links at all nothing would be near anything.
+#[test]
+fn links_are_those_of_all_joints_or_an_error() {
+    let arm = arm(&config());
+    let links = |arm_n: usize, hand_n: usize| arm.links(&vec![0.1; arm_n], &vec![0.2; hand_n]);
+    assert_eq!(links(6, 16).unwrap().len(), arm.robot.links().len());
+    for (arm_n, hand_n) in [(5, 16), (7, 16), (6, 0), (6, 17), (0, 0)] {
+        links(arm_n, hand_n).unwrap_err();
+    }
+    // Nor is a pose clear that is no number.
+    let mut links = links(6, 16).unwrap();
+    links[3].translation.vector.x = f64::NAN;
+    let stand = clearance::Stand {
+        at: crate::refusal::Place::Way { time_s: 0.0 },
+        base_from_links: links,
+    };
+    let up = nalgebra::Vector3::z();
+    arm.clearance.check(&[stand], &up, 1.0).unwrap_err();
 }
 
 fn refused(arm: &Arm, candidate: &Candidate) -> Refusal {
@@ -80,7 +100,7 @@ fn fault(arm: &Arm, candidate: &Candidate) -> ArmFault {
 
 /// Where the palm shall be, in the frame of the arm's foot.
 fn asked(arm: &Arm, path: &ArmPath<'_>, course: &Course, time_s: f64) -> nalgebra::Isometry3<f64> {
-    let object_from_palm = course.at(time_s).unwrap().object_from_palm;
+    let object_from_palm = course.at(time_s).object_from_palm;
     arm.base_from_table * path.table_from_object.isometry() * object_from_palm
 }
 
@@ -114,8 +134,8 @@ fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course, lift_m: f64) {
         tick += 1.0;
         let now = path.at(time_s).unwrap();
         assert!(arm.chain.is_within_limits(&now.q), "{:?}", now.q);
-        let fingers = course.at(time_s).unwrap().q;
-        let links = arm.links(&now.q, &fingers);
+        let fingers = course.at(time_s).q;
+        let links = arm.links(&now.q, &fingers).unwrap();
         let far = off(&links[palm], &asked(arm, path, course, time_s));
         assert!(far < 1e-6, "{far} at {time_s} s");
         if let Some(before) = before {
@@ -129,11 +149,11 @@ fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course, lift_m: f64) {
         for part in 0..4 {
             let time_s = time_s + f64::from(part) / 4.0 / RATE_HZ;
             let q = path.at(time_s).unwrap().q;
-            let fingers = course.at(time_s).unwrap().q;
-            clear.check(&arm.links(&q, &fingers), &arm.base_from_table);
+            let fingers = course.at(time_s).q;
+            clear.check(&arm.links(&q, &fingers).unwrap(), &arm.base_from_table);
         }
     }
-    let grasp = course.at(course.duration_s()).unwrap();
+    let grasp = course.at(course.duration_s());
     let end = path.at(course.duration_s()).unwrap().q;
     let start = path.lifted(0.0).unwrap().q;
     assert!(end.iter().zip(&start).all(|(a, b)| (a - b).abs() < 1e-9));
@@ -141,7 +161,7 @@ fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course, lift_m: f64) {
         let height_m = lift_m * f64::from(part) / 200.0;
         let now = path.lifted(height_m).unwrap();
         assert!(arm.chain.is_within_limits(&now.q));
-        let links = arm.links(&now.q, &grasp.q);
+        let links = arm.links(&now.q, &grasp.q).unwrap();
         let up = nalgebra::Translation3::new(0.0, 0.0, height_m);
         let table_from_palm = up * path.table_from_object.isometry() * grasp.object_from_palm;
         assert!(off(&links[palm], &(arm.base_from_table * table_from_palm)) < 1e-6);
@@ -525,7 +545,7 @@ fn a_joint_path_is_what_it_says() {
         let time_s = share * course.duration_s();
         let expected = arm.chain.posture(&path.q(time_s)).unwrap().root_from_end;
         let way = Way::new(&arm, &course, &candidate.table_from_object, 0.0);
-        let found = way.at(crate::refusal::Place::Way { time_s }).unwrap();
+        let found = way.at(crate::refusal::Place::Way { time_s });
         assert!(off(&found.base_from_palm, &expected) < 1e-5);
     }
 }

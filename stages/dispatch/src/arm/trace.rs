@@ -112,7 +112,7 @@ impl Tracer<'_, '_> {
         let Some(fewer) = halvings.checked_sub(1) else {
             return Err(jump);
         };
-        let middle = self.way.at(from.at.middle(target.at)).ok_or(jump)?;
+        let middle = self.way.at(from.at.middle(target.at));
         let between = self.halved(from, &middle, fewer)?;
         self.halved(&between, target, fewer)
     }
@@ -121,7 +121,7 @@ impl Tracer<'_, '_> {
 impl Arm {
     /// Refuses a joint beyond limits that are less than a turn apart: no turn brings it back.
     pub(crate) fn within_limits(&self, knot: Knot) -> Result<Knot, ArmFault> {
-        for (joint, &q) in self.joints().zip(&knot.q) {
+        for (joint, &q) in self.joints().iter().zip(&knot.q) {
             let is_narrow = joint.upper - joint.lower < TAU;
             if is_narrow && !(q >= joint.lower && q <= joint.upper) {
                 return Err(ArmFault::Limit {
@@ -140,11 +140,11 @@ impl Arm {
     /// be, and returns how far the nearest one is from a limit, in radians (meters if prismatic).
     pub(crate) fn unwind(&self, knots: &mut [Knot]) -> Result<f64, ArmFault> {
         let mut least = f64::INFINITY;
-        for (idx, joint) in self.joints().enumerate() {
+        for (idx, joint) in self.joints().iter().enumerate() {
             if joint.upper.is_infinite() {
                 continue;
             }
-            let q = |knot: &Knot| knot.q.get(idx).copied().unwrap_or(f64::NAN);
+            let q = |knot: &Knot| knot.q[idx];
             let low = knots.iter().map(q).fold(f64::INFINITY, f64::min);
             let high = knots.iter().map(q).fold(f64::NEG_INFINITY, f64::max);
             let turns = if joint.kind == robot::JointKind::Prismatic {
@@ -153,9 +153,7 @@ impl Arm {
                 ((0.5 * (joint.lower + joint.upper - low - high)) / TAU).round() * TAU
             };
             for knot in knots.iter_mut() {
-                if let Some(q) = knot.q.get_mut(idx) {
-                    *q += turns;
-                }
+                knot.q[idx] += turns;
             }
             let room = (low + turns - joint.lower).min(joint.upper - high - turns);
             if room < 0.0 {

@@ -52,20 +52,20 @@ impl<'a> Way<'a> {
         }
     }
 
-    /// Returns where the palm is at a place, and how it moves; `None` if the course is nowhere.
-    pub(crate) fn at(&self, at: Place) -> Option<Target> {
+    /// Returns where the palm is at a place, and how it moves.
+    pub(crate) fn at(&self, at: Place) -> Target {
         match at {
-            Place::Way { time_s } => Some(self.of(at, &self.course.at(time_s)?)),
+            Place::Way { time_s } => self.of(at, &self.course.at(time_s)),
             Place::Lift { height_m } => {
-                let grasp = self.course.at(self.course.duration_s())?;
+                let grasp = self.course.grasp();
                 let base_from_palm = self.base_from_object * grasp.object_from_palm;
                 let up = self.up;
-                Some(Target {
+                Target {
                     at,
                     base_from_palm: Translation3::from(up * height_m) * base_from_palm,
                     twist: Vector6::new(up.x, up.y, up.z, 0.0, 0.0, 0.0),
                     rate: Vector6::zeros(),
-                })
+                }
             }
         }
     }

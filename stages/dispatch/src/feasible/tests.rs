@@ -251,7 +251,7 @@ proptest! {
         let followed = |time_s: f64| followed(&planned, &object, time_s);
         let course = Course::through(&given.candidates[0], 3).unwrap();
         let laid = |share: f64| {
-            let hand = course.at(share * course.duration_s()).unwrap();
+            let hand = course.at(share * course.duration_s());
             (hand.object_from_palm, hand.q)
         };
         let there = laid(share);
@@ -402,6 +402,20 @@ fn what_cannot_be_made_is_refused_with_its_reason() {
     );
     let strange = refused(&|_, given| given.joints[1] = "jx".to_owned());
     assert!(strange.to_string().contains("`jx`"), "{strange}");
+    for part in [0, 1, 2] {
+        let short = refused(&|_, given| {
+            let step = &mut given.candidates[0].steps[1];
+            let numbers = [
+                &mut step.q_rad,
+                &mut step.rates.q_velocity_rad_per_s,
+                &mut step.rates.q_acceleration_rad_per_s2,
+            ];
+            numbers.into_iter().nth(part).unwrap().pop();
+        });
+        assert_eq!(short, Refusal::Number { step: 1 });
+    }
+    let twice = refused(&|_, given| given.joints[2] = "ja".to_owned());
+    assert!(twice.to_string().contains("`ja`"), "{twice}");
     let missing = refused(&|_, given| given.joints.truncate(2));
     assert!(missing.to_string().contains("`jc`"), "{missing}");
     let limit = refused(&|_, given| step(given, &|s| s.q_rad[2] = 3.5));

@@ -3,6 +3,7 @@
 use charts::ChartError;
 use dataflow::Advise;
 use lake::LakeError;
+use robot::WrongDof;
 use stage_sample::SampleError;
 
 /// Why a report on drawn motions could not be made.
@@ -20,6 +21,12 @@ pub enum SampleReportError {
 impl From<SampleError> for SampleReportError {
     fn from(err: SampleError) -> Self {
         Self::Sample(Box::new(err))
+    }
+}
+
+impl From<WrongDof> for SampleReportError {
+    fn from(err: WrongDof) -> Self {
+        SampleError::from(err).into()
     }
 }
 

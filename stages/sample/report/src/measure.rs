@@ -2,6 +2,7 @@
 
 use diversity::{Diversity, root_mean_square};
 use rayon::prelude::*;
+use robot::WrongDof;
 use schemas::{
     candidates::{Candidate, Step},
     sampling::{GraspDistance, Sampled},
@@ -33,24 +34,28 @@ pub(crate) struct Measure<'a> {
 
 impl Measure<'_> {
     /// Measures all motions of the object, in their order.
-    pub(crate) fn all(&self, candidates: &[Candidate], diversity: &Diversity) -> Vec<Sampled> {
+    pub(crate) fn all(
+        &self,
+        candidates: &[Candidate],
+        diversity: &Diversity,
+    ) -> Result<Vec<Sampled>, WrongDof> {
         candidates
             .par_iter()
             .enumerate()
             .map(|(idx, candidate)| {
                 let grasp = candidate.steps.last();
                 let from_mean = diversity.from_mean.get(idx).copied().flatten();
-                Sampled {
+                Ok(Sampled {
                     demonstration: grasp.and_then(|grasp| self.nearest(grasp)),
                     from_mean: from_mean.unwrap_or_default(),
-                    ..self.depths(candidate)
-                }
+                    ..self.depths(candidate)?
+                })
             })
             .collect()
     }
 
     /// Measures how deep the hand is in object and table over a motion.
-    fn depths(&self, candidate: &Candidate) -> Sampled {
+    fn depths(&self, candidate: &Candidate) -> Result<Sampled, WrongDof> {
         let mut sampled = Sampled {
             candidate_id: candidate.candidate_id.clone(),
             limit_excess_rad: candidate.limit_excess_rad,
@@ -62,20 +67,20 @@ impl Measure<'_> {
             from_mean: GraspDistance::default(),
         };
         let Some((grasp, approach)) = candidate.steps.split_last() else {
-            return sampled;
+            return Ok(sampled);
         };
         for step in approach {
-            let depth = self.gauge.depth(candidate, step);
+            let depth = self.gauge.depth(candidate, step)?;
             if depth.object_m > sampled.approach_depth_m {
                 sampled.approach_depth_m = depth.object_m;
                 sampled.approach_depth_time_s = step.time_s;
             }
             sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
         }
-        let depth = self.gauge.depth(candidate, grasp);
+        let depth = self.gauge.depth(candidate, grasp)?;
         sampled.grasp_depth_m = depth.object_m;
         sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
-        sampled
+        Ok(sampled)
     }
 
     /// Returns the demonstration whose grasp is nearest, a radian counting as much as [`ARM_M`].

@@ -2,6 +2,7 @@
 
 use dataflow::{Artifact, Context, Inputs, Labels, Made, Outcome, Scope, Summary, Unit};
 use diversity::{Diversity, Motion};
+use robot::{JointOrder, WrongDof};
 use schemas::{
     candidates::{self, Step},
     sampling,
@@ -10,7 +11,7 @@ use schemas::{
 };
 use stage_sample::{
     CANDIDATES, SampleConfig, SampleError, TRAJECTORIES,
-    inputs::{FIELDS, ROBOT, columns, hand_file, hand_meshes, only, read_field, read_hand, schema},
+    inputs::{FIELDS, ROBOT, hand_file, hand_meshes, only, order, read_field, read_hand, schema},
     room::{Gauge, Room},
 };
 
@@ -80,13 +81,13 @@ pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleRepor
         gauge: Gauge {
             room: &Room::new(&hand)?,
             field: &field,
-            columns: &columns(&hand, &drawn.joints, "set of candidates")?,
+            order: &order(&hand, &drawn.joints, "set of candidates")?,
         },
         shown: &shown,
     };
     let motions: Vec<Motion> = drawn.candidates.iter().map(Motion::from).collect();
     let diversity = Diversity::of(&motions);
-    let sampled = measure.all(&drawn.candidates, &diversity);
+    let sampled = measure.all(&drawn.candidates, &diversity)?;
     let batch = sampling::to_batch(&sampled).map_err(schema(&artifact.key))?;
     lake::table::write(cx.folder(), &batch)?;
     charts::Charts {
@@ -143,25 +144,20 @@ pub(crate) fn describe(summary: &Summary) -> String {
 fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, SampleReportError> {
     let batch = lake::table::read(artifact)?;
     let shown = trajectories::from_batch(&artifact.key, &batch).map_err(schema(&artifact.key))?;
-    let columns: Option<Vec<usize>> = joints
-        .iter()
-        .map(|joint| shown.joints.iter().position(|name| name == joint))
-        .collect();
-    let columns = columns.ok_or_else(|| SampleError::AnotherHand {
-        what: format!("trajectory `{}`", artifact.key),
-        expected: joints.to_vec(),
-        found: shown.joints.clone(),
-    })?;
-    let steps = shown.steps.iter().map(|step| Step {
-        time_s: step.time_s,
-        object_from_palm: step.object_from_palm,
-        q_rad: columns
-            .iter()
-            .filter_map(|&column| step.q_rad.get(column).copied())
-            .collect(),
-        rates: candidates::Rates::still(joints.len()),
+    let order =
+        JointOrder::new(&shown.joints, joints).map_err(|source| SampleError::AnotherHand {
+            what: format!("trajectory `{}`", artifact.key),
+            source,
+        })?;
+    let steps = shown.steps.iter().map(|step| {
+        Ok(Step {
+            time_s: step.time_s,
+            object_from_palm: step.object_from_palm,
+            q_rad: order.apply(&step.q_rad)?,
+            rates: candidates::Rates::still(joints.len()),
+        })
     });
-    let mut approach: Vec<Step> = steps.collect();
+    let mut approach: Vec<Step> = steps.collect::<Result<_, WrongDof>>()?;
     Ok(approach.pop().map(|grasp| Shown {
         sequence: shown.sequence.clone(),
         rest: shown.rest,

@@ -12,7 +12,7 @@ use schemas::{
 use super::{SHOWN_ROBOT, labels};
 use crate::{
     Epoch, SampleConfig, SampleError,
-    inputs::{FIELDS, ROBOT, columns, hand_file, hand_meshes, only, read_field, read_hand, schema},
+    inputs::{FIELDS, ROBOT, hand_file, hand_meshes, only, order, read_field, read_hand, schema},
     motions::sample,
     recording,
     room::{Gauge, Room},
@@ -80,22 +80,20 @@ pub(super) fn make(
     let object = objects::from_batch(&artifact.key, &batch).map_err(schema(&artifact.key))?;
     let hand = inputs.files().first();
     let hand = hand.map(|file| read_hand(&file.path)).transpose()?;
-    let columns = hand.as_ref().map_or(Ok(Vec::new()), |(_, model)| {
-        columns(model, &cgf.description().joints, "grasping function")
-    })?;
+    let order = hand.as_ref().map(|(_, model)| {
+        let joints = &cgf.description().joints;
+        order(model, joints, "grasping function")
+    });
+    let order = order.transpose()?;
     let field = inputs.artifacts(FIELDS).first();
     let field = field.map(read_field).transpose()?;
     let room = hand
         .as_ref()
         .map(|(_, model)| Room::new(model))
         .transpose()?;
-    let gauge = room.as_ref().zip(field.as_ref());
-    let gauge = gauge.filter(|_| config.chooses());
-    let gauge = gauge.map(|(room, field)| Gauge {
-        room,
-        field,
-        columns: &columns,
-    });
+    let hand_and_field = room.as_ref().zip(order.as_ref()).zip(field.as_ref());
+    let gauge = hand_and_field.filter(|_| config.chooses());
+    let gauge = gauge.map(|((room, order), field)| Gauge { room, field, order });
     let sample = sample(config, &cgf, &object, gauge, cx.seed())?;
     let drawn = Candidates {
         object: object.name.clone(),
@@ -106,6 +104,7 @@ pub(super) fn make(
     lake::table::write(cx.folder(), &batch)?;
     if config.recorded_per_object > 0
         && let Some((urdf, model)) = &hand
+        && let Some(order) = &order
     {
         let numbers = recording::chosen(config.recorded_per_object, drawn.candidates.len());
         let motions: Vec<&Candidate> = numbers
@@ -116,7 +115,7 @@ pub(super) fn make(
             urdf,
             model,
             object: &object,
-            columns: &columns,
+            order,
         };
         recording::record(&stage, &motions, cx.folder())?;
     }

@@ -160,13 +160,7 @@ fn rebuilt<'a>(
     let of_steps = |number: fn(&StepError) -> f64| mean(errors.iter().map(number));
     let at_grasp = |number: fn(&StepError) -> f64| errors.last().map_or(0.0, number);
     let of_joints = |step: &StepError| mean(step.joints_rad.iter().copied());
-    let joint = |idx: usize| {
-        mean(
-            errors
-                .iter()
-                .filter_map(|step| step.joints_rad.get(idx).copied()),
-        )
-    };
+    let joint = |idx: usize| mean(errors.iter().map(|step| step.joints_rad[idx]));
     let row = Row {
         sequence: track.name.clone(),
         object: demonstration.object.clone(),

@@ -142,15 +142,18 @@ impl JointPath {
             }
             stands.push(q.clone());
         }
-        given.can_grasp = arm.clearance.is_clear(&arm.links(&q_grasp, fingers), 0.0);
+        given.can_grasp = arm
+            .clearance
+            .is_clear(&arm.links(&q_grasp, fingers).unwrap(), 0.0);
         for q in stands {
             let inside = arm
                 .joints()
+                .iter()
                 .zip(&q)
                 .all(|(joint, q)| *q > joint.lower + 0.02 && *q < joint.upper - 0.02);
             let singular = arm.chain.posture(&q).unwrap().least_singular_value();
             given.is_free &= inside && singular > 1.5 * arm.config.least_singular_value;
-            let links = arm.links(&q, fingers);
+            let links = arm.links(&q, fingers).unwrap();
             given.is_clear &= arm.clearance.is_clear(&links, SLACK_M);
         }
         given.is_clear &= given.is_free;

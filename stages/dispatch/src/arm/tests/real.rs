@@ -159,6 +159,7 @@ fn reason(refusal: &Refusal) -> String {
             ArmFault::Limit { joint, .. } => format!("limit of {joint}"),
             ArmFault::Singular { .. } => "singular".to_owned(),
             ArmFault::Jump { .. } => "jump".to_owned(),
+            ArmFault::Dof(err) => panic!("{err}"),
             ArmFault::Table { link, .. } => format!("{link} in the table"),
             ArmFault::Collision { first, second, .. } if second.contains('.') => {
                 format!("{first} and a finger")
