@@ -10,11 +10,11 @@ use crate::source::Location;
 /// Texts laid end to end, so that a span names its file too.
 #[derive(Debug, Default)]
 pub(crate) struct Texts {
-    texts: Vec<Text>,
+    all: Vec<File>,
 }
 
 #[derive(Debug)]
-struct Text {
+struct File {
     path: PathBuf,
     text: String,
     /// Where it begins among all texts.
@@ -25,25 +25,25 @@ impl Texts {
     /// Adds a file's text, and returns it as a parser is to read it: after as many blanks as the texts before
     /// it have bytes, so that the parser's spans are those of all texts.
     pub(crate) fn add(&mut self, path: &Path, text: &str) -> String {
-        let last = self.texts.last();
+        let last = self.all.last();
         // One more, so that the end of a text is not the start of the next.
         let start = last.map_or(0, |last| last.start + last.text.len() + 1);
-        self.texts.push(Text {
+        self.all.push(File {
             path: path.to_owned(),
             text: text.to_owned(),
             start,
         });
-        format!("{:start$}{text}", "")
+        " ".repeat(start) + text
     }
 
     /// Returns the place of a span.
     pub(crate) fn location(&self, span: Range<usize>) -> Location {
-        let after = self.texts.partition_point(|text| text.start <= span.start);
-        let found = after.checked_sub(1).and_then(|idx| self.texts.get(idx));
+        let after = self.all.partition_point(|file| file.start <= span.start);
+        let found = after.checked_sub(1).and_then(|idx| self.all.get(idx));
         match found {
-            Some(text) => {
-                let own = span.start - text.start..span.end.saturating_sub(text.start);
-                Location::of(&text.path, &text.text, own)
+            Some(file) => {
+                let own = span.start - file.start..span.end.saturating_sub(file.start);
+                Location::of(&file.path, &file.text, own)
             }
             None => Location::of(Path::new(""), "", span),
         }
