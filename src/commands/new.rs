@@ -30,7 +30,7 @@ macro_rules! files {
 }
 
 /// Everything that a run in a new project needs, by path.
-const FILES: [(&str, &str); 26] = files![
+const FILES: [(&str, &str); 29] = files![
     "data/access/README.md",
     "data/access/certificates/cell.json5",
     "data/access/certificates/dispatcher.json5",
@@ -50,11 +50,14 @@ const FILES: [(&str, &str); 26] = files![
     "data/robots/allegro_right.urdf",
     "data/robots/xarm6_allegro.urdf",
     "data/sample/recipe.toml",
+    "pipelines/arm.toml",
     "pipelines/baseline.toml",
     "pipelines/cgf.toml",
     "pipelines/feedforward.toml",
     "pipelines/interpolation.toml",
     "pipelines/noise.toml",
+    "pipelines/paper.toml",
+    "pipelines/released.toml",
     "pipelines/replay.toml",
     ".gitignore",
 ];

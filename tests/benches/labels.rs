@@ -19,7 +19,7 @@ use std::{
     collections::BTreeMap, fs, fs::File, io::Read, path::Path, process::ExitCode, time::Instant,
 };
 
-use dataflow::{Context, Inputs, Outcome, Scope, SourceFile, Stage, Unit};
+use dataflow::{Context, Inputs, Outcome, Pipeline, Scope, SourceFile, Stage, Unit};
 use limits::Limits;
 use python::Script;
 use recordings::{GRASPED, N_OBJECTS};
@@ -85,14 +85,13 @@ fn main() -> ExitCode {
 
 /// The options of the bundled sample, with the made recordings as its dataset.
 fn config(root: &Path) -> IngestConfig {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/cgf.toml");
-    let mut text: toml_edit::DocumentMut = fs::read_to_string(file).unwrap().parse().unwrap();
-    let mut options = text["stages"]["ingest"].as_table().unwrap().clone();
-    options.remove("kind");
-    options["root"] = toml_edit::value(root.to_str().unwrap());
-    text.clear();
-    text.extend(options);
-    toml_edit::de::from_document(text).unwrap()
+    let text = include_str!("../../pipelines/cgf.toml");
+    let given = format!("ingest.root={}", root.display());
+    let given = [given.parse().unwrap()];
+    let read = Pipeline::parse("cgf.toml".as_ref(), text, &pipeline::kinds(), None, &given);
+    let read = read.unwrap();
+    let ingest = read.find("ingest").unwrap().options::<Ingest>();
+    ingest.unwrap().clone()
 }
 
 fn read_bytes(labels: &[&SourceFile]) {

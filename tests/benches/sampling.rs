@@ -23,6 +23,7 @@ use cgf::{
     Activation, Cgf, Grasp, NetworkConfig, ObjectFeature, Random, Scene, Split, TimedGrasp, Track,
     TrainingConfig, TrainingSet,
 };
+use dataflow::Pipeline;
 use limits::Limits;
 use nalgebra::{Isometry3, Point3, Vector3};
 use python::Script;
@@ -30,7 +31,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use robot::RobotModel;
 use serde_json::{Value, json};
 use spatial::{Pose, Rest};
-use toml_edit::DocumentMut;
+use stage_train::Train;
 
 const MOTIONS: usize = 10_000;
 const STEPS: usize = 40;
@@ -254,14 +255,10 @@ impl Ours {
 
 /// The options of `pipelines/cgf.toml`.
 fn options() -> (NetworkConfig, TrainingConfig) {
-    let file: DocumentMut = include_str!("../../pipelines/cgf.toml").parse().unwrap();
-    let train = &file["stages"]["train"];
-    let table = |key: &str| train[key].clone().into_table().unwrap();
-    let [network, training] = ["network", "training"].map(table);
-    (
-        toml_edit::de::from_document(DocumentMut::from(network)).unwrap(),
-        toml_edit::de::from_document(DocumentMut::from(training)).unwrap(),
-    )
+    let text = include_str!("../../pipelines/cgf.toml");
+    let read = Pipeline::parse("cgf.toml".as_ref(), text, &pipeline::kinds(), None, &[]).unwrap();
+    let train = read.find("train").unwrap().options::<Train>().unwrap();
+    (train.network.clone(), train.training.clone())
 }
 
 /// PyTorch in a process of its own.

@@ -11,6 +11,7 @@ mod place;
 mod concurrency;
 mod corruption;
 mod crash;
+mod defaults;
 mod elsewhere;
 mod faults;
 mod full_disk;

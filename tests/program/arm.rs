@@ -22,7 +22,9 @@ fn rows(bench: &Bench, sql: &str) -> Vec<Value> {
 #[test]
 fn an_arm_carries_the_hand_or_the_row_says_why_not() {
     let bench = Bench::new();
-    bench.run_well(&["--profile", "arm"]);
+    let ran = bench.command_on("pipelines/arm.toml", "run", &[]).output();
+    let ran = ran.unwrap();
+    assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
     let sql =
         "select object, candidate_id, outcome, message, goal_id from executions order by goal_id";
     let done = rows(&bench, sql);
@@ -42,7 +44,7 @@ fn an_arm_carries_the_hand_or_the_row_says_why_not() {
 
     let row = sent.iter().find(|row| text(row, "outcome") == "succeeded");
     let name = format!("{}.mcap", text(row.unwrap(), "candidate_id"));
-    let found = find(&bench.lake().join("files/cgf/dispatch"), &name).unwrap();
+    let found = find(&bench.lake().join("files/arm/dispatch"), &name).unwrap();
     let recording = lake::recording::read(&found).unwrap();
     let told = |topic: &str| -> JointTrajectory {
         let mut messages = recording.topic(topic);
@@ -72,7 +74,8 @@ fn an_arm_carries_the_hand_or_the_row_says_why_not() {
 fn an_arm_that_does_not_carry_the_hand_is_refused_before_anything_runs() {
     let bench = Bench::new();
     let refused = |value: &str, code: i32| {
-        let ran = bench.run(&["--profile", "arm", "--set", value]);
+        let mut run = bench.command_on("pipelines/arm.toml", "run", &["--set", value]);
+        let ran = run.output().unwrap();
         assert_eq!(ran.status.code(), Some(code), "{}", stderr(&ran));
         let said = stderr(&ran);
         assert!(!said.contains("ingest    "), "{said}");

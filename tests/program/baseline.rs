@@ -3,8 +3,8 @@
 
 use std::{collections::BTreeMap, fs, process::Command};
 
+use dataflow::Pipeline;
 use serde_json::Value;
-use toml_edit::{DocumentMut, Item};
 
 use crate::bench::{Bench, stderr};
 
@@ -136,24 +136,14 @@ fn motions_and_their_lines_are_judged_by_the_same_physics() {
 
 #[test]
 fn both_screens_are_that_of_the_whole_flow_but_follow_the_motion() {
-    let read = |file: &str| -> DocumentMut {
-        let path = format!("{}/{file}", env!("CARGO_MANIFEST_DIR"));
-        fs::read_to_string(path).unwrap().parse().unwrap()
-    };
-    let file = read(FILE);
-    let said = |screen: &Item| {
-        // A document, so that tables in tables are said too.
-        let mut alone = DocumentMut::new();
-        alone["screen"] = screen.clone();
-        alone["screen"]
-            .as_table_like_mut()
-            .unwrap()
-            .remove("inputs");
-        alone.to_string()
-    };
-    let [drawn, line] = ["screen", "screen_line"].map(|name| said(&file["stages"][name]));
+    let [file, whole] = [FILE, "pipelines/cgf.toml"].map(|file| {
+        let text = fs::read_to_string(file).unwrap();
+        Pipeline::parse(file.as_ref(), &text, &pipeline::kinds(), None, &[]).unwrap()
+    });
+    let [drawn, line] = ["screen", "screen_line"].map(|name| file.find(name).unwrap().config());
     assert_eq!(drawn, line);
-    let whole = said(&read("pipelines/cgf.toml")["stages"]["screen"]);
-    assert_ne!(drawn, whole);
-    assert_eq!(drawn, whole.replace("\"open\"", "\"follow\""));
+    let mut followed = whole.find("screen").unwrap().config();
+    assert_ne!(drawn, followed);
+    followed["protocol"]["approach"] = "follow".into();
+    assert_eq!(drawn, followed);
 }

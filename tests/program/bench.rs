@@ -82,10 +82,15 @@ impl Bench {
 
     /// The command line of `pipeline COMMAND pipelines/cgf.toml` for a small job.
     pub(crate) fn command(&self, command: &str, arguments: &[&str]) -> Command {
+        self.command_on("pipelines/cgf.toml", command, arguments)
+    }
+
+    /// The same on another file.
+    pub(crate) fn command_on(&self, file: &str, command: &str, arguments: &[&str]) -> Command {
         let mut program = Command::new(env!("CARGO_BIN_EXE_pipeline"));
         program
             .current_dir(env!("CARGO_MANIFEST_DIR"))
-            .args([command, "pipelines/cgf.toml", "--lake"])
+            .args([command, file, "--lake"])
             .arg(self.lake())
             .arg("--set")
             .arg(format!("ingest.root={}", self.root.display()));

@@ -8,14 +8,17 @@ use crate::bench::{Bench, stderr};
 
 const FILE: &str = include_str!("../../pipelines/cgf.toml");
 
+/// The same with an arm, so that it has every option.
+const ARM: &str = include_str!("../../pipelines/arm.toml");
+
 /// Whole numbers that only name something, and take no memory or time.
 const NAMES: [&str; 1] = ["dispatch.attempt"];
 
 /// Reads the pipeline, with an arm, and with one value in place of its own.
 fn read(set: &str) -> Result<Pipeline, FileError> {
     let given: Override = set.parse().unwrap();
-    let path = Path::new("pipelines/cgf.toml");
-    Pipeline::parse(path, FILE, &pipeline::kinds(), Some("arm"), &[given])
+    let path = Path::new("pipelines/arm.toml");
+    Pipeline::parse(path, ARM, &pipeline::kinds(), None, &[given])
 }
 
 /// The options of these types of every stage of the pipeline.
@@ -80,7 +83,7 @@ fn no_number_is_infinite_or_none() {
 }
 
 #[test]
-fn no_pipeline_or_profile_is_out_of_bounds() {
+fn no_pipeline_is_out_of_bounds() {
     let mut n = 0;
     for entry in std::fs::read_dir("pipelines").unwrap() {
         let path = entry.unwrap().path();

@@ -44,21 +44,29 @@ fn made(bench: &Bench) -> Vec<String> {
 
 #[test]
 fn a_profile_replaces_values_and_an_unknown_one_names_those_there_are() {
-    let plan = done(
-        finished(),
-        "plan",
-        &["--profile", "paper", "--until", "retarget"],
-    );
+    let folder = tempfile::tempdir().unwrap();
+    // Another file of this name is the same pipeline.
+    let file = folder.path().join("cgf.toml");
+    let extends = format!("{}/pipelines/cgf.toml", env!("CARGO_MANIFEST_DIR"));
+    let own = "[profiles.light.retarget]\nobject_weight = 0.0\n[profiles.quick.train]\n";
+    put(&file, &format!("extends = \"{extends}\"\n{own}"));
+    let planned = |profile: &str| {
+        let arguments = ["--profile", profile, "--until", "retarget"];
+        let mut plan = finished().command_on(file.to_str().unwrap(), "plan", &arguments);
+        plan.output().unwrap()
+    };
+    let plan = planned("light");
+    assert_eq!(plan.status.code(), Some(0), "{}", stderr(&plan));
+    let plan = stdout(&plan);
     assert!(
         plan.contains("`object_weight` changed from 3.0 to 0.0"),
         "{plan}"
     );
-    let unknown = finished().command("plan", &["--profile", "papre"]);
-    let unknown = { unknown }.output().unwrap();
+    let unknown = planned("lihgt");
     assert_eq!(unknown.status.code(), Some(2));
     let text = stderr(&unknown);
-    assert!(text.contains("no profile `papre`"), "{text}");
-    assert!(text.contains("its profiles are: arm, paper"), "{text}");
+    assert!(text.contains("no profile `lihgt`"), "{text}");
+    assert!(text.contains("its profiles are: light, quick"), "{text}");
 }
 
 #[test]
@@ -203,8 +211,6 @@ fn drawings_name_every_output_once_and_only_connect_what_they_name() {
     let file = folder.path().join("my pipeline.toml");
     let renamed = include_str!("../../pipelines/cgf.toml")
         .replace("stages.screen", "stages.screen-2")
-        .replace("paper.screen", "paper.screen-2")
-        .replace("released.screen", "released.screen-2")
         .replace("screen.rollouts", "screen-2.rollouts");
     put(&file, &renamed);
     let draw = |format: &str| {

@@ -71,49 +71,44 @@ fn a_misspelt_kind_and_a_misspelt_stage_get_the_near_name() {
 
 #[test]
 fn a_profile_that_nobody_asks_for_is_checked_as_well() {
-    let check = |from: &str, to: &str, says: &[&str]| {
-        let (code, text) = with_edited_file(from, to);
+    const LAST: &str = "steps_per_control = 1\n";
+    let check = |profile: &str, says: &[&str]| {
+        let (code, text) = with_edited_file(LAST, &format!("{LAST}{profile}\n"));
         assert_eq!(code, 2, "{text}");
         assert_says(&text, says);
         assert_eq!(text.matches("error: ").count(), 1, "{text}");
     };
     check(
-        "[profiles.paper.train]",
-        "[profiles.paper.trian]",
+        "[profiles.many.trian]\nobjects = []",
         &[
-            "profile `paper` changes an unknown stage `trian`",
+            "profile `many` changes an unknown stage `trian`",
             "did you mean `train`?",
-            "paper.trian",
+            "many.trian",
         ],
     );
-    let paper = "[profiles.paper.sample]\nper_object = 10000";
     check(
-        paper,
-        "[profiles.paper.sample]\nper_objects = 10000",
+        "[profiles.many.sample]\nper_objects = 10000",
         &[
             "unknown key `per_objects` in stage `sample`",
             "| per_objects = 10000",
         ],
     );
     check(
-        paper,
-        "[profiles.paper.sample]\nper_object = \"many\"",
+        "[profiles.many.sample]\nper_object = \"many\"",
         &["stage `sample`", "| per_object = \"many\""],
     );
     check(
-        paper,
-        "[profiles.paper.sample]\nper_object = 4_000_000_000",
+        "[profiles.many.sample]\nper_object = 4_000_000_000",
         &["`per_object` is 4000000000", "| per_object = 4_000_000_000"],
     );
     check(
-        "[profiles.paper.sample]\n",
-        "[profiles.paper]\ningest = 3\n[profiles.paper.sample]\n",
+        "[profiles.many]\ningest = 3",
         &["what a profile changes in stage `ingest` is not a table"],
     );
+    check("[profiles]\nbest = 3", &["profile `best` is not a table"]);
     check(
-        "[profiles.paper.train]",
-        "[profiles]\nbest = 3\n[profiles.paper.train]",
-        &["profile `best` is not a table"],
+        "[profiles.many.shared]\ngrip = 3",
+        &["no stage takes the shared value `grip`", "| grip = 3"],
     );
 }
 

@@ -2,6 +2,7 @@
 
 use std::{fs, path::Path, process::Command};
 
+use dataflow::Pipeline;
 use tempfile::TempDir;
 
 use crate::bench::{put, stderr, stdout};
@@ -50,11 +51,9 @@ struct StageOption {
 fn options() -> Vec<StageOption> {
     let mut options: Vec<StageOption> = Vec::new();
     for (file, text) in FILES {
-        let document: toml_edit::DocumentMut = text.parse().unwrap();
-        for (stage, table) in document["stages"].as_table().unwrap() {
-            let name = table["kind"].as_str().unwrap();
-            let kinds = pipeline::kinds();
-            let kind = kinds.iter().find(|kind| kind.name == name).unwrap();
+        let read = Pipeline::parse(file.as_ref(), text, &pipeline::kinds(), None, &[]).unwrap();
+        for stage in &read.stages {
+            let (name, kind) = (stage.kind.name, stage.kind);
             for option in kind.options() {
                 let known = |known: &StageOption| known.kind == name && known.key == option.key;
                 if options.iter().any(known) {
@@ -63,7 +62,7 @@ fn options() -> Vec<StageOption> {
                 options.push(StageOption {
                     file,
                     kind: name.to_owned(),
-                    stage: stage.to_owned(),
+                    stage: stage.name.clone(),
                     key: option.key,
                     wrong: if option.value == "boolean" {
                         "3"
@@ -91,7 +90,7 @@ fn every_option_of_every_stage_names_its_key_and_what_it_must_be() {
         let overrides = [set.parse().unwrap()];
         let text = fs::read_to_string(repository().join(option.file)).unwrap();
         let path = Path::new(option.file);
-        let parsed = dataflow::Pipeline::parse(path, &text, &pipeline::kinds(), None, &overrides);
+        let parsed = Pipeline::parse(path, &text, &pipeline::kinds(), None, &overrides);
         let Err(err) = parsed else {
             panic!("{set} is taken");
         };
@@ -138,13 +137,13 @@ fn a_value_of_a_wrong_type_is_shown_in_its_line() {
             &["from 0 on, found the number -1"],
         ),
         (
-            "mirror = false",
-            "mirror = \"no\"",
+            "root = \"data/sample\"",
+            "root = \"data/sample\"\nmirror = \"no\"",
             &["`mirror` in stage `ingest` must be `true` or `false`"],
         ),
         (
-            "point_widths = [64, 128, 256]",
-            "point_widths = [64, \"wide\", 256]",
+            "[stages.train.training]",
+            "[stages.train.network]\npoint_widths = [64, \"wide\", 256]\n[stages.train.training]",
             &[
                 "element 2 of `network.point_widths`",
                 "found the text \"wide\"",
@@ -152,13 +151,13 @@ fn a_value_of_a_wrong_type_is_shown_in_its_line() {
             ],
         ),
         (
-            "subjects = []",
-            "subjects = \"all\"",
+            "root = \"data/sample\"",
+            "root = \"data/sample\"\nsubjects = \"all\"",
             &["`subjects` in stage `ingest` must be a list of texts"],
         ),
         (
-            "schedule = \"cosine\"",
-            "schedule = \"cosin\"",
+            "epochs = 150",
+            "epochs = 150\nschedule = \"cosin\"",
             &[
                 "must be \"halving\" or \"cosine\"",
                 "found the text \"cosin\"",
@@ -166,20 +165,17 @@ fn a_value_of_a_wrong_type_is_shown_in_its_line() {
             ],
         ),
         (
-            "controller = \"pd\"",
-            "controller = \"pid\"",
+            "drive = { ",
+            "drive = { controller = \"pid\", ",
             &[
                 "scene.drive.controller` in stage `screen` must be \"pd\"",
                 "found the text \"pid\"",
             ],
         ),
         (
-            "min_steps_n = 11\n",
+            "hand = \"right\"\n",
             "",
-            &[
-                "stage `ingest` lacks the key `min_steps_n`",
-                "[stages.ingest]",
-            ],
+            &["stage `ingest` lacks the key `hand`", "[stages.ingest]"],
         ),
         (
             "epochs = 150",
@@ -187,13 +183,13 @@ fn a_value_of_a_wrong_type_is_shown_in_its_line() {
             &["unknown key `epoch`", "did you mean `epochs`?"],
         ),
         (
-            "held_out_share = 0.1",
-            "held_out_share = 0.1\nepochs = 3",
+            "\n[stages.train.training]",
+            "epochs = 3\n[stages.train.training]",
             &["unknown key `epochs`", "did you mean `training.epochs`?"],
         ),
         (
-            "settle_n = 5",
-            "settle_n = 5\nmax_skipped_fraction = 2",
+            "hand = \"right\"",
+            "hand = \"right\"\nmax_skipped_fraction = 2",
             &[
                 "`max_skipped_fraction` in stage `ingest` must be a number from 0 to 1, found the number 2",
             ],
@@ -224,9 +220,8 @@ fn every_wrong_value_of_a_file_is_told_at_once() {
     let path = folder.path().join("edited.toml");
     let file = FILES[0]
         .1
-        .replacen("epochs = 150", "epochs = \"many\"", 1)
-        .replacen("batch = 8", "batch = true", 1)
-        .replacen("mirror = false", "miror = false", 1);
+        .replacen("epochs = 150", "epochs = \"many\"\nbatch = true", 1)
+        .replacen("hand = \"right\"", "hand = \"right\"\nmiror = false", 1);
     put(&path, &file);
     let (code, text) = said(repository(), &["plan", path.to_str().unwrap()]);
     assert_eq!(code, 2);

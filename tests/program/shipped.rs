@@ -1,22 +1,22 @@
-//! Every pipeline file that is shipped, with each of its profiles, in every command that takes one.
+//! Every pipeline file that is shipped, in every command that takes one.
 
 use std::{
-    collections::BTreeSet,
     fs,
     io::{BufRead, BufReader},
     path::Path,
     process::{Command, Stdio},
 };
 
+use dataflow::Pipeline;
+
 use crate::{
     bench::{Bench, stderr},
     cell_lab::Served,
 };
 
-/// A pipeline file, with a profile or without.
+/// A pipeline file.
 struct Shipped {
     file: String,
-    profile: Option<String>,
     /// Whether a stage sends motions to a cell.
     dispatches: bool,
 }
@@ -30,19 +30,14 @@ fn shipped() -> Vec<Shipped> {
             continue;
         }
         let text = fs::read_to_string(&path).unwrap();
-        let profiles: BTreeSet<&str> = text
-            .lines()
-            .filter_map(|line| line.strip_prefix("[profiles."))
-            .filter_map(|rest| rest.split(['.', ']']).next())
-            .collect();
-        let none = [None].into_iter();
-        for profile in none.chain(profiles.into_iter().map(Some)) {
-            all.push(Shipped {
-                file: path.to_str().unwrap().to_owned(),
-                profile: profile.map(str::to_owned),
-                dispatches: text.contains("kind = \"dispatch\""),
-            });
-        }
+        let read = Pipeline::parse(&path, &text, &pipeline::kinds(), None, &[]).unwrap();
+        all.push(Shipped {
+            file: path.to_str().unwrap().to_owned(),
+            dispatches: read
+                .stages
+                .iter()
+                .any(|stage| stage.kind.name == "dispatch"),
+        });
     }
     assert!(all.len() > 7 && all.iter().any(|one| one.dispatches));
     all
@@ -50,8 +45,7 @@ fn shipped() -> Vec<Shipped> {
 
 impl Shipped {
     fn name(&self) -> String {
-        let profile = self.profile.as_deref().unwrap_or("no profile");
-        format!("`{}` with {profile}", self.file)
+        format!("`{}`", self.file)
     }
 
     /// The command line of a command on it.
@@ -61,9 +55,6 @@ impl Shipped {
             .current_dir(env!("CARGO_MANIFEST_DIR"))
             .args([command, &self.file, "--lake"])
             .arg(bench.lake());
-        if let Some(profile) = &self.profile {
-            program.args(["--profile", profile]);
-        }
         program
     }
 }

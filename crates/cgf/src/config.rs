@@ -36,95 +36,110 @@ const LEAST_NORM: f64 = 1e-12;
 
 /// Widths and shapes of the network (section III-B of the paper; `README.md` names the tensors).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct NetworkConfig {
-    /// Surface points of the object that the network sees; paper: 2000
+    /// Surface points of the object that the network sees: a quarter of the paper's find the same
+    /// grasps in a fraction of the time; paper: 2000
     pub points: usize,
-    /// Widths of the point network's layers, the last is the object feature's; paper: [64, 128, 1024]
+    /// Widths of the point network's layers, the last is the object feature's: as wide as tens of
+    /// objects need; paper: [64, 128, 1024]
     pub point_widths: Vec<usize>,
-    /// Steps of a motion that the encoder sees; released code: 20
+    /// Steps of a motion that the encoder sees, as many as the released code's
     pub encoder_steps: usize,
-    /// Widths of the layers applied to each of these steps; released code: [256, 64]
+    /// Widths of the layers applied to each of these steps, those of the released code
     pub hand_widths: Vec<usize>,
-    /// Widths of the encoder's layers before mean and variance; released code: `[256]`
+    /// Widths of the encoder's layers before mean and variance, as the released code's last:
+    /// `[256]`
     pub encoder_widths: Vec<usize>,
-    /// Width of the latent code z; paper: 256
+    /// Width of the latent code z: hundreds of motions do not use more; paper: 256
     pub latent_dim: usize,
-    /// Widths of the decoder's hidden layers; paper: [512, 256], released code: [256, 512, 256]
+    /// Widths of the decoder's hidden layers, those of the released code; paper: [512, 256]
     pub decoder_widths: Vec<usize>,
-    /// Activation of encoder and decoder; paper: "relu", which has no second derivative in time
+    /// Activation of encoder and decoder: motions have accelerations with "silu"; paper: "relu",
+    /// which has no second derivative in time
     pub activation: Activation,
-    /// Frame in which the network sees object and hand; paper: "object"
+    /// Frame in which the network sees object and hand: on unseen objects "resting" holds 26 points
+    /// more often than the paper's "object"
     pub frame: Frame,
-    /// Which steps of a motion the encoder sees; released code: "recorded"
+    /// Which steps of a motion the encoder sees: with equal ones its length does not matter;
+    /// released code: "recorded"
     pub encoder_times: EncoderTimes,
-    /// How the encoder sees the palm's rotation; released code: "`axis_angle`"
+    /// How the encoder sees the palm's rotation: columns have no jump; released code:
+    /// "`axis_angle`"
     pub encoder_rotation: EncoderRotation,
-    /// How uncertain the encoder can be of a motion's code; paper: "free"
+    /// How uncertain the encoder can be of a motion's code: a posterior no wider than the prior, so
+    /// that one motion cannot spoil a training; paper: "free"
     pub latent_variance: LatentVariance,
-    /// Where the decoder's joint positions can be; paper: "free"
+    /// Where the decoder's joint positions can be: within limits, so that a controller can take
+    /// every motion; paper: "free"
     pub joints: JointOutputs,
 }
 
 /// The frame in which the network sees object and hand.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Frame {
     /// The table under the object as it lies, z against gravity: the network knows where the table is.
+    #[default]
     Resting,
     /// The object's own: equal motions about an object are equal however it lies.
     Object,
 }
 
 /// Which steps of a motion the encoder sees.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EncoderTimes {
     /// Steps at equal times from the first to the grasp.
+    #[default]
     Equal,
     /// Recorded ones, drawn once for each motion.
     Recorded,
 }
 
 /// How the encoder sees the palm's rotation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EncoderRotation {
     /// As the first two columns of its matrix.
+    #[default]
     Columns,
     /// As axis times angle, which jumps at a half turn.
     AxisAngle,
 }
 
 /// How uncertain the encoder can be of a motion's code.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LatentVariance {
     /// The encoder gives the logarithm of any variance: for a motion unlike all others it can be so
     /// large that one step spoils a training.
     Free,
     /// Its variance is at most the prior's, which is 1: `sigmoid(x)` of the last layer's x.
+    #[default]
     BelowPrior,
 }
 
 /// Where the decoder's joint positions can be.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum JointOutputs {
     /// Anywhere.
     Free,
     /// Within the hand's limits: `middle + half · tanh((x − middle) / half)` of the last layer's x, where
     /// `half` is half of the joint's range.
+    #[default]
     WithinLimits,
 }
 
 /// What stands between two layers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Activation {
     /// `max(x, 0)`: motions are piecewise linear in time before the rotation map.
     Relu,
     /// `x / (1 + exp(−x))`: motions have velocities and accelerations.
+    #[default]
     Silu,
 }
 
@@ -135,62 +150,106 @@ pub struct TrainingConfig {
     /// What computes, "cpu" if absent; "cuda" and "metal" need a program built with that feature
     #[serde(default)]
     pub device: TrainingDevice,
-    /// Passes over all trajectories; paper: 1000
+    /// Passes over all trajectories: minutes, after which held-out motions hardly get better;
+    /// paper: 1000
+    #[serde(default = "defaults::epochs")]
     pub epochs: usize,
-    /// Epochs between two measurements of held-out motions; the last epoch always measures
+    /// Epochs between two measurements of held-out motions, which cost little then; the last epoch
+    /// always measures
+    #[serde(default = "defaults::validation_epochs")]
     pub validation_epochs: usize,
-    /// Trajectories per step of the optimizer; paper: 32
+    /// Trajectories per step of the optimizer: few, so that some hundred motions make enough steps;
+    /// paper: 32
+    #[serde(default = "defaults::batch")]
     pub batch: usize,
-    /// Adam's learning rate at the start; paper: 5e-4
+    /// Adam's learning rate at the start: falls to zero within the few epochs; paper: 5e-4
+    #[serde(default = "defaults::learning_rate")]
     pub learning_rate: f64,
     /// Gradients longer than this are shortened to it; absent: never, as in the paper
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_gradient_norm: Option<f64>,
-    /// How the learning rate falls; paper: "halving"
+    /// How the learning rate falls: to zero at the last epoch; paper: "halving"
+    #[serde(default)]
     pub schedule: Schedule,
-    /// Epochs after which `schedule = "halving"` halves the learning rate; paper: 500
+    /// Epochs after which `schedule = "halving"` halves the learning rate, the paper's
+    #[serde(default = "defaults::halving_epochs")]
     pub halving_epochs: usize,
-    /// Last steps of every motion that are always seen; released code: 5
+    /// Last steps of every motion that are always seen, as in the released code: the grasp is what
+    /// counts
+    #[serde(default = "defaults::grasp_steps")]
     pub grasp_steps: usize,
-    /// Weight of each of these in the losses, where every other time has 1; paper: 1
+    /// Weight of each of these in the losses, where every other time has 1: contact takes more
+    /// precision than the way to it; paper: 1
+    #[serde(default = "defaults::grasp_weight")]
     pub grasp_weight: f64,
-    /// Further times of every motion, drawn anew each epoch; released code: 20
+    /// Further times of every motion, drawn anew each epoch: with those of the grasp a dozen;
+    /// released code: 20
+    #[serde(default = "defaults::random_times")]
     pub random_times: usize,
-    /// Where these further times lie; released code: "recorded"
+    /// Where these further times lie: anywhere, so that the motion is a function of time; released
+    /// code: "recorded"
+    #[serde(default)]
     pub times: Times,
-    /// How often the noise of a latent code is drawn; released code: "`per_time`"
+    /// How often the noise of a latent code is drawn: once for a motion, as in sampling; released
+    /// code: "`per_time`"
+    #[serde(default)]
     pub latent_noise: LatentNoise,
-    /// How the first weights are drawn; released code: "torch"
+    /// How the first weights are drawn: so that layers keep the size of what they are given;
+    /// released code: "torch"
+    #[serde(default)]
     pub initialization: Initialization,
-    /// How object and hand are turned together during training; released code: "released"
+    /// How object and hand are turned together during training: about the vertical, worth 5 to 13
+    /// points on unseen objects; released code: "released"
+    #[serde(default)]
     pub augmentation: Augmentation,
-    /// Units in which the network speaks and the position loss is measured; paper: "physical"
+    /// Units in which the network speaks and the position loss is measured: with standardized ones
+    /// meters and radians count alike; paper: "physical"
+    #[serde(default)]
     pub outputs: Outputs,
-    /// Share of the epochs after which the point network's statistics stay fixed; paper: 1
+    /// Share of the epochs after which the point network's statistics stay fixed: the second half
+    /// is trained with what sampling uses; paper: 1
+    #[serde(default = "defaults::fixed_statistics_after")]
     pub fixed_statistics_after: f64,
-    /// How squared errors are put together; paper: "sum"
+    /// How squared errors are put together: weights do not depend on how many times and links there
+    /// are; paper: "sum"
+    #[serde(default)]
     pub reduction: Reduction,
-    /// Weight of the outputs' squared errors, in the units of `outputs`; paper: 1
+    /// Weight of the outputs' squared errors, in the units of `outputs`: the one that others are
+    /// measured by; paper: 1
+    #[serde(default = "defaults::q_weight")]
     pub q_weight: f64,
-    /// Weight of the translation's squared errors, in the units of `outputs`, beside `q_weight`;
-    /// paper: 0, released code: 10
+    /// Weight of the translation's squared errors, in the units of `outputs`, beside `q_weight`:
+    /// none beside it, as in the paper; released code: 10
+    #[serde(default)]
     pub translation_weight: f64,
-    /// Weight of the link origins' squared distances, 1/m²; paper: 10
+    /// Weight of the link origins' squared distances, 1/m²: 10 cm count as much as a standard
+    /// deviation of the outputs; paper: 10
+    #[serde(default = "defaults::origins_weight")]
     pub origins_weight: f64,
-    /// Weight of the squared errors of the first two columns of the links' rotations; paper: 0,
-    /// released code: 0.5
+    /// Weight of the squared errors of the first two columns of the links' rotations: none, as in
+    /// the paper; released code: 0.5
+    #[serde(default)]
     pub rotations_weight: f64,
-    /// Weight of the latent code's divergence from the standard normal, 1/nat; paper: 1e-3
+    /// Weight of the latent code's divergence from the standard normal, 1/nat: with ten times as
+    /// much, unseen objects are reached 8 mm worse; paper: 1e-3
+    #[serde(default = "defaults::kl_weight")]
     pub kl_weight: f64,
-    /// Weight of the finger tips' squared distances from contact, 1/m²; paper: 50
+    /// Weight of the finger tips' squared distances from contact, 1/m²: twice that of the links,
+    /// for the tips are what holds; paper: 50
+    #[serde(default = "defaults::contact_weight")]
     pub contact_weight: f64,
-    /// Weight of the squared depths of the links in object and table, 1/m²; paper: 0
+    /// Weight of the squared depths of the links in object and table, 1/m²: depths are millimeters
+    /// where distances are centimeters; paper: 0
+    #[serde(default = "defaults::penetration_weight")]
     pub penetration_weight: f64,
-    /// What the contact loss asks of the finger tips at the grasp; paper: "`touch_center`"
+    /// What the contact loss asks of the finger tips at the grasp: that they touch, and do not sink
+    /// in by their radius; paper: "`touch_center`"
+    #[serde(default)]
     pub contact: Contact,
-    /// Names of the hand's finger tip links
+    /// Names of the hand's finger tip links; no default, for each hand has its own
     pub tips: Vec<String>,
-    /// Radius of the finger tips about their links' origins, m; unused by "`touch_center`"
+    /// Radius of the finger tips about their links' origins, m; no default, for each hand has its
+    /// own; unused by "`touch_center`"
     pub tip_radius_m: f64,
 }
 
@@ -211,22 +270,24 @@ pub enum TrainingDevice {
 }
 
 /// How the learning rate falls over the epochs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Schedule {
     /// Halved every `halving_epochs` epochs.
     Halving,
     /// Half a cosine from the start down to zero (Loshchilov and Hutter, *SGDR*, 2017, eq. 5).
+    #[default]
     Cosine,
 }
 
 /// How object and hand are turned together about the object's origin.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Augmentation {
     /// Not at all: the object always lies as its resting orientation puts it.
     None,
     /// About the vertical, anew for every object and step: gravity stays where it is.
+    #[default]
     Vertical,
     /// By eleven rotations that are drawn once for each motion, no rotation among them; an epoch goes
     /// through all of them.
@@ -236,22 +297,24 @@ pub enum Augmentation {
 }
 
 /// Units of the network's outputs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Outputs {
     /// Meters, matrix entries and radians.
     Physical,
     /// The same less their mean, over the standard deviation of translation, rotation and joints.
+    #[default]
     Standardized,
 }
 
 /// What the contact loss asks of the finger tips at the grasp.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Contact {
     /// That their centers lie on the object's points, as the paper prints it.
     TouchCenter,
     /// That their surfaces touch the object's points.
+    #[default]
     TouchSurface,
     /// Nothing: it says how far the demonstration's tips are from the object's points, which no weight
     /// changes, as the released code has it.
@@ -259,31 +322,34 @@ pub enum Contact {
 }
 
 /// Where the further times of a motion lie.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Times {
     /// Anywhere, drawn anew in every epoch: positions between two steps lie on a line, rotations on the
     /// shortest arc.
+    #[default]
     Continuous,
     /// On recorded steps, drawn once for each motion.
     Recorded,
 }
 
 /// How often the noise of a latent code is drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LatentNoise {
     /// Once for a motion, as in sampling.
+    #[default]
     PerMotion,
     /// Anew at every time of a motion.
     PerTime,
 }
 
 /// How the first weights are drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Initialization {
     /// Variance `1 / inputs`, no bias, the last layer small, object features about zero.
+    #[default]
     Centered,
     /// Weights and biases uniform within `1 / sqrt(inputs)`, as `PyTorch` does.
     Torch,
@@ -291,10 +357,11 @@ pub enum Initialization {
 
 /// How squared errors are put together over times, outputs, links and finger tips; over motions it is
 /// always the mean.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Reduction {
     /// Their mean.
+    #[default]
     Mean,
     /// Their sum.
     Sum,
@@ -323,6 +390,27 @@ impl TrainingDevice {
             Ok(device?)
         } else {
             Err(CgfError::NotBuiltFor { feature })
+        }
+    }
+}
+
+impl Default for NetworkConfig {
+    /// Returns widths for hundreds of motions of tens of objects; the options say why.
+    fn default() -> Self {
+        Self {
+            points: 512,
+            point_widths: vec![64, 128, 256],
+            encoder_steps: 20,
+            hand_widths: vec![256, 64],
+            encoder_widths: vec![256],
+            latent_dim: 16,
+            decoder_widths: vec![256, 512, 256],
+            activation: Activation::default(),
+            frame: Frame::default(),
+            encoder_times: EncoderTimes::default(),
+            encoder_rotation: EncoderRotation::default(),
+            latent_variance: LatentVariance::default(),
+            joints: JointOutputs::default(),
         }
     }
 }
@@ -516,4 +604,23 @@ fn check<N: PartialOrd + Copy + Debug + Display>(
         value: format!("{value:?}"),
         expected: format!("from {least} to {most}: {why}"),
     })
+}
+
+/// Values of options that a pipeline file leaves out; the options say why.
+#[rustfmt::skip]
+mod defaults {
+    pub(super) fn epochs() -> usize { 150 }
+    pub(super) fn validation_epochs() -> usize { 5 }
+    pub(super) fn batch() -> usize { 8 }
+    pub(super) fn learning_rate() -> f64 { 2e-3 }
+    pub(super) fn halving_epochs() -> usize { 500 }
+    pub(super) fn grasp_steps() -> usize { 5 }
+    pub(super) fn grasp_weight() -> f64 { 5.0 }
+    pub(super) fn random_times() -> usize { 7 }
+    pub(super) fn fixed_statistics_after() -> f64 { 0.5 }
+    pub(super) fn q_weight() -> f64 { 1.0 }
+    pub(super) fn origins_weight() -> f64 { 100.0 }
+    pub(super) fn kl_weight() -> f64 { 2e-3 }
+    pub(super) fn contact_weight() -> f64 { 200.0 }
+    pub(super) fn penetration_weight() -> f64 { 5000.0 }
 }

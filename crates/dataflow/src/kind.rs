@@ -274,7 +274,11 @@ fn collect_options(root: &Value, schema: &Value, prefix: &str, options: &mut Vec
             key: key.clone(),
             value: type_name(target),
             about: about.split_whitespace().collect::<Vec<_>>().join(" "),
-            default: property.get("default").map(ToString::to_string),
+            // A table's is that of the options in it.
+            default: property
+                .get("default")
+                .filter(|_| target.get("properties").is_none())
+                .map(ToString::to_string),
             required: required.contains(&name.as_str()),
         });
         collect_options(root, target, &key, options);

@@ -1,6 +1,7 @@
 //! Pipeline files, stages, units, fingerprints, plans and their execution.
 //!
-//! A pipeline file wires stages; a stage makes its outputs one partition at a time; each partition is
+//! A pipeline file wires stages, and says of their options what differs from the defaults or from the file that
+//! it extends; a stage makes its outputs one partition at a time; each partition is
 //! a *unit* with a [`Fingerprint`] that holds everything its bytes depend on. A unit whose
 //! fingerprint the [`Store`] already knows is not made again; `plan` compares fingerprints field by
 //! field and so names the cause of every rerun.
@@ -20,6 +21,7 @@ mod context;
 mod digest;
 mod elsewhere;
 mod error;
+mod extended;
 mod fingerprint;
 mod form;
 mod graph;
@@ -37,10 +39,13 @@ mod readiness;
 mod report;
 mod run;
 mod seed;
+mod shared;
 mod source;
 mod stage;
 mod state;
 mod store;
+mod tables;
+mod texts;
 mod unit;
 mod workers;
 

@@ -1,23 +1,23 @@
 //! Pipeline files: TOML that wires stages.
 
 mod faults;
+mod profiles;
 mod reader;
-mod tables;
+mod sharing;
+mod wiring;
 
 use std::{
     collections::{BTreeMap, BTreeSet},
     path::Path,
 };
 
-use toml_edit::Document;
-
 use self::reader::FileReader;
 use crate::{
-    error::{Failure, FileError, Problem},
+    error::{Failure, FileError},
+    extended::Extended,
     graph::{Node, NodeName},
     kind::{Configured, Kind},
     overrides::Override,
-    source::Location,
     stage::{Advised, Scope, Stage},
     store::Origin,
     unit::Unit,
@@ -97,12 +97,12 @@ impl StageEntry {
 }
 
 impl Pipeline {
-    /// Parses and checks a pipeline file; `profile` names a table under `profiles`, and `overrides`
-    /// come last.
+    /// Parses and checks a pipeline file, and reads the files that it extends; `profile` names a table under
+    /// `profiles`, and `overrides` come last.
     ///
     /// # Errors
     ///
-    /// Fails with everything that is wrong in the file, each fault with its place and a hint.
+    /// Fails with everything that is wrong in the files, each fault with its place and a hint.
     pub fn parse(
         path: &Path,
         source: &str,
@@ -110,18 +110,22 @@ impl Pipeline {
         profile: Option<&str>,
         overrides: &[Override],
     ) -> Result<Self, FileError> {
-        let document = Document::parse(source).map_err(|err| {
-            let location = err.span().map(|span| Location::of(path, source, span));
-            Problem::new(err.message().to_owned()).at(location)
-        })?;
+        let file = Extended::read(path, source);
+        if !file.problems.is_empty() {
+            return Err(FileError {
+                problems: file.problems,
+            });
+        }
         let mut reader = FileReader {
             path,
-            source,
+            file: &file,
             kinds,
             overrides,
+            taken: Vec::new(),
+            taken_names: BTreeSet::new(),
             problems: Vec::new(),
         };
-        let pipeline = reader.pipeline(document.as_table(), profile);
+        let pipeline = reader.pipeline(profile);
         match pipeline {
             Some(pipeline) if reader.problems.is_empty() => Ok(pipeline),
             _ => Err(FileError {

@@ -55,14 +55,6 @@ impl Location {
         }
     }
 
-    /// The line in the pipeline file, from 1.
-    pub(crate) fn line(&self) -> Option<usize> {
-        match self.source {
-            Source::File { line, .. } => Some(line),
-            Source::Argument => None,
-        }
-    }
-
     /// Finds the column of a byte range of what follows `--set`.
     pub(crate) fn in_set(argument: &str, part: Range<usize>) -> Self {
         let length = |range: Range<usize>| argument.get(range).unwrap_or_default().chars().count();

@@ -10,21 +10,32 @@ use crate::shortcuts::Shortcuts;
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct SceneConfig {
-    /// Friction coefficient of every contact (hand, object, table).
+    /// Friction coefficient of every contact (hand, object, table): that of rubber finger tips on
+    /// most things.
+    #[serde(default = "defaults::friction")]
     pub friction: f64,
     /// Factor on the object's true mass and inertia.
+    #[serde(default = "defaults::mass_scale")]
     pub mass_scale: f64,
     /// Factor on the masses and inertias of the hand's links, of which its controller knows.
+    #[serde(default = "defaults::hand_mass_scale")]
     pub hand_mass_scale: f64,
-    /// Where the object really lies, relative to where the motion believes it to lie.
+    /// Where the object really lies, relative to where the motion believes it to lie: there.
+    #[serde(default)]
     pub object_offset: Offset,
-    /// Physics time step in seconds.
+    /// Physics time step in seconds: half of it costs twice as much, and drives are implicit.
+    #[serde(default = "defaults::time_step_s")]
     pub time_step_s: f64,
-    /// Physics steps in one control step.
+    /// Physics steps in one control step: with the default step, 50 commands a second.
+    #[serde(default = "defaults::steps_per_control")]
     pub steps_per_control: u32,
-    /// Distance in meters below which contacts are computed.
+    /// Distance in meters below which contacts are computed: a third of the rows of the engine's
+    /// own.
+    #[serde(default = "defaults::prediction_m")]
     pub prediction_m: f64,
-    /// Longest time in seconds that the object gets to come to rest on the table.
+    /// Longest time in seconds that the object gets to come to rest on the table: it falls half a
+    /// millimeter.
+    #[serde(default = "defaults::settle_s")]
     pub settle_s: f64,
     /// Drives of the finger joints.
     pub drive: DriveConfig,
@@ -42,7 +53,7 @@ impl SceneConfig {
 
 /// A planar displacement on the table.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 #[schemars(inline)]
 pub struct Offset {
     /// Displacement along the table's x axis in meters.
@@ -58,29 +69,35 @@ pub struct Offset {
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct DriveConfig {
-    /// What torque is asked for: that of `pd`, or of `pd_feedforward`.
+    /// What torque is asked for: that of `pd`, which knows only where to go, or of
+    /// `pd_feedforward`.
+    #[serde(default)]
     pub controller: ControllerKind,
-    /// Stiffness in newton meters per radian.
+    /// Stiffness in newton meters per radian; no default, for each hand has its own.
     pub stiffness: f64,
-    /// Damping in newton meter seconds per radian.
+    /// Damping in newton meter seconds per radian; no default, for each hand has its own.
     pub damping: f64,
-    /// Largest torque in newton meters.
+    /// Largest torque in newton meters; no default, for each hand has its own.
     pub torque_limit: f64,
-    /// Inertia of the rotor as felt at the joint, in kilogram square meters.
+    /// Inertia of the rotor as felt at the joint, in kilogram square meters; no default, for each
+    /// hand has its own.
     pub armature: f64,
-    /// Stiffness of the mechanical end stops in newton meters per radian.
+    /// Stiffness of the mechanical end stops in newton meters per radian: at the torque of small
+    /// drives they give by a fraction of a degree.
+    #[serde(default = "defaults::stop_stiffness")]
     pub stop_stiffness: f64,
 }
 
 /// What torque a finger's drive asks for, at a joint at `q` that shall be at `q_d`.
 ///
 /// Both are integrated implicitly and clamped to the torque limit as a whole.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum ControllerKind {
     /// A spring to the command and a brake: `stiffness (q_d − q) − damping q̇`, the command held over
     /// each control step.
+    #[default]
     Pd,
     /// The torque of the motion itself, and a spring and a damper to it:
     /// `ID(q̈_d, q, q̇) + stiffness (q_d − q) + damping (q̇_d − q̇)` with the hand's inverse dynamics
@@ -90,7 +107,7 @@ pub enum ControllerKind {
 }
 
 /// How the fingers behave while the palm follows its path.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Approach {
@@ -98,6 +115,7 @@ pub enum Approach {
     Follow,
     /// The palm follows its path before the closing with the fingers at their final positions,
     /// opened by `open_rad`; then it waits, and they close.
+    #[default]
     Open,
 }
 
@@ -106,43 +124,72 @@ pub enum Approach {
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Protocol {
-    /// What the fingers do during the reach: `follow` the motion, or stay `open` until the closing.
+    /// What the fingers do during the reach: `follow` the motion, or stay `open` until the closing,
+    /// so that they do not knock the object over.
+    #[serde(default)]
     pub approach: Approach,
-    /// Duration of the reach, to which a motion is stretched, in seconds.
+    /// Duration of the reach, to which a motion is stretched, in seconds: a person's from near the
+    /// object.
+    #[serde(default = "defaults::reach_s")]
     pub reach_s: f64,
-    /// Last part of the reach, as a fraction of it, in which the fingers close.
+    /// Last part of the reach, as a fraction of it, in which the fingers close: 0.2 s of 0.8 s.
+    #[serde(default = "defaults::close_fraction")]
     pub close_fraction: f64,
-    /// Names of the joints that open and squeeze; positive positions flex.
+    /// Names of the joints that open and squeeze; positive positions flex; no default, for each
+    /// hand has its own.
     pub flexion_joints: Vec<String>,
-    /// How far these joints are opened during the reach, in radians.
+    /// How far these joints are opened during the reach, in radians: some centimeters at the tips.
+    #[serde(default = "defaults::open_rad")]
     pub open_rad: f64,
-    /// How far beyond their final positions these joints are commanded to squeeze, in radians.
+    /// How far beyond their final positions these joints are commanded to squeeze, in radians: with
+    /// a stiffness of 20 Nm/rad more than the drive's torque.
+    #[serde(default = "defaults::squeeze_rad")]
     pub squeeze_rad: f64,
-    /// Duration of the ramp to the squeeze in seconds.
+    /// Duration of the ramp to the squeeze in seconds: slower than the fingers swing.
+    #[serde(default = "defaults::squeeze_s")]
     pub squeeze_s: f64,
-    /// Pause between squeeze and lift in seconds.
+    /// Pause between squeeze and lift in seconds: what moves comes to rest.
+    #[serde(default = "defaults::pause_s")]
     pub pause_s: f64,
-    /// Height of the lift in meters.
+    /// Height of the lift in meters: free of the table with every object of a hand's size.
+    #[serde(default = "defaults::lift_m")]
     pub lift_m: f64,
-    /// Duration of the lift in seconds.
+    /// Duration of the lift in seconds: brisk, so that weak grasps fail.
+    #[serde(default = "defaults::lift_s")]
     pub lift_s: f64,
-    /// How long the lifted object must be held, in seconds.
+    /// How long the lifted object must be held, in seconds: what slips slowly shows.
+    #[serde(default = "defaults::hold_s")]
     pub hold_s: f64,
-    /// Rise of the object in meters above which it counts as lifted, after the lift and ever since.
+    /// Rise of the object in meters above which it counts as lifted, after the lift and ever since:
+    /// half of the lift and a little.
+    #[serde(default = "defaults::lifted_m")]
     pub lifted_m: f64,
-    /// Hand links that must touch the object at the end.
+    /// Hand links that must touch the object at the end: one alone balances it.
+    #[serde(default = "defaults::min_links")]
     pub min_links: u32,
-    /// Largest speed of the object in the hand over the last half second, in meters per second.
+    /// Largest speed of the object in the hand over the last half second, in meters per second:
+    /// faster, and it is out of the hand soon.
+    #[serde(default = "defaults::max_slip_m_per_s")]
     pub max_slip_m_per_s: f64,
-    /// Displacement of the object before the squeeze that counts as knocked over, in meters.
+    /// Displacement of the object before the squeeze that counts as knocked over, in meters: the
+    /// fingers no longer close about it.
+    #[serde(default = "defaults::knocked_m")]
     pub knocked_m: f64,
-    /// Rotation of the object before the squeeze that counts as knocked over, in radians.
+    /// Rotation of the object before the squeeze that counts as knocked over, in radians: 34°, past
+    /// which most things fall.
+    #[serde(default = "defaults::knocked_rad")]
     pub knocked_rad: f64,
-    /// How far outside its limits a joint position may be asked for, in radians.
+    /// How far outside its limits a joint position may be asked for, in radians: the drive stops at
+    /// the limit.
+    #[serde(default = "defaults::limit_tolerance_rad")]
     pub limit_tolerance_rad: f64,
-    /// How far below the table the hand may be asked to reach, in meters.
+    /// How far below the table the hand may be asked to reach, in meters: fingers yield by that
+    /// much.
+    #[serde(default = "defaults::table_tolerance_m")]
     pub table_tolerance_m: f64,
-    /// How far inside the object the hand may be asked to reach before the closing, in meters.
+    /// How far inside the object the hand may be asked to reach before the closing, in meters: the
+    /// object yields by that much.
+    #[serde(default = "defaults::early_tolerance_m")]
     pub early_tolerance_m: f64,
     /// What is done to the object once it is squeezed: `lift` (the default) or `six_directions`.
     #[serde(default)]
@@ -191,4 +238,34 @@ impl Default for PullConfig {
             max_rotation_rad: 15.0_f64.to_radians(),
         }
     }
+}
+
+/// Values of options that a pipeline file leaves out; the options say why.
+#[rustfmt::skip]
+mod defaults {
+    pub(super) fn friction() -> f64 { 1.0 }
+    pub(super) fn mass_scale() -> f64 { 1.0 }
+    pub(super) fn hand_mass_scale() -> f64 { 1.0 }
+    pub(super) fn time_step_s() -> f64 { 0.004 }
+    pub(super) fn steps_per_control() -> u32 { 5 }
+    pub(super) fn prediction_m() -> f64 { 0.002 }
+    pub(super) fn settle_s() -> f64 { 1.0 }
+    pub(super) fn stop_stiffness() -> f64 { 200.0 }
+    pub(super) fn reach_s() -> f64 { 0.8 }
+    pub(super) fn close_fraction() -> f64 { 0.25 }
+    pub(super) fn open_rad() -> f64 { 0.3 }
+    pub(super) fn squeeze_rad() -> f64 { 0.15 }
+    pub(super) fn squeeze_s() -> f64 { 0.3 }
+    pub(super) fn pause_s() -> f64 { 0.3 }
+    pub(super) fn lift_m() -> f64 { 0.15 }
+    pub(super) fn lift_s() -> f64 { 0.4 }
+    pub(super) fn hold_s() -> f64 { 2.0 }
+    pub(super) fn lifted_m() -> f64 { 0.08 }
+    pub(super) fn min_links() -> u32 { 2 }
+    pub(super) fn max_slip_m_per_s() -> f64 { 0.01 }
+    pub(super) fn knocked_m() -> f64 { 0.03 }
+    pub(super) fn knocked_rad() -> f64 { 0.6 }
+    pub(super) fn limit_tolerance_rad() -> f64 { 0.1 }
+    pub(super) fn table_tolerance_m() -> f64 { 0.01 }
+    pub(super) fn early_tolerance_m() -> f64 { 0.02 }
 }

@@ -41,29 +41,38 @@ pub struct DispatchConfig {
     #[serde(default, skip_serializing)]
     pub access: Option<PathBuf>,
     /// The cell's name in its keys, `cgf/cell/NAME/…`.
+    #[serde(default = "defaults::cell_name")]
     pub cell_name: String,
-    /// Where the simulated cell listens, on the loopback interface; port 0 takes any free one, which lets
-    /// several runs go at once, another one can be watched at, e.g. `tcp/127.0.0.1:7447`.
+    /// Where the simulated cell listens, on the loopback interface; port 0 takes any free one,
+    /// which lets several runs go at once, another one can be watched at, e.g.
+    /// `tcp/127.0.0.1:7447`.
     // Where a cell listens does not change what it does.
-    #[serde(skip_serializing)]
+    #[serde(default = "defaults::listen", skip_serializing)]
     pub listen: String,
     /// Whether a cell that is not simulated may move; without it the run is a dry one.
+    #[serde(default)]
     pub execute: bool,
-    /// Largest number of motions sent for one object: of the accepted ones in their order, those that the
-    /// robot can make.
+    /// Largest number of motions sent for one object: of the accepted ones in their order, those
+    /// that the robot can make. Few, for each takes seconds of a robot's time; paper: 20.
+    #[serde(default = "defaults::per_object")]
     pub per_object: usize,
     /// Number of this attempt: raise it to have motions executed again by a cell that knows them.
+    #[serde(default = "defaults::attempt")]
     pub attempt: u32,
     /// Whether motions that a person stopped before this run are sent again, each as a goal of its own;
     /// without it they are told and left alone.
     // What was stopped is to be moved again, nothing that was decided is to be decided again.
     #[serde(default, skip_serializing)]
     pub resume_stopped: bool,
-    /// How long the cell gets to say whether it takes a goal (s).
+    /// How long the cell gets to say whether it takes a goal (s): a check takes far less.
+    #[serde(default = "defaults::answer_timeout_s")]
     pub answer_timeout_s: f64,
-    /// How long the cell gets to execute a motion (s).
+    /// How long the cell gets to execute a motion (s): one takes about 5 s, and may be slowed down.
+    #[serde(default = "defaults::result_timeout_s")]
     pub result_timeout_s: f64,
-    /// How far a joint may be from the first step when the motion starts (rad).
+    /// How far a joint may be from the first step when the motion starts (rad): 6°, which a
+    /// controller takes up without a jerk.
+    #[serde(default = "defaults::start_tolerance_rad")]
     pub start_tolerance_rad: f64,
     /// URDF of the robot hand; its root link is the palm.
     #[serde(skip_serializing)]
@@ -75,10 +84,12 @@ pub struct DispatchConfig {
     /// e.g. `{ "joint_0.0" = "ah_joint00" }` (none).
     #[serde(default)]
     pub joint_names: BTreeMap<String, String>,
-    /// How often controllers are told something: their own rates, so that none has to make up what is
-    /// between two points.
+    /// How often controllers are told something: their own rates, so that none has to make up what
+    /// is between two points.
+    #[serde(default)]
     pub rates: RatesConfig,
     /// How fast palm and joints may move.
+    #[serde(default)]
     pub limits: LimitsConfig,
     /// How a motion is carried out, and what counts as success; a way that limits slow down gets the
     /// time that it needs.
@@ -90,26 +101,41 @@ pub struct DispatchConfig {
 /// How often controllers are told something. At these rates a goal of a hand of 16 joints that lasts
 /// 2 s has 260 kB.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 #[schemars(inline)]
 pub struct RatesConfig {
-    /// What moves the palm (1/s).
+    /// What moves the palm (1/s): the rate of an xArm's controller.
     pub palm_hz: f64,
-    /// The hand (1/s).
+    /// The hand (1/s): the rate of the Allegro's controller.
     pub hand_hz: f64,
+}
+
+impl Default for RatesConfig {
+    /// Returns those of an xArm and an Allegro.
+    fn default() -> Self {
+        Self {
+            palm_hz: 250.0,
+            hand_hz: 333.0,
+        }
+    }
 }
 
 /// The simulated cell: where it differs from the screen is the gap that a motion must bridge.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SimulatedConfig {
-    /// Largest error of the object's place along each axis of the table (m).
+    /// Largest error of the object's place along each axis of the table (m): that of a good camera.
+    #[serde(default = "defaults::object_error_m")]
     pub object_error_m: f64,
-    /// Largest error of the object's direction on the table (rad).
+    /// Largest error of the object's direction on the table (rad): about a degree, that of a good
+    /// camera.
+    #[serde(default = "defaults::object_error_rad")]
     pub object_error_rad: f64,
-    /// How long after its time a command takes effect (s).
+    /// How long after its time a command takes effect (s): a cycle of the hand's controller.
+    #[serde(default = "defaults::latency_s")]
     pub latency_s: f64,
-    /// Standard deviation of what encoders add to the joints' positions (rad).
+    /// Standard deviation of what encoders add to the joints' positions (rad): a tenth of a degree.
+    #[serde(default = "defaults::encoder_noise_rad")]
     pub encoder_noise_rad: f64,
     /// The scene; give it another mass or friction than the screen's.
     pub scene: SceneConfig,
@@ -231,6 +257,22 @@ fn option_faults(faults: Vec<SettingFault>) -> Vec<OptionFault> {
         problem: fault.problem,
     });
     faults.collect()
+}
+
+/// Values of options that a pipeline file leaves out; the options say why.
+#[rustfmt::skip]
+mod defaults {
+    pub(super) fn cell_name() -> String { super::SIMULATED.to_owned() }
+    pub(super) fn listen() -> String { "tcp/127.0.0.1:0".to_owned() }
+    pub(super) fn per_object() -> usize { 3 }
+    pub(super) fn attempt() -> u32 { 1 }
+    pub(super) fn answer_timeout_s() -> f64 { 10.0 }
+    pub(super) fn result_timeout_s() -> f64 { 60.0 }
+    pub(super) fn start_tolerance_rad() -> f64 { 0.1 }
+    pub(super) fn object_error_m() -> f64 { 0.002 }
+    pub(super) fn object_error_rad() -> f64 { 0.02 }
+    pub(super) fn latency_s() -> f64 { 0.003 }
+    pub(super) fn encoder_noise_rad() -> f64 { 0.002 }
 }
 
 #[cfg(test)]

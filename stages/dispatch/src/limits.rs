@@ -13,24 +13,44 @@ const MOST_TIMES_SLOWER: f64 = 1000.0;
 
 /// How fast palm and joints may move; a motion is slowed down until it keeps to this.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 #[schemars(inline)]
 pub struct LimitsConfig {
     /// Largest speed of every joint (rad/s; m/s if prismatic); if absent each has that of the URDF.
-    #[serde(default)]
     pub joint_velocity_rad_per_s: Option<f64>,
-    /// Largest acceleration of every joint (rad/s²; m/s² if prismatic).
+    /// Largest acceleration of every joint (rad/s²; m/s² if prismatic): small drives reach full
+    /// speed in a tenth of a second.
     pub joint_acceleration_rad_per_s2: f64,
-    /// Largest speed of the palm's origin (m/s).
+    /// Largest speed of the palm's origin (m/s): that of an industrial arm's end.
     pub palm_speed_m_per_s: f64,
-    /// Largest acceleration of the palm's origin (m/s²).
+    /// Largest acceleration of the palm's origin (m/s²): that of gravity.
     pub palm_acceleration_m_per_s2: f64,
-    /// Largest angular speed of the palm (rad/s).
+    /// Largest angular speed of the palm (rad/s): half a turn in a second, an xArm's joints'.
     pub palm_turn_rad_per_s: f64,
-    /// Largest angular acceleration of the palm (rad/s²).
+    /// Largest angular acceleration of the palm (rad/s²): an xArm's joints'.
     pub palm_turn_acceleration_rad_per_s2: f64,
-    /// How many times as long as asked for a motion may take; a slower one is not sent.
+    /// How many times as long as asked for a motion may take; a slower one is not sent: it is
+    /// another motion.
     pub most_times_slower: f64,
+}
+
+impl Default for LimitsConfig {
+    /// Returns those of a small arm and hand; the options say why.
+    #[expect(
+        clippy::approx_constant,
+        reason = "a speed from a data sheet, not the number π"
+    )]
+    fn default() -> Self {
+        Self {
+            joint_velocity_rad_per_s: None,
+            joint_acceleration_rad_per_s2: 50.0,
+            palm_speed_m_per_s: 1.0,
+            palm_acceleration_m_per_s2: 10.0,
+            palm_turn_rad_per_s: 3.14,
+            palm_turn_acceleration_rad_per_s2: 20.0,
+            most_times_slower: 5.0,
+        }
+    }
 }
 
 /// The limits of one hand.

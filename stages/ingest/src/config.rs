@@ -23,7 +23,9 @@ pub struct IngestConfig {
     /// Whether recordings of the other hand are mirrored in the object's own mirror plane
     #[serde(default)]
     pub mirror: bool,
-    /// Largest distance of an object from its mirror image at which it is mirrored, m
+    /// Largest distance of an object from its mirror image at which it is mirrored (m): half of
+    /// what cameras may differ by
+    #[serde(default = "defaults::max_mirror_error_m")]
     pub max_mirror_error_m: f64,
     /// Folders of the subjects whose recordings are taken; empty: all
     #[serde(default)]
@@ -34,7 +36,8 @@ pub struct IngestConfig {
     /// Part of `DexYCB` that is taken
     #[serde(default)]
     pub split: Split,
-    /// Images per second of the recordings, Hz
+    /// Images per second of the recordings (Hz): that of DexYCB's cameras
+    #[serde(default = "defaults::rate_hz")]
     pub rate_hz: f64,
     /// Where the hand's landmarks come from
     #[serde(default)]
@@ -42,35 +45,53 @@ pub struct IngestConfig {
     /// Folder with the user's own `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`
     #[serde(default, skip_serializing)]
     pub mano_models: Option<PathBuf>,
-    /// Largest distance between cameras that agree on a hand or an object, m
+    /// Largest distance between cameras that agree on a hand or an object (m): a finger's thickness
+    /// apart they see different fingers
+    #[serde(default = "defaults::camera_agreement_m")]
     pub camera_agreement_m: f64,
     /// What says where the table is
     #[serde(default)]
     pub table: TableRule,
-    /// Fewest still objects, the grasped one among them, that must agree on a table without a tag
+    /// Fewest still objects, the grasped one among them, that must agree on a table without a tag:
+    /// one alone stands on any of its sides
+    #[serde(default = "defaults::min_table_objects_n")]
     pub min_table_objects_n: usize,
     /// How the last still image is found
+    #[serde(default)]
     pub reach: ReachRule,
-    /// Distance from its resting place beyond which a still object has moved, m
+    /// Distance from its resting place beyond which a still object has moved (m): a few times the
+    /// error of labeled poses
+    #[serde(default = "defaults::move_threshold_m")]
     pub move_threshold_m: f64,
-    /// Angle from its resting orientation beyond which a still object has moved, rad; unused by
-    /// "released"
+    /// Angle from its resting orientation beyond which a still object has moved (rad), 4°: a few
+    /// times the error of labeled poses; unused by "released"
+    #[serde(default = "defaults::move_threshold_rad")]
     pub move_threshold_rad: f64,
     /// Multiple of the object's own jitter at rest that counts as moved where that is more than the
-    /// thresholds; unused by "released"
+    /// thresholds: jitter alone hardly ever reaches it; unused by "released"
+    #[serde(default = "defaults::jitter_factor")]
     pub jitter_factor: f64,
-    /// Images in a row (or all that are left) that must show the object away; unused by "released"
+    /// Images in a row (or all that are left) that must show the object away: a sixth of a second
+    /// at 30 Hz, longer than a label is wrong; unused by "released"
+    #[serde(default = "defaults::settle_n")]
     pub settle_n: usize,
-    /// Longest run of images without a hand that is bridged by interpolation; a longer one inside
-    /// the reach makes the recording unusable
+    /// Longest run of images without a hand that is bridged by interpolation, a tenth of a second
+    /// at 30 Hz; a longer one inside the reach makes the recording unusable
+    #[serde(default = "defaults::max_gap_n")]
     pub max_gap_n: usize,
-    /// Fewest steps of a reach
+    /// Fewest steps of a reach: a third of a second at 30 Hz; what is shorter begins in the grasp
+    #[serde(default = "defaults::min_steps_n")]
     pub min_steps_n: usize,
-    /// Largest distance of a resting object's lowest point from the table, m
+    /// Largest distance of a resting object's lowest point from the table (m): beyond it the object
+    /// or the table is mistaken
+    #[serde(default = "defaults::max_table_error_m")]
     pub max_table_error_m: f64,
-    /// Points on each object's surface
+    /// Points on each object's surface: as many as the paper's network sees, and a few more
+    #[serde(default = "defaults::points_n")]
     pub points_n: usize,
-    /// Most convex parts of each object, for physics
+    /// Most convex parts of each object, for physics: enough for a mug's handle; time per contact
+    /// grows with them
+    #[serde(default = "defaults::max_convex_parts_n")]
     pub max_convex_parts_n: usize,
     /// True masses by object name, for objects that are not among YCB's or to overrule YCB's table,
     /// kg
@@ -129,13 +150,32 @@ pub enum TableRule {
 }
 
 /// How the last image before the object leaves its rest is found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReachRule {
     /// The object has left once it stays away from the median of its still poses, by more than its
     /// own jitter; one frame for the whole reach.
+    #[default]
     Robust,
     /// As the paper's code has it: the image before the first in which a coordinate of the object is
     /// more than the threshold from that of the first image; each step in the frame of its own image.
     Released,
+}
+
+/// Values of options that a pipeline file leaves out; the options say why.
+#[rustfmt::skip]
+mod defaults {
+    pub(super) fn max_mirror_error_m() -> f64 { 0.005 }
+    pub(super) fn rate_hz() -> f64 { 30.0 }
+    pub(super) fn camera_agreement_m() -> f64 { 0.01 }
+    pub(super) fn min_table_objects_n() -> usize { 2 }
+    pub(super) fn move_threshold_m() -> f64 { 0.004 }
+    pub(super) fn move_threshold_rad() -> f64 { 0.07 }
+    pub(super) fn jitter_factor() -> f64 { 4.0 }
+    pub(super) fn settle_n() -> usize { 5 }
+    pub(super) fn max_gap_n() -> usize { 3 }
+    pub(super) fn min_steps_n() -> usize { 11 }
+    pub(super) fn max_table_error_m() -> f64 { 0.02 }
+    pub(super) fn points_n() -> usize { 2048 }
+    pub(super) fn max_convex_parts_n() -> usize { 16 }
 }

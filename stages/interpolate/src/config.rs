@@ -8,5 +8,6 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct InterpolateConfig {
     /// Objects whose motions are replaced, by name; empty: all
+    #[serde(default)]
     pub objects: Vec<String>,
 }

@@ -8,5 +8,6 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct ReplayConfig {
     /// Objects whose trajectories are offered, by name; empty: all
+    #[serde(default)]
     pub objects: Vec<String>,
 }

@@ -19,7 +19,8 @@ pub struct ScreenConfig {
     /// URDF of the robot hand; its root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// Accepted rollouts per object that are recorded for a viewer (1).
+    /// Accepted rollouts per object that are recorded for a viewer (1): a recording has about 1 MB.
+    #[serde(default = "defaults::recorded_per_object")]
     pub recorded_per_object: usize,
     /// By how much the object's place is mistaken, for a study: each motion is carried out as if the
     /// object were shifted by normally distributed lengths, whose deviation along each axis of the
@@ -53,4 +54,10 @@ fn option_faults(faults: Vec<SettingFault>) -> Vec<OptionFault> {
         problem: fault.problem,
     });
     faults.collect()
+}
+
+/// Values of options that a pipeline file leaves out; the options say why.
+#[rustfmt::skip]
+mod defaults {
+    pub(super) fn recorded_per_object() -> usize { 2 }
 }

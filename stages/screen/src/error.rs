@@ -105,10 +105,9 @@ impl Advise for ScreenError {
                 Some("use the same `hand` in `retarget` and in `screen`, then run again".to_owned())
             }
             Self::Lake(err) => err.hint(),
-            Self::NoCandidates
-            | Self::MissingInput { .. }
-            | Self::Dof(_)
-            | Self::Schema { .. } => None,
+            Self::NoCandidates | Self::MissingInput { .. } | Self::Dof(_) | Self::Schema { .. } => {
+                None
+            }
         }
     }
 

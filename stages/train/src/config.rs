@@ -15,12 +15,17 @@ pub struct TrainConfig {
     #[serde(skip_serializing)]
     pub hand: PathBuf,
     /// Objects whose trajectories are learned from, by name; empty: all
+    #[serde(default)]
     pub objects: Vec<String>,
     /// Objects whose trajectories are not learned from, by name, to be unseen in sampling
+    #[serde(default)]
     pub unseen_objects: Vec<String>,
-    /// Share of the other trajectories that are not learned from but measured with, in 0..1
+    /// Share of the other trajectories that are not learned from but measured with, in 0..1: enough
+    /// to tell learning from memorizing
+    #[serde(default = "defaults::held_out_share")]
     pub held_out_share: f64,
     /// Widths and shapes of the network
+    #[serde(default)]
     pub network: NetworkConfig,
     /// How it is trained
     pub training: TrainingConfig,
@@ -75,4 +80,10 @@ impl TrainConfig {
 
 fn named(names: &[String], object: &str) -> bool {
     names.iter().any(|name| name == object)
+}
+
+/// Values of options that a pipeline file leaves out; the options say why.
+#[rustfmt::skip]
+mod defaults {
+    pub(super) fn held_out_share() -> f64 { 0.1 }
 }

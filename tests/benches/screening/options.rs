@@ -1,8 +1,9 @@
 //! The hand and the options of screening, as `pipelines/cgf.toml` has them.
 
+use dataflow::Pipeline;
 use robot::RobotModel;
 use simulation::{Protocol, SceneConfig};
-use toml_edit::DocumentMut;
+use stage_screen::Screen;
 
 /// The bundled hand.
 pub(crate) fn hand() -> RobotModel {
@@ -11,12 +12,8 @@ pub(crate) fn hand() -> RobotModel {
 
 /// The scene and the protocol.
 pub(crate) fn options() -> (SceneConfig, Protocol) {
-    let file: DocumentMut = include_str!("../../../pipelines/cgf.toml").parse().unwrap();
-    let screen = &file["stages"]["screen"];
-    let [scene, protocol] = ["scene", "protocol"]
-        .map(|key| DocumentMut::from(screen[key].clone().into_table().unwrap()));
-    (
-        toml_edit::de::from_document(scene).unwrap(),
-        toml_edit::de::from_document(protocol).unwrap(),
-    )
+    let text = include_str!("../../../pipelines/cgf.toml");
+    let read = Pipeline::parse("cgf.toml".as_ref(), text, &pipeline::kinds(), None, &[]).unwrap();
+    let screen = read.find("screen").unwrap().options::<Screen>().unwrap();
+    (screen.scene.clone(), screen.protocol.clone())
 }

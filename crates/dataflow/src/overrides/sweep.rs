@@ -2,12 +2,12 @@
 
 use std::{ops::Range, path::Path, str::FromStr};
 
-use toml_edit::{Document, Key, Value};
+use toml_edit::{Key, Value};
 
 use super::{KeyPath, Override, OverrideError, parse_value, split};
 use crate::{
     error::{FileError, Problem},
-    source::Location,
+    extended::Extended,
 };
 
 /// What the tables are called in a pipeline file.
@@ -71,8 +71,8 @@ impl FromStr for Sweep {
 }
 
 impl Sweep {
-    /// Reads the `[[sweep]]` tables of a pipeline file, in their order: none if it has none, or is no
-    /// TOML.
+    /// Reads the `[[sweep]]` tables of a pipeline file, or else of the file that it extends, in their order:
+    /// none if it has none, or is no TOML.
     ///
     /// Each key of a table is a path as in `--set`, each value a list. The keys of one table change
     /// together; several tables make every combination.
@@ -81,18 +81,19 @@ impl Sweep {
     ///
     /// Fails with everything that is wrong in these tables, each fault with its place and a hint.
     pub fn in_file(path: &Path, source: &str) -> Result<Vec<Self>, FileError> {
-        let Ok(document) = Document::parse(source) else {
-            // The file's reader says what is wrong with it.
-            return Ok(Vec::new());
-        };
-        let Some(item) = document.as_table().get(TABLES) else {
+        let file = Extended::read(path, source);
+        // What is wrong with what is read of other files, the file's reader says.
+        let Some(item) = file.root.get(TABLES) else {
             return Ok(Vec::new());
         };
         let problem = |message: String, span: Option<Range<usize>>| {
-            let location = span.map(|span| Location::of(path, source, span));
+            let location = span.map(|span| file.texts.location(span));
             Problem::new(message).at(location).hint(HINT.to_owned())
         };
-        let Some(tables) = item.as_array_of_tables() else {
+        let tables = item.as_array().into_iter().flatten();
+        let tables: Vec<_> = tables.map(Value::as_inline_table).collect();
+        let tables: Option<Vec<_>> = tables.into_iter().collect();
+        let Some(tables) = tables.filter(|_| item.is_array()) else {
             let message = "`sweep` is no list of tables".to_owned();
             return Err(problem(message, item.span()).into());
         };

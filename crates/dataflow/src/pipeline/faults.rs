@@ -6,10 +6,10 @@ use std::ops::Range;
 use serde_json::Value as Json;
 use toml_edit::{InlineTable, Value};
 
-use crate::{kind::Kind, near::nearest};
+use crate::{kind::Kind, near::nearest, tables::found};
 
 /// Keys that every stage has beside its kind's options.
-const COMMON: [&str; 3] = ["inputs", "kind", "max_skipped_fraction"];
+const COMMON: [&str; 4] = ["inputs", "kind", "max_skipped_fraction", "shared"];
 
 /// One thing that is wrong with a stage's table.
 pub(super) struct Fault {
@@ -348,21 +348,5 @@ fn range(schema: &Json) -> String {
         (Some(least), None) => format!(" from {least} on"),
         (None, Some(most)) => format!(" up to {most}"),
         (None, None) => String::new(),
-    }
-}
-
-/// What a value is, in words.
-pub(super) fn found(value: &Value) -> String {
-    match value {
-        Value::String(text) => format!("the text \"{}\"", text.value()),
-        Value::Integer(number) => format!("the number {}", number.value()),
-        Value::Float(number) => format!("the number {}", number.to_string().trim()),
-        Value::Boolean(value) => format!("`{}`", value.value()),
-        Value::Datetime(date) => format!("the date {}", date.value()),
-        Value::Array(elements) => match elements.len() {
-            0 => "an empty list".to_owned(),
-            n => format!("a list of {n}"),
-        },
-        Value::InlineTable(_) => "a table".to_owned(),
     }
 }

@@ -6,46 +6,67 @@ use std::{
     path::Path,
 };
 
-use toml_edit::{InlineTable, Item, Key, Table, TableLike, Value};
+use toml_edit::{InlineTable, Key, Value};
 
 use super::{
     DEFAULT_MAX_SKIPPED_FRACTION, Pipeline, StageEntry,
-    faults::{Part, faults, found},
-    tables::{copy_table, merge_table, set_value},
+    faults::{Part, faults},
 };
 use crate::{
     error::Problem,
+    extended::{EXTENDS, Extended, WITHOUT},
     graph::{self, NodeName},
     kind::Kind,
     near::nearest,
     overrides::Override,
+    shared::{SHARED, Taken},
     source::Location,
     store::Origin,
+    tables::{found, merge_values, set_value},
 };
 
 pub(super) struct FileReader<'a> {
     pub(super) path: &'a Path,
-    pub(super) source: &'a str,
+    /// What it says, with what it has of the files that it extends.
+    pub(super) file: &'a Extended,
     pub(super) kinds: &'a [Kind],
     /// Values that replace those of the file.
     pub(super) overrides: &'a [Override],
+    /// The options of the stage being read that take shared values.
+    pub(super) taken: Vec<Taken>,
+    /// Names of all shared values taken so far.
+    pub(super) taken_names: BTreeSet<String>,
     /// What is wrong, in the order in which it was found.
     pub(super) problems: Vec<Problem>,
 }
 
 impl FileReader<'_> {
-    fn problem(&mut self, message: String, span: Option<Range<usize>>, hint: Option<String>) {
-        let location = span.map(|span| Location::of(self.path, self.source, span));
+    pub(super) fn location(&self, span: Range<usize>) -> Location {
+        self.file.texts.location(span)
+    }
+
+    pub(super) fn problem(
+        &mut self,
+        message: String,
+        span: Option<Range<usize>>,
+        hint: Option<String>,
+    ) {
+        let location = span.map(|span| self.location(span));
         self.problem_at(message, location, hint);
     }
 
-    fn problem_at(&mut self, message: String, location: Option<Location>, hint: Option<String>) {
+    pub(super) fn problem_at(
+        &mut self,
+        message: String,
+        location: Option<Location>,
+        hint: Option<String>,
+    ) {
         self.problems
             .push(Problem::new(message).at(location).hint(hint));
     }
 
     /// Where something of a stage stands: in the file, or else in the value given beside it.
-    fn place(
+    pub(super) fn place(
         &self,
         stage: &str,
         path: &[String],
@@ -53,13 +74,20 @@ impl FileReader<'_> {
         span: Option<Range<usize>>,
     ) -> Option<Location> {
         match span {
-            Some(span) => Some(Location::of(self.path, self.source, span)),
-            None => self.in_set(Some(stage), path, part),
+            Some(span) => Some(self.location(span)),
+            None => self
+                .in_set(Some(stage), path, part)
+                .or_else(|| self.in_shared(path, part)),
         }
     }
 
     /// Where the last value given for these keys, or for what is around or below them, says it.
-    fn in_set(&self, stage: Option<&str>, path: &[String], part: Part) -> Option<Location> {
+    pub(super) fn in_set(
+        &self,
+        stage: Option<&str>,
+        path: &[String],
+        part: Part,
+    ) -> Option<Location> {
         let mut given = self.overrides.iter().rev();
         let given = given.find(|given| {
             let is_related = path.starts_with(&given.keys) || given.keys.starts_with(path);
@@ -78,67 +106,23 @@ impl FileReader<'_> {
     }
 
     /// Reads the whole file; `None` if anything is wrong with it, in profiles that nobody asks for too.
-    pub(super) fn pipeline(&mut self, root: &Table, profile: Option<&str>) -> Option<Pipeline> {
+    pub(super) fn pipeline(&mut self, profile: Option<&str>) -> Option<Pipeline> {
+        let file = self.file;
+        let root = &file.root;
         let pipeline = self.with_profile(root, profile);
         self.check_others(root, profile);
         pipeline.filter(|_| self.problems.is_empty())
     }
 
-    /// Checks the profiles that are not chosen.
-    fn check_others(&mut self, root: &Table, chosen: Option<&str>) {
-        let Some(profiles) = root.get("profiles") else {
-            return;
-        };
-        let Some(profiles) = profiles.as_table() else {
-            let message = "`profiles` is no table of profiles".to_owned();
-            self.problem(message, profiles.span(), None);
-            return;
-        };
-        for (name, item) in profiles {
-            let Some(profile) = item.as_table() else {
-                self.problem(
-                    format!("profile `{name}` is not a table"),
-                    item.span(),
-                    None,
-                );
-                continue;
-            };
-            if chosen == Some(name) {
-                continue;
-            }
-            // What is wrong without the profile has been said, and values given on the command line
-            // are not meant for it.
-            let mut reader = FileReader {
-                overrides: &[],
-                problems: Vec::new(),
-                ..*self
-            };
-            reader.with_profile(root, Some(name));
-            let own = self.lines(profile);
-            for problem in reader.problems {
-                let line = problem.location.as_ref().and_then(Location::line);
-                if line.is_some_and(|line| own.contains(&line)) && !self.problems.contains(&problem)
-                {
-                    self.problems.push(problem);
-                }
-            }
-        }
-    }
-
-    /// The lines, from 1, on which the keys and values of a table stand.
-    fn lines(&self, table: &Table) -> BTreeSet<usize> {
-        let mut spans = Vec::new();
-        collect_spans(table, &mut spans);
-        let line = |at: usize| self.source[..at].matches('\n').count() + 1;
-        spans
-            .into_iter()
-            .flat_map(|span| line(span.start)..=line(span.end))
-            .collect()
-    }
-
     /// Reads the file with one profile; `None` if anything is wrong with it.
-    fn with_profile(&mut self, root: &Table, profile: Option<&str>) -> Option<Pipeline> {
-        const KEYS: [&str; 4] = ["seed", "stages", "profiles", "sweep"];
+    pub(super) fn with_profile(
+        &mut self,
+        root: &InlineTable,
+        profile: Option<&str>,
+    ) -> Option<Pipeline> {
+        const KEYS: [&str; 7] = [
+            "seed", "stages", "profiles", "sweep", SHARED, EXTENDS, WITHOUT,
+        ];
         let overrides = self.overrides;
         for (key, _) in root {
             if !KEYS.contains(&key) {
@@ -150,43 +134,22 @@ impl FileReader<'_> {
         let profile_name = profile;
         let profile = self.profile(root, profile);
         let seed = self.seed(root, profile);
-        let Some(tables) = root.get("stages").and_then(Item::as_table) else {
+        let shared = self.shared(root, profile);
+        let Some(tables) = root.get("stages").and_then(Value::as_inline_table) else {
             self.problem("the file has no `[stages.…]` tables".to_owned(), None, None);
             return None;
         };
-        let names: Vec<&str> = tables.iter().map(|(name, _)| name).collect();
-        for given in overrides {
-            if let Some(stage) = given.stage.as_deref()
-                && !names.contains(&stage)
-            {
-                let hint = nearest(stage, names.iter().copied()).map_or_else(
-                    || format!("its stages are: {}", names.join(", ")),
-                    |near| format!("did you mean `{near}`?"),
-                );
-                let (argument, _) = given.argument();
-                let location = Location::in_set(&argument, 0..stage.len());
-                self.problem_at(
-                    format!("`--set` names an unknown stage `{stage}`"),
-                    Some(location),
-                    Some(hint),
-                );
-            }
-        }
+        self.check_overrides(tables);
         let mut stages = Vec::new();
-        for (name, item) in tables {
+        for (name, value) in tables {
             let span = tables.key(name).and_then(Key::span);
-            let table = item.as_table_like().map(|table| {
-                let mut inline = InlineTable::new();
-                copy_table(table, &mut inline);
-                inline
-            });
-            let Some(mut table) = table else {
+            let Some(mut table) = value.as_inline_table().cloned() else {
                 self.problem(format!("stage `{name}` is not a table"), span, None);
                 continue;
             };
             if let Some(changes) = profile.and_then(|profile| profile.get(name)) {
-                match changes.as_table_like() {
-                    Some(changes) => merge_table(&mut table, changes),
+                match changes.as_inline_table() {
+                    Some(changes) => merge_values(&mut table, changes),
                     None => self.problem(
                         format!("what a profile changes in stage `{name}` is not a table"),
                         changes.span(),
@@ -200,8 +163,9 @@ impl FileReader<'_> {
             {
                 set_value(&mut table, &given.keys, &given.value);
             }
-            stages.extend(self.stage(name, span, table));
+            stages.extend(self.stage(name, span, table, &shared));
         }
+        self.check_taken(&shared);
         self.check_wiring(&stages, tables);
         if !self.problems.is_empty() {
             return None;
@@ -228,51 +192,30 @@ impl FileReader<'_> {
         }
     }
 
-    fn profile<'t>(&mut self, root: &'t Table, name: Option<&str>) -> Option<&'t Table> {
-        let name = name?;
-        let profiles = root.get("profiles").and_then(Item::as_table);
-        let found = profiles
-            .and_then(|profiles| profiles.get(name))
-            .and_then(Item::as_table);
-        if found.is_none() {
-            let known: Vec<&str> = profiles
-                .into_iter()
-                .flat_map(Table::iter)
-                .map(|(name, _)| name)
-                .collect();
-            let hint = if known.is_empty() {
-                "the file has no `[profiles.…]` tables".to_owned()
-            } else {
-                format!("its profiles are: {}", known.join(", "))
+    /// Refuses values given for stages that there are not.
+    fn check_overrides(&mut self, tables: &InlineTable) {
+        let names: Vec<&str> = tables.iter().map(|(name, _)| name).collect();
+        for given in self.overrides {
+            let stage = given.stage.as_deref();
+            let Some(stage) = stage.filter(|stage| *stage != SHARED && !names.contains(stage))
+            else {
+                continue;
             };
-            self.problem(
-                format!("no profile `{name}` in the pipeline file"),
-                None,
+            let hint = nearest(stage, names.iter().copied().chain([SHARED])).map_or_else(
+                || format!("its stages are: {}", names.join(", ")),
+                |near| format!("did you mean `{near}`?"),
+            );
+            let (argument, _) = given.argument();
+            let location = Location::in_set(&argument, 0..stage.len());
+            self.problem_at(
+                format!("`--set` names an unknown stage `{stage}`"),
+                Some(location),
                 Some(hint),
             );
         }
-        let stages = root.get("stages").and_then(Item::as_table);
-        for (key, _) in found.into_iter().flat_map(Table::iter) {
-            if key != "seed" && !stages.is_some_and(|stages| stages.contains_key(key)) {
-                let span = found.and_then(|table| table.key(key)).and_then(Key::span);
-                self.problem(
-                    format!("profile `{name}` changes an unknown stage `{key}`"),
-                    span,
-                    nearest(
-                        key,
-                        stages
-                            .into_iter()
-                            .flat_map(Table::iter)
-                            .map(|(name, _)| name),
-                    )
-                    .map(|near| format!("did you mean `{near}`?")),
-                );
-            }
-        }
-        found
     }
 
-    fn seed(&mut self, root: &Table, profile: Option<&Table>) -> Option<u64> {
+    fn seed(&mut self, root: &InlineTable, profile: Option<&InlineTable>) -> Option<u64> {
         let overrides = self.overrides;
         let at_top = || overrides.iter().rev().filter(|given| given.stage.is_none());
         if let Some(given) = at_top().find(|given| given.keys != ["seed"]) {
@@ -286,10 +229,7 @@ impl FileReader<'_> {
         let item = profile
             .and_then(|profile| profile.get("seed"))
             .or_else(|| root.get("seed"));
-        let value = at_top()
-            .next()
-            .map(|given| &given.value)
-            .or_else(|| item.and_then(Item::as_value));
+        let value = at_top().next().map(|given| &given.value).or(item);
         let span = value.and_then(Value::span);
         let seed = value
             .and_then(Value::as_integer)
@@ -300,7 +240,7 @@ impl FileReader<'_> {
                 Some(_) => "write `--set seed=7`",
                 None => "write `seed = 7` at the top of the file",
             };
-            let in_file = || span.map(|span| Location::of(self.path, self.source, span));
+            let in_file = || span.map(|span| self.location(span));
             self.problem_at(
                 "`seed` must be a whole number, 0 or more".to_owned(),
                 given.or_else(in_file),
@@ -315,6 +255,7 @@ impl FileReader<'_> {
         name: &str,
         span: Option<Range<usize>>,
         mut table: InlineTable,
+        shared: &InlineTable,
     ) -> Option<StageEntry> {
         let is_name = |text: &str| {
             !text.is_empty()
@@ -330,17 +271,25 @@ impl FileReader<'_> {
             );
             return None;
         }
+        if name == SHARED {
+            let message = format!("`{SHARED}` is no name for a stage: it is that of shared values");
+            self.problem(message, span, None);
+            return None;
+        }
+        let n_problems = self.problems.len();
+        self.take(name, &mut table, shared);
+        let is_whole = self.problems.len() == n_problems;
         let kind = self.kind(name, span.as_ref(), &mut table);
         let inputs = self.inputs(name, &mut table, kind);
         let max_skipped_fraction = self.max_skipped_fraction(name, &mut table);
-        let kind = kind?;
+        // What the stage does not get has been said.
+        let kind = kind.filter(|_| is_whole)?;
         match kind.configure(table.clone()) {
             Ok(configured) => {
                 for fault in configured.check() {
                     let path: Vec<String> = fault.key.split('.').map(str::to_owned).collect();
                     let place = self.place(name, &path, Part::Value, span_of(&table, &fault.key));
-                    let header =
-                        || Location::of(self.path, self.source, span.clone().unwrap_or(0..0));
+                    let header = || self.location(span.clone().unwrap_or(0..0));
                     let place = place.unwrap_or_else(header);
                     let list = format!("`pipeline stages {}` lists every option", kind.name);
                     let message = format!("stage `{name}`: {fault}");
@@ -364,8 +313,7 @@ impl FileReader<'_> {
                 }
                 for fault in faults {
                     let place = self.place(name, &fault.path, fault.part, fault.span);
-                    let header =
-                        || Location::of(self.path, self.source, span.clone().unwrap_or(0..0));
+                    let header = || self.location(span.clone().unwrap_or(0..0));
                     let place = place.unwrap_or_else(header);
                     self.problem_at(fault.message, Some(place), Some(fault.hint));
                 }
@@ -478,100 +426,6 @@ impl FileReader<'_> {
             );
         }
         fraction
-    }
-
-    /// Checks that every input is wired to an output that exists and holds the right artifact.
-    fn check_wiring(&mut self, stages: &[StageEntry], tables: &Table) {
-        for stage in stages {
-            let span = tables.key(&stage.name).and_then(Key::span);
-            for input in stage.kind.inputs {
-                let Some(node) = stage.inputs.get(input.name) else {
-                    let offer = stages.iter().find(|other| {
-                        other
-                            .kind
-                            .outputs()
-                            .any(|output| output.artifact == input.artifact)
-                    });
-                    let hint = offer.map(|other| {
-                        format!(
-                            "write `inputs.{} = \"{}.{}\"`",
-                            input.name, other.name, input.artifact
-                        )
-                    });
-                    self.problem(
-                        format!(
-                            "stage `{}` has nothing wired to its input `{}`",
-                            stage.name, input.name
-                        ),
-                        span.clone(),
-                        hint,
-                    );
-                    continue;
-                };
-                let in_file = tables
-                    .get(&stage.name)
-                    .and_then(|table| table.get("inputs"))
-                    .and_then(|inputs| inputs.get(input.name))
-                    .and_then(Item::span)
-                    .or_else(|| span.clone());
-                let path = ["inputs".to_owned(), input.name.to_owned()];
-                let given = self.in_set(Some(&stage.name), &path, Part::Value);
-                let written = given
-                    .or_else(|| in_file.map(|span| Location::of(self.path, self.source, span)));
-                if !tables.contains_key(&node.stage) {
-                    let hint = nearest(&node.stage, tables.iter().map(|(name, _)| name))
-                        .map(|near| format!("did you mean `{near}.{}`?", node.artifact));
-                    self.problem_at(
-                        format!(
-                            "stage `{}` reads from an unknown stage `{}`",
-                            stage.name, node.stage
-                        ),
-                        written,
-                        hint,
-                    );
-                    continue;
-                }
-                // A stage whose own table is at fault has been reported already.
-                let Some(maker) = stages.iter().find(|other| other.name == node.stage) else {
-                    continue;
-                };
-                let outputs: Vec<&str> =
-                    maker.kind.outputs().map(|output| output.artifact).collect();
-                if !outputs.contains(&node.artifact.as_str()) {
-                    self.problem_at(
-                        format!("stage `{}` makes no `{}`", node.stage, node.artifact),
-                        written,
-                        Some(format!("it makes: {}", outputs.join(", "))),
-                    );
-                } else if node.artifact != input.artifact {
-                    self.problem_at(
-                        format!(
-                            "input `{}` of stage `{}` wants `{}`, and is wired to `{}`",
-                            input.name, stage.name, input.artifact, node.artifact
-                        ),
-                        written,
-                        None,
-                    );
-                }
-            }
-        }
-    }
-}
-
-/// Collects where the keys and values of a table stand, and of the tables in it.
-fn collect_spans(table: &dyn TableLike, spans: &mut Vec<Range<usize>>) {
-    for (name, item) in table.iter() {
-        spans.extend(table.key(name).and_then(Key::span));
-        match item {
-            Item::Value(value) => spans.extend(value.span()),
-            Item::Table(table) => collect_spans(table, spans),
-            Item::ArrayOfTables(tables) => {
-                for table in tables {
-                    collect_spans(table, spans);
-                }
-            }
-            Item::None => {}
-        }
     }
 }
 

@@ -26,18 +26,27 @@ pub struct ArmConfig {
     pub table_from_base: [f64; 7],
     /// Where on the table the object stands (m): `x, y` of its origin in the table's frame.
     pub object_m: [f64; 2],
-    /// How many directions of the object on the table are tried, evenly spread over a turn; with 1 it
-    /// stands as it was screened.
+    /// How many directions of the object on the table are tried, evenly spread over a turn; with 1
+    /// it stands as it was screened. Every 15°: one of them is nearly always in reach.
+    #[serde(default = "defaults::turns")]
     pub turns: usize,
-    /// Largest speed of the arm's joints as a share of that of the URDF.
+    /// Largest speed of the arm's joints as a share of that of the URDF: all of it, for a motion is
+    /// slowed down only where it must be.
+    #[serde(default = "defaults::velocity_scale")]
     pub velocity_scale: f64,
-    /// Largest acceleration of the arm's joints (rad/s²; m/s² if prismatic).
+    /// Largest acceleration of the arm's joints (rad/s²; m/s² if prismatic): below the 20 rad/s² of
+    /// an xArm's.
+    #[serde(default = "defaults::acceleration_rad_per_s2")]
     pub acceleration_rad_per_s2: f64,
-    /// How far the arm's links keep from the table, from each other and from the hand (m), at least. As
-    /// far as the URDF's collision shapes tell; the hand alone is judged by `grasp`.
+    /// How far the arm's links keep from the table, from each other and from the hand (m), at
+    /// least. As far as the URDF's collision shapes tell; the hand alone is judged by `grasp`. Half
+    /// a centimeter: what a calibration is off.
+    #[serde(default = "defaults::clearance_m")]
     pub clearance_m: f64,
-    /// Least singular value of the arm's Jacobian, meters and radians taken as they are: where it is less,
-    /// the arm is too near a singularity, in which joints turn fast while the hand moves slowly.
+    /// Least singular value of the arm's Jacobian, meters and radians taken as they are: where it
+    /// is less, the arm is too near a singularity, in which joints turn fast while the hand moves
+    /// slowly. At 0.02 a joint turns at 3.14 rad/s for 6 cm/s of the hand.
+    #[serde(default = "defaults::least_singular_value")]
     pub least_singular_value: f64,
 }
 
@@ -88,4 +97,14 @@ impl ArmConfig {
         }
         self.table_from_base().map(|_| ())
     }
+}
+
+/// Values of options that a pipeline file leaves out; the options say why.
+#[rustfmt::skip]
+mod defaults {
+    pub(super) fn turns() -> usize { 24 }
+    pub(super) fn velocity_scale() -> f64 { 1.0 }
+    pub(super) fn acceleration_rad_per_s2() -> f64 { 15.0 }
+    pub(super) fn clearance_m() -> f64 { 0.005 }
+    pub(super) fn least_singular_value() -> f64 { 0.02 }
 }

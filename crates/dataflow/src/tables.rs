@@ -3,7 +3,7 @@
 use toml_edit::{InlineTable, Item, Value};
 
 /// Copies a table with the places of its values, so that errors can point at them.
-pub(super) fn copy_table(from: &dyn toml_edit::TableLike, to: &mut InlineTable) {
+pub(crate) fn copy_table(from: &dyn toml_edit::TableLike, to: &mut InlineTable) {
     for (name, item) in from.iter() {
         let value = match item {
             Item::Value(value) => Some(value.clone()),
@@ -35,15 +35,8 @@ pub(super) fn copy_table(from: &dyn toml_edit::TableLike, to: &mut InlineTable) 
     }
 }
 
-/// Replaces the values of a table by those of another, key by key.
-pub(super) fn merge_table(table: &mut InlineTable, changes: &dyn toml_edit::TableLike) {
-    let mut flat = InlineTable::new();
-    copy_table(changes, &mut flat);
-    merge_values(table, &flat);
-}
-
-/// Takes the keys with their places, as [`copy_table`] does.
-fn merge_values(table: &mut InlineTable, changes: &InlineTable) {
+/// Replaces the values of a table by those of another, key by key, with the places of the keys.
+pub(crate) fn merge_values(table: &mut InlineTable, changes: &InlineTable) {
     for (name, value) in changes.clone() {
         match (table.get_mut(&name), value) {
             (Some(Value::InlineTable(inner)), Value::InlineTable(changes)) => {
@@ -62,7 +55,7 @@ fn merge_values(table: &mut InlineTable, changes: &InlineTable) {
 }
 
 /// Replaces one value, making the tables on the way to it.
-pub(super) fn set_value(table: &mut InlineTable, keys: &[String], value: &Value) {
+pub(crate) fn set_value(table: &mut InlineTable, keys: &[String], value: &Value) {
     match keys {
         [] => {}
         [key] => {
@@ -76,5 +69,21 @@ pub(super) fn set_value(table: &mut InlineTable, keys: &[String], value: &Value)
                 set_value(inner, rest, value);
             }
         }
+    }
+}
+
+/// What a value is, in words.
+pub(crate) fn found(value: &Value) -> String {
+    match value {
+        Value::String(text) => format!("the text \"{}\"", text.value()),
+        Value::Integer(number) => format!("the number {}", number.value()),
+        Value::Float(number) => format!("the number {}", number.to_string().trim()),
+        Value::Boolean(value) => format!("`{}`", value.value()),
+        Value::Datetime(date) => format!("the date {}", date.value()),
+        Value::Array(elements) => match elements.len() {
+            0 => "an empty list".to_owned(),
+            n => format!("a list of {n}"),
+        },
+        Value::InlineTable(_) => "a table".to_owned(),
     }
 }

@@ -1,0 +1,84 @@
+//! The wires between the stages of a pipeline file.
+
+use toml_edit::{InlineTable, Key, Value};
+
+use super::{StageEntry, faults::Part, reader::FileReader};
+use crate::near::nearest;
+
+impl FileReader<'_> {
+    /// Checks that every input is wired to an output that exists and holds the right artifact.
+    pub(super) fn check_wiring(&mut self, stages: &[StageEntry], tables: &InlineTable) {
+        for stage in stages {
+            let span = tables.key(&stage.name).and_then(Key::span);
+            for input in stage.kind.inputs {
+                let Some(node) = stage.inputs.get(input.name) else {
+                    let offer = stages.iter().find(|other| {
+                        other
+                            .kind
+                            .outputs()
+                            .any(|output| output.artifact == input.artifact)
+                    });
+                    let hint = offer.map(|other| {
+                        format!(
+                            "write `inputs.{} = \"{}.{}\"`",
+                            input.name, other.name, input.artifact
+                        )
+                    });
+                    self.problem(
+                        format!(
+                            "stage `{}` has nothing wired to its input `{}`",
+                            stage.name, input.name
+                        ),
+                        span.clone(),
+                        hint,
+                    );
+                    continue;
+                };
+                let in_file = tables
+                    .get(&stage.name)
+                    .and_then(|table| table.as_inline_table()?.get("inputs"))
+                    .and_then(|inputs| inputs.as_inline_table()?.get(input.name))
+                    .and_then(Value::span)
+                    .or_else(|| span.clone());
+                let path = ["inputs".to_owned(), input.name.to_owned()];
+                let given = self.in_set(Some(&stage.name), &path, Part::Value);
+                let written = given.or_else(|| in_file.map(|span| self.location(span)));
+                if !tables.contains_key(&node.stage) {
+                    let hint = nearest(&node.stage, tables.iter().map(|(name, _)| name))
+                        .map(|near| format!("did you mean `{near}.{}`?", node.artifact));
+                    self.problem_at(
+                        format!(
+                            "stage `{}` reads from an unknown stage `{}`",
+                            stage.name, node.stage
+                        ),
+                        written,
+                        hint,
+                    );
+                    continue;
+                }
+                // A stage whose own table is at fault has been reported already.
+                let Some(maker) = stages.iter().find(|other| other.name == node.stage) else {
+                    continue;
+                };
+                let outputs: Vec<&str> =
+                    maker.kind.outputs().map(|output| output.artifact).collect();
+                if !outputs.contains(&node.artifact.as_str()) {
+                    self.problem_at(
+                        format!("stage `{}` makes no `{}`", node.stage, node.artifact),
+                        written,
+                        Some(format!("it makes: {}", outputs.join(", "))),
+                    );
+                } else if node.artifact != input.artifact {
+                    self.problem_at(
+                        format!(
+                            "input `{}` of stage `{}` wants `{}`, and is wired to `{}`",
+                            input.name, stage.name, input.artifact, node.artifact
+                        ),
+                        written,
+                        None,
+                    );
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! What counts is a value, not whether the pipeline file or the code says it.
+
+use dataflow::{
+    Cause, Code, Context, Input, Inputs, Kind, Made, Observer, Outcome, Output, Pipeline,
+    RunOptions, Scope, Stage, Summary, Unit, UnitState, plan, run,
+};
+use lake::Lake;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{own_stages::OwnError, place::Place};
+
+/// A stage in the version in which its option has this default.
+enum Number<const DEFAULT: u8> {}
+
+#[derive(Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct NumberConfig<const DEFAULT: u8> {
+    /// What is written.
+    #[serde(default = "default::<DEFAULT>")]
+    number: u8,
+}
+
+fn default<const DEFAULT: u8>() -> u8 {
+    DEFAULT
+}
+
+impl<const DEFAULT: u8> Stage for Number<DEFAULT> {
+    type Config = NumberConfig<DEFAULT>;
+    type Error = OwnError;
+
+    const KIND: &'static str = "number";
+    const ABOUT: &'static str = "Writes a number";
+    const CODE: Code = Code { parts: "number=1" };
+    const INPUTS: &'static [Input] = &[];
+    const OUTPUTS: &'static [Output] = &[Output {
+        artifact: "numbers",
+        schema: "numbers/1",
+        partition: "number",
+        parallel: true,
+    }];
+
+    fn units(_config: &Self::Config, _output: &str, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+        Ok(vec![Unit::new("all")])
+    }
+
+    fn run(config: &Self::Config, _inputs: &Inputs, cx: &Context) -> Result<Outcome, OwnError> {
+        let path = cx.folder().join("number.txt");
+        lake::write_whole(&path, config.number.to_string().as_bytes())?;
+        Ok(Outcome::Made(Made::default()))
+    }
+
+    fn describe(_output: &str, summary: &Summary) -> String {
+        format!("{} numbers", summary.n_made)
+    }
+}
+
+struct Silent;
+
+impl Observer for Silent {}
+
+/// Says whether the number would be written again, and why.
+fn planned(place: &Place, kind: Kind, table: &str) -> UnitState {
+    let lake = Lake::open(&place.lake());
+    let plan = plan(&read(place, kind, table), &lake, &RunOptions::default()).unwrap();
+    let units = plan.nodes.into_iter().next().unwrap().units.unwrap();
+    units.into_iter().next().unwrap().state
+}
+
+fn read(place: &Place, kind: Kind, table: &str) -> Pipeline {
+    let text = format!("seed = 7\n[stages.number]\nkind = \"number\"\n{table}");
+    Pipeline::parse(&place.pipeline(), &text, &[kind], None, &[]).unwrap()
+}
+
+#[test]
+fn a_default_that_changes_in_the_code_is_a_changed_value() {
+    let place = Place::new("");
+    let [three, four] = [Kind::of::<Number<3>>(), Kind::of::<Number<4>>()];
+    let options = RunOptions::default();
+    let lake = Lake::open(&place.lake());
+    run(&read(&place, three, ""), &lake, &options, None, &Silent).unwrap();
+    assert_eq!(planned(&place, three, ""), UnitState::Cached);
+    assert_eq!(planned(&place, three, "number = 3"), UnitState::Cached);
+    assert_eq!(planned(&place, four, "number = 3"), UnitState::Cached);
+    let changed = UnitState::Run {
+        causes: vec![Cause::Config {
+            key: "number".to_owned(),
+            old: 3.into(),
+            new: 4.into(),
+        }],
+        upstream: Vec::new(),
+    };
+    assert_eq!(planned(&place, four, ""), changed);
+    assert_eq!(planned(&place, three, "number = 4"), changed);
+}

@@ -1,0 +1,144 @@
+//! What every shipped pipeline file comes to: the effective value of every option that counts for a result,
+//! defaults, extended files and shared values included.
+//!
+//! `effective/cgf.txt` has them all, the other files what differs from it. A default that changes in the code
+//! shows there; `PIPELINE_WRITE_EFFECTIVE=1 cargo test --test program effective` writes them anew.
+
+use std::{collections::BTreeMap, env, fs, path::Path};
+
+use dataflow::Pipeline;
+use serde_json::Value;
+
+const FILES: [&str; 9] = [
+    "cgf",
+    "arm",
+    "baseline",
+    "feedforward",
+    "interpolation",
+    "noise",
+    "paper",
+    "released",
+    "replay",
+];
+
+/// The values of a file by their keys.
+fn effective(file: &str) -> BTreeMap<String, String> {
+    let path = format!("pipelines/{file}.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    let read = Pipeline::parse(path.as_ref(), &text, &pipeline::kinds(), None, &[]);
+    let read = read.unwrap_or_else(|err| panic!("{path}: {err}"));
+    let mut values = BTreeMap::from([("seed".to_owned(), read.seed.to_string())]);
+    for stage in &read.stages {
+        let mut add = |key: String, value: String| values.insert(key, value);
+        let name = &stage.name;
+        add(format!("{name}.kind"), stage.kind.name.to_owned());
+        let share = stage.max_skipped_fraction.to_string();
+        add(format!("{name}.max_skipped_fraction"), share);
+        for (input, node) in &stage.inputs {
+            add(format!("{name}.inputs.{input}"), node.to_string());
+        }
+        flatten(name, &stage.config(), &mut values);
+    }
+    values
+}
+
+fn flatten(key: &str, value: &Value, values: &mut BTreeMap<String, String>) {
+    match value {
+        Value::Object(options) if !options.is_empty() => {
+            for (name, value) in options {
+                flatten(&format!("{key}.{name}"), value, values);
+            }
+        }
+        value => {
+            values.insert(key.to_owned(), value.to_string());
+        }
+    }
+}
+
+/// The values, or what of them differs from others.
+fn told(values: &BTreeMap<String, String>, beside: Option<&BTreeMap<String, String>>) -> String {
+    let nothing = BTreeMap::new();
+    let beside = beside.unwrap_or(&nothing);
+    let differ = values
+        .iter()
+        .filter(|(key, value)| beside.get(*key) != Some(*value));
+    let here = differ.map(|(key, value)| format!("{key} = {value}\n"));
+    let stage = |key: &str| key.split('.').next().unwrap_or_default().to_owned();
+    let is_gone = |key: &&String| !values.keys().any(|other| stage(other) == stage(key));
+    let mut gone: Vec<String> = beside
+        .keys()
+        .filter(is_gone)
+        .map(|key| stage(key))
+        .collect();
+    gone.dedup();
+    let gone = gone.into_iter().map(|stage| format!("without {stage}\n"));
+    here.chain(gone).collect()
+}
+
+#[test]
+fn shipped_files_come_to_the_values_that_are_written_down() {
+    let whole = effective("cgf");
+    let mut faults = Vec::new();
+    for file in FILES {
+        let values = effective(file);
+        let found = told(&values, (file != "cgf").then_some(&whole));
+        let path = format!("tests/program/effective/{file}.txt");
+        if env::var_os("PIPELINE_WRITE_EFFECTIVE").is_some() {
+            crate::bench::put(Path::new(&path), &found);
+        }
+        let expected = fs::read_to_string(&path).unwrap_or_default();
+        let lines = |text: &str| text.lines().map(str::to_owned).collect::<Vec<_>>();
+        let (found, expected) = (lines(&found), lines(&expected));
+        let gone = expected.iter().filter(|line| !found.contains(line));
+        faults.extend(gone.map(|line| format!("{file}: - {line}")));
+        let new = found.iter().filter(|line| !expected.contains(line));
+        faults.extend(new.map(|line| format!("{file}: + {line}")));
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn every_shipped_file_is_short() {
+    for file in FILES {
+        let text = fs::read_to_string(format!("pipelines/{file}.toml")).unwrap();
+        assert!(text.lines().count() <= 80, "{file}");
+    }
+    let n_files = fs::read_dir("pipelines").unwrap().count();
+    // And the README.
+    assert_eq!(n_files, FILES.len() + 1);
+}
+
+#[test]
+fn every_option_says_what_it_is_and_what_only_a_user_knows_has_no_default() {
+    let mut required = Vec::new();
+    for kind in pipeline::kinds() {
+        for option in kind.options() {
+            let key = format!("{}.{}", kind.name, option.key);
+            assert!(!option.about.is_empty(), "{key}");
+            if option.required {
+                required.push(key);
+            }
+        }
+    }
+    required.sort();
+    let hand = |kind: &str| format!("{kind}.hand");
+    for kind in ["retarget", "train", "sample", "screen", "dispatch"] {
+        assert!(required.contains(&hand(kind)), "{kind}");
+    }
+    for key in [
+        "ingest.root",
+        "ingest.hand",
+        "retarget.hand_table",
+        "train.training.tips",
+        "screen.protocol.flexion_joints",
+        "screen.scene.drive.torque_limit",
+        "dispatch.cell",
+        "dispatch.grasp.flexion_joints",
+        "dispatch.arm.table_from_base",
+    ] {
+        assert!(
+            required.iter().any(|known| known == key),
+            "{key}: {required:?}"
+        );
+    }
+}
