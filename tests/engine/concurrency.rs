@@ -10,14 +10,14 @@ const BRANCHES: &str = r#"
 kind = "split"
 root = "INPUTS"
 
-[stages.shared]
+[stages.trunk]
 kind = "map"
 inputs.parts = "split.parts"
 add = 1
 
 [stages.left]
 kind = "map"
-inputs.parts = "shared.parts"
+inputs.parts = "trunk.parts"
 add = 2
 
 [stages.left_table]
@@ -26,7 +26,7 @@ inputs.parts = "left.parts"
 
 [stages.right]
 kind = "map"
-inputs.parts = "shared.parts"
+inputs.parts = "trunk.parts"
 add = 3
 
 [stages.right_table]
@@ -40,7 +40,7 @@ fn processes_with_overlapping_targets_make_each_unit_once() {
         &[],
         &["--until", "left_table"],
         &["--until", "right_table"],
-        &["--until", "shared"],
+        &["--until", "trunk"],
         &[],
         &["--until", "left"],
         &["--until", "right"],
