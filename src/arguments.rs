@@ -72,7 +72,7 @@ pub(crate) enum Command {
     Router(RouterArgs),
     /// Check every byte of the lake against what was stored
     Verify(VerifyArgs),
-    /// Remove what no run that counts, and no pipeline file, uses
+    /// Remove unreferenced artifacts
     Gc(GcArgs),
     /// Make one partition of one output
     ///
@@ -98,9 +98,9 @@ pub(crate) struct PipelineArgs {
     /// Stop after this stage [default: the last]
     #[arg(long, value_name = "STAGE")]
     pub(crate) until: Option<String>,
-    /// Run this stage alone [default: every stage]
+    /// Run only this stage [default: every stage]
     ///
-    /// What it reads must have been made.
+    /// Its inputs must exist.
     #[arg(long, value_name = "STAGE", conflicts_with = "until")]
     pub(crate) only: Option<String>,
     /// Make a stage's results again [default: none]

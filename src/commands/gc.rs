@@ -17,7 +17,7 @@ use crate::{
     report,
 };
 
-/// Removes what no run that counts, and no pipeline file, refers to any more.
+/// Removes unreferenced artifacts: those of no run that counts and no pipeline file.
 pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, Trouble> {
     let lake = Lake::open(&program.lake);
     lake.expect_there()?;

@@ -3,8 +3,8 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    fs::{self, File, Permissions},
-    os::unix::fs::{MetadataExt, PermissionsExt},
+    fs::{self, File},
+    os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
     time::Duration,
 };
@@ -13,7 +13,8 @@ use rand::{Rng, seq::IndexedRandom};
 use rand_chacha::ChaCha8Rng;
 
 use crate::place::{
-    CHAIN, Place, assert_same, chances, files_below, number, put, read, stderr, stdout, well,
+    CHAIN, Place, assert_same, chances, files_below, number, read, stderr, stdout, well,
+    write_unnoticed,
 };
 
 /// What is shown is the same files as the blobs, or copies that the next run replaces; nothing else
@@ -99,16 +100,6 @@ fn kept_files(lake: &Path) -> Vec<Vec<PathBuf>> {
         }
     }
     by_folder.into_values().collect()
-}
-
-/// Writes a file in place, its time and permissions kept.
-fn write_unnoticed(path: &Path, bytes: &[u8]) {
-    let before = fs::metadata(path).unwrap();
-    fs::set_permissions(path, Permissions::from_mode(0o644)).unwrap();
-    put(path, bytes);
-    let file = File::options().write(true).open(path).unwrap();
-    file.set_modified(before.modified().unwrap()).unwrap();
-    fs::set_permissions(path, before.permissions()).unwrap();
 }
 
 /// A lake with two runs in it, the newest with the values of the file.

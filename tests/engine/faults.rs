@@ -3,8 +3,8 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    fs::{self, File, Permissions},
-    os::unix::fs::{MetadataExt, PermissionsExt},
+    fs::{self, File},
+    os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
     process::Output,
 };
@@ -12,7 +12,9 @@ use std::{
 use rand::{Rng, seq::IndexedRandom};
 use rand_chacha::ChaCha8Rng;
 
-use crate::place::{CHAIN, Place, chances, files_below, number, put, read, stderr, stdout, well};
+use crate::place::{
+    CHAIN, Place, chances, files_below, number, put, read, stderr, stdout, well, write_unnoticed,
+};
 
 /// Questions about every kind of table, and the run that they are about.
 const QUESTIONS: [(&str, &[&str]); 6] = [
@@ -231,16 +233,6 @@ fn is_old_blob(lake: &Path, path: &Path) -> bool {
     };
     let is_newest = ["tables", "files", "reports"].into_iter().any(is_linked);
     is_linked("blobs") && !is_newest && !is_copied()
-}
-
-/// Writes a file in place, its time and permissions kept.
-fn write_unnoticed(path: &Path, bytes: &[u8]) {
-    let before = fs::metadata(path).unwrap();
-    fs::set_permissions(path, Permissions::from_mode(0o644)).unwrap();
-    put(path, bytes);
-    let file = File::options().write(true).open(path).unwrap();
-    file.set_modified(before.modified().unwrap()).unwrap();
-    fs::set_permissions(path, before.permissions()).unwrap();
 }
 
 /// A lake with two runs in it, the newest with the values of the file, the other tagged.

@@ -2,8 +2,10 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    env, fs,
+    env,
+    fs::{self, File, Permissions},
     io::{BufRead, BufReader, Read},
+    os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
     process::{Child, Command, Output, Stdio},
     sync::{OnceLock, mpsc},
@@ -411,6 +413,16 @@ pub(crate) fn number<N: std::str::FromStr>(variable: &str, default: N) -> N {
 /// Writes a test's own file.
 pub(crate) fn put(path: &Path, bytes: &[u8]) {
     fs::write(path, bytes).unwrap();
+}
+
+/// Writes a file in place, its time and permissions kept.
+pub(crate) fn write_unnoticed(path: &Path, bytes: &[u8]) {
+    let before = fs::metadata(path).unwrap();
+    fs::set_permissions(path, Permissions::from_mode(0o644)).unwrap();
+    put(path, bytes);
+    let file = File::options().write(true).open(path).unwrap();
+    file.set_modified(before.modified().unwrap()).unwrap();
+    fs::set_permissions(path, before.permissions()).unwrap();
 }
 
 pub(crate) fn read(path: &Path) -> Vec<u8> {

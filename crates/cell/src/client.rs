@@ -1,7 +1,6 @@
 //! The dispatcher's side: asks a cell what it can do, sends it goals, fetches the reports.
 
 use std::{
-    error::Error,
     path::PathBuf,
     sync::OnceLock,
     thread,
@@ -19,6 +18,7 @@ use zenoh::{
 use crate::{
     Access, CellError, Goal, Keys, PROTOCOL, SealedGoal, UncheckedReport,
     capabilities::{Capabilities, GoalAnswer, Word},
+    error::with_causes,
     goal::{CLOCKS_MS, Sending, now_unix_ms},
     heartbeat::Heartbeat,
     report::Report,
@@ -250,7 +250,7 @@ impl CellClient {
         };
         let _heartbeat = match asked() {
             Ok(heartbeat) => heartbeat,
-            Err(err) => return Recovered::Unheard(told(&err)),
+            Err(err) => return Recovered::Unheard(with_causes(&err)),
         };
         let id = goal.seal().goal_id;
         match self.report(goal, &id, robot, answer, result) {
@@ -323,7 +323,7 @@ impl CellClient {
         let id = sealed.goal_id.as_str();
         let (answers, tries) = self
             .ask(&key, &sealed.bytes, MOST_ANSWER, answer)
-            .map_err(|err| Doubt::Unheard(told(&err)))?;
+            .map_err(|err| Doubt::Unheard(with_causes(&err)))?;
         let Some(body) = self.only(&key, &answers)? else {
             return Err(silence("goal", answer));
         };
@@ -371,7 +371,7 @@ impl CellClient {
                 return Err(silence("result", answer));
             }
             let until = Instant::now() + left.min(PIECE);
-            let unheard = |err: CellError| Doubt::Unheard(told(&err));
+            let unheard = |err: CellError| Doubt::Unheard(with_causes(&err));
             let answers = self
                 .ask_once(&key, &[], MOST_REPORT, until)
                 .map_err(unheard)?;
@@ -522,17 +522,6 @@ fn check_clock(cell_ms: u64, asked_ms: u64, answered_ms: u64) -> Result<(), Cell
 fn who(answers: &[Answer]) -> String {
     let names: Vec<String> = answers.iter().map(Answer::who).collect();
     names.join(" and ")
-}
-
-/// Returns what an error says, with its causes.
-fn told(err: &dyn Error) -> String {
-    let mut text = err.to_string();
-    let mut cause = err.source();
-    while let Some(next) = cause {
-        text = format!("{text}: {next}");
-        cause = next.source();
-    }
-    text
 }
 
 fn silence(about: &str, waited: Duration) -> Doubt {

@@ -1,6 +1,6 @@
 //! Why a cell could not be reached or started.
 
-use std::{path::PathBuf, time::Duration};
+use std::{error::Error, path::PathBuf, time::Duration};
 
 use crate::wire::WireError;
 
@@ -15,6 +15,17 @@ impl From<zenoh::Error> for Cause {
         let message = text.split(" at /").next().unwrap_or_default();
         Self(message.trim_end_matches(['!', '.']).to_owned())
     }
+}
+
+/// Returns what an error says, with its causes, on one line.
+pub fn with_causes(err: &dyn Error) -> String {
+    let mut text = err.to_string();
+    let mut cause = err.source();
+    while let Some(next) = cause {
+        text = format!("{text}: {next}");
+        cause = next.source();
+    }
+    text
 }
 
 /// Why a cell could not be reached or started; what becomes of a goal is a [`crate::Report`].

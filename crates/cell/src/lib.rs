@@ -44,7 +44,7 @@ pub use access::Access;
 pub use capabilities::{Capabilities, Offer, PalmLimits};
 pub use client::{CellClient, Executed, Halt, Recovered};
 pub use contradiction::Contradiction;
-pub use error::{Cause, CellError};
+pub use error::{Cause, CellError, with_causes};
 pub use goal::{Goal, Rejection, RejectionCode, SealedGoal, Sending};
 pub use keys::Keys;
 pub use outcome::GoalOutcome;

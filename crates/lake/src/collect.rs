@@ -1,4 +1,4 @@
-//! Collecting garbage: what no run that counts refers to any more.
+//! Collecting garbage: unreferenced artifacts, those of no run that counts.
 //!
 //! Kept are the units of tagged runs, of the newest runs of every pipeline, everything that a
 //! pipeline's newest state shows, what the caller names, and everything that was made or taken into

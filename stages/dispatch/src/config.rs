@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, path::PathBuf, time::Duration};
 
-use cell::{Access, Capabilities, CellError, Keys};
+use cell::{Access, Capabilities, CellError, Keys, with_causes};
 use dataflow::{Advise, OptionFault, OptionFaults};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -152,7 +152,7 @@ impl DispatchConfig {
                 Err(DispatchError::BadOption { key, problem }) => faults.note(key, problem),
                 Err(other) => {
                     let hint = other.hint().map(|hint| format!("; {hint}"));
-                    let problem = format!("{other}{}", hint.unwrap_or_default());
+                    let problem = format!("{}{}", with_causes(&other), hint.unwrap_or_default());
                     faults.note(option_behind(&other), problem);
                 }
             }

@@ -1,13 +1,12 @@
 //! The motion that a cell executes now, for whoever ends the program: a robot is not left to itself.
 
 use std::{
-    error::Error,
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
     thread,
     time::{Duration, Instant},
 };
 
-use cell::{CellClient, Halt};
+use cell::{CellClient, Halt, with_causes};
 
 /// Pause before a cell is asked again that has not taken the motion yet.
 const PAUSE: Duration = Duration::from_millis(50);
@@ -134,7 +133,7 @@ impl MotionInFlight {
                     let message = format!("no answer within {:.1?}", self.answer);
                     return Cancellation::Unknown(message);
                 }
-                Err(err) => return Cancellation::Unknown(chain(&err)),
+                Err(err) => return Cancellation::Unknown(with_causes(&err)),
             }
         }
     }
@@ -173,15 +172,4 @@ fn unless_ending(then: impl FnOnce(&mut InFlight)) {
 
 fn in_flight() -> MutexGuard<'static, InFlight> {
     IN_FLIGHT.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Returns what an error says, with its causes.
-fn chain(err: &dyn Error) -> String {
-    let mut text = err.to_string();
-    let mut cause = err.source();
-    while let Some(next) = cause {
-        text = format!("{text}: {next}");
-        cause = next.source();
-    }
-    text
 }

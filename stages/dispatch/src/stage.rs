@@ -2,12 +2,11 @@
 
 use std::{
     collections::BTreeMap,
-    error::Error,
     path::{Component, Path},
     sync::Arc,
 };
 
-use cell::{CellClient, Executed, Goal, Recovered, Rejection, RejectionCode, Report};
+use cell::{CellClient, Executed, Goal, Recovered, Rejection, RejectionCode, Report, with_causes};
 use dataflow::{
     Artifact, Code, Context, Form, Input, Inputs, Labels, Made, OptionFault, Outcome, Output,
     Scope, SourceFile, Stage, Unit,
@@ -269,7 +268,7 @@ fn send(
         // Of what a run before this one sent, nobody knows as long as no cell can be asked.
         let is_open = |goal: &&Goal| matches!(journal.past(goal, &joints), Past::Sent(_));
         match feasible.find(is_open) {
-            Some(goal) => unknown(&config.cell_name, goal, told(&err)),
+            Some(goal) => unknown(&config.cell_name, goal, with_causes(&err)),
             None => err,
         }
     })?;
@@ -424,7 +423,7 @@ impl Sender<'_> {
                     Recovered::Unheard(message) => return Err(unknown(message)),
                 }
                 let there = self.client.capabilities(answer);
-                there.map_err(|err| unknown(told(&err)))?;
+                there.map_err(|err| unknown(with_causes(&err)))?;
             }
         }
         let done = match self.client.execute(goal, self.joints, answer, result)? {
@@ -457,17 +456,6 @@ fn unknown(cell: &str, goal: &Goal, message: String) -> DispatchError {
         goal_id: goal.seal().goal_id,
         message,
     }
-}
-
-/// Returns what an error says, with its causes.
-fn told(err: &dyn Error) -> String {
-    let mut text = err.to_string();
-    let mut cause = err.source();
-    while let Some(next) = cause {
-        text = format!("{text}: {next}");
-        cause = next.source();
-    }
-    text
 }
 
 /// Whether a refusal says nothing about the motion: later it may be taken.
