@@ -24,6 +24,29 @@ pub(crate) trait Row: Sized {
     fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError>;
 }
 
+/// A row whose columns are declared by another struct than its own.
+pub(crate) trait Flatten: Sized {
+    /// The struct of the columns.
+    type Flat: Row;
+
+    /// Returns the row as it is stored.
+    fn flat(&self) -> Self::Flat;
+
+    /// Returns the row that is stored so.
+    fn from_flat(flat: Self::Flat) -> Result<Self, SchemaError>;
+}
+
+impl<T: Flatten> Row for T {
+    fn write(rows: &[&Self], to: &mut Writer) {
+        let flat: Vec<T::Flat> = rows.iter().map(|row| row.flat()).collect();
+        to.rows(&flat);
+    }
+
+    fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError> {
+        Self::from_flat(Row::read(from, row)?)
+    }
+}
+
 /// Declares the columns of a row, in the order of the file:
 ///
 /// ```text
@@ -39,7 +62,7 @@ macro_rules! columns {
     (@name $field:ident $column:ident) => { stringify!($column) };
     (@unit) => { None };
     (@unit $unit:literal) => { Some($unit) };
-    (@doc [$($unit:literal)?] [$about:literal]) => { concat!($about $(, " [", $unit, "]")?, "\n") };
+    (@doc [$($unit:literal)?] [$about:literal]) => { concat!($about $(, " (", $unit, ")")?, "\n") };
     (@doc [] []) => { "Columns of its own.\n" };
     (@write $to:ident, $cells:ident, [$($name:ident)+] [$($unit:literal)?] [$about:literal]) => {
         $to.column(columns!(@name $($name)+), columns!(@unit $($unit)?), $about, &$cells)

@@ -5,7 +5,7 @@
 
 use crate::{
     SchemaError,
-    columns::{Reader, Row, Writer, columns},
+    columns::{Flatten, columns},
     table::table,
 };
 
@@ -59,7 +59,7 @@ table! {"sampling", 1, rows: Sampled}
 
 columns! {
     /// The columns of a [`Sampled`].
-    struct Flat {
+    pub(crate) struct Flat {
         candidate_id: String => "the motion",
         + within_limits: bool = |row| row.limit_excess_rad <= LIMIT_TOLERANCE_RAD
             => "no joint was drawn farther outside its limits than 0.05 rad",
@@ -83,31 +83,29 @@ columns! {
     }
 }
 
-impl Row for Sampled {
-    fn write(rows: &[&Self], to: &mut Writer) {
-        let rows = rows.iter().map(|sampled| {
-            let (demonstration, nearest) = sampled.demonstration.clone().unwrap_or_default();
-            Flat {
-                candidate_id: sampled.candidate_id.clone(),
-                limit_excess_rad: sampled.limit_excess_rad,
-                approach_depth_m: sampled.approach_depth_m,
-                approach_depth_time_s: sampled.approach_depth_time_s,
-                grasp_depth_m: sampled.grasp_depth_m,
-                table_depth_m: sampled.table_depth_m,
-                demonstration,
-                demonstration_palm_m: nearest.palm_m,
-                demonstration_palm_rad: nearest.palm_rad,
-                demonstration_q_rad: nearest.q_rad,
-                mean_palm_m: sampled.from_mean.palm_m,
-                mean_palm_rad: sampled.from_mean.palm_rad,
-                mean_q_rad: sampled.from_mean.q_rad,
-            }
-        });
-        to.rows(&rows.collect::<Vec<_>>());
+impl Flatten for Sampled {
+    type Flat = Flat;
+
+    fn flat(&self) -> Flat {
+        let (demonstration, nearest) = self.demonstration.clone().unwrap_or_default();
+        Flat {
+            candidate_id: self.candidate_id.clone(),
+            limit_excess_rad: self.limit_excess_rad,
+            approach_depth_m: self.approach_depth_m,
+            approach_depth_time_s: self.approach_depth_time_s,
+            grasp_depth_m: self.grasp_depth_m,
+            table_depth_m: self.table_depth_m,
+            demonstration,
+            demonstration_palm_m: nearest.palm_m,
+            demonstration_palm_rad: nearest.palm_rad,
+            demonstration_q_rad: nearest.q_rad,
+            mean_palm_m: self.from_mean.palm_m,
+            mean_palm_rad: self.from_mean.palm_rad,
+            mean_q_rad: self.from_mean.q_rad,
+        }
     }
 
-    fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError> {
-        let flat: Flat = Row::read(from, row)?;
+    fn from_flat(flat: Flat) -> Result<Self, SchemaError> {
         let nearest = GraspDistance {
             palm_m: flat.demonstration_palm_m,
             palm_rad: flat.demonstration_palm_rad,

@@ -10,7 +10,7 @@
 
 use crate::{
     SchemaError,
-    columns::{Reader, Row, Writer, columns},
+    columns::{Flatten, columns},
     rollouts::Verdict,
     sampling::GraspDistance,
     table::table,
@@ -103,7 +103,7 @@ pub fn wilson(successes: i64, n: i64) -> [f64; 2] {
 
 columns! {
     /// The columns of a [`Success`].
-    struct Flat {
+    pub(crate) struct Flat {
         object: String => "the object",
         generator: String => "what drew the candidates",
         candidates_n: i64 => "candidates that were screened",
@@ -132,39 +132,37 @@ columns! {
     }
 }
 
-impl Row for Success {
-    fn write(rows: &[&Self], to: &mut Writer) {
-        let rows = rows.iter().map(|success| {
-            let [rate_low, rate_high] = success.interval();
-            Flat {
-                object: success.object.clone(),
-                generator: success.generator.clone(),
-                candidates_n: success.candidates_n(),
-                successes_n: success.successes_n(),
-                rate: success.rate(),
-                rate_low,
-                rate_high,
-                limit_n: success.count(Verdict::Limit),
-                table_n: success.count(Verdict::Table),
-                early_contact_n: success.count(Verdict::EarlyContact),
-                knocked_over_n: success.count(Verdict::KnockedOver),
-                not_grasped_n: success.count(Verdict::NotGrasped),
-                slipped_n: success.count(Verdict::Slipped),
-                dropped_n: success.count(Verdict::Dropped),
-                diverged_n: success.count(Verdict::Diverged),
-                control_steps_n: success.control_steps_n,
-                control_steps_per_success: success.control_steps_per_success(),
-                spread_palm_m: success.spread.palm_m,
-                spread_palm_rad: success.spread.palm_rad,
-                spread_q_rad: success.spread.q_rad,
-                spread_n: success.spread_n,
-            }
-        });
-        to.rows(&rows.collect::<Vec<_>>());
+impl Flatten for Success {
+    type Flat = Flat;
+
+    fn flat(&self) -> Flat {
+        let [rate_low, rate_high] = self.interval();
+        Flat {
+            object: self.object.clone(),
+            generator: self.generator.clone(),
+            candidates_n: self.candidates_n(),
+            successes_n: self.successes_n(),
+            rate: self.rate(),
+            rate_low,
+            rate_high,
+            limit_n: self.count(Verdict::Limit),
+            table_n: self.count(Verdict::Table),
+            early_contact_n: self.count(Verdict::EarlyContact),
+            knocked_over_n: self.count(Verdict::KnockedOver),
+            not_grasped_n: self.count(Verdict::NotGrasped),
+            slipped_n: self.count(Verdict::Slipped),
+            dropped_n: self.count(Verdict::Dropped),
+            diverged_n: self.count(Verdict::Diverged),
+            control_steps_n: self.control_steps_n,
+            control_steps_per_success: self.control_steps_per_success(),
+            spread_palm_m: self.spread.palm_m,
+            spread_palm_rad: self.spread.palm_rad,
+            spread_q_rad: self.spread.q_rad,
+            spread_n: self.spread_n,
+        }
     }
 
-    fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError> {
-        let flat: Flat = Row::read(from, row)?;
+    fn from_flat(flat: Flat) -> Result<Self, SchemaError> {
         let success = Self {
             object: flat.object,
             generator: flat.generator,

@@ -3,7 +3,7 @@
 
 use crate::{
     SchemaError,
-    columns::{Reader, Row, Writer, columns},
+    columns::{Flatten, columns},
     executions::Outcome,
     success::wilson,
     table::table,
@@ -60,7 +60,7 @@ table! {"trials", 2, rows: Trials}
 
 columns! {
     /// The columns of [`Trials`].
-    struct Flat {
+    pub(crate) struct Flat {
         object: String => "the object",
         cell: String => "the cell's name",
         simulated: bool => "whether the cell says that nothing real moves",
@@ -79,32 +79,30 @@ columns! {
     }
 }
 
-impl Row for Trials {
-    fn write(rows: &[&Self], to: &mut Writer) {
-        let rows = rows.iter().map(|trials| {
-            let [rate_low, rate_high] = trials.interval();
-            Flat {
-                object: trials.object.clone(),
-                cell: trials.cell.clone(),
-                simulated: trials.simulated,
-                gap: trials.gap.clone(),
-                trials_n: trials.trials_n(),
-                successes_n: trials.successes_n(),
-                rate: trials.rate(),
-                rate_low,
-                rate_high,
-                failed_n: trials.count(Outcome::Failed),
-                aborted_n: trials.count(Outcome::Aborted),
-                unknown_n: trials.count(Outcome::Unknown),
-                rejected_n: trials.count(Outcome::Rejected),
-                stopped_n: trials.count(Outcome::Stopped),
-            }
-        });
-        to.rows(&rows.collect::<Vec<_>>());
+impl Flatten for Trials {
+    type Flat = Flat;
+
+    fn flat(&self) -> Flat {
+        let [rate_low, rate_high] = self.interval();
+        Flat {
+            object: self.object.clone(),
+            cell: self.cell.clone(),
+            simulated: self.simulated,
+            gap: self.gap.clone(),
+            trials_n: self.trials_n(),
+            successes_n: self.successes_n(),
+            rate: self.rate(),
+            rate_low,
+            rate_high,
+            failed_n: self.count(Outcome::Failed),
+            aborted_n: self.count(Outcome::Aborted),
+            unknown_n: self.count(Outcome::Unknown),
+            rejected_n: self.count(Outcome::Rejected),
+            stopped_n: self.count(Outcome::Stopped),
+        }
     }
 
-    fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError> {
-        let flat: Flat = Row::read(from, row)?;
+    fn from_flat(flat: Flat) -> Result<Self, SchemaError> {
         let trials = Self {
             object: flat.object,
             cell: flat.cell,

@@ -3,34 +3,31 @@
 use nalgebra::{Unit, Vector3};
 use spatial::Rest;
 
-use super::{Reader, Row, Writer, columns};
+use super::{Flatten, columns};
 use crate::SchemaError;
 
 columns! {
-    /// A [`Rest`] in numbers.
-    struct RestRow {
+    /// The columns of a [`Rest`].
+    pub(crate) struct Flat {
         rest_up: [f64; 3] ["1"] => "unit vector against gravity, object frame",
         rest_height_m: f64 ["m"] => "height of the object's origin above the table",
     }
 }
 
-impl Row for Rest {
-    fn write(rows: &[&Self], to: &mut Writer) {
-        let rows = rows.iter().map(|rest| RestRow {
-            rest_up: rest.up_in_object.into_inner().into(),
-            rest_height_m: rest.height_m,
-        });
-        to.rows(&rows.collect::<Vec<_>>());
+impl Flatten for Rest {
+    type Flat = Flat;
+
+    fn flat(&self) -> Flat {
+        Flat {
+            rest_up: self.up_in_object.into_inner().into(),
+            rest_height_m: self.height_m,
+        }
     }
 
-    fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError> {
-        let RestRow {
-            rest_up,
-            rest_height_m,
-        } = Row::read(from, row)?;
+    fn from_flat(flat: Flat) -> Result<Self, SchemaError> {
         Ok(Self {
-            up_in_object: Unit::new_normalize(Vector3::from(rest_up)),
-            height_m: rest_height_m,
+            up_in_object: Unit::new_normalize(Vector3::from(flat.rest_up)),
+            height_m: flat.rest_height_m,
         })
     }
 }
