@@ -1,14 +1,23 @@
 //! The stage: one unit per object.
 
-use std::collections::BTreeMap;
-
-use dataflow::{Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Unit};
+use dataflow::{
+    Code, Context, Inputs, Labels, Options, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    labels,
+};
 use schemas::{SchemaError, candidates, candidates::Candidates};
 
 use crate::{InterpolateConfig, InterpolateError, line::line};
 
 /// Replaces each motion by the straight line between its ends.
-pub enum Interpolate {}
+pub struct Interpolate;
+
+dataflow::metrics! {
+    /// What is said of an object's lines.
+    pub struct Interpolated {
+        /// How many there are.
+        candidates: Sum,
+    }
+}
 
 /// The artifact that it reads and makes.
 const CANDIDATES: &str = "candidates";
@@ -20,22 +29,22 @@ impl Stage for Interpolate {
     const KIND: &'static str = "interpolate";
     const ABOUT: &'static str = "Replaces each motion by the straight line between its ends";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [Input] = &[Input {
-        name: CANDIDATES,
-        artifact: CANDIDATES,
-    }];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: CANDIDATES,
-        schema: candidates::VERSION,
-        partition: "object",
-        parallel: true,
-    }];
+    const INPUTS: &'static [&'static str] = &[CANDIDATES];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+}
 
-    fn units(
-        config: &InterpolateConfig,
-        _output: &str,
-        scope: &Scope,
-    ) -> Result<Vec<Unit>, InterpolateError> {
+impl Output for Interpolate {
+    type Stage = Self;
+    type Metrics = Interpolated;
+    type Error = InterpolateError;
+
+    const ARTIFACT: &'static str = CANDIDATES;
+    const SCHEMA: &'static str = candidates::VERSION;
+    const PARTITION: &'static str = "object";
+    /// `objects` only chooses units.
+    const OPTIONS: Options = Options::Except(&["objects"]);
+
+    fn units(config: &InterpolateConfig, scope: &Scope) -> Result<Vec<Unit>, InterpolateError> {
         let keys = scope.partitions(CANDIDATES).iter().map(|given| &given.key);
         let keys: Vec<&String> = keys.collect();
         if keys.is_empty() {
@@ -57,25 +66,15 @@ impl Stage for Interpolate {
         Ok(units.collect())
     }
 
-    fn foretell(
-        _config: &InterpolateConfig,
-        _output: &str,
-        unit: &Unit,
-        _scope: &Scope,
-    ) -> Option<Labels> {
-        Some(labels(&unit.partition))
+    fn labels(_config: &InterpolateConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        Some(labels([("object", &unit.partition)]))
     }
 
-    /// `objects` only chooses units.
-    fn decides(option: &str, _output: &str) -> bool {
-        option != "objects"
-    }
-
-    fn run(
+    fn make(
         _config: &InterpolateConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome, InterpolateError> {
+    ) -> Result<Outcome<Interpolated>, InterpolateError> {
         let artifact = inputs.artifacts(CANDIDATES).first();
         let artifact = artifact.ok_or_else(|| InterpolateError::MissingInput {
             partition: cx.partition().to_owned(),
@@ -92,32 +91,26 @@ impl Stage for Interpolate {
                 Ok(motion) => lines.push(motion),
                 Err(err) => {
                     let name = &motion.candidate_id;
-                    let reason = format!("candidate `{name}`: {err}");
-                    return Ok(Outcome::Skipped { reason });
+                    return Ok(Outcome::skipped(format!("candidate `{name}`: {err}")));
                 }
             }
         }
-        let n = lines.len() as f64;
+        let metrics = Interpolated {
+            candidates: lines.len() as f64,
+        };
         let lines = Candidates {
             candidates: lines,
             ..given
         };
         let batch = candidates::to_batch(&lines).map_err(schema)?;
         lake::table::write(cx.folder(), &batch)?;
-        Ok(Outcome::Made(Made {
-            labels: labels(&lines.object),
-            metrics: BTreeMap::from([("candidates".to_owned(), n)]),
-        }))
+        Ok(Outcome::made(labels([("object", &lines.object)]), metrics))
     }
-}
-
-fn labels(object: &str) -> Labels {
-    Labels::from([("object".to_owned(), object.to_owned())])
 }
 
 #[cfg(test)]
 mod tests {
-    use std::{fs, path::Path};
+    use std::{collections::BTreeMap, fs, path::Path};
 
     use dataflow::{Advise, Artifact, Partition};
     use nalgebra::Isometry3;
@@ -153,7 +146,7 @@ mod tests {
     }
 
     /// Runs the stage on these motions; its files lie in `folder/out`.
-    fn run(motions: Vec<Candidate>, folder: &Path) -> Outcome {
+    fn run(motions: Vec<Candidate>, folder: &Path) -> Outcome<Interpolated> {
         let [given, out] = ["given", "out"].map(|name| folder.join(name));
         for folder in [&given, &out] {
             fs::create_dir(folder).unwrap();
@@ -166,8 +159,8 @@ mod tests {
         lake::table::write(&given, &candidates::to_batch(&motions).unwrap()).unwrap();
         let artifacts = BTreeMap::from([(CANDIDATES.to_owned(), vec![artifact(&given)])]);
         let inputs = Inputs::new(artifacts, Vec::new());
-        let cx = Context::detached(CANDIDATES, "can", 0, &out);
-        Interpolate::run(&InterpolateConfig::default(), &inputs, &cx).unwrap()
+        let cx = Context::detached("can", 0, &out);
+        Interpolate::make(&InterpolateConfig::default(), &inputs, &cx).unwrap()
     }
 
     #[test]
@@ -177,7 +170,7 @@ mod tests {
         let Outcome::Made(made) = run(motions.clone(), folder.path()) else {
             panic!("not made");
         };
-        assert_eq!(made.metrics["candidates"], 2.0);
+        assert_eq!(made.metrics.candidates, 2.0);
         assert_eq!(made.labels["object"], "can");
         let batch = lake::table::read(&artifact(&folder.path().join("out"))).unwrap();
         let read = candidates::from_batch("can", &batch).unwrap();
@@ -209,7 +202,7 @@ mod tests {
         let scope = Scope::new(BTreeMap::from([(CANDIDATES.to_owned(), given)]));
         let units = |objects: &[&str], scope: &Scope| {
             let objects = objects.iter().map(|&name| name.to_owned()).collect();
-            Interpolate::units(&InterpolateConfig { objects }, CANDIDATES, scope)
+            Interpolate::units(&InterpolateConfig { objects }, scope)
         };
         assert_eq!(units(&[], &scope).unwrap().len(), 2);
         let one = units(&["can"], &scope).unwrap();
@@ -220,6 +213,5 @@ mod tests {
         assert!(unknown.hint().unwrap().contains("box, can"));
         let nothing = units(&[], &Scope::default());
         assert!(matches!(nothing, Err(InterpolateError::NoCandidates)));
-        assert!(!Interpolate::decides("objects", CANDIDATES));
     }
 }

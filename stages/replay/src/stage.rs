@@ -1,9 +1,10 @@
 //! The stage: one unit per object.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use dataflow::{
-    Artifact, Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Unit,
+    Artifact, Code, Context, Inputs, Labels, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    labels,
 };
 use schemas::{
     candidates::{self, Candidate, Candidates},
@@ -13,7 +14,15 @@ use schemas::{
 use crate::{ReplayConfig, ReplayError};
 
 /// Offers retargeted demonstrations as candidates.
-pub enum Replay {}
+pub struct Replay;
+
+dataflow::metrics! {
+    /// What is said of an object's candidates.
+    pub struct Offered {
+        /// How many there are.
+        candidates: Sum,
+    }
+}
 
 /// What the candidates say drew them.
 const GENERATOR: &str = "demonstration";
@@ -28,26 +37,20 @@ impl Stage for Replay {
     const KIND: &'static str = "replay";
     const ABOUT: &'static str = "Offers retargeted demonstrations as candidates";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [Input] = &[Input {
-        name: "trajectories",
-        artifact: "trajectories",
-    }];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: "candidates",
-        schema: candidates::VERSION,
-        partition: "object",
-        parallel: true,
-    }];
+    const INPUTS: &'static [&'static str] = &["trajectories"];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+}
 
-    fn prepare(_config: &ReplayConfig) -> Result<(), ReplayError> {
-        Ok(())
-    }
+impl Output for Replay {
+    type Stage = Self;
+    type Metrics = Offered;
+    type Error = ReplayError;
 
-    fn units(
-        config: &ReplayConfig,
-        _output: &str,
-        scope: &Scope,
-    ) -> Result<Vec<Unit>, ReplayError> {
+    const ARTIFACT: &'static str = "candidates";
+    const SCHEMA: &'static str = candidates::VERSION;
+    const PARTITION: &'static str = "object";
+
+    fn units(config: &ReplayConfig, scope: &Scope) -> Result<Vec<Unit>, ReplayError> {
         let trajectories = scope.partitions("trajectories");
         if trajectories.is_empty() {
             return Err(ReplayError::NoTrajectories);
@@ -78,17 +81,15 @@ impl Stage for Replay {
             .collect())
     }
 
-    fn foretell(
-        _config: &ReplayConfig,
-        _output: &str,
-        unit: &Unit,
-        _scope: &Scope,
-    ) -> Option<Labels> {
-        let object = unit.partition.clone();
-        Some(Labels::from([(OBJECT.to_owned(), object)]))
+    fn labels(_config: &ReplayConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        Some(labels([(OBJECT, &unit.partition)]))
     }
 
-    fn run(_config: &ReplayConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, ReplayError> {
+    fn make(
+        _config: &ReplayConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<Offered>, ReplayError> {
         let object = cx.partition();
         let trajectories: Vec<Trajectory> = inputs
             .artifacts("trajectories")
@@ -113,11 +114,10 @@ impl Stage for Replay {
             source,
         })?;
         lake::table::write(cx.folder(), &batch)?;
-        let n = trajectories.len() as f64;
-        Ok(Outcome::Made(Made {
-            labels: BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]),
-            metrics: BTreeMap::from([("candidates".to_owned(), n)]),
-        }))
+        let metrics = Offered {
+            candidates: trajectories.len() as f64,
+        };
+        Ok(Outcome::made(labels([(OBJECT, object)]), metrics))
     }
 }
 
@@ -177,6 +177,8 @@ fn palm_acceleration(steps: &[trajectories::Step], idx: usize) -> [f64; 6] {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use dataflow::Partition;
     use nalgebra::{Isometry3, Unit as UnitVector, Vector3};
     use spatial::{Pose, Rest};
@@ -209,7 +211,10 @@ mod tests {
     }
 
     /// Runs the stage on these trajectories in `folder`.
-    fn run(trajectories: &[Trajectory], folder: &std::path::Path) -> Result<Outcome, ReplayError> {
+    fn run(
+        trajectories: &[Trajectory],
+        folder: &std::path::Path,
+    ) -> Result<Outcome<Offered>, ReplayError> {
         let artifacts = trajectories
             .iter()
             .map(|trajectory| {
@@ -229,8 +234,8 @@ mod tests {
             BTreeMap::from([("trajectories".to_owned(), artifacts)]),
             Vec::new(),
         );
-        let cx = Context::detached("candidates", "can", 0, folder);
-        Replay::run(&ReplayConfig::default(), &inputs, &cx)
+        let cx = Context::detached("can", 0, folder);
+        Replay::make(&ReplayConfig::default(), &inputs, &cx)
     }
 
     #[test]
@@ -280,12 +285,7 @@ mod tests {
 
     #[test]
     fn one_unit_per_object_reads_its_trajectories() {
-        let labeled = |key: &str, object: &str| {
-            Partition::new(
-                key,
-                BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]),
-            )
-        };
+        let labeled = |key: &str, object: &str| Partition::new(key, labels([(OBJECT, object)]));
         let scope = Scope::new(BTreeMap::from([(
             "trajectories".to_owned(),
             vec![
@@ -296,7 +296,7 @@ mod tests {
         )]));
         let units = |objects: &[&str]| {
             let objects = objects.iter().map(|&name| name.to_owned()).collect();
-            Replay::units(&ReplayConfig { objects }, "candidates", &scope)
+            Replay::units(&ReplayConfig { objects }, &scope)
         };
         let all = units(&[]).unwrap();
         assert_eq!(all.len(), 2);

@@ -1,36 +1,43 @@
 //! One object's distances.
 
 use std::{
-    collections::BTreeMap,
     fs::{self, File},
     io::Write,
 };
 
-use dataflow::{Artifact, Context, Inputs, Made, Outcome};
+use dataflow::{Artifact, Context, Inputs, Outcome, Sum, labels};
 use geometry::TriMesh;
 use schemas::{distance_fields, objects};
 
-use super::{missing, schema, skipped};
+use super::{missing, schema};
 use crate::{RetargetConfig, RetargetError, scene::survey};
+
+dataflow::metrics! {
+    /// What is said of an object's distances.
+    pub struct FieldMetrics {
+        /// Number of the vertices of its convex hull.
+        hull_vertices_n: Sum,
+    }
+}
 
 /// Makes the distance field of one object.
 pub(super) fn make(
     config: &RetargetConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome, RetargetError> {
+) -> Result<Outcome<FieldMetrics>, RetargetError> {
     let object = inputs
         .artifacts("objects")
         .first()
         .ok_or_else(|| missing(cx, "object"))?;
     let mesh = match read_mesh(object, cx)? {
         Ok(mesh) => mesh,
-        Err(reason) => return Ok(skipped(reason)),
+        Err(reason) => return Ok(Outcome::skipped(reason)),
     };
     let (field, info) = match survey(&mesh, config.field_spacing_m) {
         Ok(Some(surveyed)) => surveyed,
-        Ok(None) => return Ok(skipped("its mesh has no surface")),
-        Err(err) => return Ok(skipped(format!("its mesh: {err}"))),
+        Ok(None) => return Ok(Outcome::skipped("its mesh has no surface")),
+        Err(err) => return Ok(Outcome::skipped(format!("its mesh: {err}"))),
     };
     let batch = distance_fields::to_batch(&info).map_err(schema(cx))?;
     lake::table::write(cx.folder(), &batch)?;
@@ -40,10 +47,10 @@ pub(super) fn make(
         object: object.key.clone(),
         source,
     })?;
-    Ok(Outcome::Made(Made {
-        labels: BTreeMap::from([("object".to_owned(), object.key.clone())]),
-        metrics: BTreeMap::from([("hull_vertices_n".to_owned(), info.hull_m.len() as f64)]),
-    }))
+    let metrics = FieldMetrics {
+        hull_vertices_n: info.hull_m.len() as f64,
+    };
+    Ok(Outcome::made(labels([("object", &object.key)]), metrics))
 }
 
 /// Reads an object's mesh; the inner error is the reason to skip it.

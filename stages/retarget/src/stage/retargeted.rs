@@ -1,17 +1,21 @@
 //! One demonstration's trajectory.
 
-use std::{collections::BTreeMap, fs};
+use std::fs;
 
-use dataflow::{Artifact, Context, Inputs, Made, Outcome};
+use dataflow::{Artifact, Context, Inputs, Outcome, labels};
 use geometry::DistanceField;
 use schemas::{
     demonstrations::{self, Demonstration},
     distance_fields, trajectories,
 };
 
-use super::{FIELDS, LoadedHand, fields::read_mesh, load_hand, missing, schema, skipped};
+use super::{FIELDS, LoadedHand, fields::read_mesh, load_hand, missing, schema};
 use crate::{
-    RetargetConfig, RetargetError, rates::fill_rates, recording, scene::Scene, track::track,
+    RetargetConfig, RetargetError,
+    rates::fill_rates,
+    recording,
+    scene::Scene,
+    track::{TrajectoryMetrics, track},
 };
 
 /// Greatest coordinate of a landmark in the object frame, in meters.
@@ -22,40 +26,38 @@ pub(super) fn make(
     config: &RetargetConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome, RetargetError> {
+) -> Result<Outcome<TrajectoryMetrics>, RetargetError> {
     let [urdf, table, ..] = inputs.files() else {
         return Err(missing(cx, "URDF and table of a hand"));
     };
     let LoadedHand { urdf, hand, table } = load_hand(&urdf.path, &table.path)?;
     let demonstration = read_demonstration(inputs, cx)?;
     if let Some(reason) = unusable(&demonstration, &table) {
-        return Ok(skipped(reason));
+        return Ok(Outcome::skipped(reason));
     }
     let (Some(object), Some(field)) = (
         inputs.artifacts("objects").first(),
         inputs.artifacts(FIELDS).first(),
     ) else {
-        return Ok(skipped(format!(
+        return Ok(Outcome::skipped(format!(
             "its object `{}` is not among the objects with a surface",
             demonstration.object
         )));
     };
     let mesh = match read_mesh(object, cx)? {
         Ok(mesh) => mesh,
-        Err(reason) => return Ok(skipped(reason)),
+        Err(reason) => return Ok(Outcome::skipped(reason)),
     };
     let scene = read_scene(field, &demonstration, cx)?;
     let Some(mut tracked) = track(&hand, &scene, config, &demonstration)? else {
-        return Ok(skipped("it has no step"));
+        return Ok(Outcome::skipped("it has no step"));
     };
     if tracked.grasp_keypoint_error_m > config.max_keypoint_error_m {
-        return Ok(Outcome::Filtered {
-            reason: format!(
-                "the hand stays {:.0} mm from the landmarks at the grasp, more than \
-                 `max_keypoint_error_m`",
-                1000.0 * tracked.grasp_keypoint_error_m
-            ),
-        });
+        return Ok(Outcome::filtered(format!(
+            "the hand stays {:.0} mm from the landmarks at the grasp, more than \
+             `max_keypoint_error_m`",
+            1000.0 * tracked.grasp_keypoint_error_m
+        )));
     }
     fill_rates(&mut tracked.steps);
     let metrics = tracked.metrics();
@@ -79,10 +81,8 @@ pub(super) fn make(
     let batch = trajectories::to_batch(&trajectory).map_err(schema(cx))?;
     lake::table::write(cx.folder(), &batch)?;
     recording::record(&urdf, &hand.model, &mesh, &trajectory, cx.folder())?;
-    Ok(Outcome::Made(Made {
-        labels: BTreeMap::from([("object".to_owned(), trajectory.object)]),
-        metrics,
-    }))
+    let labels = labels([("object", &trajectory.object)]);
+    Ok(Outcome::made(labels, metrics))
 }
 
 fn read_demonstration(inputs: &Inputs, cx: &Context) -> Result<Demonstration, RetargetError> {

@@ -1,15 +1,13 @@
 //! The motions of one object.
 
-use std::collections::BTreeMap;
-
 use cgf::Cgf;
-use dataflow::{Artifact, Context, Inputs, Made, Outcome, Scope, Unit};
+use dataflow::{Artifact, Context, Inputs, Outcome, Scope, Unit, labels};
 use schemas::{
     candidates::{self, Candidate, Candidates},
     checkpoint, objects,
 };
 
-use super::{SHOWN_ROBOT, labels};
+use super::{Drawn, SHOWN_ROBOT};
 use crate::{
     Epoch, SampleConfig, SampleError,
     inputs::{FIELDS, ROBOT, hand_file, hand_meshes, only, order, read_field, read_hand, schema},
@@ -73,7 +71,7 @@ pub(super) fn make(
     config: &SampleConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome, SampleError> {
+) -> Result<Outcome<Drawn>, SampleError> {
     let cgf = read_checkpoint(config.epoch, only(inputs, "checkpoint", "checkpoint")?)?;
     let artifact = only(inputs, "objects", "object")?;
     let batch = lake::table::read(artifact)?;
@@ -119,14 +117,11 @@ pub(super) fn make(
         };
         recording::record(&stage, &motions, cx.folder())?;
     }
-    let n = drawn.candidates.len() as f64;
-    Ok(Outcome::Made(Made {
-        labels: labels(&object.name),
-        metrics: BTreeMap::from([
-            ("candidates".to_owned(), n),
-            ("draws".to_owned(), sample.draws as f64),
-        ]),
-    }))
+    let metrics = Drawn {
+        candidates: drawn.candidates.len() as f64,
+        draws: sample.draws as f64,
+    };
+    Ok(Outcome::made(labels([("object", &object.name)]), metrics))
 }
 
 fn read_checkpoint(epoch: Epoch, artifact: &Artifact) -> Result<Cgf, SampleError> {

@@ -12,4 +12,7 @@ mod report;
 mod training;
 
 pub use error::TrainReportError;
+pub use latents::{LatentMetrics, Latents};
+pub use reconstruction::{Reconstruction, ReconstructionMetrics};
 pub use report::TrainReport;
+pub use training::{CurveMetrics, TrainingCurve};
