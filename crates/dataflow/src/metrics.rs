@@ -267,13 +267,13 @@ mod tests {
     #[test]
     fn each_figure_gathers_as_it_is_declared() {
         let all = [
-            fixture(1.0, 0.2, 0.3, None),
-            fixture(3.0, 0.4, 0.1, Some(0.5)),
-            fixture(0.0, 0.6, 0.2, Some(1.5)),
+            fixture(1.0, 0.25, 0.3, None),
+            fixture(3.0, 0.5, 0.1, Some(0.5)),
+            fixture(0.0, 0.75, 0.2, Some(1.5)),
         ];
         let gathered = Fixture::gather(&all);
-        assert_eq!(gathered, fixture(4.0, 1.2 / 3.0, 0.3, Some(1.0)));
-        assert_eq!(gathered.figures()["share"], 1.2 / 3.0 / 4.0);
+        assert_eq!(gathered, fixture(4.0, 0.5, 0.3, Some(1.0)));
+        assert_eq!(gathered.figures()["share"], 0.125);
         assert_eq!(Fixture::gather(&all[..1]).slip_m, None);
         let none = Fixture::gather(&[]);
         assert_eq!(none, fixture(0.0, 0.0, 0.0, None));
@@ -282,7 +282,7 @@ mod tests {
 
     #[test]
     fn a_promised_figure_that_is_missing_is_named() {
-        let written = fixture(1.0, 0.2, 0.3, None).figures();
+        let written = fixture(1.0, 0.25, 0.3, None).figures();
         assert_eq!(
             written.keys().collect::<Vec<_>>(),
             ["depth_m", "error_m", "n", "share"]
