@@ -19,12 +19,13 @@
 
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
-use spatial::{Object, Palm, Pose, Table};
+use spatial::{Object, Palm, Pose};
 
+use crate::Table;
 use crate::columns::{Columns, Reader, SchemaError};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "candidates/2";
+const VERSION: &str = "candidates/2";
 
 /// A motion to be screened.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +37,7 @@ pub struct Candidate {
     /// The latent code it came from; empty if there is none.
     pub latent: Vec<f64>,
     /// How the object lies on the table.
-    pub table_from_object: Pose<Table, Object>,
+    pub table_from_object: Pose<spatial::Table, Object>,
     /// Farthest that a joint was drawn outside its limits, before it was put back to them, in radians
     /// (meters if prismatic); 0 if none was.
     pub limit_excess_rad: f64,
@@ -95,7 +96,7 @@ pub struct Candidates {
 }
 
 /// Returns the Arrow schema for a hand with these joints.
-pub fn schema(joints: &[String]) -> Schema {
+fn schema(joints: &[String]) -> Schema {
     columns(joints, &[]).schema()
 }
 
@@ -198,7 +199,7 @@ fn steps(c: &mut Columns, candidates: &[Candidate]) {
 /// # Errors
 ///
 /// Fails if a number is not finite.
-pub fn to_batch(candidates: &Candidates) -> Result<RecordBatch, SchemaError> {
+fn to_batch(candidates: &Candidates) -> Result<RecordBatch, SchemaError> {
     columns(&candidates.joints, &candidates.candidates).into_batch()
 }
 
@@ -207,7 +208,7 @@ pub fn to_batch(candidates: &Candidates) -> Result<RecordBatch, SchemaError> {
 /// # Errors
 ///
 /// Fails if the columns are of another version or the lists of a row do not fit together.
-pub fn from_batch(object: &str, batch: &RecordBatch) -> Result<Candidates, SchemaError> {
+fn from_batch(object: &str, batch: &RecordBatch) -> Result<Candidates, SchemaError> {
     let r = Reader::new(batch, VERSION)?;
     let joints = r.joints()?;
     let mut candidates = Vec::with_capacity(r.rows());
@@ -272,4 +273,21 @@ fn of_steps<const N: usize>(
     }
     let message = format!("{} entries for {n_steps} times", arrays.len());
     Err(r.invalid(name, message))
+}
+
+impl Table for Candidates {
+    const NAME: &'static str = "candidates";
+    const VERSION: &'static str = VERSION;
+
+    fn schema() -> Schema {
+        schema(&[])
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        to_batch(self)
+    }
+
+    fn from_batch(key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        from_batch(key, batch)
+    }
 }

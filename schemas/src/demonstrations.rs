@@ -26,10 +26,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spatial::Rest;
 
+use crate::Table;
 use crate::columns::{Columns, Reader, SchemaError, count};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "demonstrations/2";
+const VERSION: &str = "demonstrations/2";
 
 /// Number of landmarks of a hand.
 pub const KEYPOINTS: usize = 21;
@@ -127,7 +128,7 @@ pub struct Step {
 }
 
 /// Returns the Arrow schema.
-pub fn schema() -> Schema {
+fn schema() -> Schema {
     columns(&[]).schema()
 }
 
@@ -218,7 +219,7 @@ fn columns(demonstrations: &[&Demonstration]) -> Columns {
 /// # Errors
 ///
 /// Fails if a number is not finite.
-pub fn to_batch(demonstration: &Demonstration) -> Result<RecordBatch, SchemaError> {
+fn to_batch(demonstration: &Demonstration) -> Result<RecordBatch, SchemaError> {
     columns(&[demonstration]).into_batch()
 }
 
@@ -227,7 +228,7 @@ pub fn to_batch(demonstration: &Demonstration) -> Result<RecordBatch, SchemaErro
 /// # Errors
 ///
 /// Fails if the columns are of another version, or there is no row.
-pub fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Demonstration, SchemaError> {
+fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Demonstration, SchemaError> {
     let r = Reader::new(batch, VERSION)?;
     r.expect_some_rows()?;
     let mut steps = Vec::with_capacity(r.rows());
@@ -257,4 +258,21 @@ pub fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Demonstration, 
         rest: r.rest(0)?,
         steps,
     })
+}
+
+impl Table for Demonstration {
+    const NAME: &'static str = "demonstrations";
+    const VERSION: &'static str = VERSION;
+
+    fn schema() -> Schema {
+        schema()
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        to_batch(self)
+    }
+
+    fn from_batch(key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        from_batch(key, batch)
+    }
 }

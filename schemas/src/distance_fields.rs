@@ -11,10 +11,11 @@
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 
+use crate::Table;
 use crate::columns::{Columns, Reader, SchemaError};
 
 /// Bump on any change to the columns or to the file; readers reject every other version.
-pub const VERSION: &str = "distance_fields/1";
+const VERSION: &str = "distance_fields/1";
 
 /// Name of the artifact's file that holds the grid: signed distances in meters, negative inside, as
 /// `geometry::DistanceField` writes them.
@@ -34,7 +35,7 @@ pub struct FieldInfo {
 }
 
 /// Returns the Arrow schema.
-pub fn schema() -> Schema {
+fn schema() -> Schema {
     columns(&[]).schema()
 }
 
@@ -73,7 +74,7 @@ fn columns(fields: &[&FieldInfo]) -> Columns {
 /// # Errors
 ///
 /// Fails if a number is not finite.
-pub fn to_batch(field: &FieldInfo) -> Result<RecordBatch, SchemaError> {
+fn to_batch(field: &FieldInfo) -> Result<RecordBatch, SchemaError> {
     columns(&[field]).into_batch()
 }
 
@@ -82,7 +83,7 @@ pub fn to_batch(field: &FieldInfo) -> Result<RecordBatch, SchemaError> {
 /// # Errors
 ///
 /// Fails if the columns are of another version or there is not one row.
-pub fn from_batch(batch: &RecordBatch) -> Result<FieldInfo, SchemaError> {
+fn from_batch(batch: &RecordBatch) -> Result<FieldInfo, SchemaError> {
     let r = Reader::new(batch, VERSION)?;
     r.expect_rows(1)?;
     Ok(FieldInfo {
@@ -91,4 +92,21 @@ pub fn from_batch(batch: &RecordBatch) -> Result<FieldInfo, SchemaError> {
         center_of_mass_m: r.f64_array("center_of_mass_m", 0)?,
         hull_m: r.f64_arrays("hull_m", 0)?,
     })
+}
+
+impl Table for FieldInfo {
+    const NAME: &'static str = "distance_fields";
+    const VERSION: &'static str = VERSION;
+
+    fn schema() -> Schema {
+        schema()
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        to_batch(self)
+    }
+
+    fn from_batch(_key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        from_batch(batch)
+    }
 }

@@ -18,10 +18,11 @@
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 
+use crate::Table;
 use crate::columns::{Columns, Reader, SchemaError};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "executions/3";
+const VERSION: &str = "executions/3";
 
 /// What a cell did with one motion.
 #[derive(Debug, Clone, PartialEq)]
@@ -99,7 +100,7 @@ impl Outcome {
 }
 
 /// Returns the Arrow schema.
-pub fn schema() -> Schema {
+fn schema() -> Schema {
     columns(&[]).schema()
 }
 
@@ -168,7 +169,7 @@ fn columns(executions: &[Execution]) -> Columns {
 /// # Errors
 ///
 /// Fails if a number is not finite.
-pub fn to_batch(executions: &[Execution]) -> Result<RecordBatch, SchemaError> {
+fn to_batch(executions: &[Execution]) -> Result<RecordBatch, SchemaError> {
     columns(executions).into_batch()
 }
 
@@ -177,7 +178,7 @@ pub fn to_batch(executions: &[Execution]) -> Result<RecordBatch, SchemaError> {
 /// # Errors
 ///
 /// Fails if the columns are of another version or hold an unknown outcome.
-pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Execution>, SchemaError> {
+fn from_batch(batch: &RecordBatch) -> Result<Vec<Execution>, SchemaError> {
     let r = Reader::new(batch, VERSION)?;
     (0..r.rows())
         .map(|row| {
@@ -198,4 +199,24 @@ pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Execution>, SchemaError> {
             })
         })
         .collect()
+}
+
+/// The rows of one partition.
+pub type Executions = Vec<Execution>;
+
+impl Table for Executions {
+    const NAME: &'static str = "executions";
+    const VERSION: &'static str = VERSION;
+
+    fn schema() -> Schema {
+        schema()
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        to_batch(self)
+    }
+
+    fn from_batch(_key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        from_batch(batch)
+    }
 }

@@ -15,10 +15,11 @@
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 
+use crate::Table;
 use crate::columns::{Columns, Reader, SchemaError};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "latents/1";
+const VERSION: &str = "latents/1";
 
 /// What is used of one dimension.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +37,7 @@ pub struct Row {
 }
 
 /// Returns the Arrow schema.
-pub fn schema() -> Schema {
+fn schema() -> Schema {
     columns(&[]).schema()
 }
 
@@ -78,7 +79,7 @@ fn columns(rows: &[Row]) -> Columns {
 /// # Errors
 ///
 /// Fails if a number is not finite.
-pub fn to_batch(rows: &[Row]) -> Result<RecordBatch, SchemaError> {
+fn to_batch(rows: &[Row]) -> Result<RecordBatch, SchemaError> {
     columns(rows).into_batch()
 }
 
@@ -87,7 +88,7 @@ pub fn to_batch(rows: &[Row]) -> Result<RecordBatch, SchemaError> {
 /// # Errors
 ///
 /// Fails if the columns are of another version.
-pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Row>, SchemaError> {
+fn from_batch(batch: &RecordBatch) -> Result<Vec<Row>, SchemaError> {
     let r = Reader::new(batch, VERSION)?;
     (0..r.rows())
         .map(|idx| {
@@ -100,4 +101,24 @@ pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Row>, SchemaError> {
             })
         })
         .collect()
+}
+
+/// The rows of one partition.
+pub type Latents = Vec<Row>;
+
+impl Table for Latents {
+    const NAME: &'static str = "latents";
+    const VERSION: &'static str = VERSION;
+
+    fn schema() -> Schema {
+        schema()
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        to_batch(self)
+    }
+
+    fn from_batch(_key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        from_batch(batch)
+    }
 }

@@ -17,9 +17,11 @@ pub mod rollouts;
 pub mod ros2;
 pub mod sampling;
 pub mod success;
+mod table;
 pub mod tracking;
 pub mod training;
 pub mod trajectories;
 pub mod trials;
 
 pub use columns::SchemaError;
+pub use table::Table;

@@ -25,10 +25,11 @@ use arrow_schema::Schema;
 use nalgebra::{Unit, Vector3};
 use spatial::Rest;
 
+use crate::Table;
 use crate::columns::{Columns, Reader, SchemaError, count};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "objects/2";
+const VERSION: &str = "objects/2";
 
 /// Name of the artifact's file that holds the mesh alone, as Wavefront OBJ in the object frame: for
 /// readers that do not depend on how the object was seen to lie.
@@ -86,7 +87,7 @@ pub struct RestingOrientation {
 }
 
 /// Returns the Arrow schema.
-pub fn schema() -> Schema {
+fn schema() -> Schema {
     columns(&[]).schema()
 }
 
@@ -236,7 +237,7 @@ fn rest_columns(c: &mut Columns, objects: &[Object]) {
 /// # Errors
 ///
 /// Fails if a number is not finite.
-pub fn to_batch(objects: &[Object]) -> Result<RecordBatch, SchemaError> {
+fn to_batch(objects: &[Object]) -> Result<RecordBatch, SchemaError> {
     columns(objects).into_batch()
 }
 
@@ -245,7 +246,7 @@ pub fn to_batch(objects: &[Object]) -> Result<RecordBatch, SchemaError> {
 /// # Errors
 ///
 /// Fails if the columns are of another version, or there is not exactly one row.
-pub fn from_batch(name: &str, batch: &RecordBatch) -> Result<Object, SchemaError> {
+fn from_batch(name: &str, batch: &RecordBatch) -> Result<Object, SchemaError> {
     let r = Reader::new(batch, VERSION)?;
     r.expect_rows(1)?;
     let vertices: Vec<[f64; 3]> = r.f64_arrays("vertices_m", 0)?;
@@ -327,4 +328,21 @@ pub fn from_batch(name: &str, batch: &RecordBatch) -> Result<Object, SchemaError
 /// Takes a count as it is stored.
 fn counted<T: TryFrom<i64>>(r: &Reader<'_>, column: &str, n: i64) -> Result<T, SchemaError> {
     T::try_from(n).map_err(|_no_count| r.invalid(column, format!("{n} is no count")))
+}
+
+impl Table for Object {
+    const NAME: &'static str = "objects";
+    const VERSION: &'static str = VERSION;
+
+    fn schema() -> Schema {
+        schema()
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        to_batch(std::slice::from_ref(self))
+    }
+
+    fn from_batch(key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        from_batch(key, batch)
+    }
 }

@@ -24,10 +24,11 @@
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 
+use crate::Table;
 use crate::columns::{Columns, Reader, SchemaError};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "reconstruction/1";
+const VERSION: &str = "reconstruction/1";
 
 /// How far one motion is from the one that it was encoded from.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -113,7 +114,7 @@ const NUMBERS: [Column; 8] = [
 ];
 
 /// Returns the Arrow schema for a hand with these joints.
-pub fn schema(joints: &[String]) -> Schema {
+fn schema(joints: &[String]) -> Schema {
     columns(joints, &[]).schema()
 }
 
@@ -152,7 +153,7 @@ fn columns(joints: &[String], rows: &[Row]) -> Columns {
 /// # Errors
 ///
 /// Fails if a number is not finite.
-pub fn to_batch(joints: &[String], rows: &[Row]) -> Result<RecordBatch, SchemaError> {
+fn to_batch(joints: &[String], rows: &[Row]) -> Result<RecordBatch, SchemaError> {
     columns(joints, rows).into_batch()
 }
 
@@ -161,7 +162,7 @@ pub fn to_batch(joints: &[String], rows: &[Row]) -> Result<RecordBatch, SchemaEr
 /// # Errors
 ///
 /// Fails if the columns are of another version or a row has not one error per joint.
-pub fn from_batch(batch: &RecordBatch) -> Result<(Vec<String>, Vec<Row>), SchemaError> {
+fn from_batch(batch: &RecordBatch) -> Result<(Vec<String>, Vec<Row>), SchemaError> {
     let r = Reader::new(batch, VERSION)?;
     let joints = r.joints()?;
     let rows = (0..r.rows()).map(|idx| {
@@ -184,4 +185,30 @@ pub fn from_batch(batch: &RecordBatch) -> Result<(Vec<String>, Vec<Row>), Schema
     });
     let rows = rows.collect::<Result<_, _>>()?;
     Ok((joints, rows))
+}
+
+/// How far the motions of one model are from the ones that they were encoded from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reconstruction {
+    /// Names of the hand's joints, in the order of [`Row::joint_errors_rad`].
+    pub joints: Vec<String>,
+    /// One row per sequence.
+    pub rows: Vec<Row>,
+}
+
+impl Table for Reconstruction {
+    const NAME: &'static str = "reconstruction";
+    const VERSION: &'static str = VERSION;
+
+    fn schema() -> Schema {
+        schema(&[])
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        to_batch(&self.joints, &self.rows)
+    }
+
+    fn from_batch(_key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        from_batch(batch).map(|(joints, rows)| Self { joints, rows })
+    }
 }

@@ -23,10 +23,11 @@
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 
+use crate::Table;
 use crate::columns::{Columns, Reader, SchemaError};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "rollouts/2";
+const VERSION: &str = "rollouts/2";
 
 /// How a rollout ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -215,7 +216,7 @@ pub struct Rollout {
 }
 
 /// Returns the Arrow schema.
-pub fn schema() -> Schema {
+fn schema() -> Schema {
     columns(&[]).schema()
 }
 
@@ -297,7 +298,7 @@ fn columns(rollouts: &[Rollout]) -> Columns {
 /// # Errors
 ///
 /// Fails if a number is not finite.
-pub fn to_batch(rollouts: &[Rollout]) -> Result<RecordBatch, SchemaError> {
+fn to_batch(rollouts: &[Rollout]) -> Result<RecordBatch, SchemaError> {
     columns(rollouts).into_batch()
 }
 
@@ -306,7 +307,7 @@ pub fn to_batch(rollouts: &[Rollout]) -> Result<RecordBatch, SchemaError> {
 /// # Errors
 ///
 /// Fails if the columns are of another version or hold an unknown reason.
-pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Rollout>, SchemaError> {
+fn from_batch(batch: &RecordBatch) -> Result<Vec<Rollout>, SchemaError> {
     let r = Reader::new(batch, VERSION)?;
     let names = Smoothness::columns();
     (0..r.rows())
@@ -332,4 +333,24 @@ pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Rollout>, SchemaError> {
             })
         })
         .collect()
+}
+
+/// The rows of one partition.
+pub type Rollouts = Vec<Rollout>;
+
+impl Table for Rollouts {
+    const NAME: &'static str = "rollouts";
+    const VERSION: &'static str = VERSION;
+
+    fn schema() -> Schema {
+        schema()
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        to_batch(self)
+    }
+
+    fn from_batch(_key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        from_batch(batch)
+    }
 }

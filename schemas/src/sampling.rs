@@ -23,10 +23,11 @@
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 
+use crate::Table;
 use crate::columns::{Columns, Reader, SchemaError};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "sampling/1";
+const VERSION: &str = "sampling/1";
 
 /// How far outside its limits a joint may be drawn, in radians, to count as within them: demonstrations
 /// often lie on a limit, and about them something is drawn on either side.
@@ -73,7 +74,7 @@ impl Sampled {
 }
 
 /// Returns the Arrow schema.
-pub fn schema() -> Schema {
+fn schema() -> Schema {
     columns(&[]).schema()
 }
 
@@ -198,7 +199,7 @@ impl Sampled {
 /// # Errors
 ///
 /// Fails if a number is not finite.
-pub fn to_batch(sampled: &[Sampled]) -> Result<RecordBatch, SchemaError> {
+fn to_batch(sampled: &[Sampled]) -> Result<RecordBatch, SchemaError> {
     columns(sampled).into_batch()
 }
 
@@ -207,7 +208,7 @@ pub fn to_batch(sampled: &[Sampled]) -> Result<RecordBatch, SchemaError> {
 /// # Errors
 ///
 /// Fails if the columns are of another version.
-pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Sampled>, SchemaError> {
+fn from_batch(batch: &RecordBatch) -> Result<Vec<Sampled>, SchemaError> {
     let r = Reader::new(batch, VERSION)?;
     let row = |row: usize| {
         let distance = |from: &str| -> Result<GraspDistance, SchemaError> {
@@ -233,4 +234,24 @@ pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Sampled>, SchemaError> {
         })
     };
     (0..r.rows()).map(row).collect()
+}
+
+/// The rows of one partition.
+pub type Sampling = Vec<Sampled>;
+
+impl Table for Sampling {
+    const NAME: &'static str = "sampling";
+    const VERSION: &'static str = VERSION;
+
+    fn schema() -> Schema {
+        schema()
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        to_batch(self)
+    }
+
+    fn from_batch(_key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        from_batch(batch)
+    }
 }

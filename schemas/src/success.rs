@@ -28,13 +28,14 @@ use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 
 use crate::{
+    Table,
     columns::{Columns, Reader, SchemaError},
     rollouts::Verdict,
     sampling::GraspDistance,
 };
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "success/1";
+const VERSION: &str = "success/1";
 
 /// How often the candidates that one generator drew for one object hold.
 #[derive(Debug, Clone, PartialEq)]
@@ -175,7 +176,7 @@ const FIGURES: [NumberColumn; 4] = [
 ];
 
 /// Returns the Arrow schema.
-pub fn schema() -> Schema {
+fn schema() -> Schema {
     columns(&[]).schema()
 }
 
@@ -239,7 +240,7 @@ fn failures() -> impl Iterator<Item = (Verdict, String)> {
 /// # Errors
 ///
 /// Fails if a number is not finite.
-pub fn to_batch(rows: &[Success]) -> Result<RecordBatch, SchemaError> {
+fn to_batch(rows: &[Success]) -> Result<RecordBatch, SchemaError> {
     columns(rows).into_batch()
 }
 
@@ -248,7 +249,7 @@ pub fn to_batch(rows: &[Success]) -> Result<RecordBatch, SchemaError> {
 /// # Errors
 ///
 /// Fails if the columns are of another version, or if successes and failures are not all candidates.
-pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Success>, SchemaError> {
+fn from_batch(batch: &RecordBatch) -> Result<Vec<Success>, SchemaError> {
     let r = Reader::new(batch, VERSION)?;
     let row = |row: usize| {
         let mut verdicts_n = [0; Verdict::ALL.len()];
@@ -279,6 +280,26 @@ pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Success>, SchemaError> {
         Err(r.invalid("candidates_n", message))
     };
     (0..r.rows()).map(row).collect()
+}
+
+/// The rows of one partition.
+pub type Successes = Vec<Success>;
+
+impl Table for Successes {
+    const NAME: &'static str = "success";
+    const VERSION: &'static str = VERSION;
+
+    fn schema() -> Schema {
+        schema()
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        to_batch(self)
+    }
+
+    fn from_batch(_key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        from_batch(batch)
+    }
 }
 
 #[cfg(test)]

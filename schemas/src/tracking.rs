@@ -21,10 +21,11 @@
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 
+use crate::Table;
 use crate::columns::{Columns, Reader, SchemaError};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "tracking/1";
+const VERSION: &str = "tracking/1";
 
 /// How well the trajectories of one object follow their demonstrations.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -127,7 +128,7 @@ const NUMBERS: [Column; 11] = [
 ];
 
 /// Returns the Arrow schema.
-pub fn schema() -> Schema {
+fn schema() -> Schema {
     columns(&[]).schema()
 }
 
@@ -156,7 +157,7 @@ fn columns(reports: &[TrackingReport]) -> Columns {
 /// # Errors
 ///
 /// Fails if a number is not finite.
-pub fn to_batch(report: &TrackingReport) -> Result<RecordBatch, SchemaError> {
+fn to_batch(report: &TrackingReport) -> Result<RecordBatch, SchemaError> {
     columns(std::slice::from_ref(report)).into_batch()
 }
 
@@ -165,7 +166,7 @@ pub fn to_batch(report: &TrackingReport) -> Result<RecordBatch, SchemaError> {
 /// # Errors
 ///
 /// Fails if the columns are of another version or there is not one row.
-pub fn from_batch(batch: &RecordBatch) -> Result<TrackingReport, SchemaError> {
+fn from_batch(batch: &RecordBatch) -> Result<TrackingReport, SchemaError> {
     let r = Reader::new(batch, VERSION)?;
     r.expect_rows(1)?;
     let mut report = TrackingReport {
@@ -178,4 +179,21 @@ pub fn from_batch(batch: &RecordBatch) -> Result<TrackingReport, SchemaError> {
         *number(&mut report) = r.f64(name, 0)?;
     }
     Ok(report)
+}
+
+impl Table for TrackingReport {
+    const NAME: &'static str = "tracking";
+    const VERSION: &'static str = VERSION;
+
+    fn schema() -> Schema {
+        schema()
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        to_batch(self)
+    }
+
+    fn from_batch(_key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        from_batch(batch)
+    }
 }

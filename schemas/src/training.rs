@@ -23,10 +23,11 @@
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 
+use crate::Table;
 use crate::columns::{Columns, Reader, SchemaError};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "training/2";
+const VERSION: &str = "training/2";
 
 /// The losses of one set of motions in one epoch.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -116,7 +117,7 @@ const NUMBERS: [Column; 9] = [
 ];
 
 /// Returns the Arrow schema.
-pub fn schema() -> Schema {
+fn schema() -> Schema {
     columns(&[]).schema()
 }
 
@@ -144,7 +145,7 @@ fn columns(rows: &[Row]) -> Columns {
 /// # Errors
 ///
 /// Fails if a number is not finite.
-pub fn to_batch(rows: &[Row]) -> Result<RecordBatch, SchemaError> {
+fn to_batch(rows: &[Row]) -> Result<RecordBatch, SchemaError> {
     columns(rows).into_batch()
 }
 
@@ -153,7 +154,7 @@ pub fn to_batch(rows: &[Row]) -> Result<RecordBatch, SchemaError> {
 /// # Errors
 ///
 /// Fails if the columns are of another version.
-pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Row>, SchemaError> {
+fn from_batch(batch: &RecordBatch) -> Result<Vec<Row>, SchemaError> {
     let r = Reader::new(batch, VERSION)?;
     (0..r.rows())
         .map(|idx| {
@@ -168,4 +169,24 @@ pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Row>, SchemaError> {
             Ok(row)
         })
         .collect()
+}
+
+/// The rows of one partition.
+pub type Training = Vec<Row>;
+
+impl Table for Training {
+    const NAME: &'static str = "training";
+    const VERSION: &'static str = VERSION;
+
+    fn schema() -> Schema {
+        schema()
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        to_batch(self)
+    }
+
+    fn from_batch(_key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        from_batch(batch)
+    }
 }

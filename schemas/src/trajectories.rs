@@ -27,10 +27,11 @@ use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 use spatial::{Object, Palm, Pose, Rest};
 
+use crate::Table;
 use crate::columns::{Columns, Reader, SchemaError, count};
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "trajectories/2";
+const VERSION: &str = "trajectories/2";
 
 /// Key of the followed landmarks' names in the metadata.
 const KEYPOINTS_KEY: &str = "keypoints";
@@ -129,7 +130,7 @@ impl Tracking {
 }
 
 /// Returns the Arrow schema for a hand with these joints that follows these landmarks.
-pub fn schema(joints: &[String], keypoints: &[String], tips: &[String]) -> Schema {
+fn schema(joints: &[String], keypoints: &[String], tips: &[String]) -> Schema {
     named(joints, keypoints, tips, &[]).schema()
 }
 
@@ -263,7 +264,7 @@ fn tracking(c: &mut Columns, trajectories: &[&Trajectory]) {
 /// # Errors
 ///
 /// Fails if a number is not finite.
-pub fn to_batch(trajectory: &Trajectory) -> Result<RecordBatch, SchemaError> {
+fn to_batch(trajectory: &Trajectory) -> Result<RecordBatch, SchemaError> {
     let Trajectory {
         joints,
         keypoints,
@@ -279,7 +280,7 @@ pub fn to_batch(trajectory: &Trajectory) -> Result<RecordBatch, SchemaError> {
 ///
 /// Fails if the columns are of another version, there is no row, or a row has another number of
 /// joint positions than there are joints.
-pub fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Trajectory, SchemaError> {
+fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Trajectory, SchemaError> {
     let r = Reader::new(batch, VERSION)?;
     r.expect_some_rows()?;
     let joints = r.joints()?;
@@ -314,4 +315,21 @@ pub fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Trajectory, Sch
         rest: r.rest(0)?,
         steps,
     })
+}
+
+impl Table for Trajectory {
+    const NAME: &'static str = "trajectories";
+    const VERSION: &'static str = VERSION;
+
+    fn schema() -> Schema {
+        schema(&[], &[], &[])
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        to_batch(self)
+    }
+
+    fn from_batch(key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        from_batch(key, batch)
+    }
 }

@@ -21,13 +21,14 @@ use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 
 use crate::{
+    Table,
     columns::{Columns, Reader, SchemaError},
     executions::Outcome,
     success::wilson,
 };
 
 /// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "trials/2";
+const VERSION: &str = "trials/2";
 
 /// What one cell made of the motions for one object.
 #[derive(Debug, Clone, PartialEq)]
@@ -104,7 +105,7 @@ const OTHERS: [(Outcome, &str, &str); 5] = [
 ];
 
 /// Returns the Arrow schema.
-pub fn schema() -> Schema {
+fn schema() -> Schema {
     columns(&[]).schema()
 }
 
@@ -162,7 +163,7 @@ fn columns(trials: &[Trials]) -> Columns {
 /// # Errors
 ///
 /// Fails if a number is not finite.
-pub fn to_batch(trials: &[Trials]) -> Result<RecordBatch, SchemaError> {
+fn to_batch(trials: &[Trials]) -> Result<RecordBatch, SchemaError> {
     columns(trials).into_batch()
 }
 
@@ -171,7 +172,7 @@ pub fn to_batch(trials: &[Trials]) -> Result<RecordBatch, SchemaError> {
 /// # Errors
 ///
 /// Fails if the columns are of another version, or if the outcomes are not all trials.
-pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Trials>, SchemaError> {
+fn from_batch(batch: &RecordBatch) -> Result<Vec<Trials>, SchemaError> {
     let r = Reader::new(batch, VERSION)?;
     let row = |row: usize| {
         let mut outcomes_n = [0; Outcome::ALL.len()];
@@ -195,4 +196,24 @@ pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Trials>, SchemaError> {
         Err(r.invalid("trials_n", message))
     };
     (0..r.rows()).map(row).collect()
+}
+
+/// The rows of one partition.
+pub type AllTrials = Vec<Trials>;
+
+impl Table for AllTrials {
+    const NAME: &'static str = "trials";
+    const VERSION: &'static str = VERSION;
+
+    fn schema() -> Schema {
+        schema()
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        to_batch(self)
+    }
+
+    fn from_batch(_key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        from_batch(batch)
+    }
 }

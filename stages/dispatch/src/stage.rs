@@ -7,16 +7,17 @@ use std::{
 
 use cell::{CellClient, Executed, Goal, Recovered, Rejection, RejectionCode, Report, with_causes};
 use dataflow::{
-    Artifact, Code, Context, Form, Inputs, Labels, OptionFault, Outcome, Output, Outputs, Scope,
-    SourceFile, Stage, Sum, Unit, labels,
+    Code, Context, Form, Inputs, Labels, OptionFault, Outcome, Output, Outputs, Scope, SourceFile,
+    Stage, Sum, Unit, labels,
 };
+use lake::{LakeError, ReadInputs, WriteArtifact};
 use robot::Joint;
 use schemas::{
-    SchemaError,
-    candidates::{self, Candidate, Candidates},
-    executions::{self, Execution},
-    objects::{self, Object},
-    rollouts,
+    Table,
+    candidates::{Candidate, Candidates},
+    executions::{self, Execution, Executions},
+    objects::Object,
+    rollouts::Rollouts,
 };
 
 use crate::{
@@ -37,7 +38,7 @@ pub struct Dispatch;
 
 dataflow::metrics! {
     /// What became of the motions for an object.
-    pub struct Dispatched {
+    pub struct DispatchMetrics {
         /// Number of motions that were looked at.
         motions_n: Sum,
         /// Number of those that were sent, now or before.
@@ -95,11 +96,11 @@ impl Stage for Dispatch {
 
 impl Output for Dispatch {
     type Stage = Self;
-    type Metrics = Dispatched;
+    type Metrics = DispatchMetrics;
     type Error = DispatchError;
 
-    const ARTIFACT: &'static str = EXECUTIONS;
-    const SCHEMA: &'static str = executions::VERSION;
+    const ARTIFACT: &'static str = Executions::NAME;
+    const SCHEMA: &'static str = Executions::VERSION;
     const PARTITION: &'static str = "object";
     const EXECUTION: dataflow::Execution = dataflow::Execution::OneByOne;
 
@@ -144,37 +145,20 @@ impl Output for Dispatch {
         config: &DispatchConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<Dispatched>, DispatchError> {
-        let schema = |source: SchemaError| DispatchError::Schema {
-            partition: cx.partition().to_owned(),
-            source,
-        };
-        let artifact = |input| only(inputs, input, cx);
-        let rollouts =
-            rollouts::from_batch(&lake::table::read(artifact("rollouts")?)?).map_err(schema)?;
-        let artifact_of_candidates = artifact("candidates")?;
-        let candidates = candidates::from_batch(
-            &artifact_of_candidates.key,
-            &lake::table::read(artifact_of_candidates)?,
-        )
-        .map_err(schema)?;
-        let artifact_of_object = artifact("objects")?;
-        let object = objects::from_batch(
-            &artifact_of_object.key,
-            &lake::table::read(artifact_of_object)?,
-        )
-        .map_err(schema)?;
+    ) -> Result<Outcome<DispatchMetrics>, DispatchError> {
+        let rollouts: Rollouts = inputs.one()?;
+        let candidates: Candidates = inputs.one()?;
+        let object: Object = inputs.one()?;
         let motions = accepted(&rollouts, &candidates)?;
         let sent = if motions.is_empty() {
             Sent::default()
         } else {
-            let mut files = inputs.files().iter().map(|file| file.path.as_path());
-            let hand = files.next().ok_or_else(|| missing(cx, "URDF of a hand"))?;
-            let robots = Robots::load(config, hand, files.next())?;
+            let hand = &inputs.source(0, "URDF of a hand")?.path;
+            let arm = inputs.files().get(1).map(|file| file.path.as_path());
+            let robots = Robots::load(config, hand, arm)?;
             send(config, &robots, &object, &candidates, &motions, cx)?
         };
-        let batch = executions::to_batch(&sent.executions).map_err(schema)?;
-        lake::table::write(cx.folder(), &batch)?;
+        cx.write(&sent.executions)?;
         Ok(Outcome::made(
             labels([("object", &object.name)]),
             sent.metrics(),
@@ -196,13 +180,13 @@ struct Sent {
 }
 
 impl Sent {
-    fn metrics(&self) -> Dispatched {
+    fn metrics(&self) -> DispatchMetrics {
         let count = |so: &dyn Fn(&Execution) -> bool| {
             self.executions.iter().filter(|&e| so(e)).count() as f64
         };
         let ended = |outcome: executions::Outcome| count(&|e| e.outcome == outcome);
         let sent_n = count(&|e| !e.goal_id.is_empty());
-        Dispatched {
+        DispatchMetrics {
             motions_n: self.motions_n as f64,
             sent_n,
             refused_n: self.executions.len() as f64 - sent_n,
@@ -259,10 +243,7 @@ fn send(
     let journal = Journal::new(cx.resume_folder().to_owned());
     let joints = names.joints_on_wire(robots.whole());
     let mut feasible = goals.iter().filter_map(|(_, goal)| goal.as_ref().ok());
-    let first = feasible
-        .clone()
-        .next()
-        .ok_or_else(|| missing(cx, "motion"))?;
+    let first = feasible.clone().next().ok_or_else(|| missing("motion"))?;
     let connected = cells::connect(config, robots, object, first).map_err(|err| {
         // Of what a run before this one sent, nobody knows as long as no cell can be asked.
         let is_open = |goal: &&Goal| matches!(journal.past(goal, &joints), Past::Sent(_));
@@ -315,7 +296,7 @@ fn send(
         sent.known_n += usize::from(moved == Moved::Before);
         names.of_hand(&mut report.joints);
         let grasp = candidate.steps.last();
-        let grasp = grasp.ok_or_else(|| missing(cx, "step of a motion"))?;
+        let grasp = grasp.ok_or_else(|| missing("step of a motion"))?;
         let setting = Setting {
             robots,
             hand_path: &config.hand,
@@ -530,20 +511,6 @@ fn check_name(candidate: &Candidate) -> Result<(), DispatchError> {
     }
 }
 
-fn only<'a>(
-    inputs: &'a Inputs,
-    input: &'static str,
-    cx: &Context,
-) -> Result<&'a Artifact, DispatchError> {
-    inputs
-        .artifacts(input)
-        .first()
-        .ok_or_else(|| missing(cx, input))
-}
-
-fn missing(cx: &Context, what: &'static str) -> DispatchError {
-    DispatchError::MissingInput {
-        partition: cx.partition().to_owned(),
-        what,
-    }
+fn missing(what: &'static str) -> LakeError {
+    LakeError::MissingInput { what }
 }

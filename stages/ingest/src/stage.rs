@@ -9,6 +9,7 @@ use dataflow::{
     Code, Context, Inputs, Labels, OptionFault, Options, Outcome, Output, Outputs, Scope, Stage,
     Unit, labels,
 };
+use schemas::{Table, demonstrations::Demonstration, objects::Object};
 
 pub use self::metrics::{Agreement, DemonstrationMetrics, ShapeMetrics};
 use crate::{config::IngestConfig, error::IngestError, reader};
@@ -56,7 +57,7 @@ impl Output for Shapes {
     type Error = IngestError;
 
     const ARTIFACT: &'static str = "shapes";
-    const SCHEMA: &'static str = schemas::objects::VERSION;
+    const SCHEMA: &'static str = Object::VERSION;
     const PARTITION: &'static str = "object";
     const OPTIONS: Options = Options::Only(&["points_n", "max_convex_parts_n"]);
 
@@ -87,8 +88,8 @@ impl Output for Demonstrations {
     type Metrics = DemonstrationMetrics;
     type Error = IngestError;
 
-    const ARTIFACT: &'static str = "demonstrations";
-    const SCHEMA: &'static str = schemas::demonstrations::VERSION;
+    const ARTIFACT: &'static str = Demonstration::NAME;
+    const SCHEMA: &'static str = Demonstration::VERSION;
     const PARTITION: &'static str = "sequence";
     /// The others choose units and files, or decide shapes.
     const OPTIONS: Options = Options::Except(&[
@@ -131,8 +132,8 @@ impl Output for Objects {
     type Metrics = ShapeMetrics;
     type Error = IngestError;
 
-    const ARTIFACT: &'static str = "objects";
-    const SCHEMA: &'static str = schemas::objects::VERSION;
+    const ARTIFACT: &'static str = Object::NAME;
+    const SCHEMA: &'static str = Object::VERSION;
     const PARTITION: &'static str = "object";
     const OPTIONS: Options = Options::NONE;
 

@@ -4,7 +4,8 @@ use dataflow::{
     Code, Context, Inputs, Labels, Options, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
     labels,
 };
-use schemas::{SchemaError, candidates, candidates::Candidates};
+use lake::{ReadInputs, WriteArtifact};
+use schemas::{Table, candidates::Candidates};
 
 use crate::{InterpolateConfig, InterpolateError, line::line};
 
@@ -13,14 +14,14 @@ pub struct Interpolate;
 
 dataflow::metrics! {
     /// What is said of an object's lines.
-    pub struct Interpolated {
+    pub struct InterpolateMetrics {
         /// How many there are.
         candidates: Sum,
     }
 }
 
 /// The artifact that it reads and makes.
-const CANDIDATES: &str = "candidates";
+const CANDIDATES: &str = Candidates::NAME;
 
 impl Stage for Interpolate {
     type Config = InterpolateConfig;
@@ -35,11 +36,11 @@ impl Stage for Interpolate {
 
 impl Output for Interpolate {
     type Stage = Self;
-    type Metrics = Interpolated;
+    type Metrics = InterpolateMetrics;
     type Error = InterpolateError;
 
     const ARTIFACT: &'static str = CANDIDATES;
-    const SCHEMA: &'static str = candidates::VERSION;
+    const SCHEMA: &'static str = Candidates::VERSION;
     const PARTITION: &'static str = "object";
     /// `objects` only chooses units.
     const OPTIONS: Options = Options::Except(&["objects"]);
@@ -74,17 +75,8 @@ impl Output for Interpolate {
         _config: &InterpolateConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<Interpolated>, InterpolateError> {
-        let artifact = inputs.artifacts(CANDIDATES).first();
-        let artifact = artifact.ok_or_else(|| InterpolateError::MissingInput {
-            partition: cx.partition().to_owned(),
-        })?;
-        let schema = |source: SchemaError| InterpolateError::Schema {
-            key: artifact.key.clone(),
-            source,
-        };
-        let batch = lake::table::read(artifact)?;
-        let given = candidates::from_batch(&artifact.key, &batch).map_err(schema)?;
+    ) -> Result<Outcome<InterpolateMetrics>, InterpolateError> {
+        let given: Candidates = inputs.one()?;
         let mut lines = Vec::with_capacity(given.candidates.len());
         for motion in &given.candidates {
             match line(motion) {
@@ -95,15 +87,14 @@ impl Output for Interpolate {
                 }
             }
         }
-        let metrics = Interpolated {
+        let metrics = InterpolateMetrics {
             candidates: lines.len() as f64,
         };
         let lines = Candidates {
             candidates: lines,
             ..given
         };
-        let batch = candidates::to_batch(&lines).map_err(schema)?;
-        lake::table::write(cx.folder(), &batch)?;
+        cx.write(&lines)?;
         Ok(Outcome::made(labels([("object", &lines.object)]), metrics))
     }
 }
@@ -146,7 +137,7 @@ mod tests {
     }
 
     /// Runs the stage on these motions; its files lie in `folder/out`.
-    fn run(motions: Vec<Candidate>, folder: &Path) -> Outcome<Interpolated> {
+    fn run(motions: Vec<Candidate>, folder: &Path) -> Outcome<InterpolateMetrics> {
         let [given, out] = ["given", "out"].map(|name| folder.join(name));
         for folder in [&given, &out] {
             fs::create_dir(folder).unwrap();
@@ -156,7 +147,7 @@ mod tests {
             joints: vec!["j".to_owned()],
             candidates: motions,
         };
-        lake::table::write(&given, &candidates::to_batch(&motions).unwrap()).unwrap();
+        lake::table::write(&given, &motions).unwrap();
         let artifacts = BTreeMap::from([(CANDIDATES.to_owned(), vec![artifact(&given)])]);
         let inputs = Inputs::new(artifacts, Vec::new());
         let cx = Context::detached("can", 0, &out);
@@ -172,8 +163,8 @@ mod tests {
         };
         assert_eq!(made.metrics.candidates, 2.0);
         assert_eq!(made.labels["object"], "can");
-        let batch = lake::table::read(&artifact(&folder.path().join("out"))).unwrap();
-        let read = candidates::from_batch("can", &batch).unwrap();
+        let made = artifact(&folder.path().join("out"));
+        let read: Candidates = lake::table::read(&made).unwrap();
         assert_eq!(read.joints, ["j"]);
         for (found, given) in read.candidates.iter().zip(&motions) {
             assert_eq!(found.candidate_id, format!("{}-line", given.candidate_id));

@@ -3,10 +3,11 @@
 use std::collections::BTreeSet;
 
 use dataflow::{
-    Artifact, Code, Context, Inputs, Labels, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
-    labels,
+    Code, Context, Inputs, Labels, Outcome, Output, Outputs, Scope, Stage, Sum, Unit, labels,
 };
+use lake::{ReadInputs, WriteArtifact};
 use schemas::{
+    Table,
     candidates::{self, Candidate, Candidates},
     trajectories::{self, Trajectory},
 };
@@ -18,7 +19,7 @@ pub struct Replay;
 
 dataflow::metrics! {
     /// What is said of an object's candidates.
-    pub struct Offered {
+    pub struct ReplayMetrics {
         /// How many there are.
         candidates: Sum,
     }
@@ -43,11 +44,11 @@ impl Stage for Replay {
 
 impl Output for Replay {
     type Stage = Self;
-    type Metrics = Offered;
+    type Metrics = ReplayMetrics;
     type Error = ReplayError;
 
-    const ARTIFACT: &'static str = "candidates";
-    const SCHEMA: &'static str = candidates::VERSION;
+    const ARTIFACT: &'static str = Candidates::NAME;
+    const SCHEMA: &'static str = Candidates::VERSION;
     const PARTITION: &'static str = "object";
 
     fn units(config: &ReplayConfig, scope: &Scope) -> Result<Vec<Unit>, ReplayError> {
@@ -89,13 +90,9 @@ impl Output for Replay {
         _config: &ReplayConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<Offered>, ReplayError> {
+    ) -> Result<Outcome<ReplayMetrics>, ReplayError> {
         let object = cx.partition();
-        let trajectories: Vec<Trajectory> = inputs
-            .artifacts("trajectories")
-            .iter()
-            .map(read)
-            .collect::<Result<_, _>>()?;
+        let trajectories: Vec<Trajectory> = inputs.all()?;
         let first = trajectories.first().ok_or(ReplayError::NoTrajectories)?;
         if let Some(other) = trajectories.iter().find(|t| t.joints != first.joints) {
             return Err(ReplayError::DifferentHands {
@@ -104,30 +101,16 @@ impl Output for Replay {
                 second: other.sequence.clone(),
             });
         }
-        let candidates = Candidates {
+        cx.write(&Candidates {
             object: object.to_owned(),
             joints: first.joints.clone(),
             candidates: trajectories.iter().map(candidate).collect(),
-        };
-        let batch = candidates::to_batch(&candidates).map_err(|source| ReplayError::Schema {
-            key: object.to_owned(),
-            source,
         })?;
-        lake::table::write(cx.folder(), &batch)?;
-        let metrics = Offered {
+        let metrics = ReplayMetrics {
             candidates: trajectories.len() as f64,
         };
         Ok(Outcome::made(labels([(OBJECT, object)]), metrics))
     }
-}
-
-fn read(artifact: &Artifact) -> Result<Trajectory, ReplayError> {
-    trajectories::from_batch(&artifact.key, &lake::table::read(artifact)?).map_err(|source| {
-        ReplayError::Schema {
-            key: artifact.key.clone(),
-            source,
-        }
-    })
 }
 
 /// Returns a trajectory as the motion that it is.
@@ -179,7 +162,7 @@ fn palm_acceleration(steps: &[trajectories::Step], idx: usize) -> [f64; 6] {
 mod tests {
     use std::collections::BTreeMap;
 
-    use dataflow::Partition;
+    use dataflow::{Artifact, Partition};
     use nalgebra::{Isometry3, Unit as UnitVector, Vector3};
     use spatial::{Pose, Rest};
 
@@ -214,14 +197,13 @@ mod tests {
     fn run(
         trajectories: &[Trajectory],
         folder: &std::path::Path,
-    ) -> Result<Outcome<Offered>, ReplayError> {
+    ) -> Result<Outcome<ReplayMetrics>, ReplayError> {
         let artifacts = trajectories
             .iter()
             .map(|trajectory| {
                 let folder = folder.join(&trajectory.sequence);
                 std::fs::create_dir_all(&folder).unwrap();
-                let batch = trajectories::to_batch(trajectory).unwrap();
-                lake::table::write(&folder, &batch).unwrap();
+                lake::table::write(&folder, trajectory).unwrap();
                 let file = lake::table::FILE;
                 Artifact {
                     key: trajectory.sequence.clone(),
@@ -249,7 +231,7 @@ mod tests {
             labels: BTreeMap::new(),
             files: BTreeMap::from([(file.to_owned(), folder.path().join(file))]),
         };
-        let read = candidates::from_batch("can", &lake::table::read(&made).unwrap()).unwrap();
+        let read: Candidates = lake::table::read(&made).unwrap();
         assert_eq!(read.joints, ["j"]);
         let ids: Vec<&str> = read
             .candidates

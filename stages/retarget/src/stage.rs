@@ -10,7 +10,7 @@ use dataflow::{
     SourceFile, Stage, Unit, labels,
 };
 use robot::RobotModel;
-use schemas::{distance_fields, objects, trajectories};
+use schemas::{Table, distance_fields::FieldInfo, objects, trajectories::Trajectory};
 
 pub use self::fields::FieldMetrics;
 use crate::{
@@ -71,8 +71,8 @@ impl Output for DistanceFields {
     type Metrics = FieldMetrics;
     type Error = RetargetError;
 
-    const ARTIFACT: &'static str = FIELDS;
-    const SCHEMA: &'static str = distance_fields::VERSION;
+    const ARTIFACT: &'static str = FieldInfo::NAME;
+    const SCHEMA: &'static str = FieldInfo::VERSION;
     const PARTITION: &'static str = "object";
     const OPTIONS: Options = Options::Only(&["field_spacing_m"]);
 
@@ -110,8 +110,8 @@ impl Output for Trajectories {
     type Metrics = TrajectoryMetrics;
     type Error = RetargetError;
 
-    const ARTIFACT: &'static str = TRAJECTORIES;
-    const SCHEMA: &'static str = trajectories::VERSION;
+    const ARTIFACT: &'static str = Trajectory::NAME;
+    const SCHEMA: &'static str = Trajectory::VERSION;
     const PARTITION: &'static str = "sequence";
     const OPTIONS: Options = Options::Except(&["field_spacing_m"]);
 
@@ -200,22 +200,6 @@ fn check_wrist(config: &RetargetConfig, hand: &Hand) -> Result<(), RetargetError
         Wrist::Fixed if found < 3 => Err(RetargetError::TooFewPalmPoints { found }),
         Wrist::Fixed if hand.is_palm_a_line() => Err(RetargetError::PalmPointsInLine { found }),
         Wrist::Fixed | Wrist::Free => Ok(()),
-    }
-}
-
-/// Returns the error of a unit that was not given what it needs: the plan is not this stage's.
-fn missing(cx: &Context, what: &'static str) -> RetargetError {
-    RetargetError::MissingInput {
-        partition: cx.partition().to_owned(),
-        what,
-    }
-}
-
-/// Returns the error of a table that does not follow its schema.
-fn schema(cx: &Context) -> impl Fn(schemas::SchemaError) -> RetargetError + Copy {
-    |source| RetargetError::Schema {
-        partition: cx.partition().to_owned(),
-        source,
     }
 }
 

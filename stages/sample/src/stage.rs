@@ -6,6 +6,7 @@ use dataflow::{
     Code, Context, Form, Inputs, Labels, OptionFault, Options, Outcome, Output, Outputs, Scope,
     Stage, Sum, Unit, labels,
 };
+use schemas::{Table, candidates::Candidates};
 
 use crate::{
     SampleConfig, SampleError,
@@ -17,7 +18,7 @@ pub struct Sample;
 
 dataflow::metrics! {
     /// What is said of an object's candidates.
-    pub struct Drawn {
+    pub struct SampleMetrics {
         /// How many there are.
         candidates: Sum,
         /// Of how many draws they were chosen.
@@ -57,11 +58,11 @@ impl Stage for Sample {
 
 impl Output for Sample {
     type Stage = Self;
-    type Metrics = Drawn;
+    type Metrics = SampleMetrics;
     type Error = SampleError;
 
-    const ARTIFACT: &'static str = CANDIDATES;
-    const SCHEMA: &'static str = schemas::candidates::VERSION;
+    const ARTIFACT: &'static str = Candidates::NAME;
+    const SCHEMA: &'static str = Candidates::VERSION;
     const PARTITION: &'static str = "object";
     /// `objects` only chooses units.
     const OPTIONS: Options = Options::Except(&["objects"]);
@@ -78,7 +79,7 @@ impl Output for Sample {
         config: &SampleConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<Drawn>, SampleError> {
+    ) -> Result<Outcome<SampleMetrics>, SampleError> {
         candidates::make(config, inputs, cx)
     }
 }

@@ -22,22 +22,21 @@ use dataflow::{
 };
 use geometry::{DistanceField, TriMesh};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
-use report_sample::{Plausibility, SampleReportError, Sampling};
+use report_sample::{SampleReportError, SamplingMetrics, SamplingReport};
 use robot::RobotModel;
 use safetensors::{SafeTensors, tensor::TensorView};
 use schemas::{
     candidates,
     candidates::Candidates,
-    checkpoint, distance_fields, objects,
+    checkpoint, distance_fields,
     objects::{Object, RestingOrientation},
     ros2::{TfMessage, motion},
-    sampling,
     sampling::Sampled,
     trajectories,
     trajectories::Trajectory,
 };
 use spatial::{Pose, Rest};
-use stage_sample::{Drawn, Epoch, Rests, Sample, SampleConfig, SampleError};
+use stage_sample::{Epoch, Rests, Sample, SampleConfig, SampleError, SampleMetrics};
 use tempfile::TempDir;
 
 /// A palm, and a ball that two joints move: one within a narrow range, one that is hardly limited.
@@ -215,14 +214,13 @@ fn inputs(folder: &Path) -> Inputs {
         files,
     };
     let (of_object, object_files) = part("object", &[lake::table::FILE]);
-    lake::table::write(&of_object, &objects::to_batch(&[object()]).unwrap()).unwrap();
+    lake::table::write(&of_object, &object()).unwrap();
     let (of_field, field_files) = part("field", &[distance_fields::FIELD]);
     let field = DistanceField::new(&mesh(), 0.0025, 0.025).unwrap().unwrap();
     fs::write(of_field.join(distance_fields::FIELD), field.to_bytes()).unwrap();
     let shown = [("a", 0.1), ("b", -0.1)].map(|(name, x)| {
         let (folder, files) = part(name, &[lake::table::FILE]);
-        let batch = trajectories::to_batch(&trajectory(name, x)).unwrap();
-        lake::table::write(&folder, &batch).unwrap();
+        lake::table::write(&folder, &trajectory(name, x)).unwrap();
         artifact(name, files)
     });
     let checkpoint = [checkpoint::BEST.weights, checkpoint::BEST.description]
@@ -286,7 +284,7 @@ fn config() -> SampleConfig {
 }
 
 /// Draws motions into a folder, which is returned.
-fn run(config: &SampleConfig, inputs: &Inputs, seed: u64) -> (TempDir, Made<Drawn>) {
+fn run(config: &SampleConfig, inputs: &Inputs, seed: u64) -> (TempDir, Made<SampleMetrics>) {
     let out = tempfile::tempdir().unwrap();
     let cx = Context::detached("can", seed, out.path());
     let Outcome::Made(made) = Sample::make(config, inputs, &cx).unwrap() else {
@@ -310,19 +308,17 @@ fn made_in(folder: &Path) -> Artifact {
 
 fn sample(config: &SampleConfig, inputs: &Inputs, seed: u64) -> Candidates {
     let (out, _) = run(config, inputs, seed);
-    let batch = lake::table::read(&made_in(out.path())).unwrap();
-    candidates::from_batch("can", &batch).unwrap()
+    lake::table::read(&made_in(out.path())).unwrap()
 }
 
 /// Samples, then measures what was sampled.
-fn measure(config: &SampleConfig, inputs: &Inputs) -> (Vec<Sampled>, Made<Plausibility>) {
+fn measure(config: &SampleConfig, inputs: &Inputs) -> (Vec<Sampled>, Made<SamplingMetrics>) {
     let (out, made) = measured(config, inputs);
-    let batch = lake::table::read(&made_in(out.path())).unwrap();
-    (sampling::from_batch(&batch).unwrap(), made)
+    (lake::table::read(&made_in(out.path())).unwrap(), made)
 }
 
 /// Samples, then measures into a folder, which is returned.
-fn measured(config: &SampleConfig, inputs: &Inputs) -> (TempDir, Made<Plausibility>) {
+fn measured(config: &SampleConfig, inputs: &Inputs) -> (TempDir, Made<SamplingMetrics>) {
     let (out, _) = run(config, inputs, 7);
     let mut artifacts: BTreeMap<String, Vec<Artifact>> = ["distance_fields", "trajectories"]
         .map(|input| (input.to_owned(), inputs.artifacts(input).to_vec()))
@@ -331,7 +327,7 @@ fn measured(config: &SampleConfig, inputs: &Inputs) -> (TempDir, Made<Plausibili
     let inputs = Inputs::new(artifacts, inputs.files().to_vec());
     let out = tempfile::tempdir().unwrap();
     let cx = Context::detached("can", 7, out.path());
-    let Outcome::Made(made) = Sampling::make(config, &inputs, &cx).unwrap() else {
+    let Outcome::Made(made) = SamplingReport::make(config, &inputs, &cx).unwrap() else {
         panic!("nothing was measured");
     };
     (out, made)
@@ -780,7 +776,7 @@ fn a_decoder_that_ignores_the_code_is_flagged_as_collapsed() {
         assert!(spread < 1e-6, "{made:?}");
     }
     assert_eq!(made.metrics.collapsed_n, 1.0);
-    let said = Sampling::LINE.unwrap()(&Summary::made(&[made.metrics]));
+    let said = SamplingReport::LINE.unwrap()(&Summary::made(&[made.metrics]));
     assert!(
         said.contains("COLLAPSED for 1 objects") && said.contains("spread 0 mm"),
         "{said}"
@@ -798,8 +794,8 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
             ..config()
         };
         let (out, made) = run(&config, &inputs, 7);
-        let batch = lake::table::read(&made_in(out.path())).unwrap();
-        let candidates = candidates::from_batch("can", &batch).unwrap().candidates;
+        let drawn: Candidates = lake::table::read(&made_in(out.path())).unwrap();
+        let candidates = drawn.candidates;
         let (sampled, _) = measure(&config, &inputs);
         let deepest = |s: &Sampled| {
             let in_object = s.approach_depth_m.max(s.grasp_depth_m);
@@ -838,8 +834,8 @@ fn a_recording_shows_motions_side_by_side() {
         ..config()
     };
     let (out, _) = run(&config, &inputs, 7);
-    let drawn = candidates::from_batch("can", &lake::table::read(&made_in(out.path())).unwrap());
-    let drawn = drawn.unwrap().candidates;
+    let drawn: Candidates = lake::table::read(&made_in(out.path())).unwrap();
+    let drawn = drawn.candidates;
     let contents = lake::recording::read(&out.path().join("motions.mcap")).unwrap();
     assert_eq!(
         contents.about["candidate_ids"],
@@ -910,7 +906,7 @@ fn another_hand_and_a_damaged_field_are_errors() {
     artifacts.insert("candidates".to_owned(), vec![made_in(out.path())]);
     let damaged = Inputs::new(artifacts, inputs.files().to_vec());
     let cx = Context::detached("can", 7, out.path());
-    let err = Sampling::make(&config(), &damaged, &cx).unwrap_err();
+    let err = SamplingReport::make(&config(), &damaged, &cx).unwrap_err();
     let SampleReportError::Sample(err) = err else {
         panic!("{err}");
     };

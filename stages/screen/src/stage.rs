@@ -6,8 +6,14 @@ use dataflow::{
     Code, Context, Form, Inputs, Labels, OptionFault, Outcome, Output, Outputs, Scope, SourceFile,
     Stage, Sum, Unit, labels,
 };
+use lake::{ReadInputs, WriteArtifact};
 use robot::{JointOrder, RobotModel};
-use schemas::{candidates, objects, rollouts, rollouts::Verdict};
+use schemas::{
+    Table,
+    candidates::Candidates,
+    objects::Object,
+    rollouts::{Rollout, Rollouts, Verdict},
+};
 use simulation::{Flexion, Record, SimulationError, check_hand};
 
 use crate::{
@@ -22,7 +28,7 @@ pub struct Screen;
 
 dataflow::metrics! {
     /// What is said of an object's rollouts.
-    pub struct Screened {
+    pub struct ScreenMetrics {
         /// Number of candidates.
         candidates_n: Sum,
         /// Number of those that hold.
@@ -71,11 +77,11 @@ impl Stage for Screen {
 
 impl Output for Screen {
     type Stage = Self;
-    type Metrics = Screened;
+    type Metrics = ScreenMetrics;
     type Error = ScreenError;
 
-    const ARTIFACT: &'static str = ROLLOUTS;
-    const SCHEMA: &'static str = rollouts::VERSION;
+    const ARTIFACT: &'static str = Rollouts::NAME;
+    const SCHEMA: &'static str = Rollouts::VERSION;
     const PARTITION: &'static str = "object";
 
     fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
@@ -107,31 +113,13 @@ impl Output for Screen {
         config: &ScreenConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<Screened>, ScreenError> {
-        let missing = |what| ScreenError::MissingInput {
-            partition: cx.partition().to_owned(),
-            what,
-        };
-        let schema = |source| ScreenError::Schema {
-            partition: cx.partition().to_owned(),
-            source,
-        };
-        let urdf = inputs
-            .files()
-            .first()
-            .ok_or_else(|| missing("URDF of a hand"))?;
+    ) -> Result<Outcome<ScreenMetrics>, ScreenError> {
+        let urdf = inputs.source(0, "URDF of a hand")?;
         let (xml, model) = load_hand(&urdf.path)?;
-        let artifact = inputs
-            .artifacts("candidates")
-            .first()
-            .ok_or_else(|| missing("candidates"))?;
-        let candidates =
-            candidates::from_batch(&artifact.key, &lake::table::read(artifact)?).map_err(schema)?;
-        let Some(artifact) = inputs.artifacts("objects").first() else {
+        let candidates: Candidates = inputs.one()?;
+        let Some(object) = inputs.optional::<Object>()? else {
             return Ok(Outcome::skipped("it is not among the objects"));
         };
-        let object =
-            objects::from_batch(&artifact.key, &lake::table::read(artifact)?).map_err(schema)?;
         let order =
             JointOrder::new(&candidates.joints, &model.joint_names()).map_err(|source| {
                 ScreenError::AnotherHand {
@@ -158,8 +146,7 @@ impl Output for Screen {
             Err((candidate, err)) => return failed(Some(candidate), err),
         };
 
-        let batch = rollouts::to_batch(&rollouts).map_err(schema)?;
-        lake::table::write(cx.folder(), &batch)?;
+        cx.write(&rollouts)?;
         let stage = recording::Stage {
             urdf: &xml,
             model: &model,
@@ -179,12 +166,12 @@ impl Output for Screen {
             }
         }
         let labels = labels([("object", &object.name)]);
-        Ok(Outcome::made(labels, Screened::of(&rollouts)))
+        Ok(Outcome::made(labels, ScreenMetrics::of(&rollouts)))
     }
 }
 
-impl Screened {
-    fn of(rollouts: &[rollouts::Rollout]) -> Self {
+impl ScreenMetrics {
+    fn of(rollouts: &[Rollout]) -> Self {
         let count =
             |verdict: Verdict| rollouts.iter().filter(|r| r.verdict == verdict).count() as f64;
         Self {
@@ -198,7 +185,7 @@ impl Screened {
 
 /// Returns the outcome where the object or one of its candidates is at fault; nothing where the
 /// hand or the options are, and so every unit will fail.
-fn unusable(err: &SimulationError, candidate: Option<&str>) -> Option<Outcome<Screened>> {
+fn unusable(err: &SimulationError, candidate: Option<&str>) -> Option<Outcome<ScreenMetrics>> {
     match err {
         SimulationError::Massless { .. }
         | SimulationError::ObjectInertia { .. }

@@ -10,17 +10,17 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use report_screen::SuccessReport;
 use robot::RobotModel;
 use schemas::{
-    candidates::{self, Candidate, Candidates, Rates, Step},
+    candidates::{Candidate, Candidates, Rates, Step},
     objects::{self, RestingOrientation},
-    rollouts::{self, Rollout, Verdict},
-    success,
+    rollouts::{Rollout, Verdict},
+    success::Successes,
 };
 use simulation::{
     Approach, ControllerKind, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Shortcuts,
     Trial,
 };
 use spatial::{Pose, Rest};
-use stage_screen::{Screen, ScreenConfig, ScreenError, Screened};
+use stage_screen::{Screen, ScreenConfig, ScreenError, ScreenMetrics};
 
 const HAND: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
@@ -186,14 +186,13 @@ fn run(
     object: &objects::Object,
     candidates: &Candidates,
     folder: &Path,
-) -> Result<Outcome<Screened>, ScreenError> {
+) -> Result<Outcome<ScreenMetrics>, ScreenError> {
     let [made, motions, out] = ["objects", "candidates", "out"].map(|name| folder.join(name));
     for folder in [&made, &motions, &out] {
         fs::create_dir(folder).unwrap();
     }
-    let batch = objects::to_batch(std::slice::from_ref(object)).unwrap();
-    lake::table::write(&made, &batch).unwrap();
-    lake::table::write(&motions, &candidates::to_batch(candidates).unwrap()).unwrap();
+    lake::table::write(&made, object).unwrap();
+    lake::table::write(&motions, candidates).unwrap();
     let inputs = Inputs::new(
         BTreeMap::from([
             ("objects".to_owned(), vec![artifact(&made)]),
@@ -212,8 +211,7 @@ fn made<M: std::fmt::Debug>(outcome: Outcome<M>) -> Made<M> {
 }
 
 fn rows(folder: &Path) -> Vec<Rollout> {
-    let batch = lake::table::read(&artifact(&folder.join("out"))).unwrap();
-    rollouts::from_batch(&batch).unwrap()
+    lake::table::read(&artifact(&folder.join("out"))).unwrap()
 }
 
 #[test]
@@ -261,7 +259,7 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     let cx = Context::detached("all", 7, &success);
     let made = made(SuccessReport::make(&config(), &inputs, &cx).unwrap());
     assert!(made.labels.is_empty());
-    let said = success::from_batch(&lake::table::read(&artifact(&success)).unwrap()).unwrap();
+    let said: Successes = lake::table::read(&artifact(&success)).unwrap();
     assert_eq!(said.len(), 1);
     let row = &said[0];
     assert_eq!(

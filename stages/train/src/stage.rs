@@ -21,7 +21,7 @@ pub struct Train;
 
 dataflow::metrics! {
     /// What is said of a trained function.
-    pub struct Training {
+    pub struct TrainMetrics {
         /// Number of epochs.
         epochs: Max,
         /// The epoch of the best function.
@@ -73,7 +73,7 @@ impl Stage for Train {
 
 impl Output for Train {
     type Stage = Self;
-    type Metrics = Training;
+    type Metrics = TrainMetrics;
     type Error = TrainError;
 
     const ARTIFACT: &'static str = CHECKPOINT;
@@ -130,7 +130,7 @@ impl Output for Train {
         config: &TrainConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<Training>, TrainError> {
+    ) -> Result<Outcome<TrainMetrics>, TrainError> {
         let hand = Arc::new(hand(config, inputs)?);
         let set = set::read(config, inputs, &hand.joint_names(), cx.seed())?;
         let trained = train(config, &set, &hand, cx)?;
@@ -141,7 +141,7 @@ impl Output for Train {
             let file = |name| cx.folder().join(name);
             cgf.save(&file(files.weights), &file(files.description))?;
         }
-        Ok(Outcome::made(Labels::new(), Training::of(&trained)))
+        Ok(Outcome::made(Labels::new(), TrainMetrics::of(&trained)))
     }
 }
 
@@ -203,7 +203,7 @@ fn train(
     Ok(trainer.finish()?)
 }
 
-impl Training {
+impl TrainMetrics {
     fn of(trained: &Trained) -> Self {
         let description = trained.last.description();
         let motions = |split: Split| {

@@ -1,7 +1,7 @@
 //! The report and the line of `run`.
 
 use dataflow::{Code, Line, Lines, Outputs, Report, Summary};
-use stage_dispatch::{Dispatch, Dispatched};
+use stage_dispatch::{Dispatch, DispatchMetrics};
 
 use crate::TrialsReport;
 
@@ -18,8 +18,8 @@ impl Report for DispatchReport {
 
 impl DispatchReport {
     /// Says what became of the motions that were to be sent.
-    pub fn line(summary: &Summary<Dispatched>) -> String {
-        let Dispatched {
+    pub fn line(summary: &Summary<DispatchMetrics>) -> String {
+        let DispatchMetrics {
             motions_n: motions,
             dry_n: dry,
             succeeded_n: succeeded,

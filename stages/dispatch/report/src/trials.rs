@@ -5,10 +5,12 @@ use std::collections::BTreeMap;
 use dataflow::{
     Context, Inputs, Labels, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
 };
+use lake::WriteArtifact;
 use schemas::{
-    executions::{self, Execution},
+    Table,
+    executions::{self, Execution, Executions},
     success::wilson,
-    trials::{self, Trials},
+    trials::{AllTrials, Trials},
 };
 use stage_dispatch::{Dispatch, DispatchConfig, DispatchError, EXECUTIONS};
 
@@ -46,8 +48,8 @@ impl Output for TrialsReport {
     type Metrics = TrialsMetrics;
     type Error = DispatchError;
 
-    const ARTIFACT: &'static str = "trials";
-    const SCHEMA: &'static str = trials::VERSION;
+    const ARTIFACT: &'static str = AllTrials::NAME;
+    const SCHEMA: &'static str = AllTrials::VERSION;
     const PARTITION: &'static str = "dispatching";
     const OPTIONS: Options = Options::NONE;
     const LINE: OwnLine<TrialsMetrics> = Some(line);
@@ -76,18 +78,10 @@ impl Output for TrialsReport {
     ) -> Result<Outcome<TrialsMetrics>, DispatchError> {
         let mut rows = Vec::new();
         for artifact in inputs.artifacts(EXECUTIONS) {
-            let schema = |source| DispatchError::Schema {
-                partition: artifact.key.clone(),
-                source,
-            };
-            let sent = executions::from_batch(&lake::table::read(artifact)?).map_err(schema)?;
+            let sent: Executions = lake::table::read(artifact)?;
             rows.extend(of_object(&artifact.key, &sent));
         }
-        let batch = trials::to_batch(&rows).map_err(|source| DispatchError::Schema {
-            partition: cx.partition().to_owned(),
-            source,
-        })?;
-        lake::table::write(cx.folder(), &batch)?;
+        cx.write(&rows)?;
         Ok(Outcome::made(Labels::new(), TrialsMetrics::of(&rows)))
     }
 }

@@ -5,11 +5,8 @@ use std::collections::BTreeMap;
 use dataflow::{
     Context, Inputs, Labels, Options, Outcome, Output, OwnLine, Scope, Sum, Unit, labels,
 };
-use schemas::{
-    SchemaError,
-    tracking::{self, TrackingReport},
-    trajectories::{self, Trajectory},
-};
+use lake::{ReadInputs, WriteArtifact};
+use schemas::{Table, tracking::TrackingReport, trajectories::Trajectory};
 use stage_retarget::{Retarget, RetargetConfig, RetargetError, TRAJECTORIES};
 
 /// Depth below the table, in meters, that is more than measurement and thin objects explain.
@@ -35,8 +32,8 @@ impl Output for Tracking {
     type Metrics = TrackingMetrics;
     type Error = RetargetError;
 
-    const ARTIFACT: &'static str = "tracking";
-    const SCHEMA: &'static str = tracking::VERSION;
+    const ARTIFACT: &'static str = TrackingReport::NAME;
+    const SCHEMA: &'static str = TrackingReport::VERSION;
     const PARTITION: &'static str = "object";
     const OPTIONS: Options = Options::NONE;
     /// Says how far finger tips are from their landmarks, of whichever object.
@@ -74,21 +71,12 @@ impl Output for Tracking {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome<TrackingMetrics>, RetargetError> {
-        let schema = |source: SchemaError| RetargetError::Schema {
-            partition: cx.partition().to_owned(),
-            source,
-        };
-        let mut trajectories = Vec::new();
-        for artifact in inputs.artifacts(TRAJECTORIES) {
-            let batch = lake::table::read(artifact)?;
-            trajectories.push(trajectories::from_batch(&artifact.key, &batch).map_err(schema)?);
-        }
+        let trajectories: Vec<Trajectory> = inputs.all()?;
         if trajectories.is_empty() {
             return Ok(Outcome::skipped("it has no trajectory"));
         }
         let report = report(&trajectories);
-        let batch = tracking::to_batch(&report).map_err(schema)?;
-        lake::table::write(cx.folder(), &batch)?;
+        cx.write(&report)?;
         let tips_n = trajectories
             .iter()
             .flat_map(|trajectory| &trajectory.steps)

@@ -1,15 +1,10 @@
 //! One object's distances.
 
-use std::{
-    fs::{self, File},
-    io::Write,
-};
-
 use dataflow::{Artifact, Context, Inputs, Outcome, Sum, labels};
 use geometry::TriMesh;
+use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{distance_fields, objects};
 
-use super::{missing, schema};
 use crate::{RetargetConfig, RetargetError, scene::survey};
 
 dataflow::metrics! {
@@ -26,11 +21,8 @@ pub(super) fn make(
     inputs: &Inputs,
     cx: &Context,
 ) -> Result<Outcome<FieldMetrics>, RetargetError> {
-    let object = inputs
-        .artifacts("objects")
-        .first()
-        .ok_or_else(|| missing(cx, "object"))?;
-    let mesh = match read_mesh(object, cx)? {
+    let object = inputs.artifact("objects")?;
+    let mesh = match read_mesh(object)? {
         Ok(mesh) => mesh,
         Err(reason) => return Ok(Outcome::skipped(reason)),
     };
@@ -39,14 +31,8 @@ pub(super) fn make(
         Ok(None) => return Ok(Outcome::skipped("its mesh has no surface")),
         Err(err) => return Ok(Outcome::skipped(format!("its mesh: {err}"))),
     };
-    let batch = distance_fields::to_batch(&info).map_err(schema(cx))?;
-    lake::table::write(cx.folder(), &batch)?;
-    let path = cx.folder().join(distance_fields::FIELD);
-    let written = File::create_new(&path).and_then(|mut file| file.write_all(&field.to_bytes()));
-    written.map_err(|source| RetargetError::WriteField {
-        object: object.key.clone(),
-        source,
-    })?;
+    cx.write(&info)?;
+    cx.write_file(distance_fields::FIELD, &field.to_bytes())?;
     let metrics = FieldMetrics {
         hull_vertices_n: info.hull_m.len() as f64,
     };
@@ -54,17 +40,7 @@ pub(super) fn make(
 }
 
 /// Reads an object's mesh; the inner error is the reason to skip it.
-pub(super) fn read_mesh(
-    object: &Artifact,
-    cx: &Context,
-) -> Result<Result<TriMesh, String>, RetargetError> {
-    let path = object
-        .file(objects::MESH)
-        .ok_or_else(|| missing(cx, "mesh of an object"))?;
-    let text = fs::read_to_string(path).map_err(|source| RetargetError::ReadMesh {
-        object: object.key.clone(),
-        source,
-    })?;
-    Ok(TriMesh::from_obj(&text)
+pub(super) fn read_mesh(object: &Artifact) -> Result<Result<TriMesh, String>, LakeError> {
+    Ok(TriMesh::from_obj(&object.text(objects::MESH)?)
         .map_err(|err| format!("the mesh of its object `{}`: {err}", object.key)))
 }

@@ -1,15 +1,14 @@
 //! One demonstration's trajectory.
 
-use std::fs;
-
 use dataflow::{Artifact, Context, Inputs, Outcome, labels};
 use geometry::DistanceField;
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
     demonstrations::{self, Demonstration},
     distance_fields, trajectories,
 };
 
-use super::{FIELDS, LoadedHand, fields::read_mesh, load_hand, missing, schema};
+use super::{FIELDS, LoadedHand, fields::read_mesh, load_hand};
 use crate::{
     RetargetConfig, RetargetError,
     rates::fill_rates,
@@ -27,11 +26,10 @@ pub(super) fn make(
     inputs: &Inputs,
     cx: &Context,
 ) -> Result<Outcome<TrajectoryMetrics>, RetargetError> {
-    let [urdf, table, ..] = inputs.files() else {
-        return Err(missing(cx, "URDF and table of a hand"));
-    };
+    let urdf = inputs.source(0, "URDF of a hand")?;
+    let table = inputs.source(1, "table of a hand")?;
     let LoadedHand { urdf, hand, table } = load_hand(&urdf.path, &table.path)?;
-    let demonstration = read_demonstration(inputs, cx)?;
+    let demonstration: Demonstration = inputs.one()?;
     if let Some(reason) = unusable(&demonstration, &table) {
         return Ok(Outcome::skipped(reason));
     }
@@ -44,11 +42,11 @@ pub(super) fn make(
             demonstration.object
         )));
     };
-    let mesh = match read_mesh(object, cx)? {
+    let mesh = match read_mesh(object)? {
         Ok(mesh) => mesh,
         Err(reason) => return Ok(Outcome::skipped(reason)),
     };
-    let scene = read_scene(field, &demonstration, cx)?;
+    let scene = read_scene(field, &demonstration)?;
     let Some(mut tracked) = track(&hand, &scene, config, &demonstration)? else {
         return Ok(Outcome::skipped("it has no step"));
     };
@@ -78,20 +76,10 @@ pub(super) fn make(
         rest: scene.rest(),
         steps: tracked.steps,
     };
-    let batch = trajectories::to_batch(&trajectory).map_err(schema(cx))?;
-    lake::table::write(cx.folder(), &batch)?;
+    cx.write(&trajectory)?;
     recording::record(&urdf, &hand.model, &mesh, &trajectory, cx.folder())?;
     let labels = labels([("object", &trajectory.object)]);
     Ok(Outcome::made(labels, metrics))
-}
-
-fn read_demonstration(inputs: &Inputs, cx: &Context) -> Result<Demonstration, RetargetError> {
-    let artifact = inputs
-        .artifacts("demonstrations")
-        .first()
-        .ok_or_else(|| missing(cx, "demonstration"))?;
-    let batch = lake::table::read(artifact)?;
-    demonstrations::from_batch(&artifact.key, &batch).map_err(schema(cx))
 }
 
 /// Returns why a demonstration cannot be retargeted to this hand, if it cannot.
@@ -117,19 +105,9 @@ pub(super) fn unusable(demonstration: &Demonstration, table: &crate::HandTable) 
     ))
 }
 
-fn read_scene(
-    field: &Artifact,
-    demonstration: &Demonstration,
-    cx: &Context,
-) -> Result<Scene, RetargetError> {
-    let info = distance_fields::from_batch(&lake::table::read(field)?).map_err(schema(cx))?;
-    let path = field
-        .file(distance_fields::FIELD)
-        .ok_or_else(|| missing(cx, "distance field of an object"))?;
-    let bytes = fs::read(path).map_err(|source| RetargetError::ReadMesh {
-        object: field.key.clone(),
-        source,
-    })?;
+fn read_scene(field: &Artifact, demonstration: &Demonstration) -> Result<Scene, RetargetError> {
+    let info = lake::table::read(field)?;
+    let bytes = field.bytes(distance_fields::FIELD)?;
     let grid = DistanceField::from_bytes(&bytes).ok_or_else(|| RetargetError::BadField {
         object: field.key.clone(),
     })?;

@@ -3,7 +3,7 @@
 use dataflow::{Code, Line, Lines, Outputs, Report};
 use stage_sample::Sample;
 
-use crate::Sampling;
+use crate::SamplingReport;
 
 /// Shows how plausible and different the drawn motions are.
 pub enum SampleReport {}
@@ -12,7 +12,7 @@ impl Report for SampleReport {
     type Stage = Sample;
 
     const CODE: Code = dataflow::code!();
-    const OUTPUTS: Outputs<Sample> = &[&Sampling];
+    const OUTPUTS: Outputs<Sample> = &[&SamplingReport];
     /// Says how many motions were drawn, and of how many draws if they were chosen.
     const LINES: Lines<Sample> = &[&Line::<Sample>(|summary| {
         let (candidates, draws) = (summary.metrics.candidates, summary.metrics.draws);

@@ -5,16 +5,17 @@ use dataflow::{
     Summary, Unit, labels,
 };
 use diversity::{Diversity, Motion};
+use lake::{ReadInputs, WriteArtifact};
 use robot::{JointOrder, WrongDof};
 use schemas::{
-    candidates::{self, Step},
-    sampling,
-    sampling::Sampled,
-    trajectories,
+    Table,
+    candidates::{self, Candidates, Step},
+    sampling::{Sampled, Sampling},
+    trajectories::Trajectory,
 };
 use stage_sample::{
     CANDIDATES, Sample, SampleConfig, SampleError, TRAJECTORIES,
-    inputs::{FIELDS, ROBOT, hand_file, hand_meshes, only, order, read_field, read_hand, schema},
+    inputs::{FIELDS, ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
     room::{Gauge, Room},
 };
 
@@ -28,7 +29,7 @@ const CLEAR_M: f64 = 0.005;
 
 dataflow::metrics! {
     /// What is said of the motions of an object.
-    pub struct Plausibility {
+    pub struct SamplingMetrics {
         /// How many there are.
         candidates_n: Sum,
         /// How many were drawn within the joint limits.
@@ -53,18 +54,18 @@ dataflow::metrics! {
 }
 
 /// The report `sampling`: how plausible and different an object's motions are.
-pub struct Sampling;
+pub struct SamplingReport;
 
-impl Output for Sampling {
+impl Output for SamplingReport {
     type Stage = Sample;
-    type Metrics = Plausibility;
+    type Metrics = SamplingMetrics;
     type Error = SampleReportError;
 
-    const ARTIFACT: &'static str = "sampling";
-    const SCHEMA: &'static str = sampling::VERSION;
+    const ARTIFACT: &'static str = Sampling::NAME;
+    const SCHEMA: &'static str = Sampling::VERSION;
     const PARTITION: &'static str = "object";
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<Plausibility> = Some(line);
+    const LINE: OwnLine<SamplingMetrics> = Some(line);
 
     /// One unit per object that has candidates.
     fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleReportError> {
@@ -102,21 +103,15 @@ impl Output for Sampling {
         _config: &SampleConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<Plausibility>, SampleReportError> {
-        let artifact = only(inputs, CANDIDATES, "candidates")?;
-        let batch = lake::table::read(artifact)?;
-        let drawn = candidates::from_batch(&artifact.key, &batch).map_err(schema(&artifact.key))?;
+    ) -> Result<Outcome<SamplingMetrics>, SampleReportError> {
+        let drawn: Candidates = inputs.one()?;
         let Some(field) = inputs.artifacts(FIELDS).first() else {
             return Ok(Outcome::skipped(
                 "it is not among the objects with a surface",
             ));
         };
         let field = read_field(field)?;
-        let file = inputs.files().first();
-        let file = file.ok_or(SampleError::Missing {
-            what: "hand's URDF",
-        })?;
-        let (_, hand) = read_hand(&file.path)?;
+        let (_, hand) = read_hand(&inputs.source(0, "URDF of a hand")?.path)?;
         let shown = inputs
             .artifacts(TRAJECTORIES)
             .iter()
@@ -134,8 +129,7 @@ impl Output for Sampling {
         let motions: Vec<Motion> = drawn.candidates.iter().map(Motion::from).collect();
         let diversity = Diversity::of(&motions);
         let sampled = measure.all(&drawn.candidates, &diversity)?;
-        let batch = sampling::to_batch(&sampled).map_err(schema(&artifact.key))?;
-        lake::table::write(cx.folder(), &batch)?;
+        cx.write(&sampled)?;
         charts::Charts {
             joints: &drawn.joints,
             sampled: &sampled,
@@ -143,12 +137,12 @@ impl Output for Sampling {
             shown: &charts::of_shown(&shown, &motions),
         }
         .put(cx)?;
-        let metrics = Plausibility::of(&sampled, &diversity);
-        Ok(Outcome::made(labels([("object", &artifact.key)]), metrics))
+        let metrics = SamplingMetrics::of(&sampled, &diversity);
+        Ok(Outcome::made(labels([("object", &drawn.object)]), metrics))
     }
 }
 
-impl Plausibility {
+impl SamplingMetrics {
     fn of(sampled: &[Sampled], diversity: &Diversity) -> Self {
         let count =
             |is_one: fn(&Sampled) -> bool| sampled.iter().filter(|s| is_one(s)).count() as f64;
@@ -169,7 +163,7 @@ impl Plausibility {
 }
 
 /// Says what became of all objects' candidates.
-fn line(summary: &Summary<Plausibility>) -> String {
+fn line(summary: &Summary<SamplingMetrics>) -> String {
     let all = &summary.metrics;
     let percent = |n: f64| 100.0 * n / all.candidates_n.max(1.0);
     let line = format!(
@@ -187,8 +181,7 @@ fn line(summary: &Summary<Plausibility>) -> String {
 
 /// Reads a demonstration with its joints in this order; `None` if it has no step.
 fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, SampleReportError> {
-    let batch = lake::table::read(artifact)?;
-    let shown = trajectories::from_batch(&artifact.key, &batch).map_err(schema(&artifact.key))?;
+    let shown: Trajectory = lake::table::read(artifact)?;
     let order =
         JointOrder::new(&shown.joints, joints).map_err(|source| SampleError::AnotherHand {
             what: format!("trajectory `{}`", artifact.key),

@@ -2,15 +2,17 @@
 
 use cgf::Cgf;
 use dataflow::{Artifact, Context, Inputs, Outcome, Scope, Unit, labels};
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
-    candidates::{self, Candidate, Candidates},
-    checkpoint, objects,
+    candidates::{Candidate, Candidates},
+    checkpoint,
+    objects::Object,
 };
 
-use super::{Drawn, SHOWN_ROBOT};
+use super::{SHOWN_ROBOT, SampleMetrics};
 use crate::{
     Epoch, SampleConfig, SampleError,
-    inputs::{FIELDS, ROBOT, hand_file, hand_meshes, only, order, read_field, read_hand, schema},
+    inputs::{FIELDS, ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
     motions::sample,
     recording,
     room::{Gauge, Room},
@@ -71,11 +73,9 @@ pub(super) fn make(
     config: &SampleConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome<Drawn>, SampleError> {
-    let cgf = read_checkpoint(config.epoch, only(inputs, "checkpoint", "checkpoint")?)?;
-    let artifact = only(inputs, "objects", "object")?;
-    let batch = lake::table::read(artifact)?;
-    let object = objects::from_batch(&artifact.key, &batch).map_err(schema(&artifact.key))?;
+) -> Result<Outcome<SampleMetrics>, SampleError> {
+    let cgf = read_checkpoint(config.epoch, inputs.artifact("checkpoint")?)?;
+    let object: Object = inputs.one()?;
     let hand = inputs.files().first();
     let hand = hand.map(|file| read_hand(&file.path)).transpose()?;
     let order = hand.as_ref().map(|(_, model)| {
@@ -98,8 +98,7 @@ pub(super) fn make(
         joints: cgf.description().joints.clone(),
         candidates: sample.candidates,
     };
-    let batch = candidates::to_batch(&drawn).map_err(schema(&artifact.key))?;
-    lake::table::write(cx.folder(), &batch)?;
+    cx.write(&drawn)?;
     if config.recorded_per_object > 0
         && let Some((urdf, model)) = &hand
         && let Some(order) = &order
@@ -117,7 +116,7 @@ pub(super) fn make(
         };
         recording::record(&stage, &motions, cx.folder())?;
     }
-    let metrics = Drawn {
+    let metrics = SampleMetrics {
         candidates: drawn.candidates.len() as f64,
         draws: sample.draws as f64,
     };
@@ -125,13 +124,10 @@ pub(super) fn make(
 }
 
 fn read_checkpoint(epoch: Epoch, artifact: &Artifact) -> Result<Cgf, SampleError> {
-    let file = |name| {
-        let file = artifact.file(name);
-        file.ok_or(SampleError::Missing { what: "checkpoint" })
-    };
     let files = match epoch {
         Epoch::Best => checkpoint::BEST,
         Epoch::Last => checkpoint::LAST,
     };
-    Ok(Cgf::load(file(files.weights)?, file(files.description)?)?)
+    let weights = artifact.path(files.weights)?;
+    Ok(Cgf::load(weights, artifact.path(files.description)?)?)
 }

@@ -4,16 +4,17 @@ use std::collections::BTreeMap;
 
 use charts::{Captions, ChartError, Estimate, Estimates, intervals};
 use dataflow::{
-    Artifact, Context, Inputs, Labels, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
+    Context, Inputs, Labels, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
 };
 use diversity::{Diversity, Motion};
+use lake::{LakeError, WriteArtifact, table};
 use schemas::{
-    SchemaError,
-    candidates::{self, Candidate, Candidates},
-    rollouts::{self, Rollout, Verdict},
-    success::{self, Success},
+    Table,
+    candidates::{Candidate, Candidates},
+    rollouts::{Rollout, Rollouts, Verdict},
+    success::{self, Success, Successes},
 };
-use stage_screen::{ROLLOUTS, Screen, ScreenConfig, ScreenError};
+use stage_screen::{ROLLOUTS, Screen, ScreenConfig};
 
 use crate::ScreenReportError;
 
@@ -55,8 +56,8 @@ impl Output for SuccessReport {
     type Metrics = SuccessMetrics;
     type Error = ScreenReportError;
 
-    const ARTIFACT: &'static str = "success";
-    const SCHEMA: &'static str = success::VERSION;
+    const ARTIFACT: &'static str = Successes::NAME;
+    const SCHEMA: &'static str = Successes::VERSION;
     const PARTITION: &'static str = "screening";
     const OPTIONS: Options = Options::NONE;
     const LINE: OwnLine<SuccessMetrics> = Some(line);
@@ -80,19 +81,14 @@ impl Output for SuccessReport {
         for artifact in inputs.artifacts(ROLLOUTS) {
             let mut given = inputs.artifacts(CANDIDATES).iter();
             let given = given.find(|given| given.key == artifact.key);
-            let given = given.ok_or_else(|| ScreenError::MissingInput {
-                partition: artifact.key.clone(),
-                what: "candidates",
-            })?;
-            let schema = |source| of_partition(&artifact.key, source);
-            let rollouts = rollouts::from_batch(&lake::table::read(artifact)?).map_err(schema)?;
+            let given = given.ok_or(LakeError::MissingInput { what: CANDIDATES })?;
+            let rollouts: Rollouts = table::read(artifact)?;
             touched_n += rollouts.iter().filter(|rollout| touched(rollout)).count();
-            rows.extend(of_object(&rollouts, &read_candidates(given)?)?);
+            rows.extend(of_object(&rollouts, &table::read(given)?)?);
         }
-        let batch = success::to_batch(&rows).map_err(|err| of_partition(cx.partition(), err))?;
-        lake::table::write(cx.folder(), &batch)?;
+        cx.write(&rows)?;
         match chart(&rows) {
-            Ok(svg) => lake::write_whole(&cx.folder().join("rates.svg"), svg.as_bytes())?,
+            Ok(svg) => cx.write_file("rates.svg", svg.as_bytes())?,
             Err(ChartError::Nothing { .. }) => {}
             Err(err) => return Err(err.into()),
         }
@@ -164,19 +160,6 @@ fn untouched(all: &SuccessMetrics) -> String {
         .map(|(n, what)| format!("{n:.0} {what}"))
         .collect();
     format!("; no motion touched the object: {}", became.join(", "))
-}
-
-fn read_candidates(artifact: &Artifact) -> Result<Candidates, ScreenError> {
-    let batch = lake::table::read(artifact)?;
-    candidates::from_batch(&artifact.key, &batch)
-        .map_err(|source| of_partition(&artifact.key, source))
-}
-
-fn of_partition(partition: &str, source: SchemaError) -> ScreenError {
-    ScreenError::Schema {
-        partition: partition.to_owned(),
-        source,
-    }
 }
 
 /// Returns one row for each generator of an object's candidates, in the order of their names.
@@ -304,7 +287,10 @@ fn chart(rows: &[Success]) -> Result<String, ChartError> {
 mod tests {
     use dataflow::{Metrics, Partition};
     use nalgebra::{Isometry3, Vector3};
-    use schemas::candidates::{Rates, Step};
+    use schemas::{
+        candidates::{Rates, Step},
+        rollouts::Smoothness,
+    };
     use spatial::Pose;
 
     use super::*;
@@ -342,7 +328,7 @@ mod tests {
             displacement_m: 0.0,
             penetration_m: 0.0,
             contacts_n: 0,
-            smoothness: rollouts::Smoothness::default(),
+            smoothness: Smoothness::default(),
         }
     }
 

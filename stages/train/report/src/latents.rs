@@ -5,8 +5,12 @@ use charts::{Captions, Scale, Series, lines, scatter};
 use dataflow::{
     Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
 };
-use schemas::latents::{self, Row};
-use stage_train::{Train, TrainConfig, TrainError};
+use lake::WriteArtifact;
+use schemas::{
+    Table,
+    latents::{Latents, Row},
+};
+use stage_train::{Train, TrainConfig};
 
 use crate::{
     TrainReportError,
@@ -30,15 +34,15 @@ dataflow::metrics! {
 }
 
 /// The report `latents`: what is used of the latent code.
-pub struct Latents;
+pub struct LatentsReport;
 
-impl Output for Latents {
+impl Output for LatentsReport {
     type Stage = Train;
     type Metrics = LatentMetrics;
     type Error = TrainReportError;
 
-    const ARTIFACT: &'static str = "latents";
-    const SCHEMA: &'static str = latents::VERSION;
+    const ARTIFACT: &'static str = Latents::NAME;
+    const SCHEMA: &'static str = Latents::VERSION;
     const PARTITION: &'static str = "model";
     const OPTIONS: Options = Options::NONE;
     const LINE: OwnLine<LatentMetrics> = Some(line);
@@ -55,11 +59,7 @@ impl Output for Latents {
     ) -> Result<Outcome<LatentMetrics>, TrainReportError> {
         let description = description(inputs)?;
         let rows = rows(&description);
-        let batch = latents::to_batch(&rows).map_err(|source| TrainError::Schema {
-            key: cx.partition().to_owned(),
-            source,
-        })?;
-        lake::table::write(cx.folder(), &batch)?;
+        cx.write(&rows)?;
         draw(&description, &rows, cx)?;
         let metrics = LatentMetrics {
             latents_n: rows.len() as f64,

@@ -10,17 +10,18 @@ use charts::{Bars, Captions, Scale, Series, bars, lines};
 use dataflow::{
     Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
 };
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::{Isometry3, Point3};
 use robot::RobotModel;
 use schemas::{
-    checkpoint,
-    reconstruction::{self, Row},
+    Table, checkpoint,
+    reconstruction::{Reconstruction, Row},
 };
-use stage_train::{BySplit, Train, TrainConfig, TrainError, hand, set};
+use stage_train::{BySplit, CHECKPOINT, Train, TrainConfig, hand, set};
 
 use crate::{
     TrainReportError,
-    report::{SPLITS, file, mean, of_function, of_split, put},
+    report::{SPLITS, mean, of_function, of_split, put},
 };
 
 /// Parts of a motion over which errors are shown.
@@ -75,15 +76,15 @@ dataflow::metrics! {
 }
 
 /// The report `reconstruction`: how near motions of the mean codes are to those encoded.
-pub struct Reconstruction;
+pub struct ReconstructionReport;
 
-impl Output for Reconstruction {
+impl Output for ReconstructionReport {
     type Stage = Train;
     type Metrics = ReconstructionMetrics;
     type Error = TrainReportError;
 
-    const ARTIFACT: &'static str = "reconstruction";
-    const SCHEMA: &'static str = reconstruction::VERSION;
+    const ARTIFACT: &'static str = Reconstruction::NAME;
+    const SCHEMA: &'static str = Reconstruction::VERSION;
     const PARTITION: &'static str = "model";
     const OPTIONS: Options = Options::NONE;
     const LINE: OwnLine<ReconstructionMetrics> = Some(line);
@@ -98,11 +99,8 @@ impl Output for Reconstruction {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome<ReconstructionMetrics>, TrainReportError> {
-        let files = checkpoint::LAST;
-        let cgf = Cgf::load(
-            file(inputs, files.weights)?,
-            file(inputs, files.description)?,
-        )?;
+        let (model, files) = (inputs.artifact(CHECKPOINT)?, checkpoint::LAST);
+        let cgf = Cgf::load(model.path(files.weights)?, model.path(files.description)?)?;
         let description = cgf.description();
         let hand = Arc::new(hand(config, inputs)?);
         cgf.check_hand(&hand.joint_names())?;
@@ -133,13 +131,10 @@ impl Output for Reconstruction {
             let share = all.len() as f64 / set.tracks.len() as f64;
             cx.progress(share, &track.name);
         }
-        let rows: Vec<Row> = all.iter().map(|rebuilt| rebuilt.row.clone()).collect();
-        let batch = reconstruction::to_batch(&hand.joint_names(), &rows);
-        let batch = batch.map_err(|source| TrainError::Schema {
-            key: cx.partition().to_owned(),
-            source,
+        cx.write(&Reconstruction {
+            joints: hand.joint_names(),
+            rows: all.iter().map(|rebuilt| rebuilt.row.clone()).collect(),
         })?;
-        lake::table::write(cx.folder(), &batch)?;
         draw(&all, &hand, cx)?;
         let metrics = ReconstructionMetrics::of(description, &all);
         Ok(Outcome::made(Labels::new(), metrics))

@@ -1,17 +1,13 @@
 //! The reports: their units, and what they have in common.
 
-use std::path::Path;
-
 use cgf::{Demonstration, Description, Split};
 use charts::ChartError;
-use dataflow::{
-    Artifact, Code, Context, Inputs, Line, Lines, Output, Outputs, Report, Scope, Summary, Unit,
-};
-use lake::LakeError;
+use dataflow::{Code, Context, Inputs, Line, Lines, Output, Outputs, Report, Scope, Summary, Unit};
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::checkpoint;
-use stage_train::{CHECKPOINT, Train, TrainConfig, Training};
+use stage_train::{CHECKPOINT, Train, TrainConfig, TrainMetrics};
 
-use crate::{Latents, Reconstruction, TrainReportError, TrainingCurve};
+use crate::{LatentsReport, ReconstructionReport, TrainReportError, TrainingReport};
 
 /// Shows how a training went.
 pub enum TrainReport {}
@@ -20,11 +16,11 @@ impl Report for TrainReport {
     type Stage = Train;
 
     const CODE: Code = dataflow::code!();
-    const OUTPUTS: Outputs<Train> = &[&TrainingCurve, &Latents, &Reconstruction];
+    const OUTPUTS: Outputs<Train> = &[&TrainingReport, &LatentsReport, &ReconstructionReport];
     const LINES: Lines<Train> = &[&Line::<Train>(line)];
 }
 
-fn line(summary: &Summary<Training>) -> String {
+fn line(summary: &Summary<TrainMetrics>) -> String {
     let all = &summary.metrics;
     let of_split = |split: usize| {
         let n = all.trajectories[split].unwrap_or_default();
@@ -89,22 +85,12 @@ pub(crate) const SPLITS: [(Split, &str, &str); 3] = [
     (Split::Unseen, "unseen", "unseen objects"),
 ];
 
-/// The file of the checkpoint that has this name.
-pub(crate) fn file<'a>(inputs: &'a Inputs, name: &str) -> Result<&'a Path, TrainReportError> {
-    let model = inputs.artifacts(CHECKPOINT).first();
-    let file = model.and_then(|model| model.file(name));
-    Ok(file.ok_or_else(|| LakeError::MissingFile {
-        key: model.map_or_else(String::new, |model: &Artifact| model.key.clone()),
-        file: name.to_owned(),
-    })?)
-}
-
 /// Everything about the trained function but its weights.
 pub(crate) fn description(inputs: &Inputs) -> Result<Description, TrainReportError> {
-    Ok(Description::read(file(
-        inputs,
-        checkpoint::LAST.description,
-    )?)?)
+    let model = inputs.artifact(CHECKPOINT)?;
+    Ok(Description::read(
+        model.path(checkpoint::LAST.description)?,
+    )?)
 }
 
 /// The motions of a set.
@@ -123,10 +109,7 @@ pub(crate) fn put(
     chart: Result<String, ChartError>,
 ) -> Result<(), TrainReportError> {
     match chart {
-        Ok(svg) => {
-            let path = cx.folder().join(format!("{name}.svg"));
-            Ok(lake::write_whole(&path, svg.as_bytes())?)
-        }
+        Ok(svg) => Ok(cx.write_file(&format!("{name}.svg"), svg.as_bytes())?),
         Err(ChartError::Nothing { .. }) => Ok(()),
         Err(err) => Err(err.into()),
     }

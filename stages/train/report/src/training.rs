@@ -5,8 +5,12 @@ use charts::{Captions, Scale, Series, lines};
 use dataflow::{
     Context, Inputs, Labels, Max, Mean, Options, Outcome, Output, OwnLine, Scope, Summary, Unit,
 };
-use schemas::training::{self, Row};
-use stage_train::{BySplit, Train, TrainConfig, TrainError};
+use lake::WriteArtifact;
+use schemas::{
+    Table,
+    training::{Row, Training},
+};
+use stage_train::{BySplit, Train, TrainConfig};
 
 use crate::{
     TrainReportError,
@@ -53,7 +57,7 @@ const TERMS: [Term; 7] = [
 
 dataflow::metrics! {
     /// What is said of a training's losses.
-    pub struct CurveMetrics {
+    pub struct TrainingMetrics {
         /// Number of epochs.
         epochs: Max,
         /// Loss after the first epoch.
@@ -72,18 +76,18 @@ dataflow::metrics! {
 }
 
 /// The report `training`: losses and learning rate over the epochs.
-pub struct TrainingCurve;
+pub struct TrainingReport;
 
-impl Output for TrainingCurve {
+impl Output for TrainingReport {
     type Stage = Train;
-    type Metrics = CurveMetrics;
+    type Metrics = TrainingMetrics;
     type Error = TrainReportError;
 
-    const ARTIFACT: &'static str = "training";
-    const SCHEMA: &'static str = training::VERSION;
+    const ARTIFACT: &'static str = Training::NAME;
+    const SCHEMA: &'static str = Training::VERSION;
     const PARTITION: &'static str = "model";
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<CurveMetrics> = Some(line);
+    const LINE: OwnLine<TrainingMetrics> = Some(line);
 
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainReportError> {
         of_description(config, scope)
@@ -94,21 +98,17 @@ impl Output for TrainingCurve {
         _config: &TrainConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<CurveMetrics>, TrainReportError> {
+    ) -> Result<Outcome<TrainingMetrics>, TrainReportError> {
         let description = description(inputs)?;
         let rows = rows(&description.training_curve);
-        let batch = training::to_batch(&rows).map_err(|source| TrainError::Schema {
-            key: cx.partition().to_owned(),
-            source,
-        })?;
-        lake::table::write(cx.folder(), &batch)?;
+        cx.write(&rows)?;
         draw(&description, cx)?;
-        let metrics = CurveMetrics::of(&description.training_curve);
+        let metrics = TrainingMetrics::of(&description.training_curve);
         Ok(Outcome::made(Labels::new(), metrics))
     }
 }
 
-fn line(summary: &Summary<CurveMetrics>) -> String {
+fn line(summary: &Summary<TrainingMetrics>) -> String {
     let all = &summary.metrics;
     let epochs = counted(all.epochs, "epoch");
     let first = all.loss_first.unwrap_or_default();
@@ -160,7 +160,7 @@ fn number(epoch: usize) -> i64 {
     i64::try_from(epoch).unwrap_or(i64::MAX)
 }
 
-impl CurveMetrics {
+impl TrainingMetrics {
     fn of(curve: &[Epoch]) -> Self {
         let measured = SPLITS.map(|(split, ..)| {
             let epochs = curve.iter();

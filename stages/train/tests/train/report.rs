@@ -6,8 +6,12 @@ use cgf::{Description, Split};
 use dataflow::{
     Artifact, Context, Inputs, Made, Outcome, Output, Partition, Report, Scope, Summary,
 };
-use report_train::{Latents, Reconstruction, TrainReport, TrainReportError, TrainingCurve};
-use schemas::{checkpoint, latents, reconstruction, training};
+use report_train::{
+    LatentsReport, ReconstructionReport, TrainReport, TrainReportError, TrainingReport,
+};
+use schemas::{
+    Table, checkpoint, latents::Latents, reconstruction::Reconstruction, training::Training,
+};
 use stage_train::{Train, TrainConfig, TrainError};
 use tempfile::TempDir;
 
@@ -68,9 +72,11 @@ impl Trained {
     }
 
     /// Makes a report; returns its table, its charts and its metrics.
-    fn table_of<O: Output<Stage = Train, Error = TrainReportError>>(
-        &self,
-    ) -> (arrow_array::RecordBatch, Vec<String>, Made<O::Metrics>) {
+    fn table_of<O, T>(&self) -> (T, Vec<String>, Made<O::Metrics>)
+    where
+        O: Output<Stage = Train, Error = TrainReportError>,
+        T: Table,
+    {
         let folder = TempDir::new().unwrap();
         let made = self.report::<O>(7, folder.path()).unwrap();
         let table = folder.path().join(lake::table::FILE);
@@ -105,8 +111,7 @@ fn said<O: Output>(made: Made<O::Metrics>) -> String {
 #[test]
 fn losses_of_every_epoch_are_shown() {
     let trained = Trained::new(unseen());
-    let (table, charts, made) = trained.table_of::<TrainingCurve>();
-    let rows = training::from_batch(&table).unwrap();
+    let (rows, charts, made) = trained.table_of::<TrainingReport, Training>();
     let splits: Vec<(i64, &str)> = rows.iter().map(|row| (row.epoch, &*row.split)).collect();
     let of_epoch = |epoch| [(epoch, "training"), (epoch, "unseen")];
     assert_eq!(splits, [1, 2, 3].map(of_epoch).concat());
@@ -117,7 +122,7 @@ fn losses_of_every_epoch_are_shown() {
     assert_eq!(made.metrics.loss[2], Some(rows[5].total));
     let expected = ["kl", "learning_rate", "loss", "terms", "terms_unseen"];
     assert_eq!(charts, expected.map(|name| format!("{name}.svg")));
-    let line = said::<TrainingCurve>(made);
+    let line = said::<TrainingReport>(made);
     assert!(line.starts_with("3 epochs, loss "), "{line}");
     assert!(
         line.contains("unseen objects") && !line.contains("held out"),
@@ -128,8 +133,8 @@ fn losses_of_every_epoch_are_shown() {
 #[test]
 fn every_motion_is_compared_with_what_became_of_it() {
     let trained = Trained::new(unseen());
-    let (table, charts, made) = trained.table_of::<Reconstruction>();
-    let (joints, rows) = reconstruction::from_batch(&table).unwrap();
+    let (made_of, charts, made) = trained.table_of::<ReconstructionReport, Reconstruction>();
+    let Reconstruction { joints, rows } = made_of;
     assert_eq!(joints, trained.description.joints);
     assert_eq!(rows.len(), 3);
     for (row, demonstration) in rows.iter().zip(&trained.description.demonstrations) {
@@ -153,7 +158,7 @@ fn every_motion_is_compared_with_what_became_of_it() {
     assert!((unseen - rows[2].tip_error_mean_m).abs() < 1e-12);
     let expected = ["joints", "objects", "objects_grasp", "time"];
     assert_eq!(charts, expected.map(|name| format!("{name}.svg")));
-    let line = said::<Reconstruction>(made);
+    let line = said::<ReconstructionReport>(made);
     assert!(
         line.starts_with("tip error ") && line.contains(" mm (grasp ") && line.contains("unseen "),
         "{line}"
@@ -163,8 +168,7 @@ fn every_motion_is_compared_with_what_became_of_it() {
 #[test]
 fn use_of_the_latent_code_is_that_of_the_motions_learned_from() {
     let trained = Trained::new(unseen());
-    let (table, charts, made) = trained.table_of::<Latents>();
-    let rows = latents::from_batch(&table).unwrap();
+    let (rows, charts, made) = trained.table_of::<LatentsReport, Latents>();
     assert_eq!(rows.len(), trained.description.network.latent_dim);
     let learned = &trained.description.demonstrations[..2];
     for (dimension, row) in rows.iter().enumerate() {
@@ -186,7 +190,7 @@ fn use_of_the_latent_code_is_that_of_the_motions_learned_from() {
     assert!((made.metrics.kl_nats - total).abs() < 1e-12);
     assert_eq!(charts, ["kl.svg", "means.svg", "spread.svg"]);
     let n_active = rows.iter().filter(|row| row.active).count();
-    let line = said::<Latents>(made);
+    let line = said::<LatentsReport>(made);
     assert!(
         line.starts_with(&format!("{n_active} of 3 latent dimensions")),
         "{line}"
@@ -217,7 +221,7 @@ fn reports_are_the_same_bytes_whatever_the_seed() {
 #[test]
 fn reports_read_only_what_they_need_of_the_checkpoint() {
     let config = config();
-    assert_eq!(TrainingCurve::units(&config, &scope()).unwrap(), []);
+    assert_eq!(TrainingReport::units(&config, &scope()).unwrap(), []);
     let model = vec![Partition::new("cgf", BTreeMap::new())];
     let trajectories = scope().partitions("trajectories").to_vec();
     let objects = scope().partitions("objects").to_vec();
@@ -227,10 +231,14 @@ fn reports_read_only_what_they_need_of_the_checkpoint() {
         ("objects".to_owned(), objects),
     ]));
     for (units, parts, n_motions) in [
-        (TrainingCurve::units(&config, &scope), &["last.json"][..], 0),
-        (Latents::units(&config, &scope), &["last.json"], 0),
         (
-            Reconstruction::units(&config, &scope),
+            TrainingReport::units(&config, &scope),
+            &["last.json"][..],
+            0,
+        ),
+        (LatentsReport::units(&config, &scope), &["last.json"], 0),
+        (
+            ReconstructionReport::units(&config, &scope),
             &["last.json", "last.safetensors"],
             3,
         ),
@@ -259,7 +267,7 @@ fn a_cut_off_checkpoint_is_a_clear_error() {
         .unwrap();
     let folder = TempDir::new().unwrap();
     let err = trained
-        .report::<Reconstruction>(7, folder.path())
+        .report::<ReconstructionReport>(7, folder.path())
         .unwrap_err();
     let TrainReportError::Train(err) = *err else {
         panic!("{err:?}");
