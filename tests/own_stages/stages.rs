@@ -1,6 +1,6 @@
-//! Five small kinds of stages: one that reads files outside the lake, one that maps partition by
-//! partition, one that gathers every partition, one that gathers by a label, and one that goes on where
-//! it was interrupted.
+//! Small kinds of stages: one that reads files outside the lake, one that maps partition by partition,
+//! one that gathers every partition, one that gathers by a label, one that goes on where it was
+//! interrupted, and one as a lab would write it (`logged`).
 //!
 //! A kind is a type that implements [`dataflow::Stage`], and lists its outputs, types that implement
 //! [`dataflow::Output`]; where there is one, it is the same type. Most need two functions: `units` lists
@@ -11,6 +11,7 @@ mod bytes;
 mod gather;
 mod group;
 mod hooks;
+mod logged;
 mod map;
 mod split;
 mod steps;
@@ -23,7 +24,7 @@ use std::{
 use dataflow::{Advise, Code, Kind};
 use lake::LakeError;
 
-use self::{gather::Gather, group::Group, map::Map, split::Split, steps::Steps};
+use self::{gather::Gather, group::Group, logged::Logged, map::Map, split::Split, steps::Steps};
 
 /// Why one of these stages cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -102,5 +103,7 @@ pub(crate) fn kinds_with(version: impl Fn(&str) -> u8) -> Vec<Kind> {
         1 => first,
         _ => second,
     };
-    versions.map(choose).into()
+    let mut kinds = Vec::from(versions.map(choose));
+    kinds.push(Kind::of::<Logged>());
+    kinds
 }

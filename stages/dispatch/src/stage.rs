@@ -68,9 +68,6 @@ const SHOWN_ROBOT: Form = Form {
     of: robot::shown_form,
 };
 
-/// The artifact of what became of each motion.
-pub const EXECUTIONS: &str = "executions";
-
 impl Stage for Dispatch {
     type Config = DispatchConfig;
     type Error = DispatchError;
@@ -78,7 +75,7 @@ impl Stage for Dispatch {
     const KIND: &'static str = "dispatch";
     const ABOUT: &'static str = "Sends accepted motions to a robot cell and keeps what it did";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [&'static str] = &["rollouts", "candidates", "objects"];
+    const INPUTS: &'static [&'static str] = &[Rollouts::NAME, Candidates::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &DispatchConfig) -> Vec<OptionFault> {
@@ -117,13 +114,13 @@ impl Output for Dispatch {
         });
         let meshes: Vec<SourceFile> = of_hand.into_iter().chain(of_arm).collect();
         Ok(scope
-            .partitions("rollouts")
+            .partitions(Rollouts::NAME)
             .iter()
             .map(|rollouts| {
                 let unit = Unit::new(&rollouts.key)
-                    .reading("rollouts", [&rollouts.key])
-                    .reading("candidates", [&rollouts.key])
-                    .reading("objects", [&rollouts.key])
+                    .reading(Rollouts::NAME, [&rollouts.key])
+                    .reading(Candidates::NAME, [&rollouts.key])
+                    .reading(Object::NAME, [&rollouts.key])
                     .with_file_of_form(SourceFile::named("hand", &config.hand), SHOWN_ROBOT);
                 let unit = match &config.arm {
                     Some(arm) => {

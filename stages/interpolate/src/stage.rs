@@ -20,9 +20,6 @@ dataflow::metrics! {
     }
 }
 
-/// The artifact that it reads and makes.
-const CANDIDATES: &str = Candidates::NAME;
-
 impl Stage for Interpolate {
     type Config = InterpolateConfig;
     type Error = InterpolateError;
@@ -30,7 +27,7 @@ impl Stage for Interpolate {
     const KIND: &'static str = "interpolate";
     const ABOUT: &'static str = "Replaces each motion by the straight line between its ends";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [&'static str] = &[CANDIDATES];
+    const INPUTS: &'static [&'static str] = &[Candidates::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 }
 
@@ -39,14 +36,17 @@ impl Output for Interpolate {
     type Metrics = InterpolateMetrics;
     type Error = InterpolateError;
 
-    const ARTIFACT: &'static str = CANDIDATES;
+    const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
     const PARTITION: &'static str = "object";
     /// `objects` only chooses units.
     const OPTIONS: Options = Options::Except(&["objects"]);
 
     fn units(config: &InterpolateConfig, scope: &Scope) -> Result<Vec<Unit>, InterpolateError> {
-        let keys = scope.partitions(CANDIDATES).iter().map(|given| &given.key);
+        let keys = scope
+            .partitions(Candidates::NAME)
+            .iter()
+            .map(|given| &given.key);
         let keys: Vec<&String> = keys.collect();
         if keys.is_empty() {
             return Err(InterpolateError::NoCandidates);
@@ -61,8 +61,8 @@ impl Output for Interpolate {
             |object: &&String| config.objects.is_empty() || config.objects.contains(object);
         let units = keys.into_iter().filter(chosen).map(|object| {
             Unit::new(object)
-                .reading(CANDIDATES, [object])
-                .only_files(CANDIDATES, [lake::table::FILE])
+                .reading(Candidates::NAME, [object])
+                .only_files(Candidates::NAME, [lake::table::FILE])
         });
         Ok(units.collect())
     }
@@ -148,7 +148,7 @@ mod tests {
             candidates: motions,
         };
         lake::table::write(&given, &motions).unwrap();
-        let artifacts = BTreeMap::from([(CANDIDATES.to_owned(), vec![artifact(&given)])]);
+        let artifacts = BTreeMap::from([(Candidates::NAME.to_owned(), vec![artifact(&given)])]);
         let inputs = Inputs::new(artifacts, Vec::new());
         let cx = Context::detached("can", 0, &out);
         Interpolate::make(&InterpolateConfig::default(), &inputs, &cx).unwrap()
@@ -190,7 +190,7 @@ mod tests {
     fn objects_are_chosen_by_name() {
         let partition = |key: &str| Partition::new(key, BTreeMap::new());
         let given = vec![partition("box"), partition("can")];
-        let scope = Scope::new(BTreeMap::from([(CANDIDATES.to_owned(), given)]));
+        let scope = Scope::new(BTreeMap::from([(Candidates::NAME.to_owned(), given)]));
         let units = |objects: &[&str], scope: &Scope| {
             let objects = objects.iter().map(|&name| name.to_owned()).collect();
             Interpolate::units(&InterpolateConfig { objects }, scope)
@@ -198,7 +198,7 @@ mod tests {
         assert_eq!(units(&[], &scope).unwrap().len(), 2);
         let one = units(&["can"], &scope).unwrap();
         assert_eq!((one.len(), one[0].partition.as_str()), (1, "can"));
-        assert_eq!(one[0].reads[CANDIDATES], ["can"]);
+        assert_eq!(one[0].reads[Candidates::NAME], ["can"]);
         let unknown = units(&["cup"], &scope).unwrap_err();
         assert!(unknown.to_string().contains("`cup`"));
         assert!(unknown.hint().unwrap().contains("box, can"));

@@ -38,7 +38,7 @@ impl Stage for Replay {
     const KIND: &'static str = "replay";
     const ABOUT: &'static str = "Offers retargeted demonstrations as candidates";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [&'static str] = &["trajectories"];
+    const INPUTS: &'static [&'static str] = &[Trajectory::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 }
 
@@ -52,7 +52,7 @@ impl Output for Replay {
     const PARTITION: &'static str = "object";
 
     fn units(config: &ReplayConfig, scope: &Scope) -> Result<Vec<Unit>, ReplayError> {
-        let trajectories = scope.partitions("trajectories");
+        let trajectories = scope.partitions(Trajectory::NAME);
         if trajectories.is_empty() {
             return Err(ReplayError::NoTrajectories);
         }
@@ -77,7 +77,7 @@ impl Output for Replay {
                     .iter()
                     .filter(|trajectory| trajectory.label(OBJECT) == Some(object))
                     .map(|trajectory| trajectory.key.as_str());
-                Unit::new(object).reading("trajectories", of_object)
+                Unit::new(object).reading(Trajectory::NAME, of_object)
             })
             .collect())
     }

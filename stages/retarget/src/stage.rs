@@ -10,7 +10,13 @@ use dataflow::{
     SourceFile, Stage, Unit, labels,
 };
 use robot::RobotModel;
-use schemas::{Table, distance_fields::FieldInfo, objects, trajectories::Trajectory};
+use schemas::{
+    Table,
+    demonstrations::Demonstration,
+    distance_fields::FieldInfo,
+    objects::{self, Object},
+    trajectories::Trajectory,
+};
 
 pub use self::fields::FieldMetrics;
 use crate::{
@@ -21,11 +27,6 @@ use crate::{
 
 /// Moves human demonstrations onto a robot hand.
 pub enum Retarget {}
-
-/// The artifact of an object's distances.
-pub const FIELDS: &str = "distance_fields";
-/// The artifact of a demonstration's motion.
-pub const TRAJECTORIES: &str = "trajectories";
 
 /// The robot counts as recordings show it.
 const SHOWN_ROBOT: Form = Form {
@@ -49,7 +50,7 @@ impl Stage for Retarget {
     const KIND: &'static str = "retarget";
     const ABOUT: &'static str = "Moves human demonstrations onto a robot hand";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [&'static str] = &["demonstrations", "objects"];
+    const INPUTS: &'static [&'static str] = &[Demonstration::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&DistanceFields, &Trajectories];
 
     fn check(config: &RetargetConfig) -> Vec<OptionFault> {
@@ -77,14 +78,14 @@ impl Output for DistanceFields {
     const OPTIONS: Options = Options::Only(&["field_spacing_m"]);
 
     fn units(_config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
-        let objects = scope.partitions("objects");
+        let objects = scope.partitions(Object::NAME);
         if objects.is_empty() {
             return Err(RetargetError::NoObjects);
         }
         let unit = |object: &str| {
             Unit::new(object)
-                .reading("objects", [object])
-                .only_files("objects", [objects::MESH])
+                .reading(Object::NAME, [object])
+                .only_files(Object::NAME, [objects::MESH])
         };
         Ok(objects.iter().map(|object| unit(&object.key)).collect())
     }
@@ -116,11 +117,14 @@ impl Output for Trajectories {
     const OPTIONS: Options = Options::Except(&["field_spacing_m"]);
 
     fn units(config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
-        let demonstrations = scope.partitions("demonstrations");
+        let demonstrations = scope.partitions(Demonstration::NAME);
         if demonstrations.is_empty() {
             return Err(RetargetError::NoDemonstrations);
         }
-        let (objects, fields) = (scope.partitions("objects"), scope.partitions(FIELDS));
+        let (objects, fields) = (
+            scope.partitions(Object::NAME),
+            scope.partitions(FieldInfo::NAME),
+        );
         let meshes = robot_meshes::sources(&config.hand)?;
         Ok(demonstrations
             .iter()
@@ -131,10 +135,10 @@ impl Output for Trajectories {
                     object.filter(|name| known.iter().any(|one| one.key == *name))
                 };
                 let unit = Unit::new(&demonstration.key)
-                    .reading("demonstrations", [&demonstration.key])
-                    .reading("objects", among(objects))
-                    .reading(FIELDS, among(fields))
-                    .only_files("objects", [objects::MESH])
+                    .reading(Demonstration::NAME, [&demonstration.key])
+                    .reading(Object::NAME, among(objects))
+                    .reading(FieldInfo::NAME, among(fields))
+                    .only_files(Object::NAME, [objects::MESH])
                     .with_file_of_form(SourceFile::named("hand", &config.hand), SHOWN_ROBOT)
                     .with_file_of_form(SourceFile::named("hand_table", &config.hand_table), TABLE);
                 meshes.iter().cloned().fold(unit, Unit::with_file)
@@ -143,7 +147,7 @@ impl Output for Trajectories {
     }
 
     fn labels(_config: &RetargetConfig, unit: &Unit, scope: &Scope) -> Option<Labels> {
-        let demonstrations = scope.partitions("demonstrations");
+        let demonstrations = scope.partitions(Demonstration::NAME);
         let moved = demonstrations
             .iter()
             .find(|demonstration| demonstration.key == unit.partition)?;

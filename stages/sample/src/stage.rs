@@ -6,12 +6,12 @@ use dataflow::{
     Code, Context, Form, Inputs, Labels, OptionFault, Options, Outcome, Output, Outputs, Scope,
     Stage, Sum, Unit, labels,
 };
-use schemas::{Table, candidates::Candidates};
-
-use crate::{
-    SampleConfig, SampleError,
-    inputs::{FIELDS, read_hand},
+use schemas::{
+    Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, objects::Object,
+    trajectories::Trajectory,
 };
+
+use crate::{SampleConfig, SampleError, inputs::read_hand};
 
 /// Draws candidate motions from a grasping function.
 pub struct Sample;
@@ -31,11 +31,6 @@ const SHOWN_ROBOT: Form = Form {
     name: "shown robot",
     of: robot::shown_form,
 };
-/// The artifact of an object's motions.
-pub const CANDIDATES: &str = "candidates";
-/// The artifact of a demonstration's motion.
-pub const TRAJECTORIES: &str = "trajectories";
-
 impl Stage for Sample {
     type Config = SampleConfig;
     type Error = SampleError;
@@ -43,7 +38,12 @@ impl Stage for Sample {
     const KIND: &'static str = "sample";
     const ABOUT: &'static str = "Draws candidate motions for each object from a grasping function";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [&'static str] = &["checkpoint", "objects", FIELDS, TRAJECTORIES];
+    const INPUTS: &'static [&'static str] = &[
+        checkpoint::NAME,
+        Object::NAME,
+        FieldInfo::NAME,
+        Trajectory::NAME,
+    ];
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &SampleConfig) -> Vec<OptionFault> {

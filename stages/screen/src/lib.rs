@@ -22,4 +22,4 @@ mod verdicts;
 pub use by_verdict::ByVerdict;
 pub use config::ScreenConfig;
 pub use error::ScreenError;
-pub use stage::{ROLLOUTS, Screen, ScreenMetrics};
+pub use stage::{Screen, ScreenMetrics};

@@ -46,9 +46,6 @@ const SHOWN_ROBOT: Form = Form {
     of: robot::shown_form,
 };
 
-/// The artifact of what became of each candidate.
-pub const ROLLOUTS: &str = "rollouts";
-
 impl Stage for Screen {
     type Config = ScreenConfig;
     type Error = ScreenError;
@@ -56,7 +53,7 @@ impl Stage for Screen {
     const KIND: &'static str = "screen";
     const ABOUT: &'static str = "Judges candidate motions in physics";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [&'static str] = &["candidates", "objects"];
+    const INPUTS: &'static [&'static str] = &[Candidates::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &ScreenConfig) -> Vec<OptionFault> {
@@ -85,11 +82,11 @@ impl Output for Screen {
     const PARTITION: &'static str = "object";
 
     fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
-        let candidates = scope.partitions("candidates");
+        let candidates = scope.partitions(Candidates::NAME);
         if candidates.is_empty() {
             return Err(ScreenError::NoCandidates);
         }
-        let objects = scope.partitions("objects");
+        let objects = scope.partitions(Object::NAME);
         let meshes = robot_meshes::sources(&config.hand)?;
         Ok(candidates
             .iter()
@@ -97,8 +94,8 @@ impl Output for Screen {
                 // An object that is missing is planned without, and skipped.
                 let object = objects.iter().find(|object| object.key == partition.key);
                 let unit = Unit::new(&partition.key)
-                    .reading("candidates", [&partition.key])
-                    .reading("objects", object.map(|object| &object.key))
+                    .reading(Candidates::NAME, [&partition.key])
+                    .reading(Object::NAME, object.map(|object| &object.key))
                     .with_file_of_form(SourceFile::named("hand", &config.hand), SHOWN_ROBOT);
                 meshes.iter().cloned().fold(unit, Unit::with_file)
             })

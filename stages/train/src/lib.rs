@@ -16,4 +16,4 @@ mod stage;
 pub use by_split::{BySplit, SPLITS};
 pub use config::TrainConfig;
 pub use error::TrainError;
-pub use stage::{CHECKPOINT, Train, TrainMetrics, hand};
+pub use stage::{Train, TrainMetrics, hand};

@@ -8,7 +8,9 @@ use dataflow::{
     SourceFile, Stage, Sum, Unit,
 };
 use robot::RobotModel;
-use schemas::checkpoint;
+use schemas::{
+    Table, checkpoint, distance_fields::FieldInfo, objects::Object, trajectories::Trajectory,
+};
 
 use crate::{
     BySplit, SPLITS, TrainConfig, TrainError,
@@ -48,8 +50,6 @@ const ROBOT: Form = Form {
 };
 /// Key of the one partition.
 const MODEL: &str = "cgf";
-/// The artifact of the trained function.
-pub const CHECKPOINT: &str = "checkpoint";
 
 impl Stage for Train {
     type Config = TrainConfig;
@@ -58,7 +58,7 @@ impl Stage for Train {
     const KIND: &'static str = "train";
     const ABOUT: &'static str = "Learns a continuous grasping function from robot trajectories";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [&'static str] = &["trajectories", "objects", set::FIELDS];
+    const INPUTS: &'static [&'static str] = &[Trajectory::NAME, Object::NAME, FieldInfo::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &TrainConfig) -> Vec<OptionFault> {
@@ -76,13 +76,13 @@ impl Output for Train {
     type Metrics = TrainMetrics;
     type Error = TrainError;
 
-    const ARTIFACT: &'static str = CHECKPOINT;
+    const ARTIFACT: &'static str = checkpoint::NAME;
     const SCHEMA: &'static str = checkpoint::VERSION;
     const PARTITION: &'static str = "model";
 
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
         let known: Vec<String> = scope
-            .partitions("objects")
+            .partitions(Object::NAME)
             .iter()
             .map(|object| object.key.clone())
             .collect();
@@ -94,7 +94,7 @@ impl Output for Train {
                 });
             }
         }
-        let trajectories = scope.partitions("trajectories");
+        let trajectories = scope.partitions(Trajectory::NAME);
         let mut objects = BTreeSet::new();
         let mut keys = Vec::new();
         let mut learns = false;
@@ -114,10 +114,10 @@ impl Output for Train {
         let keeps_out = config.training.penetration_weight > 0.0;
         let fields: BTreeSet<String> = objects.iter().filter(|_| keeps_out).cloned().collect();
         let unit = Unit::new(MODEL)
-            .reading("trajectories", keys)
-            .only_files("trajectories", [lake::table::FILE])
-            .reading("objects", objects)
-            .reading(set::FIELDS, fields)
+            .reading(Trajectory::NAME, keys)
+            .only_files(Trajectory::NAME, [lake::table::FILE])
+            .reading(Object::NAME, objects)
+            .reading(FieldInfo::NAME, fields)
             .with_file_of_form(SourceFile::named("hand", &config.hand), ROBOT);
         Ok(vec![
             robot_meshes::sources(&config.hand)?

@@ -12,7 +12,7 @@ use schemas::{
     success::wilson,
     trials::{AllTrials, Trials},
 };
-use stage_dispatch::{Dispatch, DispatchConfig, DispatchError, EXECUTIONS};
+use stage_dispatch::{Dispatch, DispatchConfig, DispatchError};
 
 /// Key of the one partition.
 const ALL: &str = "all";
@@ -56,14 +56,14 @@ impl Output for TrialsReport {
 
     /// One unit, of all objects of which motions were to be sent.
     fn units(_config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, DispatchError> {
-        let sent = scope.partitions(EXECUTIONS).iter();
+        let sent = scope.partitions(Executions::NAME).iter();
         let keys: Vec<&str> = sent.map(|executions| executions.key.as_str()).collect();
         if keys.is_empty() {
             return Ok(Vec::new());
         }
         let unit = Unit::new(ALL)
-            .reading(EXECUTIONS, keys)
-            .only_files(EXECUTIONS, [lake::table::FILE]);
+            .reading(Executions::NAME, keys)
+            .only_files(Executions::NAME, [lake::table::FILE]);
         Ok(vec![unit])
     }
 
@@ -77,7 +77,7 @@ impl Output for TrialsReport {
         cx: &Context,
     ) -> Result<Outcome<TrialsMetrics>, DispatchError> {
         let mut rows = Vec::new();
-        for artifact in inputs.artifacts(EXECUTIONS) {
+        for artifact in inputs.artifacts(Executions::NAME) {
             let sent: Executions = lake::table::read(artifact)?;
             rows.extend(of_object(&artifact.key, &sent));
         }

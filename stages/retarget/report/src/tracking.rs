@@ -7,7 +7,7 @@ use dataflow::{
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{Table, tracking::TrackingReport, trajectories::Trajectory};
-use stage_retarget::{Retarget, RetargetConfig, RetargetError, TRAJECTORIES};
+use stage_retarget::{Retarget, RetargetConfig, RetargetError};
 
 /// Depth below the table, in meters, that is more than measurement and thin objects explain.
 const BELOW_TABLE_M: f64 = 0.003;
@@ -50,14 +50,14 @@ impl Output for Tracking {
     /// One unit per object that has trajectories.
     fn units(_config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
         let mut by_object: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-        for trajectory in scope.partitions(TRAJECTORIES) {
+        for trajectory in scope.partitions(Trajectory::NAME) {
             if let Some(object) = trajectory.label("object") {
                 by_object.entry(object).or_default().push(&trajectory.key);
             }
         }
         Ok(by_object
             .into_iter()
-            .map(|(object, keys)| Unit::new(object).reading(TRAJECTORIES, keys))
+            .map(|(object, keys)| Unit::new(object).reading(Trajectory::NAME, keys))
             .collect())
     }
 

@@ -3,7 +3,10 @@
 use dataflow::{Artifact, Context, Inputs, Outcome, Sum, labels};
 use geometry::TriMesh;
 use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
-use schemas::{distance_fields, objects};
+use schemas::{
+    Table, distance_fields,
+    objects::{self, Object},
+};
 
 use crate::{RetargetConfig, RetargetError, scene::survey};
 
@@ -21,7 +24,7 @@ pub(super) fn make(
     inputs: &Inputs,
     cx: &Context,
 ) -> Result<Outcome<FieldMetrics>, RetargetError> {
-    let object = inputs.artifact("objects")?;
+    let object = inputs.artifact(Object::NAME)?;
     let mesh = match read_mesh(object)? {
         Ok(mesh) => mesh,
         Err(reason) => return Ok(Outcome::skipped(reason)),

@@ -4,11 +4,14 @@ use dataflow::{Artifact, Context, Inputs, Outcome, labels};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
+    Table,
     demonstrations::{self, Demonstration},
-    distance_fields, trajectories,
+    distance_fields::{self, FieldInfo},
+    objects::Object,
+    trajectories,
 };
 
-use super::{FIELDS, LoadedHand, fields::read_mesh, load_hand};
+use super::{LoadedHand, fields::read_mesh, load_hand};
 use crate::{
     RetargetConfig, RetargetError,
     rates::fill_rates,
@@ -34,8 +37,8 @@ pub(super) fn make(
         return Ok(Outcome::skipped(reason));
     }
     let (Some(object), Some(field)) = (
-        inputs.artifacts("objects").first(),
-        inputs.artifacts(FIELDS).first(),
+        inputs.artifacts(Object::NAME).first(),
+        inputs.artifacts(FieldInfo::NAME).first(),
     ) else {
         return Ok(Outcome::skipped(format!(
             "its object `{}` is not among the objects with a surface",

@@ -22,7 +22,7 @@ fn scope(object: &str) -> Scope {
             vec![Partition::new("box", BTreeMap::new())],
         ),
         (
-            FIELDS.to_owned(),
+            FieldInfo::NAME.to_owned(),
             vec![Partition::new("box", BTreeMap::new())],
         ),
     ]))
@@ -83,7 +83,7 @@ fn run(config: &RetargetConfig, unit: &Unit, folder: &Path) -> Outcome<Trajector
             files: names.map(|name| (name.to_owned(), made.join(name))).into(),
         };
         artifacts.insert("objects".to_owned(), vec![object]);
-        artifacts.insert(FIELDS.to_owned(), vec![field]);
+        artifacts.insert(FieldInfo::NAME.to_owned(), vec![field]);
     }
     let inputs = Inputs::new(artifacts, unit.files.clone());
     Trajectories::make(config, &inputs, &Context::detached("s", 0, &out)).unwrap()

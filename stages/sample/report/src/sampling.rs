@@ -10,12 +10,13 @@ use robot::{JointOrder, WrongDof};
 use schemas::{
     Table,
     candidates::{self, Candidates, Step},
+    distance_fields::FieldInfo,
     sampling::{Sampled, Sampling},
     trajectories::Trajectory,
 };
 use stage_sample::{
-    CANDIDATES, Sample, SampleConfig, SampleError, TRAJECTORIES,
-    inputs::{FIELDS, ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
+    Sample, SampleConfig, SampleError,
+    inputs::{ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
     room::{Gauge, Room},
 };
 
@@ -70,9 +71,9 @@ impl Output for SamplingReport {
     /// One unit per object that has candidates.
     fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleReportError> {
         let meshes = hand_meshes(config)?;
-        let fields = scope.partitions(FIELDS);
-        let trajectories = scope.partitions(TRAJECTORIES);
-        let units = scope.partitions(CANDIDATES).iter().map(|candidates| {
+        let fields = scope.partitions(FieldInfo::NAME);
+        let trajectories = scope.partitions(Trajectory::NAME);
+        let units = scope.partitions(Candidates::NAME).iter().map(|candidates| {
             let object = candidates.key.as_str();
             // An object without a field is planned without, and skipped.
             let field = fields.iter().find(|field| field.key == object);
@@ -80,14 +81,14 @@ impl Output for SamplingReport {
                 .iter()
                 .filter(|trajectory| trajectory.label("object") == Some(object));
             let unit = Unit::new(object)
-                .reading(CANDIDATES, [object])
-                .only_files(CANDIDATES, [lake::table::FILE])
-                .reading(FIELDS, field.map(|field| field.key.as_str()))
+                .reading(Candidates::NAME, [object])
+                .only_files(Candidates::NAME, [lake::table::FILE])
+                .reading(FieldInfo::NAME, field.map(|field| field.key.as_str()))
                 .reading(
-                    TRAJECTORIES,
+                    Trajectory::NAME,
                     shown.map(|trajectory| trajectory.key.as_str()),
                 )
-                .only_files(TRAJECTORIES, [lake::table::FILE])
+                .only_files(Trajectory::NAME, [lake::table::FILE])
                 .with_file_of_form(hand_file(config), ROBOT);
             meshes.iter().cloned().fold(unit, Unit::with_file)
         });
@@ -105,7 +106,7 @@ impl Output for SamplingReport {
         cx: &Context,
     ) -> Result<Outcome<SamplingMetrics>, SampleReportError> {
         let drawn: Candidates = inputs.one()?;
-        let Some(field) = inputs.artifacts(FIELDS).first() else {
+        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
             return Ok(Outcome::skipped(
                 "it is not among the objects with a surface",
             ));
@@ -113,7 +114,7 @@ impl Output for SamplingReport {
         let field = read_field(field)?;
         let (_, hand) = read_hand(&inputs.source(0, "URDF of a hand")?.path)?;
         let shown = inputs
-            .artifacts(TRAJECTORIES)
+            .artifacts(Trajectory::NAME)
             .iter()
             .map(|artifact| read_shown(artifact, &drawn.joints))
             .collect::<Result<Vec<_>, _>>()?;

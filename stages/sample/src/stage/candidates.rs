@@ -4,15 +4,17 @@ use cgf::Cgf;
 use dataflow::{Artifact, Context, Inputs, Outcome, Scope, Unit, labels};
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
+    Table,
     candidates::{Candidate, Candidates},
     checkpoint,
+    distance_fields::FieldInfo,
     objects::Object,
 };
 
 use super::{SHOWN_ROBOT, SampleMetrics};
 use crate::{
     Epoch, SampleConfig, SampleError,
-    inputs::{FIELDS, ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
+    inputs::{ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
     motions::sample,
     recording,
     room::{Gauge, Room},
@@ -20,7 +22,7 @@ use crate::{
 
 /// One unit per object.
 pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
-    let objects = scope.partitions("objects");
+    let objects = scope.partitions(Object::NAME);
     for object in &config.objects {
         if !objects.iter().any(|known| known.key == *object) {
             return Err(SampleError::UnknownObject {
@@ -30,10 +32,10 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
         }
     }
     let checkpoint = scope
-        .partitions("checkpoint")
+        .partitions(checkpoint::NAME)
         .iter()
         .map(|model| &model.key);
-    let fields = scope.partitions(FIELDS);
+    let fields = scope.partitions(FieldInfo::NAME);
     let reads_hand = config.chooses() || config.recorded_per_object > 0;
     let meshes = if reads_hand {
         hand_meshes(config)?
@@ -46,12 +48,12 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
         .filter(|object| config.objects.is_empty() || config.objects.contains(object))
         .map(|object| {
             let unit = Unit::new(object.as_str())
-                .reading("checkpoint", checkpoint.clone().map(String::as_str))
-                .reading("objects", [object.as_str()]);
+                .reading(checkpoint::NAME, checkpoint.clone().map(String::as_str))
+                .reading(Object::NAME, [object.as_str()]);
             let unit = if config.chooses() {
                 // An object without a field is planned without, and not chosen for.
                 let field = fields.iter().find(|field| field.key == **object);
-                unit.reading(FIELDS, field.map(|field| field.key.as_str()))
+                unit.reading(FieldInfo::NAME, field.map(|field| field.key.as_str()))
             } else {
                 unit
             };
@@ -74,7 +76,7 @@ pub(super) fn make(
     inputs: &Inputs,
     cx: &Context,
 ) -> Result<Outcome<SampleMetrics>, SampleError> {
-    let cgf = read_checkpoint(config.epoch, inputs.artifact("checkpoint")?)?;
+    let cgf = read_checkpoint(config.epoch, inputs.artifact(checkpoint::NAME)?)?;
     let object: Object = inputs.one()?;
     let hand = inputs.files().first();
     let hand = hand.map(|file| read_hand(&file.path)).transpose()?;
@@ -83,7 +85,7 @@ pub(super) fn make(
         order(model, joints, "grasping function")
     });
     let order = order.transpose()?;
-    let field = inputs.artifacts(FIELDS).first();
+    let field = inputs.artifacts(FieldInfo::NAME).first();
     let field = field.map(read_field).transpose()?;
     let room = hand
         .as_ref()

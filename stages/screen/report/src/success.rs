@@ -14,12 +14,10 @@ use schemas::{
     rollouts::{Rollout, Rollouts, Verdict},
     success::{self, Success, Successes},
 };
-use stage_screen::{ROLLOUTS, Screen, ScreenConfig};
+use stage_screen::{Screen, ScreenConfig};
 
 use crate::ScreenReportError;
 
-/// The input, and the artifact in it.
-const CANDIDATES: &str = "candidates";
 /// Key of the one partition.
 const ALL: &str = "all";
 
@@ -78,10 +76,12 @@ impl Output for SuccessReport {
     ) -> Result<Outcome<SuccessMetrics>, ScreenReportError> {
         let mut rows = Vec::new();
         let mut touched_n = 0;
-        for artifact in inputs.artifacts(ROLLOUTS) {
-            let mut given = inputs.artifacts(CANDIDATES).iter();
+        for artifact in inputs.artifacts(Rollouts::NAME) {
+            let mut given = inputs.artifacts(Candidates::NAME).iter();
             let given = given.find(|given| given.key == artifact.key);
-            let given = given.ok_or(LakeError::MissingInput { what: CANDIDATES })?;
+            let given = given.ok_or(LakeError::MissingInput {
+                what: Candidates::NAME,
+            })?;
             let rollouts: Rollouts = table::read(artifact)?;
             touched_n += rollouts.iter().filter(|rollout| touched(rollout)).count();
             rows.extend(of_object(&rollouts, &table::read(given)?)?);
@@ -101,17 +101,17 @@ impl Output for SuccessReport {
 
 /// One unit, of all objects whose candidates were screened.
 fn units(scope: &Scope) -> Vec<Unit> {
-    let screened = scope.partitions(ROLLOUTS).iter();
+    let screened = scope.partitions(Rollouts::NAME).iter();
     let keys: Vec<&str> = screened.map(|rollouts| rollouts.key.as_str()).collect();
     if keys.is_empty() {
         return Vec::new();
     }
     let file = [lake::table::FILE];
     let unit = Unit::new(ALL)
-        .reading(ROLLOUTS, keys.clone())
-        .only_files(ROLLOUTS, file)
-        .reading(CANDIDATES, keys)
-        .only_files(CANDIDATES, file);
+        .reading(Rollouts::NAME, keys.clone())
+        .only_files(Rollouts::NAME, file)
+        .reading(Candidates::NAME, keys)
+        .only_files(Candidates::NAME, file);
     vec![unit]
 }
 
@@ -429,15 +429,18 @@ mod tests {
         let partition = |key: &str| Partition::new(key, BTreeMap::new());
         let scope = Scope::new(BTreeMap::from([
             (
-                CANDIDATES.to_owned(),
+                Candidates::NAME.to_owned(),
                 ["box", "can", "cup"].map(partition).to_vec(),
             ),
-            (ROLLOUTS.to_owned(), ["box", "can"].map(partition).to_vec()),
+            (
+                Rollouts::NAME.to_owned(),
+                ["box", "can"].map(partition).to_vec(),
+            ),
         ]));
         let units = units(&scope);
         assert_eq!(units.len(), 1);
-        assert_eq!(units[0].reads[ROLLOUTS], ["box", "can"]);
-        assert_eq!(units[0].reads[CANDIDATES], ["box", "can"]);
+        assert_eq!(units[0].reads[Rollouts::NAME], ["box", "can"]);
+        assert_eq!(units[0].reads[Candidates::NAME], ["box", "can"]);
         assert!(super::units(&Scope::default()).is_empty());
     }
 }

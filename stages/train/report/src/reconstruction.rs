@@ -17,7 +17,7 @@ use schemas::{
     Table, checkpoint,
     reconstruction::{Reconstruction, Row},
 };
-use stage_train::{BySplit, CHECKPOINT, Train, TrainConfig, hand, set};
+use stage_train::{BySplit, Train, TrainConfig, hand, set};
 
 use crate::{
     TrainReportError,
@@ -99,7 +99,7 @@ impl Output for ReconstructionReport {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome<ReconstructionMetrics>, TrainReportError> {
-        let (model, files) = (inputs.artifact(CHECKPOINT)?, checkpoint::LAST);
+        let (model, files) = (inputs.artifact(checkpoint::NAME)?, checkpoint::LAST);
         let cgf = Cgf::load(model.path(files.weights)?, model.path(files.description)?)?;
         let description = cgf.description();
         let hand = Arc::new(hand(config, inputs)?);

@@ -5,7 +5,7 @@ use charts::ChartError;
 use dataflow::{Code, Context, Inputs, Line, Lines, Output, Outputs, Report, Scope, Summary, Unit};
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::checkpoint;
-use stage_train::{CHECKPOINT, Train, TrainConfig, TrainMetrics};
+use stage_train::{Train, TrainConfig, TrainMetrics};
 
 use crate::{LatentsReport, ReconstructionReport, TrainReportError, TrainingReport};
 
@@ -47,8 +47,8 @@ pub(crate) fn of_description(
     Ok(trained
         .map(|(_, model)| {
             Unit::new(&model)
-                .reading(CHECKPOINT, [&model])
-                .only_files(CHECKPOINT, files)
+                .reading(checkpoint::NAME, [&model])
+                .only_files(checkpoint::NAME, files)
         })
         .collect())
 }
@@ -62,8 +62,8 @@ pub(crate) fn of_function(
     let trained = trained(config, scope)?;
     Ok(trained
         .map(|(unit, model)| {
-            unit.reading(CHECKPOINT, [&model])
-                .only_files(CHECKPOINT, files)
+            unit.reading(checkpoint::NAME, [&model])
+                .only_files(checkpoint::NAME, files)
         })
         .collect())
 }
@@ -74,7 +74,7 @@ fn trained(
     scope: &Scope,
 ) -> Result<impl Iterator<Item = (Unit, String)>, TrainReportError> {
     let units = Train::units(config, scope)?.into_iter();
-    let models = scope.partitions(CHECKPOINT).iter();
+    let models = scope.partitions(checkpoint::NAME).iter();
     Ok(units.zip(models.map(|model| model.key.clone())))
 }
 
@@ -87,7 +87,7 @@ pub(crate) const SPLITS: [(Split, &str, &str); 3] = [
 
 /// Everything about the trained function but its weights.
 pub(crate) fn description(inputs: &Inputs) -> Result<Description, TrainReportError> {
-    let model = inputs.artifact(CHECKPOINT)?;
+    let model = inputs.artifact(checkpoint::NAME)?;
     Ok(Description::read(
         model.path(checkpoint::LAST.description)?,
     )?)
