@@ -7,11 +7,13 @@ use serde_json::Value;
 use toml_edit::InlineTable;
 
 use crate::{
+    advice::Advised,
     code::Code,
     context::{Context, Inputs},
     option_faults::OptionFault,
+    outcome::{Labels, Outcome},
     report::{Generator, Recorded, Report, Unreported},
-    stage::{Advised, Input, Labels, Outcome, Output, Scope, Stage},
+    stage::{Input, Output, Scope, Stage},
     unit::{Summary, Unit},
 };
 

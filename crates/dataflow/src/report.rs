@@ -3,9 +3,11 @@
 use std::marker::PhantomData;
 
 use crate::{
+    advice::Advise,
     code::Code,
     context::{Context, Inputs},
-    stage::{Advise, Labels, Outcome, Output, Scope, Stage},
+    outcome::{Labels, Outcome},
+    stage::{Output, Scope, Stage},
     unit::{Summary, Unit},
 };
 

@@ -2,9 +2,6 @@
 
 use std::{
     collections::BTreeMap,
-    error::Error,
-    fmt,
-    path::{Path, PathBuf},
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -15,46 +12,14 @@ use schemars::JsonSchema;
 use serde::{Serialize, de::DeserializeOwned};
 
 use crate::{
+    advice::Advise,
     code::Code,
     context::{Context, Inputs},
     option_faults::OptionFault,
-    store::RecordOutcome,
+    outcome::{Labels, Outcome},
+    record::RecordOutcome,
     unit::{Summary, Unit},
 };
-
-/// An error that can say what to do next.
-pub trait Advise: Error + Send + Sync + 'static {
-    /// The next action: an edit or a command that can be pasted.
-    fn hint(&self) -> Option<String>;
-
-    /// The stage's input of which too little is there, if that is what is wrong: the hint then goes
-    /// on with the command that lists what was left out of it.
-    fn lacks(&self) -> Option<&'static str> {
-        None
-    }
-}
-
-/// An error of any kind that can say what to do next.
-#[derive(Debug)]
-pub struct Advised(pub Box<dyn Advise>);
-
-impl<E: Advise> From<E> for Advised {
-    fn from(err: E) -> Self {
-        Self(Box::new(err))
-    }
-}
-
-impl fmt::Display for Advised {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
-    }
-}
-
-impl Error for Advised {
-    fn source(&self) -> Option<&(dyn Error + 'static)> {
-        self.0.source()
-    }
-}
 
 /// One kind of step of a pipeline: artifacts in, artifacts out, and nothing else.
 ///
@@ -167,32 +132,6 @@ pub struct Output {
     pub parallel: bool,
 }
 
-/// What became of one partition.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Outcome {
-    /// The files in [`Context::folder`] are the artifact.
-    Made(Made),
-    /// The item cannot be used; counted, listed, and the run ends with exit code 3.
-    Skipped {
-        /// Why, as one sentence without a final period.
-        reason: String,
-    },
-    /// The configuration asks to leave this item out; listed, and no fault.
-    Filtered {
-        /// Why, as one sentence without a final period.
-        reason: String,
-    },
-}
-
-/// What is said about a partition beside its files.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Made {
-    /// Facts by which later stages choose partitions, e.g. `object = 003_cracker_box`.
-    pub labels: Labels,
-    /// Counts and figures for the stage's line and for comparing runs.
-    pub metrics: BTreeMap<String, f64>,
-}
-
 /// What a stage may look at to list its units: the partitions that its inputs have.
 #[derive(Debug, Clone, Default)]
 pub struct Scope {
@@ -229,9 +168,6 @@ enum LabelsOf {
     /// In the result that has them, of which there may be many.
     Made(Arc<RecordOutcome>),
 }
-
-/// Facts by which later stages choose partitions, e.g. `object = 003_cracker_box`.
-pub type Labels = BTreeMap<String, String>;
 
 impl Partition {
     /// Returns the partition of this key, about which its maker said this.
@@ -274,36 +210,5 @@ impl Partition {
             },
         };
         labels.get(name).map(String::as_str)
-    }
-}
-
-/// A file outside the lake that a unit reads.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct SourceFile {
-    /// Its name in the fingerprint: relative to the dataset, never a path of this machine.
-    pub name: String,
-    /// Where it lies.
-    pub path: PathBuf,
-}
-
-impl SourceFile {
-    /// Names `path` by its last component.
-    pub fn named_by_file(path: &Path) -> Self {
-        Self {
-            name: path.file_name().map_or_else(
-                || path.display().to_string(),
-                |name| name.to_string_lossy().into_owned(),
-            ),
-            path: path.to_owned(),
-        }
-    }
-
-    /// Names `path` by what it is to the stage, e.g. by the option that says where it lies: then its
-    /// own name makes no difference.
-    pub fn named(name: &str, path: &Path) -> Self {
-        Self {
-            name: name.to_owned(),
-            path: path.to_owned(),
-        }
     }
 }
