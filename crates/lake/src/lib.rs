@@ -30,17 +30,21 @@
 //! is named by a digest of its bytes or carries one, and is checked before it is used; two processes
 //! never make the same unit at the same time; a dead process's lock and staging folder are taken over.
 
+mod abandon;
 mod again;
 mod atomic;
 mod blobs;
+mod cache;
 mod changing;
 mod clock;
 mod collect;
 mod compact;
+mod digests;
 mod error;
 mod flight;
 mod folder;
 mod history;
+mod lake;
 mod lock;
 mod making;
 mod mend;
@@ -49,10 +53,12 @@ mod published;
 mod recorded;
 pub mod recording;
 mod records;
-mod runs;
+mod register;
 mod sealed;
+mod seen;
 mod sources;
 mod stamp;
+mod stamps;
 mod store;
 pub mod table;
 mod tags;
@@ -62,9 +68,10 @@ mod views;
 
 pub use atomic::write_whole;
 pub use collect::{Collected, CollectedUnits, Collecting};
+pub use digests::OnBytes;
 pub use error::LakeError;
-pub use folder::Lake;
+pub use lake::Lake;
 pub use recorded::{StageTable, TableFiles};
 pub use records::Provenance;
-pub use runs::Run;
-pub use verify::{Fault, OnBytes, Verified};
+pub use register::Run;
+pub use verify::{Fault, Verified};
