@@ -7,15 +7,16 @@ use serde_json::Value;
 use toml_edit::InlineTable;
 
 use crate::{
+    advice::Advised,
     context::{Context, Inputs},
     line::{Telling, Told},
     metrics::MissingFigure,
     option_faults::OptionFault,
     outcome::{Labels, Outcome},
     output::{OutputInfo, OutputOf},
+    record::RecordOutcome,
     report::{Generator, Recorded, Report, Unreported},
-    stage::{Advised, Scope, Stage},
-    store::RecordOutcome,
+    stage::{Scope, Stage},
     unit::Unit,
 };
 

@@ -4,10 +4,10 @@ use std::any::TypeId;
 
 use crate::{
     metrics::{Metrics, MissingFigure},
-    outcome::Summary,
     output::Output,
+    record::RecordOutcome,
     stage::Stage,
-    store::RecordOutcome,
+    summary::Summary,
 };
 
 /// How a report sums up one output of its stage, e.g. `24 recordings → 23 demonstrations`.

@@ -3,12 +3,14 @@
 use std::any::TypeId;
 
 use crate::{
+    advice::{Advise, Advised},
     code::Code,
     context::{Context, Inputs},
     line::{Telling, telling},
     metrics::Metrics,
-    outcome::{Labels, Outcome, Summary},
-    stage::{Advise, Advised, Scope, Stage},
+    outcome::{Labels, Outcome},
+    stage::{Scope, Stage},
+    summary::Summary,
     unit::Unit,
 };
 

@@ -2,12 +2,7 @@
 
 use std::marker::PhantomData;
 
-use crate::{
-    code::Code,
-    line::Lines,
-    output::Outputs,
-    stage::{Advise, Stage},
-};
+use crate::{advice::Advise, code::Code, line::Lines, output::Outputs, stage::Stage};
 
 /// What shows the results of a stage: tables and charts, and the lines that sum up what was made.
 ///

@@ -2,9 +2,6 @@
 
 use std::{
     collections::BTreeMap,
-    error::Error,
-    fmt,
-    path::{Path, PathBuf},
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -15,42 +12,9 @@ use schemars::JsonSchema;
 use serde::{Serialize, de::DeserializeOwned};
 
 use crate::{
-    code::Code, option_faults::OptionFault, outcome::Labels, output::Outputs, store::RecordOutcome,
+    advice::Advise, code::Code, option_faults::OptionFault, outcome::Labels, output::Outputs,
+    record::RecordOutcome,
 };
-
-/// An error that can say what to do next.
-pub trait Advise: Error + Send + Sync + 'static {
-    /// The next action: an edit or a command that can be pasted.
-    fn hint(&self) -> Option<String>;
-
-    /// The stage's input of which too little is there, if that is what is wrong: the hint then goes
-    /// on with the command that lists what was left out of it.
-    fn lacks(&self) -> Option<&'static str> {
-        None
-    }
-}
-
-/// An error of any kind that can say what to do next.
-#[derive(Debug)]
-pub struct Advised(pub Box<dyn Advise>);
-
-impl<E: Advise> From<E> for Advised {
-    fn from(err: E) -> Self {
-        Self(Box::new(err))
-    }
-}
-
-impl fmt::Display for Advised {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
-    }
-}
-
-impl Error for Advised {
-    fn source(&self) -> Option<&(dyn Error + 'static)> {
-        self.0.source()
-    }
-}
 
 /// One kind of step of a pipeline: artifacts in, artifacts out, and nothing else.
 ///
@@ -174,36 +138,5 @@ impl Partition {
             },
         };
         labels.get(name).map(String::as_str)
-    }
-}
-
-/// A file outside the lake that a unit reads.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct SourceFile {
-    /// Its name in the fingerprint: relative to the dataset, never a path of this machine.
-    pub name: String,
-    /// Where it lies.
-    pub path: PathBuf,
-}
-
-impl SourceFile {
-    /// Names `path` by its last component.
-    pub fn named_by_file(path: &Path) -> Self {
-        Self {
-            name: path.file_name().map_or_else(
-                || path.display().to_string(),
-                |name| name.to_string_lossy().into_owned(),
-            ),
-            path: path.to_owned(),
-        }
-    }
-
-    /// Names `path` by what it is to the stage, e.g. by the option that says where it lies: then its
-    /// own name makes no difference.
-    pub fn named(name: &str, path: &Path) -> Self {
-        Self {
-            name: name.to_owned(),
-            path: path.to_owned(),
-        }
     }
 }
