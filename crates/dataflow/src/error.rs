@@ -3,9 +3,10 @@
 use std::{error::Error, fmt, io, path::PathBuf};
 
 use crate::{
-    graph::NodeName,
+    advice::{Advise, Advised},
+    metrics::MissingFigure,
+    name::{NodeName, UnitName},
     source::Location,
-    stage::{Advise, Advised},
 };
 
 /// Everything that is wrong with a pipeline file.
@@ -154,6 +155,14 @@ pub enum Failure {
         /// The output of which too little came to its stage, if that is why.
         left_out: Option<Box<LeftOut>>,
     },
+    /// The process that made a unit reported what it cannot.
+    #[error("the process that made `{}` at `{}` broke the protocol: {message}", unit.node, unit.partition)]
+    Protocol {
+        /// The unit.
+        unit: UnitName,
+        /// What it reported.
+        message: String,
+    },
     /// The pipeline has no output of this name.
     #[error("no output `{name}` in the pipeline")]
     NoNode {
@@ -199,6 +208,14 @@ pub enum Failure {
         partition: String,
         /// The file.
         path: PathBuf,
+    },
+    /// A stored result is not as its output says.
+    #[error("a result of `{node}` in the lake cannot be summed up")]
+    Figures {
+        /// The output.
+        node: NodeName,
+        /// What it lacks.
+        source: MissingFigure,
     },
     /// Two units of an output have the same key, or two files of a unit the same name.
     #[error("stage `{stage}` names `{name}` twice among {what}")]
@@ -366,9 +383,17 @@ impl Advise for Failure {
                 "this is a fault of the program: please report it with the command and the file"
                     .to_owned(),
             ),
+            Self::Protocol { .. } => Some(
+                "run the same command again without `--processes`: then this process makes the units"
+                    .to_owned(),
+            ),
             Self::Damaged { node, .. } => Some(format!(
                 "make it and what follows again with `pipeline run FILE --fresh {}`",
                 node.split('.').next().unwrap_or(node)
+            )),
+            Self::Figures { node, .. } => Some(format!(
+                "make its results again with `pipeline run FILE --fresh {}`",
+                node.stage
             )),
             Self::ChangedMeanwhile { .. } => {
                 Some("run the same command again when nobody writes to it any more".to_owned())

@@ -7,20 +7,26 @@ use std::{
 };
 
 use crate::{
+    advice::Advised,
     digest::Digest,
     elsewhere::{Elsewhere, Forced},
     error::Failure,
-    graph::{Node, NodeName},
-    make::Maker,
-    observer::Observer,
+    event::{Event, Events},
+    graph::Node,
+    line::Told,
+    make::{Maker, UnitReport},
+    name::NodeName,
     options::RunOptions,
+    output::Execution,
     pipeline::{Pipeline, StageEntry},
+    record::RecordOutcome,
     state::{Known, State},
     store::{
-        NewestUnit, NodeRecord, OutputRecord, RecordOutcome, RunRecord, RunStatus, Showing,
-        StageRecord, Store, UnitRef,
+        NewestUnit, NodeRecord, OutputRecord, RunRecord, RunStatus, Showing, StageRecord, Store,
+        UnitRef,
     },
-    unit::{Summary, Unit},
+    summary::Summary,
+    unit::Unit,
     workers,
 };
 
@@ -52,7 +58,7 @@ impl RunReport {
 pub struct NodeReport {
     /// The output.
     pub node: NodeName,
-    /// Counts and metrics.
+    /// Counts and figures.
     pub summary: Summary,
     /// The stage's own line about it.
     pub description: String,
@@ -66,19 +72,6 @@ pub struct NodeReport {
     pub seconds: f64,
 }
 
-/// What became of one unit.
-#[derive(Debug, Clone)]
-pub struct UnitReport {
-    /// The partition's key.
-    pub partition: String,
-    /// Digest of its fingerprint.
-    pub fingerprint: Digest,
-    /// Its result.
-    pub outcome: Arc<RecordOutcome>,
-    /// Whether this run made it.
-    pub made_now: bool,
-}
-
 /// Runs a pipeline; `elsewhere` makes its units, or, where there is none, the threads of this process.
 ///
 /// # Errors
@@ -89,19 +82,21 @@ pub fn run(
     store: &dyn Store,
     options: &RunOptions,
     elsewhere: Option<&dyn Elsewhere>,
-    observer: &dyn Observer,
+    events: &Events,
 ) -> Result<RunReport, Failure> {
     let started = Instant::now();
     let nodes = options.nodes(pipeline)?;
-    observer.planned(&nodes);
+    events(&Event::RunStarted {
+        n_outputs: nodes.len(),
+    });
     store.enter(&pipeline.name)?;
     let mut runner = Runner {
-        maker: Maker::new(pipeline, store, options.jobs, observer),
+        maker: Maker::new(pipeline, store, options.jobs, events),
         pipeline,
         store,
         options,
         elsewhere,
-        observer,
+        events,
         started,
         state: State::new(pipeline, store),
         reports: Vec::new(),
@@ -116,7 +111,7 @@ struct Runner<'a> {
     store: &'a dyn Store,
     options: &'a RunOptions,
     elsewhere: Option<&'a dyn Elsewhere>,
-    observer: &'a dyn Observer,
+    events: &'a Events<'a>,
     started: Instant,
     maker: Maker<'a>,
     state: State<'a>,
@@ -143,7 +138,7 @@ impl Runner<'_> {
 
     /// Shows what was mended, and stops showing what the pipeline no longer makes.
     fn tidy(&self) -> Result<(), Failure> {
-        let mended = self.maker.mended();
+        let mended = self.maker.mended().clone();
         for report in &self.reports {
             let mut nodes = self.pipeline.nodes.iter();
             let node = nodes.find(|node| node.name == report.node);
@@ -193,10 +188,12 @@ impl Runner<'_> {
         let mut failure = None;
         if !missing.is_empty() {
             self.begin()?;
-            self.observer.node_started(node, units.len(), missing.len());
+            (self.events)(&Event::OutputStarted {
+                output: node.name.clone(),
+                n_units: units.len(),
+            });
             for unit in &made {
-                self.observer
-                    .unit_done(node, &unit.partition, &unit.outcome);
+                (self.events)(&unit.event(&node.name));
             }
             for result in self.make(node, stage, &missing) {
                 match result {
@@ -206,12 +203,17 @@ impl Runner<'_> {
             }
             made.sort_by(|a, b| a.partition.cmp(&b.partition));
         }
-        let mut report = report(node, stage, made, started);
+        let mut report = report(node, stage, made, started)?;
         let failure = failure.or_else(|| too_many_skipped(node, stage, &report));
         if failure.is_none() {
             self.publish(node, &report)?;
             report.shown = true;
-            self.observer.node_done(&report);
+            (self.events)(&Event::OutputDone {
+                output: node.name.clone(),
+                description: report.description.clone(),
+                n_made_now: report.n_made_now,
+                seconds: report.seconds,
+            });
         }
         let known = report.units.iter().filter_map(|unit| {
             let known = Known::of(Arc::clone(&unit.outcome))?;
@@ -254,27 +256,21 @@ impl Runner<'_> {
         units: &[&Unit],
     ) -> Vec<Result<UnitReport, Failure>> {
         // What moves a robot is done one after the other, and does not go on after a failure.
-        let n_workers = if node.output.parallel {
-            self.maker.n_workers()
-        } else {
-            1
+        let n_workers = match node.output.execution {
+            Execution::Parallel => self.maker.n_workers(),
+            Execution::OneByOne => 1,
         };
         let forced = if self.options.is_forced(&stage.name) {
             Forced::Yes
         } else {
             Forced::No
         };
-        workers::in_order(units, n_workers, |unit| {
-            let made = match self.elsewhere {
-                None => self.maker.make(&self.state, node, unit, forced)?,
-                Some(elsewhere) => {
-                    self.maker
-                        .make_elsewhere(&self.state, node, unit, forced, elsewhere)?
-                }
-            };
-            self.observer
-                .unit_done(node, &unit.partition, &made.outcome);
-            Ok(made)
+        workers::in_order(units, n_workers, |unit| match self.elsewhere {
+            None => self.maker.make(&self.state, node, unit, forced),
+            Some(elsewhere) => {
+                self.maker
+                    .make_elsewhere(&self.state, node, unit, forced, elsewhere)
+            }
         })
     }
 
@@ -316,7 +312,7 @@ impl Runner<'_> {
     }
 
     /// Keeps what the run did, unless it made nothing and an earlier run found the same.
-    fn keep_or_find(&self) -> Result<Option<u64>, crate::stage::Advised> {
+    fn keep_or_find(&self) -> Result<Option<u64>, Advised> {
         let record = self.record(RunStatus::Finished);
         if self.number.is_none() && self.store.find_run(&record)?.is_some() {
             let units = self.units_of(&record);
@@ -333,7 +329,7 @@ impl Runner<'_> {
         record.units.iter().cloned().zip(outcomes).collect()
     }
 
-    fn keep(&self, status: RunStatus) -> Result<u64, crate::stage::Advised> {
+    fn keep(&self, status: RunStatus) -> Result<u64, Advised> {
         let record = self.record(status);
         let number = match self.number {
             Some(number) => number,
@@ -390,7 +386,7 @@ impl NodeReport {
             n_made: self.summary.n_made,
             n_skipped: self.summary.n_skipped,
             n_filtered: self.summary.n_filtered,
-            totals: self.summary.totals.clone(),
+            metrics: self.summary.metrics.clone(),
             seconds: self.seconds,
         }
     }
@@ -419,31 +415,24 @@ fn report(
     stage: &StageEntry,
     mut units: Vec<UnitReport>,
     started: Instant,
-) -> NodeReport {
+) -> Result<NodeReport, Failure> {
     // Units end in any order, and sums of rounded numbers depend on it.
     units.sort_by(|a, b| a.partition.cmp(&b.partition));
-    let mut summary = Summary::default();
-    for unit in &units {
-        match &*unit.outcome {
-            RecordOutcome::Made { metrics, .. } => {
-                summary.n_made += 1;
-                for (metric, value) in metrics {
-                    *summary.totals.entry(metric.clone()).or_default() += value;
-                }
-            }
-            RecordOutcome::Skipped { .. } => summary.n_skipped += 1,
-            RecordOutcome::Filtered { .. } => summary.n_filtered += 1,
-        }
-    }
-    NodeReport {
+    let outcomes: Vec<&RecordOutcome> = units.iter().map(|unit| &*unit.outcome).collect();
+    let told = stage.configured.tell(node.output_idx, &outcomes);
+    let Told { summary, line } = told.map_err(|source| Failure::Figures {
         node: node.name.clone(),
-        description: stage.configured.describe(node.output.artifact, &summary),
+        source,
+    })?;
+    Ok(NodeReport {
+        node: node.name.clone(),
+        description: line,
         summary,
         shown: false,
         n_made_now: units.iter().filter(|unit| unit.made_now).count(),
         units,
         seconds: started.elapsed().as_secs_f64(),
-    }
+    })
 }
 
 fn too_many_skipped(node: &Node, stage: &StageEntry, report: &NodeReport) -> Option<Failure> {
