@@ -40,7 +40,7 @@ fn inputs(name: &str, artifacts: Vec<Artifact>) -> Inputs {
 #[test]
 fn what_a_unit_writes_another_reads() {
     let folder = tempfile::tempdir().unwrap();
-    let cx = Context::detached(Latents::NAME, "cgf", 7, folder.path());
+    let cx = Context::detached("cgf", 7, folder.path());
     cx.write(&latents(0.5)).unwrap();
     cx.write_file("note.txt", "μ".as_bytes()).unwrap();
     let made = artifact("cgf", folder.path());
@@ -82,7 +82,7 @@ fn what_cannot_be_read_or_written_says_what_and_what_to_do() {
         None,
         true,
     );
-    let cx = Context::detached(Latents::NAME, "cgf", 7, folder.path());
+    let cx = Context::detached("cgf", 7, folder.path());
     check(
         cx.write(&latents(f64::NAN)).unwrap_err(),
         "cannot make the table `latents`",
