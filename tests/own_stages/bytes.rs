@@ -9,6 +9,7 @@ use std::{
 
 use arrow_array::{ArrayRef, RecordBatch, StringArray, UInt64Array};
 use dataflow::{Artifact, Sum};
+use lake::ReadArtifact;
 
 use super::OwnError;
 
@@ -108,8 +109,7 @@ pub(crate) fn tally(artifact: &Artifact) -> Result<Tally, OwnError> {
 
 /// Returns where the bytes of an artifact lie.
 pub(crate) fn data(artifact: &Artifact) -> Result<&Path, OwnError> {
-    let data = artifact.file(DATA);
-    data.ok_or_else(|| OwnError::missing(&artifact.key))
+    Ok(artifact.path(DATA)?)
 }
 
 /// Reads the first bytes of a file, at most `count`.

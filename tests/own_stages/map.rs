@@ -3,6 +3,7 @@
 use dataflow::{
     Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit, labels,
 };
+use lake::ReadInputs;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -71,9 +72,7 @@ impl<const VERSION: u8> Output for Map<VERSION> {
 
     fn make(config: &MapConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome<Bytes>, OwnError> {
         hooks::started::<Self>(cx)?;
-        let [part] = inputs.artifacts("parts") else {
-            return Err(OwnError::missing(cx.partition()));
-        };
+        let part = inputs.artifact("parts")?;
         let change = Change {
             add: config.add.wrapping_add(VERSION - 1),
             modulo: config.modulo,

@@ -6,6 +6,7 @@ use dataflow::{
     Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, Scope, SourceFile, Stage, Unit,
     labels,
 };
+use lake::ReadInputs;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -91,9 +92,7 @@ impl<const VERSION: u8> Output for Split<VERSION> {
         if is_named(&config.skip) {
             return Ok(Outcome::skipped("named in `skip`"));
         }
-        let [file] = inputs.files() else {
-            return Err(OwnError::missing(cx.partition()));
-        };
+        let file = inputs.source(0, "file of bytes")?;
         let beginning = bytes::beginning(&file.path, 3)?;
         if beginning == b"bad" {
             return Ok(Outcome::skipped("begins with `bad`"));

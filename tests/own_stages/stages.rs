@@ -43,25 +43,12 @@ pub(crate) enum OwnError {
     /// A table's columns do not fit together.
     #[error("cannot lay out the table")]
     Table(#[from] arrow_schema::ArrowError),
-    /// A partition lacks the file that every partition has.
-    #[error("partition `{key}` has no file `{}`", bytes::DATA)]
-    MissingFile {
-        /// The partition's key.
-        key: String,
-    },
     /// A test asks for it.
     #[error("fails at `{0}`, as asked for")]
     Asked(String),
 }
 
 impl OwnError {
-    /// Says that a partition lacks its file.
-    pub(crate) fn missing(key: &str) -> Self {
-        Self::MissingFile {
-            key: key.to_owned(),
-        }
-    }
-
     /// Returns a function that says which file or folder an error is about.
     pub(crate) fn at(path: &Path) -> impl FnOnce(io::Error) -> Self + use<> {
         let path = path.to_owned();
@@ -73,7 +60,7 @@ impl Advise for OwnError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::Lake(err) => err.hint(),
-            Self::Io { .. } | Self::Table(_) | Self::MissingFile { .. } | Self::Asked(_) => None,
+            Self::Io { .. } | Self::Table(_) | Self::Asked(_) => None,
         }
     }
 }

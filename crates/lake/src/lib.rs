@@ -26,6 +26,20 @@
 //! resume/abcd…/            what a unit goes on from that was interrupted, until its result is kept
 //! ```
 //!
+//! A stage reads and writes by type, and every error in it is a [`LakeError`]:
+//!
+//! ```
+//! use dataflow::{Context, Inputs};
+//! use lake::{LakeError, ReadInputs, WriteArtifact};
+//! use schemas::{objects::Object, rollouts::Rollouts, trajectories::Trajectory};
+//!
+//! fn make(inputs: &Inputs, cx: &Context) -> Result<(), LakeError> {
+//!     let trajectories: Vec<Trajectory> = inputs.all()?;
+//!     let object: Option<Object> = inputs.optional()?;
+//!     cx.write(&Rollouts::new())
+//! }
+//! ```
+//!
 //! Invariants: what stands under its final name is whole (written beside, synced, renamed); every file
 //! is named by a digest of its bytes or carries one, and is checked before it is used; two processes
 //! never make the same unit at the same time; a dead process's lock and staging folder are taken over.
