@@ -1,7 +1,10 @@
 //! One filled partition of every table: what the tests write, read and break.
 
+use std::fmt::Debug;
+
 use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
+    Table,
     candidates::{self, Candidate, Candidates},
     demonstrations::{self, Demonstration},
     distance_fields::FieldInfo,
@@ -18,6 +21,30 @@ use schemas::{
     trials::Trials,
 };
 use spatial::{Pose, Rest};
+
+/// What is done with a table of each kind.
+pub(crate) trait EachTable {
+    /// Goes on with the partition `key`.
+    fn table<T: Table + PartialEq + Debug>(&self, key: &str, table: &T);
+}
+
+/// Goes through the filled tables.
+pub(crate) fn each(tables: &impl EachTable) {
+    tables.table("005_tomato_soup_can", &object());
+    tables.table("a", &demonstration());
+    tables.table("can", &field());
+    tables.table("a", &trajectory());
+    tables.table("can", &tracking());
+    tables.table("cgf", &training());
+    tables.table("cgf", &reconstruction());
+    tables.table("cgf", &latents());
+    tables.table("can", &candidates());
+    tables.table("can", &sampling());
+    tables.table("can", &rollouts());
+    tables.table("all", &success());
+    tables.table("can", &executions());
+    tables.table("all", &trials());
+}
 
 fn rest() -> Rest {
     Rest {

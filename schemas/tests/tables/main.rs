@@ -1,6 +1,7 @@
 //! What is written reads back equal; what breaks a schema is refused; a changed column is a new version.
 
 mod filled;
+mod snapshots;
 
 use std::fmt::Debug;
 
@@ -16,30 +17,19 @@ use schemas::{
     trajectories::Trajectory,
 };
 
-/// Writes a partition and reads it back.
-fn check<T: Table + PartialEq + Debug>(key: &str, table: &T) {
-    let batch = table.to_batch().unwrap();
-    assert_eq!(T::from_batch(key, &batch).unwrap(), *table);
-    assert_eq!(batch.schema().fields(), T::schema().fields());
-    assert!(T::VERSION.starts_with(&format!("{}/", T::NAME)));
-}
+use crate::filled::EachTable;
 
 #[test]
 fn every_table_reads_back() {
-    check("005_tomato_soup_can", &filled::object());
-    check("can", &filled::field());
-    check("can", &filled::tracking());
-    check("a", &filled::demonstration());
-    check("a", &filled::trajectory());
-    check("can", &filled::candidates());
-    check("can", &filled::rollouts());
-    check("can", &filled::sampling());
-    check("all", &filled::success());
-    check("can", &filled::executions());
-    check("all", &filled::trials());
-    check("cgf", &filled::training());
-    check("cgf", &filled::reconstruction());
-    check("cgf", &filled::latents());
+    struct ReadBack;
+    impl EachTable for ReadBack {
+        fn table<T: Table + PartialEq + Debug>(&self, key: &str, table: &T) {
+            let batch = table.to_batch().unwrap();
+            assert_eq!(T::from_batch(key, &batch).unwrap(), *table);
+            assert_eq!(batch.schema().fields(), T::schema().fields());
+        }
+    }
+    filled::each(&ReadBack);
 }
 
 #[test]
@@ -130,32 +120,19 @@ fn refuses_lists_that_do_not_fit_the_joints_or_the_steps() {
 
 #[test]
 fn every_number_has_a_unit_and_every_column_a_meaning() {
-    fn check<T: Table>() {
-        let schema = T::schema();
-        assert_eq!(schema.metadata()["schema"], T::VERSION);
-        for field in schema.fields() {
-            let name = format!("{}.{}", T::NAME, field.name());
-            assert!(!field.metadata()["description"].is_empty(), "{name}");
-            let holds_numbers = field.data_type().to_string().contains("64");
-            assert_eq!(
-                holds_numbers,
-                field.metadata().contains_key("unit"),
-                "{name}"
-            );
+    struct Documented;
+    impl EachTable for Documented {
+        fn table<T: Table + PartialEq + Debug>(&self, _key: &str, _table: &T) {
+            let schema = T::schema();
+            assert_eq!(schema.metadata()["schema"], T::VERSION);
+            for field in schema.fields() {
+                let name = format!("{}.{}", T::NAME, field.name());
+                assert!(!field.metadata()["description"].is_empty(), "{name}");
+                let holds_numbers = field.data_type().to_string().contains("64");
+                let has_unit = field.metadata().contains_key("unit");
+                assert_eq!(holds_numbers, has_unit, "{name}");
+            }
         }
     }
-    check::<schemas::objects::Object>();
-    check::<schemas::demonstrations::Demonstration>();
-    check::<schemas::distance_fields::FieldInfo>();
-    check::<schemas::tracking::TrackingReport>();
-    check::<Trajectory>();
-    check::<Candidates>();
-    check::<Rollouts>();
-    check::<schemas::sampling::Sampling>();
-    check::<Successes>();
-    check::<schemas::executions::Executions>();
-    check::<schemas::trials::AllTrials>();
-    check::<schemas::training::Training>();
-    check::<Reconstruction>();
-    check::<Latents>();
+    filled::each(&Documented);
 }
