@@ -26,7 +26,7 @@ use lake::Lake;
 use limits::Limits;
 use rayon::prelude::*;
 use robot::RobotModel;
-use schemas::{candidates, objects};
+use schemas::candidates::Candidates;
 use simulation::{
     Motion, ObjectShape, Protocol, Record, SceneConfig, Shortcuts, Template, Verdict,
 };
@@ -95,10 +95,8 @@ fn main() -> ExitCode {
             let Some(object) = objects.get(&name) else {
                 continue;
             };
-            let object = objects::from_batch(&name, &lake::table::read(object).unwrap()).unwrap();
-            let object = ObjectShape::from_artifact(&object);
-            let batch = lake::table::read(&artifact).unwrap();
-            let candidates = candidates::from_batch(&name, &batch).unwrap();
+            let object = ObjectShape::from_artifact(&lake::table::read(object).unwrap());
+            let candidates: Candidates = lake::table::read(&artifact).unwrap();
             let rests = candidates
                 .candidates
                 .iter()

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::{name::NodeName, stage::Output};
+use crate::{name::NodeName, output::OutputInfo};
 
 /// A node of the graph.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -11,8 +11,10 @@ pub struct Node {
     pub name: NodeName,
     /// Position of its stage in [`crate::Pipeline::stages`].
     pub(crate) stage_idx: usize,
+    /// Position of its output in [`crate::Kind::outputs`].
+    pub(crate) output_idx: usize,
     /// What it makes.
-    pub output: Output,
+    pub output: OutputInfo,
     /// Where each input comes from: wired ones, and earlier outputs of the same stage.
     pub reads: BTreeMap<String, NodeName>,
 }

@@ -6,8 +6,11 @@
 //! fingerprint the [`Store`] already knows is not made again; `plan` compares fingerprints field by
 //! field and so names the cause of every rerun.
 //!
-//! A [`Stage`] makes results; its [`Report`], in a crate of its own, shows and sums them up, so that
-//! what is said about a result is no part of its fingerprint. Neither is a [`Generator`], which makes
+//! A [`Stage`] is a list of [`Output`]s, each a type that says what it reads, what decides it, how it is
+//! made and what is said of it; the figures of its partitions are a type too, whose fields say how they
+//! gather ([`metrics!`]). A stage makes results; its [`Report`], in a crate of its own, has outputs that
+//! show them and lines that sum them up, so that what is said about a result is no part of its
+//! fingerprint. Neither is a [`Generator`], which makes
 //! the files that a stage reads.
 //!
 //! Invariants: equal fingerprints give equal bytes on any number of threads; an artifact appears
@@ -28,12 +31,15 @@ mod fingerprint;
 mod form;
 mod graph;
 mod kind;
+mod line;
 mod make;
+mod metrics;
 mod name;
 mod near;
 mod option_faults;
 mod options;
 mod outcome;
+mod output;
 mod overrides;
 mod pipeline;
 mod plan;
@@ -42,6 +48,7 @@ mod readiness;
 mod record;
 mod report;
 mod run;
+mod scope;
 mod seed;
 mod shared;
 mod source;
@@ -49,6 +56,7 @@ mod source_file;
 mod stage;
 mod state;
 mod store;
+mod summary;
 mod sweep;
 mod tables;
 mod texts;
@@ -66,26 +74,31 @@ pub use fingerprint::{Cause, Change, Fingerprint, Recipe};
 pub use form::Form;
 pub use graph::Node;
 pub use kind::{Kind, OptionInfo};
+pub use line::{Line, LineOf, Lines};
 pub use make::{UnitReport, make_one};
+pub use metrics::{Figure, Figures, Gather, Max, Mean, Metrics, MissingFigure, Sum, With};
 pub use name::{NodeName, UnitName};
 pub use near::{missing, nearest};
 pub use option_faults::{OptionFault, OptionFaults};
 pub use options::{FreshAll, RunOptions};
-pub use outcome::{Labels, Made, Outcome};
+pub use outcome::{Labels, Made, Outcome, labels};
+pub use output::{Execution, Options, OutputInfo};
 pub use overrides::{Override, OverrideError};
 pub use pipeline::{Pipeline, StageEntry};
 pub use plan::{Plan, PlannedNode, PlannedUnit, UnitState, plan};
 pub use reach::reached;
 pub use readiness::{Outside, Readiness, readiness};
 pub use record::{FileRef, Record, RecordOutcome};
-pub use report::{Generator, Report, Reported};
+pub use report::{Generator, Report};
 pub use run::{NodeReport, RunReport, run};
+pub use scope::{Partition, Scope};
 pub use source::{Location, Source};
 pub use source_file::SourceFile;
-pub use stage::{Input, Output, Partition, Scope, Stage};
+pub use stage::{ConfigOf, Output, OutputOf, Outputs, OwnLine, Stage};
 pub use store::{
     Making, NewestUnit, NodeRecord, Origin, OutputRecord, RunRecord, RunStatus, Showing,
     StageRecord, Store, UnitRef, Unkept,
 };
+pub use summary::{Summary, Telling, Told};
 pub use sweep::{Sweep, Variant};
-pub use unit::{Summary, Unit};
+pub use unit::Unit;

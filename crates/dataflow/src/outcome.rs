@@ -2,11 +2,23 @@
 
 use std::collections::BTreeMap;
 
+use crate::metrics::{Figures, Metrics};
+
+/// Facts by which later stages choose partitions, e.g. `object = 003_cracker_box`.
+pub type Labels = BTreeMap<String, String>;
+
+/// Returns labels with these names and values.
+pub fn labels<const N: usize>(labels: [(&str, &str); N]) -> Labels {
+    labels
+        .map(|(name, value)| (name.to_owned(), value.to_owned()))
+        .into()
+}
+
 /// What became of one partition.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Outcome {
+pub enum Outcome<M = Figures> {
     /// The files in [`Context::folder`](crate::Context::folder) are the artifact.
-    Made(Made),
+    Made(Made<M>),
     /// The item cannot be used; counted, listed, and the run ends with exit code 3.
     Skipped {
         /// Why, as one sentence without a final period.
@@ -21,12 +33,42 @@ pub enum Outcome {
 
 /// What is said about a partition beside its files.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Made {
-    /// Facts by which later stages choose partitions, e.g. `object = 003_cracker_box`.
+pub struct Made<M = Figures> {
+    /// Facts by which later stages choose partitions, as
+    /// [`Output::labels`](crate::Output::labels) foretells them.
     pub labels: Labels,
-    /// Counts and figures for the stage's line and for comparing runs.
-    pub metrics: BTreeMap<String, f64>,
+    /// Figures for the output's line and for comparing runs.
+    pub metrics: M,
 }
 
-/// Facts by which later stages choose partitions, e.g. `object = 003_cracker_box`.
-pub type Labels = BTreeMap<String, String>;
+impl<M> Outcome<M> {
+    /// Returns that the files are the artifact, and what is said about it.
+    pub fn made(labels: Labels, metrics: M) -> Self {
+        Self::Made(Made { labels, metrics })
+    }
+
+    /// Returns that an item cannot be used, and why.
+    pub fn skipped(reason: impl Into<String>) -> Self {
+        Self::Skipped {
+            reason: reason.into(),
+        }
+    }
+
+    /// Returns that the configuration leaves an item out, and why.
+    pub fn filtered(reason: impl Into<String>) -> Self {
+        Self::Filtered {
+            reason: reason.into(),
+        }
+    }
+}
+
+impl<M: Metrics> Outcome<M> {
+    /// Returns the outcome with its figures as they are stored.
+    pub fn stored(self) -> Outcome {
+        match self {
+            Self::Made(made) => Outcome::made(made.labels, made.metrics.figures()),
+            Self::Skipped { reason } => Outcome::Skipped { reason },
+            Self::Filtered { reason } => Outcome::Filtered { reason },
+        }
+    }
+}

@@ -15,7 +15,9 @@ use crate::{
     graph::Node,
     kind::{Configured, Kind},
     name::NodeName,
-    stage::{Scope, Stage},
+    output::Options,
+    scope::Scope,
+    stage::Stage,
     store::Origin,
     unit::Unit,
 };
@@ -55,8 +57,8 @@ impl StageEntry {
     }
 
     /// Lists the units of one of its outputs.
-    pub(crate) fn units(&self, artifact: &str, scope: &Scope) -> Result<Vec<Unit>, Failure> {
-        let units = self.configured.units(artifact, scope);
+    pub(crate) fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, Failure> {
+        let units = self.configured.units(output_idx, scope);
         units.map_err(|source| self.failure(None, source))
     }
 
@@ -84,9 +86,13 @@ impl StageEntry {
         self.configured.config()
     }
 
-    /// Returns the part of the configuration that decides one of its outputs.
-    pub(crate) fn config_of(&self, artifact: &str) -> serde_json::Value {
-        self.configured.config_of(artifact)
+    /// Returns these of its options as they count for fingerprints.
+    pub(crate) fn config_of(&self, options: Options) -> serde_json::Value {
+        let mut config = self.config();
+        if let serde_json::Value::Object(known) = &mut config {
+            known.retain(|option, _| options.contain(option));
+        }
+        config
     }
 }
 

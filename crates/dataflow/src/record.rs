@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     digest::{Digest, Fields},
     fingerprint::Fingerprint,
+    metrics::Figures,
     outcome::Labels,
 };
 
@@ -39,7 +40,7 @@ pub enum RecordOutcome {
         /// Facts by which later stages choose partitions.
         labels: Labels,
         /// Counts and figures.
-        metrics: BTreeMap<String, f64>,
+        metrics: Figures,
     },
     /// The item could not be used.
     Skipped {

@@ -13,6 +13,7 @@ use crate::{
     digest::Digest,
     fingerprint::Fingerprint,
     graph::Node,
+    metrics::Figures,
     name::NodeName,
     outcome::Outcome,
     record::{FileRef, Record, RecordOutcome},
@@ -161,8 +162,9 @@ pub struct NodeRecord {
     pub n_skipped: usize,
     /// Items left out by configuration.
     pub n_filtered: usize,
-    /// Sum of each metric over the partitions.
-    pub totals: BTreeMap<String, f64>,
+    /// The figures, gathered over the partitions.
+    #[serde(rename = "totals")]
+    pub metrics: Figures,
     /// Seconds it took.
     pub seconds: f64,
 }

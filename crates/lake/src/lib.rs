@@ -32,6 +32,7 @@
 
 mod abandon;
 mod again;
+mod artifact;
 mod atomic;
 mod blobs;
 mod cache;
@@ -63,9 +64,11 @@ mod store;
 pub mod table;
 mod tags;
 mod twice;
+mod unit;
 mod verify;
 mod views;
 
+pub use artifact::ReadArtifact;
 pub use atomic::write_whole;
 pub use collect::{Collected, CollectedUnits, Collecting};
 pub use digests::OnBytes;
@@ -74,4 +77,5 @@ pub use lake::Lake;
 pub use recorded::{StageTable, TableFiles};
 pub use records::Provenance;
 pub use register::Run;
+pub use unit::{ReadInputs, WriteArtifact};
 pub use verify::{Fault, Verified};

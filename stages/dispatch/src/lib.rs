@@ -46,4 +46,4 @@ pub use config::{DispatchConfig, RatesConfig, SimulatedConfig};
 pub use error::DispatchError;
 pub use in_flight::{Cancellation, MotionInFlight, stop_sending};
 pub use limits::LimitsConfig;
-pub use stage::{Dispatch, EXECUTIONS};
+pub use stage::{Dispatch, DispatchMetrics};

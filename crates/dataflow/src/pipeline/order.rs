@@ -34,11 +34,12 @@ pub(super) fn order(stages: &[StageEntry]) -> Result<Vec<Node>, Problem> {
         placed[idx] = true;
         let stage = &stages[idx];
         let mut reads = stage.inputs.clone();
-        for output in stage.kind.outputs() {
+        for (output_idx, output) in stage.kind.outputs().into_iter().enumerate() {
             let name = NodeName::new(&stage.name, output.artifact);
             nodes.push(Node {
                 name: name.clone(),
                 stage_idx: idx,
+                output_idx,
                 output,
                 reads: reads.clone(),
             });

@@ -1,17 +1,23 @@
 //! One demonstration's trajectory.
 
-use std::{collections::BTreeMap, fs};
-
-use dataflow::{Artifact, Context, Inputs, Made, Outcome};
+use dataflow::{Artifact, Context, Inputs, Outcome, labels};
 use geometry::DistanceField;
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
+    Table,
     demonstrations::{self, Demonstration},
-    distance_fields, trajectories,
+    distance_fields::{self, FieldInfo},
+    objects::Object,
+    trajectories,
 };
 
-use super::{FIELDS, LoadedHand, fields::read_mesh, load_hand, missing, schema, skipped};
+use super::{LoadedHand, fields::read_mesh, load_hand};
 use crate::{
-    RetargetConfig, RetargetError, rates::fill_rates, recording, scene::Scene, track::track,
+    RetargetConfig, RetargetError,
+    rates::fill_rates,
+    recording,
+    scene::Scene,
+    track::{TrajectoryMetrics, track},
 };
 
 /// Greatest coordinate of a landmark in the object frame, in meters.
@@ -22,40 +28,37 @@ pub(super) fn make(
     config: &RetargetConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome, RetargetError> {
-    let [urdf, table, ..] = inputs.files() else {
-        return Err(missing(cx, "URDF and table of a hand"));
-    };
+) -> Result<Outcome<TrajectoryMetrics>, RetargetError> {
+    let urdf = inputs.source(0, "URDF of a hand")?;
+    let table = inputs.source(1, "table of a hand")?;
     let LoadedHand { urdf, hand, table } = load_hand(&urdf.path, &table.path)?;
-    let demonstration = read_demonstration(inputs, cx)?;
+    let demonstration: Demonstration = inputs.one()?;
     if let Some(reason) = unusable(&demonstration, &table) {
-        return Ok(skipped(reason));
+        return Ok(Outcome::skipped(reason));
     }
     let (Some(object), Some(field)) = (
-        inputs.artifacts("objects").first(),
-        inputs.artifacts(FIELDS).first(),
+        inputs.artifacts(Object::NAME).first(),
+        inputs.artifacts(FieldInfo::NAME).first(),
     ) else {
-        return Ok(skipped(format!(
+        return Ok(Outcome::skipped(format!(
             "its object `{}` is not among the objects with a surface",
             demonstration.object
         )));
     };
-    let mesh = match read_mesh(object, cx)? {
+    let mesh = match read_mesh(object)? {
         Ok(mesh) => mesh,
-        Err(reason) => return Ok(skipped(reason)),
+        Err(reason) => return Ok(Outcome::skipped(reason)),
     };
-    let scene = read_scene(field, &demonstration, cx)?;
+    let scene = read_scene(field, &demonstration)?;
     let Some(mut tracked) = track(&hand, &scene, config, &demonstration)? else {
-        return Ok(skipped("it has no step"));
+        return Ok(Outcome::skipped("it has no step"));
     };
     if tracked.grasp_keypoint_error_m > config.max_keypoint_error_m {
-        return Ok(Outcome::Filtered {
-            reason: format!(
-                "the hand stays {:.0} mm from the landmarks at the grasp, more than \
-                 `max_keypoint_error_m`",
-                1000.0 * tracked.grasp_keypoint_error_m
-            ),
-        });
+        return Ok(Outcome::filtered(format!(
+            "the hand stays {:.0} mm from the landmarks at the grasp, more than \
+             `max_keypoint_error_m`",
+            1000.0 * tracked.grasp_keypoint_error_m
+        )));
     }
     fill_rates(&mut tracked.steps);
     let metrics = tracked.metrics();
@@ -76,22 +79,10 @@ pub(super) fn make(
         rest: scene.rest(),
         steps: tracked.steps,
     };
-    let batch = trajectories::to_batch(&trajectory).map_err(schema(cx))?;
-    lake::table::write(cx.folder(), &batch)?;
+    cx.write(&trajectory)?;
     recording::record(&urdf, &hand.model, &mesh, &trajectory, cx.folder())?;
-    Ok(Outcome::Made(Made {
-        labels: BTreeMap::from([("object".to_owned(), trajectory.object)]),
-        metrics,
-    }))
-}
-
-fn read_demonstration(inputs: &Inputs, cx: &Context) -> Result<Demonstration, RetargetError> {
-    let artifact = inputs
-        .artifacts("demonstrations")
-        .first()
-        .ok_or_else(|| missing(cx, "demonstration"))?;
-    let batch = lake::table::read(artifact)?;
-    demonstrations::from_batch(&artifact.key, &batch).map_err(schema(cx))
+    let labels = labels([("object", &trajectory.object)]);
+    Ok(Outcome::made(labels, metrics))
 }
 
 /// Returns why a demonstration cannot be retargeted to this hand, if it cannot.
@@ -117,19 +108,9 @@ pub(super) fn unusable(demonstration: &Demonstration, table: &crate::HandTable) 
     ))
 }
 
-fn read_scene(
-    field: &Artifact,
-    demonstration: &Demonstration,
-    cx: &Context,
-) -> Result<Scene, RetargetError> {
-    let info = distance_fields::from_batch(&lake::table::read(field)?).map_err(schema(cx))?;
-    let path = field
-        .file(distance_fields::FIELD)
-        .ok_or_else(|| missing(cx, "distance field of an object"))?;
-    let bytes = fs::read(path).map_err(|source| RetargetError::ReadMesh {
-        object: field.key.clone(),
-        source,
-    })?;
+fn read_scene(field: &Artifact, demonstration: &Demonstration) -> Result<Scene, RetargetError> {
+    let info = lake::table::read(field)?;
+    let bytes = field.bytes(distance_fields::FIELD)?;
     let grid = DistanceField::from_bytes(&bytes).ok_or_else(|| RetargetError::BadField {
         object: field.key.clone(),
     })?;

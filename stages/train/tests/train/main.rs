@@ -9,12 +9,11 @@ use cgf::{
     JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Schedule, Times,
     TrainingConfig, TrainingDevice,
 };
-use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Partition, Scope, SourceFile, Stage};
+use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, Partition, Scope, SourceFile};
 use nalgebra::{Isometry3, Vector3};
 use schemas::{
-    checkpoint, distance_fields, objects,
+    Table, checkpoint, distance_fields,
     objects::{Object, RestingOrientation},
-    trajectories,
     trajectories::{Rates, Step, Tracking, Trajectory},
 };
 use spatial::{Pose, Rest};
@@ -137,10 +136,10 @@ fn trajectory(sequence: &str, object: &str, up: Vector3<f64>) -> Trajectory {
     }
 }
 
-fn artifact(folder: &Path, key: &str, object: &str, batch: &arrow_array::RecordBatch) -> Artifact {
+fn artifact<T: Table>(folder: &Path, key: &str, object: &str, table: &T) -> Artifact {
     let folder = folder.join(key);
     std::fs::create_dir(&folder).unwrap();
-    lake::table::write(&folder, batch).unwrap();
+    lake::table::write(&folder, table).unwrap();
     Artifact {
         key: key.to_owned(),
         labels: BTreeMap::from([("object".to_owned(), object.to_owned())]),
@@ -149,20 +148,12 @@ fn artifact(folder: &Path, key: &str, object: &str, batch: &arrow_array::RecordB
 }
 
 fn inputs(folder: &Path) -> Inputs {
-    let objects = ["can", "tin"].map(|name| {
-        artifact(
-            folder,
-            name,
-            name,
-            &objects::to_batch(&[object(name)]).unwrap(),
-        )
-    });
+    let objects = ["can", "tin"].map(|name| artifact(folder, name, name, &object(name)));
     // The second lies a little askew in its recording.
     let up = [Vector3::z(), Vector3::new(1.0, 0.1, 0.0), Vector3::x()];
     let trajectories = [("a", "can"), ("b", "can"), ("c", "tin")];
     let trajectories = trajectories.iter().zip(up).map(|((sequence, object), up)| {
-        let batch = trajectories::to_batch(&trajectory(sequence, object, up)).unwrap();
-        artifact(folder, sequence, object, &batch)
+        artifact(folder, sequence, object, &trajectory(sequence, object, up))
     });
     Inputs::new(
         BTreeMap::from([
@@ -199,11 +190,11 @@ fn scope() -> Scope {
 #[test]
 fn a_checkpoint_is_made_of_all_trajectories() {
     let (lake, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let cx = Context::detached("checkpoint", "cgf", 7, out.path());
-    let Outcome::Made(made) = Train::run(&config(), &inputs(lake.path()), &cx).unwrap() else {
+    let cx = Context::detached("cgf", 7, out.path());
+    let Outcome::Made(made) = Train::make(&config(), &inputs(lake.path()), &cx).unwrap() else {
         panic!("nothing was made");
     };
-    assert_eq!(made.metrics["trajectories"], 3.0);
+    assert_eq!(made.metrics.trajectories[0], Some(3.0));
     let file = |name: &str| out.path().join(name);
     let files = checkpoint::LAST;
     let cgf = Cgf::load(&file(files.weights), &file(files.description)).unwrap();
@@ -216,22 +207,22 @@ fn a_checkpoint_is_made_of_all_trajectories() {
 #[test]
 fn one_unit_reads_the_chosen_objects() {
     let mut config = config();
-    let units = Train::units(&config, "checkpoint", &scope()).unwrap();
+    let units = Train::units(&config, &scope()).unwrap();
     assert_eq!(units.len(), 1);
     assert_eq!(units[0].reads["trajectories"], ["a", "b", "c"]);
     config.unseen_objects = vec!["can".to_owned()];
-    let units = Train::units(&config, "checkpoint", &scope()).unwrap();
+    let units = Train::units(&config, &scope()).unwrap();
     // What is kept back is read as well, to measure with.
     assert_eq!(units[0].reads["trajectories"], ["a", "b", "c"]);
     config.objects = vec!["tin".to_owned()];
     config.unseen_objects = Vec::new();
-    let units = Train::units(&config, "checkpoint", &scope()).unwrap();
+    let units = Train::units(&config, &scope()).unwrap();
     assert_eq!(units[0].reads["trajectories"], ["c"]);
     assert_eq!(units[0].reads["objects"], ["tin"]);
     // Distances are read where the hand is kept out of the objects.
     assert!(units[0].reads["distance_fields"].is_empty());
     config.training.penetration_weight = 1.0;
-    let units = Train::units(&config, "checkpoint", &scope()).unwrap();
+    let units = Train::units(&config, &scope()).unwrap();
     assert_eq!(units[0].reads["distance_fields"], ["tin"]);
 }
 
@@ -240,26 +231,21 @@ fn a_damaged_distance_field_is_named() {
     let (lake, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let path = lake.path().join(distance_fields::FIELD);
     std::fs::write(&path, b"sdfield1 and no more").unwrap();
-    let mut field = artifact(
-        lake.path(),
-        "field",
-        "tin",
-        &objects::to_batch(&[object("tin")]).unwrap(),
-    );
+    let mut field = artifact(lake.path(), "field", "tin", &object("tin"));
     field.key = "tin".to_owned();
     let inputs = Inputs::new(
         BTreeMap::from([("distance_fields".to_owned(), vec![field.clone()])]),
         vec![SourceFile::named("hand", &config().hand)],
     );
-    let cx = Context::detached("checkpoint", "cgf", 7, out.path());
-    let err = Train::run(&config(), &inputs, &cx).unwrap_err();
+    let cx = Context::detached("cgf", 7, out.path());
+    let err = Train::make(&config(), &inputs, &cx).unwrap_err();
     assert!(matches!(err, TrainError::Lake(_)), "{err}");
     field.files.insert(distance_fields::FIELD.to_owned(), path);
     let inputs = Inputs::new(
         BTreeMap::from([("distance_fields".to_owned(), vec![field])]),
         vec![SourceFile::named("hand", &config().hand)],
     );
-    let err = Train::run(&config(), &inputs, &cx).unwrap_err();
+    let err = Train::make(&config(), &inputs, &cx).unwrap_err();
     assert!(
         err.to_string().contains("`tin` is damaged") && err.hint().is_some(),
         "{err}"
@@ -270,9 +256,9 @@ fn a_damaged_distance_field_is_named() {
 fn choices_that_leave_nothing_are_refused_with_a_hint() {
     let mut config = config();
     config.unseen_objects = vec!["can".to_owned(), "tin".to_owned()];
-    let err = Train::units(&config, "checkpoint", &scope()).unwrap_err();
+    let err = Train::units(&config, &scope()).unwrap_err();
     assert!(matches!(err, TrainError::NoTrajectories { found: 3 }) && err.hint().is_some());
     config.unseen_objects = vec!["cup".to_owned()];
-    let err = Train::units(&config, "checkpoint", &scope()).unwrap_err();
+    let err = Train::units(&config, &scope()).unwrap_err();
     assert!(err.hint().unwrap().contains("can, tin"), "{err}");
 }

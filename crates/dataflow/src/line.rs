@@ -1,0 +1,32 @@
+//! The lines of `run`: what became of an output, in the user's terms.
+
+use std::any::TypeId;
+
+use crate::{
+    stage::{Output, Stage},
+    summary::{Summary, Telling, telling},
+};
+
+/// How a report sums up one output of its stage, e.g. `24 recordings → 23 demonstrations`.
+pub struct Line<O: Output>(pub fn(&Summary<O::Metrics>) -> String);
+
+/// The lines of a stage's outputs, one each.
+pub type Lines<S> = &'static [&'static dyn LineOf<S>];
+
+/// A [`Line`] of an output of a stage without its type.
+pub trait LineOf<S: Stage>: Sync {
+    /// The output that it sums up.
+    fn output(&self) -> TypeId;
+    /// Returns what sums up stored results.
+    fn telling(&self) -> Telling;
+}
+
+impl<O: Output> LineOf<O::Stage> for Line<O> {
+    fn output(&self) -> TypeId {
+        TypeId::of::<O>()
+    }
+
+    fn telling(&self) -> Telling {
+        telling(self.0)
+    }
+}
