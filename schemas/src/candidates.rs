@@ -19,7 +19,8 @@
 
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
-use spatial::{Object, Palm, Pose, Table};
+use motion::{HandRates, JointRates, Motion, MotionError};
+use spatial::{Object, Palm, Pose, Table, Twist};
 
 use crate::columns::{Columns, Reader, SchemaError};
 
@@ -92,6 +93,30 @@ pub struct Candidates {
     pub joints: Vec<String>,
     /// The motions.
     pub candidates: Vec<Candidate>,
+}
+
+impl Candidates {
+    /// Returns the motion of one of them.
+    ///
+    /// # Errors
+    ///
+    /// Fails if its steps are no motion.
+    pub fn motion(&self, candidate: &Candidate) -> Result<Motion<Object>, MotionError> {
+        let steps = candidate.steps.iter().map(|step| motion::Step {
+            time_s: step.time_s,
+            frame_from_palm: step.object_from_palm,
+            q_rad: step.q_rad.clone(),
+            rates: HandRates {
+                palm_velocity: Twist::from_array(step.rates.palm_velocity),
+                palm_acceleration: Twist::from_array(step.rates.palm_acceleration),
+                joints: JointRates {
+                    velocity: step.rates.q_velocity_rad_per_s.clone(),
+                    acceleration: step.rates.q_acceleration_rad_per_s2.clone(),
+                },
+            },
+        });
+        Motion::new(&self.joints, steps.collect())
+    }
 }
 
 /// Returns the Arrow schema for a hand with these joints.

@@ -5,6 +5,7 @@ use std::{io, path::PathBuf};
 use cell::CellError;
 use dataflow::{Advise, missing};
 use lake::LakeError;
+use planning::OptionError;
 use robot::RobotError;
 use robot_meshes::MeshError;
 use schemas::SchemaError;
@@ -134,6 +135,12 @@ pub enum DispatchError {
         /// How it differs.
         source: SchemaError,
     },
+}
+
+impl From<OptionError> for DispatchError {
+    fn from(OptionError { key, problem }: OptionError) -> Self {
+        Self::BadOption { key, problem }
+    }
 }
 
 impl Advise for DispatchError {

@@ -127,14 +127,13 @@ impl Stage for Screen {
         };
         let object =
             objects::from_batch(&artifact.key, &lake::table::read(artifact)?).map_err(schema)?;
-        let order =
-            JointOrder::new(&candidates.joints, &model.joint_names()).map_err(|source| {
-                ScreenError::AnotherHand {
-                    partition: cx.partition().to_owned(),
-                    path: urdf.path.clone(),
-                    source,
-                }
-            })?;
+        JointOrder::new(&candidates.joints, &model.joint_names()).map_err(|source| {
+            ScreenError::AnotherHand {
+                partition: cx.partition().to_owned(),
+                path: urdf.path.clone(),
+                source,
+            }
+        })?;
 
         let failed = |candidate: Option<String>, source: SimulationError| {
             unusable(&source, candidate.as_deref()).ok_or_else(|| ScreenError::Simulation {
@@ -143,8 +142,7 @@ impl Stage for Screen {
                 source,
             })
         };
-        let screening = match Screening::new(config, &model, &object, &candidates, order, cx.seed())
-        {
+        let screening = match Screening::new(config, &model, &object, &candidates, cx.seed()) {
             Ok(screening) => screening,
             Err(err) => return failed(None, err),
         };
