@@ -12,10 +12,11 @@ use std::{
     sync::Arc,
 };
 
+use ::motion::{Motion, Step};
 use cgf::{
-    Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Grasp, Initialization,
+    Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
     JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Scene, Schedule,
-    Split, TimedGrasp, Times, Track, TrainingConfig, TrainingDevice, TrainingSet,
+    Split, Times, Track, TrainingConfig, TrainingDevice, TrainingSet,
 };
 use dataflow::{
     Advise, Artifact, Context, Inputs, Made, Outcome, Report, Reported, SourceFile, Stage, Summary,
@@ -122,19 +123,22 @@ fn write_checkpoint(folder: &Path) {
         name: name.to_owned(),
         scene: 0,
         split: Split::Training,
-        steps: (0..10)
-            .map(|k| TimedGrasp {
-                time_s: f64::from(k),
-                grasp: Grasp {
-                    table_from_palm: Pose::new(Isometry3::translation(
+        motion: Motion::new(
+            &RobotModel::from_urdf(HAND).unwrap().joint_names(),
+            (0..10)
+                .map(|k| Step {
+                    time_s: f64::from(k),
+                    frame_from_palm: Pose::new(Isometry3::translation(
                         x,
                         0.0,
                         0.3 - 0.02 * f64::from(k),
                     )),
                     q_rad: vec![0.1 * f64::from(k), 0.3 - 0.05 * f64::from(k)],
-                },
-            })
-            .collect(),
+                    rates: (),
+                })
+                .collect(),
+        )
+        .unwrap(),
     };
     let set = TrainingSet {
         scenes: vec![scene],
