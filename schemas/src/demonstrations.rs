@@ -1,23 +1,6 @@
 //! `demonstrations`: a person's hand reaching for an object, one partition per sequence, one row per
 //! step, everything in the object's own frame, up to the last step before the object moves.
 //!
-//! | column                | type     | unit | meaning                                                   |
-//! |-----------------------|----------|------|-----------------------------------------------------------|
-//! | `object`              | utf8     |      | name of the grasped object                                |
-//! | `subject`             | utf8     |      | who grasped                                               |
-//! | `hand`                | utf8     |      | `right` or `left`: the hand of the landmarks              |
-//! | `mirrored`            | bool     |      | whether the other hand was recorded, and all is mirrored  |
-//! | `start_reason`        | utf8     |      | why the reach starts at its first row                     |
-//! | `end_reason`          | utf8     |      | why it ends at its last row                               |
-//! | `step`                | i64      |      | number of the row, from 0                                 |
-//! | `image`               | i64      |      | number of the recording's image                           |
-//! | `time_s`              | f64      | s    | since the first step                                      |
-//! | `cameras_n`           | i64      |      | cameras whose landmarks agree; 0: bridged, or not by labels |
-//! | `bridged`             | bool     |      | whether no image shows the hand, and it is interpolated   |
-//! | `keypoints_m`         | f64 × 63 | m    | 21 landmarks of the hand, xyz each, object frame          |
-//! | `rest_up`             | f64 × 3  | 1    | unit vector against gravity, object frame                 |
-//! | `rest_height_m`       | f64      | m    | height of the object's origin above the table             |
-//!
 //! Landmarks: wrist; thumb, index, middle, ring, little finger, four each from base to tip.
 
 use arrow_array::RecordBatch;
@@ -26,10 +9,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spatial::Rest;
 
-use crate::columns::{Columns, Reader, SchemaError, count};
-
-/// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "demonstrations/2";
+use crate::{
+    SchemaError, Table,
+    columns::{Reader, Writer, columns, words},
+};
 
 /// Number of landmarks of a hand.
 pub const KEYPOINTS: usize = 21;
@@ -59,31 +42,15 @@ pub const KEYPOINT_NAMES: [&str; KEYPOINTS] = [
     "little_tip",
 ];
 
-/// Side of a hand.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Side {
-    /// The right hand.
-    Right,
-    /// The left hand.
-    Left,
-}
-
-impl Side {
-    /// Both sides.
-    pub const ALL: [Self; 2] = [Self::Right, Self::Left];
-
-    /// Returns the side's name: `right` or `left`.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Right => "right",
-            Self::Left => "left",
-        }
-    }
-
-    /// Returns the side of this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|side| side.as_str() == name)
+words! {
+    /// Side of a hand.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Side: "side" {
+        /// The right hand.
+        Right = "right",
+        /// The left hand.
+        Left = "left",
     }
 }
 
@@ -126,135 +93,72 @@ pub struct Step {
     pub keypoints_m: [[f64; 3]; KEYPOINTS],
 }
 
-/// Returns the Arrow schema.
-pub fn schema() -> Schema {
-    columns(&[]).schema()
-}
-
-fn columns(demonstrations: &[&Demonstration]) -> Columns {
-    let rows = || {
-        demonstrations.iter().flat_map(|d| {
-            d.steps
-                .iter()
-                .enumerate()
-                .map(move |(step, s)| (*d, step, s))
-        })
-    };
-    let mut c = Columns::new(VERSION);
-    c.utf8(
-        "object",
-        "name of the grasped object",
-        rows().map(|(d, _, _)| d.object.clone()),
-    );
-    c.utf8(
-        "subject",
-        "who grasped",
-        rows().map(|(d, _, _)| d.subject.clone()),
-    );
-    c.utf8(
-        "hand",
-        "`right` or `left`: the hand of the landmarks",
-        rows().map(|(d, _, _)| d.hand.as_str().to_owned()),
-    );
-    c.bool(
-        "mirrored",
-        "whether the other hand was recorded, and all is mirrored",
-        rows().map(|(d, _, _)| d.mirrored),
-    );
-    c.utf8(
-        "start_reason",
-        "why the reach starts at its first row",
-        rows().map(|(d, _, _)| d.start_reason.clone()),
-    );
-    c.utf8(
-        "end_reason",
-        "why the reach ends at its last row",
-        rows().map(|(d, _, _)| d.end_reason.clone()),
-    );
-    c.i64(
-        "step",
-        "number of the row, from 0",
-        rows().map(|(_, step, _)| count(step)),
-    );
-    c.i64(
-        "image",
-        "number of the recording's image",
-        rows().map(|(_, _, s)| i64::from(s.image)),
-    );
-    c.f64(
-        "time_s",
-        "s",
-        "since the first step",
-        rows().map(|(_, _, s)| s.time_s),
-    );
-    c.i64(
-        "cameras_n",
-        "cameras whose landmarks agree; 0: bridged, or not by labels",
-        rows().map(|(_, _, s)| i64::from(s.cameras_n)),
-    );
-    c.bool(
-        "bridged",
-        "whether no image shows the hand, and it is interpolated",
-        rows().map(|(_, _, s)| s.bridged),
-    );
-    c.f64_array(
-        "keypoints_m",
-        "m",
-        "21 landmarks of the hand, xyz each, object frame",
-        rows().map(|(_, _, s)| {
-            let mut flat = [0.0; 3 * KEYPOINTS];
-            for (to, from) in flat.iter_mut().zip(s.keypoints_m.as_flattened()) {
-                *to = *from;
-            }
-            flat
-        }),
-    );
-    c.rest(rows().map(|(d, _, _)| d.rest));
-    c
-}
-
-/// Returns one row per step; the sequence is the partition, not a column.
-///
-/// # Errors
-///
-/// Fails if a number is not finite.
-pub fn to_batch(demonstration: &Demonstration) -> Result<RecordBatch, SchemaError> {
-    columns(&[demonstration]).into_batch()
-}
-
-/// Reads what [`to_batch`] wrote for `sequence`.
-///
-/// # Errors
-///
-/// Fails if the columns are of another version, or there is no row.
-pub fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Demonstration, SchemaError> {
-    let r = Reader::new(batch, VERSION)?;
-    r.expect_some_rows()?;
-    let mut steps = Vec::with_capacity(r.rows());
-    for row in 0..r.rows() {
-        let flat: [f64; 3 * KEYPOINTS] = r.f64_array("keypoints_m", row)?;
-        let mut keypoints_m = [[0.0; 3]; KEYPOINTS];
-        keypoints_m.as_flattened_mut().copy_from_slice(&flat);
-        steps.push(Step {
-            image: u32::try_from(r.i64("image", row)?)
-                .map_err(|err| r.invalid("image", err.to_string()))?,
-            time_s: r.f64("time_s", row)?,
-            cameras_n: r.u32("cameras_n", row)?,
-            bridged: r.bool("bridged", row)?,
-            keypoints_m,
-        });
+columns! {
+    /// A step with what is the same in all of them.
+    struct Row {
+        object: String => "name of the grasped object",
+        subject: String => "who grasped",
+        hand: Side => "`right` or `left`: the hand of the landmarks",
+        mirrored: bool => "whether the other hand was recorded, and all is mirrored",
+        start_reason: String => "why the reach starts at its first row",
+        end_reason: String => "why the reach ends at its last row",
+        step: i64 => "number of the row, from 0",
+        image: u32 => "number of the recording's image",
+        time_s: f64 ["s"] => "since the first step",
+        cameras_n: u32 => "cameras whose landmarks agree; 0: bridged, or not by labels",
+        bridged: bool => "whether no image shows the hand, and it is interpolated",
+        keypoints_m: [[f64; 3]; KEYPOINTS] ["m"] => "21 landmarks of the hand, xyz each, object frame",
+        rest: Rest,
     }
-    let hand = r.utf8("hand", 0)?;
-    Ok(Demonstration {
-        sequence: sequence.to_owned(),
-        object: r.utf8("object", 0)?.to_owned(),
-        subject: r.utf8("subject", 0)?.to_owned(),
-        hand: Side::from_name(hand)
-            .ok_or_else(|| r.invalid("hand", format!("`{hand}` is neither right nor left")))?,
-        mirrored: r.bool("mirrored", 0)?,
-        start_reason: r.utf8("start_reason", 0)?.to_owned(),
-        end_reason: r.utf8("end_reason", 0)?.to_owned(),
-        rest: r.rest(0)?,
-        steps,
-    })
+}
+
+impl Table for Demonstration {
+    const NAME: &'static str = "demonstrations";
+    const VERSION: &'static str = "demonstrations/2";
+
+    fn schema() -> Schema {
+        Writer::of::<Row>(Self::VERSION, &[]).schema()
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        let rows = (0..).zip(&self.steps).map(|(number, step)| Row {
+            object: self.object.clone(),
+            subject: self.subject.clone(),
+            hand: self.hand,
+            mirrored: self.mirrored,
+            start_reason: self.start_reason.clone(),
+            end_reason: self.end_reason.clone(),
+            step: number,
+            image: step.image,
+            time_s: step.time_s,
+            cameras_n: step.cameras_n,
+            bridged: step.bridged,
+            keypoints_m: step.keypoints_m,
+            rest: self.rest,
+        });
+        Writer::of(Self::VERSION, &rows.collect::<Vec<_>>()).into_batch()
+    }
+
+    fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        let reader = Reader::new(batch, Self::VERSION)?;
+        let first: Row = reader.first()?;
+        let steps = reader.rows()?.into_iter().map(|row: Row| Step {
+            image: row.image,
+            time_s: row.time_s,
+            cameras_n: row.cameras_n,
+            bridged: row.bridged,
+            keypoints_m: row.keypoints_m,
+        });
+        Ok(Self {
+            sequence: sequence.to_owned(),
+            object: first.object,
+            subject: first.subject,
+            hand: first.hand,
+            mirrored: first.mirrored,
+            start_reason: first.start_reason,
+            end_reason: first.end_reason,
+            rest: first.rest,
+            steps: steps.collect(),
+        })
+    }
 }

@@ -1,7 +1,19 @@
 //! The artifacts that stages exchange: one file per artifact, with columns, units, frames, version.
 //!
-//! Each artifact is a plain struct and a pair of functions between it and an Arrow record batch.
-//! Numbers are SI and radians; poses are `[x, y, z, qx, qy, qz, qw]`; see each file's table.
+//! ```
+//! use schemas::{Table, latents::{Latents, Row}};
+//!
+//! let latents: Latents =
+//!     vec![Row { dimension: 0, kl_nats: 0.5, mean_deviation: 0.9, deviation_mean: 0.4, active: true }];
+//! let batch = latents.to_batch()?;
+//! assert_eq!(batch.schema().field_with_name("kl_nats")?.metadata()["unit"], "nat");
+//! assert_eq!(Latents::from_batch("cgf", &batch)?, latents);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! A column is declared once, with its name, type, unit and meaning. What writes it, reads it and
+//! documents it follows from that; `snapshots/` has the columns of every version. Numbers are SI and
+//! radians, finite, and poses are `[x, y, z, qx, qy, qz, qw]`; a reader refuses every other version.
 //! This crate does no input or output: `lake` reads and writes.
 
 pub mod candidates;
@@ -9,6 +21,7 @@ pub mod checkpoint;
 mod columns;
 pub mod demonstrations;
 pub mod distance_fields;
+mod error;
 pub mod executions;
 pub mod latents;
 pub mod objects;
@@ -17,9 +30,11 @@ pub mod rollouts;
 pub mod ros2;
 pub mod sampling;
 pub mod success;
+mod table;
 pub mod tracking;
 pub mod training;
 pub mod trajectories;
 pub mod trials;
 
-pub use columns::SchemaError;
+pub use error::SchemaError;
+pub use table::Table;

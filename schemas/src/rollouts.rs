@@ -1,90 +1,58 @@
 //! `rollouts`: what physics did with each candidate, one partition per object, one row per candidate.
-//!
-//! | column                 | type    | unit | meaning                                                     |
-//! |------------------------|---------|------|-------------------------------------------------------------|
-//! | `candidate_id`         | utf8    |      | the motion                                                  |
-//! | `generator`            | utf8    |      | what drew it                                                |
-//! | `success`              | bool    |      | lifted, held to the end and still in contact                |
-//! | `reason`               | utf8    |      | `held`, or why it failed (see [`Verdict`])                  |
-//! | `cost_n`               | i64     |      | control steps simulated                                     |
-//! | `saved_n`              | i64     |      | control steps of the script that were not simulated         |
-//! | `lift_m`               | f64     | m    | rise of the object's origin at the end of the rollout       |
-//! | `slip_m`               | f64     | m    | motion of the object in the palm frame, lift to end         |
-//! | `displacement_m`       | f64     | m    | motion of the object on the table before the squeeze        |
-//! | `penetration_m`        | f64     | m    | deepest contact between hand and object while held          |
-//! | `contacts_n`           | i64     |      | hand links in contact with the object at the end            |
-//! | `paper_…`              | f64 × 6 | 1    | smoothness of the candidate, see [`Smoothness`]: as the paper has it |
-//! | `released_…`           | f64 × 6 | 1    | as the paper's released code computes it                    |
-//! | `robust_…`             | f64 × 6 | 1    | without its sensitivity to channels that hardly move        |
-//!
-//! The six of each are `joints_position`, `joints_velocity`, `joints_acceleration`, `cartesian_position`,
-//! `cartesian_velocity` and `cartesian_acceleration`.
 
-use arrow_array::RecordBatch;
-use arrow_schema::Schema;
+use crate::{
+    SchemaError,
+    columns::{Reader, Row, Writer, columns, words},
+    table::table,
+};
 
-use crate::columns::{Columns, Reader, SchemaError};
-
-/// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "rollouts/2";
-
-/// How a rollout ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Verdict {
-    /// Lifted and held to the end.
-    Held,
-    /// A joint position outside its limits was asked for.
-    Limit,
-    /// The hand would have to go through the table.
-    Table,
-    /// The hand would have to go through the object before the grasp.
-    EarlyContact,
-    /// The object was pushed away or over before the squeeze.
-    KnockedOver,
-    /// Nothing was lifted.
-    NotGrasped,
-    /// The object moved in the hand while it was held.
-    Slipped,
-    /// Lifted, and fell before the end.
-    Dropped,
-    /// The simulation left the realm of finite, plausible numbers.
-    Diverged,
+columns! {
+    /// What physics did with one candidate.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Rollout {
+        candidate_id: String => "the motion",
+        generator: String => "what drew it",
+        + success: bool = |rollout| rollout.verdict == Verdict::Held
+            => "lifted, held to the end and still in contact",
+        verdict as reason: Verdict => "`held`, or why it failed",
+        cost_n: u32 => "control steps simulated",
+        saved_n: u32 => "control steps of the script that were not simulated",
+        lift_m: f64 ["m"] => "rise of the object's origin at the end",
+        slip_m: f64 ["m"] => "motion of the object in the palm frame between lift and end",
+        displacement_m: f64 ["m"] => "motion of the object on the table before the squeeze",
+        penetration_m: f64 ["m"] => "deepest contact between hand and object while held",
+        contacts_n: u32 => "hand links in contact with the object at the end",
+        /// How smooth the candidate itself is.
+        smoothness: Smoothness,
+    }
 }
 
-impl Verdict {
-    /// Every verdict, success first.
-    pub const ALL: [Self; 9] = [
-        Self::Held,
-        Self::Limit,
-        Self::Table,
-        Self::EarlyContact,
-        Self::KnockedOver,
-        Self::NotGrasped,
-        Self::Slipped,
-        Self::Dropped,
-        Self::Diverged,
-    ];
+/// The rollouts of one object's candidates.
+pub type Rollouts = Vec<Rollout>;
+table! {"rollouts", 2, rows: Rollout}
 
-    /// Returns the word stored in column `reason`.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Held => "held",
-            Self::Limit => "limit",
-            Self::Table => "table",
-            Self::EarlyContact => "early_contact",
-            Self::KnockedOver => "knocked_over",
-            Self::NotGrasped => "not_grasped",
-            Self::Slipped => "slipped",
-            Self::Dropped => "dropped",
-            Self::Diverged => "diverged",
-        }
-    }
-
-    /// Reads the word stored in column `reason`.
-    pub fn parse(word: &str) -> Option<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|verdict| verdict.as_str() == word)
+words! {
+    /// How a rollout ended; success is first.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum Verdict: "verdict" {
+        /// Lifted and held to the end.
+        Held = "held",
+        /// A joint position outside its limits was asked for.
+        Limit = "limit",
+        /// The hand would have to go through the table.
+        Table = "table",
+        /// The hand would have to go through the object before the grasp.
+        EarlyContact = "early_contact",
+        /// The object was pushed away or over before the squeeze.
+        KnockedOver = "knocked_over",
+        /// Nothing was lifted.
+        NotGrasped = "not_grasped",
+        /// The object moved in the hand while it was held.
+        Slipped = "slipped",
+        /// Lifted, and fell before the end.
+        Dropped = "dropped",
+        /// The simulation left the realm of finite, plausible numbers.
+        Diverged = "diverged",
     }
 }
 
@@ -133,203 +101,60 @@ pub struct Smoothness {
     pub robust: Variations,
 }
 
-impl Smoothness {
-    /// Name, meaning, and place of each number.
-    fn columns() -> Vec<(String, String)> {
-        let definitions = [
-            ("paper", "as the paper defines it"),
-            ("released", "as the released code computes it"),
-            ("robust", "of all channels as one vector"),
-        ];
-        let mut columns = Vec::new();
-        for (definition, how) in definitions {
-            for (space, of) in [("joints", "joints"), ("cartesian", "links in space")] {
-                for order in ["position", "velocity", "acceleration"] {
-                    columns.push((
-                        format!("{definition}_{space}_{order}"),
-                        format!("total variation of the {of}' {order}, {how}"),
-                    ));
+/// A part of what is measured: its name, its meaning and where it is.
+type Part<Of, Is> = (&'static str, &'static str, fn(&Of) -> &Is);
+
+const DEFINITIONS: [Part<Smoothness, Variations>; 3] = [
+    ("paper", "as the paper defines it", |of| &of.paper),
+    ("released", "as the released code computes it", |of| {
+        &of.released
+    }),
+    ("robust", "of all channels as one vector", |of| &of.robust),
+];
+const SPACES: [Part<Variations, Variation>; 2] = [
+    ("joints", "joints", |of| &of.joints),
+    ("cartesian", "links in space", |of| &of.cartesian),
+];
+const ORDERS: [Part<Variation, f64>; 3] = [
+    ("position", "position", |of| &of.position),
+    ("velocity", "velocity", |of| &of.velocity),
+    ("acceleration", "acceleration", |of| &of.acceleration),
+];
+
+/// One column for each definition, space and order, e.g. `paper_joints_position`.
+impl Row for Smoothness {
+    fn write(rows: &[&Self], to: &mut Writer) {
+        for (definition, how, variations) in DEFINITIONS {
+            for (space, of, variation) in SPACES {
+                for (order, what, number) in ORDERS {
+                    let name = format!("{definition}_{space}_{order}");
+                    let about = format!("total variation of the {of}' {what}, {how}");
+                    let cells = rows.iter().map(|row| number(variation(variations(row))));
+                    to.column(&name, Some("1"), &about, &cells.collect::<Vec<_>>());
                 }
             }
         }
-        columns
     }
 
-    fn numbers(&self) -> [f64; 18] {
-        let definitions = [self.paper, self.released, self.robust];
-        let spaces = definitions.map(|of| [of.joints, of.cartesian]);
-        let numbers = spaces
-            .as_flattened()
-            .iter()
-            .flat_map(|of| [of.position, of.velocity, of.acceleration]);
-        let mut all = [0.0; 18];
-        for (place, number) in all.iter_mut().zip(numbers) {
-            *place = number;
-        }
-        all
-    }
-
-    fn from_numbers(numbers: &[f64; 18]) -> Self {
-        let at = |idx: usize| Variation {
-            position: numbers[idx],
-            velocity: numbers[idx + 1],
-            acceleration: numbers[idx + 2],
-        };
-        let both = |idx: usize| Variations {
-            joints: at(idx),
-            cartesian: at(idx + 3),
-        };
-        Self {
-            paper: both(0),
-            released: both(6),
-            robust: both(12),
-        }
-    }
-}
-
-/// What physics did with one candidate.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Rollout {
-    /// The motion.
-    pub candidate_id: String,
-    /// What drew it.
-    pub generator: String,
-    /// How it ended; success is [`Verdict::Held`].
-    pub verdict: Verdict,
-    /// Control steps simulated.
-    pub cost_n: u32,
-    /// Control steps of the script that were not simulated.
-    pub saved_n: u32,
-    /// Rise of the object's origin at the end, in meters.
-    pub lift_m: f64,
-    /// Motion of the object in the palm frame between lift and end, in meters.
-    pub slip_m: f64,
-    /// Motion of the object on the table before the squeeze, in meters.
-    pub displacement_m: f64,
-    /// Deepest contact between hand and object while held, in meters.
-    pub penetration_m: f64,
-    /// Hand links in contact with the object at the end.
-    pub contacts_n: u32,
-    /// How smooth the candidate itself is.
-    pub smoothness: Smoothness,
-}
-
-/// Returns the Arrow schema.
-pub fn schema() -> Schema {
-    columns(&[]).schema()
-}
-
-fn columns(rollouts: &[Rollout]) -> Columns {
-    let rows = || rollouts.iter();
-    let mut c = Columns::new(VERSION);
-    c.utf8(
-        "candidate_id",
-        "the motion",
-        rows().map(|r| r.candidate_id.clone()),
-    );
-    c.utf8(
-        "generator",
-        "what drew it",
-        rows().map(|r| r.generator.clone()),
-    );
-    c.bool(
-        "success",
-        "lifted, held to the end and still in contact",
-        rows().map(|r| r.verdict == Verdict::Held),
-    );
-    c.utf8(
-        "reason",
-        "`held`, or why it failed",
-        rows().map(|r| r.verdict.as_str().to_owned()),
-    );
-    c.i64(
-        "cost_n",
-        "control steps simulated",
-        rows().map(|r| i64::from(r.cost_n)),
-    );
-    c.i64(
-        "saved_n",
-        "control steps of the script that were not simulated",
-        rows().map(|r| i64::from(r.saved_n)),
-    );
-    c.f64(
-        "lift_m",
-        "m",
-        "rise of the object's origin at the end",
-        rows().map(|r| r.lift_m),
-    );
-    c.f64(
-        "slip_m",
-        "m",
-        "motion of the object in the palm frame between lift and end",
-        rows().map(|r| r.slip_m),
-    );
-    c.f64(
-        "displacement_m",
-        "m",
-        "motion of the object on the table before the squeeze",
-        rows().map(|r| r.displacement_m),
-    );
-    c.f64(
-        "penetration_m",
-        "m",
-        "deepest contact between hand and object while held",
-        rows().map(|r| r.penetration_m),
-    );
-    c.i64(
-        "contacts_n",
-        "hand links in contact with the object at the end",
-        rows().map(|r| i64::from(r.contacts_n)),
-    );
-    for (idx, (name, about)) in Smoothness::columns().iter().enumerate() {
-        c.f64(
-            name,
-            "1",
-            about,
-            rows().map(|r| r.smoothness.numbers()[idx]),
-        );
-    }
-    c
-}
-
-/// Returns one row per rollout; the object is the partition, not a column.
-///
-/// # Errors
-///
-/// Fails if a number is not finite.
-pub fn to_batch(rollouts: &[Rollout]) -> Result<RecordBatch, SchemaError> {
-    columns(rollouts).into_batch()
-}
-
-/// Reads what [`to_batch`] wrote.
-///
-/// # Errors
-///
-/// Fails if the columns are of another version or hold an unknown reason.
-pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Rollout>, SchemaError> {
-    let r = Reader::new(batch, VERSION)?;
-    let names = Smoothness::columns();
-    (0..r.rows())
-        .map(|row| {
-            let mut numbers = [0.0; 18];
-            for (number, (name, _)) in numbers.iter_mut().zip(&names) {
-                *number = r.f64(name, row)?;
-            }
-            let word = r.utf8("reason", row)?;
-            Ok(Rollout {
-                candidate_id: r.utf8("candidate_id", row)?.to_owned(),
-                generator: r.utf8("generator", row)?.to_owned(),
-                verdict: Verdict::parse(word)
-                    .ok_or_else(|| r.invalid("reason", format!("`{word}` is no verdict")))?,
-                cost_n: r.u32("cost_n", row)?,
-                saved_n: r.u32("saved_n", row)?,
-                lift_m: r.f64("lift_m", row)?,
-                slip_m: r.f64("slip_m", row)?,
-                displacement_m: r.f64("displacement_m", row)?,
-                penetration_m: r.f64("penetration_m", row)?,
-                contacts_n: r.u32("contacts_n", row)?,
-                smoothness: Smoothness::from_numbers(&numbers),
+    fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError> {
+        let variations = |definition: &str| -> Result<Variations, SchemaError> {
+            let variation = |space: &str| -> Result<Variation, SchemaError> {
+                let number = |order: &str| from.cell(&format!("{definition}_{space}_{order}"), row);
+                Ok(Variation {
+                    position: number("position")?,
+                    velocity: number("velocity")?,
+                    acceleration: number("acceleration")?,
+                })
+            };
+            Ok(Variations {
+                joints: variation("joints")?,
+                cartesian: variation("cartesian")?,
             })
+        };
+        Ok(Self {
+            paper: variations("paper")?,
+            released: variations("released")?,
+            robust: variations("robust")?,
         })
-        .collect()
+    }
 }

@@ -1,32 +1,13 @@
 //! `sampling`: how plausible and how different the motions drawn for an object are, one partition per
 //! object, one row per candidate.
 //!
-//! | column                  | type | unit | meaning                                                  |
-//! |-------------------------|------|------|----------------------------------------------------------|
-//! | `candidate_id`          | utf8 |      | the motion                                               |
-//! | `within_limits`         | bool |      | no joint was drawn farther outside its limits than 0.05 rad |
-//! | `limit_excess_rad`      | f64  | rad  | farthest that one was, before it was put back            |
-//! | `approach_depth_m`      | f64  | m    | deepest that the hand is in the object before the grasp  |
-//! | `approach_depth_time_s` | f64  | s    | when: since the first step; 0 if it never is             |
-//! | `grasp_depth_m`         | f64  | m    | deepest that it is at the grasp                          |
-//! | `table_depth_m`         | f64  | m    | deepest that it is below the table at any step           |
-//! | `demonstration`         | utf8 |      | sequence of the object's demonstration with the nearest grasp; empty if there is none |
-//! | `demonstration_palm_m`  | f64  | m    | distance of the palm from its palm at the grasp; 0 without one |
-//! | `demonstration_palm_rad` | f64 | rad  | angle between the two                                    |
-//! | `demonstration_q_rad`   | f64  | rad  | root mean square difference of the joint positions       |
-//! | `mean_palm_m`           | f64  | m    | distance of the palm from the mean of all motions with the object lying so, at the grasp |
-//! | `mean_palm_rad`         | f64  | rad  | angle between the two                                    |
-//! | `mean_q_rad`            | f64  | rad  | root mean square difference of the joint positions       |
-//!
 //! The hand is its collision shapes, filled with balls; it is measured at the motion's steps.
 
-use arrow_array::RecordBatch;
-use arrow_schema::Schema;
-
-use crate::columns::{Columns, Reader, SchemaError};
-
-/// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "sampling/1";
+use crate::{
+    SchemaError,
+    columns::{Reader, Row, Writer, columns},
+    table::table,
+};
 
 /// How far outside its limits a joint may be drawn, in radians, to count as within them: demonstrations
 /// often lie on a limit, and about them something is drawn on either side.
@@ -72,165 +53,80 @@ impl Sampled {
     }
 }
 
-/// Returns the Arrow schema.
-pub fn schema() -> Schema {
-    columns(&[]).schema()
-}
+/// The motions drawn for one object.
+pub type Sampling = Vec<Sampled>;
+table! {"sampling", 1, rows: Sampled}
 
-fn columns(sampled: &[Sampled]) -> Columns {
-    let rows = || sampled.iter();
-    let mut c = Columns::new(VERSION);
-    c.utf8(
-        "candidate_id",
-        "the motion",
-        rows().map(|s| s.candidate_id.clone()),
-    );
-    c.bool(
-        "within_limits",
-        "no joint was drawn farther outside its limits than 0.05 rad",
-        rows().map(Sampled::within_limits),
-    );
-    numbers(
-        &mut c,
-        sampled,
-        &[
-            (
-                "limit_excess_rad",
-                "rad",
-                "farthest that a joint was drawn outside its limits, before it was put back",
-                |s| s.limit_excess_rad,
-            ),
-            (
-                "approach_depth_m",
-                "m",
-                "deepest that the hand is in the object before the grasp",
-                |s| s.approach_depth_m,
-            ),
-            (
-                "approach_depth_time_s",
-                "s",
-                "when that is, since the first step; 0 if it never is",
-                |s| s.approach_depth_time_s,
-            ),
-            (
-                "grasp_depth_m",
-                "m",
-                "deepest that the hand is in the object at the grasp",
-                |s| s.grasp_depth_m,
-            ),
-            (
-                "table_depth_m",
-                "m",
-                "deepest that the hand is below the table at any step",
-                |s| s.table_depth_m,
-            ),
-        ],
-    );
-    let demonstration = |s: &Sampled| {
-        let nearest = s.demonstration.as_ref();
-        nearest.map_or(String::new(), |(name, _)| name.clone())
-    };
-    c.utf8(
-        "demonstration",
-        "sequence of the object's demonstration with the nearest grasp; empty if there is none",
-        rows().map(demonstration),
-    );
-    numbers(
-        &mut c,
-        sampled,
-        &[
-            (
-                "demonstration_palm_m",
-                "m",
-                "distance of the palm from its palm at the grasp; 0 without one",
-                |s| s.demonstration_distance().palm_m,
-            ),
-            (
-                "demonstration_palm_rad",
-                "rad",
-                "angle between the two palms; 0 without one",
-                |s| s.demonstration_distance().palm_rad,
-            ),
-            (
-                "demonstration_q_rad",
-                "rad",
-                "root mean square difference of the joint positions; 0 without one",
-                |s| s.demonstration_distance().q_rad,
-            ),
-            (
-                "mean_palm_m",
-                "m",
-                "distance of the palm from the mean of all motions with the object lying so, at the grasp",
-                |s| s.from_mean.palm_m,
-            ),
-            ("mean_palm_rad", "rad", "angle between the two palms", |s| {
-                s.from_mean.palm_rad
-            }),
-            (
-                "mean_q_rad",
-                "rad",
-                "root mean square difference of the joint positions",
-                |s| s.from_mean.q_rad,
-            ),
-        ],
-    );
-    c
-}
-
-/// Name, unit, meaning and value of a column of numbers.
-type NumberColumn<'a> = (&'a str, &'a str, &'a str, fn(&Sampled) -> f64);
-
-fn numbers(c: &mut Columns, sampled: &[Sampled], columns: &[NumberColumn<'_>]) {
-    for (name, unit, about, value) in columns {
-        c.f64(name, unit, about, sampled.iter().map(value));
+columns! {
+    /// The columns of a [`Sampled`].
+    struct Flat {
+        candidate_id: String => "the motion",
+        + within_limits: bool = |row| row.limit_excess_rad <= LIMIT_TOLERANCE_RAD
+            => "no joint was drawn farther outside its limits than 0.05 rad",
+        limit_excess_rad: f64 ["rad"]
+            => "farthest that a joint was drawn outside its limits, before it was put back",
+        approach_depth_m: f64 ["m"] => "deepest that the hand is in the object before the grasp",
+        approach_depth_time_s: f64 ["s"] => "when that is, since the first step; 0 if it never is",
+        grasp_depth_m: f64 ["m"] => "deepest that the hand is in the object at the grasp",
+        table_depth_m: f64 ["m"] => "deepest that the hand is below the table at any step",
+        demonstration: String
+            => "sequence of the object's demonstration with the nearest grasp; empty if there is none",
+        demonstration_palm_m: f64 ["m"]
+            => "distance of the palm from its palm at the grasp; 0 without one",
+        demonstration_palm_rad: f64 ["rad"] => "angle between the two palms; 0 without one",
+        demonstration_q_rad: f64 ["rad"]
+            => "root mean square difference of the joint positions; 0 without one",
+        mean_palm_m: f64 ["m"]
+            => "distance of the palm from the mean of all motions with the object lying so, at the grasp",
+        mean_palm_rad: f64 ["rad"] => "angle between the two palms",
+        mean_q_rad: f64 ["rad"] => "root mean square difference of the joint positions",
     }
 }
 
-impl Sampled {
-    fn demonstration_distance(&self) -> GraspDistance {
-        let nearest = self.demonstration.as_ref();
-        nearest.map_or(GraspDistance::default(), |&(_, distance)| distance)
+impl Row for Sampled {
+    fn write(rows: &[&Self], to: &mut Writer) {
+        let rows = rows.iter().map(|sampled| {
+            let (demonstration, nearest) = sampled.demonstration.clone().unwrap_or_default();
+            Flat {
+                candidate_id: sampled.candidate_id.clone(),
+                limit_excess_rad: sampled.limit_excess_rad,
+                approach_depth_m: sampled.approach_depth_m,
+                approach_depth_time_s: sampled.approach_depth_time_s,
+                grasp_depth_m: sampled.grasp_depth_m,
+                table_depth_m: sampled.table_depth_m,
+                demonstration,
+                demonstration_palm_m: nearest.palm_m,
+                demonstration_palm_rad: nearest.palm_rad,
+                demonstration_q_rad: nearest.q_rad,
+                mean_palm_m: sampled.from_mean.palm_m,
+                mean_palm_rad: sampled.from_mean.palm_rad,
+                mean_q_rad: sampled.from_mean.q_rad,
+            }
+        });
+        to.rows(&rows.collect::<Vec<_>>());
     }
-}
 
-/// Returns one row per motion; the object is the partition, not a column.
-///
-/// # Errors
-///
-/// Fails if a number is not finite.
-pub fn to_batch(sampled: &[Sampled]) -> Result<RecordBatch, SchemaError> {
-    columns(sampled).into_batch()
-}
-
-/// Reads what [`to_batch`] wrote.
-///
-/// # Errors
-///
-/// Fails if the columns are of another version.
-pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Sampled>, SchemaError> {
-    let r = Reader::new(batch, VERSION)?;
-    let row = |row: usize| {
-        let distance = |from: &str| -> Result<GraspDistance, SchemaError> {
-            Ok(GraspDistance {
-                palm_m: r.f64(&format!("{from}_palm_m"), row)?,
-                palm_rad: r.f64(&format!("{from}_palm_rad"), row)?,
-                q_rad: r.f64(&format!("{from}_q_rad"), row)?,
-            })
+    fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError> {
+        let flat: Flat = Row::read(from, row)?;
+        let nearest = GraspDistance {
+            palm_m: flat.demonstration_palm_m,
+            palm_rad: flat.demonstration_palm_rad,
+            q_rad: flat.demonstration_q_rad,
         };
-        let demonstration = match r.utf8("demonstration", row)? {
-            "" => None,
-            name => Some((name.to_owned(), distance("demonstration")?)),
-        };
-        Ok(Sampled {
-            candidate_id: r.utf8("candidate_id", row)?.to_owned(),
-            limit_excess_rad: r.f64("limit_excess_rad", row)?,
-            approach_depth_m: r.f64("approach_depth_m", row)?,
-            approach_depth_time_s: r.f64("approach_depth_time_s", row)?,
-            grasp_depth_m: r.f64("grasp_depth_m", row)?,
-            table_depth_m: r.f64("table_depth_m", row)?,
-            demonstration,
-            from_mean: distance("mean")?,
+        let is_near = !flat.demonstration.is_empty();
+        Ok(Self {
+            candidate_id: flat.candidate_id,
+            limit_excess_rad: flat.limit_excess_rad,
+            approach_depth_m: flat.approach_depth_m,
+            approach_depth_time_s: flat.approach_depth_time_s,
+            grasp_depth_m: flat.grasp_depth_m,
+            table_depth_m: flat.table_depth_m,
+            demonstration: is_near.then_some((flat.demonstration, nearest)),
+            from_mean: GraspDistance {
+                palm_m: flat.mean_palm_m,
+                palm_rad: flat.mean_palm_rad,
+                q_rad: flat.mean_q_rad,
+            },
         })
-    };
-    (0..r.rows()).map(row).collect()
+    }
 }

@@ -1,22 +1,6 @@
 //! `success`: how often the candidates of each object hold, one partition for all objects, one row per
 //! object and generator.
 //!
-//! | column                      | type | unit | meaning                                              |
-//! |-----------------------------|------|------|------------------------------------------------------|
-//! | `object`                    | utf8 |      | the object                                           |
-//! | `generator`                 | utf8 |      | what drew the candidates                             |
-//! | `candidates_n`              | i64  |      | candidates that were screened                        |
-//! | `successes_n`               | i64  |      | those that were lifted and held to the end           |
-//! | `rate`                      | f64  | 1    | `successes_n` over `candidates_n`; 0 of none         |
-//! | `rate_low`, `rate_high`     | f64  | 1    | ends of its 95 % interval, see [`wilson`]            |
-//! | `limit_n` … `diverged_n`    | i64  |      | those that failed, by each reason of [`Verdict`]     |
-//! | `control_steps_n`           | i64  |      | control steps simulated, for failures too            |
-//! | `control_steps_per_success` | f64  | 1    | `control_steps_n` over `successes_n`; 0 without one  |
-//! | `spread_palm_m`             | f64  | m    | spread of the successful grasps: the palm's origin   |
-//! | `spread_palm_rad`           | f64  | rad  | its orientation                                      |
-//! | `spread_q_rad`              | f64  | rad  | joint positions                                      |
-//! | `spread_n`                  | i64  |      | successful grasps that have another to be compared with |
-//!
 //! A grasp is the last step of a candidate, the palm in the object's frame. Spread is the root mean square
 //! over successful grasps of the distance from their mean: for the palm's origin √(Σ|p − p̄|²/n), for its
 //! orientation √(Σ∠(R, R̄)²/n) with R̄ the rotation of least squared distance as matrices (Markley et al.,
@@ -24,17 +8,13 @@
 //! the same pose share a mean, and one that lies alone is left out: `spread_n` is n, and with 0 of them
 //! every spread is 0.
 
-use arrow_array::RecordBatch;
-use arrow_schema::Schema;
-
 use crate::{
-    columns::{Columns, Reader, SchemaError},
+    SchemaError,
+    columns::{Reader, Row, Writer, columns},
     rollouts::Verdict,
     sampling::GraspDistance,
+    table::table,
 };
-
-/// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "success/1";
 
 /// How often the candidates that one generator drew for one object hold.
 #[derive(Debug, Clone, PartialEq)]
@@ -90,6 +70,10 @@ impl Success {
     }
 }
 
+/// The success of the candidates of all objects.
+pub type Successes = Vec<Success>;
+table! {"success", 1, rows: Success}
+
 /// Returns the ends of the 95 % interval of a probability of which `successes` of `n` trials are known
 /// (E. B. Wilson, *Probable Inference, the Law of Succession, and Statistical Inference*, 1927); all of
 /// 0..=1 without a trial.
@@ -117,169 +101,100 @@ pub fn wilson(successes: i64, n: i64) -> [f64; 2] {
     [low, high]
 }
 
-/// Name, unit, meaning and value of a column of numbers.
-type NumberColumn = (
-    &'static str,
-    &'static str,
-    &'static str,
-    fn(&Success) -> f64,
-);
-
-/// What follows from the counts.
-const RATES: [NumberColumn; 3] = [
-    (
-        "rate",
-        "1",
-        "share of the candidates that held; 0 of none",
-        Success::rate,
-    ),
-    (
-        "rate_low",
-        "1",
-        "lower end of its 95 % interval by Wilson",
-        |s| s.interval()[0],
-    ),
-    (
-        "rate_high",
-        "1",
-        "upper end of its 95 % interval by Wilson",
-        |s| s.interval()[1],
-    ),
-];
-
-/// What follows the counts of failures.
-const FIGURES: [NumberColumn; 4] = [
-    (
-        "control_steps_per_success",
-        "1",
-        "control steps simulated, for failures too, per success; 0 without one",
-        Success::control_steps_per_success,
-    ),
-    (
-        "spread_palm_m",
-        "m",
-        "root mean square distance of the palms of successful grasps from their mean",
-        |s| s.spread.palm_m,
-    ),
-    (
-        "spread_palm_rad",
-        "rad",
-        "root mean square angle of the palms of successful grasps from their mean",
-        |s| s.spread.palm_rad,
-    ),
-    (
-        "spread_q_rad",
-        "rad",
-        "root mean square difference of the joint positions of successful grasps from their mean",
-        |s| s.spread.q_rad,
-    ),
-];
-
-/// Returns the Arrow schema.
-pub fn schema() -> Schema {
-    columns(&[]).schema()
-}
-
-fn columns(rows: &[Success]) -> Columns {
-    let mut c = Columns::new(VERSION);
-    c.utf8(
-        "object",
-        "the object",
-        rows.iter().map(|s| s.object.clone()),
-    );
-    c.utf8(
-        "generator",
-        "what drew the candidates",
-        rows.iter().map(|s| s.generator.clone()),
-    );
-    c.i64(
-        "candidates_n",
-        "candidates that were screened",
-        rows.iter().map(Success::candidates_n),
-    );
-    c.i64(
-        "successes_n",
-        "those that were lifted and held to the end",
-        rows.iter().map(Success::successes_n),
-    );
-    numbers(&mut c, rows, &RATES);
-    for (verdict, name) in failures() {
-        let about = format!("those that failed by `{}`", verdict.as_str());
-        c.i64(&name, &about, rows.iter().map(|s| s.count(verdict)));
-    }
-    c.i64(
-        "control_steps_n",
-        "control steps simulated, for failures too",
-        rows.iter().map(|s| s.control_steps_n),
-    );
-    numbers(&mut c, rows, &FIGURES);
-    c.i64(
-        "spread_n",
-        "successful grasps that have another one to be compared with",
-        rows.iter().map(|s| s.spread_n),
-    );
-    c
-}
-
-fn numbers(c: &mut Columns, rows: &[Success], columns: &[NumberColumn]) {
-    for (name, unit, about, value) in columns {
-        c.f64(name, unit, about, rows.iter().map(value));
+columns! {
+    /// The columns of a [`Success`].
+    struct Flat {
+        object: String => "the object",
+        generator: String => "what drew the candidates",
+        candidates_n: i64 => "candidates that were screened",
+        successes_n: i64 => "those that were lifted and held to the end",
+        rate: f64 ["1"] => "share of the candidates that held; 0 of none",
+        rate_low: f64 ["1"] => "lower end of its 95 % interval by Wilson",
+        rate_high: f64 ["1"] => "upper end of its 95 % interval by Wilson",
+        limit_n: i64 => "those that failed by `limit`",
+        table_n: i64 => "those that failed by `table`",
+        early_contact_n: i64 => "those that failed by `early_contact`",
+        knocked_over_n: i64 => "those that failed by `knocked_over`",
+        not_grasped_n: i64 => "those that failed by `not_grasped`",
+        slipped_n: i64 => "those that failed by `slipped`",
+        dropped_n: i64 => "those that failed by `dropped`",
+        diverged_n: i64 => "those that failed by `diverged`",
+        control_steps_n: i64 => "control steps simulated, for failures too",
+        control_steps_per_success: f64 ["1"]
+            => "control steps simulated, for failures too, per success; 0 without one",
+        spread_palm_m: f64 ["m"]
+            => "root mean square distance of the palms of successful grasps from their mean",
+        spread_palm_rad: f64 ["rad"]
+            => "root mean square angle of the palms of successful grasps from their mean",
+        spread_q_rad: f64 ["rad"]
+            => "root mean square difference of the joint positions of successful grasps from their mean",
+        spread_n: i64 => "successful grasps that have another one to be compared with",
     }
 }
 
-/// The reasons for failure, and the columns that count them.
-fn failures() -> impl Iterator<Item = (Verdict, String)> {
-    let failures = Verdict::ALL.into_iter();
-    failures
-        .filter(|verdict| *verdict != Verdict::Held)
-        .map(|verdict| (verdict, format!("{}_n", verdict.as_str())))
-}
+impl Row for Success {
+    fn write(rows: &[&Self], to: &mut Writer) {
+        let rows = rows.iter().map(|success| {
+            let [rate_low, rate_high] = success.interval();
+            Flat {
+                object: success.object.clone(),
+                generator: success.generator.clone(),
+                candidates_n: success.candidates_n(),
+                successes_n: success.successes_n(),
+                rate: success.rate(),
+                rate_low,
+                rate_high,
+                limit_n: success.count(Verdict::Limit),
+                table_n: success.count(Verdict::Table),
+                early_contact_n: success.count(Verdict::EarlyContact),
+                knocked_over_n: success.count(Verdict::KnockedOver),
+                not_grasped_n: success.count(Verdict::NotGrasped),
+                slipped_n: success.count(Verdict::Slipped),
+                dropped_n: success.count(Verdict::Dropped),
+                diverged_n: success.count(Verdict::Diverged),
+                control_steps_n: success.control_steps_n,
+                control_steps_per_success: success.control_steps_per_success(),
+                spread_palm_m: success.spread.palm_m,
+                spread_palm_rad: success.spread.palm_rad,
+                spread_q_rad: success.spread.q_rad,
+                spread_n: success.spread_n,
+            }
+        });
+        to.rows(&rows.collect::<Vec<_>>());
+    }
 
-/// Returns one row per object and generator.
-///
-/// # Errors
-///
-/// Fails if a number is not finite.
-pub fn to_batch(rows: &[Success]) -> Result<RecordBatch, SchemaError> {
-    columns(rows).into_batch()
-}
-
-/// Reads what [`to_batch`] wrote.
-///
-/// # Errors
-///
-/// Fails if the columns are of another version, or if successes and failures are not all candidates.
-pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Success>, SchemaError> {
-    let r = Reader::new(batch, VERSION)?;
-    let row = |row: usize| {
-        let mut verdicts_n = [0; Verdict::ALL.len()];
-        for (n, verdict) in verdicts_n.iter_mut().zip(Verdict::ALL) {
-            *n = match verdict {
-                Verdict::Held => r.i64("successes_n", row)?,
-                failure => r.i64(&format!("{}_n", failure.as_str()), row)?,
-            };
-        }
-        let success = Success {
-            object: r.utf8("object", row)?.to_owned(),
-            generator: r.utf8("generator", row)?.to_owned(),
-            verdicts_n,
-            control_steps_n: r.i64("control_steps_n", row)?,
+    fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError> {
+        let flat: Flat = Row::read(from, row)?;
+        let success = Self {
+            object: flat.object,
+            generator: flat.generator,
+            verdicts_n: Verdict::ALL.map(|verdict| match verdict {
+                Verdict::Held => flat.successes_n,
+                Verdict::Limit => flat.limit_n,
+                Verdict::Table => flat.table_n,
+                Verdict::EarlyContact => flat.early_contact_n,
+                Verdict::KnockedOver => flat.knocked_over_n,
+                Verdict::NotGrasped => flat.not_grasped_n,
+                Verdict::Slipped => flat.slipped_n,
+                Verdict::Dropped => flat.dropped_n,
+                Verdict::Diverged => flat.diverged_n,
+            }),
+            control_steps_n: flat.control_steps_n,
             spread: GraspDistance {
-                palm_m: r.f64("spread_palm_m", row)?,
-                palm_rad: r.f64("spread_palm_rad", row)?,
-                q_rad: r.f64("spread_q_rad", row)?,
+                palm_m: flat.spread_palm_m,
+                palm_rad: flat.spread_palm_rad,
+                q_rad: flat.spread_q_rad,
             },
-            spread_n: r.i64("spread_n", row)?,
+            spread_n: flat.spread_n,
         };
-        let candidates_n = r.i64("candidates_n", row)?;
-        if success.candidates_n() == candidates_n {
-            return Ok(success);
+        match (flat.candidates_n, success.candidates_n()) {
+            (candidates_n, ended_n) if candidates_n == ended_n => Ok(success),
+            (candidates_n, ended_n) => Err(SchemaError::invalid(
+                "candidates_n",
+                format!("{candidates_n} candidates, and {ended_n} that held or failed"),
+            )),
         }
-        let ended_n = success.candidates_n();
-        let message = format!("{candidates_n} candidates, and {ended_n} that held or failed");
-        Err(r.invalid("candidates_n", message))
-    };
-    (0..r.rows()).map(row).collect()
+    }
 }
 
 #[cfg(test)]

@@ -1,33 +1,13 @@
 //! `trials`: how often the motions that a robot cell carried out succeeded, one partition for all objects,
 //! one row per object and cell: the paper's table of real-world results, for any cell.
-//!
-//! | column                  | type | unit | meaning                                                     |
-//! |-------------------------|------|------|-------------------------------------------------------------|
-//! | `object`                | utf8 |      | the object                                                  |
-//! | `cell`                  | utf8 |      | the cell's name                                             |
-//! | `simulated`             | bool |      | whether the cell says that nothing real moves               |
-//! | `gap`                   | utf8 |      | how it differs from what was planned for, as it says        |
-//! | `trials_n`              | i64  |      | motions of which anything may have moved, but for those that a person stopped |
-//! | `successes_n`           | i64  |      | those that lifted and held the object                       |
-//! | `rate`                  | f64  | 1    | `successes_n` over `trials_n`; 0 of none                    |
-//! | `rate_low`, `rate_high` | f64  | 1    | ends of its 95 % interval, see [`wilson`]                   |
-//! | `failed_n`              | i64  |      | trials that ended without the object held                   |
-//! | `aborted_n`             | i64  |      | trials that the cell broke off                              |
-//! | `unknown_n`             | i64  |      | trials of which nobody knows the end: they count as none that succeeded |
-//! | `rejected_n`            | i64  |      | motions that were not sent or not taken: no trials          |
-//! | `stopped_n`             | i64  |      | motions that a person stopped: no trials                    |
-
-use arrow_array::RecordBatch;
-use arrow_schema::Schema;
 
 use crate::{
-    columns::{Columns, Reader, SchemaError},
+    SchemaError,
+    columns::{Reader, Row, Writer, columns},
     executions::Outcome,
     success::wilson,
+    table::table,
 };
-
-/// Bump on any change to the columns; readers reject every other version.
-pub const VERSION: &str = "trials/2";
 
 /// What one cell made of the motions for one object.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,125 +54,77 @@ impl Trials {
     }
 }
 
-/// The outcomes that are no success, the columns that count them and their meanings.
-const OTHERS: [(Outcome, &str, &str); 5] = [
-    (
-        Outcome::Failed,
-        "failed_n",
-        "trials that ended without the object held",
-    ),
-    (
-        Outcome::Aborted,
-        "aborted_n",
-        "trials that the cell broke off",
-    ),
-    (
-        Outcome::Unknown,
-        "unknown_n",
-        "trials of which nobody knows the end",
-    ),
-    (
-        Outcome::Rejected,
-        "rejected_n",
-        "motions that were not sent or not taken: no trials",
-    ),
-    (
-        Outcome::Stopped,
-        "stopped_n",
-        "motions that a person stopped: no trials",
-    ),
-];
+/// The trials of all objects.
+pub type AllTrials = Vec<Trials>;
+table! {"trials", 2, rows: Trials}
 
-/// Returns the Arrow schema.
-pub fn schema() -> Schema {
-    columns(&[]).schema()
-}
-
-fn columns(trials: &[Trials]) -> Columns {
-    let rows = || trials.iter();
-    let mut c = Columns::new(VERSION);
-    c.utf8("object", "the object", rows().map(|t| t.object.clone()));
-    c.utf8("cell", "the cell's name", rows().map(|t| t.cell.clone()));
-    c.bool(
-        "simulated",
-        "whether the cell says that nothing real moves",
-        rows().map(|t| t.simulated),
-    );
-    c.utf8(
-        "gap",
-        "how it differs from what was planned for, as it says",
-        rows().map(|t| t.gap.clone()),
-    );
-    c.i64(
-        "trials_n",
-        "motions of which anything may have moved, but for those that a person stopped",
-        rows().map(Trials::trials_n),
-    );
-    c.i64(
-        "successes_n",
-        "those that lifted and held the object",
-        rows().map(Trials::successes_n),
-    );
-    c.f64(
-        "rate",
-        "1",
-        "share of the trials that succeeded; 0 of none",
-        rows().map(Trials::rate),
-    );
-    c.f64(
-        "rate_low",
-        "1",
-        "lower end of its 95 % interval by Wilson",
-        rows().map(|t| t.interval()[0]),
-    );
-    c.f64(
-        "rate_high",
-        "1",
-        "upper end of its 95 % interval by Wilson",
-        rows().map(|t| t.interval()[1]),
-    );
-    for (outcome, name, about) in OTHERS {
-        c.i64(name, about, rows().map(move |t| t.count(outcome)));
+columns! {
+    /// The columns of [`Trials`].
+    struct Flat {
+        object: String => "the object",
+        cell: String => "the cell's name",
+        simulated: bool => "whether the cell says that nothing real moves",
+        gap: String => "how it differs from what was planned for, as it says",
+        trials_n: i64
+            => "motions of which anything may have moved, but for those that a person stopped",
+        successes_n: i64 => "those that lifted and held the object",
+        rate: f64 ["1"] => "share of the trials that succeeded; 0 of none",
+        rate_low: f64 ["1"] => "lower end of its 95 % interval by Wilson",
+        rate_high: f64 ["1"] => "upper end of its 95 % interval by Wilson",
+        failed_n: i64 => "trials that ended without the object held",
+        aborted_n: i64 => "trials that the cell broke off",
+        unknown_n: i64 => "trials of which nobody knows the end",
+        rejected_n: i64 => "motions that were not sent or not taken: no trials",
+        stopped_n: i64 => "motions that a person stopped: no trials",
     }
-    c
 }
 
-/// Returns one row per object and cell.
-///
-/// # Errors
-///
-/// Fails if a number is not finite.
-pub fn to_batch(trials: &[Trials]) -> Result<RecordBatch, SchemaError> {
-    columns(trials).into_batch()
-}
+impl Row for Trials {
+    fn write(rows: &[&Self], to: &mut Writer) {
+        let rows = rows.iter().map(|trials| {
+            let [rate_low, rate_high] = trials.interval();
+            Flat {
+                object: trials.object.clone(),
+                cell: trials.cell.clone(),
+                simulated: trials.simulated,
+                gap: trials.gap.clone(),
+                trials_n: trials.trials_n(),
+                successes_n: trials.successes_n(),
+                rate: trials.rate(),
+                rate_low,
+                rate_high,
+                failed_n: trials.count(Outcome::Failed),
+                aborted_n: trials.count(Outcome::Aborted),
+                unknown_n: trials.count(Outcome::Unknown),
+                rejected_n: trials.count(Outcome::Rejected),
+                stopped_n: trials.count(Outcome::Stopped),
+            }
+        });
+        to.rows(&rows.collect::<Vec<_>>());
+    }
 
-/// Reads what [`to_batch`] wrote.
-///
-/// # Errors
-///
-/// Fails if the columns are of another version, or if the outcomes are not all trials.
-pub fn from_batch(batch: &RecordBatch) -> Result<Vec<Trials>, SchemaError> {
-    let r = Reader::new(batch, VERSION)?;
-    let row = |row: usize| {
-        let mut outcomes_n = [0; Outcome::ALL.len()];
-        for (n, outcome) in outcomes_n.iter_mut().zip(Outcome::ALL) {
-            let other = OTHERS.iter().find(|(other, _, _)| *other == outcome);
-            *n = r.i64(other.map_or("successes_n", |(_, name, _)| name), row)?;
-        }
-        let trials = Trials {
-            object: r.utf8("object", row)?.to_owned(),
-            cell: r.utf8("cell", row)?.to_owned(),
-            simulated: r.bool("simulated", row)?,
-            gap: r.utf8("gap", row)?.to_owned(),
-            outcomes_n,
+    fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError> {
+        let flat: Flat = Row::read(from, row)?;
+        let trials = Self {
+            object: flat.object,
+            cell: flat.cell,
+            simulated: flat.simulated,
+            gap: flat.gap,
+            outcomes_n: Outcome::ALL.map(|outcome| match outcome {
+                Outcome::Succeeded => flat.successes_n,
+                Outcome::Failed => flat.failed_n,
+                Outcome::Rejected => flat.rejected_n,
+                Outcome::Aborted => flat.aborted_n,
+                Outcome::Stopped => flat.stopped_n,
+                Outcome::Unknown => flat.unknown_n,
+            }),
         };
-        let trials_n = r.i64("trials_n", row)?;
-        if trials.trials_n() == trials_n {
-            return Ok(trials);
+        match (flat.trials_n, trials.trials_n()) {
+            (trials_n, ended_n) if trials_n == ended_n => Ok(trials),
+            (trials_n, ended_n) => Err(SchemaError::invalid(
+                "trials_n",
+                format!("{trials_n} trials, and {ended_n} that ended in some way"),
+            )),
         }
-        let ended_n = trials.trials_n();
-        let message = format!("{trials_n} trials, and {ended_n} that ended in some way");
-        Err(r.invalid("trials_n", message))
-    };
-    (0..r.rows()).map(row).collect()
+    }
 }

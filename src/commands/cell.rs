@@ -16,7 +16,6 @@ use cell::{Service, SimulatedCell};
 use dataflow::{Advise, missing};
 use lake::{Lake, table};
 use robot::RobotModel;
-use schemas::objects;
 use signal_hook::{
     consts::{SIGINT, SIGTERM},
     iterator::Signals,
@@ -174,7 +173,6 @@ fn find(lake: &Path, name: &str) -> Result<Option<ObjectShape>, String> {
     let Some(artifact) = objects.get(name) else {
         return Ok(None);
     };
-    let batch = table::read(artifact).map_err(|err| said(err.into()))?;
-    let object = objects::from_batch(name, &batch).map_err(|err| said(err.into()))?;
+    let object = table::read(artifact).map_err(|err| said(err.into()))?;
     Ok(Some(ObjectShape::from_artifact(&object)))
 }

@@ -24,10 +24,7 @@ use lake::Lake;
 use limits::Limits;
 use mujoco::{Engine, Mujoco};
 use robot::RobotModel;
-use schemas::{
-    candidates::{self, Candidates},
-    objects,
-};
+use schemas::candidates::Candidates;
 use serde_json::Value;
 use simulation::{ObjectShape, Record, Template, Verdict};
 use spatial::{Object, Pose, Rest, Table};
@@ -78,10 +75,8 @@ fn main() -> ExitCode {
         let Some(object) = objects.get(&name) else {
             continue;
         };
-        let batch = lake::table::read(object).unwrap();
-        let object = ObjectShape::from_artifact(&objects::from_batch(&name, &batch).unwrap());
-        let batch = lake::table::read(&candidates).unwrap();
-        let candidates = candidates::from_batch(&name, &batch).unwrap();
+        let object = ObjectShape::from_artifact(&lake::table::read(object).unwrap());
+        let candidates: Candidates = lake::table::read(&candidates).unwrap();
         assert_eq!(candidates.joints, hand.joint_names());
         let counts = compare(&mut mujoco, &hand, &object, &candidates);
         println!("{name:24} {}", counts.line());

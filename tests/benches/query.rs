@@ -23,7 +23,10 @@ use dataflow::{
 };
 use lake::Lake;
 use limits::Limits;
-use schemas::rollouts::{self, Rollout, Smoothness, Verdict};
+use schemas::{
+    Table,
+    rollouts::{Rollout, Rollouts, Smoothness, Verdict},
+};
 
 /// Rows of the table, if `ROLLOUTS` does not say.
 const ROWS: usize = 1_000_000;
@@ -82,7 +85,7 @@ fn make(folder: &Path, rows_per_file: usize) -> Result<Vec<PathBuf>, Box<dyn Err
         output: "rollouts".to_owned(),
         code: BTreeMap::new(),
         config: serde_json::Value::Null,
-        schema: rollouts::VERSION.to_owned(),
+        schema: Rollouts::VERSION.to_owned(),
     });
     let mut units = Vec::new();
     for partition in 0..PARTITIONS {
@@ -101,7 +104,7 @@ fn make(folder: &Path, rows_per_file: usize) -> Result<Vec<PathBuf>, Box<dyn Err
         };
         let digest = fingerprint.digest();
         let making = lake.begin(&digest, &object, &|_| {})?;
-        lake::table::write(making.folder(), &rollouts::to_batch(&rollouts)?)?;
+        lake::table::write(making.folder(), &rollouts)?;
         let outcome = Outcome::Made(Made::default());
         let record = making.commit(Unkept {
             fingerprint,

@@ -24,7 +24,7 @@ use limits::Limits;
 use motion::{Motion, Rates};
 use rayon::prelude::*;
 use robot::RobotModel;
-use schemas::{candidates, objects};
+use schemas::candidates::Candidates;
 use simulation::{ObjectShape, Protocol, Record, SceneConfig, Shortcuts, Template, Verdict};
 use spatial::{Object, Rest};
 
@@ -91,10 +91,8 @@ fn main() -> ExitCode {
             let Some(object) = objects.get(&name) else {
                 continue;
             };
-            let object = objects::from_batch(&name, &lake::table::read(object).unwrap()).unwrap();
-            let object = ObjectShape::from_artifact(&object);
-            let batch = lake::table::read(&artifact).unwrap();
-            let candidates = candidates::from_batch(&name, &batch).unwrap();
+            let object = ObjectShape::from_artifact(&lake::table::read(object).unwrap());
+            let candidates: Candidates = lake::table::read(&artifact).unwrap();
             let rests = candidates
                 .candidates
                 .iter()

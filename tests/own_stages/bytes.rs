@@ -118,6 +118,6 @@ pub(crate) fn write_table(folder: &Path, tallies: &[Tally]) -> Result<(), OwnErr
         ("bytes", Arc::new(bytes)),
         ("sum", Arc::new(sums)),
     ];
-    lake::table::write(folder, &RecordBatch::try_from_iter(columns)?)?;
+    lake::table::write_batch(folder, &RecordBatch::try_from_iter(columns)?)?;
     Ok(())
 }

@@ -85,13 +85,29 @@ pub enum LakeError {
         /// Why it failed.
         source: serde_json::Error,
     },
-    /// A table has other columns than its schema.
-    #[error("table `{}` does not follow its schema", path.display())]
+    /// A table has other columns than its schema, or values that it cannot have.
+    #[error("the table of `{key}` does not follow the schema of `{table}`")]
     Schema {
-        /// Where.
-        path: PathBuf,
+        /// The artifact that it should be.
+        table: &'static str,
+        /// The partition's key.
+        key: String,
         /// How it differs.
         source: SchemaError,
+    },
+    /// What a stage made cannot be a table.
+    #[error("cannot make the table `{table}`")]
+    Rows {
+        /// The artifact.
+        table: &'static str,
+        /// Why not.
+        source: SchemaError,
+    },
+    /// A unit was given less than it reads: the plan is not its stage's.
+    #[error("the unit reads no {what}")]
+    MissingInput {
+        /// What is missing, e.g. `candidates`.
+        what: &'static str,
     },
     /// A stage reported a figure that is NaN or infinite.
     #[error("the stage's figure `{metric}` is {value}, not a finite number")]
@@ -162,6 +178,8 @@ impl Advise for LakeError {
             Self::Parquet { .. }
             | Self::Mcap { .. }
             | Self::Json { .. }
+            | Self::Rows { .. }
+            | Self::MissingInput { .. }
             | Self::Metric { .. } => None,
         }
     }

@@ -65,7 +65,7 @@ pub(crate) fn keep(
             path: path.clone(),
             source: err.into(),
         })?;
-        table::write(folder, &batch)?;
+        table::write_batch(folder, &batch)?;
         let file = lake.blobs().take(&folder.join(table::FILE))?;
         // A copy: what nothing could make again is there twice.
         published::show_copy(lake, &lake.file(&file), &path)?;

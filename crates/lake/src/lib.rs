@@ -31,6 +31,7 @@
 //! never make the same unit at the same time; a dead process's lock and staging folder are taken over.
 
 mod again;
+mod artifact;
 mod atomic;
 mod blobs;
 mod changing;
@@ -57,9 +58,11 @@ mod store;
 pub mod table;
 mod tags;
 mod twice;
+mod unit;
 mod verify;
 mod views;
 
+pub use artifact::ReadArtifact;
 pub use atomic::write_whole;
 pub use collect::{Collected, CollectedUnits, Collecting};
 pub use error::LakeError;
@@ -67,4 +70,5 @@ pub use folder::Lake;
 pub use recorded::{StageTable, TableFiles};
 pub use records::Provenance;
 pub use runs::Run;
+pub use unit::{ReadInputs, WriteArtifact};
 pub use verify::{Fault, OnBytes, Verified};

@@ -11,8 +11,9 @@ use parquet::{
     errors::ParquetError,
     file::properties::WriterProperties,
 };
+use schemas::Table;
 
-use crate::LakeError;
+use crate::{LakeError, ReadArtifact, atomic::io_error};
 
 /// Name of the table's file in an artifact.
 pub const FILE: &str = "part.parquet";
@@ -24,18 +25,27 @@ const ROW_GROUP_ROWS: usize = 131_072;
 /// columns, or to look for values that repeat, takes longer than all else that is done with them.
 const COMPRESSED_BYTES: usize = 1 << 16;
 
-/// Writes `batch` as the table of the artifact in `folder`.
+/// Writes the table of the artifact in `folder`.
+///
+/// # Errors
+///
+/// Fails if a number is not finite, or the file cannot be written.
+pub fn write<T: Table>(folder: &Path, table: &T) -> Result<(), LakeError> {
+    let batch = table.to_batch().map_err(|source| LakeError::Rows {
+        table: T::NAME,
+        source,
+    })?;
+    write_batch(folder, &batch)
+}
+
+/// Writes columns that no schema declares as the table of the artifact in `folder`.
 ///
 /// # Errors
 ///
 /// Fails if the file cannot be written.
-pub fn write(folder: &Path, batch: &RecordBatch) -> Result<(), LakeError> {
+pub fn write_batch(folder: &Path, batch: &RecordBatch) -> Result<(), LakeError> {
     let path = folder.join(FILE);
-    let file = File::create(&path).map_err(|source| LakeError::Io {
-        action: "write",
-        path: path.clone(),
-        source,
-    })?;
+    let file = File::create(&path).map_err(io_error("write", &path))?;
     let parquet = |source: ParquetError| LakeError::Parquet {
         action: "write",
         path: path.clone(),
@@ -74,22 +84,29 @@ fn is_small(batch: &RecordBatch) -> bool {
 ///
 /// # Errors
 ///
-/// Fails if the artifact has no table or it is not valid Parquet.
-pub fn read(artifact: &Artifact) -> Result<RecordBatch, LakeError> {
-    let path = artifact.file(FILE).ok_or_else(|| LakeError::MissingFile {
+/// Fails if the artifact has no table, or it is not valid Parquet or does not follow its schema.
+pub fn read<T: Table>(artifact: &Artifact) -> Result<T, LakeError> {
+    let batch = read_batch(artifact)?;
+    T::from_batch(&artifact.key, &batch).map_err(|source| LakeError::Schema {
+        table: T::NAME,
         key: artifact.key.clone(),
-        file: FILE.to_owned(),
-    })?;
+        source,
+    })
+}
+
+/// Reads the columns of an artifact's table, whatever they are.
+///
+/// # Errors
+///
+/// Fails if the artifact has no table or it is not valid Parquet.
+pub fn read_batch(artifact: &Artifact) -> Result<RecordBatch, LakeError> {
+    let path = artifact.path(FILE)?;
     let parquet = |source: ParquetError| LakeError::Parquet {
         action: "read",
         path: path.to_owned(),
         source,
     };
-    let file = File::open(path).map_err(|source| LakeError::Io {
-        action: "read",
-        path: path.to_owned(),
-        source,
-    })?;
+    let file = File::open(path).map_err(io_error("read", path))?;
     let reader = ParquetRecordBatchReaderBuilder::try_new(file).map_err(parquet)?;
     let schema = reader.schema().clone();
     let batches = reader
@@ -128,11 +145,7 @@ pub struct ColumnDescription {
 ///
 /// Fails if the file is not valid Parquet.
 pub fn describe(path: &Path) -> Result<Description, LakeError> {
-    let file = File::open(path).map_err(|source| LakeError::Io {
-        action: "read",
-        path: path.to_owned(),
-        source,
-    })?;
+    let file = File::open(path).map_err(io_error("read", path))?;
     let reader =
         ParquetRecordBatchReaderBuilder::try_new(file).map_err(|source| LakeError::Parquet {
             action: "read",

@@ -58,7 +58,7 @@ fn column(file: std::path::PathBuf, name: &str) -> Vec<u64> {
         labels: BTreeMap::new(),
         files: BTreeMap::from([(table::FILE.to_owned(), file)]),
     };
-    let batch = table::read(&artifact).unwrap();
+    let batch = table::read_batch(&artifact).unwrap();
     let values = batch.column_by_name(name).unwrap();
     bits(
         values
@@ -98,7 +98,7 @@ fn every_number_comes_back_from_records_runs_caches_and_tables() {
     let making = lake.begin(&digest, "made.values `all`", &|_| {}).unwrap();
     let values: ArrayRef = Arc::new(Float64Array::from(numbers.clone()));
     let batch = RecordBatch::try_from_iter([("value", values)]).unwrap();
-    table::write(making.folder(), &batch).unwrap();
+    table::write_batch(making.folder(), &batch).unwrap();
     let made = Made {
         metrics: by_name(&numbers),
         ..Made::default()

@@ -8,7 +8,6 @@ use lake::LakeError;
 use planning::OptionError;
 use robot::RobotError;
 use robot_meshes::MeshError;
-use schemas::SchemaError;
 
 /// Why motions could not be dispatched; a motion that fails is a row of `executions`.
 #[derive(Debug, thiserror::Error)]
@@ -116,25 +115,9 @@ pub enum DispatchError {
         /// The motion.
         candidate_id: String,
     },
-    /// The unit was given less than it needs: the plan is not this stage's.
-    #[error("the unit `{partition}` reads no {what}")]
-    MissingInput {
-        /// The unit's partition.
-        partition: String,
-        /// What is missing.
-        what: &'static str,
-    },
-    /// A table or recording could not be read or written.
+    /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
-    /// A table does not follow its schema.
-    #[error("the table of `{partition}` does not follow its schema")]
-    Schema {
-        /// The partition.
-        partition: String,
-        /// How it differs.
-        source: SchemaError,
-    },
 }
 
 impl From<OptionError> for DispatchError {
@@ -182,7 +165,7 @@ impl Advise for DispatchError {
                 Some("wire `candidates` to the stage whose motions were screened".to_owned())
             }
             Self::Lake(err) => err.hint(),
-            Self::Report { .. } | Self::MissingInput { .. } | Self::Schema { .. } => None,
+            Self::Report { .. } => None,
         }
     }
 }

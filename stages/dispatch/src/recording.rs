@@ -7,7 +7,8 @@ use lake::recording::Recording;
 use nalgebra::Isometry3;
 use robot::{JointOrder, WrongDof};
 use schemas::{
-    executions,
+    Table,
+    executions::Executions,
     objects::Object,
     ros2::{
         JointTrajectory,
@@ -119,7 +120,7 @@ fn told(track: &JointTrack) -> JointTrajectory {
 
 fn about(setting: &Setting<'_>, goal: &Goal, report: &Report) -> BTreeMap<String, String> {
     [
-        ("schema", executions::VERSION),
+        ("schema", Executions::VERSION),
         ("object", &goal.object),
         ("candidate_id", &goal.candidate_id),
         ("goal_id", &report.goal_id),

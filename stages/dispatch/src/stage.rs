@@ -8,16 +8,17 @@ use std::{
 
 use cell::{CellClient, Executed, Goal, Recovered, Rejection, RejectionCode, Report, with_causes};
 use dataflow::{
-    Artifact, Code, Context, Form, Input, Inputs, Labels, Made, OptionFault, Outcome, Output,
-    Scope, SourceFile, Stage, Unit,
+    Code, Context, Form, Input, Inputs, Labels, Made, OptionFault, Outcome, Output, Scope,
+    SourceFile, Stage, Unit,
 };
+use lake::{LakeError, ReadInputs, WriteArtifact};
 use robot::Joint;
 use schemas::{
-    SchemaError,
-    candidates::{self, Candidate, Candidates},
-    executions::{self, Execution},
-    objects::{self, Object},
-    rollouts,
+    Table,
+    candidates::{Candidate, Candidates},
+    executions::{self, Execution, Executions},
+    objects::Object,
+    rollouts::Rollouts,
 };
 
 use crate::{
@@ -67,7 +68,7 @@ impl Stage for Dispatch {
     ];
     const OUTPUTS: &'static [Output] = &[Output {
         artifact: EXECUTIONS,
-        schema: executions::VERSION,
+        schema: Executions::VERSION,
         partition: "object",
         parallel: false,
     }];
@@ -136,36 +137,19 @@ impl Stage for Dispatch {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome, DispatchError> {
-        let schema = |source: SchemaError| DispatchError::Schema {
-            partition: cx.partition().to_owned(),
-            source,
-        };
-        let artifact = |input| only(inputs, input, cx);
-        let rollouts =
-            rollouts::from_batch(&lake::table::read(artifact("rollouts")?)?).map_err(schema)?;
-        let artifact_of_candidates = artifact("candidates")?;
-        let candidates = candidates::from_batch(
-            &artifact_of_candidates.key,
-            &lake::table::read(artifact_of_candidates)?,
-        )
-        .map_err(schema)?;
-        let artifact_of_object = artifact("objects")?;
-        let object = objects::from_batch(
-            &artifact_of_object.key,
-            &lake::table::read(artifact_of_object)?,
-        )
-        .map_err(schema)?;
+        let rollouts: Rollouts = inputs.one()?;
+        let candidates: Candidates = inputs.one()?;
+        let object: Object = inputs.one()?;
         let motions = accepted(&rollouts, &candidates)?;
         let sent = if motions.is_empty() {
             Sent::default()
         } else {
-            let mut files = inputs.files().iter().map(|file| file.path.as_path());
-            let hand = files.next().ok_or_else(|| missing(cx, "URDF of a hand"))?;
-            let robots = Robots::load(config, hand, files.next())?;
+            let hand = &inputs.source(0, "URDF of a hand")?.path;
+            let arm = inputs.files().get(1).map(|file| file.path.as_path());
+            let robots = Robots::load(config, hand, arm)?;
             send(config, &robots, &object, &candidates, &motions, cx)?
         };
-        let batch = executions::to_batch(&sent.executions).map_err(schema)?;
-        lake::table::write(cx.folder(), &batch)?;
+        cx.write(&sent.executions)?;
         Ok(Outcome::Made(Made {
             labels: BTreeMap::from([("object".to_owned(), object.name)]),
             metrics: sent.metrics(),
@@ -259,10 +243,7 @@ fn send(
     let journal = Journal::new(cx.resume_folder().to_owned());
     let joints = names.joints_on_wire(robots.whole());
     let mut feasible = goals.iter().filter_map(|(_, goal)| goal.as_ref().ok());
-    let first = feasible
-        .clone()
-        .next()
-        .ok_or_else(|| missing(cx, "motion"))?;
+    let first = feasible.clone().next().ok_or_else(|| missing("motion"))?;
     let connected = cells::connect(config, robots, object, first).map_err(|err| {
         // Of what a run before this one sent, nobody knows as long as no cell can be asked.
         let is_open = |goal: &&Goal| matches!(journal.past(goal, &joints), Past::Sent(_));
@@ -315,7 +296,7 @@ fn send(
         sent.known_n += usize::from(moved == Moved::Before);
         names.of_hand(&mut report.joints);
         let grasp = candidate.steps.last();
-        let grasp = grasp.ok_or_else(|| missing(cx, "step of a motion"))?;
+        let grasp = grasp.ok_or_else(|| missing("step of a motion"))?;
         let setting = Setting {
             robots,
             hand_path: &config.hand,
@@ -530,20 +511,6 @@ fn check_name(candidate: &Candidate) -> Result<(), DispatchError> {
     }
 }
 
-fn only<'a>(
-    inputs: &'a Inputs,
-    input: &'static str,
-    cx: &Context,
-) -> Result<&'a Artifact, DispatchError> {
-    inputs
-        .artifacts(input)
-        .first()
-        .ok_or_else(|| missing(cx, input))
-}
-
-fn missing(cx: &Context, what: &'static str) -> DispatchError {
-    DispatchError::MissingInput {
-        partition: cx.partition().to_owned(),
-        what,
-    }
+fn missing(what: &'static str) -> LakeError {
+    LakeError::MissingInput { what }
 }

@@ -8,9 +8,10 @@ use dataflow::{
 use nalgebra::{Isometry3, Vector3};
 use report_dispatch::DispatchReport;
 use schemas::{
-    candidates::{self, Candidate, Candidates, Rates, Step},
-    executions::{self, Execution},
-    objects::{self, Object, RestingOrientation},
+    Table,
+    candidates::{Candidate, Candidates, Rates, Step},
+    executions::{self, Execution, Executions},
+    objects::{Object, RestingOrientation},
     rollouts::{self, Rollout, Verdict},
     ros2::{
         JointState, JointTrajectory, JointTrajectoryPoint, TfMessage,
@@ -119,6 +120,14 @@ fn artifact(folder: &Path) -> Artifact {
     }
 }
 
+/// Writes a table and returns it as the input of its name.
+fn given<T: Table>(folder: &Path, table: &T) -> (String, Vec<Artifact>) {
+    let folder = folder.join(T::NAME);
+    fs::create_dir(&folder).unwrap();
+    lake::table::write(&folder, table).unwrap();
+    (T::NAME.to_owned(), vec![artifact(&folder)])
+}
+
 /// Four candidates, of which the screen accepted three.
 fn inputs(folder: &Path, config: &DispatchConfig, verdict: Verdict) -> Inputs {
     let ids = ["cube-0", "cube-1", "cube-2", "cube-3"];
@@ -144,16 +153,10 @@ fn inputs(folder: &Path, config: &DispatchConfig, verdict: Verdict) -> Inputs {
         })
         .collect();
     let artifacts = [
-        ("rollouts", rollouts::to_batch(&rollouts).unwrap()),
-        ("candidates", candidates::to_batch(&candidates).unwrap()),
-        ("objects", objects::to_batch(&[cube()]).unwrap()),
-    ]
-    .map(|(name, batch)| {
-        let folder = folder.join(name);
-        fs::create_dir(&folder).unwrap();
-        lake::table::write(&folder, &batch).unwrap();
-        (name.to_owned(), vec![artifact(&folder)])
-    });
+        given(folder, &rollouts),
+        given(folder, &candidates),
+        given(folder, &cube()),
+    ];
     Inputs::new(
         artifacts.into(),
         vec![SourceFile::named("hand", &config.hand)],
@@ -176,8 +179,7 @@ fn run(change: impl Fn(&mut DispatchConfig), verdict: Verdict) -> Result<Ran, Di
     let Outcome::Made(made) = Dispatch::run(&config, &inputs, &cx)? else {
         panic!("expected an artifact");
     };
-    let table = lake::table::read(&artifact(folder.path())).unwrap();
-    let executions = executions::from_batch(&table).unwrap();
+    let executions: Executions = lake::table::read(&artifact(folder.path())).unwrap();
     Ok(Ran {
         made,
         executions,

@@ -9,7 +9,6 @@ use std::{
 
 use dataflow::Advise;
 use lake::LakeError;
-use schemas::SchemaError;
 
 use crate::{npz::NpzError, yaml::YamlError};
 
@@ -128,24 +127,6 @@ pub enum IngestError {
     /// Something in the lake could not be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
-    /// A demonstration in the lake could not be understood, or a table not be built.
-    #[error("cannot {action} the table of `{partition}`")]
-    Schema {
-        /// What was tried: `read` or `build`.
-        action: &'static str,
-        /// The partition.
-        partition: String,
-        /// Why it failed.
-        source: SchemaError,
-    },
-    /// A file of an artifact could not be written.
-    #[error("cannot write `{}`", path.display())]
-    Write {
-        /// Where.
-        path: PathBuf,
-        /// Why it failed.
-        source: io::Error,
-    },
 }
 
 impl Advise for IngestError {
@@ -210,10 +191,7 @@ impl Advise for IngestError {
                 }
                 _ => None,
             },
-            Self::NoneTold { .. }
-            | Self::MeshName { .. }
-            | Self::Schema { .. }
-            | Self::Write { .. } => None,
+            Self::NoneTold { .. } | Self::MeshName { .. } => None,
         }
     }
 }

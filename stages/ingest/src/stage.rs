@@ -7,6 +7,7 @@ mod units;
 use dataflow::{
     Code, Context, Input, Inputs, Labels, OptionFault, Outcome, Output, Scope, Stage, Unit,
 };
+use schemas::{Table, demonstrations::Demonstration, objects::Object};
 
 use crate::{config::IngestConfig, error::IngestError, reader};
 
@@ -41,19 +42,19 @@ impl Stage for Ingest {
     const OUTPUTS: &'static [Output] = &[
         Output {
             artifact: SHAPES,
-            schema: schemas::objects::VERSION,
+            schema: Object::VERSION,
             partition: "object",
             parallel: true,
         },
         Output {
             artifact: DEMONSTRATIONS,
-            schema: schemas::demonstrations::VERSION,
+            schema: Demonstration::VERSION,
             partition: "sequence",
             parallel: true,
         },
         Output {
             artifact: OBJECTS,
-            schema: schemas::objects::VERSION,
+            schema: Object::VERSION,
             partition: "object",
             parallel: true,
         },

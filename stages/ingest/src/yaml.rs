@@ -59,7 +59,7 @@ impl Meta {
     /// Returns the hand that grasps; `None` if it is not one, or of no known side.
     pub(crate) fn hand(&self) -> Option<Side> {
         match self.mano_sides.as_slice() {
-            [side] => Side::from_name(side),
+            [side] => Side::parse(side),
             _ => None,
         }
     }

@@ -2,7 +2,6 @@
 
 use dataflow::Advise;
 use lake::LakeError;
-use schemas::SchemaError;
 
 /// Why motions could not be replaced.
 #[derive(Debug, thiserror::Error)]
@@ -19,34 +18,17 @@ pub enum InterpolateError {
         /// The objects that have candidates.
         known: Vec<String>,
     },
-    /// The unit was given no candidates: the plan is not this stage's.
-    #[error("the unit `{partition}` reads no candidates")]
-    MissingInput {
-        /// The unit's partition.
-        partition: String,
-    },
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
-    /// An artifact does not follow its schema.
-    #[error("cannot use `{key}`")]
-    Schema {
-        /// The artifact's key.
-        key: String,
-        /// How it differs.
-        source: SchemaError,
-    },
 }
 
 impl Advise for InterpolateError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
-            Self::Schema { .. } => {
-                Some("make it again with `pipeline run FILE --fresh`".to_owned())
-            }
             Self::Lake(err) => err.hint(),
-            Self::NoCandidates | Self::MissingInput { .. } => None,
+            Self::NoCandidates => None,
         }
     }
 

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use dataflow::{Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Unit};
-use schemas::{SchemaError, candidates, candidates::Candidates};
+use lake::{ReadInputs, WriteArtifact};
+use schemas::{Table, candidates::Candidates};
 
 use crate::{InterpolateConfig, InterpolateError, line::line};
 
@@ -26,7 +27,7 @@ impl Stage for Interpolate {
     }];
     const OUTPUTS: &'static [Output] = &[Output {
         artifact: CANDIDATES,
-        schema: candidates::VERSION,
+        schema: Candidates::VERSION,
         partition: "object",
         parallel: true,
     }];
@@ -76,16 +77,7 @@ impl Stage for Interpolate {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome, InterpolateError> {
-        let artifact = inputs.artifacts(CANDIDATES).first();
-        let artifact = artifact.ok_or_else(|| InterpolateError::MissingInput {
-            partition: cx.partition().to_owned(),
-        })?;
-        let schema = |source: SchemaError| InterpolateError::Schema {
-            key: artifact.key.clone(),
-            source,
-        };
-        let batch = lake::table::read(artifact)?;
-        let given = candidates::from_batch(&artifact.key, &batch).map_err(schema)?;
+        let given: Candidates = inputs.one()?;
         let mut lines = Vec::with_capacity(given.candidates.len());
         for motion in &given.candidates {
             match line(motion) {
@@ -102,8 +94,7 @@ impl Stage for Interpolate {
             candidates: lines,
             ..given
         };
-        let batch = candidates::to_batch(&lines).map_err(schema)?;
-        lake::table::write(cx.folder(), &batch)?;
+        cx.write(&lines)?;
         Ok(Outcome::Made(Made {
             labels: labels(&lines.object),
             metrics: BTreeMap::from([("candidates".to_owned(), n)]),
@@ -163,7 +154,7 @@ mod tests {
             joints: vec!["j".to_owned()],
             candidates: motions,
         };
-        lake::table::write(&given, &candidates::to_batch(&motions).unwrap()).unwrap();
+        lake::table::write(&given, &motions).unwrap();
         let artifacts = BTreeMap::from([(CANDIDATES.to_owned(), vec![artifact(&given)])]);
         let inputs = Inputs::new(artifacts, Vec::new());
         let cx = Context::detached(CANDIDATES, "can", 0, &out);
@@ -179,8 +170,8 @@ mod tests {
         };
         assert_eq!(made.metrics["candidates"], 2.0);
         assert_eq!(made.labels["object"], "can");
-        let batch = lake::table::read(&artifact(&folder.path().join("out"))).unwrap();
-        let read = candidates::from_batch("can", &batch).unwrap();
+        let made = artifact(&folder.path().join("out"));
+        let read: Candidates = lake::table::read(&made).unwrap();
         assert_eq!(read.joints, ["j"]);
         for (found, given) in read.candidates.iter().zip(&motions) {
             assert_eq!(found.candidate_id, format!("{}-line", given.candidate_id));

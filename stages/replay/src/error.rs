@@ -2,7 +2,6 @@
 
 use dataflow::Advise;
 use lake::LakeError;
-use schemas::SchemaError;
 
 /// Why trajectories could not be offered.
 #[derive(Debug, thiserror::Error)]
@@ -32,21 +31,13 @@ pub enum ReplayError {
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
-    /// An artifact does not follow its schema.
-    #[error("cannot use `{key}`")]
-    Schema {
-        /// The artifact's key.
-        key: String,
-        /// How it differs.
-        source: SchemaError,
-    },
 }
 
 impl Advise for ReplayError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
-            Self::DifferentHands { .. } | Self::Schema { .. } => {
+            Self::DifferentHands { .. } => {
                 Some("make them again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Lake(err) => err.hint(),

@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataflow::{
-    Artifact, Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Unit,
-};
+use dataflow::{Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Unit};
+use lake::{ReadInputs, WriteArtifact};
 use schemas::{
+    Table,
     candidates::{self, Candidate, Candidates},
     trajectories::{self, Trajectory},
 };
@@ -34,7 +34,7 @@ impl Stage for Replay {
     }];
     const OUTPUTS: &'static [Output] = &[Output {
         artifact: "candidates",
-        schema: candidates::VERSION,
+        schema: Candidates::VERSION,
         partition: "object",
         parallel: true,
     }];
@@ -90,11 +90,7 @@ impl Stage for Replay {
 
     fn run(_config: &ReplayConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, ReplayError> {
         let object = cx.partition();
-        let trajectories: Vec<Trajectory> = inputs
-            .artifacts("trajectories")
-            .iter()
-            .map(read)
-            .collect::<Result<_, _>>()?;
+        let trajectories: Vec<Trajectory> = inputs.all()?;
         let first = trajectories.first().ok_or(ReplayError::NoTrajectories)?;
         if let Some(other) = trajectories.iter().find(|t| t.joints != first.joints) {
             return Err(ReplayError::DifferentHands {
@@ -103,31 +99,17 @@ impl Stage for Replay {
                 second: other.sequence.clone(),
             });
         }
-        let candidates = Candidates {
+        cx.write(&Candidates {
             object: object.to_owned(),
             joints: first.joints.clone(),
             candidates: trajectories.iter().map(candidate).collect(),
-        };
-        let batch = candidates::to_batch(&candidates).map_err(|source| ReplayError::Schema {
-            key: object.to_owned(),
-            source,
         })?;
-        lake::table::write(cx.folder(), &batch)?;
         let n = trajectories.len() as f64;
         Ok(Outcome::Made(Made {
             labels: BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]),
             metrics: BTreeMap::from([("candidates".to_owned(), n)]),
         }))
     }
-}
-
-fn read(artifact: &Artifact) -> Result<Trajectory, ReplayError> {
-    trajectories::from_batch(&artifact.key, &lake::table::read(artifact)?).map_err(|source| {
-        ReplayError::Schema {
-            key: artifact.key.clone(),
-            source,
-        }
-    })
 }
 
 /// Returns a trajectory as the motion that it is.
@@ -177,7 +159,7 @@ fn palm_acceleration(steps: &[trajectories::Step], idx: usize) -> [f64; 6] {
 
 #[cfg(test)]
 mod tests {
-    use dataflow::Partition;
+    use dataflow::{Artifact, Partition};
     use nalgebra::{Isometry3, Unit as UnitVector, Vector3};
     use spatial::{Pose, Rest};
 
@@ -215,8 +197,7 @@ mod tests {
             .map(|trajectory| {
                 let folder = folder.join(&trajectory.sequence);
                 std::fs::create_dir_all(&folder).unwrap();
-                let batch = trajectories::to_batch(trajectory).unwrap();
-                lake::table::write(&folder, &batch).unwrap();
+                lake::table::write(&folder, trajectory).unwrap();
                 let file = lake::table::FILE;
                 Artifact {
                     key: trajectory.sequence.clone(),
@@ -244,7 +225,7 @@ mod tests {
             labels: BTreeMap::new(),
             files: BTreeMap::from([(file.to_owned(), folder.path().join(file))]),
         };
-        let read = candidates::from_batch("can", &lake::table::read(&made).unwrap()).unwrap();
+        let read: Candidates = lake::table::read(&made).unwrap();
         assert_eq!(read.joints, ["j"]);
         let ids: Vec<&str> = read
             .candidates

@@ -6,7 +6,6 @@ use dataflow::{Advise, missing};
 use lake::LakeError;
 use robot::{RobotError, WrongDof};
 use robot_meshes::MeshError;
-use schemas::SchemaError;
 
 use crate::solver::SolverError;
 
@@ -21,14 +20,6 @@ pub enum RetargetError {
         what: &'static str,
         /// The file.
         path: PathBuf,
-        /// Why it failed.
-        source: io::Error,
-    },
-    /// An object's mesh cannot be read from the lake.
-    #[error("cannot read the mesh of object `{object}`")]
-    ReadMesh {
-        /// The object's name.
-        object: String,
         /// Why it failed.
         source: io::Error,
     },
@@ -106,14 +97,6 @@ pub enum RetargetError {
         /// What is wrong with it.
         source: Box<Self>,
     },
-    /// An object's distance field cannot be written.
-    #[error("cannot write the distance field of object `{object}`")]
-    WriteField {
-        /// The object's name.
-        object: String,
-        /// Why it failed.
-        source: io::Error,
-    },
     /// What lies in the lake is no distance field.
     #[error("the distance field of object `{object}` is not one")]
     BadField {
@@ -126,25 +109,9 @@ pub enum RetargetError {
     /// There is no object at all.
     #[error("there are no objects, so that no demonstration has one")]
     NoObjects,
-    /// The unit was given no demonstration or no URDF: the plan is not this stage's.
-    #[error("the unit `{partition}` reads no {what}")]
-    MissingInput {
-        /// The unit's partition.
-        partition: String,
-        /// What is missing.
-        what: &'static str,
-    },
-    /// A table could not be read or written.
+    /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
-    /// A table does not follow its schema.
-    #[error("the table of `{partition}` does not follow its schema")]
-    Schema {
-        /// The partition.
-        partition: String,
-        /// How it differs.
-        source: SchemaError,
-    },
 }
 
 impl Advise for RetargetError {
@@ -188,11 +155,7 @@ impl Advise for RetargetError {
             Self::NoDemonstrations
             | Self::NoObjects
             | Self::Solver(_)
-            | Self::ReadMesh { .. }
-            | Self::WriteField { .. }
-            | Self::MissingInput { .. }
-            | Self::Dof(_)
-            | Self::Schema { .. } => None,
+            | Self::Dof(_) => None,
         }
     }
 

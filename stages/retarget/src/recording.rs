@@ -6,10 +6,11 @@ use geometry::TriMesh;
 use lake::recording::Recording;
 use robot::RobotModel;
 use schemas::{
+    Table,
     ros2::motion::{
         self, Hand, HandLink, JOINT_TRAJECTORY, START_NS, Scene, SceneStep, TrajectoryPoint,
     },
-    trajectories::{self, Trajectory},
+    trajectories::Trajectory,
 };
 
 use crate::RetargetError;
@@ -40,7 +41,7 @@ pub(crate) fn record(
         triangles: &mesh.triangles,
     };
     let about = [
-        ("schema", trajectories::VERSION),
+        ("schema", Trajectory::VERSION),
         ("object", &trajectory.object),
         ("sequence", &trajectory.sequence),
     ]

@@ -10,7 +10,7 @@ use dataflow::{
     Stage, Unit,
 };
 use robot::RobotModel;
-use schemas::{distance_fields, objects, trajectories};
+use schemas::{Table, distance_fields::FieldInfo, objects, trajectories::Trajectory};
 
 use crate::{
     HandTable, RetargetConfig, RetargetError, Wrist,
@@ -60,13 +60,13 @@ impl Stage for Retarget {
     const OUTPUTS: &'static [Output] = &[
         Output {
             artifact: FIELDS,
-            schema: distance_fields::VERSION,
+            schema: FieldInfo::VERSION,
             partition: "object",
             parallel: true,
         },
         Output {
             artifact: TRAJECTORIES,
-            schema: trajectories::VERSION,
+            schema: Trajectory::VERSION,
             partition: "sequence",
             parallel: true,
         },
@@ -212,22 +212,6 @@ fn check_wrist(config: &RetargetConfig, hand: &Hand) -> Result<(), RetargetError
         Wrist::Fixed if found < 3 => Err(RetargetError::TooFewPalmPoints { found }),
         Wrist::Fixed if hand.is_palm_a_line() => Err(RetargetError::PalmPointsInLine { found }),
         Wrist::Fixed | Wrist::Free => Ok(()),
-    }
-}
-
-/// Returns the error of a unit that was not given what it needs: the plan is not this stage's.
-fn missing(cx: &Context, what: &'static str) -> RetargetError {
-    RetargetError::MissingInput {
-        partition: cx.partition().to_owned(),
-        what,
-    }
-}
-
-/// Returns the error of a table that does not follow its schema.
-fn schema(cx: &Context) -> impl Fn(schemas::SchemaError) -> RetargetError + Copy {
-    |source| RetargetError::Schema {
-        partition: cx.partition().to_owned(),
-        source,
     }
 }
 

@@ -7,7 +7,6 @@ use dataflow::Advise;
 use lake::LakeError;
 use robot::{JointMismatch, RobotError, WrongDof};
 use robot_meshes::MeshError;
-use schemas::SchemaError;
 
 /// Why no motions could be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -71,31 +70,9 @@ pub enum SampleError {
         /// The object's name.
         object: String,
     },
-    /// An object's distance field cannot be read from the lake.
-    #[error("cannot read the distance field of object `{object}`")]
-    ReadField {
-        /// The object's name.
-        object: String,
-        /// Why it failed.
-        source: io::Error,
-    },
-    /// An input has no partition, or a partition lacks a file.
-    #[error("the {what} is missing")]
-    Missing {
-        /// What is missing.
-        what: &'static str,
-    },
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
-    /// An artifact does not follow its schema.
-    #[error("cannot use `{key}`")]
-    Schema {
-        /// The artifact's key.
-        key: String,
-        /// How it differs.
-        source: SchemaError,
-    },
     /// The grasping function cannot be used.
     #[error(transparent)]
     Cgf(#[from] CgfError),
@@ -122,11 +99,7 @@ impl Advise for SampleError {
                 "set `hand` to the URDF of a robot hand; {}",
                 dataflow::missing(path)
             )),
-            Self::Missing { .. }
-            | Self::Schema { .. }
-            | Self::BadField { .. }
-            | Self::Dof(_)
-            | Self::ReadField { .. } => {
+            Self::BadField { .. } | Self::Dof(_) => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Lake(err) => err.hint(),

@@ -2,10 +2,11 @@
 
 use std::{fs, path::Path};
 
-use dataflow::{Artifact, Form, Inputs, SourceFile};
+use dataflow::{Artifact, Form, SourceFile};
 use geometry::DistanceField;
+use lake::ReadArtifact;
 use robot::{JointOrder, RobotModel};
-use schemas::{SchemaError, distance_fields};
+use schemas::distance_fields;
 
 use crate::{SampleConfig, SampleError};
 
@@ -55,15 +56,7 @@ pub fn read_hand(path: &Path) -> Result<(String, RobotModel), SampleError> {
 ///
 /// Fails if they are missing or damaged.
 pub fn read_field(artifact: &Artifact) -> Result<DistanceField, SampleError> {
-    let path = artifact
-        .file(distance_fields::FIELD)
-        .ok_or(SampleError::Missing {
-            what: "distance field of an object",
-        })?;
-    let bytes = fs::read(path).map_err(|source| SampleError::ReadField {
-        object: artifact.key.clone(),
-        source,
-    })?;
+    let bytes = artifact.bytes(distance_fields::FIELD)?;
     DistanceField::from_bytes(&bytes).ok_or_else(|| SampleError::BadField {
         object: artifact.key.clone(),
     })
@@ -79,26 +72,4 @@ pub fn order(model: &RobotModel, joints: &[String], what: &str) -> Result<JointO
         what: what.to_owned(),
         source,
     })
-}
-
-/// Returns the one artifact of an input, which is `what`.
-///
-/// # Errors
-///
-/// Fails if there is none.
-pub fn only<'a>(
-    inputs: &'a Inputs,
-    input: &str,
-    what: &'static str,
-) -> Result<&'a Artifact, SampleError> {
-    let artifact = inputs.artifacts(input).first();
-    artifact.ok_or(SampleError::Missing { what })
-}
-
-/// Returns what makes the error of an artifact that does not follow its schema.
-pub fn schema(key: &str) -> impl Fn(SchemaError) -> SampleError {
-    move |source| SampleError::Schema {
-        key: key.to_owned(),
-        source,
-    }
 }

@@ -10,7 +10,8 @@ use lake::recording::Recording;
 use nalgebra::{Isometry3, Point3};
 use robot::{JointOrder, RobotModel, Shape, WrongDof, balls};
 use schemas::{
-    candidates::{self, Candidate},
+    Table,
+    candidates::{self, Candidate, Candidates},
     objects::Object,
     ros2::{
         ColorRgba, Marker, TfMessage,
@@ -59,7 +60,7 @@ pub(crate) fn record(
 ) -> Result<(), SampleError> {
     let names: Vec<&str> = motions.iter().map(|m| m.candidate_id.as_str()).collect();
     let about = [
-        ("schema", candidates::VERSION),
+        ("schema", Candidates::VERSION),
         ("object", &stage.object.name),
         ("candidate_ids", &names.join(",")),
     ]

@@ -5,6 +5,7 @@ mod candidates;
 use dataflow::{
     Code, Context, Form, Input, Inputs, Labels, OptionFault, Outcome, Output, Scope, Stage, Unit,
 };
+use schemas::{Table, candidates::Candidates};
 
 use crate::{
     SampleConfig, SampleError,
@@ -51,7 +52,7 @@ impl Stage for Sample {
     ];
     const OUTPUTS: &'static [Output] = &[Output {
         artifact: CANDIDATES,
-        schema: schemas::candidates::VERSION,
+        schema: Candidates::VERSION,
         partition: "object",
         parallel: true,
     }];

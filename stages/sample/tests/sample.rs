@@ -29,10 +29,9 @@ use safetensors::{SafeTensors, tensor::TensorView};
 use schemas::{
     candidates,
     candidates::Candidates,
-    checkpoint, distance_fields, objects,
+    checkpoint, distance_fields,
     objects::{Object, RestingOrientation},
     ros2::{TfMessage, motion},
-    sampling,
     sampling::Sampled,
     trajectories,
     trajectories::Trajectory,
@@ -219,14 +218,13 @@ fn inputs(folder: &Path) -> Inputs {
         files,
     };
     let (of_object, object_files) = part("object", &[lake::table::FILE]);
-    lake::table::write(&of_object, &objects::to_batch(&[object()]).unwrap()).unwrap();
+    lake::table::write(&of_object, &object()).unwrap();
     let (of_field, field_files) = part("field", &[distance_fields::FIELD]);
     let field = DistanceField::new(&mesh(), 0.0025, 0.025).unwrap().unwrap();
     fs::write(of_field.join(distance_fields::FIELD), field.to_bytes()).unwrap();
     let shown = [("a", 0.1), ("b", -0.1)].map(|(name, x)| {
         let (folder, files) = part(name, &[lake::table::FILE]);
-        let batch = trajectories::to_batch(&trajectory(name, x)).unwrap();
-        lake::table::write(&folder, &batch).unwrap();
+        lake::table::write(&folder, &trajectory(name, x)).unwrap();
         artifact(name, files)
     });
     let checkpoint = [checkpoint::BEST.weights, checkpoint::BEST.description]
@@ -314,15 +312,13 @@ fn made_in(folder: &Path) -> Artifact {
 
 fn sample(config: &SampleConfig, inputs: &Inputs, seed: u64) -> Candidates {
     let (out, _) = run(config, inputs, seed);
-    let batch = lake::table::read(&made_in(out.path())).unwrap();
-    candidates::from_batch("can", &batch).unwrap()
+    lake::table::read(&made_in(out.path())).unwrap()
 }
 
 /// Samples, then measures what was sampled.
 fn measure(config: &SampleConfig, inputs: &Inputs) -> (Vec<Sampled>, Made) {
     let (out, made) = measured(config, inputs);
-    let batch = lake::table::read(&made_in(out.path())).unwrap();
-    (sampling::from_batch(&batch).unwrap(), made)
+    (lake::table::read(&made_in(out.path())).unwrap(), made)
 }
 
 fn reported() -> &'static Reported<SampleReport> {
@@ -811,8 +807,8 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
             ..config()
         };
         let (out, made) = run(&config, &inputs, 7);
-        let batch = lake::table::read(&made_in(out.path())).unwrap();
-        let candidates = candidates::from_batch("can", &batch).unwrap().candidates;
+        let drawn: Candidates = lake::table::read(&made_in(out.path())).unwrap();
+        let candidates = drawn.candidates;
         let (sampled, _) = measure(&config, &inputs);
         let deepest = |s: &Sampled| {
             let in_object = s.approach_depth_m.max(s.grasp_depth_m);
@@ -851,8 +847,8 @@ fn a_recording_shows_motions_side_by_side() {
         ..config()
     };
     let (out, _) = run(&config, &inputs, 7);
-    let drawn = candidates::from_batch("can", &lake::table::read(&made_in(out.path())).unwrap());
-    let drawn = drawn.unwrap().candidates;
+    let drawn: Candidates = lake::table::read(&made_in(out.path())).unwrap();
+    let drawn = drawn.candidates;
     let contents = lake::recording::read(&out.path().join("motions.mcap")).unwrap();
     assert_eq!(
         contents.about["candidate_ids"],

@@ -6,7 +6,6 @@ use dataflow::{Advise, missing};
 use lake::LakeError;
 use robot::{JointMismatch, RobotError, WrongDof};
 use robot_meshes::MeshError;
-use schemas::SchemaError;
 use simulation::SimulationError;
 
 /// Why candidates could not be screened.
@@ -63,28 +62,12 @@ pub enum ScreenError {
     /// There is nothing to screen.
     #[error("there are no candidates to screen")]
     NoCandidates,
-    /// The unit was given no candidates or no URDF: the plan is not this stage's.
-    #[error("the unit `{partition}` reads no {what}")]
-    MissingInput {
-        /// The unit's partition.
-        partition: String,
-        /// What is missing.
-        what: &'static str,
-    },
     /// A rollout has another number of joints than the hand.
     #[error("a rollout cannot be recorded: {0}")]
     Dof(#[from] WrongDof),
-    /// A table or recording could not be read or written.
+    /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
-    /// A table does not follow its schema.
-    #[error("the table of `{partition}` does not follow its schema")]
-    Schema {
-        /// The partition.
-        partition: String,
-        /// How it differs.
-        source: SchemaError,
-    },
 }
 
 impl Advise for ScreenError {
@@ -105,9 +88,7 @@ impl Advise for ScreenError {
                 Some("use the same `hand` in `retarget` and in `screen`, then run again".to_owned())
             }
             Self::Lake(err) => err.hint(),
-            Self::NoCandidates | Self::MissingInput { .. } | Self::Dof(_) | Self::Schema { .. } => {
-                None
-            }
+            Self::NoCandidates | Self::Dof(_) => None,
         }
     }
 

@@ -5,8 +5,9 @@ use std::{collections::BTreeMap, path::Path};
 use lake::recording::Recording;
 use robot::RobotModel;
 use schemas::{
+    Table,
     objects::Object,
-    rollouts,
+    rollouts::Rollouts,
     ros2::motion::{
         self, Hand, HandLink, JOINT_TRAJECTORY, START_NS, Scene, SceneStep, TrajectoryPoint,
     },
@@ -50,7 +51,7 @@ pub(crate) fn record(
         triangles: &stage.object.triangles,
     };
     let about = [
-        ("schema", rollouts::VERSION),
+        ("schema", Rollouts::VERSION),
         ("object", &stage.object.name),
         ("candidate_id", candidate_id),
         ("reason", rollout.verdict.as_str()),

@@ -6,8 +6,14 @@ use dataflow::{
     Code, Context, Form, Input, Inputs, Labels, Made, OptionFault, Outcome, Output, Scope,
     SourceFile, Stage, Unit,
 };
+use lake::{ReadInputs, WriteArtifact};
 use robot::{JointOrder, RobotModel};
-use schemas::{candidates, objects, rollouts, rollouts::Verdict};
+use schemas::{
+    Table,
+    candidates::Candidates,
+    objects::Object,
+    rollouts::{Rollout, Rollouts, Verdict},
+};
 use simulation::{Flexion, Record, SimulationError, check_hand};
 
 use crate::{
@@ -47,7 +53,7 @@ impl Stage for Screen {
     ];
     const OUTPUTS: &'static [Output] = &[Output {
         artifact: ROLLOUTS,
-        schema: rollouts::VERSION,
+        schema: Rollouts::VERSION,
         partition: "object",
         parallel: true,
     }];
@@ -103,30 +109,12 @@ impl Stage for Screen {
     }
 
     fn run(config: &ScreenConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, ScreenError> {
-        let missing = |what| ScreenError::MissingInput {
-            partition: cx.partition().to_owned(),
-            what,
-        };
-        let schema = |source| ScreenError::Schema {
-            partition: cx.partition().to_owned(),
-            source,
-        };
-        let urdf = inputs
-            .files()
-            .first()
-            .ok_or_else(|| missing("URDF of a hand"))?;
+        let urdf = inputs.source(0, "URDF of a hand")?;
         let (xml, model) = load_hand(&urdf.path)?;
-        let artifact = inputs
-            .artifacts("candidates")
-            .first()
-            .ok_or_else(|| missing("candidates"))?;
-        let candidates =
-            candidates::from_batch(&artifact.key, &lake::table::read(artifact)?).map_err(schema)?;
-        let Some(artifact) = inputs.artifacts("objects").first() else {
+        let candidates: Candidates = inputs.one()?;
+        let Some(object) = inputs.optional::<Object>()? else {
             return Ok(skipped("it is not among the objects"));
         };
-        let object =
-            objects::from_batch(&artifact.key, &lake::table::read(artifact)?).map_err(schema)?;
         JointOrder::new(&candidates.joints, &model.joint_names()).map_err(|source| {
             ScreenError::AnotherHand {
                 partition: cx.partition().to_owned(),
@@ -151,8 +139,7 @@ impl Stage for Screen {
             Err((candidate, err)) => return failed(Some(candidate), err),
         };
 
-        let batch = rollouts::to_batch(&rollouts).map_err(schema)?;
-        lake::table::write(cx.folder(), &batch)?;
+        cx.write(&rollouts)?;
         let stage = recording::Stage {
             urdf: &xml,
             model: &model,
@@ -178,7 +165,7 @@ impl Stage for Screen {
     }
 }
 
-fn metrics(rollouts: &[rollouts::Rollout]) -> BTreeMap<String, f64> {
+fn metrics(rollouts: &[Rollout]) -> BTreeMap<String, f64> {
     let count = |verdict: Verdict| rollouts.iter().filter(|r| r.verdict == verdict).count() as f64;
     let steps: f64 = rollouts.iter().map(|r| f64::from(r.cost_n)).sum();
     let mut metrics: BTreeMap<String, f64> = [

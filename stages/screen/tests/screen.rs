@@ -10,10 +10,10 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use report_screen::ScreenReport;
 use robot::RobotModel;
 use schemas::{
-    candidates::{self, Candidate, Candidates, Rates, Step},
+    candidates::{Candidate, Candidates, Rates, Step},
     objects::{self, RestingOrientation},
-    rollouts::{self, Rollout, Verdict},
-    success,
+    rollouts::{Rollout, Verdict},
+    success::Successes,
 };
 use simulation::{
     Approach, ControllerKind, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Shortcuts,
@@ -191,9 +191,8 @@ fn run(
     for folder in [&made, &motions, &out] {
         fs::create_dir(folder).unwrap();
     }
-    let batch = objects::to_batch(std::slice::from_ref(object)).unwrap();
-    lake::table::write(&made, &batch).unwrap();
-    lake::table::write(&motions, &candidates::to_batch(candidates).unwrap()).unwrap();
+    lake::table::write(&made, object).unwrap();
+    lake::table::write(&motions, candidates).unwrap();
     let inputs = Inputs::new(
         BTreeMap::from([
             ("objects".to_owned(), vec![artifact(&made)]),
@@ -216,8 +215,7 @@ fn made(outcome: Outcome) -> Made {
 }
 
 fn rows(folder: &Path) -> Vec<Rollout> {
-    let batch = lake::table::read(&artifact(&folder.join("out"))).unwrap();
-    rollouts::from_batch(&batch).unwrap()
+    lake::table::read(&artifact(&folder.join("out"))).unwrap()
 }
 
 #[test]
@@ -266,7 +264,7 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     let cx = Context::detached("success", "all", 7, &success);
     let made = made((reported.run)(&config(), &inputs, &cx).unwrap());
     assert!(made.labels.is_empty());
-    let said = success::from_batch(&lake::table::read(&artifact(&success)).unwrap()).unwrap();
+    let said: Successes = lake::table::read(&artifact(&success)).unwrap();
     assert_eq!(said.len(), 1);
     let row = &said[0];
     assert_eq!(

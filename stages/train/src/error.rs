@@ -8,7 +8,6 @@ use lake::LakeError;
 use motion::MotionError;
 use robot::{JointMismatch, RobotError};
 use robot_meshes::MeshError;
-use schemas::SchemaError;
 
 /// Why no grasping function could be trained.
 #[derive(Debug, thiserror::Error)]
@@ -71,14 +70,6 @@ pub enum TrainError {
         /// Why it failed.
         source: io::Error,
     },
-    /// An object's distance field cannot be read from the lake.
-    #[error("cannot read the distance field of object `{object}`")]
-    ReadField {
-        /// The object's name.
-        object: String,
-        /// Why it failed.
-        source: io::Error,
-    },
     /// An object's distance field is damaged.
     #[error("the distance field of object `{object}` is damaged")]
     BadField {
@@ -88,14 +79,6 @@ pub enum TrainError {
     /// An artifact cannot be read.
     #[error(transparent)]
     Lake(#[from] LakeError),
-    /// An artifact does not follow its schema.
-    #[error("cannot use `{key}`")]
-    Schema {
-        /// The artifact's key.
-        key: String,
-        /// How it differs.
-        source: SchemaError,
-    },
     /// Training failed.
     #[error(transparent)]
     Cgf(#[from] CgfError),
@@ -116,7 +99,7 @@ impl Advise for TrainError {
             }
             Self::Lake(err) => err.hint(),
             Self::HandMesh(err) => err.hint(),
-            Self::Schema { .. } | Self::ReadField { .. } | Self::BadField { .. } => {
+            Self::BadField { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Cgf(CgfError::Diverged { .. }) => {

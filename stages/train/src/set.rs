@@ -1,18 +1,14 @@
 //! From artifacts to a training set.
 
-use std::{collections::BTreeMap, fs, sync::Arc};
+use std::{collections::BTreeMap, sync::Arc};
 
 use cgf::{Random, Scene, Split, Track, TrainingSet};
 use dataflow::{Artifact, Inputs};
 use geometry::DistanceField;
-use lake::LakeError;
+use lake::{ReadArtifact, ReadInputs, table};
 use motion::{Motion, MotionError, Step};
 use nalgebra::Point3;
-use schemas::{
-    distance_fields,
-    objects::{self, Object},
-    trajectories::{self, Trajectory},
-};
+use schemas::{distance_fields, objects::Object, trajectories::Trajectory};
 use spatial::Rest;
 
 use crate::{TrainConfig, TrainError};
@@ -34,13 +30,10 @@ pub fn read(
     joints: &[String],
     seed: u64,
 ) -> Result<TrainingSet, TrainError> {
-    let mut known = BTreeMap::new();
-    for artifact in inputs.artifacts("objects") {
-        let batch = lake::table::read(artifact)?;
-        let object = objects::from_batch(&artifact.key, &batch)
-            .map_err(|source| schema(artifact, source))?;
-        known.insert(artifact.key.clone(), object);
-    }
+    let objects = inputs.all::<Object>()?.into_iter();
+    let known: BTreeMap<String, Object> = objects
+        .map(|object| (object.name.clone(), object))
+        .collect();
     let mut set = TrainingSet {
         scenes: Vec::new(),
         tracks: Vec::new(),
@@ -52,9 +45,7 @@ pub fn read(
     }
     let mut scenes = BTreeMap::new();
     for artifact in inputs.artifacts("trajectories") {
-        let batch = lake::table::read(artifact)?;
-        let trajectory = trajectories::from_batch(&artifact.key, &batch)
-            .map_err(|source| schema(artifact, source))?;
+        let trajectory: Trajectory = table::read(artifact)?;
         let object = known
             .get(&trajectory.object)
             .ok_or_else(|| TrainError::UnknownObject {
@@ -77,15 +68,7 @@ pub fn read(
 }
 
 fn read_field(artifact: &Artifact) -> Result<DistanceField, TrainError> {
-    let name = distance_fields::FIELD;
-    let path = artifact.file(name).ok_or_else(|| LakeError::MissingFile {
-        key: artifact.key.clone(),
-        file: name.to_owned(),
-    })?;
-    let bytes = fs::read(path).map_err(|source| TrainError::ReadField {
-        object: artifact.key.clone(),
-        source,
-    })?;
+    let bytes = artifact.bytes(distance_fields::FIELD)?;
     DistanceField::from_bytes(&bytes).ok_or_else(|| TrainError::BadField {
         object: artifact.key.clone(),
     })
@@ -116,13 +99,6 @@ fn hold_out(set: &mut TrainingSet, share: f64, seed: u64) {
             *left -= 1;
             held_out += 1.0;
         }
-    }
-}
-
-fn schema(artifact: &Artifact, source: schemas::SchemaError) -> TrainError {
-    TrainError::Schema {
-        key: artifact.key.clone(),
-        source,
     }
 }
 

@@ -479,8 +479,7 @@ fn candidates_of_a_lake_stay_where_they_were_screened() {
         labels: std::collections::BTreeMap::new(),
         files: [(lake::table::FILE.to_owned(), file)].into(),
     };
-    let batch = lake::table::read(&artifact).unwrap();
-    let given = schemas::candidates::from_batch("object", &batch).unwrap();
+    let given: schemas::candidates::Candidates = lake::table::read(&artifact).unwrap();
     let urdf = include_str!("../../../../data/robots/allegro_right.urdf");
     let hand = RobotModel::from_urdf(urdf).unwrap();
     for approach in [Approach::Follow, Approach::Open] {

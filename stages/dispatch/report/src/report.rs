@@ -1,6 +1,7 @@
 //! The report and the lines of `run`.
 
 use dataflow::{Code, Labels, Output, Report, Reported, Summary};
+use schemas::{Table, trials::AllTrials};
 use stage_dispatch::{Dispatch, DispatchError};
 
 use crate::trials;
@@ -16,7 +17,7 @@ impl Report for DispatchReport {
     const OUTPUTS: &'static [Reported<Self>] = &[Reported {
         output: Output {
             artifact: "trials",
-            schema: schemas::trials::VERSION,
+            schema: AllTrials::VERSION,
             partition: "dispatching",
             parallel: true,
         },

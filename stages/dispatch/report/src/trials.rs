@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use dataflow::{Context, Inputs, Labels, Made, Outcome, Scope, Summary, Unit};
+use lake::WriteArtifact;
 use schemas::{
-    executions::{self, Execution},
+    executions::{self, Execution, Executions},
     success::wilson,
-    trials::{self, Trials},
+    trials::Trials,
 };
 use stage_dispatch::{DispatchError, EXECUTIONS};
 
@@ -30,18 +31,10 @@ pub(crate) fn units(scope: &Scope) -> Vec<Unit> {
 pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, DispatchError> {
     let mut rows = Vec::new();
     for artifact in inputs.artifacts(EXECUTIONS) {
-        let schema = |source| DispatchError::Schema {
-            partition: artifact.key.clone(),
-            source,
-        };
-        let sent = executions::from_batch(&lake::table::read(artifact)?).map_err(schema)?;
+        let sent: Executions = lake::table::read(artifact)?;
         rows.extend(of_object(&artifact.key, &sent));
     }
-    let batch = trials::to_batch(&rows).map_err(|source| DispatchError::Schema {
-        partition: cx.partition().to_owned(),
-        source,
-    })?;
-    lake::table::write(cx.folder(), &batch)?;
+    cx.write(&rows)?;
     Ok(Outcome::Made(Made {
         labels: Labels::new(),
         metrics: metrics(&rows),

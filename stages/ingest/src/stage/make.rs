@@ -1,11 +1,11 @@
 //! How each unit is made.
 
-use std::{collections::BTreeMap, fs::File, io::Write, path::Path};
+use std::collections::BTreeMap;
 
-use dataflow::{Artifact, Context, Inputs, Labels, Made, Outcome, SourceFile};
+use dataflow::{Context, Inputs, Labels, Made, Outcome, SourceFile};
 use geometry::TriMesh;
-use nalgebra::{Unit as UnitVector, Vector3};
-use schemas::{SchemaError, demonstrations::Demonstration, objects::Object};
+use lake::{LakeError, WriteArtifact};
+use schemas::{demonstrations::Demonstration, objects::Object};
 
 use super::{DEMONSTRATIONS, LEFT_OUT, MASS, MESHES, SHAPES, UNREADABLE, units::added};
 use crate::{
@@ -52,7 +52,7 @@ pub(super) fn shape(
         })
     });
     match made {
-        Ok((object, mesh)) => write_object(cx, object, &mesh, added(inputs.files())),
+        Ok((object, mesh)) => Ok(write_object(cx, &object, &mesh, added(inputs.files()))?),
         Err(unusable) => Ok(skipped(&unusable)),
     }
 }
@@ -76,8 +76,8 @@ pub(super) fn demonstration(
     let shapes = inputs
         .artifacts(SHAPES)
         .iter()
-        .map(read_object)
-        .collect::<Result<Vec<_>, _>>()?;
+        .map(lake::table::read)
+        .collect::<Result<Vec<Object>, _>>()?;
     let mesh = mesh_among(inputs.files());
     let read = reader::reader(config).read(inputs.files());
     let made = read.and_then(|mut recording| {
@@ -88,14 +88,7 @@ pub(super) fn demonstration(
         Ok(made) => made,
         Err(unusable) => return Ok(skipped(&unusable)),
     };
-    let batch = schemas::demonstrations::to_batch(&demonstration).map_err(|source| {
-        IngestError::Schema {
-            action: "build",
-            partition: cx.partition().to_owned(),
-            source,
-        }
-    })?;
-    lake::table::write(cx.folder(), &batch)?;
+    cx.write(&demonstration)?;
     let film = cx.folder().join(FILM);
     film::write(&film, &demonstration, &after, mesh.as_ref())?;
     let bridged = demonstration.steps.iter().filter(|step| step.bridged);
@@ -167,33 +160,32 @@ pub(super) fn object(inputs: &Inputs, cx: &Context) -> Result<Outcome, IngestErr
         .artifacts(DEMONSTRATIONS)
         .iter()
         .map(|artifact| {
-            let batch = lake::table::read(artifact)?;
-            schemas::demonstrations::from_batch(&artifact.key, &batch)
-                .map(|demonstration| demonstration.rest.up_in_object)
-                .map_err(unread(&artifact.key))
+            Ok(lake::table::read::<Demonstration>(artifact)?
+                .rest
+                .up_in_object)
         })
-        .collect::<Result<Vec<UnitVector<Vector3<f64>>>, IngestError>>()?;
+        .collect::<Result<Vec<_>, LakeError>>()?;
     let Some(shape) = inputs.artifacts(SHAPES).first() else {
         return Ok(skipped(&Unusable::Missing {
             file: format!("shape of {}", cx.partition()),
         }));
     };
-    let mut object = read_object(shape)?;
+    let mut object: Object = lake::table::read(shape)?;
     object.rests = rests::rests(&object, &seen_up);
     let mesh = TriMesh {
         vertices_m: object.vertices_m.iter().map(|&v| v.into()).collect(),
         triangles: object.triangles.clone(),
     };
-    write_object(cx, object, &mesh, Labels::new())
+    Ok(write_object(cx, &object, &mesh, Labels::new())?)
 }
 
 /// Writes an object's table and its mesh.
 fn write_object(
     cx: &Context,
-    object: Object,
+    object: &Object,
     mesh: &TriMesh,
     mut labels: Labels,
-) -> Result<Outcome, IngestError> {
+) -> Result<Outcome, LakeError> {
     let metrics = BTreeMap::from([
         ("convex_parts_n".to_owned(), object.parts_m.len() as f64),
         ("rests_n".to_owned(), object.rests.len() as f64),
@@ -203,42 +195,13 @@ fn write_object(
         ),
     ]);
     labels.insert("object".to_owned(), object.name.clone());
-    let batch = schemas::objects::to_batch(&[object]).map_err(|source| IngestError::Schema {
-        action: "build",
-        partition: cx.partition().to_owned(),
-        source,
-    })?;
-    lake::table::write(cx.folder(), &batch)?;
-    let path = cx.folder().join(schemas::objects::MESH);
-    write(&path, mesh.to_obj().as_bytes())?;
+    cx.write(object)?;
+    cx.write_file(schemas::objects::MESH, mesh.to_obj().as_bytes())?;
     Ok(Outcome::Made(Made { labels, metrics }))
-}
-
-fn read_object(artifact: &Artifact) -> Result<Object, IngestError> {
-    let batch = lake::table::read(artifact)?;
-    schemas::objects::from_batch(&artifact.key, &batch).map_err(unread(&artifact.key))
-}
-
-fn unread(partition: &str) -> impl FnOnce(SchemaError) -> IngestError {
-    let partition = partition.to_owned();
-    move |source| IngestError::Schema {
-        action: "read",
-        partition,
-        source,
-    }
 }
 
 fn skipped(unusable: &Unusable) -> Outcome {
     Outcome::Skipped {
         reason: unusable.to_string(),
     }
-}
-
-fn write(path: &Path, bytes: &[u8]) -> Result<(), IngestError> {
-    File::create(path)
-        .and_then(|mut file| file.write_all(bytes))
-        .map_err(|source| IngestError::Write {
-            path: path.to_owned(),
-            source,
-        })
 }

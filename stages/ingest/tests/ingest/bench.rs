@@ -155,15 +155,12 @@ impl Bench {
 
     pub(crate) fn object(&self, output: &'static str, key: &str) -> Object {
         self.made(output, key);
-        let batch = lake::table::read(&self.artifact(output, key)).unwrap();
-        schemas::objects::from_batch(key, &batch).unwrap()
+        lake::table::read(&self.artifact(output, key)).unwrap()
     }
 
     pub(crate) fn demonstration(&self, key: &str) -> Demonstration {
         self.made("demonstrations", key);
-        let artifact = self.artifact("demonstrations", key);
-        let batch = lake::table::read(&artifact).unwrap();
-        schemas::demonstrations::from_batch(key, &batch).unwrap()
+        lake::table::read(&self.artifact("demonstrations", key)).unwrap()
     }
 
     /// The only demonstration.

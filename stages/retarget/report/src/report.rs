@@ -1,6 +1,7 @@
 //! The report and the lines of `run`.
 
 use dataflow::{Code, Output, Report, Reported, Summary};
+use schemas::{Table, tracking::TrackingReport};
 use stage_retarget::{FIELDS, Retarget, RetargetError};
 
 use crate::tracking;
@@ -16,7 +17,7 @@ impl Report for RetargetReport {
     const OUTPUTS: &'static [Reported<Self>] = &[Reported {
         output: Output {
             artifact: "tracking",
-            schema: schemas::tracking::VERSION,
+            schema: TrackingReport::VERSION,
             partition: "object",
             parallel: true,
         },

@@ -3,11 +3,8 @@
 use std::collections::BTreeMap;
 
 use dataflow::{Context, Inputs, Labels, Made, Outcome, Scope, Summary, Unit};
-use schemas::{
-    SchemaError,
-    tracking::{self, TrackingReport},
-    trajectories::{self, Trajectory},
-};
+use lake::{ReadInputs, WriteArtifact};
+use schemas::{tracking::TrackingReport, trajectories::Trajectory};
 use stage_retarget::{RetargetError, TRAJECTORIES};
 
 /// Depth below the table, in meters, that is more than measurement and thin objects explain.
@@ -34,23 +31,14 @@ pub(crate) fn labels(object: &str) -> Labels {
 
 /// Makes the report on one object's trajectories.
 pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, RetargetError> {
-    let schema = |source: SchemaError| RetargetError::Schema {
-        partition: cx.partition().to_owned(),
-        source,
-    };
-    let mut trajectories = Vec::new();
-    for artifact in inputs.artifacts(TRAJECTORIES) {
-        let batch = lake::table::read(artifact)?;
-        trajectories.push(trajectories::from_batch(&artifact.key, &batch).map_err(schema)?);
-    }
+    let trajectories: Vec<Trajectory> = inputs.all()?;
     if trajectories.is_empty() {
         return Ok(Outcome::Skipped {
             reason: "it has no trajectory".to_owned(),
         });
     }
     let report = report(&trajectories);
-    let batch = tracking::to_batch(&report).map_err(schema)?;
-    lake::table::write(cx.folder(), &batch)?;
+    cx.write(&report)?;
     let tips_n = trajectories
         .iter()
         .flat_map(|trajectory| &trajectory.steps)

@@ -1,16 +1,13 @@
 //! One object's distances.
 
-use std::{
-    collections::BTreeMap,
-    fs::{self, File},
-    io::Write,
-};
+use std::collections::BTreeMap;
 
 use dataflow::{Artifact, Context, Inputs, Made, Outcome};
 use geometry::TriMesh;
+use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{distance_fields, objects};
 
-use super::{missing, schema, skipped};
+use super::skipped;
 use crate::{RetargetConfig, RetargetError, scene::survey};
 
 /// Makes the distance field of one object.
@@ -19,11 +16,8 @@ pub(super) fn make(
     inputs: &Inputs,
     cx: &Context,
 ) -> Result<Outcome, RetargetError> {
-    let object = inputs
-        .artifacts("objects")
-        .first()
-        .ok_or_else(|| missing(cx, "object"))?;
-    let mesh = match read_mesh(object, cx)? {
+    let object = inputs.artifact("objects")?;
+    let mesh = match read_mesh(object)? {
         Ok(mesh) => mesh,
         Err(reason) => return Ok(skipped(reason)),
     };
@@ -32,14 +26,8 @@ pub(super) fn make(
         Ok(None) => return Ok(skipped("its mesh has no surface")),
         Err(err) => return Ok(skipped(format!("its mesh: {err}"))),
     };
-    let batch = distance_fields::to_batch(&info).map_err(schema(cx))?;
-    lake::table::write(cx.folder(), &batch)?;
-    let path = cx.folder().join(distance_fields::FIELD);
-    let written = File::create_new(&path).and_then(|mut file| file.write_all(&field.to_bytes()));
-    written.map_err(|source| RetargetError::WriteField {
-        object: object.key.clone(),
-        source,
-    })?;
+    cx.write(&info)?;
+    cx.write_file(distance_fields::FIELD, &field.to_bytes())?;
     Ok(Outcome::Made(Made {
         labels: BTreeMap::from([("object".to_owned(), object.key.clone())]),
         metrics: BTreeMap::from([("hull_vertices_n".to_owned(), info.hull_m.len() as f64)]),
@@ -47,17 +35,7 @@ pub(super) fn make(
 }
 
 /// Reads an object's mesh; the inner error is the reason to skip it.
-pub(super) fn read_mesh(
-    object: &Artifact,
-    cx: &Context,
-) -> Result<Result<TriMesh, String>, RetargetError> {
-    let path = object
-        .file(objects::MESH)
-        .ok_or_else(|| missing(cx, "mesh of an object"))?;
-    let text = fs::read_to_string(path).map_err(|source| RetargetError::ReadMesh {
-        object: object.key.clone(),
-        source,
-    })?;
-    Ok(TriMesh::from_obj(&text)
+pub(super) fn read_mesh(object: &Artifact) -> Result<Result<TriMesh, String>, LakeError> {
+    Ok(TriMesh::from_obj(&object.text(objects::MESH)?)
         .map_err(|err| format!("the mesh of its object `{}`: {err}", object.key)))
 }

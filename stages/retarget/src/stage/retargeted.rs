@@ -1,15 +1,16 @@
 //! One demonstration's trajectory.
 
-use std::{collections::BTreeMap, fs};
+use std::collections::BTreeMap;
 
 use dataflow::{Artifact, Context, Inputs, Made, Outcome};
 use geometry::DistanceField;
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
     demonstrations::{self, Demonstration},
     distance_fields, trajectories,
 };
 
-use super::{FIELDS, LoadedHand, fields::read_mesh, load_hand, missing, schema, skipped};
+use super::{FIELDS, LoadedHand, fields::read_mesh, load_hand, skipped};
 use crate::{
     RetargetConfig, RetargetError, rates::fill_rates, recording, scene::Scene, track::track,
 };
@@ -23,11 +24,10 @@ pub(super) fn make(
     inputs: &Inputs,
     cx: &Context,
 ) -> Result<Outcome, RetargetError> {
-    let [urdf, table, ..] = inputs.files() else {
-        return Err(missing(cx, "URDF and table of a hand"));
-    };
+    let urdf = inputs.source(0, "URDF of a hand")?;
+    let table = inputs.source(1, "table of a hand")?;
     let LoadedHand { urdf, hand, table } = load_hand(&urdf.path, &table.path)?;
-    let demonstration = read_demonstration(inputs, cx)?;
+    let demonstration: Demonstration = inputs.one()?;
     if let Some(reason) = unusable(&demonstration, &table) {
         return Ok(skipped(reason));
     }
@@ -40,11 +40,11 @@ pub(super) fn make(
             demonstration.object
         )));
     };
-    let mesh = match read_mesh(object, cx)? {
+    let mesh = match read_mesh(object)? {
         Ok(mesh) => mesh,
         Err(reason) => return Ok(skipped(reason)),
     };
-    let scene = read_scene(field, &demonstration, cx)?;
+    let scene = read_scene(field, &demonstration)?;
     let Some(mut tracked) = track(&hand, &scene, config, &demonstration)? else {
         return Ok(skipped("it has no step"));
     };
@@ -76,22 +76,12 @@ pub(super) fn make(
         rest: scene.rest(),
         steps: tracked.steps,
     };
-    let batch = trajectories::to_batch(&trajectory).map_err(schema(cx))?;
-    lake::table::write(cx.folder(), &batch)?;
+    cx.write(&trajectory)?;
     recording::record(&urdf, &hand.model, &mesh, &trajectory, cx.folder())?;
     Ok(Outcome::Made(Made {
         labels: BTreeMap::from([("object".to_owned(), trajectory.object)]),
         metrics,
     }))
-}
-
-fn read_demonstration(inputs: &Inputs, cx: &Context) -> Result<Demonstration, RetargetError> {
-    let artifact = inputs
-        .artifacts("demonstrations")
-        .first()
-        .ok_or_else(|| missing(cx, "demonstration"))?;
-    let batch = lake::table::read(artifact)?;
-    demonstrations::from_batch(&artifact.key, &batch).map_err(schema(cx))
 }
 
 /// Returns why a demonstration cannot be retargeted to this hand, if it cannot.
@@ -117,19 +107,9 @@ pub(super) fn unusable(demonstration: &Demonstration, table: &crate::HandTable) 
     ))
 }
 
-fn read_scene(
-    field: &Artifact,
-    demonstration: &Demonstration,
-    cx: &Context,
-) -> Result<Scene, RetargetError> {
-    let info = distance_fields::from_batch(&lake::table::read(field)?).map_err(schema(cx))?;
-    let path = field
-        .file(distance_fields::FIELD)
-        .ok_or_else(|| missing(cx, "distance field of an object"))?;
-    let bytes = fs::read(path).map_err(|source| RetargetError::ReadMesh {
-        object: field.key.clone(),
-        source,
-    })?;
+fn read_scene(field: &Artifact, demonstration: &Demonstration) -> Result<Scene, RetargetError> {
+    let info = lake::table::read(field)?;
+    let bytes = field.bytes(distance_fields::FIELD)?;
     let grid = DistanceField::from_bytes(&bytes).ok_or_else(|| RetargetError::BadField {
         object: field.key.clone(),
     })?;

@@ -3,7 +3,10 @@
 use std::{collections::BTreeMap, io::Write, path::PathBuf};
 
 use dataflow::{Advise, Artifact, Partition};
-use schemas::demonstrations::{self, Demonstration, KEYPOINTS};
+use schemas::{
+    demonstrations::{Demonstration, KEYPOINTS},
+    distance_fields,
+};
 
 use super::*;
 use crate::{fixture, recording};
@@ -59,7 +62,7 @@ fn demonstration() -> Demonstration {
 fn run(config: &RetargetConfig, unit: &Unit, folder: &Path) -> Outcome {
     let (out, _) = place(folder, "out");
     let (path, shown) = place(folder, "s");
-    lake::table::write(&path, &demonstrations::to_batch(&demonstration()).unwrap()).unwrap();
+    lake::table::write(&path, &demonstration()).unwrap();
     let mut artifacts = BTreeMap::from([("demonstrations".to_owned(), vec![shown])]);
     if unit
         .reads
@@ -106,8 +109,7 @@ fn a_demonstration_becomes_a_trajectory() {
     assert_eq!(made.labels["object"], "box");
     assert_eq!(made.metrics["steps_n"], 3.0);
     let (_, artifact) = place(folder.path(), "out");
-    let batch = lake::table::read(&artifact).unwrap();
-    let trajectory = trajectories::from_batch("s", &batch).unwrap();
+    let trajectory: Trajectory = lake::table::read(&artifact).unwrap();
     assert_eq!((trajectory.steps.len(), trajectory.joints.len()), (3, 16));
     assert_eq!(trajectory.object, "box");
     assert_eq!((trajectory.keypoints.len(), trajectory.tips.len()), (9, 4));

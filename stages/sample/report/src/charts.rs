@@ -3,6 +3,7 @@
 use charts::{Bars, Captions, ChartError, Sample, Scale, Series, bars, histogram, lines, scatter};
 use dataflow::Context;
 use diversity::{Diversity, Motion};
+use lake::WriteArtifact;
 use schemas::{candidates::Step, sampling::Sampled};
 use spatial::{Object, Pose, Rest, Table};
 
@@ -74,10 +75,7 @@ impl Charts<'_> {
             ("limits", self.limits()),
         ] {
             match chart {
-                Ok(svg) => {
-                    let path = cx.folder().join(format!("{name}.svg"));
-                    lake::write_whole(&path, svg.as_bytes())?;
-                }
+                Ok(svg) => cx.write_file(&format!("{name}.svg"), svg.as_bytes())?,
                 Err(ChartError::Nothing { .. }) => {}
                 Err(err) => return Err(err.into()),
             }

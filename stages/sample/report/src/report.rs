@@ -1,6 +1,7 @@
 //! The report and the lines of `run`.
 
 use dataflow::{Code, Output, Report, Reported, Summary};
+use schemas::{Table, sampling::Sampling};
 use stage_sample::Sample;
 
 use crate::{SampleReportError, sampling};
@@ -16,7 +17,7 @@ impl Report for SampleReport {
     const OUTPUTS: &'static [Reported<Self>] = &[Reported {
         output: Output {
             artifact: "sampling",
-            schema: schemas::sampling::VERSION,
+            schema: Sampling::VERSION,
             partition: "object",
             parallel: true,
         },

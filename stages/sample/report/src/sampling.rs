@@ -2,16 +2,16 @@
 
 use dataflow::{Artifact, Context, Inputs, Labels, Made, Outcome, Scope, Summary, Unit};
 use diversity::{Diversity, Motion};
+use lake::{ReadInputs, WriteArtifact};
 use robot::{JointOrder, WrongDof};
 use schemas::{
-    candidates::{self, Step},
-    sampling,
+    candidates::{self, Candidates, Step},
     sampling::Sampled,
-    trajectories,
+    trajectories::Trajectory,
 };
 use stage_sample::{
     CANDIDATES, SampleConfig, SampleError, TRAJECTORIES,
-    inputs::{FIELDS, ROBOT, hand_file, hand_meshes, only, order, read_field, read_hand, schema},
+    inputs::{FIELDS, ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
     room::{Gauge, Room},
 };
 
@@ -57,20 +57,14 @@ pub(crate) fn labels(object: &str) -> Labels {
 
 /// Measures the motions of one object.
 pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleReportError> {
-    let artifact = only(inputs, CANDIDATES, "candidates")?;
-    let batch = lake::table::read(artifact)?;
-    let drawn = candidates::from_batch(&artifact.key, &batch).map_err(schema(&artifact.key))?;
+    let drawn: Candidates = inputs.one()?;
     let Some(field) = inputs.artifacts(FIELDS).first() else {
         return Ok(Outcome::Skipped {
             reason: "it is not among the objects with a surface".to_owned(),
         });
     };
     let field = read_field(field)?;
-    let file = inputs.files().first();
-    let file = file.ok_or(SampleError::Missing {
-        what: "hand's URDF",
-    })?;
-    let (_, hand) = read_hand(&file.path)?;
+    let (_, hand) = read_hand(&inputs.source(0, "URDF of a hand")?.path)?;
     let shown = inputs
         .artifacts(TRAJECTORIES)
         .iter()
@@ -88,8 +82,7 @@ pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleRepor
     let motions: Vec<Motion> = drawn.candidates.iter().map(Motion::from).collect();
     let diversity = Diversity::of(&motions);
     let sampled = measure.all(&drawn.candidates, &diversity)?;
-    let batch = sampling::to_batch(&sampled).map_err(schema(&artifact.key))?;
-    lake::table::write(cx.folder(), &batch)?;
+    cx.write(&sampled)?;
     charts::Charts {
         joints: &drawn.joints,
         sampled: &sampled,
@@ -98,7 +91,7 @@ pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleRepor
     }
     .put(cx)?;
     Ok(Outcome::Made(Made {
-        labels: labels(&artifact.key),
+        labels: labels(&drawn.object),
         metrics: metrics(&sampled, &diversity)
             .map(|(name, value)| (name.to_owned(), value))
             .into(),
@@ -142,8 +135,7 @@ pub(crate) fn describe(summary: &Summary) -> String {
 
 /// Reads a demonstration with its joints in this order; `None` if it has no step.
 fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, SampleReportError> {
-    let batch = lake::table::read(artifact)?;
-    let shown = trajectories::from_batch(&artifact.key, &batch).map_err(schema(&artifact.key))?;
+    let shown: Trajectory = lake::table::read(artifact)?;
     let order =
         JointOrder::new(&shown.joints, joints).map_err(|source| SampleError::AnotherHand {
             what: format!("trajectory `{}`", artifact.key),

@@ -4,15 +4,17 @@ use std::collections::BTreeMap;
 
 use cgf::Cgf;
 use dataflow::{Artifact, Context, Inputs, Made, Outcome, Scope, Unit};
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
-    candidates::{self, Candidate, Candidates},
-    checkpoint, objects,
+    candidates::{Candidate, Candidates},
+    checkpoint,
+    objects::Object,
 };
 
 use super::{SHOWN_ROBOT, labels};
 use crate::{
     Epoch, SampleConfig, SampleError,
-    inputs::{FIELDS, ROBOT, hand_file, hand_meshes, only, order, read_field, read_hand, schema},
+    inputs::{FIELDS, ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
     motions::sample,
     recording,
     room::{Gauge, Room},
@@ -74,10 +76,8 @@ pub(super) fn make(
     inputs: &Inputs,
     cx: &Context,
 ) -> Result<Outcome, SampleError> {
-    let cgf = read_checkpoint(config.epoch, only(inputs, "checkpoint", "checkpoint")?)?;
-    let artifact = only(inputs, "objects", "object")?;
-    let batch = lake::table::read(artifact)?;
-    let object = objects::from_batch(&artifact.key, &batch).map_err(schema(&artifact.key))?;
+    let cgf = read_checkpoint(config.epoch, inputs.artifact("checkpoint")?)?;
+    let object: Object = inputs.one()?;
     let hand = inputs.files().first();
     let hand = hand.map(|file| read_hand(&file.path)).transpose()?;
     let order = hand.as_ref().map(|(_, model)| {
@@ -100,8 +100,7 @@ pub(super) fn make(
         joints: cgf.description().joints.clone(),
         candidates: sample.candidates,
     };
-    let batch = candidates::to_batch(&drawn).map_err(schema(&artifact.key))?;
-    lake::table::write(cx.folder(), &batch)?;
+    cx.write(&drawn)?;
     if config.recorded_per_object > 0
         && let Some((urdf, model)) = &hand
         && let Some(order) = &order
@@ -130,13 +129,10 @@ pub(super) fn make(
 }
 
 fn read_checkpoint(epoch: Epoch, artifact: &Artifact) -> Result<Cgf, SampleError> {
-    let file = |name| {
-        let file = artifact.file(name);
-        file.ok_or(SampleError::Missing { what: "checkpoint" })
-    };
     let files = match epoch {
         Epoch::Best => checkpoint::BEST,
         Epoch::Last => checkpoint::LAST,
     };
-    Ok(Cgf::load(file(files.weights)?, file(files.description)?)?)
+    let weights = artifact.path(files.weights)?;
+    Ok(Cgf::load(weights, artifact.path(files.description)?)?)
 }

@@ -1,6 +1,7 @@
 //! The report and the lines of `run`.
 
 use dataflow::{Code, Labels, Output, Report, Reported, Summary};
+use schemas::{Table, success::Successes};
 use stage_screen::Screen;
 
 use crate::{ScreenReportError, success};
@@ -16,7 +17,7 @@ impl Report for ScreenReport {
     const OUTPUTS: &'static [Reported<Self>] = &[Reported {
         output: Output {
             artifact: "success",
-            schema: schemas::success::VERSION,
+            schema: Successes::VERSION,
             partition: "screening",
             parallel: true,
         },

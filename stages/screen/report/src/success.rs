@@ -3,15 +3,15 @@
 use std::collections::BTreeMap;
 
 use charts::{Captions, ChartError, Estimate, Estimates, intervals};
-use dataflow::{Artifact, Context, Inputs, Labels, Made, Outcome, Scope, Summary, Unit};
+use dataflow::{Context, Inputs, Labels, Made, Outcome, Scope, Summary, Unit};
 use diversity::{Diversity, Motion};
+use lake::{LakeError, WriteArtifact, table};
 use schemas::{
-    SchemaError,
-    candidates::{self, Candidate, Candidates},
-    rollouts::{self, Rollout, Verdict},
+    candidates::{Candidate, Candidates},
+    rollouts::{Rollout, Rollouts, Verdict},
     success::{self, Success},
 };
-use stage_screen::{ROLLOUTS, ScreenError};
+use stage_screen::ROLLOUTS;
 
 use crate::ScreenReportError;
 
@@ -43,19 +43,14 @@ pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, ScreenRepor
     for artifact in inputs.artifacts(ROLLOUTS) {
         let mut given = inputs.artifacts(CANDIDATES).iter();
         let given = given.find(|given| given.key == artifact.key);
-        let given = given.ok_or_else(|| ScreenError::MissingInput {
-            partition: artifact.key.clone(),
-            what: "candidates",
-        })?;
-        let schema = |source| of_partition(&artifact.key, source);
-        let rollouts = rollouts::from_batch(&lake::table::read(artifact)?).map_err(schema)?;
+        let given = given.ok_or(LakeError::MissingInput { what: CANDIDATES })?;
+        let rollouts: Rollouts = table::read(artifact)?;
         touched_n += rollouts.iter().filter(|rollout| touched(rollout)).count();
-        rows.extend(of_object(&rollouts, &read_candidates(given)?)?);
+        rows.extend(of_object(&rollouts, &table::read(given)?)?);
     }
-    let batch = success::to_batch(&rows).map_err(|err| of_partition(cx.partition(), err))?;
-    lake::table::write(cx.folder(), &batch)?;
+    cx.write(&rows)?;
     match chart(&rows) {
-        Ok(svg) => lake::write_whole(&cx.folder().join("rates.svg"), svg.as_bytes())?,
+        Ok(svg) => cx.write_file("rates.svg", svg.as_bytes())?,
         Err(ChartError::Nothing { .. }) => {}
         Err(err) => return Err(err.into()),
     }
@@ -108,19 +103,6 @@ fn untouched(summary: &Summary) -> String {
         .map(|(n, what)| format!("{n:.0} {what}"))
         .collect();
     format!("; no motion touched the object: {}", became.join(", "))
-}
-
-fn read_candidates(artifact: &Artifact) -> Result<Candidates, ScreenError> {
-    let batch = lake::table::read(artifact)?;
-    candidates::from_batch(&artifact.key, &batch)
-        .map_err(|source| of_partition(&artifact.key, source))
-}
-
-fn of_partition(partition: &str, source: SchemaError) -> ScreenError {
-    ScreenError::Schema {
-        partition: partition.to_owned(),
-        source,
-    }
 }
 
 /// Returns one row for each generator of an object's candidates, in the order of their names.
@@ -244,7 +226,10 @@ fn chart(rows: &[Success]) -> Result<String, ChartError> {
 mod tests {
     use dataflow::Partition;
     use nalgebra::{Isometry3, Vector3};
-    use schemas::candidates::{Rates, Step};
+    use schemas::{
+        candidates::{Rates, Step},
+        rollouts::Smoothness,
+    };
     use spatial::Pose;
 
     use super::*;
@@ -282,7 +267,7 @@ mod tests {
             displacement_m: 0.0,
             penetration_m: 0.0,
             contacts_n: 0,
-            smoothness: rollouts::Smoothness::default(),
+            smoothness: Smoothness::default(),
         }
     }
 

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use cgf::{Demonstration, Description, Split};
 use charts::{Captions, Scale, Series, lines, scatter};
 use dataflow::{Context, Inputs, Made, Outcome, Summary};
-use schemas::latents::{self, Row};
-use stage_train::TrainError;
+use lake::WriteArtifact;
+use schemas::latents::Row;
 
 use crate::{
     TrainReportError,
@@ -21,11 +21,7 @@ const ACTIVE: f64 = 0.01;
 pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainReportError> {
     let description = description(inputs)?;
     let rows = rows(&description);
-    let batch = latents::to_batch(&rows).map_err(|source| TrainError::Schema {
-        key: cx.partition().to_owned(),
-        source,
-    })?;
-    lake::table::write(cx.folder(), &batch)?;
+    cx.write(&rows)?;
     draw(&description, &rows, cx)?;
     let metrics = [
         ("latents_n", rows.len() as f64),

@@ -8,17 +8,18 @@ use std::{
 use cgf::{Cgf, CgfError, Demonstration, Description, Grasp, Split, Track};
 use charts::{Bars, Captions, Scale, Series, bars, lines};
 use dataflow::{Context, Inputs, Made, Outcome, Summary};
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::{Isometry3, Point3};
 use robot::RobotModel;
 use schemas::{
     checkpoint,
-    reconstruction::{self, Row},
+    reconstruction::{Reconstruction, Row},
 };
-use stage_train::{TrainConfig, TrainError, hand, set};
+use stage_train::{CHECKPOINT, TrainConfig, hand, set};
 
 use crate::{
     TrainReportError,
-    report::{SPLITS, file, mean, of_split, put},
+    report::{SPLITS, mean, of_split, put},
 };
 
 /// Parts of a motion over which errors are shown.
@@ -54,11 +55,8 @@ pub(crate) fn make(
     inputs: &Inputs,
     cx: &Context,
 ) -> Result<Outcome, TrainReportError> {
-    let files = checkpoint::LAST;
-    let cgf = Cgf::load(
-        file(inputs, files.weights)?,
-        file(inputs, files.description)?,
-    )?;
+    let (model, files) = (inputs.artifact(CHECKPOINT)?, checkpoint::LAST);
+    let cgf = Cgf::load(model.path(files.weights)?, model.path(files.description)?)?;
     let description = cgf.description();
     let hand = Arc::new(hand(config, inputs)?);
     cgf.check_hand(&hand.joint_names())?;
@@ -89,13 +87,10 @@ pub(crate) fn make(
         let share = all.len() as f64 / set.tracks.len() as f64;
         cx.progress(share, &track.name);
     }
-    let rows: Vec<Row> = all.iter().map(|rebuilt| rebuilt.row.clone()).collect();
-    let batch = reconstruction::to_batch(&hand.joint_names(), &rows);
-    let batch = batch.map_err(|source| TrainError::Schema {
-        key: cx.partition().to_owned(),
-        source,
+    cx.write(&Reconstruction {
+        joints: hand.joint_names(),
+        rows: all.iter().map(|rebuilt| rebuilt.row.clone()).collect(),
     })?;
-    lake::table::write(cx.folder(), &batch)?;
     draw(&all, &hand, cx)?;
     Ok(Outcome::Made(Made {
         labels: BTreeMap::new(),

@@ -1,14 +1,12 @@
 //! The reports: their units, and what they have in common.
 
-use std::path::Path;
-
 use cgf::{Demonstration, Description, Split};
 use charts::ChartError;
-use dataflow::{
-    Artifact, Code, Context, Inputs, Output, Report, Reported, Scope, Stage, Summary, Unit,
+use dataflow::{Code, Context, Inputs, Output, Report, Reported, Scope, Stage, Summary, Unit};
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use schemas::{
+    Table, checkpoint, latents::Latents, reconstruction::Reconstruction, training::Training,
 };
-use lake::LakeError;
-use schemas::checkpoint;
 use stage_train::{CHECKPOINT, Train, TrainConfig};
 
 use crate::{TrainReportError, latents, reconstruction, training};
@@ -23,21 +21,21 @@ impl Report for TrainReport {
     const CODE: Code = dataflow::code!();
     const OUTPUTS: &'static [Reported<Self>] = &[
         Reported {
-            output: output("training", schemas::training::VERSION),
+            output: output("training", Training::VERSION),
             units: of_description,
             foretell: |_| None,
             run: |_, inputs, cx| training::make(inputs, cx),
             describe: training::describe,
         },
         Reported {
-            output: output("latents", schemas::latents::VERSION),
+            output: output("latents", Latents::VERSION),
             units: of_description,
             foretell: |_| None,
             run: |_, inputs, cx| latents::make(inputs, cx),
             describe: latents::describe,
         },
         Reported {
-            output: output("reconstruction", schemas::reconstruction::VERSION),
+            output: output("reconstruction", Reconstruction::VERSION),
             units: of_function,
             foretell: |_| None,
             run: reconstruction::make,
@@ -113,22 +111,12 @@ pub(crate) const SPLITS: [(Split, &str, &str, &str); 3] = [
     (Split::Unseen, "unseen", "unseen objects", "_unseen"),
 ];
 
-/// The file of the checkpoint that has this name.
-pub(crate) fn file<'a>(inputs: &'a Inputs, name: &str) -> Result<&'a Path, TrainReportError> {
-    let model = inputs.artifacts(CHECKPOINT).first();
-    let file = model.and_then(|model| model.file(name));
-    Ok(file.ok_or_else(|| LakeError::MissingFile {
-        key: model.map_or_else(String::new, |model: &Artifact| model.key.clone()),
-        file: name.to_owned(),
-    })?)
-}
-
 /// Everything about the trained function but its weights.
 pub(crate) fn description(inputs: &Inputs) -> Result<Description, TrainReportError> {
-    Ok(Description::read(file(
-        inputs,
-        checkpoint::LAST.description,
-    )?)?)
+    let model = inputs.artifact(CHECKPOINT)?;
+    Ok(Description::read(
+        model.path(checkpoint::LAST.description)?,
+    )?)
 }
 
 /// The motions of a set.
@@ -147,10 +135,7 @@ pub(crate) fn put(
     chart: Result<String, ChartError>,
 ) -> Result<(), TrainReportError> {
     match chart {
-        Ok(svg) => {
-            let path = cx.folder().join(format!("{name}.svg"));
-            Ok(lake::write_whole(&path, svg.as_bytes())?)
-        }
+        Ok(svg) => Ok(cx.write_file(&format!("{name}.svg"), svg.as_bytes())?),
         Err(ChartError::Nothing { .. }) => Ok(()),
         Err(err) => Err(err.into()),
     }

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use cgf::{Description, Epoch, Losses, Split, TrainingConfig};
 use charts::{Captions, Scale, Series, lines};
 use dataflow::{Context, Inputs, Made, Outcome, Summary};
-use schemas::training::{self, Row};
-use stage_train::TrainError;
+use lake::WriteArtifact;
+use schemas::training::Row;
 
 use crate::{
     TrainReportError,
@@ -55,11 +55,7 @@ const TERMS: [Term; 7] = [
 pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainReportError> {
     let description = description(inputs)?;
     let rows = rows(&description.training_curve);
-    let batch = training::to_batch(&rows).map_err(|source| TrainError::Schema {
-        key: cx.partition().to_owned(),
-        source,
-    })?;
-    lake::table::write(cx.folder(), &batch)?;
+    cx.write(&rows)?;
     draw(&description, cx)?;
     Ok(Outcome::Made(Made {
         labels: BTreeMap::new(),

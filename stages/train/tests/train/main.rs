@@ -12,9 +12,8 @@ use cgf::{
 use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Partition, Scope, SourceFile, Stage};
 use nalgebra::{Isometry3, Vector3};
 use schemas::{
-    checkpoint, distance_fields, objects,
+    Table, checkpoint, distance_fields,
     objects::{Object, RestingOrientation},
-    trajectories,
     trajectories::{Rates, Step, Tracking, Trajectory},
 };
 use spatial::{Pose, Rest};
@@ -137,10 +136,10 @@ fn trajectory(sequence: &str, object: &str, up: Vector3<f64>) -> Trajectory {
     }
 }
 
-fn artifact(folder: &Path, key: &str, object: &str, batch: &arrow_array::RecordBatch) -> Artifact {
+fn artifact<T: Table>(folder: &Path, key: &str, object: &str, table: &T) -> Artifact {
     let folder = folder.join(key);
     std::fs::create_dir(&folder).unwrap();
-    lake::table::write(&folder, batch).unwrap();
+    lake::table::write(&folder, table).unwrap();
     Artifact {
         key: key.to_owned(),
         labels: BTreeMap::from([("object".to_owned(), object.to_owned())]),
@@ -149,20 +148,12 @@ fn artifact(folder: &Path, key: &str, object: &str, batch: &arrow_array::RecordB
 }
 
 fn inputs(folder: &Path) -> Inputs {
-    let objects = ["can", "tin"].map(|name| {
-        artifact(
-            folder,
-            name,
-            name,
-            &objects::to_batch(&[object(name)]).unwrap(),
-        )
-    });
+    let objects = ["can", "tin"].map(|name| artifact(folder, name, name, &object(name)));
     // The second lies a little askew in its recording.
     let up = [Vector3::z(), Vector3::new(1.0, 0.1, 0.0), Vector3::x()];
     let trajectories = [("a", "can"), ("b", "can"), ("c", "tin")];
     let trajectories = trajectories.iter().zip(up).map(|((sequence, object), up)| {
-        let batch = trajectories::to_batch(&trajectory(sequence, object, up)).unwrap();
-        artifact(folder, sequence, object, &batch)
+        artifact(folder, sequence, object, &trajectory(sequence, object, up))
     });
     Inputs::new(
         BTreeMap::from([
@@ -240,12 +231,7 @@ fn a_damaged_distance_field_is_named() {
     let (lake, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let path = lake.path().join(distance_fields::FIELD);
     std::fs::write(&path, b"sdfield1 and no more").unwrap();
-    let mut field = artifact(
-        lake.path(),
-        "field",
-        "tin",
-        &objects::to_batch(&[object("tin")]).unwrap(),
-    );
+    let mut field = artifact(lake.path(), "field", "tin", &object("tin"));
     field.key = "tin".to_owned();
     let inputs = Inputs::new(
         BTreeMap::from([("distance_fields".to_owned(), vec![field.clone()])]),

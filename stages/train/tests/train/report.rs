@@ -7,7 +7,9 @@ use dataflow::{
     Artifact, Context, Inputs, Made, Outcome, Partition, Report, Reported, Scope, Stage, Summary,
 };
 use report_train::{TrainReport, TrainReportError};
-use schemas::{checkpoint, latents, reconstruction, training};
+use schemas::{
+    Table, checkpoint, latents::Latents, reconstruction::Reconstruction, training::Training,
+};
 use stage_train::{Train, TrainConfig, TrainError};
 use tempfile::TempDir;
 
@@ -69,9 +71,9 @@ impl Trained {
     }
 
     /// Makes a report; returns its table, its charts and its metrics.
-    fn table_of(&self, output: &str) -> (arrow_array::RecordBatch, Vec<String>, Made) {
+    fn table_of<T: Table>(&self) -> (T, Vec<String>, Made) {
         let folder = TempDir::new().unwrap();
-        let made = self.report(output, 7, folder.path()).unwrap();
+        let made = self.report(T::NAME, 7, folder.path()).unwrap();
         let table = folder.path().join(lake::table::FILE);
         let artifact = Artifact {
             key: "cgf".to_owned(),
@@ -113,8 +115,7 @@ fn said(output: &str, made: &Made) -> String {
 #[test]
 fn losses_of_every_epoch_are_shown() {
     let trained = Trained::new(unseen());
-    let (table, charts, made) = trained.table_of("training");
-    let rows = training::from_batch(&table).unwrap();
+    let (rows, charts, made) = trained.table_of::<Training>();
     let splits: Vec<(i64, &str)> = rows.iter().map(|row| (row.epoch, &*row.split)).collect();
     let of_epoch = |epoch| [(epoch, "training"), (epoch, "unseen")];
     assert_eq!(splits, [1, 2, 3].map(of_epoch).concat());
@@ -136,8 +137,8 @@ fn losses_of_every_epoch_are_shown() {
 #[test]
 fn every_motion_is_compared_with_what_became_of_it() {
     let trained = Trained::new(unseen());
-    let (table, charts, made) = trained.table_of("reconstruction");
-    let (joints, rows) = reconstruction::from_batch(&table).unwrap();
+    let (made_of, charts, made) = trained.table_of::<Reconstruction>();
+    let Reconstruction { joints, rows } = made_of;
     assert_eq!(joints, trained.description.joints);
     assert_eq!(rows.len(), 3);
     for (row, demonstration) in rows.iter().zip(&trained.description.demonstrations) {
@@ -171,8 +172,7 @@ fn every_motion_is_compared_with_what_became_of_it() {
 #[test]
 fn use_of_the_latent_code_is_that_of_the_motions_learned_from() {
     let trained = Trained::new(unseen());
-    let (table, charts, made) = trained.table_of("latents");
-    let rows = latents::from_batch(&table).unwrap();
+    let (rows, charts, made) = trained.table_of::<Latents>();
     assert_eq!(rows.len(), trained.description.network.latent_dim);
     let learned = &trained.description.demonstrations[..2];
     for (dimension, row) in rows.iter().enumerate() {

@@ -3,8 +3,8 @@
 use std::{collections::BTreeMap, path::PathBuf, time::Instant};
 
 use schemas::{
-    candidates,
-    rollouts::{self, Verdict},
+    candidates::Candidates,
+    rollouts::{Rollouts, Verdict},
 };
 
 use super::*;
@@ -71,14 +71,13 @@ fn accepted(lake: &lake::Lake) -> Vec<Drawn> {
         let Some(rollouts) = rollouts.get(&name) else {
             continue;
         };
-        let rollouts = rollouts::from_batch(&lake::table::read(rollouts).unwrap()).unwrap();
+        let rollouts: Rollouts = lake::table::read(rollouts).unwrap();
         let held: Vec<&str> = rollouts
             .iter()
             .filter(|rollout| rollout.verdict == Verdict::Held)
             .map(|rollout| rollout.candidate_id.as_str())
             .collect();
-        let batch = lake::table::read(&artifact).unwrap();
-        let all = candidates::from_batch(&name, &batch).unwrap();
+        let all: Candidates = lake::table::read(&artifact).unwrap();
         assert_eq!(all.joints, hand().joint_names());
         let all_held = all.candidates.iter();
         let all_held = all_held.filter(|one| held.contains(&one.candidate_id.as_str()));

@@ -1,0 +1,91 @@
+//! Reading columns.
+
+use arrow_array::RecordBatch;
+
+use super::{Cell, Column, Row};
+use crate::SchemaError;
+
+/// Key of the schema's name and version in the file's metadata.
+pub(super) const SCHEMA: &str = "schema";
+/// Key of the joints' names, separated by commas, in the file's metadata.
+pub(crate) const JOINTS: &str = "joints";
+
+/// Reads the columns of one version of a schema by name.
+pub(crate) struct Reader<'a> {
+    batch: &'a RecordBatch,
+}
+
+impl<'a> Reader<'a> {
+    /// Refuses a batch of another schema or version.
+    pub(crate) fn new(batch: &'a RecordBatch, version: &str) -> Result<Self, SchemaError> {
+        let reader = Self { batch };
+        match reader.noted(SCHEMA) {
+            found if found == version => Ok(reader),
+            found => Err(SchemaError::Version {
+                expected: version.to_owned(),
+                found: found.to_owned(),
+            }),
+        }
+    }
+
+    /// Reads all rows.
+    pub(crate) fn rows<R: Row>(&self) -> Result<Vec<R>, SchemaError> {
+        (0..self.batch.num_rows())
+            .map(|row| R::read(self, row))
+            .collect()
+    }
+
+    /// Reads the first row, of at least one.
+    pub(crate) fn first<R: Row>(&self) -> Result<R, SchemaError> {
+        match self.batch.num_rows() {
+            0 => Err(SchemaError::Rows {
+                expected: "at least one",
+                found: 0,
+            }),
+            _ => R::read(self, 0),
+        }
+    }
+
+    /// Reads the only row.
+    pub(crate) fn row<R: Row>(&self) -> Result<R, SchemaError> {
+        match self.batch.num_rows() {
+            1 => R::read(self, 0),
+            found => Err(SchemaError::Rows {
+                expected: "one",
+                found,
+            }),
+        }
+    }
+
+    /// Reads a cell of a column.
+    pub(crate) fn cell<T: Cell>(&self, name: &str, row: usize) -> Result<T, SchemaError> {
+        let array = self.batch.column_by_name(name);
+        let array = array.ok_or_else(|| SchemaError::Column {
+            column: name.to_owned(),
+            expected: T::TYPE,
+        })?;
+        T::read(&Column { name, array }, row)
+    }
+
+    /// Returns a list of names from the metadata; none if they are not noted.
+    pub(crate) fn names(&self, key: &str) -> Vec<String> {
+        let names = self.noted(key).split(',');
+        let names = names.filter(|name| !name.is_empty());
+        names.map(str::to_owned).collect()
+    }
+
+    /// Returns the joints' names from the metadata.
+    pub(crate) fn joints(&self) -> Result<Vec<String>, SchemaError> {
+        let joints: Vec<String> = self.noted(JOINTS).split(',').map(str::to_owned).collect();
+        if joints.iter().any(String::is_empty) {
+            let message = "the metadata names no joints".to_owned();
+            return Err(SchemaError::invalid(JOINTS, message));
+        }
+        Ok(joints)
+    }
+
+    fn noted(&self, key: &str) -> &str {
+        let metadata = self.batch.schema_ref().metadata();
+        metadata.get(key).map_or("", String::as_str)
+    }
+}

@@ -1,0 +1,87 @@
+//! Why a table is not what its schema says.
+
+use arrow_schema::ArrowError;
+use spatial::NotAPose;
+
+/// Why a table is not what its schema says.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SchemaError {
+    /// The table was written by another version.
+    #[error("table has schema `{found}`, expected `{expected}`")]
+    Version {
+        /// The version of this program.
+        expected: String,
+        /// The version in the file.
+        found: String,
+    },
+    /// A column is missing or has another type.
+    #[error("column `{column}` is missing or not of type {expected}")]
+    Column {
+        /// The column's name.
+        column: String,
+        /// The type promised.
+        expected: &'static str,
+    },
+    /// A number is NaN or infinite.
+    #[error("column `{column}` holds a number that is not finite in row {row}")]
+    NotFinite {
+        /// The column's name.
+        column: String,
+        /// The row.
+        row: usize,
+    },
+    /// There are too few or too many rows.
+    #[error("table has {found} rows, expected {expected}")]
+    Rows {
+        /// What was expected.
+        expected: &'static str,
+        /// Rows found.
+        found: usize,
+    },
+    /// A value breaks the artifact's own rules.
+    #[error("column `{column}`: {message}")]
+    Invalid {
+        /// The column's name.
+        column: String,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// A value that should be a pose is none.
+    #[error("column `{column}` does not hold a pose")]
+    Pose {
+        /// The column's name.
+        column: String,
+        /// Why.
+        source: NotAPose,
+    },
+    /// The columns do not make a batch.
+    #[error("columns do not fit together")]
+    Arrow(#[from] ArrowError),
+}
+
+impl SchemaError {
+    /// Returns the error of a value that breaks the artifact's own rules.
+    pub(crate) fn invalid(column: &str, message: String) -> Self {
+        Self::Invalid {
+            column: column.to_owned(),
+            message,
+        }
+    }
+
+    /// Checks that a list of a column has as many entries as it must: joint positions, for example.
+    pub(crate) fn check_length<T>(
+        column: &str,
+        what: &str,
+        list: &[T],
+        expected: usize,
+    ) -> Result<(), Self> {
+        match list.len() {
+            found if found == expected => Ok(()),
+            found => Err(Self::invalid(
+                column,
+                format!("{found} {what}, expected {expected}"),
+            )),
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! What makes a type an artifact that is a table.
+
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
+
+use crate::SchemaError;
+
+/// One partition of an artifact that is a table.
+///
+/// `lake` writes it as Parquet and reads it back; the partition's key is its file's place, not a column.
+pub trait Table: Sized {
+    /// Name of the artifact, e.g. `candidates`.
+    const NAME: &'static str;
+    /// Name and version of its columns, e.g. `candidates/2`; readers refuse every other version.
+    const VERSION: &'static str;
+
+    /// Returns the columns with their types, units and meanings.
+    fn schema() -> Schema;
+
+    /// Returns the partition as columns.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a number is not finite.
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError>;
+
+    /// Reads what [`Table::to_batch`] returned for the partition `key`.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the columns are of another version, or hold what the artifact cannot.
+    fn from_batch(key: &str, batch: &RecordBatch) -> Result<Self, SchemaError>;
+}
+
+/// Declares the table of a name and version whose partitions are rows, or one row, with the columns of
+/// [`columns!`].
+macro_rules! table {
+    ($name:literal, $version:literal, rows: $row:ty) => {
+        table! {@impl $name, $version, $row, Vec<$row>, |table| table, |reader| reader.rows()}
+    };
+    ($name:literal, $version:literal, row: $row:ty) => {
+        table! {@impl $name, $version, $row, $row, std::slice::from_ref, |reader| reader.row()}
+    };
+    (@impl $name:literal, $version:literal, $row:ty, $table:ty, $rows:expr, $read:expr) => {
+        impl crate::Table for $table {
+            const NAME: &'static str = $name;
+            const VERSION: &'static str = concat!($name, "/", $version);
+
+            fn schema() -> arrow_schema::Schema {
+                crate::columns::Writer::of::<$row>(Self::VERSION, &[]).schema()
+            }
+
+            fn to_batch(&self) -> Result<arrow_array::RecordBatch, crate::SchemaError> {
+                let rows: fn(&Self) -> &[$row] = $rows;
+                crate::columns::Writer::of(Self::VERSION, rows(self)).into_batch()
+            }
+
+            fn from_batch(
+                _key: &str,
+                batch: &arrow_array::RecordBatch,
+            ) -> Result<Self, crate::SchemaError> {
+                let reader = crate::columns::Reader::new(batch, Self::VERSION)?;
+                let read: fn(&crate::columns::Reader<'_>) -> Result<Self, crate::SchemaError> =
+                    $read;
+                read(&reader)
+            }
+        }
+    };
+}
+pub(crate) use table;

@@ -1,0 +1,344 @@
+//! One filled partition of every table: what the tests write, read and break.
+
+use std::fmt::Debug;
+
+use nalgebra::{Isometry3, Unit, Vector3};
+use schemas::{
+    Table,
+    candidates::{self, Candidate, Candidates},
+    demonstrations::{self, Demonstration},
+    distance_fields::FieldInfo,
+    executions::{self, Execution},
+    latents,
+    objects::{self, Object},
+    reconstruction::{self, Reconstruction},
+    rollouts::{self, Rollout, Verdict},
+    sampling::{self, Sampled},
+    success::Success,
+    tracking::TrackingReport,
+    training,
+    trajectories::{self, Trajectory},
+    trials::Trials,
+};
+use spatial::{Pose, Rest};
+
+/// What is done with a table of each kind.
+pub(crate) trait EachTable {
+    /// Goes on with the partition `key`.
+    fn table<T: Table + PartialEq + Debug>(&self, key: &str, table: &T);
+}
+
+/// Goes through the filled tables.
+pub(crate) fn each(tables: &impl EachTable) {
+    tables.table("005_tomato_soup_can", &object());
+    tables.table("a", &demonstration());
+    tables.table("can", &field());
+    tables.table("a", &trajectory());
+    tables.table("can", &tracking());
+    tables.table("cgf", &training());
+    tables.table("cgf", &reconstruction());
+    tables.table("cgf", &latents());
+    tables.table("can", &candidates());
+    tables.table("can", &sampling());
+    tables.table("can", &rollouts());
+    tables.table("all", &success());
+    tables.table("can", &executions());
+    tables.table("all", &trials());
+}
+
+fn rest() -> Rest {
+    Rest {
+        up_in_object: Unit::new_normalize(Vector3::new(0.0, 0.6, 0.8)),
+        height_m: 0.07,
+    }
+}
+
+fn pose<To, From>(x: f64) -> Pose<To, From> {
+    // Read back once, so that the quaternion is as it is stored.
+    let pose = Pose::<To, From>::new(Isometry3::new(Vector3::new(x, 0.2, 0.3), Vector3::x()));
+    Pose::from_array(pose.to_array()).unwrap()
+}
+
+fn joints() -> Vec<String> {
+    ["joint_0", "joint_1"].map(str::to_owned).to_vec()
+}
+
+pub(crate) fn object() -> Object {
+    Object {
+        name: "005_tomato_soup_can".to_owned(),
+        mass_kg: 0.349,
+        center_of_mass_m: [0.0, 0.1, 0.2],
+        inertia_kg_m2: [1.0, 2.0, 3.0, 0.1, 0.2, 0.3],
+        points_m: vec![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]],
+        normals: vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        watertight: true,
+        mirror: Some(objects::Mirror {
+            normal: Vector3::y_axis(),
+            offset_m: 0.01,
+            error_m: 0.002,
+        }),
+        vertices_m: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        triangles: vec![[0, 1, 2]],
+        parts_m: vec![vec![[0.0; 3], [1.0; 3]], vec![[2.0; 3]]],
+        rests: vec![objects::RestingOrientation {
+            rest: rest(),
+            seen_n: 3,
+            probability: 0.5,
+        }],
+    }
+}
+
+pub(crate) fn field() -> FieldInfo {
+    FieldInfo {
+        spacing_m: 0.0025,
+        margin_m: 0.025,
+        center_of_mass_m: [0.1, 0.2, 0.3],
+        hull_m: vec![[0.0; 3], [1.0, 2.0, 3.0]],
+    }
+}
+
+pub(crate) fn tracking() -> TrackingReport {
+    TrackingReport {
+        trajectories_n: 18,
+        steps_n: 600,
+        tip_error_mean_m: 1.0,
+        tip_error_median_m: 2.0,
+        tip_error_p95_m: 3.0,
+        limit_margin_least_rad: 4.0,
+        contacts_n: 70,
+        contact_gap_median_m: 5.0,
+        contact_gap_p90_m: 6.0,
+        penetration_median_m: 7.0,
+        penetration_p90_m: 8.0,
+        below_table_share: 9.0,
+        q_velocity_p95_rad_per_s: 10.0,
+        q_acceleration_p95_rad_per_s2: 11.0,
+    }
+}
+
+pub(crate) fn demonstration() -> Demonstration {
+    let mut keypoints_m = [[0.5; 3]; demonstrations::KEYPOINTS];
+    keypoints_m[20] = [1.0, 2.0, 3.0];
+    let step = |image: u32, time_s: f64| demonstrations::Step {
+        image,
+        time_s,
+        cameras_n: 3,
+        bridged: image == 7,
+        keypoints_m,
+    };
+    Demonstration {
+        sequence: "a".to_owned(),
+        object: "can".to_owned(),
+        subject: "s".to_owned(),
+        hand: demonstrations::Side::Left,
+        mirrored: true,
+        start_reason: "first hand".to_owned(),
+        end_reason: "it moved".to_owned(),
+        rest: rest(),
+        steps: vec![step(7, 0.25), step(9, 0.5)],
+    }
+}
+
+pub(crate) fn trajectory() -> Trajectory {
+    let step = |time_s: f64| trajectories::Step {
+        time_s,
+        object_from_palm: pose(0.1),
+        q_rad: vec![0.3, time_s],
+        rates: trajectories::Rates {
+            palm_velocity: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6],
+            q_velocity_rad_per_s: vec![1.0, 2.0],
+            q_acceleration_rad_per_s2: vec![3.0, 4.0],
+        },
+        tracking: trajectories::Tracking {
+            keypoint_errors_m: vec![0.03, 0.04],
+            tip_errors_m: vec![0.03],
+            contact_gaps_m: vec![-0.001],
+            limit_margin_rad: 0.1,
+            penetration_m: 0.002,
+            table_penetration_m: 0.001,
+        },
+    };
+    Trajectory {
+        sequence: "a".to_owned(),
+        object: "can".to_owned(),
+        joints: joints(),
+        keypoints: vec!["thumb_tip".to_owned(), "wrist".to_owned()],
+        tips: vec!["thumb_tip".to_owned()],
+        rest: rest(),
+        steps: vec![step(0.1), step(0.2)],
+    }
+}
+
+pub(crate) fn candidates() -> Candidates {
+    let step = |time_s: f64| candidates::Step {
+        time_s,
+        object_from_palm: pose(time_s),
+        q_rad: vec![time_s, 2.0 * time_s],
+        rates: candidates::Rates {
+            palm_velocity: [1.0, 2.0, 3.0, 4.0, 5.0, time_s],
+            palm_acceleration: [6.0, 5.0, 4.0, 3.0, 2.0, time_s],
+            q_velocity_rad_per_s: vec![3.0 * time_s, 0.0],
+            q_acceleration_rad_per_s2: vec![0.0, 4.0 * time_s],
+        },
+    };
+    let motion = |name: &str, times: &[f64]| Candidate {
+        candidate_id: name.to_owned(),
+        generator: "cgf".to_owned(),
+        latent: vec![0.5; times.len()],
+        table_from_object: pose(0.9),
+        limit_excess_rad: 0.01,
+        steps: times.iter().map(|&time_s| step(time_s)).collect(),
+    };
+    Candidates {
+        object: "can".to_owned(),
+        joints: joints(),
+        candidates: vec![
+            motion("can-0", &[0.0, 0.5, 1.0]),
+            motion("can-1", &[0.0, 0.25]),
+        ],
+    }
+}
+
+pub(crate) fn sampling() -> Vec<Sampled> {
+    let distance = |by: f64| sampling::GraspDistance {
+        palm_m: 1.0 * by,
+        palm_rad: 2.0 * by,
+        q_rad: 3.0 * by,
+    };
+    let sampled = |name: &str, limit_excess_rad: f64| Sampled {
+        candidate_id: name.to_owned(),
+        limit_excess_rad,
+        approach_depth_m: 4.0,
+        approach_depth_time_s: 5.0,
+        grasp_depth_m: 6.0,
+        table_depth_m: 7.0,
+        demonstration: (limit_excess_rad > 0.1).then(|| ("a".to_owned(), distance(0.1))),
+        from_mean: distance(0.3),
+    };
+    vec![sampled("can-0", 0.049), sampled("can-1", 0.2)]
+}
+
+pub(crate) fn success() -> Vec<Success> {
+    let row = |generator: &str, successes_n: i64| Success {
+        object: "can".to_owned(),
+        generator: generator.to_owned(),
+        verdicts_n: [successes_n, 2, 3, 4, 5, 6, 7, 8, 9],
+        control_steps_n: 1000,
+        spread: sampling::GraspDistance {
+            palm_m: 1.0,
+            palm_rad: 2.0,
+            q_rad: 3.0,
+        },
+        spread_n: successes_n,
+    };
+    vec![row("cgf", 40), row("interpolate", 0)]
+}
+
+pub(crate) fn rollouts() -> Vec<Rollout> {
+    let variations = |first: f64| {
+        let variation = |first: f64| rollouts::Variation {
+            position: first,
+            velocity: first + 1.0,
+            acceleration: first + 2.0,
+        };
+        rollouts::Variations {
+            joints: variation(first),
+            cartesian: variation(first + 3.0),
+        }
+    };
+    let rollout = |verdict: Verdict| Rollout {
+        candidate_id: verdict.as_str().to_owned(),
+        generator: "cgf".to_owned(),
+        verdict,
+        cost_n: 65,
+        saved_n: 125,
+        lift_m: 0.15,
+        slip_m: 0.001,
+        displacement_m: 0.002,
+        penetration_m: 0.0005,
+        contacts_n: 4,
+        smoothness: rollouts::Smoothness {
+            paper: variations(1.0),
+            released: variations(10.0),
+            robust: variations(100.0),
+        },
+    };
+    Verdict::ALL.map(rollout).into()
+}
+
+pub(crate) fn executions() -> Vec<Execution> {
+    let execution = |outcome: executions::Outcome| Execution {
+        goal_id: "00ff".to_owned(),
+        candidate_id: "can-0".to_owned(),
+        cell: "simulated".to_owned(),
+        simulated: true,
+        gap: "mass times 1.1".to_owned(),
+        accepted: outcome != executions::Outcome::Rejected,
+        outcome,
+        message: "held".to_owned(),
+        duration_s: 3.8,
+        tracking_error_rad: 0.1,
+        lift_m: 0.15,
+    };
+    executions::Outcome::ALL.map(execution).into()
+}
+
+pub(crate) fn trials() -> Vec<Trials> {
+    vec![Trials {
+        object: "can".to_owned(),
+        cell: "lab".to_owned(),
+        simulated: false,
+        gap: String::new(),
+        // Succeeded, failed, rejected, aborted, stopped, unknown.
+        outcomes_n: [11, 4, 5, 3, 7, 2],
+    }]
+}
+
+pub(crate) fn training() -> Vec<training::Row> {
+    let row = |epoch: i64, split: &str| training::Row {
+        epoch,
+        split: split.to_owned(),
+        learning_rate: 1e-3,
+        total: 2.0,
+        q: 3.0,
+        translation: 4.0,
+        origins_m2: 5.0,
+        rotations: 6.0,
+        kl_nats: 7.0,
+        contact_m2: 8.0,
+        penetration_m2: 2e-5,
+    };
+    vec![row(1, "training"), row(1, "held_out"), row(2, "training")]
+}
+
+pub(crate) fn reconstruction() -> Reconstruction {
+    let row = reconstruction::Row {
+        sequence: "a".to_owned(),
+        object: "can".to_owned(),
+        split: "unseen".to_owned(),
+        tip_error_mean_m: 1.0,
+        tip_error_grasp_m: 2.0,
+        palm_error_mean_m: 3.0,
+        palm_error_grasp_m: 4.0,
+        palm_rotation_mean_rad: 5.0,
+        palm_rotation_grasp_rad: 6.0,
+        joint_error_mean_rad: 7.0,
+        joint_error_grasp_rad: 8.0,
+        joint_errors_rad: vec![0.5, 13.5],
+    };
+    Reconstruction {
+        joints: joints(),
+        rows: vec![row.clone(), row],
+    }
+}
+
+pub(crate) fn latents() -> Vec<latents::Row> {
+    let row = |active: bool| latents::Row {
+        dimension: i64::from(active),
+        kl_nats: 0.5,
+        mean_deviation: 0.25,
+        deviation_mean: 0.75,
+        active,
+    };
+    vec![row(false), row(true)]
+}
