@@ -6,6 +6,8 @@
 
 /// Bump on any change to the names or shapes of the tensors or to the JSON's keys.
 pub const VERSION: &str = "checkpoint/3";
+/// Name of the artifact.
+pub const NAME: &str = "checkpoint";
 
 /// File names of the weights and of their description.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

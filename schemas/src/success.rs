@@ -58,7 +58,7 @@ impl Success {
 
     /// Returns the 95 % interval of the share that held.
     pub fn interval(&self) -> [f64; 2] {
-        wilson(self.successes_n(), self.candidates_n())
+        wilson(self.successes_n() as f64, self.candidates_n() as f64)
     }
 
     /// Returns the control steps simulated for each success, failures included; 0 without a success.
@@ -81,22 +81,21 @@ table! {"success", 1, rows: Success}
 /// # Examples
 ///
 /// ```
-/// let [low, high] = schemas::success::wilson(5, 10);
+/// let [low, high] = schemas::success::wilson(5.0, 10.0);
 /// assert!((low - 0.2366).abs() < 1e-4 && (high - 0.7634).abs() < 1e-4);
 /// ```
-pub fn wilson(successes: i64, n: i64) -> [f64; 2] {
+pub fn wilson(successes: f64, n: f64) -> [f64; 2] {
     /// The standard normal distribution's 97.5th percentile.
     const Z: f64 = 1.959_963_984_540_054;
-    if n <= 0 {
+    if n <= 0.0 {
         return [0.0, 1.0];
     }
-    let n = n as f64;
-    let p = successes as f64 / n;
+    let p = successes / n;
     let z2 = Z * Z;
     let middle = (p + z2 / (2.0 * n)) / (1.0 + z2 / n);
     let half = Z * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt() / (1.0 + z2 / n);
     // Rounding must not say that what never happened is a little more probable than never.
-    let low = if successes == 0 { 0.0 } else { middle - half };
+    let low = if successes == 0.0 { 0.0 } else { middle - half };
     let high = if p < 1.0 { middle + half } else { 1.0 };
     [low, high]
 }
@@ -215,24 +214,26 @@ mod tests {
             (5, 10, [0.2366, 0.7634]),
             (10, 10, [0.7225, 1.0]),
         ] {
-            for (found, expected) in wilson(successes, n).into_iter().zip(expected) {
+            let found = wilson(f64::from(successes), f64::from(n));
+            for (found, expected) in found.into_iter().zip(expected) {
                 assert!(
                     (found - expected).abs() < 6e-5,
                     "{successes} of {n}: {found} {expected}"
                 );
             }
         }
-        assert_eq!(wilson(0, 10)[0], 0.0);
-        assert_eq!(wilson(10, 10)[1], 1.0);
-        assert_eq!(wilson(0, 0), [0.0, 1.0]);
+        assert_eq!(wilson(0.0, 10.0)[0], 0.0);
+        assert_eq!(wilson(10.0, 10.0)[1], 1.0);
+        assert_eq!(wilson(0.0, 0.0), [0.0, 1.0]);
     }
 
     #[test]
     fn every_end_lies_within_0_and_1_and_about_the_rate() {
-        for n in [1, 2, 3, 64, 10_000, 1_000_000] {
-            for successes in [0, 1, n / 3, n / 2, n - 1, n] {
+        for n in [1, 2, 3, 64, 10_000, 1_000_000].map(f64::from) {
+            let share = |by: f64| (n / by).floor();
+            for successes in [0.0, 1.0, share(3.0), share(2.0), n - 1.0, n] {
                 let [low, high] = wilson(successes, n);
-                let rate = successes as f64 / n as f64;
+                let rate = successes / n;
                 assert!((0.0..=rate).contains(&low), "{successes} of {n}: {low}");
                 assert!((rate..=1.0).contains(&high), "{successes} of {n}: {high}");
             }

@@ -50,7 +50,7 @@ impl Trials {
 
     /// Returns the 95 % interval of that share.
     pub fn interval(&self) -> [f64; 2] {
-        wilson(self.successes_n(), self.trials_n())
+        wilson(self.successes_n() as f64, self.trials_n() as f64)
     }
 }
 

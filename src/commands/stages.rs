@@ -37,11 +37,12 @@ pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, Tr
 fn overview(kinds: &[Kind]) -> String {
     let mut rows = Vec::new();
     for kind in kinds {
-        let reads: Vec<&str> = kind.inputs.iter().map(|input| input.name).collect();
-        let makes: Vec<&str> = kind.outputs().map(|output| output.artifact).collect();
+        let outputs = kind.outputs();
+        let makes: Vec<&str> = outputs.iter().map(|output| output.artifact).collect();
         rows.push(vec![kind.name.to_owned(), kind.about.to_owned()]);
-        if !reads.is_empty() {
-            rows.push(vec![String::new(), format!("reads  {}", reads.join(", "))]);
+        if !kind.inputs.is_empty() {
+            let reads = format!("reads  {}", kind.inputs.join(", "));
+            rows.push(vec![String::new(), reads]);
         }
         rows.push(vec![String::new(), format!("makes  {}", makes.join(", "))]);
     }
@@ -54,10 +55,7 @@ fn overview(kinds: &[Kind]) -> String {
 fn options(kind: &Kind, width: Option<usize>) -> String {
     let mut text = format!("{}: {}\n\n", kind.name, kind.about);
     for input in kind.inputs {
-        text.push_str(&format!(
-            "inputs.{} = \"STAGE.{}\"\n",
-            input.name, input.artifact
-        ));
+        text.push_str(&format!("inputs.{input} = \"STAGE.{input}\"\n"));
     }
     for output in kind.outputs() {
         text.push_str(&format!(

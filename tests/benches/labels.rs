@@ -19,11 +19,11 @@ use std::{
     collections::BTreeMap, fs, fs::File, io::Read, path::Path, process::ExitCode, time::Instant,
 };
 
-use dataflow::{Context, Inputs, Outcome, Pipeline, Scope, SourceFile, Stage, Unit};
+use dataflow::{Context, Inputs, Outcome, Output, Pipeline, Scope, SourceFile, Unit};
 use limits::Limits;
 use python::Script;
 use recordings::{GRASPED, N_OBJECTS};
-use stage_ingest::{Ingest, IngestConfig, read::LabelReader};
+use stage_ingest::{Demonstrations, Ingest, IngestConfig, read::LabelReader};
 use tempfile::TempDir;
 
 /// How many times faster than `numpy` the reader has to be.
@@ -44,7 +44,7 @@ fn main() -> ExitCode {
     let started = Instant::now();
     recordings::write(root.path(), 200, 72);
     let config = config(root.path());
-    let units = Ingest::units(&config, "demonstrations", &Scope::default()).unwrap();
+    let units = Demonstrations::units(&config, &Scope::default()).unwrap();
     let labels: Vec<&SourceFile> = units
         .iter()
         .flat_map(|unit| &unit.files)
@@ -122,8 +122,8 @@ fn run_stage(config: &IngestConfig, units: &[Unit], artifacts: &Path) {
         let folder = artifacts.join(&unit.partition);
         fs::create_dir_all(&folder).unwrap();
         let inputs = Inputs::new(BTreeMap::new(), unit.files.clone());
-        let cx = Context::detached("demonstrations", &unit.partition, 7, &folder);
-        let outcome = Ingest::run(config, &inputs, &cx).unwrap();
+        let cx = Context::detached(&unit.partition, 7, &folder);
+        let outcome = Demonstrations::make(config, &inputs, &cx).unwrap();
         assert!(matches!(outcome, Outcome::Made(_)), "{outcome:?}");
     }
 }

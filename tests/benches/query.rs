@@ -135,7 +135,7 @@ fn make(folder: &Path, rows_per_file: usize) -> Result<Vec<PathBuf>, Box<dyn Err
             n_made: units.len(),
             n_skipped: 0,
             n_filtered: 0,
-            totals: BTreeMap::new(),
+            metrics: BTreeMap::new(),
             seconds: 0.0,
         }],
         units: units.iter().map(|(unit, _)| unit.clone()).collect(),

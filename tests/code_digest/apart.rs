@@ -8,8 +8,9 @@ use std::{
 };
 
 use dataflow::{
-    Advise, Code, Context, Generator, Inputs, Kind, Made, Observer, Outcome, Output, Pipeline,
-    Report, Reported, RunOptions, Scope, SourceFile, Stage, Summary, Unit, UnitState, plan, run,
+    Advise, Code, Context, Generator, Inputs, Kind, Labels, Line, Lines, Observer, Options,
+    Outcome, Output, Outputs, OwnLine, Pipeline, Report, RunOptions, Scope, SourceFile, Stage,
+    Unit, UnitState, plan, run,
 };
 use lake::Lake;
 use schemars::JsonSchema;
@@ -278,17 +279,8 @@ const fn code(version: u8) -> Code {
     Code { parts }
 }
 
-const fn output(artifact: &'static str) -> Output {
-    Output {
-        artifact,
-        schema: "any/1",
-        partition: "file",
-        parallel: true,
-    }
-}
-
 /// Copies the files of a folder.
-enum Count<const STAGE: u8> {}
+struct Count<const STAGE: u8>;
 
 impl<const STAGE: u8> Stage for Count<STAGE> {
     type Config = CountConfig;
@@ -297,10 +289,20 @@ impl<const STAGE: u8> Stage for Count<STAGE> {
     const KIND: &'static str = "count";
     const ABOUT: &'static str = "Copies files";
     const CODE: Code = code(STAGE);
-    const INPUTS: &'static [dataflow::Input] = &[];
-    const OUTPUTS: &'static [Output] = &[output("counts")];
+    const INPUTS: &'static [&'static str] = &[];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+}
 
-    fn units(config: &CountConfig, _output: &str, _scope: &Scope) -> Result<Vec<Unit>, CountError> {
+impl<const STAGE: u8> Output for Count<STAGE> {
+    type Stage = Self;
+    type Metrics = ();
+    type Error = CountError;
+
+    const ARTIFACT: &'static str = "counts";
+    const SCHEMA: &'static str = "any/1";
+    const PARTITION: &'static str = "file";
+
+    fn units(config: &CountConfig, _scope: &Scope) -> Result<Vec<Unit>, CountError> {
         let mut units = Vec::new();
         for entry in fs::read_dir(&config.root)? {
             let path = entry?.path();
@@ -312,42 +314,53 @@ impl<const STAGE: u8> Stage for Count<STAGE> {
         Ok(units)
     }
 
-    fn run(_config: &CountConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, CountError> {
+    fn make(_: &CountConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome<()>, CountError> {
         // What follows has other bytes, so that whatever reads them is made again too.
         for file in inputs.files() {
             let text = format!("{STAGE} {}", fs::read_to_string(&file.path)?);
             put(cx.folder(), "count.txt", &text);
         }
-        Ok(Outcome::Made(Made::default()))
+        Ok(Outcome::made(Labels::new(), ()))
     }
 }
 
-/// Draws what was copied.
+/// Tells what was copied.
 enum CountReport<const STAGE: u8, const REPORT: u8> {}
 
 impl<const STAGE: u8, const REPORT: u8> Report for CountReport<STAGE, REPORT> {
     type Stage = Count<STAGE>;
-    type Error = CountError;
 
     const CODE: Code = code(REPORT);
-    const OUTPUTS: &'static [Reported<Self>] = &[Reported {
-        output: output("picture"),
-        units: |_, scope| {
-            let counts = scope.partitions("counts").iter();
-            Ok(counts
-                .map(|count| Unit::new(&count.key).reading("counts", [&count.key]))
-                .collect())
-        },
-        foretell: |_| None,
-        run: |_, _, cx| {
-            put(cx.folder(), "picture.svg", "<svg/>");
-            Ok(Outcome::Made(Made::default()))
-        },
-        describe: |summary| format!("{} pictures", summary.n_made),
-    }];
+    const LINES: Lines<Count<STAGE>> = &[&Line::<Count<STAGE>>(|summary| {
+        format!("{} counts", summary.n_made)
+    })];
+    const OUTPUTS: Outputs<Count<STAGE>> = &[&Picture::<STAGE>];
+}
 
-    fn describe(output: &str, summary: &Summary) -> String {
-        format!("{} {output}", summary.n_made)
+/// Draws what was copied.
+struct Picture<const STAGE: u8>;
+
+impl<const STAGE: u8> Output for Picture<STAGE> {
+    type Stage = Count<STAGE>;
+    type Metrics = ();
+    type Error = CountError;
+
+    const ARTIFACT: &'static str = "picture";
+    const SCHEMA: &'static str = "any/1";
+    const PARTITION: &'static str = "file";
+    const OPTIONS: Options = Options::NONE;
+    const LINE: OwnLine<()> = Some(|summary| format!("{} pictures", summary.n_made));
+
+    fn units(_: &CountConfig, scope: &Scope) -> Result<Vec<Unit>, CountError> {
+        let counts = scope.partitions("counts").iter();
+        Ok(counts
+            .map(|count| Unit::new(&count.key).reading("counts", [&count.key]))
+            .collect())
+    }
+
+    fn make(_: &CountConfig, _: &Inputs, cx: &Context) -> Result<Outcome<()>, CountError> {
+        put(cx.folder(), "picture.svg", "<svg/>");
+        Ok(Outcome::made(Labels::new(), ()))
     }
 }
 

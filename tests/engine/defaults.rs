@@ -1,8 +1,8 @@
 //! What counts is a value, not whether the pipeline file or the code says it.
 
 use dataflow::{
-    Cause, Code, Context, Input, Inputs, Kind, Made, Observer, Outcome, Output, Pipeline,
-    RunOptions, Scope, Stage, Summary, Unit, UnitState, plan, run,
+    Cause, Code, Context, Inputs, Kind, Labels, Observer, Outcome, Output, Outputs, OwnLine,
+    Pipeline, RunOptions, Scope, Stage, Unit, UnitState, plan, run,
 };
 use lake::Lake;
 use schemars::JsonSchema;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::{own_stages::OwnError, place::Place};
 
 /// A stage in the version in which its option has this default.
-enum Number<const DEFAULT: u8> {}
+struct Number<const DEFAULT: u8>;
 
 #[derive(Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -32,26 +32,32 @@ impl<const DEFAULT: u8> Stage for Number<DEFAULT> {
     const KIND: &'static str = "number";
     const ABOUT: &'static str = "Writes a number";
     const CODE: Code = Code { parts: "number=1" };
-    const INPUTS: &'static [Input] = &[];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: "numbers",
-        schema: "numbers/1",
-        partition: "number",
-        parallel: true,
-    }];
+    const INPUTS: &'static [&'static str] = &[];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+}
 
-    fn units(_config: &Self::Config, _output: &str, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+impl<const DEFAULT: u8> Output for Number<DEFAULT> {
+    type Stage = Self;
+    type Metrics = ();
+    type Error = OwnError;
+
+    const ARTIFACT: &'static str = "numbers";
+    const SCHEMA: &'static str = "numbers/1";
+    const PARTITION: &'static str = "number";
+    const LINE: OwnLine<()> = Some(|summary| format!("{} numbers", summary.n_made));
+
+    fn units(_config: &NumberConfig<DEFAULT>, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         Ok(vec![Unit::new("all")])
     }
 
-    fn run(config: &Self::Config, _inputs: &Inputs, cx: &Context) -> Result<Outcome, OwnError> {
+    fn make(
+        config: &NumberConfig<DEFAULT>,
+        _inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<()>, OwnError> {
         let path = cx.folder().join("number.txt");
         lake::write_whole(&path, config.number.to_string().as_bytes())?;
-        Ok(Outcome::Made(Made::default()))
-    }
-
-    fn describe(_output: &str, summary: &Summary) -> String {
-        format!("{} numbers", summary.n_made)
+        Ok(Outcome::made(Labels::new(), ()))
     }
 }
 

@@ -17,6 +17,7 @@ mod faults;
 mod full_disk;
 mod garbage;
 mod interrupt;
+mod logged;
 mod meanwhile;
 mod memory;
 mod plan_equals_run;

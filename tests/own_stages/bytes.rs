@@ -8,7 +8,7 @@ use std::{
 };
 
 use arrow_array::{ArrayRef, RecordBatch, StringArray, UInt64Array};
-use dataflow::Artifact;
+use dataflow::{Artifact, Sum};
 
 use super::OwnError;
 
@@ -33,6 +33,23 @@ pub(crate) struct Tally {
     pub(crate) name: String,
     pub(crate) bytes: u64,
     pub(crate) sum: u64,
+}
+
+dataflow::metrics! {
+    /// What is said of the bytes of a partition.
+    pub(crate) struct Bytes {
+        /// How many there are.
+        bytes: Sum,
+    }
+}
+
+impl Tally {
+    /// The figures of the partition.
+    pub(crate) fn metrics(&self) -> Bytes {
+        Bytes {
+            bytes: self.bytes as f64,
+        }
+    }
 }
 
 impl Change {
@@ -91,10 +108,8 @@ pub(crate) fn tally(artifact: &Artifact) -> Result<Tally, OwnError> {
 
 /// Returns where the bytes of an artifact lie.
 pub(crate) fn data(artifact: &Artifact) -> Result<&Path, OwnError> {
-    artifact.file(DATA).ok_or_else(|| OwnError::MissingFile {
-        key: artifact.key.clone(),
-        file: DATA,
-    })
+    let data = artifact.file(DATA);
+    data.ok_or_else(|| OwnError::missing(&artifact.key))
 }
 
 /// Reads the first bytes of a file, at most `count`.

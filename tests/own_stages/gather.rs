@@ -1,13 +1,15 @@
 //! `gather`: all partitions become one table.
 
-use dataflow::{Code, Context, Input, Inputs, Made, Outcome, Output, Scope, Stage, Summary, Unit};
+use dataflow::{
+    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{OwnError, bytes, code, hooks};
 
 /// Counts the bytes of all partitions.
-pub(crate) enum Gather<const VERSION: u8> {}
+pub(crate) struct Gather<const VERSION: u8>;
 
 /// Options of `kind = "gather"`.
 #[derive(Debug, Deserialize, Serialize, JsonSchema)]
@@ -25,18 +27,21 @@ impl<const VERSION: u8> Stage for Gather<VERSION> {
     const KIND: &'static str = "gather";
     const ABOUT: &'static str = "Counts the bytes of all partitions";
     const CODE: Code = code(VERSION);
-    const INPUTS: &'static [Input] = &[Input {
-        name: "parts",
-        artifact: "parts",
-    }];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: "whole",
-        schema: "whole/1",
-        partition: "of",
-        parallel: true,
-    }];
+    const INPUTS: &'static [&'static str] = &["parts"];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+}
 
-    fn units(_config: &GatherConfig, _output: &str, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+impl<const VERSION: u8> Output for Gather<VERSION> {
+    type Stage = Self;
+    type Metrics = ();
+    type Error = OwnError;
+
+    const ARTIFACT: &'static str = "whole";
+    const SCHEMA: &'static str = "whole/1";
+    const PARTITION: &'static str = "of";
+    const LINE: OwnLine<()> = Some(|summary| format!("{} table of all parts", summary.n_made));
+
+    fn units(_config: &GatherConfig, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         let keys = scope.partitions("parts").iter().map(|part| &part.key);
         // Whether the parts have tables, and their labels, makes no difference here.
         let unit = Unit::new("all")
@@ -45,8 +50,8 @@ impl<const VERSION: u8> Stage for Gather<VERSION> {
         Ok(vec![unit])
     }
 
-    fn run(config: &GatherConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, OwnError> {
-        hooks::started(Self::KIND, cx)?;
+    fn make(config: &GatherConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome<()>, OwnError> {
+        hooks::started::<Self>(cx)?;
         let mut tallies = Vec::new();
         for part in inputs.artifacts("parts") {
             let tally = bytes::tally(part)?;
@@ -55,10 +60,6 @@ impl<const VERSION: u8> Stage for Gather<VERSION> {
             }
         }
         bytes::write_table(cx.folder(), &tallies)?;
-        Ok(Outcome::Made(Made::default()))
-    }
-
-    fn describe(_output: &str, summary: &Summary) -> String {
-        format!("{} table of all parts", summary.n_made)
+        Ok(Outcome::made(Labels::new(), ()))
     }
 }

@@ -2,14 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Code, Context, Input, Inputs, Made, Outcome, Output, Scope, Stage, Summary, Unit};
+use dataflow::{
+    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{OwnError, bytes, code, hooks};
 
 /// Counts the bytes of each group of partitions.
-pub(crate) enum Group<const VERSION: u8> {}
+pub(crate) struct Group<const VERSION: u8>;
 
 /// Options of `kind = "group"`.
 #[derive(Debug, Deserialize, Serialize, JsonSchema)]
@@ -27,18 +29,21 @@ impl<const VERSION: u8> Stage for Group<VERSION> {
     const KIND: &'static str = "group";
     const ABOUT: &'static str = "Counts the bytes of the partitions of each group";
     const CODE: Code = code(VERSION);
-    const INPUTS: &'static [Input] = &[Input {
-        name: "parts",
-        artifact: "parts",
-    }];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: "groups",
-        schema: "groups/1",
-        partition: "letter",
-        parallel: true,
-    }];
+    const INPUTS: &'static [&'static str] = &["parts"];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+}
 
-    fn units(_config: &GroupConfig, _output: &str, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+impl<const VERSION: u8> Output for Group<VERSION> {
+    type Stage = Self;
+    type Metrics = ();
+    type Error = OwnError;
+
+    const ARTIFACT: &'static str = "groups";
+    const SCHEMA: &'static str = "groups/1";
+    const PARTITION: &'static str = "letter";
+    const LINE: OwnLine<()> = Some(|summary| format!("{} groups", summary.n_made));
+
+    fn units(_config: &GroupConfig, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         let mut groups: BTreeMap<&str, Vec<&String>> = BTreeMap::new();
         for part in scope.partitions("parts") {
             let group = part.label("group").unwrap_or("other");
@@ -50,8 +55,8 @@ impl<const VERSION: u8> Stage for Group<VERSION> {
             .collect())
     }
 
-    fn run(config: &GroupConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, OwnError> {
-        hooks::started(Self::KIND, cx)?;
+    fn make(config: &GroupConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome<()>, OwnError> {
+        hooks::started::<Self>(cx)?;
         let mut tallies = Vec::new();
         for part in inputs.artifacts("parts") {
             let tally = bytes::tally(part)?;
@@ -60,10 +65,6 @@ impl<const VERSION: u8> Stage for Group<VERSION> {
             }
         }
         bytes::write_table(cx.folder(), &tallies)?;
-        Ok(Outcome::Made(Made::default()))
-    }
-
-    fn describe(_output: &str, summary: &Summary) -> String {
-        format!("{} groups", summary.n_made)
+        Ok(Outcome::made(Labels::new(), ()))
     }
 }

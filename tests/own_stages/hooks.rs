@@ -2,7 +2,7 @@
 
 use std::{env, fs::File, io::Write, path::Path, process, thread, time::Duration};
 
-use dataflow::Context;
+use dataflow::{Context, Output, Stage};
 
 use super::OwnError;
 
@@ -10,19 +10,19 @@ use super::OwnError;
 const LOOK_EVERY: Duration = Duration::from_millis(2);
 
 /// Notes that a unit is being made, then holds it for as long as a test asks for.
-pub(crate) fn started(kind: &str, cx: &Context) -> Result<(), OwnError> {
-    note(kind, cx)?;
+pub(crate) fn started<O: Output>(cx: &Context) -> Result<(), OwnError> {
+    note::<O>(O::Stage::KIND, cx)?;
     hold(cx.partition());
     Ok(())
 }
 
 /// Appends `kind output partition process seed` to the file `OWN_STAGES_LOG` in one piece. The seed
 /// tells stages of one kind apart.
-pub(crate) fn note(kind: &str, cx: &Context) -> Result<(), OwnError> {
+pub(crate) fn note<O: Output>(kind: &str, cx: &Context) -> Result<(), OwnError> {
     let Some(path) = env::var_os("OWN_STAGES_LOG") else {
         return Ok(());
     };
-    let (output, partition, seed) = (cx.output(), cx.partition(), cx.seed());
+    let (output, partition, seed) = (O::ARTIFACT, cx.partition(), cx.seed());
     let line = format!("{kind} {output} {partition} {} {seed}\n", process::id());
     let log = File::options().append(true).create(true).open(&path);
     log.and_then(|mut log| log.write_all(line.as_bytes()))

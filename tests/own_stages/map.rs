@@ -1,21 +1,19 @@
 //! `map`: each partition becomes one.
 
-use std::collections::BTreeMap;
-
 use dataflow::{
-    Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Summary, Unit,
+    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit, labels,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
     OwnError,
-    bytes::{self, Change},
+    bytes::{self, Bytes, Change},
     code, hooks,
 };
 
 /// Changes the bytes of each partition.
-pub(crate) enum Map<const VERSION: u8> {}
+pub(crate) struct Map<const VERSION: u8>;
 
 /// Options of `kind = "map"`.
 #[derive(Debug, Deserialize, Serialize, JsonSchema)]
@@ -42,56 +40,54 @@ impl<const VERSION: u8> Stage for Map<VERSION> {
     const KIND: &'static str = "map";
     const ABOUT: &'static str = "Changes the bytes of each partition";
     const CODE: Code = code(VERSION);
-    const INPUTS: &'static [Input] = &[Input {
-        name: "parts",
-        artifact: "parts",
-    }];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: "parts",
-        schema: "parts/1",
-        partition: "part",
-        parallel: true,
-    }];
+    const INPUTS: &'static [&'static str] = &["parts"];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+}
 
-    fn units(_config: &MapConfig, _output: &str, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+impl<const VERSION: u8> Output for Map<VERSION> {
+    type Stage = Self;
+    type Metrics = Bytes;
+    type Error = OwnError;
+
+    const ARTIFACT: &'static str = "parts";
+    const SCHEMA: &'static str = "parts/1";
+    const PARTITION: &'static str = "part";
+    const LINE: OwnLine<Bytes> = Some(|summary| format!("{} parts mapped", summary.n_made));
+
+    fn units(_config: &MapConfig, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         let parts = scope.partitions("parts").iter();
         Ok(parts
             .map(|part| Unit::new(&part.key).reading("parts", [&part.key]))
             .collect())
     }
 
-    fn foretell(_config: &MapConfig, _output: &str, unit: &Unit, scope: &Scope) -> Option<Labels> {
+    fn labels(_config: &MapConfig, unit: &Unit, scope: &Scope) -> Option<Labels> {
         let parts = scope.partitions("parts");
         let place = parts.binary_search_by(|part| part.key.cmp(&unit.partition));
         // A part has no other label, and passes it on.
         let group = parts.get(place.ok()?)?.label("group")?;
-        Some(Labels::from([("group".to_owned(), group.to_owned())]))
+        Some(labels([("group", group)]))
     }
 
-    fn run(config: &MapConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, OwnError> {
-        hooks::started(Self::KIND, cx)?;
-        let mut made = Made::default();
-        for part in inputs.artifacts("parts") {
-            let change = Change {
-                add: config.add.wrapping_add(VERSION - 1),
-                modulo: config.modulo,
-            };
-            let data = bytes::data(part)?;
-            let tally = bytes::write_changed(cx.partition(), data, change, cx.folder())?;
-            made.labels.clone_from(&part.labels);
-            made.metrics = BTreeMap::from([("bytes".to_owned(), tally.bytes as f64)]);
-            if config.chart {
-                let chart = format!("<svg><title>{} bytes</title></svg>\n", tally.bytes);
-                lake::write_whole(&cx.folder().join("bytes.svg"), chart.as_bytes())?;
-            }
-            if config.table {
-                bytes::write_table(cx.folder(), &[tally])?;
-            }
+    fn make(config: &MapConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome<Bytes>, OwnError> {
+        hooks::started::<Self>(cx)?;
+        let [part] = inputs.artifacts("parts") else {
+            return Err(OwnError::missing(cx.partition()));
+        };
+        let change = Change {
+            add: config.add.wrapping_add(VERSION - 1),
+            modulo: config.modulo,
+        };
+        let data = bytes::data(part)?;
+        let tally = bytes::write_changed(cx.partition(), data, change, cx.folder())?;
+        if config.chart {
+            let chart = format!("<svg><title>{} bytes</title></svg>\n", tally.bytes);
+            lake::write_whole(&cx.folder().join("bytes.svg"), chart.as_bytes())?;
         }
-        Ok(Outcome::Made(made))
-    }
-
-    fn describe(_output: &str, summary: &Summary) -> String {
-        format!("{} parts mapped", summary.n_made)
+        let metrics = tally.metrics();
+        if config.table {
+            bytes::write_table(cx.folder(), &[tally])?;
+        }
+        Ok(Outcome::made(part.labels.clone(), metrics))
     }
 }

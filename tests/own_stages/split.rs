@@ -1,21 +1,22 @@
 //! `split`: files outside the lake become partitions.
 
-use std::{collections::BTreeMap, fs, path::PathBuf};
+use std::{fs, path::PathBuf};
 
 use dataflow::{
-    Code, Context, Input, Inputs, Made, Outcome, Output, Scope, SourceFile, Stage, Summary, Unit,
+    Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, Scope, SourceFile, Stage, Unit,
+    labels,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
     OwnError,
-    bytes::{self, Change},
+    bytes::{self, Bytes, Change},
     code, hooks,
 };
 
 /// Reads the files of a folder.
-pub(crate) enum Split<const VERSION: u8> {}
+pub(crate) struct Split<const VERSION: u8>;
 
 /// Options of `kind = "split"`.
 #[derive(Debug, Deserialize, Serialize, JsonSchema)]
@@ -49,15 +50,22 @@ impl<const VERSION: u8> Stage for Split<VERSION> {
     const KIND: &'static str = "split";
     const ABOUT: &'static str = "Reads the files of a folder";
     const CODE: Code = code(VERSION);
-    const INPUTS: &'static [Input] = &[];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: "parts",
-        schema: "parts/1",
-        partition: "part",
-        parallel: true,
-    }];
+    const INPUTS: &'static [&'static str] = &[];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+}
 
-    fn units(config: &SplitConfig, _output: &str, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+impl<const VERSION: u8> Output for Split<VERSION> {
+    type Stage = Self;
+    type Metrics = Bytes;
+    type Error = OwnError;
+
+    const ARTIFACT: &'static str = "parts";
+    const SCHEMA: &'static str = "parts/1";
+    const PARTITION: &'static str = "part";
+    const LINE: OwnLine<Bytes> =
+        Some(|summary| format!("{} files → {} parts", summary.n_items(), summary.n_made));
+
+    fn units(config: &SplitConfig, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         let entries = fs::read_dir(&config.root).map_err(OwnError::at(&config.root))?;
         let mut units = Vec::new();
         for entry in entries {
@@ -70,41 +78,37 @@ impl<const VERSION: u8> Stage for Split<VERSION> {
         Ok(units)
     }
 
-    fn run(config: &SplitConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, OwnError> {
-        hooks::started(Self::KIND, cx)?;
+    fn make(
+        config: &SplitConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<Bytes>, OwnError> {
+        hooks::started::<Self>(cx)?;
         let is_named = |names: &[String]| names.iter().any(|name| name == cx.partition());
         if is_named(&config.leave_out) {
-            let reason = "named in `leave_out`".to_owned();
-            return Ok(Outcome::Filtered { reason });
+            return Ok(Outcome::filtered("named in `leave_out`"));
         }
         if is_named(&config.skip) {
-            let reason = "named in `skip`".to_owned();
-            return Ok(Outcome::Skipped { reason });
+            return Ok(Outcome::skipped("named in `skip`"));
         }
-        let mut made = Made::default();
-        for file in inputs.files() {
-            let beginning = bytes::beginning(&file.path, 3)?;
-            if beginning == b"bad" {
-                let reason = "begins with `bad`".to_owned();
-                return Ok(Outcome::Skipped { reason });
-            }
-            let change = Change {
-                add: config.add,
-                modulo: config.modulo,
-            };
-            let tally = bytes::write_changed(cx.partition(), &file.path, change, cx.folder())?;
-            made.labels = BTreeMap::from([("group".to_owned(), group_of(&beginning))]);
-            made.metrics = BTreeMap::from([("bytes".to_owned(), tally.bytes as f64)]);
-            if config.table {
-                bytes::write_table(cx.folder(), &[tally])?;
-            }
+        let [file] = inputs.files() else {
+            return Err(OwnError::missing(cx.partition()));
+        };
+        let beginning = bytes::beginning(&file.path, 3)?;
+        if beginning == b"bad" {
+            return Ok(Outcome::skipped("begins with `bad`"));
         }
-        Ok(Outcome::Made(made))
-    }
-
-    fn describe(_output: &str, summary: &Summary) -> String {
-        let n_files = summary.n_made + summary.n_skipped + summary.n_filtered;
-        format!("{n_files} files → {} parts", summary.n_made)
+        let change = Change {
+            add: config.add,
+            modulo: config.modulo,
+        };
+        let tally = bytes::write_changed(cx.partition(), &file.path, change, cx.folder())?;
+        let metrics = tally.metrics();
+        if config.table {
+            bytes::write_table(cx.folder(), &[tally])?;
+        }
+        let group = group_of(&beginning);
+        Ok(Outcome::made(labels([("group", &group)]), metrics))
     }
 }
 

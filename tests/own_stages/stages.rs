@@ -1,15 +1,17 @@
-//! Five small kinds of stages: one that reads files outside the lake, one that maps partition by
-//! partition, one that gathers every partition, one that gathers by a label, and one that goes on where
-//! it was interrupted.
+//! Small kinds of stages: one that reads files outside the lake, one that maps partition by partition,
+//! one that gathers every partition, one that gathers by a label, one that goes on where it was
+//! interrupted, and one as a lab would write it (`logged`).
 //!
-//! A kind is a type that implements [`dataflow::Stage`]. Most need two functions: `units` lists what
-//! there is to make and what each unit reads, `run` makes one unit. Everything else (what is up to
+//! A kind is a type that implements [`dataflow::Stage`], and lists its outputs, types that implement
+//! [`dataflow::Output`]; where there is one, it is the same type. Most need two functions: `units` lists
+//! what there is to make and what each unit reads, `make` makes one unit. Everything else (what is up to
 //! date, threads, damaged files, publishing) is the engine's.
 
 mod bytes;
 mod gather;
 mod group;
 mod hooks;
+mod logged;
 mod map;
 mod split;
 mod steps;
@@ -22,7 +24,7 @@ use std::{
 use dataflow::{Advise, Code, Kind};
 use lake::LakeError;
 
-use self::{gather::Gather, group::Group, map::Map, split::Split, steps::Steps};
+use self::{gather::Gather, group::Group, logged::Logged, map::Map, split::Split, steps::Steps};
 
 /// Why one of these stages cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -41,13 +43,11 @@ pub(crate) enum OwnError {
     /// A table's columns do not fit together.
     #[error("cannot lay out the table")]
     Table(#[from] arrow_schema::ArrowError),
-    /// An artifact lacks the file that every artifact of its kind has.
-    #[error("artifact `{key}` has no file `{file}`")]
+    /// A partition lacks the file that every partition has.
+    #[error("partition `{key}` has no file `{}`", bytes::DATA)]
     MissingFile {
         /// The partition's key.
         key: String,
-        /// The file's name.
-        file: &'static str,
     },
     /// A test asks for it.
     #[error("fails at `{0}`, as asked for")]
@@ -55,6 +55,13 @@ pub(crate) enum OwnError {
 }
 
 impl OwnError {
+    /// Says that a partition lacks its file.
+    pub(crate) fn missing(key: &str) -> Self {
+        Self::MissingFile {
+            key: key.to_owned(),
+        }
+    }
+
     /// Returns a function that says which file or folder an error is about.
     pub(crate) fn at(path: &Path) -> impl FnOnce(io::Error) -> Self + use<> {
         let path = path.to_owned();
@@ -96,5 +103,7 @@ pub(crate) fn kinds_with(version: impl Fn(&str) -> u8) -> Vec<Kind> {
         1 => first,
         _ => second,
     };
-    versions.map(choose).into()
+    let mut kinds = Vec::from(versions.map(choose));
+    kinds.push(Kind::of::<Logged>());
+    kinds
 }

@@ -2,7 +2,9 @@
 
 use std::{fs, io, path::Path};
 
-use dataflow::{Code, Context, Input, Inputs, Made, Outcome, Output, Scope, Stage, Summary, Unit};
+use dataflow::{
+    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +15,7 @@ use super::{
 };
 
 /// Adds up the numbers of steps.
-pub(crate) enum Steps<const VERSION: u8> {}
+pub(crate) struct Steps<const VERSION: u8>;
 
 /// Options of `kind = "steps"`.
 #[derive(Debug, Deserialize, Serialize, JsonSchema)]
@@ -49,24 +51,30 @@ impl<const VERSION: u8> Stage for Steps<VERSION> {
     const KIND: &'static str = "steps";
     const ABOUT: &'static str = "Adds up the numbers of steps";
     const CODE: Code = code(VERSION);
-    const INPUTS: &'static [Input] = &[];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: "sum",
-        schema: "sum/1",
-        partition: "of",
-        parallel: true,
-    }];
+    const INPUTS: &'static [&'static str] = &[];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+}
 
-    fn units(_config: &StepsConfig, _output: &str, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+impl<const VERSION: u8> Output for Steps<VERSION> {
+    type Stage = Self;
+    type Metrics = ();
+    type Error = OwnError;
+
+    const ARTIFACT: &'static str = "sum";
+    const SCHEMA: &'static str = "sum/1";
+    const PARTITION: &'static str = "of";
+    const LINE: OwnLine<()> = Some(|summary| format!("{} sum of steps", summary.n_made));
+
+    fn units(_config: &StepsConfig, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         Ok(vec![Unit::new("steps")])
     }
 
-    fn run(config: &StepsConfig, _inputs: &Inputs, cx: &Context) -> Result<Outcome, OwnError> {
+    fn make(config: &StepsConfig, _inputs: &Inputs, cx: &Context) -> Result<Outcome<()>, OwnError> {
         let path = cx.resume_folder().join("state.json");
         let mut state = State::read(&path)?;
         while state.done < config.count {
             let moment = format!("step{}", state.done);
-            hooks::note(&moment, cx)?;
+            hooks::note::<Self>(&moment, cx)?;
             hooks::hold(&moment);
             hooks::fail(&moment)?;
             state.sum += state.done;
@@ -80,10 +88,6 @@ impl<const VERSION: u8> Stage for Steps<VERSION> {
         };
         bytes::write_table(cx.folder(), &[tally])?;
         hooks::fail("end")?;
-        Ok(Outcome::Made(Made::default()))
-    }
-
-    fn describe(_output: &str, summary: &Summary) -> String {
-        format!("{} sum of steps", summary.n_made)
+        Ok(Outcome::made(Labels::new(), ()))
     }
 }

@@ -13,8 +13,6 @@ pub type Progress<'a> = dyn Fn(f64, &str) + Send + Sync + 'a;
 
 /// The surroundings of one unit.
 pub struct Context<'a> {
-    /// The artifact being made.
-    pub(crate) output: String,
     /// The partition being made.
     pub(crate) partition: String,
     /// Seed of this unit.
@@ -28,22 +26,16 @@ pub struct Context<'a> {
 }
 
 impl Context<'_> {
-    /// Returns a context for trying a stage outside a run, as tests do. Its folder to resume from is
+    /// Returns a context for trying an output outside a run, as tests do. Its folder to resume from is
     /// `resume` in `folder`: a second context of the same folder goes on where the first one stopped.
-    pub fn detached(output: &str, partition: &str, seed: u64, folder: &Path) -> Self {
+    pub fn detached(partition: &str, seed: u64, folder: &Path) -> Self {
         Self {
-            output: output.to_owned(),
             partition: partition.to_owned(),
             seed,
             folder: folder.to_owned(),
             resume_folder: folder.join("resume"),
             progress: &|_, _| {},
         }
-    }
-
-    /// The artifact being made, for stages with more than one output.
-    pub fn output(&self) -> &str {
-        &self.output
     }
 
     /// The partition being made.
@@ -146,10 +138,10 @@ mod tests {
     #[test]
     fn a_folder_to_resume_from_is_there_when_it_is_asked_for_and_not_before() {
         let folder = tempfile::tempdir().unwrap();
-        let first = Context::detached("sum", "all", 7, folder.path());
+        let first = Context::detached("all", 7, folder.path());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
         fs::create_dir(first.resume_folder().join("left")).unwrap();
-        let second = Context::detached("sum", "all", 7, folder.path());
+        let second = Context::detached("all", 7, folder.path());
         assert!(second.resume_folder().join("left").is_dir());
     }
 }

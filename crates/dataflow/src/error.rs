@@ -4,6 +4,7 @@ use std::{error::Error, fmt, io, path::PathBuf};
 
 use crate::{
     graph::NodeName,
+    metrics::MissingFigure,
     source::Location,
     stage::{Advise, Advised},
 };
@@ -200,6 +201,14 @@ pub enum Failure {
         /// The file.
         path: PathBuf,
     },
+    /// A stored result is not as its output says.
+    #[error("a result of `{node}` in the lake cannot be summed up")]
+    Figures {
+        /// The output.
+        node: NodeName,
+        /// What it lacks.
+        source: MissingFigure,
+    },
     /// Two units of an output have the same key, or two files of a unit the same name.
     #[error("stage `{stage}` names `{name}` twice among {what}")]
     Twice {
@@ -369,6 +378,10 @@ impl Advise for Failure {
             Self::Damaged { node, .. } => Some(format!(
                 "make it and what follows again with `pipeline run FILE --fresh {}`",
                 node.split('.').next().unwrap_or(node)
+            )),
+            Self::Figures { node, .. } => Some(format!(
+                "make its results again with `pipeline run FILE --fresh {}`",
+                node.stage
             )),
             Self::ChangedMeanwhile { .. } => {
                 Some("run the same command again when nobody writes to it any more".to_owned())

@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, fmt};
 
 use serde::{Deserialize, Serialize};
 
-use crate::{error::Problem, pipeline::StageEntry, stage::Output};
+use crate::{error::Problem, output::OutputInfo, pipeline::StageEntry};
 
 /// One output of one stage, written `stage.artifact`.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -45,8 +45,10 @@ pub struct Node {
     pub name: NodeName,
     /// Position of its stage in [`crate::Pipeline::stages`].
     pub(crate) stage_idx: usize,
+    /// Position of its output in [`crate::Kind::outputs`].
+    pub(crate) output_idx: usize,
     /// What it makes.
-    pub output: Output,
+    pub output: OutputInfo,
     /// Where each input comes from: wired ones, and earlier outputs of the same stage.
     pub reads: BTreeMap<String, NodeName>,
 }
@@ -82,11 +84,12 @@ pub(crate) fn order(stages: &[StageEntry]) -> Result<Vec<Node>, Problem> {
         placed[idx] = true;
         let stage = &stages[idx];
         let mut reads = stage.inputs.clone();
-        for output in stage.kind.outputs() {
+        for (output_idx, output) in stage.kind.outputs().into_iter().enumerate() {
             let name = NodeName::new(&stage.name, output.artifact);
             nodes.push(Node {
                 name: name.clone(),
                 stage_idx: idx,
+                output_idx,
                 output,
                 reads: reads.clone(),
             });

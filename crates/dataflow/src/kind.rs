@@ -7,12 +7,16 @@ use serde_json::Value;
 use toml_edit::InlineTable;
 
 use crate::{
-    code::Code,
     context::{Context, Inputs},
+    line::{Telling, Told},
+    metrics::MissingFigure,
     option_faults::OptionFault,
+    outcome::{Labels, Outcome},
+    output::{OutputInfo, OutputOf},
     report::{Generator, Recorded, Report, Unreported},
-    stage::{Advised, Input, Labels, Outcome, Output, Scope, Stage},
-    unit::{Summary, Unit},
+    stage::{Advised, Scope, Stage},
+    store::RecordOutcome,
+    unit::Unit,
 };
 
 /// One kind of stage: what `kind = "…"` in a pipeline file can name.
@@ -23,13 +27,8 @@ pub struct Kind {
     /// What it does, in one sentence.
     pub about: &'static str,
     /// The artifacts it reads.
-    pub inputs: &'static [Input],
-    /// The artifacts that the stage makes.
-    results: &'static [Output],
-    code: Code,
-    /// The artifacts that its report makes of them.
-    reports: fn() -> Vec<Output>,
-    report_code: Code,
+    pub inputs: &'static [&'static str],
+    outputs: fn() -> Vec<OutputInfo>,
     configure: fn(InlineTable) -> Result<Box<dyn Configured>, ConfigFault>,
     schema: fn() -> Value,
 }
@@ -55,14 +54,13 @@ pub(crate) trait Configured: Send + Sync {
     fn options(&self) -> &dyn Any;
     /// The configuration without the paths of files that its units read.
     fn config(&self) -> Value;
-    /// The configuration as it counts for the fingerprints of an output's units.
-    fn config_of(&self, output: &str) -> Value;
     fn check(&self) -> Vec<OptionFault>;
     fn prepare(&self) -> Result<(), Advised>;
-    fn units(&self, output: &str, scope: &Scope) -> Result<Vec<Unit>, Advised>;
-    fn foretell(&self, output: &str, unit: &Unit, scope: &Scope) -> Option<Labels>;
-    fn run(&self, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised>;
-    fn describe(&self, output: &str, summary: &Summary) -> String;
+    // Of the output at this position in `Kind::outputs`:
+    fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, Advised>;
+    fn labels(&self, output_idx: usize, unit: &Unit, scope: &Scope) -> Option<Labels>;
+    fn make(&self, output_idx: usize, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised>;
+    fn tell(&self, output_idx: usize, outcomes: &[&RecordOutcome]) -> Result<Told, MissingFigure>;
 }
 
 /// What is wrong with a stage's table.
@@ -71,12 +69,42 @@ pub(crate) struct ConfigFault {
     pub(crate) span: Option<Range<usize>>,
 }
 
-/// A configured stage with its report and its generator.
+/// A configured stage with the outputs of it and of its report, and its generator.
 struct Whole<R: Report, G> {
     options: Config<R>,
     /// The options as they count for fingerprints: written once, where that can fail.
     config: Value,
+    outputs: Vec<Listed<R::Stage>>,
     generator: PhantomData<fn() -> G>,
+}
+
+/// An output of a kind.
+struct Listed<S: Stage> {
+    info: OutputInfo,
+    output: &'static dyn OutputOf<S>,
+    telling: Telling,
+}
+
+/// Lists the outputs of a stage, then those of its report, each with its line.
+fn outputs<R: Report>() -> Vec<Listed<R::Stage>> {
+    let results = R::Stage::OUTPUTS
+        .iter()
+        .map(|output| (output, R::Stage::CODE));
+    let reports = R::OUTPUTS.iter().map(|output| (output, R::CODE));
+    let listed = results.chain(reports).map(|(output, code)| {
+        let info = output.info(code);
+        let lines = R::LINES.iter().filter(|line| line.output() == output.id());
+        let mut tellings = lines.map(|line| line.telling()).chain(output.line());
+        let (Some(telling), None) = (tellings.next(), tellings.next()) else {
+            unreachable!("the output `{}` has no line, or two", info.artifact);
+        };
+        Listed {
+            info,
+            output: *output,
+            telling,
+        }
+    });
+    listed.collect()
 }
 
 impl<R: Report, G> Whole<R, G> {
@@ -98,6 +126,7 @@ impl<R: Report, G> Whole<R, G> {
         Ok(Self {
             options,
             config,
+            outputs: outputs::<R>(),
             generator: PhantomData,
         })
     }
@@ -137,15 +166,6 @@ where
         self.config.clone()
     }
 
-    fn config_of(&self, output: &str) -> Value {
-        let mut config = self.config();
-        if let Value::Object(options) = &mut config {
-            let is_result = R::reported(output).is_none();
-            options.retain(|option, _| is_result && R::Stage::decides(option, output));
-        }
-        config
-    }
-
     fn check(&self) -> Vec<OptionFault> {
         R::Stage::check(&self.options)
     }
@@ -155,32 +175,22 @@ where
         Ok(R::Stage::prepare(&self.options)?)
     }
 
-    fn units(&self, output: &str, scope: &Scope) -> Result<Vec<Unit>, Advised> {
-        match R::reported(output) {
-            Some(report) => Ok((report.units)(&self.options, scope)?),
-            None => Ok(R::Stage::units(&self.options, output, scope)?),
-        }
+    fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, Advised> {
+        self.outputs[output_idx].output.units(&self.options, scope)
     }
 
-    fn foretell(&self, output: &str, unit: &Unit, scope: &Scope) -> Option<Labels> {
-        match R::reported(output) {
-            Some(report) => (report.foretell)(unit),
-            None => R::Stage::foretell(&self.options, output, unit, scope),
-        }
+    fn labels(&self, output_idx: usize, unit: &Unit, scope: &Scope) -> Option<Labels> {
+        let output = self.outputs[output_idx].output;
+        output.labels(&self.options, unit, scope)
     }
 
-    fn run(&self, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised> {
-        match R::reported(cx.output()) {
-            Some(report) => Ok((report.run)(&self.options, inputs, cx)?),
-            None => Ok(R::Stage::run(&self.options, inputs, cx)?),
-        }
+    fn make(&self, output_idx: usize, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised> {
+        let output = self.outputs[output_idx].output;
+        output.make(&self.options, inputs, cx)
     }
 
-    fn describe(&self, output: &str, summary: &Summary) -> String {
-        match R::reported(output) {
-            Some(report) => (report.describe)(summary),
-            None => R::describe(output, summary),
-        }
+    fn tell(&self, output_idx: usize, outcomes: &[&RecordOutcome]) -> Result<Told, MissingFigure> {
+        (self.outputs[output_idx].telling)(outcomes)
     }
 }
 
@@ -196,37 +206,53 @@ impl Kind {
     }
 
     /// Returns the kind of a stage with its report, of which a dataset can be generated.
+    ///
+    /// # Panics
+    ///
+    /// Panics where an output of the stage or its report has no line or two, or
+    /// [`Output::OPTIONS`](crate::Output::OPTIONS) names what is no option.
     pub fn generated<R: Report, G: Generator<Stage = R::Stage>>() -> Self {
-        Self {
+        let kind = Self {
             name: R::Stage::KIND,
             about: R::Stage::ABOUT,
             inputs: R::Stage::INPUTS,
-            results: R::Stage::OUTPUTS,
-            code: R::Stage::CODE,
-            reports: || R::OUTPUTS.iter().map(|report| report.output).collect(),
-            report_code: R::CODE,
+            outputs: || outputs::<R>().iter().map(|listed| listed.info).collect(),
             configure: |table| {
                 let configured = Whole::<R, G>::read(table)?;
                 Ok(Box::new(configured) as Box<dyn Configured>)
             },
             schema: || schemars::schema_for!(Config<R>).to_value(),
+        };
+        kind.check_declared();
+        kind
+    }
+
+    /// Makes sure that outputs name options that there are.
+    fn check_declared(&self) {
+        let outputs = self.outputs();
+        if outputs
+            .iter()
+            .all(|output| output.options.named().is_empty())
+        {
+            return;
+        }
+        let schema = self.schema();
+        let known = schema.get("properties").and_then(Value::as_object);
+        for output in outputs {
+            for option in output.options.named() {
+                assert!(
+                    known.is_some_and(|known| known.contains_key(*option)),
+                    "`{}` is said to depend on `{option}`, which is no option of `{}`",
+                    output.artifact,
+                    self.name
+                );
+            }
         }
     }
 
-    /// Iterates over the artifacts it makes, in the order in which they are made: results, then
-    /// reports.
-    pub fn outputs(&self) -> impl Iterator<Item = Output> + use<> {
-        self.results.iter().copied().chain((self.reports)())
-    }
-
-    /// Returns the sources that decide an output.
-    pub(crate) fn code_of(&self, output: &str) -> Code {
-        let reports = (self.reports)();
-        if reports.iter().any(|report| report.artifact == output) {
-            self.report_code
-        } else {
-            self.code
-        }
+    /// Returns the artifacts it makes, in the order in which they are made: results, then reports.
+    pub fn outputs(&self) -> Vec<OutputInfo> {
+        (self.outputs)()
     }
 
     pub(crate) fn configure(&self, table: InlineTable) -> Result<Box<dyn Configured>, ConfigFault> {
@@ -321,7 +347,7 @@ fn type_name(schema: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::code::Code;
+    use crate::{code::Code, output::Outputs};
 
     /// A stage with an option that cannot always be written.
     enum Fixture {}
@@ -356,20 +382,8 @@ mod tests {
         const KIND: &'static str = "fixture";
         const ABOUT: &'static str = "Makes nothing";
         const CODE: Code = Code { parts: "" };
-        const INPUTS: &'static [Input] = &[];
-        const OUTPUTS: &'static [Output] = &[];
-
-        fn units(_: &Config, _: &str, _: &Scope) -> Result<Vec<Unit>, Nothing> {
-            Err(Nothing)
-        }
-
-        fn run(_: &Config, _: &Inputs, _: &Context) -> Result<Outcome, Nothing> {
-            Err(Nothing)
-        }
-
-        fn describe(_: &str, _: &Summary) -> String {
-            String::new()
-        }
+        const INPUTS: &'static [&'static str] = &[];
+        const OUTPUTS: Outputs<Self> = &[];
     }
 
     #[test]

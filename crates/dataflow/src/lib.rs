@@ -6,8 +6,11 @@
 //! fingerprint the [`Store`] already knows is not made again; `plan` compares fingerprints field by
 //! field and so names the cause of every rerun.
 //!
-//! A [`Stage`] makes results; its [`Report`], in a crate of its own, shows and sums them up, so that
-//! what is said about a result is no part of its fingerprint. Neither is a [`Generator`], which makes
+//! A [`Stage`] is a list of [`Output`]s, each a type that says what it reads, what decides it, how it is
+//! made and what is said of it; the figures of its partitions are a type too, whose fields say how they
+//! gather ([`metrics!`]). A stage makes results; its [`Report`], in a crate of its own, has outputs that
+//! show them and lines that sum them up, so that what is said about a result is no part of its
+//! fingerprint. Neither is a [`Generator`], which makes
 //! the files that a stage reads.
 //!
 //! Invariants: equal fingerprints give equal bytes on any number of threads; an artifact appears
@@ -26,11 +29,15 @@ mod fingerprint;
 mod form;
 mod graph;
 mod kind;
+mod line;
 mod make;
+mod metrics;
 mod near;
 mod observer;
 mod option_faults;
 mod options;
+mod outcome;
+mod output;
 mod overrides;
 mod pipeline;
 mod plan;
@@ -58,24 +65,26 @@ pub use fingerprint::{Cause, Change, Fingerprint, Recipe};
 pub use form::Form;
 pub use graph::{Node, NodeName};
 pub use kind::{Kind, OptionInfo};
+pub use line::{Line, LineOf, Lines, Telling, Told};
 pub use make::make_one;
+pub use metrics::{Figure, Figures, Gather, Max, Mean, Metrics, MissingFigure, Sum, With};
 pub use near::{missing, nearest};
 pub use observer::Observer;
 pub use option_faults::{OptionFault, OptionFaults};
 pub use options::{FreshAll, RunOptions};
+pub use outcome::{Labels, Made, Outcome, Summary, labels};
+pub use output::{ConfigOf, Execution, Options, Output, OutputInfo, OutputOf, Outputs, OwnLine};
 pub use overrides::{Override, OverrideError, Sweep, Variant};
 pub use pipeline::{Pipeline, StageEntry};
 pub use plan::{Plan, PlannedNode, PlannedUnit, UnitState, plan};
 pub use reach::reached;
 pub use readiness::{Outside, Readiness, readiness};
-pub use report::{Generator, Report, Reported};
+pub use report::{Generator, Report};
 pub use run::{NodeReport, RunReport, UnitReport, run};
 pub use source::{Location, Source};
-pub use stage::{
-    Advise, Advised, Input, Labels, Made, Outcome, Output, Partition, Scope, SourceFile, Stage,
-};
+pub use stage::{Advise, Advised, Partition, Scope, SourceFile, Stage};
 pub use store::{
     FileRef, Making, NewestUnit, NodeRecord, Origin, OutputRecord, Record, RecordOutcome,
     RunRecord, RunStatus, Showing, StageRecord, Store, UnitRef, Unkept,
 };
-pub use unit::{Summary, Unit};
+pub use unit::Unit;

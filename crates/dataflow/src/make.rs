@@ -14,10 +14,10 @@ use crate::{
     fingerprint::Fingerprint,
     graph::{Node, NodeName},
     observer::Observer,
+    outcome::Labels,
     pipeline::Pipeline,
     run::UnitReport,
     seed::unit_seed,
-    stage::Labels,
     state::{Known, Listing, State, Sure, digest_source},
     store::{FileRef, Store, Unkept},
     unit::Unit,
@@ -103,7 +103,6 @@ impl<'a> Maker<'a> {
         }
         let inputs = self.inputs(known, node, unit)?;
         let cx = Context {
-            output: node.output.artifact.to_owned(),
             partition: unit.partition.clone(),
             seed: unit_seed(self.pipeline.seed, stage, &unit.partition),
             folder: making.folder().to_owned(),
@@ -114,7 +113,7 @@ impl<'a> Maker<'a> {
             },
         };
         let pool = self.pool()?;
-        let compute = || pool.install(|| stage.configured.run(&inputs, &cx));
+        let compute = || pool.install(|| stage.configured.make(node.output_idx, &inputs, &cx));
         let ran = catch_unwind(AssertUnwindSafe(compute));
         let outcome = ran
             .map_err(|payload| Failure::Panic {

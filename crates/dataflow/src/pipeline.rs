@@ -17,6 +17,7 @@ use crate::{
     extended::Extended,
     graph::{Node, NodeName},
     kind::{Configured, Kind},
+    output::Options,
     overrides::Override,
     stage::{Advised, Scope, Stage},
     store::Origin,
@@ -61,8 +62,8 @@ impl StageEntry {
     }
 
     /// Lists the units of one of its outputs.
-    pub(crate) fn units(&self, artifact: &str, scope: &Scope) -> Result<Vec<Unit>, Failure> {
-        let units = self.configured.units(artifact, scope);
+    pub(crate) fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, Failure> {
+        let units = self.configured.units(output_idx, scope);
         units.map_err(|source| self.failure(None, source))
     }
 
@@ -90,9 +91,13 @@ impl StageEntry {
         self.configured.config()
     }
 
-    /// Returns the part of the configuration that decides one of its outputs.
-    pub(crate) fn config_of(&self, artifact: &str) -> serde_json::Value {
-        self.configured.config_of(artifact)
+    /// Returns these of its options as they count for fingerprints.
+    pub(crate) fn config_of(&self, options: Options) -> serde_json::Value {
+        let mut config = self.config();
+        if let serde_json::Value::Object(known) = &mut config {
+            known.retain(|option, _| options.contain(option));
+        }
+        config
     }
 }
 

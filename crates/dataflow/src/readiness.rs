@@ -51,8 +51,8 @@ fn outside(stage: &StageEntry) -> Result<Outside, Failure> {
         });
     }
     let (mut units, mut most) = (Vec::new(), (0, ""));
-    for output in stage.kind.outputs() {
-        let listed = stage.units(output.artifact, &Scope::default())?;
+    for (idx, output) in stage.kind.outputs().iter().enumerate() {
+        let listed = stage.units(idx, &Scope::default())?;
         if listed.len() > most.0 {
             most = (listed.len(), output.partition);
         }

@@ -11,16 +11,19 @@ use crate::{
     elsewhere::{Elsewhere, Forced},
     error::Failure,
     graph::{Node, NodeName},
+    line::Told,
     make::Maker,
     observer::Observer,
     options::RunOptions,
+    outcome::Summary,
+    output::Execution,
     pipeline::{Pipeline, StageEntry},
     state::{Known, State},
     store::{
         NewestUnit, NodeRecord, OutputRecord, RecordOutcome, RunRecord, RunStatus, Showing,
         StageRecord, Store, UnitRef,
     },
-    unit::{Summary, Unit},
+    unit::Unit,
     workers,
 };
 
@@ -52,7 +55,7 @@ impl RunReport {
 pub struct NodeReport {
     /// The output.
     pub node: NodeName,
-    /// Counts and metrics.
+    /// Counts and figures.
     pub summary: Summary,
     /// The stage's own line about it.
     pub description: String,
@@ -206,7 +209,7 @@ impl Runner<'_> {
             }
             made.sort_by(|a, b| a.partition.cmp(&b.partition));
         }
-        let mut report = report(node, stage, made, started);
+        let mut report = report(node, stage, made, started)?;
         let failure = failure.or_else(|| too_many_skipped(node, stage, &report));
         if failure.is_none() {
             self.publish(node, &report)?;
@@ -254,10 +257,9 @@ impl Runner<'_> {
         units: &[&Unit],
     ) -> Vec<Result<UnitReport, Failure>> {
         // What moves a robot is done one after the other, and does not go on after a failure.
-        let n_workers = if node.output.parallel {
-            self.maker.n_workers()
-        } else {
-            1
+        let n_workers = match node.output.execution {
+            Execution::Parallel => self.maker.n_workers(),
+            Execution::OneByOne => 1,
         };
         let forced = if self.options.is_forced(&stage.name) {
             Forced::Yes
@@ -390,7 +392,7 @@ impl NodeReport {
             n_made: self.summary.n_made,
             n_skipped: self.summary.n_skipped,
             n_filtered: self.summary.n_filtered,
-            totals: self.summary.totals.clone(),
+            metrics: self.summary.metrics.clone(),
             seconds: self.seconds,
         }
     }
@@ -419,31 +421,24 @@ fn report(
     stage: &StageEntry,
     mut units: Vec<UnitReport>,
     started: Instant,
-) -> NodeReport {
+) -> Result<NodeReport, Failure> {
     // Units end in any order, and sums of rounded numbers depend on it.
     units.sort_by(|a, b| a.partition.cmp(&b.partition));
-    let mut summary = Summary::default();
-    for unit in &units {
-        match &*unit.outcome {
-            RecordOutcome::Made { metrics, .. } => {
-                summary.n_made += 1;
-                for (metric, value) in metrics {
-                    *summary.totals.entry(metric.clone()).or_default() += value;
-                }
-            }
-            RecordOutcome::Skipped { .. } => summary.n_skipped += 1,
-            RecordOutcome::Filtered { .. } => summary.n_filtered += 1,
-        }
-    }
-    NodeReport {
+    let outcomes: Vec<&RecordOutcome> = units.iter().map(|unit| &*unit.outcome).collect();
+    let told = stage.configured.tell(node.output_idx, &outcomes);
+    let Told { summary, line } = told.map_err(|source| Failure::Figures {
         node: node.name.clone(),
-        description: stage.configured.describe(node.output.artifact, &summary),
+        source,
+    })?;
+    Ok(NodeReport {
+        node: node.name.clone(),
+        description: line,
         summary,
         shown: false,
         n_made_now: units.iter().filter(|unit| unit.made_now).count(),
         units,
         seconds: started.elapsed().as_secs_f64(),
-    }
+    })
 }
 
 fn too_many_skipped(node: &Node, stage: &StageEntry, report: &NodeReport) -> Option<Failure> {

@@ -1,4 +1,4 @@
-//! The contract of a stage: what it reads, what it makes, one partition at a time.
+//! The contract of a stage: its configuration, what it reads, and what it makes.
 
 use std::{
     collections::BTreeMap,
@@ -15,11 +15,7 @@ use schemars::JsonSchema;
 use serde::{Serialize, de::DeserializeOwned};
 
 use crate::{
-    code::Code,
-    context::{Context, Inputs},
-    option_faults::OptionFault,
-    store::RecordOutcome,
-    unit::{Summary, Unit},
+    code::Code, option_faults::OptionFault, outcome::Labels, output::Outputs, store::RecordOutcome,
 };
 
 /// An error that can say what to do next.
@@ -58,15 +54,15 @@ impl Error for Advised {
 
 /// One kind of step of a pipeline: artifacts in, artifacts out, and nothing else.
 ///
-/// A stage is a pure function of its configuration, its inputs and [`Context::seed`]. Equal
-/// arguments must give equal bytes, on any number of threads.
-pub trait Stage: 'static {
+/// It is a list of [`Output`](crate::Output)s, with what they have in common.
+pub trait Stage: Sized + 'static {
     /// The stage's table in the pipeline file.
     ///
     /// Its serialized form is part of the fingerprint. A path to a file or folder whose content is
-    /// among the unit's [`Unit::files`] is left out of it with `#[serde(skip_serializing)]`.
+    /// among the unit's [`Unit::files`](crate::Unit::files) is left out of it with
+    /// `#[serde(skip_serializing)]`.
     type Config: DeserializeOwned + Serialize + JsonSchema + Send + Sync;
-    /// Why a unit could not be made.
+    /// Why the stage could not be made ready.
     type Error: Advise;
 
     /// The value of `kind` in the pipeline file.
@@ -75,10 +71,11 @@ pub trait Stage: 'static {
     const ABOUT: &'static str;
     /// The sources that decide the outputs, made at build time by `dataflow::code!()`.
     const CODE: Code;
-    /// The artifacts it reads: the key under `inputs` and the artifact that must be wired there.
-    const INPUTS: &'static [Input];
-    /// The artifacts it makes, in the order in which they are made.
-    const OUTPUTS: &'static [Output];
+    /// The artifacts it reads: keys under `inputs`, at each of which an artifact of this name must be
+    /// wired.
+    const INPUTS: &'static [&'static str];
+    /// The artifacts it makes, in the order in which they are made: each may read those before it.
+    const OUTPUTS: Outputs<Self>;
 
     /// Says what is wrong with the options beyond their types, by the options alone: it is asked
     /// whenever a pipeline file is read.
@@ -97,100 +94,6 @@ pub trait Stage: 'static {
     fn prepare(_config: &Self::Config) -> Result<(), Self::Error> {
         Ok(())
     }
-
-    /// Lists the partitions of one output and what each of them reads.
-    ///
-    /// # Errors
-    ///
-    /// Fails if there is nothing to work on.
-    fn units(config: &Self::Config, output: &str, scope: &Scope) -> Result<Vec<Unit>, Self::Error>;
-
-    /// Foretells the labels that a unit will have if it comes out as made.
-    ///
-    /// A plan asks it about units that are yet to be made, so that it need not assume that what
-    /// later stages choose by may change. `None` where the labels are only known afterwards.
-    fn foretell(
-        _config: &Self::Config,
-        _output: &str,
-        _unit: &Unit,
-        _scope: &Scope,
-    ) -> Option<Labels> {
-        None
-    }
-
-    /// Says whether an option decides what [`Stage::run`] makes of a listed unit of an output: a
-    /// change of one that does not makes no unit of that output run again.
-    ///
-    /// An option that only chooses units or files, or is told to the unit as one of its
-    /// [`Unit::facts`], decides nothing more.
-    fn decides(_option: &str, _output: &str) -> bool {
-        true
-    }
-
-    /// Makes one partition: writes its files into [`Context::folder`].
-    ///
-    /// # Errors
-    ///
-    /// Fails if the whole stage cannot go on. One bad item is [`Outcome::Skipped`] instead.
-    fn run(config: &Self::Config, inputs: &Inputs, cx: &Context) -> Result<Outcome, Self::Error>;
-
-    /// Sums up one output in the user's terms, e.g. `24 recordings → 23 demonstrations`.
-    ///
-    /// Its text is part of [`Stage::CODE`]: where results are costly, [`Report::describe`] does this
-    /// instead, whose text can change without making them again.
-    ///
-    /// [`Report::describe`]: crate::Report::describe
-    fn describe(output: &str, summary: &Summary) -> String {
-        format!("{} {output}", summary.n_made)
-    }
-}
-
-/// An artifact that a stage reads.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Input {
-    /// The key under `inputs` in the pipeline file.
-    pub name: &'static str,
-    /// The artifact, e.g. `demonstrations`.
-    pub artifact: &'static str,
-}
-
-/// An artifact that a stage makes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Output {
-    /// The artifact's name, e.g. `demonstrations`: also the name of its table.
-    pub artifact: &'static str,
-    /// Name and version of its schema, e.g. `demonstrations/1`.
-    pub schema: &'static str,
-    /// What one partition stands for, e.g. `sequence`: the name of the Hive partition column.
-    pub partition: &'static str,
-    /// Whether a unit may run beside another of the same output. Units that move a robot may not.
-    pub parallel: bool,
-}
-
-/// What became of one partition.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Outcome {
-    /// The files in [`Context::folder`] are the artifact.
-    Made(Made),
-    /// The item cannot be used; counted, listed, and the run ends with exit code 3.
-    Skipped {
-        /// Why, as one sentence without a final period.
-        reason: String,
-    },
-    /// The configuration asks to leave this item out; listed, and no fault.
-    Filtered {
-        /// Why, as one sentence without a final period.
-        reason: String,
-    },
-}
-
-/// What is said about a partition beside its files.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Made {
-    /// Facts by which later stages choose partitions, e.g. `object = 003_cracker_box`.
-    pub labels: Labels,
-    /// Counts and figures for the stage's line and for comparing runs.
-    pub metrics: BTreeMap<String, f64>,
 }
 
 /// What a stage may look at to list its units: the partitions that its inputs have.
@@ -229,9 +132,6 @@ enum LabelsOf {
     /// In the result that has them, of which there may be many.
     Made(Arc<RecordOutcome>),
 }
-
-/// Facts by which later stages choose partitions, e.g. `object = 003_cracker_box`.
-pub type Labels = BTreeMap<String, String>;
 
 impl Partition {
     /// Returns the partition of this key, about which its maker said this.

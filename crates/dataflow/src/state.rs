@@ -17,8 +17,9 @@ use crate::{
     fingerprint::{Fingerprint, Recipe},
     form::Form,
     graph::{Node, NodeName},
+    outcome::Labels,
     pipeline::Pipeline,
-    stage::{Advised, Labels, Partition, Scope},
+    stage::{Advised, Partition, Scope},
     store::{RecordOutcome, Store},
     unit::Unit,
 };
@@ -94,8 +95,8 @@ impl<'a> State<'a> {
             let recipe = Recipe {
                 kind: stage.kind.name.to_owned(),
                 output: node.output.artifact.to_owned(),
-                code: code_parts(stage.kind.code_of(node.output.artifact)),
-                config: stage.config_of(node.output.artifact),
+                code: code_parts(node.output.code),
+                config: stage.config_of(node.output.options),
                 schema: node.output.schema.to_owned(),
             };
             let digest = recipe.digest();
@@ -283,9 +284,7 @@ impl<'a> State<'a> {
         let stage = self.pipeline.stage(node);
         let foretold = units.iter().map(|unit| {
             asked.store(false, Ordering::Relaxed);
-            let labels = stage
-                .configured
-                .foretell(node.output.artifact, unit, &scope)?;
+            let labels = stage.configured.labels(node.output_idx, unit, &scope)?;
             // A promise made of labels that may change is none.
             (!asked.load(Ordering::Relaxed)).then_some(labels)
         });
@@ -294,7 +293,7 @@ impl<'a> State<'a> {
 
     fn list(&self, node: &Node, scope: &Scope) -> Result<Vec<Unit>, Failure> {
         let stage = self.pipeline.stage(node);
-        let mut units = stage.units(node.output.artifact, scope)?;
+        let mut units = stage.units(node.output_idx, scope)?;
         if let Some(unit) = units.iter().find(|unit| !is_key(&unit.partition)) {
             return Err(Failure::NotAKey {
                 node: node.name.clone(),

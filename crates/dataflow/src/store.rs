@@ -12,7 +12,9 @@ use crate::{
     digest::{Digest, Fields},
     fingerprint::Fingerprint,
     graph::{Node, NodeName},
-    stage::{Advised, Labels},
+    metrics::Figures,
+    outcome::{Labels, Outcome},
+    stage::Advised,
 };
 
 /// One file of an artifact: its bytes are found by their digest.
@@ -44,7 +46,7 @@ pub enum RecordOutcome {
         /// Facts by which later stages choose partitions.
         labels: Labels,
         /// Counts and figures.
-        metrics: BTreeMap<String, f64>,
+        metrics: Figures,
     },
     /// The item could not be used.
     Skipped {
@@ -179,7 +181,7 @@ pub struct Unkept {
     /// Everything that it depends on.
     pub fingerprint: Fingerprint,
     /// What the stage said.
-    pub outcome: crate::stage::Outcome,
+    pub outcome: Outcome,
 }
 
 /// One unit of a run.
@@ -292,8 +294,9 @@ pub struct NodeRecord {
     pub n_skipped: usize,
     /// Items left out by configuration.
     pub n_filtered: usize,
-    /// Sum of each metric over the partitions.
-    pub totals: BTreeMap<String, f64>,
+    /// The figures, gathered over the partitions.
+    #[serde(rename = "totals")]
+    pub metrics: Figures,
     /// Seconds it took.
     pub seconds: f64,
 }

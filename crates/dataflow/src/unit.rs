@@ -18,7 +18,7 @@ pub struct Unit {
     pub files: Vec<SourceFile>,
     /// What of these files decides, by their names; every byte of those that are not named.
     pub forms: BTreeMap<String, Form>,
-    /// What its listing found out and [`crate::Stage::run`] goes by, by name. A change makes it run
+    /// What its listing found out and [`crate::Output::make`] goes by, by name. A change makes it run
     /// again, where an option that only chooses among units need not.
     pub facts: BTreeMap<String, String>,
 }
@@ -77,25 +77,5 @@ impl Unit {
     pub fn with_file(mut self, file: SourceFile) -> Self {
         self.files.push(file);
         self
-    }
-}
-
-/// What became of all units of one output, for its line in the report.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Summary {
-    /// Partitions made or taken from the lake.
-    pub n_made: usize,
-    /// Items skipped as unusable.
-    pub n_skipped: usize,
-    /// Items left out by configuration.
-    pub n_filtered: usize,
-    /// Sum of each metric over the partitions.
-    pub totals: BTreeMap<String, f64>,
-}
-
-impl Summary {
-    /// Returns the sum of a metric over all partitions, 0 if nobody reported it.
-    pub fn total(&self, metric: &str) -> f64 {
-        self.totals.get(metric).copied().unwrap_or(0.0)
     }
 }

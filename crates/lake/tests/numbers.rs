@@ -139,7 +139,7 @@ fn every_number_comes_back_from_records_runs_caches_and_tables() {
             n_made: 1,
             n_skipped: 0,
             n_filtered: 0,
-            totals: by_name(&numbers),
+            metrics: by_name(&numbers),
             seconds: 0.233_333_333_333_333_34,
         }],
         units: vec![unit.clone()],

@@ -1,13 +1,11 @@
 //! What two runs gave that differs: figures and partitions, by output.
 
-use std::collections::BTreeMap;
-
 use dataflow::{NodeRecord, RunRecord};
 use serde::Serialize;
 
 use super::{units::Pair, values::keys};
 
-/// A figure that differs: of all partitions of an output, the sum. It is `null` where there was none.
+/// A figure that differs, gathered over the partitions of an output. It is `null` where there was none.
 #[derive(Debug, PartialEq, Serialize)]
 pub(super) struct FigureChange {
     pub(super) figure: String,
@@ -77,9 +75,9 @@ fn figures(old: &NodeRecord, new: &NodeRecord) -> Vec<FigureChange> {
     let count = |n: usize| Some(n as f64);
     compare("skipped", count(old.n_skipped), count(new.n_skipped));
     compare("filtered", count(old.n_filtered), count(new.n_filtered));
-    let value = |totals: &BTreeMap<String, f64>, name: &str| totals.get(name).copied();
-    for name in keys(&old.totals, &new.totals) {
-        compare(name, value(&old.totals, name), value(&new.totals, name));
+    for name in keys(&old.metrics, &new.metrics) {
+        let value = |node: &NodeRecord| node.metrics.get(name).copied();
+        compare(name, value(old), value(new));
     }
     changes
 }

@@ -35,4 +35,4 @@ pub use cells::simulated_cell;
 pub use config::{DispatchConfig, SimulatedConfig};
 pub use error::DispatchError;
 pub use in_flight::{Cancellation, MotionInFlight, stop_sending};
-pub use stage::{Dispatch, EXECUTIONS};
+pub use stage::{Dispatch, DispatchMetrics};

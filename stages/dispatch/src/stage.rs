@@ -1,15 +1,14 @@
 //! The stage: one table of executions per object.
 
 use std::{
-    collections::BTreeMap,
     path::{Component, Path},
     sync::Arc,
 };
 
 use cell::{CellClient, Executed, Goal, Recovered, Rejection, RejectionCode, Report, with_causes};
 use dataflow::{
-    Code, Context, Form, Input, Inputs, Labels, Made, OptionFault, Outcome, Output, Scope,
-    SourceFile, Stage, Unit,
+    Code, Context, Form, Inputs, Labels, OptionFault, Outcome, Output, Outputs, Scope, SourceFile,
+    Stage, Sum, Unit, labels,
 };
 use lake::{LakeError, ReadInputs, WriteArtifact};
 use robot::Joint;
@@ -34,16 +33,39 @@ use crate::{
 };
 
 /// Sends accepted motions to a robot cell.
-pub enum Dispatch {}
+pub struct Dispatch;
+
+dataflow::metrics! {
+    /// What became of the motions for an object.
+    pub struct DispatchMetrics {
+        /// Number of motions that were looked at.
+        motions_n: Sum,
+        /// Number of those that were sent, now or before.
+        sent_n: Sum,
+        /// Number of those that were not sent because they are infeasible.
+        refused_n: Sum,
+        /// Number of those that the cell took.
+        accepted_n: Sum,
+        /// Number of those that succeeded.
+        succeeded_n: Sum,
+        /// Number of those of which nobody knows what became.
+        unknown_n: Sum,
+        /// Number of those that a person stopped.
+        stopped_n: Sum,
+        /// Number of those that the cell had executed before, and did not again.
+        known_n: Sum,
+        /// Number of those that would have been sent.
+        dry_n: Sum,
+        /// Number of those that were sent to a simulated cell.
+        simulated_n: Sum,
+    }
+}
 
 /// The robot counts as recordings show it.
 const SHOWN_ROBOT: Form = Form {
     name: "shown robot",
     of: robot::shown_form,
 };
-
-/// The artifact of what became of each motion.
-pub const EXECUTIONS: &str = "executions";
 
 impl Stage for Dispatch {
     type Config = DispatchConfig;
@@ -52,26 +74,8 @@ impl Stage for Dispatch {
     const KIND: &'static str = "dispatch";
     const ABOUT: &'static str = "Sends accepted motions to a robot cell and keeps what it did";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [Input] = &[
-        Input {
-            name: "rollouts",
-            artifact: "rollouts",
-        },
-        Input {
-            name: "candidates",
-            artifact: "candidates",
-        },
-        Input {
-            name: "objects",
-            artifact: "objects",
-        },
-    ];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: EXECUTIONS,
-        schema: Executions::VERSION,
-        partition: "object",
-        parallel: false,
-    }];
+    const INPUTS: &'static [&'static str] = &[Rollouts::NAME, Candidates::NAME, Object::NAME];
+    const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &DispatchConfig) -> Vec<OptionFault> {
         config.faults()
@@ -84,12 +88,19 @@ impl Stage for Dispatch {
         JointNames::new(&config.joint_names, robots.whole())?;
         robots.planner(config).map(drop)
     }
+}
 
-    fn units(
-        config: &DispatchConfig,
-        _output: &str,
-        scope: &Scope,
-    ) -> Result<Vec<Unit>, DispatchError> {
+impl Output for Dispatch {
+    type Stage = Self;
+    type Metrics = DispatchMetrics;
+    type Error = DispatchError;
+
+    const ARTIFACT: &'static str = Executions::NAME;
+    const SCHEMA: &'static str = Executions::VERSION;
+    const PARTITION: &'static str = "object";
+    const EXECUTION: dataflow::Execution = dataflow::Execution::OneByOne;
+
+    fn units(config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, DispatchError> {
         let of_hand = robot_meshes::sources(&config.hand)?;
         let of_arm = match &config.arm {
             Some(arm) => robot_meshes::sources(&arm.robot)?,
@@ -102,13 +113,13 @@ impl Stage for Dispatch {
         });
         let meshes: Vec<SourceFile> = of_hand.into_iter().chain(of_arm).collect();
         Ok(scope
-            .partitions("rollouts")
+            .partitions(Rollouts::NAME)
             .iter()
             .map(|rollouts| {
                 let unit = Unit::new(&rollouts.key)
-                    .reading("rollouts", [&rollouts.key])
-                    .reading("candidates", [&rollouts.key])
-                    .reading("objects", [&rollouts.key])
+                    .reading(Rollouts::NAME, [&rollouts.key])
+                    .reading(Candidates::NAME, [&rollouts.key])
+                    .reading(Object::NAME, [&rollouts.key])
                     .with_file_of_form(SourceFile::named("hand", &config.hand), SHOWN_ROBOT);
                 let unit = match &config.arm {
                     Some(arm) => {
@@ -122,21 +133,15 @@ impl Stage for Dispatch {
             .collect())
     }
 
-    fn foretell(
-        _config: &DispatchConfig,
-        _output: &str,
-        unit: &Unit,
-        _scope: &Scope,
-    ) -> Option<Labels> {
-        let object = unit.partition.clone();
-        Some(Labels::from([("object".to_owned(), object)]))
+    fn labels(_config: &DispatchConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        Some(labels([("object", &unit.partition)]))
     }
 
-    fn run(
+    fn make(
         config: &DispatchConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome, DispatchError> {
+    ) -> Result<Outcome<DispatchMetrics>, DispatchError> {
         let rollouts: Rollouts = inputs.one()?;
         let candidates: Candidates = inputs.one()?;
         let object: Object = inputs.one()?;
@@ -150,10 +155,10 @@ impl Stage for Dispatch {
             send(config, &robots, &object, &candidates, &motions, cx)?
         };
         cx.write(&sent.executions)?;
-        Ok(Outcome::Made(Made {
-            labels: BTreeMap::from([("object".to_owned(), object.name)]),
-            metrics: sent.metrics(),
-        }))
+        Ok(Outcome::made(
+            labels([("object", &object.name)]),
+            sent.metrics(),
+        ))
     }
 }
 
@@ -171,33 +176,24 @@ struct Sent {
 }
 
 impl Sent {
-    fn metrics(&self) -> BTreeMap<String, f64> {
-        let count =
-            |so: &dyn Fn(&Execution) -> bool| self.executions.iter().filter(|&e| so(e)).count();
+    fn metrics(&self) -> DispatchMetrics {
+        let count = |so: &dyn Fn(&Execution) -> bool| {
+            self.executions.iter().filter(|&e| so(e)).count() as f64
+        };
+        let ended = |outcome: executions::Outcome| count(&|e| e.outcome == outcome);
         let sent_n = count(&|e| !e.goal_id.is_empty());
-        [
-            ("motions_n", self.motions_n),
-            ("sent_n", sent_n),
-            ("refused_n", self.executions.len() - sent_n),
-            ("accepted_n", count(&|e| e.accepted)),
-            (
-                "succeeded_n",
-                count(&|e| e.outcome == executions::Outcome::Succeeded),
-            ),
-            (
-                "unknown_n",
-                count(&|e| e.outcome == executions::Outcome::Unknown),
-            ),
-            (
-                "stopped_n",
-                count(&|e| e.outcome == executions::Outcome::Stopped),
-            ),
-            ("known_n", self.known_n),
-            ("dry_n", self.dry_n),
-            ("simulated_n", if self.simulated { sent_n } else { 0 }),
-        ]
-        .map(|(name, count)| (name.to_owned(), count as f64))
-        .into()
+        DispatchMetrics {
+            motions_n: self.motions_n as f64,
+            sent_n,
+            refused_n: self.executions.len() as f64 - sent_n,
+            accepted_n: count(&|e| e.accepted),
+            succeeded_n: ended(executions::Outcome::Succeeded),
+            unknown_n: ended(executions::Outcome::Unknown),
+            stopped_n: ended(executions::Outcome::Stopped),
+            known_n: self.known_n as f64,
+            dry_n: self.dry_n as f64,
+            simulated_n: if self.simulated { sent_n } else { 0.0 },
+        }
     }
 }
 

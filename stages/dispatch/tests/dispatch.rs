@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, fs, path::Path};
 
 use dataflow::{
-    Advise, Artifact, Context, Inputs, Made, Outcome, Report, SourceFile, Stage, Summary,
+    Advise, Artifact, Context, Inputs, Made, Outcome, Output, SourceFile, Stage, Summary,
 };
 use nalgebra::{Isometry3, Vector3};
 use report_dispatch::DispatchReport;
@@ -19,7 +19,7 @@ use schemas::{
     },
 };
 use spatial::{Pose, Rest};
-use stage_dispatch::{Dispatch, DispatchConfig, DispatchError};
+use stage_dispatch::{Dispatch, DispatchConfig, DispatchError, DispatchMetrics};
 
 const OBJECT: &str = "cube";
 const HALF_EDGE_M: f64 = 0.02;
@@ -164,7 +164,7 @@ fn inputs(folder: &Path, config: &DispatchConfig, verdict: Verdict) -> Inputs {
 }
 
 struct Ran {
-    made: Made,
+    made: Made<DispatchMetrics>,
     executions: Vec<Execution>,
     folder: tempfile::TempDir,
 }
@@ -175,8 +175,8 @@ fn run(change: impl Fn(&mut DispatchConfig), verdict: Verdict) -> Result<Ran, Di
     let mut config = config();
     change(&mut config);
     let inputs = inputs(work.path(), &config, verdict);
-    let cx = Context::detached("executions", OBJECT, 1, folder.path());
-    let Outcome::Made(made) = Dispatch::run(&config, &inputs, &cx)? else {
+    let cx = Context::detached(OBJECT, 1, folder.path());
+    let Outcome::Made(made) = Dispatch::make(&config, &inputs, &cx)? else {
         panic!("expected an artifact");
     };
     let executions: Executions = lake::table::read(&artifact(folder.path())).unwrap();
@@ -187,13 +187,8 @@ fn run(change: impl Fn(&mut DispatchConfig), verdict: Verdict) -> Result<Ran, Di
     })
 }
 
-fn describe(made: &Made) -> String {
-    let summary = Summary {
-        n_made: 1,
-        totals: made.metrics.clone(),
-        ..Summary::default()
-    };
-    DispatchReport::describe("executions", &summary)
+fn line(made: &Made<DispatchMetrics>) -> String {
+    DispatchReport::line(&Summary::made(std::slice::from_ref(&made.metrics)))
 }
 
 #[test]
@@ -215,7 +210,7 @@ fn accepted_motions_are_executed_by_the_simulated_cell_and_recorded() {
     assert!(ran.executions[0].lift_m > 0.08);
     assert!(ran.executions[0].simulated && ran.executions[0].gap.contains("mass times 1.1"));
     // Another test of this process may have had the cell execute the same goals before.
-    let line = describe(&ran.made);
+    let line = line(&ran.made);
     let expected = "2 motions → 1 succeed at the simulated cell";
     assert!(line.starts_with(expected), "{line}");
 
@@ -280,7 +275,7 @@ fn motions_that_the_robot_cannot_make_are_rows_and_no_cell_is_asked() {
         assert!(row.goal_id.is_empty() && !row.accepted && !row.simulated);
     }
     assert_eq!(
-        describe(&ran.made),
+        line(&ran.made),
         "3 motions → 0 succeed at the robot cell, 3 infeasible"
     );
 }
@@ -336,7 +331,7 @@ fn equal_inputs_give_equal_files() {
 fn without_an_accepted_motion_the_table_is_empty_and_no_cell_is_asked() {
     let ran = run(|c| c.cell = "tcp/127.0.0.1:9".to_owned(), Verdict::Slipped).unwrap();
     assert!(ran.executions.is_empty());
-    assert_eq!(describe(&ran.made), "no accepted motion to execute");
+    assert_eq!(line(&ran.made), "no accepted motion to execute");
 }
 
 #[test]

@@ -25,6 +25,7 @@ use crate::{
     reader::{About, Listed, Reader, read},
     recording::{Ground, Observation, Recording, Standing},
     selection::Cameras,
+    stage::Agreement,
     yaml::{self, Meta},
 };
 
@@ -129,7 +130,7 @@ impl Reader for DexYcb<'_> {
 /// What the labels show.
 struct Seen {
     images: Vec<Observation>,
-    agreement: Vec<(&'static str, f64)>,
+    agreement: Agreement,
 }
 
 impl DexYcb<'_> {
@@ -184,11 +185,12 @@ impl DexYcb<'_> {
         }
         Ok(Seen {
             images,
-            agreement: vec![
-                ("cameras_n", cameras.len() as f64),
-                ("camera_spread_m", spread_m),
-                ("disagreeing_labels_n", left_out_n as f64),
-            ],
+            agreement: Agreement {
+                cameras_n: Some(cameras.len() as f64),
+                camera_spread_m: Some(spread_m),
+                disagreeing_labels_n: Some(left_out_n as f64),
+                ..Agreement::default()
+            },
         })
     }
 }
@@ -247,7 +249,7 @@ fn check_agreement(
             file: file.name.clone(),
         });
     }
-    recording.agreement.push(("pose_difference_m", median_m));
+    recording.agreement.pose_difference_m = Some(median_m);
     Ok(())
 }
 

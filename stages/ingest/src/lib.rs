@@ -49,5 +49,7 @@ pub use error::{IngestError, Unusable};
 pub use mano::{ManoError, ManoModel, ShapedHand};
 pub use npz::NpzError;
 pub use selection::Split;
-pub use stage::{Ingest, OBJECTS, SHAPES};
+pub use stage::{
+    Agreement, DemonstrationMetrics, Demonstrations, Ingest, Objects, ShapeMetrics, Shapes,
+};
 pub use yaml::YamlError;

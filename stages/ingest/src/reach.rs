@@ -152,6 +152,7 @@ mod tests {
     use crate::{
         fixture,
         recording::{Ground, Observation, Tag},
+        stage::Agreement,
         table,
     };
 
@@ -176,7 +177,7 @@ mod tests {
             hand: Side::Right,
             ground: Ground::Tag(world_from_tag()),
             images,
-            agreement: Vec::new(),
+            agreement: Agreement::default(),
         }
     }
 

@@ -4,6 +4,8 @@ use nalgebra::Point3;
 use schemas::demonstrations::{KEYPOINTS, Side};
 use spatial::{Object, Pose, World};
 
+use crate::stage::Agreement;
+
 /// The frame of the tag that lies on the table: z up against gravity, z = 0 the table's surface.
 pub(crate) enum Tag {}
 
@@ -23,8 +25,8 @@ pub(crate) struct Recording {
     pub(crate) ground: Ground,
     /// What each image shows, by the image's number.
     pub(crate) images: Vec<Observation>,
-    /// Figures about how well the sources agree, by name: they become metrics.
-    pub(crate) agreement: Vec<(&'static str, f64)>,
+    /// How well the sources agree.
+    pub(crate) agreement: Agreement,
 }
 
 /// What says where the table is.

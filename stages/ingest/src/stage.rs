@@ -2,20 +2,17 @@
 
 mod check;
 mod make;
+mod metrics;
 mod units;
 
 use dataflow::{
-    Code, Context, Input, Inputs, Labels, OptionFault, Outcome, Output, Scope, Stage, Unit,
+    Code, Context, Inputs, Labels, OptionFault, Options, Outcome, Output, Outputs, Scope, Stage,
+    Unit, labels,
 };
 use schemas::{Table, demonstrations::Demonstration, objects::Object};
 
+pub use self::metrics::{Agreement, DemonstrationMetrics, ShapeMetrics};
 use crate::{config::IngestConfig, error::IngestError, reader};
-
-/// The artifact of what follows from an object's mesh and its mass.
-pub const SHAPES: &str = "shapes";
-const DEMONSTRATIONS: &str = "demonstrations";
-/// The artifact of an object with the orientations in which it was seen to lie.
-pub const OBJECTS: &str = "objects";
 
 /// Names of the pipeline file's meshes, among the files of a unit, begin so.
 const MESHES: &str = "meshes/";
@@ -38,27 +35,8 @@ impl Stage for Ingest {
     const KIND: &'static str = "ingest";
     const ABOUT: &'static str = "reads recordings of people grasping objects";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [Input] = &[];
-    const OUTPUTS: &'static [Output] = &[
-        Output {
-            artifact: SHAPES,
-            schema: Object::VERSION,
-            partition: "object",
-            parallel: true,
-        },
-        Output {
-            artifact: DEMONSTRATIONS,
-            schema: Demonstration::VERSION,
-            partition: "sequence",
-            parallel: true,
-        },
-        Output {
-            artifact: OBJECTS,
-            schema: Object::VERSION,
-            partition: "object",
-            parallel: true,
-        },
-    ];
+    const INPUTS: &'static [&'static str] = &[];
+    const OUTPUTS: Outputs<Self> = &[&Shapes, &Demonstrations, &Objects];
 
     fn check(config: &IngestConfig) -> Vec<OptionFault> {
         check::faults(config)
@@ -68,51 +46,110 @@ impl Stage for Ingest {
         check::options(config)?;
         check::chosen(config, reader::reader(config).as_ref())
     }
+}
 
-    fn units(config: &IngestConfig, output: &str, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
-        match output {
-            SHAPES => units::shapes(config),
-            OBJECTS => Ok(units::objects(scope)),
-            _ => units::demonstrations(config, scope),
-        }
+/// The artifact `shapes`: what follows from an object's mesh and its mass.
+pub struct Shapes;
+
+impl Output for Shapes {
+    type Stage = Ingest;
+    type Metrics = ShapeMetrics;
+    type Error = IngestError;
+
+    const ARTIFACT: &'static str = "shapes";
+    const SCHEMA: &'static str = Object::VERSION;
+    const PARTITION: &'static str = "object";
+    const OPTIONS: Options = Options::Only(&["points_n", "max_convex_parts_n"]);
+
+    fn units(config: &IngestConfig, _scope: &Scope) -> Result<Vec<Unit>, IngestError> {
+        units::shapes(config)
     }
 
-    fn foretell(
+    fn labels(_config: &IngestConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        let mut labels = units::added(&unit.files);
+        labels.insert("object".to_owned(), unit.partition.clone());
+        Some(labels)
+    }
+
+    fn make(
         config: &IngestConfig,
-        output: &str,
-        unit: &Unit,
-        _scope: &Scope,
-    ) -> Option<Labels> {
-        let label = |name: &str, value: &str| (name.to_owned(), value.to_owned());
-        if output == SHAPES {
-            let mut labels = units::added(&unit.files);
-            labels.extend([label("object", &unit.partition)]);
-            return Some(labels);
-        }
-        if output == OBJECTS {
-            return Some(Labels::from([label("object", &unit.partition)]));
-        }
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<ShapeMetrics>, IngestError> {
+        make::shape(config, inputs, cx)
+    }
+}
+
+/// The artifact `demonstrations`: recordings of people grasping, up to the moment the object moves.
+pub struct Demonstrations;
+
+impl Output for Demonstrations {
+    type Stage = Ingest;
+    type Metrics = DemonstrationMetrics;
+    type Error = IngestError;
+
+    const ARTIFACT: &'static str = Demonstration::NAME;
+    const SCHEMA: &'static str = Demonstration::VERSION;
+    const PARTITION: &'static str = "sequence";
+    /// The others choose units and files, or decide shapes.
+    const OPTIONS: Options = Options::Except(&[
+        "subjects",
+        "objects",
+        "split",
+        "mirror",
+        "masses_kg",
+        "meshes",
+        "points_n",
+        "max_convex_parts_n",
+    ]);
+
+    fn units(config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
+        units::demonstrations(config, scope)
+    }
+
+    fn labels(config: &IngestConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
         let about = reader::reader(config).about(&unit.files).ok()?;
-        Some(Labels::from([
-            label("object", &about.object),
-            label("subject", &about.subject),
+        Some(labels([
+            ("object", &about.object),
+            ("subject", &about.subject),
         ]))
     }
 
-    fn decides(option: &str, output: &str) -> bool {
-        match option {
-            // They choose units and files, or are told to the unit as its mass.
-            "subjects" | "objects" | "split" | "mirror" | "masses_kg" | "meshes" => false,
-            "points_n" | "max_convex_parts_n" => output == SHAPES,
-            _ => output == DEMONSTRATIONS,
-        }
+    fn make(
+        config: &IngestConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<DemonstrationMetrics>, IngestError> {
+        make::demonstration(config, inputs, cx)
+    }
+}
+
+/// The artifact `objects`: a shape with the orientations in which it was seen to lie.
+pub struct Objects;
+
+impl Output for Objects {
+    type Stage = Ingest;
+    type Metrics = ShapeMetrics;
+    type Error = IngestError;
+
+    const ARTIFACT: &'static str = Object::NAME;
+    const SCHEMA: &'static str = Object::VERSION;
+    const PARTITION: &'static str = "object";
+    const OPTIONS: Options = Options::NONE;
+
+    fn units(_config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
+        Ok(units::objects(scope))
     }
 
-    fn run(config: &IngestConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, IngestError> {
-        match cx.output() {
-            SHAPES => make::shape(config, inputs, cx),
-            OBJECTS => make::object(inputs, cx),
-            _ => make::demonstration(config, inputs, cx),
-        }
+    fn labels(_config: &IngestConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        Some(labels([("object", &unit.partition)]))
+    }
+
+    fn make(
+        _config: &IngestConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<ShapeMetrics>, IngestError> {
+        make::object(inputs, cx)
     }
 }

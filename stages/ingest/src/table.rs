@@ -15,8 +15,8 @@ use crate::{
 pub(crate) struct Lying {
     /// How it lies.
     pub(crate) rest: Rest,
-    /// Figures about how well the sources agree, by name.
-    pub(crate) agreement: Vec<(&'static str, f64)>,
+    /// The table's plane, where still objects say where it is.
+    pub(crate) plane: Option<TablePlane>,
 }
 
 /// Returns how the grasped object lies on the table.
@@ -33,7 +33,7 @@ pub(crate) fn lying(
     match &recording.ground {
         Ground::Tag(world_from_tag) => Ok(Lying {
             rest: on_tag(world_from_tag, world_from_object),
-            agreement: Vec::new(),
+            plane: None,
         }),
         Ground::Standing { others, above } => {
             let others = others
@@ -65,11 +65,7 @@ pub(crate) fn lying(
             }
             Ok(Lying {
                 rest: on_plane(&plane, world_from_object),
-                agreement: vec![
-                    ("table_objects_n", plane.agreeing_n as f64),
-                    ("table_spread_m", plane.spread_m),
-                    ("table_spread_rad", plane.spread_rad),
-                ],
+                plane: Some(plane),
             })
         }
     }

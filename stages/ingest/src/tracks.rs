@@ -25,6 +25,7 @@ use crate::{
     reader::{self, About, Listed, Reader, glance, those_there},
     recording::{Ground, Observation, Recording},
     selection::Cameras,
+    stage::Agreement,
     yaml,
 };
 
@@ -131,7 +132,7 @@ impl Reader for Tracks<'_> {
             hand,
             ground,
             images: images(files, description.images)?,
-            agreement: Vec::new(),
+            agreement: Agreement::default(),
         })
     }
 }

@@ -12,4 +12,4 @@ mod stage;
 
 pub use config::InterpolateConfig;
 pub use error::InterpolateError;
-pub use stage::Interpolate;
+pub use stage::{Interpolate, InterpolateMetrics};

@@ -1,18 +1,24 @@
 //! The stage: one unit per object.
 
-use std::collections::BTreeMap;
-
-use dataflow::{Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Unit};
+use dataflow::{
+    Code, Context, Inputs, Labels, Options, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    labels,
+};
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{Table, candidates::Candidates};
 
 use crate::{InterpolateConfig, InterpolateError, line::line};
 
 /// Replaces each motion by the straight line between its ends.
-pub enum Interpolate {}
+pub struct Interpolate;
 
-/// The artifact that it reads and makes.
-const CANDIDATES: &str = "candidates";
+dataflow::metrics! {
+    /// What is said of an object's lines.
+    pub struct InterpolateMetrics {
+        /// How many there are.
+        candidates: Sum,
+    }
+}
 
 impl Stage for Interpolate {
     type Config = InterpolateConfig;
@@ -21,23 +27,26 @@ impl Stage for Interpolate {
     const KIND: &'static str = "interpolate";
     const ABOUT: &'static str = "Replaces each motion by the straight line between its ends";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [Input] = &[Input {
-        name: CANDIDATES,
-        artifact: CANDIDATES,
-    }];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: CANDIDATES,
-        schema: Candidates::VERSION,
-        partition: "object",
-        parallel: true,
-    }];
+    const INPUTS: &'static [&'static str] = &[Candidates::NAME];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+}
 
-    fn units(
-        config: &InterpolateConfig,
-        _output: &str,
-        scope: &Scope,
-    ) -> Result<Vec<Unit>, InterpolateError> {
-        let keys = scope.partitions(CANDIDATES).iter().map(|given| &given.key);
+impl Output for Interpolate {
+    type Stage = Self;
+    type Metrics = InterpolateMetrics;
+    type Error = InterpolateError;
+
+    const ARTIFACT: &'static str = Candidates::NAME;
+    const SCHEMA: &'static str = Candidates::VERSION;
+    const PARTITION: &'static str = "object";
+    /// `objects` only chooses units.
+    const OPTIONS: Options = Options::Except(&["objects"]);
+
+    fn units(config: &InterpolateConfig, scope: &Scope) -> Result<Vec<Unit>, InterpolateError> {
+        let keys = scope
+            .partitions(Candidates::NAME)
+            .iter()
+            .map(|given| &given.key);
         let keys: Vec<&String> = keys.collect();
         if keys.is_empty() {
             return Err(InterpolateError::NoCandidates);
@@ -52,31 +61,21 @@ impl Stage for Interpolate {
             |object: &&String| config.objects.is_empty() || config.objects.contains(object);
         let units = keys.into_iter().filter(chosen).map(|object| {
             Unit::new(object)
-                .reading(CANDIDATES, [object])
-                .only_files(CANDIDATES, [lake::table::FILE])
+                .reading(Candidates::NAME, [object])
+                .only_files(Candidates::NAME, [lake::table::FILE])
         });
         Ok(units.collect())
     }
 
-    fn foretell(
-        _config: &InterpolateConfig,
-        _output: &str,
-        unit: &Unit,
-        _scope: &Scope,
-    ) -> Option<Labels> {
-        Some(labels(&unit.partition))
+    fn labels(_config: &InterpolateConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        Some(labels([("object", &unit.partition)]))
     }
 
-    /// `objects` only chooses units.
-    fn decides(option: &str, _output: &str) -> bool {
-        option != "objects"
-    }
-
-    fn run(
+    fn make(
         _config: &InterpolateConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome, InterpolateError> {
+    ) -> Result<Outcome<InterpolateMetrics>, InterpolateError> {
         let given: Candidates = inputs.one()?;
         let mut lines = Vec::with_capacity(given.candidates.len());
         for motion in &given.candidates {
@@ -84,31 +83,25 @@ impl Stage for Interpolate {
                 Ok(motion) => lines.push(motion),
                 Err(err) => {
                     let name = &motion.candidate_id;
-                    let reason = format!("candidate `{name}`: {err}");
-                    return Ok(Outcome::Skipped { reason });
+                    return Ok(Outcome::skipped(format!("candidate `{name}`: {err}")));
                 }
             }
         }
-        let n = lines.len() as f64;
+        let metrics = InterpolateMetrics {
+            candidates: lines.len() as f64,
+        };
         let lines = Candidates {
             candidates: lines,
             ..given
         };
         cx.write(&lines)?;
-        Ok(Outcome::Made(Made {
-            labels: labels(&lines.object),
-            metrics: BTreeMap::from([("candidates".to_owned(), n)]),
-        }))
+        Ok(Outcome::made(labels([("object", &lines.object)]), metrics))
     }
-}
-
-fn labels(object: &str) -> Labels {
-    Labels::from([("object".to_owned(), object.to_owned())])
 }
 
 #[cfg(test)]
 mod tests {
-    use std::{fs, path::Path};
+    use std::{collections::BTreeMap, fs, path::Path};
 
     use dataflow::{Advise, Artifact, Partition};
     use nalgebra::Isometry3;
@@ -144,7 +137,7 @@ mod tests {
     }
 
     /// Runs the stage on these motions; its files lie in `folder/out`.
-    fn run(motions: Vec<Candidate>, folder: &Path) -> Outcome {
+    fn run(motions: Vec<Candidate>, folder: &Path) -> Outcome<InterpolateMetrics> {
         let [given, out] = ["given", "out"].map(|name| folder.join(name));
         for folder in [&given, &out] {
             fs::create_dir(folder).unwrap();
@@ -155,10 +148,10 @@ mod tests {
             candidates: motions,
         };
         lake::table::write(&given, &motions).unwrap();
-        let artifacts = BTreeMap::from([(CANDIDATES.to_owned(), vec![artifact(&given)])]);
+        let artifacts = BTreeMap::from([(Candidates::NAME.to_owned(), vec![artifact(&given)])]);
         let inputs = Inputs::new(artifacts, Vec::new());
-        let cx = Context::detached(CANDIDATES, "can", 0, &out);
-        Interpolate::run(&InterpolateConfig::default(), &inputs, &cx).unwrap()
+        let cx = Context::detached("can", 0, &out);
+        Interpolate::make(&InterpolateConfig::default(), &inputs, &cx).unwrap()
     }
 
     #[test]
@@ -168,7 +161,7 @@ mod tests {
         let Outcome::Made(made) = run(motions.clone(), folder.path()) else {
             panic!("not made");
         };
-        assert_eq!(made.metrics["candidates"], 2.0);
+        assert_eq!(made.metrics.candidates, 2.0);
         assert_eq!(made.labels["object"], "can");
         let made = artifact(&folder.path().join("out"));
         let read: Candidates = lake::table::read(&made).unwrap();
@@ -197,20 +190,19 @@ mod tests {
     fn objects_are_chosen_by_name() {
         let partition = |key: &str| Partition::new(key, BTreeMap::new());
         let given = vec![partition("box"), partition("can")];
-        let scope = Scope::new(BTreeMap::from([(CANDIDATES.to_owned(), given)]));
+        let scope = Scope::new(BTreeMap::from([(Candidates::NAME.to_owned(), given)]));
         let units = |objects: &[&str], scope: &Scope| {
             let objects = objects.iter().map(|&name| name.to_owned()).collect();
-            Interpolate::units(&InterpolateConfig { objects }, CANDIDATES, scope)
+            Interpolate::units(&InterpolateConfig { objects }, scope)
         };
         assert_eq!(units(&[], &scope).unwrap().len(), 2);
         let one = units(&["can"], &scope).unwrap();
         assert_eq!((one.len(), one[0].partition.as_str()), (1, "can"));
-        assert_eq!(one[0].reads[CANDIDATES], ["can"]);
+        assert_eq!(one[0].reads[Candidates::NAME], ["can"]);
         let unknown = units(&["cup"], &scope).unwrap_err();
         assert!(unknown.to_string().contains("`cup`"));
         assert!(unknown.hint().unwrap().contains("box, can"));
         let nothing = units(&[], &Scope::default());
         assert!(matches!(nothing, Err(InterpolateError::NoCandidates)));
-        assert!(!Interpolate::decides("objects", CANDIDATES));
     }
 }

@@ -10,4 +10,4 @@ mod stage;
 
 pub use config::ReplayConfig;
 pub use error::ReplayError;
-pub use stage::Replay;
+pub use stage::{Replay, ReplayMetrics};

@@ -1,8 +1,10 @@
 //! The stage: one unit per object.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
-use dataflow::{Code, Context, Input, Inputs, Labels, Made, Outcome, Output, Scope, Stage, Unit};
+use dataflow::{
+    Code, Context, Inputs, Labels, Outcome, Output, Outputs, Scope, Stage, Sum, Unit, labels,
+};
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
     Table,
@@ -13,7 +15,15 @@ use schemas::{
 use crate::{ReplayConfig, ReplayError};
 
 /// Offers retargeted demonstrations as candidates.
-pub enum Replay {}
+pub struct Replay;
+
+dataflow::metrics! {
+    /// What is said of an object's candidates.
+    pub struct ReplayMetrics {
+        /// How many there are.
+        candidates: Sum,
+    }
+}
 
 /// What the candidates say drew them.
 const GENERATOR: &str = "demonstration";
@@ -28,27 +38,21 @@ impl Stage for Replay {
     const KIND: &'static str = "replay";
     const ABOUT: &'static str = "Offers retargeted demonstrations as candidates";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [Input] = &[Input {
-        name: "trajectories",
-        artifact: "trajectories",
-    }];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: "candidates",
-        schema: Candidates::VERSION,
-        partition: "object",
-        parallel: true,
-    }];
+    const INPUTS: &'static [&'static str] = &[Trajectory::NAME];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+}
 
-    fn prepare(_config: &ReplayConfig) -> Result<(), ReplayError> {
-        Ok(())
-    }
+impl Output for Replay {
+    type Stage = Self;
+    type Metrics = ReplayMetrics;
+    type Error = ReplayError;
 
-    fn units(
-        config: &ReplayConfig,
-        _output: &str,
-        scope: &Scope,
-    ) -> Result<Vec<Unit>, ReplayError> {
-        let trajectories = scope.partitions("trajectories");
+    const ARTIFACT: &'static str = Candidates::NAME;
+    const SCHEMA: &'static str = Candidates::VERSION;
+    const PARTITION: &'static str = "object";
+
+    fn units(config: &ReplayConfig, scope: &Scope) -> Result<Vec<Unit>, ReplayError> {
+        let trajectories = scope.partitions(Trajectory::NAME);
         if trajectories.is_empty() {
             return Err(ReplayError::NoTrajectories);
         }
@@ -73,22 +77,20 @@ impl Stage for Replay {
                     .iter()
                     .filter(|trajectory| trajectory.label(OBJECT) == Some(object))
                     .map(|trajectory| trajectory.key.as_str());
-                Unit::new(object).reading("trajectories", of_object)
+                Unit::new(object).reading(Trajectory::NAME, of_object)
             })
             .collect())
     }
 
-    fn foretell(
-        _config: &ReplayConfig,
-        _output: &str,
-        unit: &Unit,
-        _scope: &Scope,
-    ) -> Option<Labels> {
-        let object = unit.partition.clone();
-        Some(Labels::from([(OBJECT.to_owned(), object)]))
+    fn labels(_config: &ReplayConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        Some(labels([(OBJECT, &unit.partition)]))
     }
 
-    fn run(_config: &ReplayConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, ReplayError> {
+    fn make(
+        _config: &ReplayConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<ReplayMetrics>, ReplayError> {
         let object = cx.partition();
         let trajectories: Vec<Trajectory> = inputs.all()?;
         let first = trajectories.first().ok_or(ReplayError::NoTrajectories)?;
@@ -104,11 +106,10 @@ impl Stage for Replay {
             joints: first.joints.clone(),
             candidates: trajectories.iter().map(candidate).collect(),
         })?;
-        let n = trajectories.len() as f64;
-        Ok(Outcome::Made(Made {
-            labels: BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]),
-            metrics: BTreeMap::from([("candidates".to_owned(), n)]),
-        }))
+        let metrics = ReplayMetrics {
+            candidates: trajectories.len() as f64,
+        };
+        Ok(Outcome::made(labels([(OBJECT, object)]), metrics))
     }
 }
 
@@ -159,6 +160,8 @@ fn palm_acceleration(steps: &[trajectories::Step], idx: usize) -> [f64; 6] {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use dataflow::{Artifact, Partition};
     use nalgebra::{Isometry3, Unit as UnitVector, Vector3};
     use spatial::{Pose, Rest};
@@ -191,7 +194,10 @@ mod tests {
     }
 
     /// Runs the stage on these trajectories in `folder`.
-    fn run(trajectories: &[Trajectory], folder: &std::path::Path) -> Result<Outcome, ReplayError> {
+    fn run(
+        trajectories: &[Trajectory],
+        folder: &std::path::Path,
+    ) -> Result<Outcome<ReplayMetrics>, ReplayError> {
         let artifacts = trajectories
             .iter()
             .map(|trajectory| {
@@ -210,8 +216,8 @@ mod tests {
             BTreeMap::from([("trajectories".to_owned(), artifacts)]),
             Vec::new(),
         );
-        let cx = Context::detached("candidates", "can", 0, folder);
-        Replay::run(&ReplayConfig::default(), &inputs, &cx)
+        let cx = Context::detached("can", 0, folder);
+        Replay::make(&ReplayConfig::default(), &inputs, &cx)
     }
 
     #[test]
@@ -261,12 +267,7 @@ mod tests {
 
     #[test]
     fn one_unit_per_object_reads_its_trajectories() {
-        let labeled = |key: &str, object: &str| {
-            Partition::new(
-                key,
-                BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]),
-            )
-        };
+        let labeled = |key: &str, object: &str| Partition::new(key, labels([(OBJECT, object)]));
         let scope = Scope::new(BTreeMap::from([(
             "trajectories".to_owned(),
             vec![
@@ -277,7 +278,7 @@ mod tests {
         )]));
         let units = |objects: &[&str]| {
             let objects = objects.iter().map(|&name| name.to_owned()).collect();
-            Replay::units(&ReplayConfig { objects }, "candidates", &scope)
+            Replay::units(&ReplayConfig { objects }, &scope)
         };
         let all = units(&[]).unwrap();
         assert_eq!(all.len(), 2);

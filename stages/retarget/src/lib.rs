@@ -38,4 +38,5 @@ mod track;
 pub use config::{Loss, RetargetConfig, Wrist};
 pub use error::RetargetError;
 pub use hand_table::{FollowedPoint, HandTable};
-pub use stage::{FIELDS, Retarget, TRAJECTORIES};
+pub use stage::{DistanceFields, FieldMetrics, Retarget, Trajectories};
+pub use track::TrajectoryMetrics;

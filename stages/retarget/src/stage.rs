@@ -6,24 +6,27 @@ mod retargeted;
 use std::{fs, path::Path};
 
 use dataflow::{
-    Code, Context, Form, Input, Inputs, Labels, OptionFault, Outcome, Output, Scope, SourceFile,
-    Stage, Unit,
+    Code, Context, Form, Inputs, Labels, OptionFault, Options, Outcome, Output, Outputs, Scope,
+    SourceFile, Stage, Unit, labels,
 };
 use robot::RobotModel;
-use schemas::{Table, distance_fields::FieldInfo, objects, trajectories::Trajectory};
+use schemas::{
+    Table,
+    demonstrations::Demonstration,
+    distance_fields::FieldInfo,
+    objects::{self, Object},
+    trajectories::Trajectory,
+};
 
+pub use self::fields::FieldMetrics;
 use crate::{
     HandTable, RetargetConfig, RetargetError, Wrist,
     hand::{self, Hand},
+    track::TrajectoryMetrics,
 };
 
 /// Moves human demonstrations onto a robot hand.
 pub enum Retarget {}
-
-/// The artifact of an object's distances.
-pub const FIELDS: &str = "distance_fields";
-/// The artifact of a demonstration's motion.
-pub const TRAJECTORIES: &str = "trajectories";
 
 /// The robot counts as recordings show it.
 const SHOWN_ROBOT: Form = Form {
@@ -47,30 +50,8 @@ impl Stage for Retarget {
     const KIND: &'static str = "retarget";
     const ABOUT: &'static str = "Moves human demonstrations onto a robot hand";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [Input] = &[
-        Input {
-            name: "demonstrations",
-            artifact: "demonstrations",
-        },
-        Input {
-            name: "objects",
-            artifact: "objects",
-        },
-    ];
-    const OUTPUTS: &'static [Output] = &[
-        Output {
-            artifact: FIELDS,
-            schema: FieldInfo::VERSION,
-            partition: "object",
-            parallel: true,
-        },
-        Output {
-            artifact: TRAJECTORIES,
-            schema: Trajectory::VERSION,
-            partition: "sequence",
-            parallel: true,
-        },
-    ];
+    const INPUTS: &'static [&'static str] = &[Demonstration::NAME, Object::NAME];
+    const OUTPUTS: Outputs<Self> = &[&DistanceFields, &Trajectories];
 
     fn check(config: &RetargetConfig) -> Vec<OptionFault> {
         config.faults()
@@ -81,94 +62,105 @@ impl Stage for Retarget {
         let LoadedHand { hand, .. } = load_hand(&config.hand, &config.hand_table)?;
         check_wrist(config, &hand)
     }
+}
 
-    fn units(
-        config: &RetargetConfig,
-        output: &str,
-        scope: &Scope,
-    ) -> Result<Vec<Unit>, RetargetError> {
-        match output {
-            FIELDS => fields(scope),
-            _ => retargeted(config, scope),
+/// The artifact `distance_fields`: an object's distances.
+pub struct DistanceFields;
+
+impl Output for DistanceFields {
+    type Stage = Retarget;
+    type Metrics = FieldMetrics;
+    type Error = RetargetError;
+
+    const ARTIFACT: &'static str = FieldInfo::NAME;
+    const SCHEMA: &'static str = FieldInfo::VERSION;
+    const PARTITION: &'static str = "object";
+    const OPTIONS: Options = Options::Only(&["field_spacing_m"]);
+
+    fn units(_config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
+        let objects = scope.partitions(Object::NAME);
+        if objects.is_empty() {
+            return Err(RetargetError::NoObjects);
         }
+        let unit = |object: &str| {
+            Unit::new(object)
+                .reading(Object::NAME, [object])
+                .only_files(Object::NAME, [objects::MESH])
+        };
+        Ok(objects.iter().map(|object| unit(&object.key)).collect())
     }
 
-    fn foretell(
-        _config: &RetargetConfig,
-        output: &str,
-        unit: &Unit,
-        scope: &Scope,
-    ) -> Option<Labels> {
-        let label = |object: &str| Labels::from([("object".to_owned(), object.to_owned())]);
-        if output != TRAJECTORIES {
-            return Some(label(&unit.partition));
-        }
-        let demonstrations = scope.partitions("demonstrations");
-        let moved = demonstrations
-            .iter()
-            .find(|demonstration| demonstration.key == unit.partition)?;
-        moved.label("object").map(label)
+    fn labels(_config: &RetargetConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        Some(labels([("object", &unit.partition)]))
     }
 
-    fn decides(option: &str, output: &str) -> bool {
-        match output {
-            FIELDS => option == "field_spacing_m",
-            _ => option != "field_spacing_m",
-        }
-    }
-
-    fn run(
+    fn make(
         config: &RetargetConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome, RetargetError> {
-        match cx.output() {
-            FIELDS => fields::make(config, inputs, cx),
-            _ => retargeted::make(config, inputs, cx),
+    ) -> Result<Outcome<FieldMetrics>, RetargetError> {
+        fields::make(config, inputs, cx)
+    }
+}
+
+/// The artifact `trajectories`: a demonstration's motion.
+pub struct Trajectories;
+
+impl Output for Trajectories {
+    type Stage = Retarget;
+    type Metrics = TrajectoryMetrics;
+    type Error = RetargetError;
+
+    const ARTIFACT: &'static str = Trajectory::NAME;
+    const SCHEMA: &'static str = Trajectory::VERSION;
+    const PARTITION: &'static str = "sequence";
+    const OPTIONS: Options = Options::Except(&["field_spacing_m"]);
+
+    fn units(config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
+        let demonstrations = scope.partitions(Demonstration::NAME);
+        if demonstrations.is_empty() {
+            return Err(RetargetError::NoDemonstrations);
         }
+        let (objects, fields) = (
+            scope.partitions(Object::NAME),
+            scope.partitions(FieldInfo::NAME),
+        );
+        let meshes = robot_meshes::sources(&config.hand)?;
+        Ok(demonstrations
+            .iter()
+            .map(|demonstration| {
+                // A demonstration whose object or field is missing is planned without, and skipped.
+                let object = demonstration.label("object");
+                let among = |known: &[dataflow::Partition]| {
+                    object.filter(|name| known.iter().any(|one| one.key == *name))
+                };
+                let unit = Unit::new(&demonstration.key)
+                    .reading(Demonstration::NAME, [&demonstration.key])
+                    .reading(Object::NAME, among(objects))
+                    .reading(FieldInfo::NAME, among(fields))
+                    .only_files(Object::NAME, [objects::MESH])
+                    .with_file_of_form(SourceFile::named("hand", &config.hand), SHOWN_ROBOT)
+                    .with_file_of_form(SourceFile::named("hand_table", &config.hand_table), TABLE);
+                meshes.iter().cloned().fold(unit, Unit::with_file)
+            })
+            .collect())
     }
-}
 
-/// Returns the units of distance fields.
-fn fields(scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
-    let objects = scope.partitions("objects");
-    if objects.is_empty() {
-        return Err(RetargetError::NoObjects);
+    fn labels(_config: &RetargetConfig, unit: &Unit, scope: &Scope) -> Option<Labels> {
+        let demonstrations = scope.partitions(Demonstration::NAME);
+        let moved = demonstrations
+            .iter()
+            .find(|demonstration| demonstration.key == unit.partition)?;
+        Some(labels([("object", moved.label("object")?)]))
     }
-    let unit = |object: &str| {
-        Unit::new(object)
-            .reading("objects", [object])
-            .only_files("objects", [objects::MESH])
-    };
-    Ok(objects.iter().map(|object| unit(&object.key)).collect())
-}
 
-/// Returns the units of trajectories.
-fn retargeted(config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
-    let demonstrations = scope.partitions("demonstrations");
-    if demonstrations.is_empty() {
-        return Err(RetargetError::NoDemonstrations);
+    fn make(
+        config: &RetargetConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<TrajectoryMetrics>, RetargetError> {
+        retargeted::make(config, inputs, cx)
     }
-    let (objects, fields) = (scope.partitions("objects"), scope.partitions(FIELDS));
-    let meshes = robot_meshes::sources(&config.hand)?;
-    Ok(demonstrations
-        .iter()
-        .map(|demonstration| {
-            // A demonstration whose object or field is missing is planned without, and skipped.
-            let object = demonstration.label("object");
-            let among = |known: &[dataflow::Partition]| {
-                object.filter(|name| known.iter().any(|one| one.key == *name))
-            };
-            let unit = Unit::new(&demonstration.key)
-                .reading("demonstrations", [&demonstration.key])
-                .reading("objects", among(objects))
-                .reading(FIELDS, among(fields))
-                .only_files("objects", [objects::MESH])
-                .with_file_of_form(SourceFile::named("hand", &config.hand), SHOWN_ROBOT)
-                .with_file_of_form(SourceFile::named("hand_table", &config.hand_table), TABLE);
-            meshes.iter().cloned().fold(unit, Unit::with_file)
-        })
-        .collect())
 }
 
 /// A hand with the text of its URDF.
@@ -212,12 +204,6 @@ fn check_wrist(config: &RetargetConfig, hand: &Hand) -> Result<(), RetargetError
         Wrist::Fixed if found < 3 => Err(RetargetError::TooFewPalmPoints { found }),
         Wrist::Fixed if hand.is_palm_a_line() => Err(RetargetError::PalmPointsInLine { found }),
         Wrist::Fixed | Wrist::Free => Ok(()),
-    }
-}
-
-fn skipped(reason: impl Into<String>) -> Outcome {
-    Outcome::Skipped {
-        reason: reason.into(),
     }
 }
 

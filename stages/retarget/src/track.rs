@@ -1,7 +1,6 @@
 //! A whole demonstration, step by step, backward from the grasp.
 
-use std::collections::BTreeMap;
-
+use dataflow::{Max, Mean, Sum};
 use schemas::{
     demonstrations::Demonstration,
     trajectories::{self, Rates, Tracking},
@@ -39,33 +38,47 @@ pub(crate) struct Tracked {
 
 impl Tracked {
     /// Returns the figures of the trajectory.
-    pub(crate) fn metrics(&self) -> BTreeMap<String, f64> {
+    pub(crate) fn metrics(&self) -> TrajectoryMetrics {
         let tracking = || self.steps.iter().map(|step| &step.tracking);
         let keypoint_errors: f64 = tracking().map(Tracking::keypoint_error_m).sum();
         let still = Tracking::default();
         let grasp = tracking().next_back().unwrap_or(&still);
         let gaps = grasp.contact_gaps_m.iter().map(|gap| gap.abs());
         let contacts_n = grasp.contact_gaps_m.len().max(1) as f64;
-        [
-            ("steps_n", self.steps.len() as f64),
-            (
-                "keypoint_error_m",
-                keypoint_errors / self.steps.len().max(1) as f64,
-            ),
-            ("fingertip_error_m", grasp.fingertip_error_m()),
-            ("penetration_m", grasp.penetration_m),
-            (
-                "table_penetration_m",
-                tracking()
-                    .map(|t| t.table_penetration_m)
-                    .fold(0.0, f64::max),
-            ),
-            ("tip_gap_m", gaps.sum::<f64>() / contacts_n),
-            ("restarts_n", self.restarts_n as f64),
-            ("iterations_n", self.iterations_n as f64),
-        ]
-        .map(|(name, value)| (name.to_owned(), value))
-        .into()
+        TrajectoryMetrics {
+            steps_n: self.steps.len() as f64,
+            keypoint_error_m: keypoint_errors / self.steps.len().max(1) as f64,
+            fingertip_error_m: grasp.fingertip_error_m(),
+            penetration_m: grasp.penetration_m,
+            table_penetration_m: tracking()
+                .map(|t| t.table_penetration_m)
+                .fold(0.0, f64::max),
+            tip_gap_m: gaps.sum::<f64>() / contacts_n,
+            restarts_n: self.restarts_n as f64,
+            iterations_n: self.iterations_n as f64,
+        }
+    }
+}
+
+dataflow::metrics! {
+    /// What is said of a trajectory.
+    pub struct TrajectoryMetrics {
+        /// Number of steps.
+        steps_n: Sum,
+        /// Mean distance of the robot's points from their landmarks, in meters.
+        keypoint_error_m: Mean,
+        /// Distance of the finger tips from their landmarks at the grasp, in meters.
+        fingertip_error_m: Mean,
+        /// Depth of the hand in the object at the grasp, in meters.
+        penetration_m: Mean,
+        /// Largest depth of the hand in the table, in meters.
+        table_penetration_m: Max,
+        /// Distance of the finger tips from the surface at the grasp, in meters.
+        tip_gap_m: Mean,
+        /// Number of steps that were searched afresh and found a better minimum.
+        restarts_n: Sum,
+        /// Number of postures that were tried.
+        iterations_n: Sum,
     }
 }
 

@@ -15,8 +15,6 @@ pub const ROBOT: Form = Form {
     name: "robot",
     of: robot::read_form,
 };
-/// The artifact of an object's distances.
-pub const FIELDS: &str = "distance_fields";
 
 /// Returns the meshes that the hand collides with.
 ///

@@ -17,4 +17,4 @@ mod stage;
 
 pub use config::{Epoch, Rests, SampleConfig};
 pub use error::SampleError;
-pub use stage::{CANDIDATES, Sample, TRAJECTORIES};
+pub use stage::{Sample, SampleMetrics};

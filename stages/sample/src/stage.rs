@@ -3,28 +3,34 @@
 mod candidates;
 
 use dataflow::{
-    Code, Context, Form, Input, Inputs, Labels, OptionFault, Outcome, Output, Scope, Stage, Unit,
+    Code, Context, Form, Inputs, Labels, OptionFault, Options, Outcome, Output, Outputs, Scope,
+    Stage, Sum, Unit, labels,
 };
-use schemas::{Table, candidates::Candidates};
+use schemas::{
+    Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, objects::Object,
+    trajectories::Trajectory,
+};
 
-use crate::{
-    SampleConfig, SampleError,
-    inputs::{FIELDS, read_hand},
-};
+use crate::{SampleConfig, SampleError, inputs::read_hand};
 
 /// Draws candidate motions from a grasping function.
-pub enum Sample {}
+pub struct Sample;
+
+dataflow::metrics! {
+    /// What is said of an object's candidates.
+    pub struct SampleMetrics {
+        /// How many there are.
+        candidates: Sum,
+        /// Of how many draws they were chosen.
+        draws: Sum,
+    }
+}
 
 /// The robot counts as recordings show it.
 const SHOWN_ROBOT: Form = Form {
     name: "shown robot",
     of: robot::shown_form,
 };
-/// The artifact of an object's motions.
-pub const CANDIDATES: &str = "candidates";
-/// The artifact of a demonstration's motion.
-pub const TRAJECTORIES: &str = "trajectories";
-
 impl Stage for Sample {
     type Config = SampleConfig;
     type Error = SampleError;
@@ -32,30 +38,13 @@ impl Stage for Sample {
     const KIND: &'static str = "sample";
     const ABOUT: &'static str = "Draws candidate motions for each object from a grasping function";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [Input] = &[
-        Input {
-            name: "checkpoint",
-            artifact: "checkpoint",
-        },
-        Input {
-            name: "objects",
-            artifact: "objects",
-        },
-        Input {
-            name: FIELDS,
-            artifact: FIELDS,
-        },
-        Input {
-            name: TRAJECTORIES,
-            artifact: TRAJECTORIES,
-        },
+    const INPUTS: &'static [&'static str] = &[
+        checkpoint::NAME,
+        Object::NAME,
+        FieldInfo::NAME,
+        Trajectory::NAME,
     ];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: CANDIDATES,
-        schema: Candidates::VERSION,
-        partition: "object",
-        parallel: true,
-    }];
+    const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &SampleConfig) -> Vec<OptionFault> {
         config.faults()
@@ -65,33 +54,32 @@ impl Stage for Sample {
     fn prepare(config: &SampleConfig) -> Result<(), SampleError> {
         read_hand(&config.hand).map(drop)
     }
+}
 
-    fn units(
-        config: &SampleConfig,
-        _output: &str,
-        scope: &Scope,
-    ) -> Result<Vec<Unit>, SampleError> {
+impl Output for Sample {
+    type Stage = Self;
+    type Metrics = SampleMetrics;
+    type Error = SampleError;
+
+    const ARTIFACT: &'static str = Candidates::NAME;
+    const SCHEMA: &'static str = Candidates::VERSION;
+    const PARTITION: &'static str = "object";
+    /// `objects` only chooses units.
+    const OPTIONS: Options = Options::Except(&["objects"]);
+
+    fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
         candidates::units(config, scope)
     }
 
-    fn foretell(
-        _config: &SampleConfig,
-        _output: &str,
-        unit: &Unit,
-        _scope: &Scope,
-    ) -> Option<Labels> {
-        Some(labels(&unit.partition))
+    fn labels(_config: &SampleConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        Some(labels([("object", &unit.partition)]))
     }
 
-    fn decides(option: &str, _output: &str) -> bool {
-        option != "objects"
-    }
-
-    fn run(config: &SampleConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleError> {
+    fn make(
+        config: &SampleConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<SampleMetrics>, SampleError> {
         candidates::make(config, inputs, cx)
     }
-}
-
-fn labels(object: &str) -> Labels {
-    Labels::from([("object".to_owned(), object.to_owned())])
 }

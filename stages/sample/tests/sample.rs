@@ -19,11 +19,11 @@ use cgf::{
     Split, Times, Track, TrainingConfig, TrainingDevice, TrainingSet,
 };
 use dataflow::{
-    Advise, Artifact, Context, Inputs, Made, Outcome, Report, Reported, SourceFile, Stage, Summary,
+    Advise, Artifact, Context, Inputs, Made, Outcome, Output, SourceFile, Stage, Summary,
 };
 use geometry::{DistanceField, TriMesh};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
-use report_sample::{SampleReport, SampleReportError};
+use report_sample::{SampleReportError, SamplingMetrics, SamplingReport};
 use robot::RobotModel;
 use safetensors::{SafeTensors, tensor::TensorView};
 use schemas::{
@@ -37,7 +37,7 @@ use schemas::{
     trajectories::Trajectory,
 };
 use spatial::{Pose, Rest};
-use stage_sample::{Epoch, Rests, Sample, SampleConfig, SampleError};
+use stage_sample::{Epoch, Rests, Sample, SampleConfig, SampleError, SampleMetrics};
 use tempfile::TempDir;
 
 /// A palm, and a ball that two joints move: one within a narrow range, one that is hardly limited.
@@ -288,10 +288,10 @@ fn config() -> SampleConfig {
 }
 
 /// Draws motions into a folder, which is returned.
-fn run(config: &SampleConfig, inputs: &Inputs, seed: u64) -> (TempDir, Made) {
+fn run(config: &SampleConfig, inputs: &Inputs, seed: u64) -> (TempDir, Made<SampleMetrics>) {
     let out = tempfile::tempdir().unwrap();
-    let cx = Context::detached("candidates", "can", seed, out.path());
-    let Outcome::Made(made) = Sample::run(config, inputs, &cx).unwrap() else {
+    let cx = Context::detached("can", seed, out.path());
+    let Outcome::Made(made) = Sample::make(config, inputs, &cx).unwrap() else {
         panic!("nothing was made");
     };
     (out, made)
@@ -316,17 +316,13 @@ fn sample(config: &SampleConfig, inputs: &Inputs, seed: u64) -> Candidates {
 }
 
 /// Samples, then measures what was sampled.
-fn measure(config: &SampleConfig, inputs: &Inputs) -> (Vec<Sampled>, Made) {
+fn measure(config: &SampleConfig, inputs: &Inputs) -> (Vec<Sampled>, Made<SamplingMetrics>) {
     let (out, made) = measured(config, inputs);
     (lake::table::read(&made_in(out.path())).unwrap(), made)
 }
 
-fn reported() -> &'static Reported<SampleReport> {
-    SampleReport::reported("sampling").unwrap()
-}
-
 /// Samples, then measures into a folder, which is returned.
-fn measured(config: &SampleConfig, inputs: &Inputs) -> (TempDir, Made) {
+fn measured(config: &SampleConfig, inputs: &Inputs) -> (TempDir, Made<SamplingMetrics>) {
     let (out, _) = run(config, inputs, 7);
     let mut artifacts: BTreeMap<String, Vec<Artifact>> = ["distance_fields", "trajectories"]
         .map(|input| (input.to_owned(), inputs.artifacts(input).to_vec()))
@@ -334,8 +330,8 @@ fn measured(config: &SampleConfig, inputs: &Inputs) -> (TempDir, Made) {
     artifacts.insert("candidates".to_owned(), vec![made_in(out.path())]);
     let inputs = Inputs::new(artifacts, inputs.files().to_vec());
     let out = tempfile::tempdir().unwrap();
-    let cx = Context::detached("sampling", "can", 7, out.path());
-    let Outcome::Made(made) = (reported().run)(config, &inputs, &cx).unwrap() else {
+    let cx = Context::detached("can", 7, out.path());
+    let Outcome::Made(made) = SamplingReport::make(config, &inputs, &cx).unwrap() else {
         panic!("nothing was measured");
     };
     (out, made)
@@ -350,8 +346,8 @@ fn faults(config: &SampleConfig) -> String {
 
 fn refused(config: &SampleConfig, inputs: &Inputs) -> String {
     let out = tempfile::tempdir().unwrap();
-    let cx = Context::detached("candidates", "can", 7, out.path());
-    let err = Sample::run(config, inputs, &cx).unwrap_err();
+    let cx = Context::detached("can", 7, out.path());
+    let err = Sample::make(config, inputs, &cx).unwrap_err();
     let source = std::error::Error::source(&err).map(ToString::to_string);
     format!("{err}: {}", source.unwrap_or_default())
 }
@@ -421,8 +417,8 @@ fn a_truncated_checkpoint_is_an_error() {
     let path = folder.path().join(checkpoint::BEST.weights);
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    let cx = Context::detached("candidates", "can", 7, folder.path());
-    let err = Sample::run(&config(), &inputs, &cx).unwrap_err();
+    let cx = Context::detached("can", 7, folder.path());
+    let err = Sample::make(&config(), &inputs, &cx).unwrap_err();
     assert!(matches!(err, SampleError::Cgf(_)), "{err}");
 }
 
@@ -538,10 +534,10 @@ fn a_path_goes_from_one_demonstration_to_the_other() {
 
     let err = refused(&path("a", "c"), &inputs);
     assert!(err.contains("`c`"), "{err}");
-    let err = Sample::run(
+    let err = Sample::make(
         &path("a", "bb"),
         &inputs,
-        &Context::detached("candidates", "can", 7, folder.path()),
+        &Context::detached("can", 7, folder.path()),
     )
     .unwrap_err();
     assert_eq!(err.hint().unwrap(), "did you mean `b`?");
@@ -683,15 +679,15 @@ fn motions_are_measured_against_object_table_and_demonstrations() {
         assert!((0.0..2.0).contains(&motion.approach_depth_time_s));
         assert_eq!(motion.within_limits(), motion.limit_excess_rad <= 0.05);
     }
-    let metric = |name: &str| made.metrics[name];
+    let metrics = &made.metrics;
     let count = |is_one: &dyn Fn(&Sampled) -> bool| sampled.iter().filter(|s| is_one(s)).count();
-    assert_eq!(metric("candidates_n"), 60.0);
+    assert_eq!(metrics.candidates_n, 60.0);
     assert_eq!(
-        metric("within_limits_n"),
+        metrics.within_limits_n,
         count(&|s| s.within_limits()) as f64
     );
     assert_eq!(
-        metric("clear_n"),
+        metrics.clear_n,
         count(&|s| s.approach_depth_m <= 0.005) as f64
     );
     let mean_squares = sampled
@@ -699,9 +695,9 @@ fn motions_are_measured_against_object_table_and_demonstrations() {
         .map(|s| s.from_mean.palm_m.powi(2))
         .sum::<f64>()
         / 60.0;
-    assert!((metric("grasp_spread_m") - mean_squares.sqrt()).abs() < 1e-12);
+    assert!((metrics.grasp_spread_m - mean_squares.sqrt()).abs() < 1e-12);
     assert!(
-        metric("grasp_spread_m") > 1e-3 && metric("collapsed_n") == 0.0,
+        metrics.grasp_spread_m > 1e-3 && metrics.collapsed_n == 0.0,
         "{made:?}"
     );
 }
@@ -776,20 +772,15 @@ fn a_decoder_that_ignores_the_code_is_flagged_as_collapsed() {
     };
     let (_, made) = measure(&wide, &inputs);
     for spread in [
-        "grasp_spread_m",
-        "grasp_spread_rad",
-        "grasp_q_spread_rad",
-        "motion_spread_m",
+        made.metrics.grasp_spread_m,
+        made.metrics.grasp_spread_rad,
+        made.metrics.grasp_q_spread_rad,
+        made.metrics.motion_spread_m,
     ] {
-        assert!(made.metrics[spread] < 1e-6, "{made:?}");
+        assert!(spread < 1e-6, "{made:?}");
     }
-    assert_eq!(made.metrics["collapsed_n"], 1.0);
-    let summary = Summary {
-        n_made: 1,
-        totals: made.metrics,
-        ..Summary::default()
-    };
-    let said = (reported().describe)(&summary);
+    assert_eq!(made.metrics.collapsed_n, 1.0);
+    let said = SamplingReport::LINE.unwrap()(&Summary::made(&[made.metrics]));
     assert!(
         said.contains("COLLAPSED for 1 objects") && said.contains("spread 0 mm"),
         "{said}"
@@ -815,7 +806,7 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
             in_object.max(s.table_depth_m)
         };
         let depths: Vec<f64> = sampled.iter().map(deepest).collect();
-        (candidates, depths, made.metrics["draws"])
+        (candidates, depths, made.metrics.draws)
     };
     let (once, deep, drawn) = make(1);
     assert_eq!(drawn, 40.0);
@@ -918,8 +909,8 @@ fn another_hand_and_a_damaged_field_are_errors() {
         .into();
     artifacts.insert("candidates".to_owned(), vec![made_in(out.path())]);
     let damaged = Inputs::new(artifacts, inputs.files().to_vec());
-    let cx = Context::detached("sampling", "can", 7, out.path());
-    let err = (reported().run)(&config(), &damaged, &cx).unwrap_err();
+    let cx = Context::detached("can", 7, out.path());
+    let err = SamplingReport::make(&config(), &damaged, &cx).unwrap_err();
     let SampleReportError::Sample(err) = err else {
         panic!("{err}");
     };

@@ -10,6 +10,7 @@
 //! How often they hold, why the others fail and how different the grasps are says crate
 //! `report-screen`.
 
+mod by_verdict;
 mod config;
 mod error;
 mod mistake;
@@ -18,6 +19,7 @@ mod smoothness;
 mod stage;
 mod verdicts;
 
+pub use by_verdict::ByVerdict;
 pub use config::ScreenConfig;
 pub use error::ScreenError;
-pub use stage::{ROLLOUTS, Screen};
+pub use stage::{Screen, ScreenMetrics};

@@ -1,10 +1,10 @@
 //! The stage: the rollouts of one object's candidates.
 
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{fs, path::Path};
 
 use dataflow::{
-    Code, Context, Form, Input, Inputs, Labels, Made, OptionFault, Outcome, Output, Scope,
-    SourceFile, Stage, Unit,
+    Code, Context, Form, Inputs, Labels, OptionFault, Outcome, Output, Outputs, Scope, SourceFile,
+    Stage, Sum, Unit, labels,
 };
 use lake::{ReadInputs, WriteArtifact};
 use robot::{JointOrder, RobotModel};
@@ -18,21 +18,33 @@ use simulation::{Flexion, Record, SimulationError, check_hand};
 
 use crate::{
     ScreenConfig, ScreenError,
+    by_verdict::ByVerdict,
     recording::{self, record},
     verdicts::Screening,
 };
 
 /// Judges candidate motions in physics.
-pub enum Screen {}
+pub struct Screen;
+
+dataflow::metrics! {
+    /// What is said of an object's rollouts.
+    pub struct ScreenMetrics {
+        /// Number of candidates.
+        candidates_n: Sum,
+        /// Number of those that hold.
+        accepted_n: Sum,
+        /// Steps of control that physics took.
+        control_steps_n: Sum,
+        /// Number of candidates of each verdict.
+        verdicts_n: ByVerdict,
+    }
+}
 
 /// The robot counts as recordings show it.
 const SHOWN_ROBOT: Form = Form {
     name: "shown robot",
     of: robot::shown_form,
 };
-
-/// The artifact of what became of each candidate.
-pub const ROLLOUTS: &str = "rollouts";
 
 impl Stage for Screen {
     type Config = ScreenConfig;
@@ -41,22 +53,8 @@ impl Stage for Screen {
     const KIND: &'static str = "screen";
     const ABOUT: &'static str = "Judges candidate motions in physics";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [Input] = &[
-        Input {
-            name: "candidates",
-            artifact: "candidates",
-        },
-        Input {
-            name: "objects",
-            artifact: "objects",
-        },
-    ];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: ROLLOUTS,
-        schema: Rollouts::VERSION,
-        partition: "object",
-        parallel: true,
-    }];
+    const INPUTS: &'static [&'static str] = &[Candidates::NAME, Object::NAME];
+    const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &ScreenConfig) -> Vec<OptionFault> {
         config.faults()
@@ -72,17 +70,23 @@ impl Stage for Screen {
                 source,
             })
     }
+}
 
-    fn units(
-        config: &ScreenConfig,
-        _output: &str,
-        scope: &Scope,
-    ) -> Result<Vec<Unit>, ScreenError> {
-        let candidates = scope.partitions("candidates");
+impl Output for Screen {
+    type Stage = Self;
+    type Metrics = ScreenMetrics;
+    type Error = ScreenError;
+
+    const ARTIFACT: &'static str = Rollouts::NAME;
+    const SCHEMA: &'static str = Rollouts::VERSION;
+    const PARTITION: &'static str = "object";
+
+    fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
+        let candidates = scope.partitions(Candidates::NAME);
         if candidates.is_empty() {
             return Err(ScreenError::NoCandidates);
         }
-        let objects = scope.partitions("objects");
+        let objects = scope.partitions(Object::NAME);
         let meshes = robot_meshes::sources(&config.hand)?;
         Ok(candidates
             .iter()
@@ -90,30 +94,28 @@ impl Stage for Screen {
                 // An object that is missing is planned without, and skipped.
                 let object = objects.iter().find(|object| object.key == partition.key);
                 let unit = Unit::new(&partition.key)
-                    .reading("candidates", [&partition.key])
-                    .reading("objects", object.map(|object| &object.key))
+                    .reading(Candidates::NAME, [&partition.key])
+                    .reading(Object::NAME, object.map(|object| &object.key))
                     .with_file_of_form(SourceFile::named("hand", &config.hand), SHOWN_ROBOT);
                 meshes.iter().cloned().fold(unit, Unit::with_file)
             })
             .collect())
     }
 
-    fn foretell(
-        _config: &ScreenConfig,
-        _output: &str,
-        unit: &Unit,
-        _scope: &Scope,
-    ) -> Option<Labels> {
-        let object = unit.partition.clone();
-        Some(Labels::from([("object".to_owned(), object)]))
+    fn labels(_config: &ScreenConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        Some(labels([("object", &unit.partition)]))
     }
 
-    fn run(config: &ScreenConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, ScreenError> {
+    fn make(
+        config: &ScreenConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<ScreenMetrics>, ScreenError> {
         let urdf = inputs.source(0, "URDF of a hand")?;
         let (xml, model) = load_hand(&urdf.path)?;
         let candidates: Candidates = inputs.one()?;
         let Some(object) = inputs.optional::<Object>()? else {
-            return Ok(skipped("it is not among the objects"));
+            return Ok(Outcome::skipped("it is not among the objects"));
         };
         JointOrder::new(&candidates.joints, &model.joint_names()).map_err(|source| {
             ScreenError::AnotherHand {
@@ -158,45 +160,34 @@ impl Stage for Screen {
                 Err((candidate, err)) => return failed(Some(candidate), err),
             }
         }
-        Ok(Outcome::Made(Made {
-            labels: BTreeMap::from([("object".to_owned(), object.name)]),
-            metrics: metrics(&rollouts),
-        }))
+        let labels = labels([("object", &object.name)]);
+        Ok(Outcome::made(labels, ScreenMetrics::of(&rollouts)))
     }
 }
 
-fn metrics(rollouts: &[Rollout]) -> BTreeMap<String, f64> {
-    let count = |verdict: Verdict| rollouts.iter().filter(|r| r.verdict == verdict).count() as f64;
-    let steps: f64 = rollouts.iter().map(|r| f64::from(r.cost_n)).sum();
-    let mut metrics: BTreeMap<String, f64> = [
-        ("candidates_n", rollouts.len() as f64),
-        ("accepted_n", count(Verdict::Held)),
-        ("control_steps_n", steps),
-    ]
-    .map(|(name, value)| (name.to_owned(), value))
-    .into();
-    for verdict in Verdict::ALL {
-        metrics.insert(format!("{}_n", verdict.as_str()), count(verdict));
-    }
-    metrics
-}
-
-fn skipped(reason: impl Into<String>) -> Outcome {
-    Outcome::Skipped {
-        reason: reason.into(),
+impl ScreenMetrics {
+    fn of(rollouts: &[Rollout]) -> Self {
+        let count =
+            |verdict: Verdict| rollouts.iter().filter(|r| r.verdict == verdict).count() as f64;
+        Self {
+            candidates_n: rollouts.len() as f64,
+            accepted_n: count(Verdict::Held),
+            control_steps_n: rollouts.iter().map(|r| f64::from(r.cost_n)).sum(),
+            verdicts_n: Verdict::ALL.map(count),
+        }
     }
 }
 
 /// Returns the outcome where the object or one of its candidates is at fault; nothing where the
 /// hand or the options are, and so every unit will fail.
-fn unusable(err: &SimulationError, candidate: Option<&str>) -> Option<Outcome> {
+fn unusable(err: &SimulationError, candidate: Option<&str>) -> Option<Outcome<ScreenMetrics>> {
     match err {
         SimulationError::Massless { .. }
         | SimulationError::ObjectInertia { .. }
         | SimulationError::FlatPart { .. }
         | SimulationError::NoParts
-        | SimulationError::Unsettled => Some(skipped(err.to_string())),
-        SimulationError::Motion(_) => Some(skipped(match candidate {
+        | SimulationError::Unsettled => Some(Outcome::skipped(err.to_string())),
+        SimulationError::Motion(_) => Some(Outcome::skipped(match candidate {
             Some(candidate) => format!("candidate `{candidate}`: {err}"),
             None => err.to_string(),
         })),

@@ -3,11 +3,11 @@
 use std::{collections::BTreeMap, f64::consts::TAU, fs, path::Path};
 
 use dataflow::{
-    Advise, Artifact, Context, Inputs, Made, Outcome, Partition, Report, Scope, SourceFile, Stage,
+    Advise, Artifact, Context, Inputs, Made, Outcome, Output, Partition, Scope, SourceFile, Stage,
     Summary,
 };
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use report_screen::ScreenReport;
+use report_screen::SuccessReport;
 use robot::RobotModel;
 use schemas::{
     candidates::{Candidate, Candidates, Rates, Step},
@@ -20,7 +20,7 @@ use simulation::{
     Trial,
 };
 use spatial::{Pose, Rest};
-use stage_screen::{Screen, ScreenConfig, ScreenError};
+use stage_screen::{Screen, ScreenConfig, ScreenError, ScreenMetrics};
 
 const HAND: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
@@ -186,7 +186,7 @@ fn run(
     object: &objects::Object,
     candidates: &Candidates,
     folder: &Path,
-) -> Result<Outcome, ScreenError> {
+) -> Result<Outcome<ScreenMetrics>, ScreenError> {
     let [made, motions, out] = ["objects", "candidates", "out"].map(|name| folder.join(name));
     for folder in [&made, &motions, &out] {
         fs::create_dir(folder).unwrap();
@@ -200,14 +200,10 @@ fn run(
         ]),
         vec![SourceFile::named("hand", Path::new(HAND))],
     );
-    Screen::run(
-        config,
-        &inputs,
-        &Context::detached("rollouts", "can", 7, &out),
-    )
+    Screen::make(config, &inputs, &Context::detached("can", 7, &out))
 }
 
-fn made(outcome: Outcome) -> Made {
+fn made<M: std::fmt::Debug>(outcome: Outcome<M>) -> Made<M> {
     match outcome {
         Outcome::Made(made) => made,
         other => panic!("{other:?}"),
@@ -235,10 +231,10 @@ fn judges_candidates_in_their_order_and_records_the_accepted() {
             ("can-0002", Verdict::NotGrasped),
         ]
     );
-    assert_eq!(made.metrics["candidates_n"], 3.0);
-    assert_eq!(made.metrics["accepted_n"], 1.0);
+    assert_eq!(made.metrics.candidates_n, 3.0);
+    assert_eq!(made.metrics.accepted_n, 1.0);
     let steps: f64 = rows.iter().map(|row| f64::from(row.cost_n)).sum();
-    assert_eq!(made.metrics["control_steps_n"], steps);
+    assert_eq!(made.metrics.control_steps_n, steps);
     let recording = lake::recording::read(&folder.path().join("out/can-0001.mcap")).unwrap();
     let moments = recording.topic("/joint_states").count();
     // The rollout was ended once the can had settled; what is recorded is carried out to the end:
@@ -260,9 +256,8 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     let read = [("rollouts", "out"), ("candidates", "candidates")]
         .map(|(input, made)| (input.to_owned(), vec![artifact(&folder.path().join(made))]));
     let inputs = Inputs::new(BTreeMap::from(read), Vec::new());
-    let reported = ScreenReport::reported("success").unwrap();
-    let cx = Context::detached("success", "all", 7, &success);
-    let made = made((reported.run)(&config(), &inputs, &cx).unwrap());
+    let cx = Context::detached("all", 7, &success);
+    let made = made(SuccessReport::make(&config(), &inputs, &cx).unwrap());
     assert!(made.labels.is_empty());
     let said: Successes = lake::table::read(&artifact(&success)).unwrap();
     assert_eq!(said.len(), 1);
@@ -286,11 +281,7 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     ] {
         assert!(svg.contains(text), "{svg}");
     }
-    let said = (reported.describe)(&Summary {
-        n_made: 1,
-        totals: made.metrics,
-        ..Summary::default()
-    });
+    let said = SuccessReport::LINE.unwrap()(&Summary::made(&[made.metrics]));
     assert!(
         said.starts_with("33.3 % hold (95 % CI 6.1 to 79.2)"),
         "{said}"
@@ -384,14 +375,14 @@ fn each_unit_reads_its_object_and_the_hand() {
             vec![partition("box"), partition("can")],
         ),
     ]));
-    let units = Screen::units(&config(), "rollouts", &scope).unwrap();
+    let units = Screen::units(&config(), &scope).unwrap();
     assert_eq!(units.len(), 2);
     assert_eq!(units[0].reads["candidates"], ["can"]);
     assert_eq!(units[0].reads["objects"], ["can"]);
     assert!(units[1].reads["objects"].is_empty());
     assert_eq!(units[0].files[0].name, "hand");
     assert!(matches!(
-        Screen::units(&config(), "rollouts", &Scope::default()),
+        Screen::units(&config(), &Scope::default()),
         Err(ScreenError::NoCandidates)
     ));
 }
@@ -482,7 +473,7 @@ fn the_meshes_of_a_hand_are_read_beside_its_urdf() {
         "candidates".to_owned(),
         vec![Partition::new("can", BTreeMap::new())],
     )]));
-    let units = Screen::units(&config, "rollouts", &scope).unwrap();
+    let units = Screen::units(&config, &scope).unwrap();
     let names: Vec<&str> = units[0]
         .files
         .iter()
@@ -495,7 +486,7 @@ fn the_meshes_of_a_hand_are_read_beside_its_urdf() {
     fs::remove_file(folder.path().join("tip.obj")).unwrap();
     let err = Screen::prepare(&config).unwrap_err();
     assert!(err.to_string().contains("which is not there"), "{err}");
-    assert!(Screen::units(&config, "rollouts", &scope).is_err());
+    assert!(Screen::units(&config, &scope).is_err());
 }
 
 #[test]

@@ -6,12 +6,14 @@
 //! weights as safetensors and everything else as JSON. What shows how the training went is in crate
 //! `report-train`.
 
+mod by_split;
 mod config;
 mod error;
 mod resume;
 pub mod set;
 mod stage;
 
+pub use by_split::{BySplit, SPLITS};
 pub use config::TrainConfig;
 pub use error::TrainError;
-pub use stage::{CHECKPOINT, Train, hand};
+pub use stage::{Train, TrainMetrics, hand};

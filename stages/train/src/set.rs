@@ -8,13 +8,16 @@ use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, table};
 use motion::{Motion, MotionError, Step};
 use nalgebra::Point3;
-use schemas::{distance_fields, objects::Object, trajectories::Trajectory};
+use schemas::{
+    Table,
+    distance_fields::{self, FieldInfo},
+    objects::Object,
+    trajectories::Trajectory,
+};
 use spatial::Rest;
 
 use crate::{TrainConfig, TrainError};
 
-/// The artifact of the distances about an object.
-pub const FIELDS: &str = "distance_fields";
 /// Stream of the random numbers that say which motions are held out.
 const HELD_OUT: u64 = 3;
 
@@ -39,7 +42,7 @@ pub fn read(
         tracks: Vec::new(),
         distances: BTreeMap::new(),
     };
-    for artifact in inputs.artifacts(FIELDS) {
+    for artifact in inputs.artifacts(FieldInfo::NAME) {
         let field = read_field(artifact)?;
         set.distances.insert(artifact.key.clone(), Arc::new(field));
     }

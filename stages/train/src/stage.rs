@@ -1,29 +1,47 @@
 //! The stage: one unit that gathers all trajectories.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    fs,
-    path::Path,
-    sync::Arc,
-    time::Instant,
-};
+use std::{collections::BTreeSet, fs, path::Path, sync::Arc, time::Instant};
 
-use cgf::{GraspError, Split, Trained, Trainer, TrainingSet};
+use cgf::{GraspError, Losses, Split, Trained, Trainer, TrainingSet};
 use dataflow::{
-    Code, Context, Form, Input, Inputs, Made, OptionFault, Outcome, Output, Scope, SourceFile,
-    Stage, Unit,
+    Code, Context, Form, Inputs, Labels, Max, Mean, OptionFault, Outcome, Output, Outputs, Scope,
+    SourceFile, Stage, Sum, Unit,
 };
 use robot::RobotModel;
-use schemas::checkpoint;
+use schemas::{
+    Table, checkpoint, distance_fields::FieldInfo, objects::Object, trajectories::Trajectory,
+};
 
 use crate::{
-    TrainConfig, TrainError,
+    BySplit, SPLITS, TrainConfig, TrainError,
     resume::{self, Found, Saver},
     set,
 };
 
 /// Learns a continuous grasping function from trajectories.
-pub enum Train {}
+pub struct Train;
+
+dataflow::metrics! {
+    /// What is said of a trained function.
+    pub struct TrainMetrics {
+        /// Number of epochs.
+        epochs: Max,
+        /// The epoch of the best function.
+        best_epoch: Max,
+        /// Weighted loss of the last epoch, of each set of motions in which it was measured.
+        loss: BySplit<Mean>,
+        /// Divergence of the latent codes in the last epoch, in nats.
+        kl: Option<Mean>,
+        /// Number of motions in each set.
+        trajectories: BySplit<Sum>,
+        /// Mean error of the palm's position at the grasp that the mean codes give, in meters.
+        position_error_m: BySplit<Mean>,
+        /// Mean error of the palm's rotation there, in radians.
+        rotation_error_rad: BySplit<Mean>,
+        /// Mean error of the joints there, in radians (meters if prismatic).
+        joints_error_rad: BySplit<Mean>,
+    }
+}
 
 /// The hand counts as it is read.
 const ROBOT: Form = Form {
@@ -32,8 +50,6 @@ const ROBOT: Form = Form {
 };
 /// Key of the one partition.
 const MODEL: &str = "cgf";
-/// The artifact of the trained function.
-pub const CHECKPOINT: &str = "checkpoint";
 
 impl Stage for Train {
     type Config = TrainConfig;
@@ -42,26 +58,8 @@ impl Stage for Train {
     const KIND: &'static str = "train";
     const ABOUT: &'static str = "Learns a continuous grasping function from robot trajectories";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [Input] = &[
-        Input {
-            name: "trajectories",
-            artifact: "trajectories",
-        },
-        Input {
-            name: "objects",
-            artifact: "objects",
-        },
-        Input {
-            name: set::FIELDS,
-            artifact: set::FIELDS,
-        },
-    ];
-    const OUTPUTS: &'static [Output] = &[Output {
-        artifact: CHECKPOINT,
-        schema: checkpoint::VERSION,
-        partition: "model",
-        parallel: true,
-    }];
+    const INPUTS: &'static [&'static str] = &[Trajectory::NAME, Object::NAME, FieldInfo::NAME];
+    const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &TrainConfig) -> Vec<OptionFault> {
         config.faults()
@@ -71,10 +69,20 @@ impl Stage for Train {
     fn prepare(config: &TrainConfig) -> Result<(), TrainError> {
         read_hand(&config.hand).map(drop)
     }
+}
 
-    fn units(config: &TrainConfig, _output: &str, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
+impl Output for Train {
+    type Stage = Self;
+    type Metrics = TrainMetrics;
+    type Error = TrainError;
+
+    const ARTIFACT: &'static str = checkpoint::NAME;
+    const SCHEMA: &'static str = checkpoint::VERSION;
+    const PARTITION: &'static str = "model";
+
+    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
         let known: Vec<String> = scope
-            .partitions("objects")
+            .partitions(Object::NAME)
             .iter()
             .map(|object| object.key.clone())
             .collect();
@@ -86,7 +94,7 @@ impl Stage for Train {
                 });
             }
         }
-        let trajectories = scope.partitions("trajectories");
+        let trajectories = scope.partitions(Trajectory::NAME);
         let mut objects = BTreeSet::new();
         let mut keys = Vec::new();
         let mut learns = false;
@@ -106,10 +114,10 @@ impl Stage for Train {
         let keeps_out = config.training.penetration_weight > 0.0;
         let fields: BTreeSet<String> = objects.iter().filter(|_| keeps_out).cloned().collect();
         let unit = Unit::new(MODEL)
-            .reading("trajectories", keys)
-            .only_files("trajectories", [lake::table::FILE])
-            .reading("objects", objects)
-            .reading(set::FIELDS, fields)
+            .reading(Trajectory::NAME, keys)
+            .only_files(Trajectory::NAME, [lake::table::FILE])
+            .reading(Object::NAME, objects)
+            .reading(FieldInfo::NAME, fields)
             .with_file_of_form(SourceFile::named("hand", &config.hand), ROBOT);
         Ok(vec![
             robot_meshes::sources(&config.hand)?
@@ -118,7 +126,11 @@ impl Stage for Train {
         ])
     }
 
-    fn run(config: &TrainConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainError> {
+    fn make(
+        config: &TrainConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<TrainMetrics>, TrainError> {
         let hand = Arc::new(hand(config, inputs)?);
         let set = set::read(config, inputs, &hand.joint_names(), cx.seed())?;
         let trained = train(config, &set, &hand, cx)?;
@@ -129,10 +141,7 @@ impl Stage for Train {
             let file = |name| cx.folder().join(name);
             cgf.save(&file(files.weights), &file(files.description))?;
         }
-        Ok(Outcome::Made(Made {
-            labels: BTreeMap::new(),
-            metrics: metrics(&trained),
-        }))
+        Ok(Outcome::made(Labels::new(), TrainMetrics::of(&trained)))
     }
 }
 
@@ -194,48 +203,39 @@ fn train(
     Ok(trainer.finish()?)
 }
 
-/// Losses of the last epoch and mean errors at the grasp of the motions that the mean codes give.
-fn metrics(trained: &Trained) -> BTreeMap<String, f64> {
-    let description = trained.last.description();
-    let of_split = |split: Split| {
-        let demonstrations = description.demonstrations.iter();
-        demonstrations.filter(move |demonstration| demonstration.split == split)
-    };
-    let mut metrics = BTreeMap::from([("epochs".to_owned(), description.training.epochs as f64)]);
-    let mut put = |name: &str, suffix: &str, value: f64| {
-        metrics.insert(format!("{name}{suffix}"), value);
-    };
-    put("best_epoch", "", trained.best.description().epoch as f64);
-    if let Some(epoch) = description.epoch.checked_sub(1) {
-        let epoch = &description.training_curve[epoch];
-        put("loss", "", f64::from(epoch.training.total));
-        put("kl", "", f64::from(epoch.training.kl));
-        for (suffix, losses) in [("_held_out", epoch.held_out), ("_unseen", epoch.unseen)] {
-            if let Some(losses) = losses {
-                put("loss", suffix, f64::from(losses.total));
-            }
-        }
-    }
-    for (split, suffix) in [
-        (Split::Training, ""),
-        (Split::HeldOut, "_held_out"),
-        (Split::Unseen, "_unseen"),
-    ] {
-        let n = of_split(split).count();
-        put("trajectories", suffix, n as f64);
-        if n == 0 {
-            continue;
-        }
-        let mean = |error: fn(&GraspError) -> f64| {
-            of_split(split).map(|d| error(&d.grasp_error)).sum::<f64>() / n as f64
+impl TrainMetrics {
+    fn of(trained: &Trained) -> Self {
+        let description = trained.last.description();
+        let motions = |split: Split| {
+            let all = description.demonstrations.iter();
+            all.filter(move |motion| motion.split == split)
         };
-        put("position_error_m", suffix, mean(|error| error.position_m));
-        put(
-            "rotation_error_rad",
-            suffix,
-            mean(|error| error.rotation_rad),
-        );
-        put("joints_error_rad", suffix, mean(|error| error.joints_rad));
+        let mean = |error: fn(&GraspError) -> f64| {
+            SPLITS.map(|split| {
+                let n = motions(split).count();
+                let errors = motions(split).map(|motion| error(&motion.grasp_error));
+                (n > 0).then(|| errors.sum::<f64>() / n as f64)
+            })
+        };
+        let last = description.epoch.checked_sub(1);
+        let last = last.map(|epoch| &description.training_curve[epoch]);
+        let loss = |losses: &Losses| f64::from(losses.total);
+        Self {
+            epochs: description.training.epochs as f64,
+            best_epoch: trained.best.description().epoch as f64,
+            loss: last.map_or([None; 3], |last| {
+                let measured = [
+                    Some(&last.training),
+                    last.held_out.as_ref(),
+                    last.unseen.as_ref(),
+                ];
+                measured.map(|losses| losses.map(loss))
+            }),
+            kl: last.map(|last| f64::from(last.training.kl)),
+            trajectories: SPLITS.map(|split| Some(motions(split).count() as f64)),
+            position_error_m: mean(|error| error.position_m),
+            rotation_error_rad: mean(|error| error.rotation_rad),
+            joints_error_rad: mean(|error| error.joints_rad),
+        }
     }
-    metrics
 }

@@ -379,11 +379,10 @@ impl FileReader<'_> {
         for (input, value) in wires {
             let path = ["inputs".to_owned(), input.to_owned()];
             if let Some(kind) = kind
-                && !kind.inputs.iter().any(|known| known.name == input)
+                && !kind.inputs.contains(&input)
             {
-                let known: Vec<&str> = kind.inputs.iter().map(|input| input.name).collect();
-                let hint = nearest(input, known.iter().copied()).map_or_else(
-                    || format!("`{}` reads: {}", kind.name, known.join(", ")),
+                let hint = nearest(input, kind.inputs.iter().copied()).map_or_else(
+                    || format!("`{}` reads: {}", kind.name, kind.inputs.join(", ")),
                     |near| format!("did you mean `{near}`?"),
                 );
                 let place = self.place(name, &path, Part::Key, value.span());

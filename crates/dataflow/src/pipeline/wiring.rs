@@ -10,24 +10,19 @@ impl FileReader<'_> {
     pub(super) fn check_wiring(&mut self, stages: &[StageEntry], tables: &InlineTable) {
         for stage in stages {
             let span = tables.key(&stage.name).and_then(Key::span);
-            for input in stage.kind.inputs {
-                let Some(node) = stage.inputs.get(input.name) else {
+            for &input in stage.kind.inputs {
+                let Some(node) = stage.inputs.get(input) else {
                     let offer = stages.iter().find(|other| {
-                        other
-                            .kind
-                            .outputs()
-                            .any(|output| output.artifact == input.artifact)
+                        let outputs = other.kind.outputs();
+                        outputs.iter().any(|output| output.artifact == input)
                     });
                     let hint = offer.map(|other| {
-                        format!(
-                            "write `inputs.{} = \"{}.{}\"`",
-                            input.name, other.name, input.artifact
-                        )
+                        format!("write `inputs.{input} = \"{}.{input}\"`", other.name)
                     });
                     self.problem(
                         format!(
-                            "stage `{}` has nothing wired to its input `{}`",
-                            stage.name, input.name
+                            "stage `{}` has nothing wired to its input `{input}`",
+                            stage.name
                         ),
                         span.clone(),
                         hint,
@@ -37,10 +32,10 @@ impl FileReader<'_> {
                 let in_file = tables
                     .get(&stage.name)
                     .and_then(|table| table.as_inline_table()?.get("inputs"))
-                    .and_then(|inputs| inputs.as_inline_table()?.get(input.name))
+                    .and_then(|inputs| inputs.as_inline_table()?.get(input))
                     .and_then(Value::span)
                     .or_else(|| span.clone());
-                let path = ["inputs".to_owned(), input.name.to_owned()];
+                let path = ["inputs".to_owned(), input.to_owned()];
                 let given = self.in_set(Some(&stage.name), &path, Part::Value);
                 let written = given.or_else(|| in_file.map(|span| self.location(span)));
                 if !tables.contains_key(&node.stage) {
@@ -60,19 +55,19 @@ impl FileReader<'_> {
                 let Some(maker) = stages.iter().find(|other| other.name == node.stage) else {
                     continue;
                 };
-                let outputs: Vec<&str> =
-                    maker.kind.outputs().map(|output| output.artifact).collect();
+                let outputs = maker.kind.outputs().into_iter();
+                let outputs: Vec<&str> = outputs.map(|output| output.artifact).collect();
                 if !outputs.contains(&node.artifact.as_str()) {
                     self.problem_at(
                         format!("stage `{}` makes no `{}`", node.stage, node.artifact),
                         written,
                         Some(format!("it makes: {}", outputs.join(", "))),
                     );
-                } else if node.artifact != input.artifact {
+                } else if node.artifact != input {
                     self.problem_at(
                         format!(
-                            "input `{}` of stage `{}` wants `{}`, and is wired to `{}`",
-                            input.name, stage.name, input.artifact, node.artifact
+                            "input `{input}` of stage `{}` wants `{input}`, and is wired to `{}`",
+                            stage.name, node.artifact
                         ),
                         written,
                         None,

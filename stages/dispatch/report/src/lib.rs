@@ -7,3 +7,4 @@ mod report;
 mod trials;
 
 pub use report::DispatchReport;
+pub use trials::{TrialsMetrics, TrialsReport};

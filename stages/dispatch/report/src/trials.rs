@@ -2,78 +2,123 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Context, Inputs, Labels, Made, Outcome, Scope, Summary, Unit};
+use dataflow::{
+    Context, Inputs, Labels, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
+};
 use lake::WriteArtifact;
 use schemas::{
+    Table,
     executions::{self, Execution, Executions},
     success::wilson,
-    trials::Trials,
+    trials::{AllTrials, Trials},
 };
-use stage_dispatch::{DispatchError, EXECUTIONS};
+use stage_dispatch::{Dispatch, DispatchConfig, DispatchError};
 
 /// Key of the one partition.
 const ALL: &str = "all";
 
-/// One unit, of all objects of which motions were to be sent.
-pub(crate) fn units(scope: &Scope) -> Vec<Unit> {
-    let sent = scope.partitions(EXECUTIONS).iter();
-    let keys: Vec<&str> = sent.map(|executions| executions.key.as_str()).collect();
-    if keys.is_empty() {
-        return Vec::new();
+dataflow::metrics! {
+    /// What is said of all trials together.
+    pub struct TrialsMetrics {
+        /// Number of objects.
+        objects_n: Sum,
+        /// Number of trials.
+        trials_n: Sum,
+        /// Number of those that succeed.
+        successes_n: Sum,
+        /// Number of those at a simulated cell.
+        simulated_n: Sum,
+        /// Number of motions of which nobody knows what became.
+        unknown_n: Sum,
+        /// Number of motions that a person stopped.
+        stopped_n: Sum,
     }
-    let unit = Unit::new(ALL)
-        .reading(EXECUTIONS, keys)
-        .only_files(EXECUTIONS, [lake::table::FILE]);
-    vec![unit]
+    derived {
+        rate: Self::rate,
+        rate_low: |all| all.interval()[0],
+        rate_high: |all| all.interval()[1],
+    }
 }
 
-/// Makes the table.
-pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, DispatchError> {
-    let mut rows = Vec::new();
-    for artifact in inputs.artifacts(EXECUTIONS) {
-        let sent: Executions = lake::table::read(artifact)?;
-        rows.extend(of_object(&artifact.key, &sent));
+/// The report `trials`: how often motions succeed.
+pub struct TrialsReport;
+
+impl Output for TrialsReport {
+    type Stage = Dispatch;
+    type Metrics = TrialsMetrics;
+    type Error = DispatchError;
+
+    const ARTIFACT: &'static str = AllTrials::NAME;
+    const SCHEMA: &'static str = AllTrials::VERSION;
+    const PARTITION: &'static str = "dispatching";
+    const OPTIONS: Options = Options::NONE;
+    const LINE: OwnLine<TrialsMetrics> = Some(line);
+
+    /// One unit, of all objects of which motions were to be sent.
+    fn units(_config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, DispatchError> {
+        let sent = scope.partitions(Executions::NAME).iter();
+        let keys: Vec<&str> = sent.map(|executions| executions.key.as_str()).collect();
+        if keys.is_empty() {
+            return Ok(Vec::new());
+        }
+        let unit = Unit::new(ALL)
+            .reading(Executions::NAME, keys)
+            .only_files(Executions::NAME, [lake::table::FILE]);
+        Ok(vec![unit])
     }
-    cx.write(&rows)?;
-    Ok(Outcome::Made(Made {
-        labels: Labels::new(),
-        metrics: metrics(&rows),
-    }))
+
+    fn labels(_config: &DispatchConfig, _unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        Some(Labels::new())
+    }
+
+    fn make(
+        _config: &DispatchConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<TrialsMetrics>, DispatchError> {
+        let mut rows = Vec::new();
+        for artifact in inputs.artifacts(Executions::NAME) {
+            let sent: Executions = lake::table::read(artifact)?;
+            rows.extend(of_object(&artifact.key, &sent));
+        }
+        cx.write(&rows)?;
+        Ok(Outcome::made(Labels::new(), TrialsMetrics::of(&rows)))
+    }
 }
 
 /// Says how often motions succeed, of whichever object.
-pub(crate) fn describe(summary: &Summary) -> String {
-    let [trials, successes, simulated, unknown, stopped] = [
-        "trials_n",
-        "successes_n",
-        "simulated_n",
-        "unknown_n",
-        "stopped_n",
-    ]
-    .map(|name| summary.total(name));
-    let by_people = if stopped > 0.0 {
-        format!("; {stopped:.0} stopped by a person, which are no trials")
+fn line(summary: &Summary<TrialsMetrics>) -> String {
+    let all = &summary.metrics;
+    let by_people = if all.stopped_n > 0.0 {
+        format!(
+            "; {:.0} stopped by a person, which are no trials",
+            all.stopped_n
+        )
     } else {
         String::new()
     };
-    if trials == 0.0 {
+    if all.trials_n == 0.0 {
         return format!("no trial: no robot cell has carried out a motion{by_people}");
     }
-    let [rate, low, high] =
-        ["rate", "rate_low", "rate_high"].map(|name| 100.0 * summary.total(name));
-    let succeed = if simulated >= trials {
+    let rate = 100.0 * all.rate();
+    let [low, high] = all.interval().map(|end| 100.0 * end);
+    let succeed = if all.simulated_n >= all.trials_n {
         "succeed"
-    } else if simulated > 0.0 {
+    } else if all.simulated_n > 0.0 {
         "succeed, some simulated"
     } else {
         "succeed on the robot"
     };
     let line = format!(
-        "{successes:.0} of {trials:.0} {succeed}: {rate:.1} % (95 % CI {low:.1} to {high:.1}){by_people}"
+        "{:.0} of {:.0} {succeed}: {rate:.1} % (95 % CI {low:.1} to {high:.1}){by_people}",
+        all.successes_n, all.trials_n
     );
     // First, so that it is not cut.
-    if unknown > 0.0 {
-        return format!("{unknown:.0} unknown, look at the robot before going on; {line}");
+    if all.unknown_n > 0.0 {
+        return format!(
+            "{:.0} unknown, look at the robot before going on; {line}",
+            all.unknown_n
+        );
     }
     line
 }
@@ -100,34 +145,30 @@ fn of_object(object: &str, executions: &[Execution]) -> Vec<Trials> {
     by_cell.into_values().collect()
 }
 
-/// The figures of all trials together.
-fn metrics(rows: &[Trials]) -> BTreeMap<String, f64> {
-    let sum = |number: &dyn Fn(&Trials) -> i64| rows.iter().map(number).sum::<i64>();
-    let trials_n = sum(&Trials::trials_n);
-    let successes_n = sum(&Trials::successes_n);
-    let [low, high] = wilson(successes_n, trials_n);
-    let mut objects: Vec<&str> = rows.iter().map(|row| row.object.as_str()).collect();
-    objects.dedup();
-    let simulated = |row: &Trials| if row.simulated { row.trials_n() } else { 0 };
-    [
-        ("objects_n", objects.len() as f64),
-        ("trials_n", trials_n as f64),
-        ("successes_n", successes_n as f64),
-        ("simulated_n", sum(&simulated) as f64),
-        (
-            "unknown_n",
-            sum(&|row| row.count(executions::Outcome::Unknown)) as f64,
-        ),
-        (
-            "stopped_n",
-            sum(&|row| row.count(executions::Outcome::Stopped)) as f64,
-        ),
-        ("rate", successes_n as f64 / trials_n.max(1) as f64),
-        ("rate_low", low),
-        ("rate_high", high),
-    ]
-    .map(|(name, value)| (name.to_owned(), value))
-    .into()
+impl TrialsMetrics {
+    fn of(rows: &[Trials]) -> Self {
+        let sum = |number: &dyn Fn(&Trials) -> i64| rows.iter().map(number).sum::<i64>() as f64;
+        let mut objects: Vec<&str> = rows.iter().map(|row| row.object.as_str()).collect();
+        objects.dedup();
+        Self {
+            objects_n: objects.len() as f64,
+            trials_n: sum(&Trials::trials_n),
+            successes_n: sum(&Trials::successes_n),
+            simulated_n: sum(&|row| if row.simulated { row.trials_n() } else { 0 }),
+            unknown_n: sum(&|row| row.count(executions::Outcome::Unknown)),
+            stopped_n: sum(&|row| row.count(executions::Outcome::Stopped)),
+        }
+    }
+
+    /// Share of the trials that succeed.
+    fn rate(&self) -> f64 {
+        self.successes_n / self.trials_n.max(1.0)
+    }
+
+    /// The 95 % interval of that share.
+    fn interval(&self) -> [f64; 2] {
+        wilson(self.successes_n, self.trials_n)
+    }
 }
 
 #[cfg(test)]
@@ -166,13 +207,9 @@ mod tests {
         assert_eq!(real.gap, "mass");
         assert_eq!((real.trials_n(), real.successes_n()), (3, 2));
         assert_eq!((simulated.trials_n(), simulated.successes_n()), (1, 0));
-        let summary = Summary {
-            n_made: 1,
-            totals: metrics(&rows),
-            ..Summary::default()
-        };
+        let summary = Summary::made(&[TrialsMetrics::of(&rows)]);
         assert_eq!(
-            describe(&summary),
+            line(&summary),
             "1 unknown, look at the robot before going on; 2 of 4 succeed, some simulated: 50.0 % (95 % CI 15.0 to 85.0); 1 stopped by a person, which are no trials"
         );
     }

@@ -1,36 +1,38 @@
 //! The lines of `run`.
 
-use dataflow::{Code, Report, Summary};
-use stage_ingest::{Ingest, IngestError, OBJECTS, SHAPES};
+use dataflow::{Code, Line, Lines, Report};
+use stage_ingest::{Demonstrations, Ingest, Objects, Shapes};
 
 /// Sums up what `ingest` made.
 pub enum IngestReport {}
 
 impl Report for IngestReport {
     type Stage = Ingest;
-    type Error = IngestError;
 
     const CODE: Code = dataflow::code!();
-
-    fn describe(output: &str, summary: &Summary) -> String {
-        let skipped = counted(summary.n_skipped, "skipped");
-        match output {
-            SHAPES => format!(
-                "{} shapes in {} convex parts{skipped}",
+    const LINES: Lines<Ingest> = &[
+        &Line::<Shapes>(|summary| {
+            format!(
+                "{} shapes in {} convex parts{}",
                 summary.n_made,
-                summary.total("convex_parts_n")
-            ),
-            OBJECTS => format!("{} objects{skipped}", summary.n_made),
-            _ => {
-                let n_recordings = summary.n_made + summary.n_skipped + summary.n_filtered;
-                format!(
-                    "{n_recordings} recordings → {} demonstrations{}{skipped}",
-                    summary.n_made,
-                    counted(summary.n_filtered, "left out"),
-                )
-            }
-        }
-    }
+                summary.metrics.convex_parts_n,
+                counted(summary.n_skipped, "skipped")
+            )
+        }),
+        &Line::<Demonstrations>(|summary| {
+            format!(
+                "{} recordings → {} demonstrations{}{}",
+                summary.n_items(),
+                summary.n_made,
+                counted(summary.n_filtered, "left out"),
+                counted(summary.n_skipped, "skipped"),
+            )
+        }),
+        &Line::<Objects>(|summary| {
+            let skipped = counted(summary.n_skipped, "skipped");
+            format!("{} objects{skipped}", summary.n_made)
+        }),
+    ];
 }
 
 /// Returns `, 3 skipped`, or nothing for none.

@@ -129,10 +129,8 @@ pub(super) fn combine(
         }
     }
     if n > 0 {
-        recording.agreement.extend([
-            ("mano_difference_m", sum_m / f64::from(n)),
-            ("mano_largest_difference_m", largest_m),
-        ]);
+        recording.agreement.mano_difference_m = Some(sum_m / f64::from(n));
+        recording.agreement.mano_largest_difference_m = Some(largest_m);
     }
     Ok(())
 }

@@ -1,13 +1,16 @@
 //! How each unit is made.
 
-use std::collections::BTreeMap;
+use std::mem;
 
-use dataflow::{Context, Inputs, Labels, Made, Outcome, SourceFile};
+use dataflow::{Context, Inputs, Labels, Outcome, Output, SourceFile, labels};
 use geometry::TriMesh;
 use lake::{LakeError, WriteArtifact};
 use schemas::{demonstrations::Demonstration, objects::Object};
 
-use super::{DEMONSTRATIONS, LEFT_OUT, MASS, MESHES, SHAPES, UNREADABLE, units::added};
+use super::{
+    Agreement, DemonstrationMetrics, Demonstrations, LEFT_OUT, MASS, MESHES, ShapeMetrics, Shapes,
+    UNREADABLE, units::added,
+};
 use crate::{
     aftermath::{self, After},
     config::IngestConfig,
@@ -26,18 +29,17 @@ pub(super) fn shape(
     config: &IngestConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome, IngestError> {
+) -> Result<Outcome<ShapeMetrics>, IngestError> {
     if let Some(reason) = inputs.fact(UNREADABLE) {
-        return Ok(Outcome::Skipped {
-            reason: reason.to_owned(),
-        });
+        return Ok(Outcome::skipped(reason));
     }
     let name = cx.partition();
     let mass_kg = inputs.fact(MASS).and_then(|kg| kg.parse().ok());
     let (Some(file), Some(mass_kg)) = (inputs.files().first(), mass_kg) else {
-        return Ok(skipped(&Unusable::Missing {
+        let missing = Unusable::Missing {
             file: reader::mesh_name(name),
-        }));
+        };
+        return Ok(Outcome::skipped(missing.to_string()));
     };
     cx.progress(0.0, "convex parts");
     let made = reader::read(file, MAX_MESH_BYTES).and_then(|mesh| {
@@ -53,7 +55,7 @@ pub(super) fn shape(
     });
     match made {
         Ok((object, mesh)) => Ok(write_object(cx, &object, &mesh, added(inputs.files()))?),
-        Err(unusable) => Ok(skipped(&unusable)),
+        Err(unusable) => Ok(Outcome::skipped(unusable.to_string())),
     }
 }
 
@@ -62,19 +64,15 @@ pub(super) fn demonstration(
     config: &IngestConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome, IngestError> {
+) -> Result<Outcome<DemonstrationMetrics>, IngestError> {
     if let Some(reason) = inputs.fact(LEFT_OUT) {
-        return Ok(Outcome::Filtered {
-            reason: reason.to_owned(),
-        });
+        return Ok(Outcome::filtered(reason));
     }
     if let Some(reason) = inputs.fact(UNREADABLE) {
-        return Ok(Outcome::Skipped {
-            reason: reason.to_owned(),
-        });
+        return Ok(Outcome::skipped(reason));
     }
     let shapes = inputs
-        .artifacts(SHAPES)
+        .artifacts(Shapes::ARTIFACT)
         .iter()
         .map(lake::table::read)
         .collect::<Result<Vec<Object>, _>>()?;
@@ -86,25 +84,22 @@ pub(super) fn demonstration(
     });
     let (recording, (demonstration, after)) = match made {
         Ok(made) => made,
-        Err(unusable) => return Ok(skipped(&unusable)),
+        Err(unusable) => return Ok(Outcome::skipped(unusable.to_string())),
     };
     cx.write(&demonstration)?;
     let film = cx.folder().join(FILM);
     film::write(&film, &demonstration, &after, mesh.as_ref())?;
     let bridged = demonstration.steps.iter().filter(|step| step.bridged);
-    let mut metrics = BTreeMap::from([
-        ("steps_n".to_owned(), demonstration.steps.len() as f64),
-        ("bridged_n".to_owned(), bridged.count() as f64),
+    let metrics = DemonstrationMetrics {
+        steps_n: demonstration.steps.len() as f64,
+        bridged_n: bridged.count() as f64,
+        agreement: recording.agreement,
+    };
+    let labels = labels([
+        ("object", &demonstration.object),
+        ("subject", &demonstration.subject),
     ]);
-    let agreement = recording.agreement.iter();
-    metrics.extend(agreement.map(|&(name, value)| (name.to_owned(), value)));
-    Ok(Outcome::Made(Made {
-        labels: BTreeMap::from([
-            ("object".to_owned(), demonstration.object),
-            ("subject".to_owned(), demonstration.subject),
-        ]),
-        metrics,
-    }))
+    Ok(Outcome::made(labels, metrics))
 }
 
 /// Makes a recording's demonstration, and what is filmed after it.
@@ -122,7 +117,14 @@ fn parts(
         shapes,
         config.min_table_objects_n,
     )?;
-    recording.agreement.extend(lying.agreement);
+    if let Some(plane) = &lying.plane {
+        recording.agreement = Agreement {
+            table_objects_n: Some(plane.agreeing_n as f64),
+            table_spread_m: Some(plane.spread_m),
+            table_spread_rad: Some(plane.spread_rad),
+            ..mem::take(&mut recording.agreement)
+        };
+    }
     // A mesh that cannot be used is reported where the shape is made.
     if let Some(found_m) = mesh.and_then(|mesh| table::lowest_m(mesh, &lying.rest))
         && found_m.abs() > config.max_table_error_m
@@ -155,9 +157,9 @@ fn mesh_among(files: &[SourceFile]) -> Option<TriMesh> {
 }
 
 /// Puts a shape and the orientations in which it was seen to lie together.
-pub(super) fn object(inputs: &Inputs, cx: &Context) -> Result<Outcome, IngestError> {
+pub(super) fn object(inputs: &Inputs, cx: &Context) -> Result<Outcome<ShapeMetrics>, IngestError> {
     let seen_up = inputs
-        .artifacts(DEMONSTRATIONS)
+        .artifacts(Demonstrations::ARTIFACT)
         .iter()
         .map(|artifact| {
             Ok(lake::table::read::<Demonstration>(artifact)?
@@ -165,10 +167,11 @@ pub(super) fn object(inputs: &Inputs, cx: &Context) -> Result<Outcome, IngestErr
                 .up_in_object)
         })
         .collect::<Result<Vec<_>, LakeError>>()?;
-    let Some(shape) = inputs.artifacts(SHAPES).first() else {
-        return Ok(skipped(&Unusable::Missing {
+    let Some(shape) = inputs.artifacts(Shapes::ARTIFACT).first() else {
+        let missing = Unusable::Missing {
             file: format!("shape of {}", cx.partition()),
-        }));
+        };
+        return Ok(Outcome::skipped(missing.to_string()));
     };
     let mut object: Object = lake::table::read(shape)?;
     object.rests = rests::rests(&object, &seen_up);
@@ -185,23 +188,14 @@ fn write_object(
     object: &Object,
     mesh: &TriMesh,
     mut labels: Labels,
-) -> Result<Outcome, LakeError> {
-    let metrics = BTreeMap::from([
-        ("convex_parts_n".to_owned(), object.parts_m.len() as f64),
-        ("rests_n".to_owned(), object.rests.len() as f64),
-        (
-            "watertight".to_owned(),
-            f64::from(u8::from(object.watertight)),
-        ),
-    ]);
+) -> Result<Outcome<ShapeMetrics>, LakeError> {
     labels.insert("object".to_owned(), object.name.clone());
     cx.write(object)?;
     cx.write_file(schemas::objects::MESH, mesh.to_obj().as_bytes())?;
-    Ok(Outcome::Made(Made { labels, metrics }))
-}
-
-fn skipped(unusable: &Unusable) -> Outcome {
-    Outcome::Skipped {
-        reason: unusable.to_string(),
-    }
+    let metrics = ShapeMetrics {
+        convex_parts_n: object.parts_m.len() as f64,
+        rests_n: object.rests.len() as f64,
+        watertight: f64::from(u8::from(object.watertight)),
+    };
+    Ok(Outcome::made(labels, metrics))
 }

@@ -2,9 +2,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataflow::{Labels, Scope, SourceFile, Unit};
+use dataflow::{Labels, Output, Scope, SourceFile, Unit, labels};
 
-use super::{ADDED, DEMONSTRATIONS, LEFT_OUT, MASS, MESHES, SHAPES, UNREADABLE};
+use super::{ADDED, Demonstrations, LEFT_OUT, MASS, MESHES, Shapes, UNREADABLE};
 use crate::{
     config::IngestConfig,
     error::{IngestError, Unusable},
@@ -78,10 +78,11 @@ fn mesh_file(config: &IngestConfig, object: &str) -> Result<Option<SourceFile>, 
 /// The label of a shape whose mesh comes from the pipeline file.
 pub(super) fn added(files: &[SourceFile]) -> Labels {
     let is_added = files.iter().any(|file| file.name.starts_with(MESHES));
-    is_added
-        .then(|| (ADDED.to_owned(), "true".to_owned()))
-        .into_iter()
-        .collect()
+    if is_added {
+        labels([(ADDED, "true")])
+    } else {
+        Labels::new()
+    }
 }
 
 fn mass_kg(config: &IngestConfig, object: &str) -> Result<f64, IngestError> {
@@ -100,7 +101,7 @@ pub(super) fn demonstrations(
 ) -> Result<Vec<Unit>, IngestError> {
     let reader = reader::reader(config);
     let shapes: BTreeSet<&str> = scope
-        .partitions(SHAPES)
+        .partitions(Shapes::ARTIFACT)
         .iter()
         .map(|s| s.key.as_str())
         .collect();
@@ -134,7 +135,7 @@ pub(super) fn demonstrations(
                 if read.is_empty() {
                     unit
                 } else {
-                    unit.reading(SHAPES, read)
+                    unit.reading(Shapes::ARTIFACT, read)
                 }
             }
         });
@@ -149,7 +150,7 @@ fn unreadable(key: &str, why: &Unusable) -> Unit {
 /// Lists one unit per shape that is grasped in a demonstration or that the pipeline file adds.
 pub(super) fn objects(scope: &Scope) -> Vec<Unit> {
     let mut by_object: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for demonstration in scope.partitions(DEMONSTRATIONS) {
+    for demonstration in scope.partitions(Demonstrations::ARTIFACT) {
         if let Some(object) = demonstration.label("object") {
             by_object
                 .entry(object)
@@ -157,12 +158,12 @@ pub(super) fn objects(scope: &Scope) -> Vec<Unit> {
                 .push(&demonstration.key);
         }
     }
-    let shapes = scope.partitions(SHAPES).iter();
+    let shapes = scope.partitions(Shapes::ARTIFACT).iter();
     shapes
         .filter_map(|shape| {
-            let unit = Unit::new(&shape.key).reading(SHAPES, [&shape.key]);
+            let unit = Unit::new(&shape.key).reading(Shapes::ARTIFACT, [&shape.key]);
             match by_object.remove(shape.key.as_str()) {
-                Some(keys) => Some(unit.reading(DEMONSTRATIONS, keys)),
+                Some(keys) => Some(unit.reading(Demonstrations::ARTIFACT, keys)),
                 None => shape.label(ADDED).is_some().then_some(unit),
             }
         })

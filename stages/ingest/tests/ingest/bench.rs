@@ -6,17 +6,18 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Artifact, Context, Inputs, Labels, Made, Outcome, Partition, Scope, Stage, Unit};
+use dataflow::{
+    Artifact, Context, Inputs, Labels, Made, Outcome, Output, Partition, Scope, Stage, Unit,
+};
 use schemas::{
     demonstrations::{Demonstration, Side},
     objects::Object,
 };
 use stage_ingest::{
-    Format, Ingest, IngestConfig, IngestError, Landmarks, ReachRule, Split, TableRule,
+    Demonstrations, Format, Ingest, IngestConfig, IngestError, Landmarks, Objects, ReachRule,
+    Shapes, Split, TableRule,
 };
 use tempfile::TempDir;
-
-pub(crate) const OUTPUTS: [&str; 3] = ["shapes", "demonstrations", "objects"];
 
 /// Options that take every right hand.
 pub(crate) fn config(root: &Path) -> IngestConfig {
@@ -73,25 +74,30 @@ impl Bench {
             units: BTreeMap::new(),
             outcomes: BTreeMap::new(),
         };
-        for output in OUTPUTS {
-            let units = Ingest::units(&bench.config, output, &bench.scope())?;
-            for unit in &units {
-                let outcome = bench.run(output, unit)?;
-                if let (Outcome::Made(made), Some(foretold)) = (
-                    &outcome,
-                    Ingest::foretell(&bench.config, output, unit, &bench.scope()),
-                ) {
-                    assert_eq!(made.labels, foretold, "{output} {}", unit.partition);
-                }
-                let place = (output, unit.partition.clone());
-                bench.outcomes.insert(place, outcome);
-            }
-            bench.units.insert(output, units);
-            if output == last {
-                break;
-            }
+        bench.make::<Shapes>()?;
+        if last != Shapes::ARTIFACT {
+            bench.make::<Demonstrations>()?;
+        }
+        if last == Objects::ARTIFACT {
+            bench.make::<Objects>()?;
         }
         Ok(bench)
+    }
+
+    fn make<O: Output<Stage = Ingest, Error = IngestError>>(&mut self) -> Result<(), IngestError> {
+        let units = O::units(&self.config, &self.scope())?;
+        for unit in &units {
+            let outcome = self.run::<O>(unit)?;
+            if let (Outcome::Made(made), Some(foretold)) =
+                (&outcome, O::labels(&self.config, unit, &self.scope()))
+            {
+                assert_eq!(made.labels, foretold, "{} {}", O::ARTIFACT, unit.partition);
+            }
+            let place = (O::ARTIFACT, unit.partition.clone());
+            self.outcomes.insert(place, outcome);
+        }
+        self.units.insert(O::ARTIFACT, units);
+        Ok(())
     }
 
     /// The partitions made so far.
@@ -107,17 +113,20 @@ impl Bench {
         Scope::new(partitions)
     }
 
-    fn run(&self, output: &str, unit: &Unit) -> Result<Outcome, IngestError> {
+    fn run<O: Output<Stage = Ingest, Error = IngestError>>(
+        &self,
+        unit: &Unit,
+    ) -> Result<Outcome, IngestError> {
         let mut artifacts = BTreeMap::new();
         for (input, keys) in &unit.reads {
             let opened = keys.iter().map(|key| self.artifact(input, key));
             artifacts.insert(input.clone(), opened.collect());
         }
-        let folder = self.path(output, &unit.partition);
+        let folder = self.path(O::ARTIFACT, &unit.partition);
         fs::create_dir_all(&folder).unwrap();
         let inputs = Inputs::new(artifacts, unit.files.clone()).with_facts(unit.facts.clone());
-        let cx = Context::detached(output, &unit.partition, 7, &folder);
-        Ingest::run(&self.config, &inputs, &cx)
+        let cx = Context::detached(&unit.partition, 7, &folder);
+        Ok(O::make(&self.config, &inputs, &cx)?.stored())
     }
 
     /// Where an artifact's files lie.

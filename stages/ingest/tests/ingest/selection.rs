@@ -2,9 +2,9 @@
 
 use std::{fs, path::Path};
 
-use dataflow::{Advise, Outcome, Stage};
+use dataflow::{Advise, Outcome, Output, Stage};
 use schemas::demonstrations::Side;
-use stage_ingest::{AddedMesh, Ingest, IngestConfig, Split};
+use stage_ingest::{AddedMesh, Demonstrations, Ingest, IngestConfig, Split};
 use tempfile::TempDir;
 
 use crate::{
@@ -59,7 +59,7 @@ fn taken(root: &Path, change: impl FnOnce(&mut IngestConfig)) -> Vec<String> {
     let mut config = config(root);
     config.mirror = true;
     change(&mut config);
-    let units = Ingest::units(&config, "demonstrations", &dataflow::Scope::default()).unwrap();
+    let units = Demonstrations::units(&config, &dataflow::Scope::default()).unwrap();
     assert_eq!(units.len(), 1000);
     let taken = units.into_iter().filter(|unit| unit.facts.is_empty());
     taken.map(|unit| unit.partition).collect()

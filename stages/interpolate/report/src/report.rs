@@ -1,19 +1,17 @@
-//! The lines of `run`.
+//! The line of `run`.
 
-use dataflow::{Code, Report, Summary};
-use stage_interpolate::{Interpolate, InterpolateError};
+use dataflow::{Code, Line, Lines, Report};
+use stage_interpolate::Interpolate;
 
 /// Sums up what `interpolate` made.
 pub enum InterpolateReport {}
 
 impl Report for InterpolateReport {
     type Stage = Interpolate;
-    type Error = InterpolateError;
 
     const CODE: Code = dataflow::code!();
-
-    fn describe(_output: &str, summary: &Summary) -> String {
-        let candidates = summary.total("candidates");
+    const LINES: Lines<Interpolate> = &[&Line::<Interpolate>(|summary| {
+        let candidates = summary.metrics.candidates;
         format!("{} objects → {candidates} straight lines", summary.n_made)
-    }
+    })];
 }

@@ -1,22 +1,17 @@
-//! The lines of `run`.
+//! The line of `run`.
 
-use dataflow::{Code, Report, Summary};
-use stage_replay::{Replay, ReplayError};
+use dataflow::{Code, Line, Lines, Report};
+use stage_replay::Replay;
 
 /// Sums up what `replay` made.
 pub enum ReplayReport {}
 
 impl Report for ReplayReport {
     type Stage = Replay;
-    type Error = ReplayError;
 
     const CODE: Code = dataflow::code!();
-
-    fn describe(_output: &str, summary: &Summary) -> String {
-        format!(
-            "{} objects → {} candidates",
-            summary.n_made,
-            summary.total("candidates")
-        )
-    }
+    const LINES: Lines<Replay> = &[&Line::<Replay>(|summary| {
+        let candidates = summary.metrics.candidates;
+        format!("{} objects → {candidates} candidates", summary.n_made)
+    })];
 }

@@ -8,3 +8,4 @@ mod report;
 mod tracking;
 
 pub use report::RetargetReport;
+pub use tracking::{Tracking, TrackingMetrics};

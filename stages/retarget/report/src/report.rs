@@ -1,41 +1,27 @@
 //! The report and the lines of `run`.
 
-use dataflow::{Code, Output, Report, Reported, Summary};
-use schemas::{Table, tracking::TrackingReport};
-use stage_retarget::{FIELDS, Retarget, RetargetError};
+use dataflow::{Code, Line, Lines, Outputs, Report};
+use stage_retarget::{DistanceFields, Retarget, Trajectories};
 
-use crate::tracking;
+use crate::tracking::Tracking;
 
 /// Shows how well trajectories follow.
 pub enum RetargetReport {}
 
 impl Report for RetargetReport {
     type Stage = Retarget;
-    type Error = RetargetError;
 
     const CODE: Code = dataflow::code!();
-    const OUTPUTS: &'static [Reported<Self>] = &[Reported {
-        output: Output {
-            artifact: "tracking",
-            schema: TrackingReport::VERSION,
-            partition: "object",
-            parallel: true,
-        },
-        units: |_, scope| Ok(tracking::units(scope)),
-        foretell: |unit| Some(tracking::labels(&unit.partition)),
-        run: |_, inputs, cx| tracking::make(inputs, cx),
-        describe: tracking::describe,
-    }];
-
-    fn describe(output: &str, summary: &Summary) -> String {
-        if output == FIELDS {
-            return format!("{} objects → distance fields", summary.n_made);
-        }
-        let n_read = summary.n_made + summary.n_skipped + summary.n_filtered;
-        format!(
-            "{n_read} demonstrations → {} trajectories, error {:.0} mm",
-            summary.n_made,
-            1000.0 * summary.total("keypoint_error_m") / (summary.n_made as f64).max(1.0)
-        )
-    }
+    const OUTPUTS: Outputs<Retarget> = &[&Tracking];
+    const LINES: Lines<Retarget> = &[
+        &Line::<DistanceFields>(|summary| format!("{} objects → distance fields", summary.n_made)),
+        &Line::<Trajectories>(|summary| {
+            format!(
+                "{} demonstrations → {} trajectories, error {:.0} mm",
+                summary.n_items(),
+                summary.n_made,
+                1000.0 * summary.metrics.keypoint_error_m
+            )
+        }),
+    ];
 }

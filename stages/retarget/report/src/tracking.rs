@@ -2,67 +2,93 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Context, Inputs, Labels, Made, Outcome, Scope, Summary, Unit};
+use dataflow::{
+    Context, Inputs, Labels, Options, Outcome, Output, OwnLine, Scope, Sum, Unit, labels,
+};
 use lake::{ReadInputs, WriteArtifact};
-use schemas::{tracking::TrackingReport, trajectories::Trajectory};
-use stage_retarget::{RetargetError, TRAJECTORIES};
+use schemas::{Table, tracking::TrackingReport, trajectories::Trajectory};
+use stage_retarget::{Retarget, RetargetConfig, RetargetError};
 
 /// Depth below the table, in meters, that is more than measurement and thin objects explain.
 const BELOW_TABLE_M: f64 = 0.003;
 
-/// One unit per object that has trajectories.
-pub(crate) fn units(scope: &Scope) -> Vec<Unit> {
-    let mut by_object: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for trajectory in scope.partitions(TRAJECTORIES) {
-        if let Some(object) = trajectory.label("object") {
-            by_object.entry(object).or_default().push(&trajectory.key);
+dataflow::metrics! {
+    /// What is said of an object's trajectories.
+    pub struct TrackingMetrics {
+        /// How many there are.
+        trajectories_n: Sum,
+        /// Number of finger tips compared, over all steps.
+        tips_n: Sum,
+        /// Sum of their distances from their landmarks, in meters.
+        tip_error_sum_m: Sum,
+    }
+}
+
+/// The report `tracking`: how well an object's trajectories follow.
+pub struct Tracking;
+
+impl Output for Tracking {
+    type Stage = Retarget;
+    type Metrics = TrackingMetrics;
+    type Error = RetargetError;
+
+    const ARTIFACT: &'static str = TrackingReport::NAME;
+    const SCHEMA: &'static str = TrackingReport::VERSION;
+    const PARTITION: &'static str = "object";
+    const OPTIONS: Options = Options::NONE;
+    /// Says how far finger tips are from their landmarks, of whichever object.
+    const LINE: OwnLine<TrackingMetrics> = Some(|summary| {
+        let all = &summary.metrics;
+        format!(
+            "{} objects, {} trajectories, tip error {:.1} mm",
+            summary.n_made,
+            all.trajectories_n,
+            1000.0 * all.tip_error_sum_m / all.tips_n.max(1.0)
+        )
+    });
+
+    /// One unit per object that has trajectories.
+    fn units(_config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
+        let mut by_object: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+        for trajectory in scope.partitions(Trajectory::NAME) {
+            if let Some(object) = trajectory.label("object") {
+                by_object.entry(object).or_default().push(&trajectory.key);
+            }
         }
+        Ok(by_object
+            .into_iter()
+            .map(|(object, keys)| Unit::new(object).reading(Trajectory::NAME, keys))
+            .collect())
     }
-    by_object
-        .into_iter()
-        .map(|(object, keys)| Unit::new(object).reading(TRAJECTORIES, keys))
-        .collect()
-}
 
-/// What is said of an object's report.
-pub(crate) fn labels(object: &str) -> Labels {
-    Labels::from([("object".to_owned(), object.to_owned())])
-}
-
-/// Makes the report on one object's trajectories.
-pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, RetargetError> {
-    let trajectories: Vec<Trajectory> = inputs.all()?;
-    if trajectories.is_empty() {
-        return Ok(Outcome::Skipped {
-            reason: "it has no trajectory".to_owned(),
-        });
+    fn labels(_config: &RetargetConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        Some(labels([("object", &unit.partition)]))
     }
-    let report = report(&trajectories);
-    cx.write(&report)?;
-    let tips_n = trajectories
-        .iter()
-        .flat_map(|trajectory| &trajectory.steps)
-        .map(|step| step.tracking.tip_errors_m.len())
-        .sum::<usize>() as f64;
-    let metrics = [
-        ("trajectories_n", trajectories.len() as f64),
-        ("tips_n", tips_n),
-        ("tip_error_sum_m", tips_n * report.tip_error_mean_m),
-    ];
-    Ok(Outcome::Made(Made {
-        labels: labels(cx.partition()),
-        metrics: metrics.map(|(name, value)| (name.to_owned(), value)).into(),
-    }))
-}
 
-/// Says how far finger tips are from their landmarks, of whichever object.
-pub(crate) fn describe(summary: &Summary) -> String {
-    format!(
-        "{} objects, {} trajectories, tip error {:.1} mm",
-        summary.n_made,
-        summary.total("trajectories_n"),
-        1000.0 * summary.total("tip_error_sum_m") / summary.total("tips_n").max(1.0)
-    )
+    /// Makes the report on one object's trajectories.
+    fn make(
+        _config: &RetargetConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<TrackingMetrics>, RetargetError> {
+        let trajectories: Vec<Trajectory> = inputs.all()?;
+        if trajectories.is_empty() {
+            return Ok(Outcome::skipped("it has no trajectory"));
+        }
+        let report = report(&trajectories);
+        cx.write(&report)?;
+        let tips_n = trajectories
+            .iter()
+            .flat_map(|trajectory| &trajectory.steps)
+            .map(|step| step.tracking.tip_errors_m.len())
+            .sum::<usize>() as f64;
+        let metrics = TrackingMetrics {
+            trajectories_n: trajectories.len() as f64,
+            tips_n,
+            tip_error_sum_m: tips_n * report.tip_error_mean_m,
+        };
+        Ok(Outcome::made(labels([("object", cx.partition())]), metrics))
+    }
 }
 
 /// Sums up the trajectories of one object.

@@ -1,37 +1,45 @@
 //! One object's distances.
 
-use std::collections::BTreeMap;
-
-use dataflow::{Artifact, Context, Inputs, Made, Outcome};
+use dataflow::{Artifact, Context, Inputs, Outcome, Sum, labels};
 use geometry::TriMesh;
 use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
-use schemas::{distance_fields, objects};
+use schemas::{
+    Table, distance_fields,
+    objects::{self, Object},
+};
 
-use super::skipped;
 use crate::{RetargetConfig, RetargetError, scene::survey};
+
+dataflow::metrics! {
+    /// What is said of an object's distances.
+    pub struct FieldMetrics {
+        /// Number of the vertices of its convex hull.
+        hull_vertices_n: Sum,
+    }
+}
 
 /// Makes the distance field of one object.
 pub(super) fn make(
     config: &RetargetConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome, RetargetError> {
-    let object = inputs.artifact("objects")?;
+) -> Result<Outcome<FieldMetrics>, RetargetError> {
+    let object = inputs.artifact(Object::NAME)?;
     let mesh = match read_mesh(object)? {
         Ok(mesh) => mesh,
-        Err(reason) => return Ok(skipped(reason)),
+        Err(reason) => return Ok(Outcome::skipped(reason)),
     };
     let (field, info) = match survey(&mesh, config.field_spacing_m) {
         Ok(Some(surveyed)) => surveyed,
-        Ok(None) => return Ok(skipped("its mesh has no surface")),
-        Err(err) => return Ok(skipped(format!("its mesh: {err}"))),
+        Ok(None) => return Ok(Outcome::skipped("its mesh has no surface")),
+        Err(err) => return Ok(Outcome::skipped(format!("its mesh: {err}"))),
     };
     cx.write(&info)?;
     cx.write_file(distance_fields::FIELD, &field.to_bytes())?;
-    Ok(Outcome::Made(Made {
-        labels: BTreeMap::from([("object".to_owned(), object.key.clone())]),
-        metrics: BTreeMap::from([("hull_vertices_n".to_owned(), info.hull_m.len() as f64)]),
-    }))
+    let metrics = FieldMetrics {
+        hull_vertices_n: info.hull_m.len() as f64,
+    };
+    Ok(Outcome::made(labels([("object", &object.key)]), metrics))
 }
 
 /// Reads an object's mesh; the inner error is the reason to skip it.

@@ -1,18 +1,23 @@
 //! One demonstration's trajectory.
 
-use std::collections::BTreeMap;
-
-use dataflow::{Artifact, Context, Inputs, Made, Outcome};
+use dataflow::{Artifact, Context, Inputs, Outcome, labels};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
+    Table,
     demonstrations::{self, Demonstration},
-    distance_fields, trajectories,
+    distance_fields::{self, FieldInfo},
+    objects::Object,
+    trajectories,
 };
 
-use super::{FIELDS, LoadedHand, fields::read_mesh, load_hand, skipped};
+use super::{LoadedHand, fields::read_mesh, load_hand};
 use crate::{
-    RetargetConfig, RetargetError, rates::fill_rates, recording, scene::Scene, track::track,
+    RetargetConfig, RetargetError,
+    rates::fill_rates,
+    recording,
+    scene::Scene,
+    track::{TrajectoryMetrics, track},
 };
 
 /// Greatest coordinate of a landmark in the object frame, in meters.
@@ -23,39 +28,37 @@ pub(super) fn make(
     config: &RetargetConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome, RetargetError> {
+) -> Result<Outcome<TrajectoryMetrics>, RetargetError> {
     let urdf = inputs.source(0, "URDF of a hand")?;
     let table = inputs.source(1, "table of a hand")?;
     let LoadedHand { urdf, hand, table } = load_hand(&urdf.path, &table.path)?;
     let demonstration: Demonstration = inputs.one()?;
     if let Some(reason) = unusable(&demonstration, &table) {
-        return Ok(skipped(reason));
+        return Ok(Outcome::skipped(reason));
     }
     let (Some(object), Some(field)) = (
-        inputs.artifacts("objects").first(),
-        inputs.artifacts(FIELDS).first(),
+        inputs.artifacts(Object::NAME).first(),
+        inputs.artifacts(FieldInfo::NAME).first(),
     ) else {
-        return Ok(skipped(format!(
+        return Ok(Outcome::skipped(format!(
             "its object `{}` is not among the objects with a surface",
             demonstration.object
         )));
     };
     let mesh = match read_mesh(object)? {
         Ok(mesh) => mesh,
-        Err(reason) => return Ok(skipped(reason)),
+        Err(reason) => return Ok(Outcome::skipped(reason)),
     };
     let scene = read_scene(field, &demonstration)?;
     let Some(mut tracked) = track(&hand, &scene, config, &demonstration)? else {
-        return Ok(skipped("it has no step"));
+        return Ok(Outcome::skipped("it has no step"));
     };
     if tracked.grasp_keypoint_error_m > config.max_keypoint_error_m {
-        return Ok(Outcome::Filtered {
-            reason: format!(
-                "the hand stays {:.0} mm from the landmarks at the grasp, more than \
-                 `max_keypoint_error_m`",
-                1000.0 * tracked.grasp_keypoint_error_m
-            ),
-        });
+        return Ok(Outcome::filtered(format!(
+            "the hand stays {:.0} mm from the landmarks at the grasp, more than \
+             `max_keypoint_error_m`",
+            1000.0 * tracked.grasp_keypoint_error_m
+        )));
     }
     fill_rates(&mut tracked.steps);
     let metrics = tracked.metrics();
@@ -78,10 +81,8 @@ pub(super) fn make(
     };
     cx.write(&trajectory)?;
     recording::record(&urdf, &hand.model, &mesh, &trajectory, cx.folder())?;
-    Ok(Outcome::Made(Made {
-        labels: BTreeMap::from([("object".to_owned(), trajectory.object)]),
-        metrics,
-    }))
+    let labels = labels([("object", &trajectory.object)]);
+    Ok(Outcome::made(labels, metrics))
 }
 
 /// Returns why a demonstration cannot be retargeted to this hand, if it cannot.

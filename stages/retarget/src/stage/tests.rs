@@ -15,17 +15,14 @@ fn scope(object: &str) -> Scope {
     Scope::new(BTreeMap::from([
         (
             "demonstrations".to_owned(),
-            vec![Partition::new(
-                "s",
-                BTreeMap::from([("object".to_owned(), object.to_owned())]),
-            )],
+            vec![Partition::new("s", labels([("object", object)]))],
         ),
         (
             "objects".to_owned(),
             vec![Partition::new("box", BTreeMap::new())],
         ),
         (
-            FIELDS.to_owned(),
+            FieldInfo::NAME.to_owned(),
             vec![Partition::new("box", BTreeMap::new())],
         ),
     ]))
@@ -59,7 +56,7 @@ fn demonstration() -> Demonstration {
 }
 
 /// Retargets one demonstration, after its object's field was made.
-fn run(config: &RetargetConfig, unit: &Unit, folder: &Path) -> Outcome {
+fn run(config: &RetargetConfig, unit: &Unit, folder: &Path) -> Outcome<TrajectoryMetrics> {
     let (out, _) = place(folder, "out");
     let (path, shown) = place(folder, "s");
     lake::table::write(&path, &demonstration()).unwrap();
@@ -75,9 +72,9 @@ fn run(config: &RetargetConfig, unit: &Unit, folder: &Path) -> Outcome {
         file.write_all(fixture::mesh().to_obj().as_bytes()).unwrap();
         object.files = BTreeMap::from([(objects::MESH.to_owned(), mesh)]);
         let made = place(folder, "field").0;
-        let cx = Context::detached(FIELDS, "box", 0, &made);
+        let cx = Context::detached("box", 0, &made);
         let read = BTreeMap::from([("objects".to_owned(), vec![object.clone()])]);
-        let outcome = Retarget::run(config, &Inputs::new(read, Vec::new()), &cx).unwrap();
+        let outcome = DistanceFields::make(config, &Inputs::new(read, Vec::new()), &cx).unwrap();
         assert!(matches!(outcome, Outcome::Made(_)));
         let names = [lake::table::FILE, distance_fields::FIELD];
         let field = Artifact {
@@ -86,15 +83,10 @@ fn run(config: &RetargetConfig, unit: &Unit, folder: &Path) -> Outcome {
             files: names.map(|name| (name.to_owned(), made.join(name))).into(),
         };
         artifacts.insert("objects".to_owned(), vec![object]);
-        artifacts.insert(FIELDS.to_owned(), vec![field]);
+        artifacts.insert(FieldInfo::NAME.to_owned(), vec![field]);
     }
     let inputs = Inputs::new(artifacts, unit.files.clone());
-    Retarget::run(
-        config,
-        &inputs,
-        &Context::detached("trajectories", "s", 0, &out),
-    )
-    .unwrap()
+    Trajectories::make(config, &inputs, &Context::detached("s", 0, &out)).unwrap()
 }
 
 #[test]
@@ -102,12 +94,12 @@ fn a_demonstration_becomes_a_trajectory() {
     let folder = tempfile::tempdir().unwrap();
     let config = fixture::config();
     Retarget::prepare(&config).unwrap();
-    let units = Retarget::units(&config, "trajectories", &scope("box")).unwrap();
+    let units = Trajectories::units(&config, &scope("box")).unwrap();
     let Outcome::Made(made) = run(&config, &units[0], folder.path()) else {
         panic!("nothing was made");
     };
     assert_eq!(made.labels["object"], "box");
-    assert_eq!(made.metrics["steps_n"], 3.0);
+    assert_eq!(made.metrics.steps_n, 3.0);
     let (_, artifact) = place(folder.path(), "out");
     let trajectory: Trajectory = lake::table::read(&artifact).unwrap();
     assert_eq!((trajectory.steps.len(), trajectory.joints.len()), (3, 16));
@@ -129,7 +121,7 @@ fn a_demonstration_becomes_a_trajectory() {
 fn a_demonstration_without_its_object_is_skipped() {
     let folder = tempfile::tempdir().unwrap();
     let config = fixture::config();
-    let units = Retarget::units(&config, "trajectories", &scope("bottle")).unwrap();
+    let units = Trajectories::units(&config, &scope("bottle")).unwrap();
     let outcome = run(&config, &units[0], folder.path());
     assert!(matches!(outcome, Outcome::Skipped { reason } if reason.contains("`box`")));
 }
@@ -139,7 +131,7 @@ fn the_reach_of_the_other_hand_is_skipped() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = fixture::config();
     config.hand_table = with_table(folder.path(), "\"right\"", "\"left\"");
-    let units = Retarget::units(&config, "trajectories", &scope("box")).unwrap();
+    let units = Trajectories::units(&config, &scope("box")).unwrap();
     let outcome = run(&config, &units[0], folder.path());
     let expected =
         "a right hand's reach, but the hand's table says that the robot's is a left hand";

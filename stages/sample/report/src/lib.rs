@@ -13,3 +13,4 @@ mod sampling;
 
 pub use error::SampleReportError;
 pub use report::SampleReport;
+pub use sampling::{SamplingMetrics, SamplingReport};

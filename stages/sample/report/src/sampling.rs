@@ -1,17 +1,22 @@
 //! How plausible and different the motions of one object are.
 
-use dataflow::{Artifact, Context, Inputs, Labels, Made, Outcome, Scope, Summary, Unit};
+use dataflow::{
+    Artifact, Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum,
+    Summary, Unit, labels,
+};
 use diversity::{Diversity, Motion};
 use lake::{ReadInputs, WriteArtifact};
 use robot::{JointOrder, WrongDof};
 use schemas::{
+    Table,
     candidates::{self, Candidates, Step},
-    sampling::Sampled,
+    distance_fields::FieldInfo,
+    sampling::{Sampled, Sampling},
     trajectories::Trajectory,
 };
 use stage_sample::{
-    CANDIDATES, SampleConfig, SampleError, TRAJECTORIES,
-    inputs::{FIELDS, ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
+    Sample, SampleConfig, SampleError,
+    inputs::{ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
     room::{Gauge, Room},
 };
 
@@ -23,111 +28,153 @@ use crate::{
 /// Depth in the object, in meters, up to which a motion counts as clear of it before the grasp.
 const CLEAR_M: f64 = 0.005;
 
-/// One unit per object that has candidates.
-pub(crate) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleReportError> {
-    let meshes = hand_meshes(config)?;
-    let fields = scope.partitions(FIELDS);
-    let trajectories = scope.partitions(TRAJECTORIES);
-    let units = scope.partitions(CANDIDATES).iter().map(|candidates| {
-        let object = candidates.key.as_str();
-        // An object without a field is planned without, and skipped.
-        let field = fields.iter().find(|field| field.key == object);
-        let shown = trajectories
-            .iter()
-            .filter(|trajectory| trajectory.label("object") == Some(object));
-        let unit = Unit::new(object)
-            .reading(CANDIDATES, [object])
-            .only_files(CANDIDATES, [lake::table::FILE])
-            .reading(FIELDS, field.map(|field| field.key.as_str()))
-            .reading(
-                TRAJECTORIES,
-                shown.map(|trajectory| trajectory.key.as_str()),
-            )
-            .only_files(TRAJECTORIES, [lake::table::FILE])
-            .with_file_of_form(hand_file(config), ROBOT);
-        meshes.iter().cloned().fold(unit, Unit::with_file)
-    });
-    Ok(units.collect())
-}
-
-/// What is said of an object's report.
-pub(crate) fn labels(object: &str) -> Labels {
-    Labels::from([("object".to_owned(), object.to_owned())])
-}
-
-/// Measures the motions of one object.
-pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, SampleReportError> {
-    let drawn: Candidates = inputs.one()?;
-    let Some(field) = inputs.artifacts(FIELDS).first() else {
-        return Ok(Outcome::Skipped {
-            reason: "it is not among the objects with a surface".to_owned(),
-        });
-    };
-    let field = read_field(field)?;
-    let (_, hand) = read_hand(&inputs.source(0, "URDF of a hand")?.path)?;
-    let shown = inputs
-        .artifacts(TRAJECTORIES)
-        .iter()
-        .map(|artifact| read_shown(artifact, &drawn.joints))
-        .collect::<Result<Vec<_>, _>>()?;
-    let shown: Vec<Shown> = shown.into_iter().flatten().collect();
-    let measure = Measure {
-        gauge: Gauge {
-            room: &Room::new(&hand)?,
-            field: &field,
-            order: &order(&hand, &drawn.joints, "set of candidates")?,
-        },
-        shown: &shown,
-    };
-    let motions: Vec<Motion> = drawn.candidates.iter().map(Motion::from).collect();
-    let diversity = Diversity::of(&motions);
-    let sampled = measure.all(&drawn.candidates, &diversity)?;
-    cx.write(&sampled)?;
-    charts::Charts {
-        joints: &drawn.joints,
-        sampled: &sampled,
-        drawn: &diversity,
-        shown: &charts::of_shown(&shown, &motions),
+dataflow::metrics! {
+    /// What is said of the motions of an object.
+    pub struct SamplingMetrics {
+        /// How many there are.
+        candidates_n: Sum,
+        /// How many were drawn within the joint limits.
+        within_limits_n: Sum,
+        /// How many are clear of the object before the grasp.
+        clear_n: Sum,
+        /// Spread of the palm at the grasp, in meters.
+        grasp_spread_m: Mean,
+        /// Spread of the palm at the grasp, in radians.
+        grasp_spread_rad: Mean,
+        /// Spread of the joints at the grasp, in radians (meters if prismatic).
+        grasp_q_spread_rad: Mean,
+        /// Spread of the palm over the motion, in meters.
+        motion_spread_m: Mean,
+        /// Spread of the palm over the motion, in radians.
+        motion_spread_rad: Mean,
+        /// Spread of the joints over the motion, in radians (meters if prismatic).
+        motion_q_spread_rad: Mean,
+        /// Number of objects all of whose motions are one.
+        collapsed_n: Sum,
     }
-    .put(cx)?;
-    Ok(Outcome::Made(Made {
-        labels: labels(&drawn.object),
-        metrics: metrics(&sampled, &diversity)
-            .map(|(name, value)| (name.to_owned(), value))
-            .into(),
-    }))
 }
 
-fn metrics(sampled: &[Sampled], diversity: &Diversity) -> [(&'static str, f64); 10] {
-    let count = |is_one: fn(&Sampled) -> bool| sampled.iter().filter(|s| is_one(s)).count() as f64;
-    let (at_grasp, over_time) = (diversity.at_grasp, diversity.over_time);
-    [
-        ("candidates_n", sampled.len() as f64),
-        ("within_limits_n", count(Sampled::within_limits)),
-        ("clear_n", count(|s| s.approach_depth_m <= CLEAR_M)),
-        ("grasp_spread_m", at_grasp.palm_m),
-        ("grasp_spread_rad", at_grasp.palm_rad),
-        ("grasp_q_spread_rad", at_grasp.q_rad),
-        ("motion_spread_m", over_time.palm_m),
-        ("motion_spread_rad", over_time.palm_rad),
-        ("motion_q_spread_rad", over_time.q_rad),
-        ("collapsed_n", f64::from(u8::from(diversity.is_collapsed()))),
-    ]
+/// The report `sampling`: how plausible and different an object's motions are.
+pub struct SamplingReport;
+
+impl Output for SamplingReport {
+    type Stage = Sample;
+    type Metrics = SamplingMetrics;
+    type Error = SampleReportError;
+
+    const ARTIFACT: &'static str = Sampling::NAME;
+    const SCHEMA: &'static str = Sampling::VERSION;
+    const PARTITION: &'static str = "object";
+    const OPTIONS: Options = Options::NONE;
+    const LINE: OwnLine<SamplingMetrics> = Some(line);
+
+    /// One unit per object that has candidates.
+    fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleReportError> {
+        let meshes = hand_meshes(config)?;
+        let fields = scope.partitions(FieldInfo::NAME);
+        let trajectories = scope.partitions(Trajectory::NAME);
+        let units = scope.partitions(Candidates::NAME).iter().map(|candidates| {
+            let object = candidates.key.as_str();
+            // An object without a field is planned without, and skipped.
+            let field = fields.iter().find(|field| field.key == object);
+            let shown = trajectories
+                .iter()
+                .filter(|trajectory| trajectory.label("object") == Some(object));
+            let unit = Unit::new(object)
+                .reading(Candidates::NAME, [object])
+                .only_files(Candidates::NAME, [lake::table::FILE])
+                .reading(FieldInfo::NAME, field.map(|field| field.key.as_str()))
+                .reading(
+                    Trajectory::NAME,
+                    shown.map(|trajectory| trajectory.key.as_str()),
+                )
+                .only_files(Trajectory::NAME, [lake::table::FILE])
+                .with_file_of_form(hand_file(config), ROBOT);
+            meshes.iter().cloned().fold(unit, Unit::with_file)
+        });
+        Ok(units.collect())
+    }
+
+    fn labels(_config: &SampleConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        Some(labels([("object", &unit.partition)]))
+    }
+
+    /// Measures the motions of one object.
+    fn make(
+        _config: &SampleConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<SamplingMetrics>, SampleReportError> {
+        let drawn: Candidates = inputs.one()?;
+        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
+            return Ok(Outcome::skipped(
+                "it is not among the objects with a surface",
+            ));
+        };
+        let field = read_field(field)?;
+        let (_, hand) = read_hand(&inputs.source(0, "URDF of a hand")?.path)?;
+        let shown = inputs
+            .artifacts(Trajectory::NAME)
+            .iter()
+            .map(|artifact| read_shown(artifact, &drawn.joints))
+            .collect::<Result<Vec<_>, _>>()?;
+        let shown: Vec<Shown> = shown.into_iter().flatten().collect();
+        let measure = Measure {
+            gauge: Gauge {
+                room: &Room::new(&hand)?,
+                field: &field,
+                order: &order(&hand, &drawn.joints, "set of candidates")?,
+            },
+            shown: &shown,
+        };
+        let motions: Vec<Motion> = drawn.candidates.iter().map(Motion::from).collect();
+        let diversity = Diversity::of(&motions);
+        let sampled = measure.all(&drawn.candidates, &diversity)?;
+        cx.write(&sampled)?;
+        charts::Charts {
+            joints: &drawn.joints,
+            sampled: &sampled,
+            drawn: &diversity,
+            shown: &charts::of_shown(&shown, &motions),
+        }
+        .put(cx)?;
+        let metrics = SamplingMetrics::of(&sampled, &diversity);
+        Ok(Outcome::made(labels([("object", &drawn.object)]), metrics))
+    }
 }
 
-/// Says what became of all objects' candidates; spreads are means over the objects.
-pub(crate) fn describe(summary: &Summary) -> String {
-    let candidates = summary.total("candidates_n");
-    let percent = |metric| 100.0 * summary.total(metric) / candidates.max(1.0);
-    let mean = |metric| summary.total(metric) / (summary.n_made as f64).max(1.0);
+impl SamplingMetrics {
+    fn of(sampled: &[Sampled], diversity: &Diversity) -> Self {
+        let count =
+            |is_one: fn(&Sampled) -> bool| sampled.iter().filter(|s| is_one(s)).count() as f64;
+        let (at_grasp, over_time) = (diversity.at_grasp, diversity.over_time);
+        Self {
+            candidates_n: sampled.len() as f64,
+            within_limits_n: count(Sampled::within_limits),
+            clear_n: count(|s| s.approach_depth_m <= CLEAR_M),
+            grasp_spread_m: at_grasp.palm_m,
+            grasp_spread_rad: at_grasp.palm_rad,
+            grasp_q_spread_rad: at_grasp.q_rad,
+            motion_spread_m: over_time.palm_m,
+            motion_spread_rad: over_time.palm_rad,
+            motion_q_spread_rad: over_time.q_rad,
+            collapsed_n: f64::from(u8::from(diversity.is_collapsed())),
+        }
+    }
+}
+
+/// Says what became of all objects' candidates.
+fn line(summary: &Summary<SamplingMetrics>) -> String {
+    let all = &summary.metrics;
+    let percent = |n: f64| 100.0 * n / all.candidates_n.max(1.0);
     let line = format!(
         "{:.0} % within limits, {:.0} % clear; spread {:.0} mm, {:.0}°",
-        percent("within_limits_n"),
-        percent("clear_n"),
-        1e3 * mean("grasp_spread_m"),
-        mean("grasp_spread_rad").to_degrees(),
+        percent(all.within_limits_n),
+        percent(all.clear_n),
+        1e3 * all.grasp_spread_m,
+        all.grasp_spread_rad.to_degrees(),
     );
-    match summary.total("collapsed_n") {
+    match all.collapsed_n {
         0.0 => line,
         collapsed => format!("COLLAPSED for {collapsed} objects, all motions one; {line}"),
     }

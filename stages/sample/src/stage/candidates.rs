@@ -1,20 +1,20 @@
 //! The motions of one object.
 
-use std::collections::BTreeMap;
-
 use cgf::Cgf;
-use dataflow::{Artifact, Context, Inputs, Made, Outcome, Scope, Unit};
+use dataflow::{Artifact, Context, Inputs, Outcome, Scope, Unit, labels};
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
+    Table,
     candidates::{Candidate, Candidates},
     checkpoint,
+    distance_fields::FieldInfo,
     objects::Object,
 };
 
-use super::{SHOWN_ROBOT, labels};
+use super::{SHOWN_ROBOT, SampleMetrics};
 use crate::{
     Epoch, SampleConfig, SampleError,
-    inputs::{FIELDS, ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
+    inputs::{ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
     motions::sample,
     recording,
     room::{Gauge, Room},
@@ -22,7 +22,7 @@ use crate::{
 
 /// One unit per object.
 pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
-    let objects = scope.partitions("objects");
+    let objects = scope.partitions(Object::NAME);
     for object in &config.objects {
         if !objects.iter().any(|known| known.key == *object) {
             return Err(SampleError::UnknownObject {
@@ -32,10 +32,10 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
         }
     }
     let checkpoint = scope
-        .partitions("checkpoint")
+        .partitions(checkpoint::NAME)
         .iter()
         .map(|model| &model.key);
-    let fields = scope.partitions(FIELDS);
+    let fields = scope.partitions(FieldInfo::NAME);
     let reads_hand = config.chooses() || config.recorded_per_object > 0;
     let meshes = if reads_hand {
         hand_meshes(config)?
@@ -48,12 +48,12 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
         .filter(|object| config.objects.is_empty() || config.objects.contains(object))
         .map(|object| {
             let unit = Unit::new(object.as_str())
-                .reading("checkpoint", checkpoint.clone().map(String::as_str))
-                .reading("objects", [object.as_str()]);
+                .reading(checkpoint::NAME, checkpoint.clone().map(String::as_str))
+                .reading(Object::NAME, [object.as_str()]);
             let unit = if config.chooses() {
                 // An object without a field is planned without, and not chosen for.
                 let field = fields.iter().find(|field| field.key == **object);
-                unit.reading(FIELDS, field.map(|field| field.key.as_str()))
+                unit.reading(FieldInfo::NAME, field.map(|field| field.key.as_str()))
             } else {
                 unit
             };
@@ -75,8 +75,8 @@ pub(super) fn make(
     config: &SampleConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome, SampleError> {
-    let cgf = read_checkpoint(config.epoch, inputs.artifact("checkpoint")?)?;
+) -> Result<Outcome<SampleMetrics>, SampleError> {
+    let cgf = read_checkpoint(config.epoch, inputs.artifact(checkpoint::NAME)?)?;
     let object: Object = inputs.one()?;
     let hand = inputs.files().first();
     let hand = hand.map(|file| read_hand(&file.path)).transpose()?;
@@ -85,7 +85,7 @@ pub(super) fn make(
         order(model, joints, "grasping function")
     });
     let order = order.transpose()?;
-    let field = inputs.artifacts(FIELDS).first();
+    let field = inputs.artifacts(FieldInfo::NAME).first();
     let field = field.map(read_field).transpose()?;
     let room = hand
         .as_ref()
@@ -118,14 +118,11 @@ pub(super) fn make(
         };
         recording::record(&stage, &motions, cx.folder())?;
     }
-    let n = drawn.candidates.len() as f64;
-    Ok(Outcome::Made(Made {
-        labels: labels(&object.name),
-        metrics: BTreeMap::from([
-            ("candidates".to_owned(), n),
-            ("draws".to_owned(), sample.draws as f64),
-        ]),
-    }))
+    let metrics = SampleMetrics {
+        candidates: drawn.candidates.len() as f64,
+        draws: sample.draws as f64,
+    };
+    Ok(Outcome::made(labels([("object", &object.name)]), metrics))
 }
 
 fn read_checkpoint(epoch: Epoch, artifact: &Artifact) -> Result<Cgf, SampleError> {

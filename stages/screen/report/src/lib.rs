@@ -9,3 +9,4 @@ mod success;
 
 pub use error::ScreenReportError;
 pub use report::ScreenReport;
+pub use success::{SuccessMetrics, SuccessReport};

@@ -1,37 +1,23 @@
-//! The report and the lines of `run`.
+//! The report and the line of `run`.
 
-use dataflow::{Code, Labels, Output, Report, Reported, Summary};
-use schemas::{Table, success::Successes};
+use dataflow::{Code, Line, Lines, Outputs, Report};
 use stage_screen::Screen;
 
-use crate::{ScreenReportError, success};
+use crate::SuccessReport;
 
 /// Shows how often candidates hold.
 pub enum ScreenReport {}
 
 impl Report for ScreenReport {
     type Stage = Screen;
-    type Error = ScreenReportError;
 
     const CODE: Code = dataflow::code!();
-    const OUTPUTS: &'static [Reported<Self>] = &[Reported {
-        output: Output {
-            artifact: "success",
-            schema: Successes::VERSION,
-            partition: "screening",
-            parallel: true,
-        },
-        units: |_, scope| Ok(success::units(scope)),
-        foretell: |_| Some(Labels::new()),
-        run: |_, inputs, cx| success::make(inputs, cx),
-        describe: success::describe,
-    }];
-
-    fn describe(_output: &str, summary: &Summary) -> String {
+    const OUTPUTS: Outputs<Screen> = &[&SuccessReport];
+    const LINES: Lines<Screen> = &[&Line::<Screen>(|summary| {
+        let all = &summary.metrics;
         format!(
             "{:.0} candidates → {:.0} accepted",
-            summary.total("candidates_n"),
-            summary.total("accepted_n")
+            all.candidates_n, all.accepted_n
         )
-    }
+    })];
 }

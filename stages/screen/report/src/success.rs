@@ -3,61 +3,116 @@
 use std::collections::BTreeMap;
 
 use charts::{Captions, ChartError, Estimate, Estimates, intervals};
-use dataflow::{Context, Inputs, Labels, Made, Outcome, Scope, Summary, Unit};
+use dataflow::{
+    Context, Inputs, Labels, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
+};
 use diversity::{Diversity, Motion};
 use lake::{LakeError, WriteArtifact, table};
 use schemas::{
+    Table,
     candidates::{Candidate, Candidates},
     rollouts::{Rollout, Rollouts, Verdict},
-    success::{self, Success},
+    success::{self, Success, Successes},
 };
-use stage_screen::ROLLOUTS;
+use stage_screen::{Screen, ScreenConfig};
 
 use crate::ScreenReportError;
 
-/// The input, and the artifact in it.
-const CANDIDATES: &str = "candidates";
 /// Key of the one partition.
 const ALL: &str = "all";
 
+dataflow::metrics! {
+    /// What is said of all candidates together.
+    pub struct SuccessMetrics {
+        /// Number of objects.
+        objects_n: Sum,
+        /// Number of candidates.
+        candidates_n: Sum,
+        /// Number of those that hold.
+        accepted_n: Sum,
+        /// Steps of control that physics took.
+        control_steps_n: Sum,
+        /// Number of candidates that touched the object.
+        touched_n: Sum,
+        /// Number of those that would exceed a joint's limit.
+        limit_n: Sum,
+        /// Number of those that would go through the table.
+        table_n: Sum,
+    }
+    derived {
+        rate: Self::rate,
+        rate_low: |all| all.interval()[0],
+        rate_high: |all| all.interval()[1],
+    }
+}
+
+/// The report `success`: how often candidates hold.
+pub struct SuccessReport;
+
+impl Output for SuccessReport {
+    type Stage = Screen;
+    type Metrics = SuccessMetrics;
+    type Error = ScreenReportError;
+
+    const ARTIFACT: &'static str = Successes::NAME;
+    const SCHEMA: &'static str = Successes::VERSION;
+    const PARTITION: &'static str = "screening";
+    const OPTIONS: Options = Options::NONE;
+    const LINE: OwnLine<SuccessMetrics> = Some(line);
+
+    fn units(_config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenReportError> {
+        Ok(units(scope))
+    }
+
+    fn labels(_config: &ScreenConfig, _unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        Some(Labels::new())
+    }
+
+    /// Makes the table and its chart.
+    fn make(
+        _config: &ScreenConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<SuccessMetrics>, ScreenReportError> {
+        let mut rows = Vec::new();
+        let mut touched_n = 0;
+        for artifact in inputs.artifacts(Rollouts::NAME) {
+            let mut given = inputs.artifacts(Candidates::NAME).iter();
+            let given = given.find(|given| given.key == artifact.key);
+            let given = given.ok_or(LakeError::MissingInput {
+                what: Candidates::NAME,
+            })?;
+            let rollouts: Rollouts = table::read(artifact)?;
+            touched_n += rollouts.iter().filter(|rollout| touched(rollout)).count();
+            rows.extend(of_object(&rollouts, &table::read(given)?)?);
+        }
+        cx.write(&rows)?;
+        match chart(&rows) {
+            Ok(svg) => cx.write_file("rates.svg", svg.as_bytes())?,
+            Err(ChartError::Nothing { .. }) => {}
+            Err(err) => return Err(err.into()),
+        }
+        Ok(Outcome::made(
+            Labels::new(),
+            SuccessMetrics::of(&rows, touched_n),
+        ))
+    }
+}
+
 /// One unit, of all objects whose candidates were screened.
-pub(crate) fn units(scope: &Scope) -> Vec<Unit> {
-    let screened = scope.partitions(ROLLOUTS).iter();
+fn units(scope: &Scope) -> Vec<Unit> {
+    let screened = scope.partitions(Rollouts::NAME).iter();
     let keys: Vec<&str> = screened.map(|rollouts| rollouts.key.as_str()).collect();
     if keys.is_empty() {
         return Vec::new();
     }
     let file = [lake::table::FILE];
     let unit = Unit::new(ALL)
-        .reading(ROLLOUTS, keys.clone())
-        .only_files(ROLLOUTS, file)
-        .reading(CANDIDATES, keys)
-        .only_files(CANDIDATES, file);
+        .reading(Rollouts::NAME, keys.clone())
+        .only_files(Rollouts::NAME, file)
+        .reading(Candidates::NAME, keys)
+        .only_files(Candidates::NAME, file);
     vec![unit]
-}
-
-/// Makes the table and its chart.
-pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, ScreenReportError> {
-    let mut rows = Vec::new();
-    let mut touched_n = 0;
-    for artifact in inputs.artifacts(ROLLOUTS) {
-        let mut given = inputs.artifacts(CANDIDATES).iter();
-        let given = given.find(|given| given.key == artifact.key);
-        let given = given.ok_or(LakeError::MissingInput { what: CANDIDATES })?;
-        let rollouts: Rollouts = table::read(artifact)?;
-        touched_n += rollouts.iter().filter(|rollout| touched(rollout)).count();
-        rows.extend(of_object(&rollouts, &table::read(given)?)?);
-    }
-    cx.write(&rows)?;
-    match chart(&rows) {
-        Ok(svg) => cx.write_file("rates.svg", svg.as_bytes())?,
-        Err(ChartError::Nothing { .. }) => {}
-        Err(err) => return Err(err.into()),
-    }
-    Ok(Outcome::Made(Made {
-        labels: Labels::new(),
-        metrics: metrics(&rows, touched_n),
-    }))
 }
 
 /// Says whether the hand touched the object, as far as its figures tell: it moved it, or was in contact
@@ -77,25 +132,27 @@ fn touched(rollout: &Rollout) -> bool {
 }
 
 /// Says how often candidates hold, of whichever object.
-pub(crate) fn describe(summary: &Summary) -> String {
-    let objects = summary.total("objects_n");
-    let [rate, low, high] =
-        ["rate", "rate_low", "rate_high"].map(|metric| 100.0 * summary.total(metric));
+fn line(summary: &Summary<SuccessMetrics>) -> String {
+    let all = &summary.metrics;
+    let rate = 100.0 * all.rate();
+    let [low, high] = all.interval().map(|end| 100.0 * end);
+    let objects = all.objects_n;
     let mut line = format!("{rate:.1} % hold (95 % CI {low:.1} to {high:.1}), {objects} objects");
-    if summary.total("touched_n") == 0.0 && summary.total("candidates_n") > 0.0 {
-        line += &untouched(summary);
+    if all.touched_n == 0.0 && all.candidates_n > 0.0 {
+        line += &untouched(all);
     }
     line
 }
 
 /// Says what became of motions of which none touched its object.
-fn untouched(summary: &Summary) -> String {
-    let [all, limit, table] =
-        ["candidates_n", "limit_n", "table_n"].map(|metric| summary.total(metric));
+fn untouched(all: &SuccessMetrics) -> String {
     let became = [
-        (limit, "would exceed a joint's limit"),
-        (table, "would go through the table"),
-        (all - limit - table, "closed beside it"),
+        (all.limit_n, "would exceed a joint's limit"),
+        (all.table_n, "would go through the table"),
+        (
+            all.candidates_n - all.limit_n - all.table_n,
+            "closed beside it",
+        ),
     ];
     let became: Vec<String> = became
         .iter()
@@ -159,25 +216,29 @@ fn as_stored(n: usize) -> i64 {
     i64::try_from(n).unwrap_or(i64::MAX)
 }
 
-/// The figures of all candidates together.
-fn metrics(rows: &[Success], touched_n: usize) -> BTreeMap<String, f64> {
-    let sum = |number: fn(&Success) -> i64| rows.iter().map(number).sum::<i64>();
-    let (candidates, successes) = (sum(Success::candidates_n), sum(Success::successes_n));
-    let [low, high] = success::wilson(successes, candidates);
-    [
-        ("objects_n", objects(rows).len() as f64),
-        ("candidates_n", candidates as f64),
-        ("accepted_n", successes as f64),
-        ("rate", successes as f64 / candidates.max(1) as f64),
-        ("rate_low", low),
-        ("rate_high", high),
-        ("control_steps_n", sum(|row| row.control_steps_n) as f64),
-        ("touched_n", touched_n as f64),
-        ("limit_n", sum(|row| row.count(Verdict::Limit)) as f64),
-        ("table_n", sum(|row| row.count(Verdict::Table)) as f64),
-    ]
-    .map(|(name, value)| (name.to_owned(), value))
-    .into()
+impl SuccessMetrics {
+    fn of(rows: &[Success], touched_n: usize) -> Self {
+        let sum = |number: &dyn Fn(&Success) -> i64| rows.iter().map(number).sum::<i64>() as f64;
+        Self {
+            objects_n: objects(rows).len() as f64,
+            candidates_n: sum(&Success::candidates_n),
+            accepted_n: sum(&Success::successes_n),
+            control_steps_n: sum(&|row| row.control_steps_n),
+            touched_n: touched_n as f64,
+            limit_n: sum(&|row| row.count(Verdict::Limit)),
+            table_n: sum(&|row| row.count(Verdict::Table)),
+        }
+    }
+
+    /// Share of the candidates that hold.
+    fn rate(&self) -> f64 {
+        self.accepted_n / self.candidates_n.max(1.0)
+    }
+
+    /// The 95 % interval of that share.
+    fn interval(&self) -> [f64; 2] {
+        success::wilson(self.accepted_n, self.candidates_n)
+    }
 }
 
 /// The objects of the rows, each once, in their order.
@@ -224,7 +285,7 @@ fn chart(rows: &[Success]) -> Result<String, ChartError> {
 
 #[cfg(test)]
 mod tests {
-    use dataflow::Partition;
+    use dataflow::{Metrics, Partition};
     use nalgebra::{Isometry3, Vector3};
     use schemas::{
         candidates::{Rates, Step},
@@ -314,11 +375,13 @@ mod tests {
         assert_eq!((another.successes_n(), another.spread_n), (0, 0));
         assert_eq!(another.count(Verdict::Table), 1);
         assert_eq!(another.control_steps_per_success(), 0.0);
-        let metrics = metrics(&rows, 4);
-        assert_eq!((metrics["touched_n"], metrics["table_n"]), (4.0, 1.0));
-        assert_eq!(metrics["objects_n"], 1.0);
-        assert_eq!((metrics["accepted_n"], metrics["candidates_n"]), (3.0, 5.0));
-        assert!(metrics["rate_low"] < 0.6 && 0.6 < metrics["rate_high"]);
+        let metrics = SuccessMetrics::of(&rows, 4);
+        assert_eq!((metrics.touched_n, metrics.table_n), (4.0, 1.0));
+        assert_eq!(metrics.objects_n, 1.0);
+        assert_eq!((metrics.accepted_n, metrics.candidates_n), (3.0, 5.0));
+        let figures = metrics.figures();
+        assert_eq!(figures["rate"], 0.6);
+        assert!(figures["rate_low"] < 0.6 && 0.6 < figures["rate_high"]);
         let svg = chart(&rows).unwrap();
         for name in ["can", "cgf", "another"] {
             assert!(svg.contains(&format!(">{name}</text>")), "{name}");
@@ -330,11 +393,7 @@ mod tests {
         let said = |rollouts: &[Rollout]| {
             let rows = of_object(rollouts, &given()).unwrap();
             let touched_n = rollouts.iter().filter(|rollout| touched(rollout)).count();
-            describe(&Summary {
-                n_made: 1,
-                totals: metrics(&rows, touched_n),
-                ..Summary::default()
-            })
+            line(&Summary::made(&[SuccessMetrics::of(&rows, touched_n)]))
         };
         let past = rollout("a", "cgf", Verdict::NotGrasped);
         let through = rollout("b", "cgf", Verdict::Table);
@@ -370,15 +429,18 @@ mod tests {
         let partition = |key: &str| Partition::new(key, BTreeMap::new());
         let scope = Scope::new(BTreeMap::from([
             (
-                CANDIDATES.to_owned(),
+                Candidates::NAME.to_owned(),
                 ["box", "can", "cup"].map(partition).to_vec(),
             ),
-            (ROLLOUTS.to_owned(), ["box", "can"].map(partition).to_vec()),
+            (
+                Rollouts::NAME.to_owned(),
+                ["box", "can"].map(partition).to_vec(),
+            ),
         ]));
         let units = units(&scope);
         assert_eq!(units.len(), 1);
-        assert_eq!(units[0].reads[ROLLOUTS], ["box", "can"]);
-        assert_eq!(units[0].reads[CANDIDATES], ["box", "can"]);
+        assert_eq!(units[0].reads[Rollouts::NAME], ["box", "can"]);
+        assert_eq!(units[0].reads[Candidates::NAME], ["box", "can"]);
         assert!(super::units(&Scope::default()).is_empty());
     }
 }

@@ -1,48 +1,80 @@
 //! What is used of the latent code.
 
-use std::collections::BTreeMap;
-
 use cgf::{Demonstration, Description, Split};
 use charts::{Captions, Scale, Series, lines, scatter};
-use dataflow::{Context, Inputs, Made, Outcome, Summary};
+use dataflow::{
+    Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
+};
 use lake::WriteArtifact;
-use schemas::latents::Row;
+use schemas::{
+    Table,
+    latents::{Latents, Row},
+};
+use stage_train::{Train, TrainConfig};
 
 use crate::{
     TrainReportError,
-    report::{SPLITS, description, mean, of_split, put},
+    report::{SPLITS, description, mean, of_description, of_split, put},
 };
 
 /// Variance of the means beyond which a dimension is active (Burda, Grosse and Salakhutdinov,
 /// *Importance Weighted Autoencoders*, 2016, section 5.2).
 const ACTIVE: f64 = 0.01;
 
-/// Makes the table of dimensions and its charts.
-pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainReportError> {
-    let description = description(inputs)?;
-    let rows = rows(&description);
-    cx.write(&rows)?;
-    draw(&description, &rows, cx)?;
-    let metrics = [
-        ("latents_n", rows.len() as f64),
-        (
-            "active_n",
-            rows.iter().filter(|row| row.active).count() as f64,
-        ),
-        ("kl_nats", rows.iter().map(|row| row.kl_nats).sum()),
-    ];
-    Ok(Outcome::Made(Made {
-        labels: BTreeMap::new(),
-        metrics: metrics.map(|(name, value)| (name.to_owned(), value)).into(),
-    }))
+dataflow::metrics! {
+    /// What is said of a function's latent code.
+    pub struct LatentMetrics {
+        /// Number of its dimensions.
+        latents_n: Sum,
+        /// Number of those in use.
+        active_n: Sum,
+        /// Divergence of all dimensions together, in nats.
+        kl_nats: Mean,
+    }
 }
 
-pub(crate) fn describe(summary: &Summary) -> String {
+/// The report `latents`: what is used of the latent code.
+pub struct LatentsReport;
+
+impl Output for LatentsReport {
+    type Stage = Train;
+    type Metrics = LatentMetrics;
+    type Error = TrainReportError;
+
+    const ARTIFACT: &'static str = Latents::NAME;
+    const SCHEMA: &'static str = Latents::VERSION;
+    const PARTITION: &'static str = "model";
+    const OPTIONS: Options = Options::NONE;
+    const LINE: OwnLine<LatentMetrics> = Some(line);
+
+    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainReportError> {
+        of_description(config, scope)
+    }
+
+    /// Makes the table of dimensions and its charts.
+    fn make(
+        _config: &TrainConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<LatentMetrics>, TrainReportError> {
+        let description = description(inputs)?;
+        let rows = rows(&description);
+        cx.write(&rows)?;
+        draw(&description, &rows, cx)?;
+        let metrics = LatentMetrics {
+            latents_n: rows.len() as f64,
+            active_n: rows.iter().filter(|row| row.active).count() as f64,
+            kl_nats: rows.iter().map(|row| row.kl_nats).sum(),
+        };
+        Ok(Outcome::made(Labels::new(), metrics))
+    }
+}
+
+fn line(summary: &Summary<LatentMetrics>) -> String {
+    let all = &summary.metrics;
     format!(
         "{} of {} latent dimensions in use, {:.1} nats",
-        summary.total("active_n"),
-        summary.total("latents_n"),
-        summary.total("kl_nats"),
+        all.active_n, all.latents_n, all.kl_nats,
     )
 }
 
@@ -116,7 +148,7 @@ fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), Tra
         x: &x,
         y: &y,
     };
-    let sets = SPLITS.map(|(split, _, name, _)| Series {
+    let sets = SPLITS.map(|(split, _, name)| Series {
         name: name.to_owned(),
         points: of_split(description, split)
             .filter_map(|motion| Some([code(motion, first)?.0, code(motion, second)?.0]))

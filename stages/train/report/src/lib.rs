@@ -12,4 +12,7 @@ mod report;
 mod training;
 
 pub use error::TrainReportError;
+pub use latents::{LatentMetrics, LatentsReport};
+pub use reconstruction::{ReconstructionMetrics, ReconstructionReport};
 pub use report::TrainReport;
+pub use training::{TrainingMetrics, TrainingReport};

@@ -7,19 +7,21 @@ use std::{
 
 use cgf::{Cgf, CgfError, Demonstration, Description, Grasp, Split, Track};
 use charts::{Bars, Captions, Scale, Series, bars, lines};
-use dataflow::{Context, Inputs, Made, Outcome, Summary};
+use dataflow::{
+    Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
+};
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::{Isometry3, Point3};
 use robot::RobotModel;
 use schemas::{
-    checkpoint,
+    Table, checkpoint,
     reconstruction::{Reconstruction, Row},
 };
-use stage_train::{CHECKPOINT, TrainConfig, hand, set};
+use stage_train::{BySplit, Train, TrainConfig, hand, set};
 
 use crate::{
     TrainReportError,
-    report::{SPLITS, mean, of_split, put},
+    report::{SPLITS, mean, of_function, of_split, put},
 };
 
 /// Parts of a motion over which errors are shown.
@@ -49,64 +51,107 @@ struct StepError {
 /// A point that is followed: a link, and the place in its frame.
 type Tip = (usize, Point3<f64>);
 
-/// Makes the table of errors and its charts.
-pub(crate) fn make(
-    config: &TrainConfig,
-    inputs: &Inputs,
-    cx: &Context,
-) -> Result<Outcome, TrainReportError> {
-    let (model, files) = (inputs.artifact(CHECKPOINT)?, checkpoint::LAST);
-    let cgf = Cgf::load(model.path(files.weights)?, model.path(files.description)?)?;
-    let description = cgf.description();
-    let hand = Arc::new(hand(config, inputs)?);
-    cgf.check_hand(&hand.joint_names())?;
-    let tips = tips(description, &hand)?;
-    let set = set::read(config, inputs, &hand.joint_names(), cx.seed())?;
-    let known: BTreeMap<&str, &Demonstration> = description
-        .demonstrations
-        .iter()
-        .map(|demonstration| (demonstration.name.as_str(), demonstration))
-        .collect();
-    let mut features = BTreeMap::new();
-    let mut all = Vec::new();
-    for track in &set.tracks {
-        // Which motions were learned from is what the training says, not what this would draw.
-        let Some(demonstration) = known.get(track.name.as_str()) else {
-            continue;
-        };
-        let feature = match features.entry(track.scene) {
-            std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
-            std::collections::btree_map::Entry::Vacant(entry) => {
-                entry.insert(cgf.feature(&set.scenes[track.scene])?)
-            }
-        };
-        let times = track.times();
-        let latent = std::slice::from_ref(&demonstration.latent_mean);
-        let decoded = cgf.decode(feature, latent, &times)?.concat();
-        all.push(rebuilt(demonstration, track, &decoded, &hand, &tips)?);
-        let share = all.len() as f64 / set.tracks.len() as f64;
-        cx.progress(share, &track.name);
+dataflow::metrics! {
+    /// What is said of the motions of the mean codes: means over the motions of each set.
+    pub struct ReconstructionMetrics {
+        /// Number of motions.
+        trajectories_n: BySplit<Sum>,
+        /// Distance of the finger tips over the motion, in meters.
+        tip_error_mean_m: BySplit<Mean>,
+        /// Distance of the finger tips at the grasp, in meters.
+        tip_error_grasp_m: BySplit<Mean>,
+        /// Distance of the palm's origin over the motion, in meters.
+        palm_error_mean_m: BySplit<Mean>,
+        /// Distance of the palm's origin at the grasp, in meters.
+        palm_error_grasp_m: BySplit<Mean>,
+        /// Angle between the palms over the motion, in radians.
+        palm_rotation_mean_rad: BySplit<Mean>,
+        /// Angle between the palms at the grasp, in radians.
+        palm_rotation_grasp_rad: BySplit<Mean>,
+        /// Error of the joints over the motion, in radians (meters if prismatic).
+        joint_error_mean_rad: BySplit<Mean>,
+        /// Error of the joints at the grasp, in radians (meters if prismatic).
+        joint_error_grasp_rad: BySplit<Mean>,
     }
-    cx.write(&Reconstruction {
-        joints: hand.joint_names(),
-        rows: all.iter().map(|rebuilt| rebuilt.row.clone()).collect(),
-    })?;
-    draw(&all, &hand, cx)?;
-    Ok(Outcome::Made(Made {
-        labels: BTreeMap::new(),
-        metrics: metrics(description, &all),
-    }))
 }
 
-pub(crate) fn describe(summary: &Summary) -> String {
-    let errors_mm = |suffix: &str| {
-        ["mean", "grasp"].map(|what| 1e3 * summary.total(&format!("tip_error_{what}_m{suffix}")))
+/// The report `reconstruction`: how near motions of the mean codes are to those encoded.
+pub struct ReconstructionReport;
+
+impl Output for ReconstructionReport {
+    type Stage = Train;
+    type Metrics = ReconstructionMetrics;
+    type Error = TrainReportError;
+
+    const ARTIFACT: &'static str = Reconstruction::NAME;
+    const SCHEMA: &'static str = Reconstruction::VERSION;
+    const PARTITION: &'static str = "model";
+    const OPTIONS: Options = Options::NONE;
+    const LINE: OwnLine<ReconstructionMetrics> = Some(line);
+
+    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainReportError> {
+        of_function(config, scope)
+    }
+
+    /// Makes the table of errors and its charts.
+    fn make(
+        config: &TrainConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<ReconstructionMetrics>, TrainReportError> {
+        let (model, files) = (inputs.artifact(checkpoint::NAME)?, checkpoint::LAST);
+        let cgf = Cgf::load(model.path(files.weights)?, model.path(files.description)?)?;
+        let description = cgf.description();
+        let hand = Arc::new(hand(config, inputs)?);
+        cgf.check_hand(&hand.joint_names())?;
+        let tips = tips(description, &hand)?;
+        let set = set::read(config, inputs, &hand.joint_names(), cx.seed())?;
+        let known: BTreeMap<&str, &Demonstration> = description
+            .demonstrations
+            .iter()
+            .map(|demonstration| (demonstration.name.as_str(), demonstration))
+            .collect();
+        let mut features = BTreeMap::new();
+        let mut all = Vec::new();
+        for track in &set.tracks {
+            // Which motions were learned from is what the training says, not what this would draw.
+            let Some(demonstration) = known.get(track.name.as_str()) else {
+                continue;
+            };
+            let feature = match features.entry(track.scene) {
+                std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
+                std::collections::btree_map::Entry::Vacant(entry) => {
+                    entry.insert(cgf.feature(&set.scenes[track.scene])?)
+                }
+            };
+            let times = track.times();
+            let latent = std::slice::from_ref(&demonstration.latent_mean);
+            let decoded = cgf.decode(feature, latent, &times)?.concat();
+            all.push(rebuilt(demonstration, track, &decoded, &hand, &tips)?);
+            let share = all.len() as f64 / set.tracks.len() as f64;
+            cx.progress(share, &track.name);
+        }
+        cx.write(&Reconstruction {
+            joints: hand.joint_names(),
+            rows: all.iter().map(|rebuilt| rebuilt.row.clone()).collect(),
+        })?;
+        draw(&all, &hand, cx)?;
+        let metrics = ReconstructionMetrics::of(description, &all);
+        Ok(Outcome::made(Labels::new(), metrics))
+    }
+}
+
+fn line(summary: &Summary<ReconstructionMetrics>) -> String {
+    let all = &summary.metrics;
+    let errors_mm = |split: usize| {
+        let errors_m = [all.tip_error_mean_m[split], all.tip_error_grasp_m[split]];
+        errors_m.map(|error_m| 1e3 * error_m.unwrap_or_default())
     };
-    let [mean, grasp] = errors_mm("");
+    let [mean, grasp] = errors_mm(0);
     let mut text = format!("tip error {mean:.1} mm (grasp {grasp:.1})");
-    for (suffix, what) in [("_held_out", "held out"), ("_unseen", "unseen")] {
-        if summary.total(&format!("trajectories_n{suffix}")) > 0.0 {
-            let [mean, grasp] = errors_mm(suffix);
+    for (split, what) in [(1, "held out"), (2, "unseen")] {
+        if all.trajectories_n[split].is_some_and(|n| n > 0.0) {
+            let [mean, grasp] = errors_mm(split);
             text += &format!(", {what} {mean:.1} ({grasp:.1})");
         }
     }
@@ -202,43 +247,34 @@ fn name_of(split: Split) -> &'static str {
     found.map_or("", |(_, name, ..)| name)
 }
 
-/// A figure of a motion, and its name.
-type Figure = (&'static str, fn(&Row) -> f64);
-
-/// The figures of each set of motions: means over the motions.
-const FIGURES: [Figure; 8] = [
-    ("tip_error_mean_m", |row| row.tip_error_mean_m),
-    ("tip_error_grasp_m", |row| row.tip_error_grasp_m),
-    ("palm_error_mean_m", |row| row.palm_error_mean_m),
-    ("palm_error_grasp_m", |row| row.palm_error_grasp_m),
-    ("palm_rotation_mean_rad", |row| row.palm_rotation_mean_rad),
-    ("palm_rotation_grasp_rad", |row| row.palm_rotation_grasp_rad),
-    ("joint_error_mean_rad", |row| row.joint_error_mean_rad),
-    ("joint_error_grasp_rad", |row| row.joint_error_grasp_rad),
-];
-
-fn metrics(description: &Description, all: &[Rebuilt]) -> BTreeMap<String, f64> {
-    let mut metrics = BTreeMap::new();
-    for (split, _, _, suffix) in SPLITS {
-        let n = of_split(description, split).count();
-        metrics.insert(format!("trajectories_n{suffix}"), n as f64);
-        if n == 0 {
-            continue;
-        }
-        for (name, figure) in FIGURES {
-            let of_split = all.iter().filter(|m| m.demonstration.split == split);
-            let mean = mean(of_split.map(|motion| figure(&motion.row)));
-            metrics.insert(format!("{name}{suffix}"), mean);
+impl ReconstructionMetrics {
+    fn of(description: &Description, all: &[Rebuilt]) -> Self {
+        let count = |split: Split| of_split(description, split).count();
+        let means = |figure: fn(&Row) -> f64| {
+            SPLITS.map(|(split, ..)| {
+                let of_split = all.iter().filter(|m| m.demonstration.split == split);
+                (count(split) > 0).then(|| mean(of_split.map(|motion| figure(&motion.row))))
+            })
+        };
+        Self {
+            trajectories_n: SPLITS.map(|(split, ..)| Some(count(split) as f64)),
+            tip_error_mean_m: means(|row| row.tip_error_mean_m),
+            tip_error_grasp_m: means(|row| row.tip_error_grasp_m),
+            palm_error_mean_m: means(|row| row.palm_error_mean_m),
+            palm_error_grasp_m: means(|row| row.palm_error_grasp_m),
+            palm_rotation_mean_rad: means(|row| row.palm_rotation_mean_rad),
+            palm_rotation_grasp_rad: means(|row| row.palm_rotation_grasp_rad),
+            joint_error_mean_rad: means(|row| row.joint_error_mean_rad),
+            joint_error_grasp_rad: means(|row| row.joint_error_grasp_rad),
         }
     }
-    metrics
 }
 
 fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainReportError> {
     let splits = SPLITS
         .into_iter()
         .filter(|(split, ..)| all.iter().any(|m| m.demonstration.split == *split));
-    let splits: Vec<(Split, &str)> = splits.map(|(split, _, name, _)| (split, name)).collect();
+    let splits: Vec<(Split, &str)> = splits.map(|(split, _, name)| (split, name)).collect();
     let of_split = |split: Split| all.iter().filter(move |m| m.demonstration.split == split);
     let objects: BTreeSet<&String> = all.iter().map(|motion| &motion.row.object).collect();
     let names: Vec<String> = objects.iter().map(|name| (*name).clone()).collect();

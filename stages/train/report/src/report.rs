@@ -2,94 +2,68 @@
 
 use cgf::{Demonstration, Description, Split};
 use charts::ChartError;
-use dataflow::{Code, Context, Inputs, Output, Report, Reported, Scope, Stage, Summary, Unit};
+use dataflow::{Code, Context, Inputs, Line, Lines, Output, Outputs, Report, Scope, Summary, Unit};
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
-use schemas::{
-    Table, checkpoint, latents::Latents, reconstruction::Reconstruction, training::Training,
-};
-use stage_train::{CHECKPOINT, Train, TrainConfig};
+use schemas::checkpoint;
+use stage_train::{Train, TrainConfig, TrainMetrics};
 
-use crate::{TrainReportError, latents, reconstruction, training};
+use crate::{LatentsReport, ReconstructionReport, TrainReportError, TrainingReport};
 
 /// Shows how a training went.
 pub enum TrainReport {}
 
 impl Report for TrainReport {
     type Stage = Train;
-    type Error = TrainReportError;
 
     const CODE: Code = dataflow::code!();
-    const OUTPUTS: &'static [Reported<Self>] = &[
-        Reported {
-            output: output("training", Training::VERSION),
-            units: of_description,
-            foretell: |_| None,
-            run: |_, inputs, cx| training::make(inputs, cx),
-            describe: training::describe,
-        },
-        Reported {
-            output: output("latents", Latents::VERSION),
-            units: of_description,
-            foretell: |_| None,
-            run: |_, inputs, cx| latents::make(inputs, cx),
-            describe: latents::describe,
-        },
-        Reported {
-            output: output("reconstruction", Reconstruction::VERSION),
-            units: of_function,
-            foretell: |_| None,
-            run: reconstruction::make,
-            describe: reconstruction::describe,
-        },
-    ];
-
-    fn describe(_output: &str, summary: &Summary) -> String {
-        let error_mm = |suffix| 1e3 * summary.total(&format!("position_error_m{suffix}"));
-        let mut text = format!(
-            "{} trajectories → error {:.1} mm",
-            summary.total("trajectories"),
-            error_mm(""),
-        );
-        for (suffix, what) in [("_held_out", "held out"), ("_unseen", "unseen")] {
-            let n = summary.total(&format!("trajectories{suffix}"));
-            if n > 0.0 {
-                text += &format!(", {n} {what} {:.1} mm", error_mm(suffix));
-            }
-        }
-        text
-    }
+    const OUTPUTS: Outputs<Train> = &[&TrainingReport, &LatentsReport, &ReconstructionReport];
+    const LINES: Lines<Train> = &[&Line::<Train>(line)];
 }
 
-const fn output(artifact: &'static str, schema: &'static str) -> Output {
-    Output {
-        artifact,
-        schema,
-        partition: "model",
-        parallel: true,
+fn line(summary: &Summary<TrainMetrics>) -> String {
+    let all = &summary.metrics;
+    let of_split = |split: usize| {
+        let n = all.trajectories[split].unwrap_or_default();
+        (n, 1e3 * all.position_error_m[split].unwrap_or_default())
+    };
+    let (n, error_mm) = of_split(0);
+    let mut text = format!("{n} trajectories → error {error_mm:.1} mm");
+    for (split, what) in [(1, "held out"), (2, "unseen")] {
+        let (n, error_mm) = of_split(split);
+        if n > 0.0 {
+            text += &format!(", {n} {what} {error_mm:.1} mm");
+        }
     }
+    text
 }
 
 /// Units that read what a checkpoint says of itself.
-fn of_description(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainReportError> {
+pub(crate) fn of_description(
+    config: &TrainConfig,
+    scope: &Scope,
+) -> Result<Vec<Unit>, TrainReportError> {
     let files = [checkpoint::LAST.description];
     let trained = trained(config, scope)?;
     Ok(trained
         .map(|(_, model)| {
             Unit::new(&model)
-                .reading(CHECKPOINT, [&model])
-                .only_files(CHECKPOINT, files)
+                .reading(checkpoint::NAME, [&model])
+                .only_files(checkpoint::NAME, files)
         })
         .collect())
 }
 
 /// Units that read a function and what it was trained on.
-fn of_function(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainReportError> {
+pub(crate) fn of_function(
+    config: &TrainConfig,
+    scope: &Scope,
+) -> Result<Vec<Unit>, TrainReportError> {
     let files = [checkpoint::LAST.description, checkpoint::LAST.weights];
     let trained = trained(config, scope)?;
     Ok(trained
         .map(|(unit, model)| {
-            unit.reading(CHECKPOINT, [&model])
-                .only_files(CHECKPOINT, files)
+            unit.reading(checkpoint::NAME, [&model])
+                .only_files(checkpoint::NAME, files)
         })
         .collect())
 }
@@ -99,21 +73,21 @@ fn trained(
     config: &TrainConfig,
     scope: &Scope,
 ) -> Result<impl Iterator<Item = (Unit, String)>, TrainReportError> {
-    let units = Train::units(config, CHECKPOINT, scope)?.into_iter();
-    let models = scope.partitions(CHECKPOINT).iter();
+    let units = Train::units(config, scope)?.into_iter();
+    let models = scope.partitions(checkpoint::NAME).iter();
     Ok(units.zip(models.map(|model| model.key.clone())))
 }
 
-/// Sets of motions: what tables call them, what charts call them, and the end of their figures' names.
-pub(crate) const SPLITS: [(Split, &str, &str, &str); 3] = [
-    (Split::Training, "training", "training", ""),
-    (Split::HeldOut, "held_out", "held out", "_held_out"),
-    (Split::Unseen, "unseen", "unseen objects", "_unseen"),
+/// Sets of motions, in the order of their figures: what tables call them, and what charts call them.
+pub(crate) const SPLITS: [(Split, &str, &str); 3] = [
+    (Split::Training, "training", "training"),
+    (Split::HeldOut, "held_out", "held out"),
+    (Split::Unseen, "unseen", "unseen objects"),
 ];
 
 /// Everything about the trained function but its weights.
 pub(crate) fn description(inputs: &Inputs) -> Result<Description, TrainReportError> {
-    let model = inputs.artifact(CHECKPOINT)?;
+    let model = inputs.artifact(checkpoint::NAME)?;
     Ok(Description::read(
         model.path(checkpoint::LAST.description)?,
     )?)

@@ -1,16 +1,20 @@
 //! Losses and learning rate over the epochs.
 
-use std::collections::BTreeMap;
-
 use cgf::{Description, Epoch, Losses, Split, TrainingConfig};
 use charts::{Captions, Scale, Series, lines};
-use dataflow::{Context, Inputs, Made, Outcome, Summary};
+use dataflow::{
+    Context, Inputs, Labels, Max, Mean, Options, Outcome, Output, OwnLine, Scope, Summary, Unit,
+};
 use lake::WriteArtifact;
-use schemas::training::Row;
+use schemas::{
+    Table,
+    training::{Row, Training},
+};
+use stage_train::{BySplit, Train, TrainConfig};
 
 use crate::{
     TrainReportError,
-    report::{SPLITS, counted, description, put},
+    report::{SPLITS, counted, description, of_description, put},
 };
 
 /// A term of the loss: its name, its number, its weight.
@@ -51,25 +55,68 @@ const TERMS: [Term; 7] = [
     ),
 ];
 
-/// Makes the table of losses and its charts.
-pub(crate) fn make(inputs: &Inputs, cx: &Context) -> Result<Outcome, TrainReportError> {
-    let description = description(inputs)?;
-    let rows = rows(&description.training_curve);
-    cx.write(&rows)?;
-    draw(&description, cx)?;
-    Ok(Outcome::Made(Made {
-        labels: BTreeMap::new(),
-        metrics: metrics(&description.training_curve),
-    }))
+dataflow::metrics! {
+    /// What is said of a training's losses.
+    pub struct TrainingMetrics {
+        /// Number of epochs.
+        epochs: Max,
+        /// Loss after the first epoch.
+        loss_first: Option<Mean>,
+        /// Loss of each set after the last epoch in which it was measured.
+        loss: BySplit<Mean>,
+        /// The epoch of the least loss of each set.
+        least_epoch: BySplit<Max>,
+        /// Least loss of the motions learned from.
+        loss_least: Option<Mean>,
+        /// Least loss of held-out motions.
+        loss_held_out_least: Option<Mean>,
+        /// Least loss of motions of unseen objects.
+        loss_unseen_least: Option<Mean>,
+    }
 }
 
-pub(crate) fn describe(summary: &Summary) -> String {
-    let loss = |name: &str| summary.total(&format!("loss{name}"));
-    let epochs = counted(summary.total("epochs"), "epoch");
-    let mut text = format!("{epochs}, loss {:.4} → {:.4}", loss("_first"), loss(""));
-    for (_, _, name, suffix) in &SPLITS[1..] {
-        if summary.totals.contains_key(&format!("loss{suffix}")) {
-            text += &format!(", {name} {:.4}", loss(suffix));
+/// The report `training`: losses and learning rate over the epochs.
+pub struct TrainingReport;
+
+impl Output for TrainingReport {
+    type Stage = Train;
+    type Metrics = TrainingMetrics;
+    type Error = TrainReportError;
+
+    const ARTIFACT: &'static str = Training::NAME;
+    const SCHEMA: &'static str = Training::VERSION;
+    const PARTITION: &'static str = "model";
+    const OPTIONS: Options = Options::NONE;
+    const LINE: OwnLine<TrainingMetrics> = Some(line);
+
+    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainReportError> {
+        of_description(config, scope)
+    }
+
+    /// Makes the table of losses and its charts.
+    fn make(
+        _config: &TrainConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<TrainingMetrics>, TrainReportError> {
+        let description = description(inputs)?;
+        let rows = rows(&description.training_curve);
+        cx.write(&rows)?;
+        draw(&description, cx)?;
+        let metrics = TrainingMetrics::of(&description.training_curve);
+        Ok(Outcome::made(Labels::new(), metrics))
+    }
+}
+
+fn line(summary: &Summary<TrainingMetrics>) -> String {
+    let all = &summary.metrics;
+    let epochs = counted(all.epochs, "epoch");
+    let first = all.loss_first.unwrap_or_default();
+    let last = all.loss[0].unwrap_or_default();
+    let mut text = format!("{epochs}, loss {first:.4} → {last:.4}");
+    for ((_, _, name), loss) in SPLITS.iter().zip(all.loss).skip(1) {
+        if let Some(loss) = loss {
+            text += &format!(", {name} {loss:.4}");
         }
     }
     text
@@ -87,7 +134,7 @@ fn losses(epoch: &Epoch, split: Split) -> Option<&Losses> {
 fn rows(curve: &[Epoch]) -> Vec<Row> {
     let mut rows = Vec::new();
     for epoch in curve {
-        for (split, name, ..) in SPLITS {
+        for (split, name, _) in SPLITS {
             let Some(losses) = losses(epoch, split) else {
                 continue;
             };
@@ -113,26 +160,30 @@ fn number(epoch: usize) -> i64 {
     i64::try_from(epoch).unwrap_or(i64::MAX)
 }
 
-/// Each set's loss after the last epoch in which it was measured, and the least.
-fn metrics(curve: &[Epoch]) -> BTreeMap<String, f64> {
-    let mut metrics = BTreeMap::from([("epochs".to_owned(), curve.len() as f64)]);
-    if let Some(first) = curve.first() {
-        metrics.insert("loss_first".to_owned(), first.training.total.into());
-    }
-    for (split, _, _, suffix) in SPLITS {
-        let measured = curve
-            .iter()
-            .filter_map(|epoch| Some((epoch.epoch, f64::from(losses(epoch, split)?.total))));
-        let Some((_, last)) = measured.clone().next_back() else {
-            continue;
-        };
-        metrics.insert(format!("loss{suffix}"), last);
-        if let Some((epoch, least)) = measured.min_by(|(_, a), (_, b)| a.total_cmp(b)) {
-            metrics.insert(format!("loss{suffix}_least"), least);
-            metrics.insert(format!("least_epoch{suffix}"), epoch as f64);
+impl TrainingMetrics {
+    fn of(curve: &[Epoch]) -> Self {
+        let measured = SPLITS.map(|(split, ..)| {
+            let epochs = curve.iter();
+            let losses =
+                epochs.filter_map(|epoch| Some((epoch.epoch, losses(epoch, split)?.total)));
+            losses.collect::<Vec<_>>()
+        });
+        let minima = measured.each_ref().map(|measured| {
+            let losses = measured.iter();
+            losses.min_by(|(_, a), (_, b)| a.total_cmp(b)).copied()
+        });
+        let [loss_least, loss_held_out_least, loss_unseen_least] =
+            minima.map(|minimum| Some(f64::from(minimum?.1)));
+        Self {
+            epochs: curve.len() as f64,
+            loss_first: curve.first().map(|first| first.training.total.into()),
+            loss: measured.map(|measured| Some(f64::from(measured.last()?.1))),
+            least_epoch: minima.map(|minimum| Some(minimum?.0 as f64)),
+            loss_least,
+            loss_held_out_least,
+            loss_unseen_least,
         }
     }
-    metrics
 }
 
 fn draw(description: &Description, cx: &Context) -> Result<(), TrainReportError> {
@@ -143,7 +194,7 @@ fn draw(description: &Description, cx: &Context) -> Result<(), TrainReportError>
         y,
     };
     let by_split = |number: fn(&Losses) -> f32| {
-        let all = SPLITS.map(|(split, _, name, _)| {
+        let all = SPLITS.map(|(split, _, name)| {
             let measured = curve.iter().filter_map(|epoch| {
                 let losses = losses(epoch, split)?;
                 Some([epoch.epoch as f64, number(losses).into()])

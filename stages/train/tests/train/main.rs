@@ -9,7 +9,7 @@ use cgf::{
     JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Schedule, Times,
     TrainingConfig, TrainingDevice,
 };
-use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Partition, Scope, SourceFile, Stage};
+use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, Partition, Scope, SourceFile};
 use nalgebra::{Isometry3, Vector3};
 use schemas::{
     Table, checkpoint, distance_fields,
@@ -190,11 +190,11 @@ fn scope() -> Scope {
 #[test]
 fn a_checkpoint_is_made_of_all_trajectories() {
     let (lake, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let cx = Context::detached("checkpoint", "cgf", 7, out.path());
-    let Outcome::Made(made) = Train::run(&config(), &inputs(lake.path()), &cx).unwrap() else {
+    let cx = Context::detached("cgf", 7, out.path());
+    let Outcome::Made(made) = Train::make(&config(), &inputs(lake.path()), &cx).unwrap() else {
         panic!("nothing was made");
     };
-    assert_eq!(made.metrics["trajectories"], 3.0);
+    assert_eq!(made.metrics.trajectories[0], Some(3.0));
     let file = |name: &str| out.path().join(name);
     let files = checkpoint::LAST;
     let cgf = Cgf::load(&file(files.weights), &file(files.description)).unwrap();
@@ -207,22 +207,22 @@ fn a_checkpoint_is_made_of_all_trajectories() {
 #[test]
 fn one_unit_reads_the_chosen_objects() {
     let mut config = config();
-    let units = Train::units(&config, "checkpoint", &scope()).unwrap();
+    let units = Train::units(&config, &scope()).unwrap();
     assert_eq!(units.len(), 1);
     assert_eq!(units[0].reads["trajectories"], ["a", "b", "c"]);
     config.unseen_objects = vec!["can".to_owned()];
-    let units = Train::units(&config, "checkpoint", &scope()).unwrap();
+    let units = Train::units(&config, &scope()).unwrap();
     // What is kept back is read as well, to measure with.
     assert_eq!(units[0].reads["trajectories"], ["a", "b", "c"]);
     config.objects = vec!["tin".to_owned()];
     config.unseen_objects = Vec::new();
-    let units = Train::units(&config, "checkpoint", &scope()).unwrap();
+    let units = Train::units(&config, &scope()).unwrap();
     assert_eq!(units[0].reads["trajectories"], ["c"]);
     assert_eq!(units[0].reads["objects"], ["tin"]);
     // Distances are read where the hand is kept out of the objects.
     assert!(units[0].reads["distance_fields"].is_empty());
     config.training.penetration_weight = 1.0;
-    let units = Train::units(&config, "checkpoint", &scope()).unwrap();
+    let units = Train::units(&config, &scope()).unwrap();
     assert_eq!(units[0].reads["distance_fields"], ["tin"]);
 }
 
@@ -237,15 +237,15 @@ fn a_damaged_distance_field_is_named() {
         BTreeMap::from([("distance_fields".to_owned(), vec![field.clone()])]),
         vec![SourceFile::named("hand", &config().hand)],
     );
-    let cx = Context::detached("checkpoint", "cgf", 7, out.path());
-    let err = Train::run(&config(), &inputs, &cx).unwrap_err();
+    let cx = Context::detached("cgf", 7, out.path());
+    let err = Train::make(&config(), &inputs, &cx).unwrap_err();
     assert!(matches!(err, TrainError::Lake(_)), "{err}");
     field.files.insert(distance_fields::FIELD.to_owned(), path);
     let inputs = Inputs::new(
         BTreeMap::from([("distance_fields".to_owned(), vec![field])]),
         vec![SourceFile::named("hand", &config().hand)],
     );
-    let err = Train::run(&config(), &inputs, &cx).unwrap_err();
+    let err = Train::make(&config(), &inputs, &cx).unwrap_err();
     assert!(
         err.to_string().contains("`tin` is damaged") && err.hint().is_some(),
         "{err}"
@@ -256,9 +256,9 @@ fn a_damaged_distance_field_is_named() {
 fn choices_that_leave_nothing_are_refused_with_a_hint() {
     let mut config = config();
     config.unseen_objects = vec!["can".to_owned(), "tin".to_owned()];
-    let err = Train::units(&config, "checkpoint", &scope()).unwrap_err();
+    let err = Train::units(&config, &scope()).unwrap_err();
     assert!(matches!(err, TrainError::NoTrajectories { found: 3 }) && err.hint().is_some());
     config.unseen_objects = vec!["cup".to_owned()];
-    let err = Train::units(&config, "checkpoint", &scope()).unwrap_err();
+    let err = Train::units(&config, &scope()).unwrap_err();
     assert!(err.hint().unwrap().contains("can, tin"), "{err}");
 }

@@ -4,9 +4,11 @@ use std::{collections::BTreeMap, fs, path::Path};
 
 use cgf::{Description, Split};
 use dataflow::{
-    Artifact, Context, Inputs, Made, Outcome, Partition, Report, Reported, Scope, Stage, Summary,
+    Artifact, Context, Inputs, Made, Outcome, Output, Partition, Report, Scope, Summary,
 };
-use report_train::{TrainReport, TrainReportError};
+use report_train::{
+    LatentsReport, ReconstructionReport, TrainReport, TrainReportError, TrainingReport,
+};
 use schemas::{
     Table, checkpoint, latents::Latents, reconstruction::Reconstruction, training::Training,
 };
@@ -37,8 +39,8 @@ impl Trained {
         let folders = [TempDir::new().unwrap(), TempDir::new().unwrap()];
         let read = inputs(folders[0].path());
         let out = folders[1].path();
-        let cx = Context::detached("checkpoint", "cgf", 7, out);
-        Train::run(&config, &read, &cx).unwrap();
+        let cx = Context::detached("cgf", 7, out);
+        Train::make(&config, &read, &cx).unwrap();
         let names = [checkpoint::LAST.weights, checkpoint::LAST.description];
         let model = Artifact {
             key: "cgf".to_owned(),
@@ -57,23 +59,26 @@ impl Trained {
         }
     }
 
-    fn report(
+    fn report<O: Output<Stage = Train, Error = TrainReportError>>(
         &self,
-        output: &str,
         seed: u64,
         folder: &Path,
-    ) -> Result<Made, Box<TrainReportError>> {
-        let cx = Context::detached(output, "cgf", seed, folder);
-        match (reported(output).run)(&self.config, &self.inputs, &cx).map_err(Box::new)? {
+    ) -> Result<Made<O::Metrics>, Box<TrainReportError>> {
+        let cx = Context::detached("cgf", seed, folder);
+        match O::make(&self.config, &self.inputs, &cx).map_err(Box::new)? {
             Outcome::Made(made) => Ok(made),
-            other => panic!("{other:?}"),
+            Outcome::Skipped { reason } | Outcome::Filtered { reason } => panic!("{reason}"),
         }
     }
 
     /// Makes a report; returns its table, its charts and its metrics.
-    fn table_of<T: Table>(&self) -> (T, Vec<String>, Made) {
+    fn table_of<O, T>(&self) -> (T, Vec<String>, Made<O::Metrics>)
+    where
+        O: Output<Stage = Train, Error = TrainReportError>,
+        T: Table,
+    {
         let folder = TempDir::new().unwrap();
-        let made = self.report(T::NAME, 7, folder.path()).unwrap();
+        let made = self.report::<O>(7, folder.path()).unwrap();
         let table = folder.path().join(lake::table::FILE);
         let artifact = Artifact {
             key: "cgf".to_owned(),
@@ -99,23 +104,14 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     files.collect()
 }
 
-fn reported(output: &str) -> &'static Reported<TrainReport> {
-    TrainReport::reported(output).unwrap()
-}
-
-fn said(output: &str, made: &Made) -> String {
-    let summary = Summary {
-        n_made: 1,
-        totals: made.metrics.clone(),
-        ..Summary::default()
-    };
-    (reported(output).describe)(&summary)
+fn said<O: Output>(made: Made<O::Metrics>) -> String {
+    O::LINE.unwrap()(&Summary::made(&[made.metrics]))
 }
 
 #[test]
 fn losses_of_every_epoch_are_shown() {
     let trained = Trained::new(unseen());
-    let (rows, charts, made) = trained.table_of::<Training>();
+    let (rows, charts, made) = trained.table_of::<TrainingReport, Training>();
     let splits: Vec<(i64, &str)> = rows.iter().map(|row| (row.epoch, &*row.split)).collect();
     let of_epoch = |epoch| [(epoch, "training"), (epoch, "unseen")];
     assert_eq!(splits, [1, 2, 3].map(of_epoch).concat());
@@ -123,10 +119,10 @@ fn losses_of_every_epoch_are_shown() {
     assert_eq!(rows[5].total, f64::from(curve[2].unseen.unwrap().total));
     assert_eq!(rows[4].kl_nats, f64::from(curve[2].training.kl));
     assert_eq!(rows[4].learning_rate, curve[2].learning_rate);
-    assert_eq!(made.metrics["loss_unseen"], rows[5].total);
+    assert_eq!(made.metrics.loss[2], Some(rows[5].total));
     let expected = ["kl", "learning_rate", "loss", "terms", "terms_unseen"];
     assert_eq!(charts, expected.map(|name| format!("{name}.svg")));
-    let line = said("training", &made);
+    let line = said::<TrainingReport>(made);
     assert!(line.starts_with("3 epochs, loss "), "{line}");
     assert!(
         line.contains("unseen objects") && !line.contains("held out"),
@@ -137,7 +133,7 @@ fn losses_of_every_epoch_are_shown() {
 #[test]
 fn every_motion_is_compared_with_what_became_of_it() {
     let trained = Trained::new(unseen());
-    let (made_of, charts, made) = trained.table_of::<Reconstruction>();
+    let (made_of, charts, made) = trained.table_of::<ReconstructionReport, Reconstruction>();
     let Reconstruction { joints, rows } = made_of;
     assert_eq!(joints, trained.description.joints);
     assert_eq!(rows.len(), 3);
@@ -158,11 +154,11 @@ fn every_motion_is_compared_with_what_became_of_it() {
         assert!(row.tip_error_grasp_m <= known.position_m + reach_m);
         assert!(row.tip_error_grasp_m > 0.0 && row.tip_error_mean_m > 0.0);
     }
-    let unseen = made.metrics["tip_error_mean_m_unseen"];
+    let unseen = made.metrics.tip_error_mean_m[2].unwrap();
     assert!((unseen - rows[2].tip_error_mean_m).abs() < 1e-12);
     let expected = ["joints", "objects", "objects_grasp", "time"];
     assert_eq!(charts, expected.map(|name| format!("{name}.svg")));
-    let line = said("reconstruction", &made);
+    let line = said::<ReconstructionReport>(made);
     assert!(
         line.starts_with("tip error ") && line.contains(" mm (grasp ") && line.contains("unseen "),
         "{line}"
@@ -172,7 +168,7 @@ fn every_motion_is_compared_with_what_became_of_it() {
 #[test]
 fn use_of_the_latent_code_is_that_of_the_motions_learned_from() {
     let trained = Trained::new(unseen());
-    let (rows, charts, made) = trained.table_of::<Latents>();
+    let (rows, charts, made) = trained.table_of::<LatentsReport, Latents>();
     assert_eq!(rows.len(), trained.description.network.latent_dim);
     let learned = &trained.description.demonstrations[..2];
     for (dimension, row) in rows.iter().enumerate() {
@@ -191,10 +187,10 @@ fn use_of_the_latent_code_is_that_of_the_motions_learned_from() {
         assert_eq!(row.active, row.mean_deviation > 0.1);
     }
     let total: f64 = rows.iter().map(|row| row.kl_nats).sum();
-    assert!((made.metrics["kl_nats"] - total).abs() < 1e-12);
+    assert!((made.metrics.kl_nats - total).abs() < 1e-12);
     assert_eq!(charts, ["kl.svg", "means.svg", "spread.svg"]);
     let n_active = rows.iter().filter(|row| row.active).count();
-    let line = said("latents", &made);
+    let line = said::<LatentsReport>(made);
     assert!(
         line.starts_with(&format!("{n_active} of 3 latent dimensions")),
         "{line}"
@@ -209,25 +205,23 @@ fn reports_are_the_same_bytes_whatever_the_seed() {
     });
     let splits = &trained.description.demonstrations;
     assert!(splits.iter().any(|motion| motion.split == Split::HeldOut));
-    for output in ["training", "reconstruction", "latents"] {
+    for output in TrainReport::OUTPUTS {
         let made = [7, 8, 9].map(|seed| {
             let folder = TempDir::new().unwrap();
-            trained.report(output, seed, folder.path()).unwrap();
+            let cx = Context::detached("cgf", seed, folder.path());
+            let made = output.make(&trained.config, &trained.inputs, &cx).unwrap();
+            assert!(matches!(made, Outcome::Made(_)), "{made:?}");
             files(folder.path())
         });
-        assert!(made[0].len() > 2, "{output}: {:?}", made[0].keys());
-        assert!(made.iter().all(|files| *files == made[0]), "{output}");
+        assert!(made[0].len() > 2, "{:?}", made[0].keys());
+        assert!(made.iter().all(|files| *files == made[0]));
     }
 }
 
 #[test]
 fn reports_read_only_what_they_need_of_the_checkpoint() {
     let config = config();
-    assert!(
-        (reported("training").units)(&config, &scope())
-            .unwrap()
-            .is_empty()
-    );
+    assert_eq!(TrainingReport::units(&config, &scope()).unwrap(), []);
     let model = vec![Partition::new("cgf", BTreeMap::new())];
     let trajectories = scope().partitions("trajectories").to_vec();
     let objects = scope().partitions("objects").to_vec();
@@ -236,18 +230,26 @@ fn reports_read_only_what_they_need_of_the_checkpoint() {
         ("trajectories".to_owned(), trajectories),
         ("objects".to_owned(), objects),
     ]));
-    for (output, parts, n_motions) in [
-        ("training", &["last.json"][..], 0),
-        ("latents", &["last.json"], 0),
-        ("reconstruction", &["last.json", "last.safetensors"], 3),
+    for (units, parts, n_motions) in [
+        (
+            TrainingReport::units(&config, &scope),
+            &["last.json"][..],
+            0,
+        ),
+        (LatentsReport::units(&config, &scope), &["last.json"], 0),
+        (
+            ReconstructionReport::units(&config, &scope),
+            &["last.json", "last.safetensors"],
+            3,
+        ),
     ] {
-        let [unit] = &(reported(output).units)(&config, &scope).unwrap()[..] else {
-            panic!("{output}");
+        let [unit] = &units.unwrap()[..] else {
+            panic!("not one unit that reads {parts:?}");
         };
         assert_eq!(unit.partition, "cgf");
-        assert_eq!(unit.parts["checkpoint"], parts, "{output}");
+        assert_eq!(unit.parts["checkpoint"], parts);
         let motions = unit.reads.get("trajectories").map_or(0, Vec::len);
-        assert_eq!(motions, n_motions, "{output}");
+        assert_eq!(motions, n_motions, "{parts:?}");
     }
 }
 
@@ -265,7 +267,7 @@ fn a_cut_off_checkpoint_is_a_clear_error() {
         .unwrap();
     let folder = TempDir::new().unwrap();
     let err = trained
-        .report("reconstruction", 7, folder.path())
+        .report::<ReconstructionReport>(7, folder.path())
         .unwrap_err();
     let TrainReportError::Train(err) = *err else {
         panic!("{err:?}");

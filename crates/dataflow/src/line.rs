@@ -1,0 +1,58 @@
+//! The lines of `run`: what became of an output, in the user's terms.
+
+use std::any::TypeId;
+
+use crate::{
+    metrics::{Metrics, MissingFigure},
+    outcome::Summary,
+    output::Output,
+    stage::Stage,
+    store::RecordOutcome,
+};
+
+/// How a report sums up one output of its stage, e.g. `24 recordings → 23 demonstrations`.
+pub struct Line<O: Output>(pub fn(&Summary<O::Metrics>) -> String);
+
+/// The lines of a stage's outputs, one each.
+pub type Lines<S> = &'static [&'static dyn LineOf<S>];
+
+/// A [`Line`] of an output of a stage without its type.
+pub trait LineOf<S: Stage>: Sync {
+    /// The output that it sums up.
+    fn output(&self) -> TypeId;
+    /// Returns what sums up stored results.
+    fn telling(&self) -> Telling;
+}
+
+impl<O: Output> LineOf<O::Stage> for Line<O> {
+    fn output(&self) -> TypeId {
+        TypeId::of::<O>()
+    }
+
+    fn telling(&self) -> Telling {
+        telling(self.0)
+    }
+}
+
+/// An output, summed up.
+#[derive(Debug)]
+pub struct Told {
+    /// Counts and figures.
+    pub(crate) summary: Summary,
+    /// The line.
+    pub(crate) line: String,
+}
+
+/// Sums up the stored results of an output, in the order of their partitions.
+pub type Telling = Box<dyn Fn(&[&RecordOutcome]) -> Result<Told, MissingFigure> + Send + Sync>;
+
+/// Returns what reads stored results as typed figures, gathers them and tells them.
+pub(crate) fn telling<M: Metrics>(line: fn(&Summary<M>) -> String) -> Telling {
+    Box::new(move |outcomes| {
+        let summary = Summary::<M>::of(outcomes)?;
+        Ok(Told {
+            line: line(&summary),
+            summary: summary.stored(),
+        })
+    })
+}

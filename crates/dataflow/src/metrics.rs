@@ -1,0 +1,296 @@
+//! Figures about partitions, and how they gather over the partitions of an output.
+
+use std::{collections::BTreeMap, marker::PhantomData};
+
+/// Figures by name, as they are stored.
+pub type Figures = BTreeMap<String, f64>;
+
+/// A stored partition lacks a figure that its output promises.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("it has no figure `{0}`")]
+pub struct MissingFigure(pub String);
+
+/// The figures of one partition, or of all partitions of an output together.
+///
+/// [`metrics!`](crate::metrics!) declares a struct of them.
+pub trait Metrics: Sized + 'static {
+    /// Adds every figure under its name.
+    fn write(&self, figures: &mut Figures);
+
+    /// Reads what [`Metrics::write`] wrote.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a figure that every partition has is missing.
+    fn read(figures: &Figures) -> Result<Self, MissingFigure>;
+
+    /// Gathers the figures of partitions, in their order.
+    fn gather(partitions: &[Self]) -> Self;
+
+    /// Returns every figure by name.
+    fn figures(&self) -> Figures {
+        let mut figures = Figures::new();
+        self.write(&mut figures);
+        figures
+    }
+}
+
+/// An output about which no figure is said.
+impl Metrics for () {
+    fn write(&self, _figures: &mut Figures) {}
+
+    fn read(_figures: &Figures) -> Result<Self, MissingFigure> {
+        Ok(())
+    }
+
+    fn gather(_partitions: &[Self]) -> Self {}
+}
+
+/// What a field of [`metrics!`](crate::metrics!) holds, and how it gathers over partitions.
+pub trait Gather {
+    /// The field's type.
+    type Value;
+
+    /// Adds the field's figures, which are named by the field.
+    fn write(field: &str, value: &Self::Value, figures: &mut Figures);
+
+    /// Reads what [`Gather::write`] wrote.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a figure that every partition has is missing.
+    fn read(field: &str, figures: &Figures) -> Result<Self::Value, MissingFigure>;
+
+    /// Gathers the values of partitions, in their order.
+    fn gather<'a>(values: impl Iterator<Item = &'a Self::Value>) -> Self::Value
+    where
+        Self::Value: 'a;
+}
+
+/// One number per partition that gathers into one number.
+pub trait Figure {
+    /// Gathers the numbers of partitions, in their order; 0 of none.
+    fn of(numbers: impl Iterator<Item = f64>) -> f64;
+}
+
+/// Adds up: counts, and what is counted in a unit.
+#[derive(Debug, Clone, Copy)]
+pub enum Sum {}
+
+/// Takes the mean over the partitions.
+#[derive(Debug, Clone, Copy)]
+pub enum Mean {}
+
+/// Takes the largest.
+#[derive(Debug, Clone, Copy)]
+pub enum Max {}
+
+impl Figure for Sum {
+    fn of(numbers: impl Iterator<Item = f64>) -> f64 {
+        // Not `Iterator::sum`, which is -0 of nothing.
+        numbers.fold(0.0, |sum, number| sum + number)
+    }
+}
+
+impl Figure for Mean {
+    fn of(numbers: impl Iterator<Item = f64>) -> f64 {
+        let (sum, n) = numbers.fold((0.0, 0.0), |(sum, n), number| (sum + number, n + 1.0));
+        sum / f64::max(n, 1.0)
+    }
+}
+
+impl Figure for Max {
+    fn of(numbers: impl Iterator<Item = f64>) -> f64 {
+        numbers.reduce(f64::max).unwrap_or(0.0)
+    }
+}
+
+/// A figure that every partition has.
+impl<F: Figure> Gather for F {
+    type Value = f64;
+
+    fn write(field: &str, value: &f64, figures: &mut Figures) {
+        figures.insert(field.to_owned(), *value);
+    }
+
+    fn read(field: &str, figures: &Figures) -> Result<f64, MissingFigure> {
+        let found = figures.get(field).copied();
+        found.ok_or_else(|| MissingFigure(field.to_owned()))
+    }
+
+    fn gather<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
+        F::of(values.copied())
+    }
+}
+
+/// A figure that some partitions have: it gathers over these, and is absent where none has it.
+impl<F: Figure> Gather for Option<F> {
+    type Value = Option<f64>;
+
+    fn write(field: &str, value: &Option<f64>, figures: &mut Figures) {
+        figures.extend(value.map(|value| (field.to_owned(), value)));
+    }
+
+    fn read(field: &str, figures: &Figures) -> Result<Option<f64>, MissingFigure> {
+        Ok(figures.get(field).copied())
+    }
+
+    fn gather<'a>(values: impl Iterator<Item = &'a Option<f64>>) -> Option<f64> {
+        let mut known = values.copied().flatten().peekable();
+        known.peek().is_some().then_some(())?;
+        Some(F::of(known))
+    }
+}
+
+/// The figures of another struct, under their own names.
+pub struct With<M>(PhantomData<M>);
+
+impl<M: Metrics + Clone> Gather for With<M> {
+    type Value = M;
+
+    fn write(_field: &str, value: &M, figures: &mut Figures) {
+        value.write(figures);
+    }
+
+    fn read(_field: &str, figures: &Figures) -> Result<M, MissingFigure> {
+        M::read(figures)
+    }
+
+    fn gather<'a>(values: impl Iterator<Item = &'a M>) -> M {
+        M::gather(&values.cloned().collect::<Vec<M>>())
+    }
+}
+
+/// Declares the figures of an output: each field with how it gathers over partitions, a [`Gather`]
+/// such as [`Sum`], [`Mean`], [`Max`], `Option` of one for a figure that some partitions lack, or
+/// [`With`].
+///
+/// What follows from other figures, as a rate from two counts, is `derived`: it is stored beside them,
+/// and computed again from what they gather to.
+///
+/// # Examples
+///
+/// ```
+/// use dataflow::{Max, Mean, Metrics, Sum};
+///
+/// dataflow::metrics! {
+///     /// What is said of the motions of an object.
+///     pub struct Motions {
+///         /// Number of motions.
+///         motions_n: Sum,
+///         /// Number of those that hold.
+///         held_n: Sum,
+///         /// Duration of the longest, in seconds.
+///         duration_s: Max,
+///         /// Where it was measured, how far the object slipped, in meters.
+///         slip_m: Option<Mean>,
+///     }
+///     derived {
+///         rate: |all| all.held_n / all.motions_n.max(1.0),
+///     }
+/// }
+///
+/// let motions = |motions_n, held_n| Motions { motions_n, held_n, duration_s: 2.0, slip_m: None };
+/// let all = Motions::gather(&[motions(1.0, 1.0), motions(3.0, 0.0)]);
+/// assert_eq!(all.figures()["rate"], 0.25);
+/// assert_eq!(Motions::read(&all.figures()), Ok(all));
+/// ```
+#[macro_export]
+macro_rules! metrics {
+    (
+        $(#[$about:meta])*
+        $vis:vis struct $name:ident {
+            $($(#[$field_about:meta])* $field:ident: $gather:ty,)*
+        }
+        $(derived {
+            $($derived:ident: $value:expr,)*
+        })?
+    ) => {
+        $(#[$about])*
+        #[derive(Debug, Clone, PartialEq)]
+        $vis struct $name {
+            $($(#[$field_about])* pub $field: <$gather as $crate::Gather>::Value,)*
+        }
+
+        impl $crate::Metrics for $name {
+            fn write(&self, figures: &mut $crate::Figures) {
+                $(<$gather as $crate::Gather>::write(stringify!($field), &self.$field, figures);)*
+                $($(
+                    let derived: fn(&Self) -> f64 = $value;
+                    figures.insert(stringify!($derived).to_owned(), derived(self));
+                )*)?
+            }
+
+            fn read(figures: &$crate::Figures) -> Result<Self, $crate::MissingFigure> {
+                Ok(Self {
+                    $($field: <$gather as $crate::Gather>::read(stringify!($field), figures)?,)*
+                })
+            }
+
+            fn gather(partitions: &[Self]) -> Self {
+                Self {
+                    $($field: <$gather as $crate::Gather>::gather(
+                        partitions.iter().map(|partition| &partition.$field),
+                    ),)*
+                }
+            }
+        }
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    crate::metrics! {
+        /// One figure of each kind.
+        struct Fixture {
+            n: Sum,
+            error_m: Mean,
+            depth_m: Max,
+            slip_m: Option<Mean>,
+        }
+        derived {
+            share: |it| it.error_m / it.n.max(1.0),
+        }
+    }
+
+    fn fixture(n: f64, error_m: f64, depth_m: f64, slip_m: Option<f64>) -> Fixture {
+        Fixture {
+            n,
+            error_m,
+            depth_m,
+            slip_m,
+        }
+    }
+
+    #[test]
+    fn each_figure_gathers_as_it_is_declared() {
+        let all = [
+            fixture(1.0, 0.25, 0.3, None),
+            fixture(3.0, 0.5, 0.1, Some(0.5)),
+            fixture(0.0, 0.75, 0.2, Some(1.5)),
+        ];
+        let gathered = Fixture::gather(&all);
+        assert_eq!(gathered, fixture(4.0, 0.5, 0.3, Some(1.0)));
+        assert_eq!(gathered.figures()["share"], 0.125);
+        assert_eq!(Fixture::gather(&all[..1]).slip_m, None);
+        let none = Fixture::gather(&[]);
+        assert_eq!(none, fixture(0.0, 0.0, 0.0, None));
+        assert!(none.n.is_sign_positive());
+    }
+
+    #[test]
+    fn a_promised_figure_that_is_missing_is_named() {
+        let written = fixture(1.0, 0.25, 0.3, None).figures();
+        assert_eq!(
+            written.keys().collect::<Vec<_>>(),
+            ["depth_m", "error_m", "n", "share"]
+        );
+        assert!(Fixture::read(&written).is_ok());
+        let mut lacking = written;
+        lacking.remove("error_m");
+        let err = Fixture::read(&lacking).unwrap_err();
+        assert_eq!(err.to_string(), "it has no figure `error_m`");
+    }
+}

@@ -1,0 +1,52 @@
+//! The figures of demonstrations and shapes.
+
+use dataflow::{Max, Mean, Sum, With};
+
+dataflow::metrics! {
+    /// What is said of an object's shape.
+    pub struct ShapeMetrics {
+        /// Number of its convex parts.
+        convex_parts_n: Sum,
+        /// Number of the orientations in which it can lie.
+        rests_n: Sum,
+        /// Number of watertight meshes: 1 if its own is one.
+        watertight: Sum,
+    }
+}
+
+dataflow::metrics! {
+    /// What is said of a demonstration.
+    pub struct DemonstrationMetrics {
+        /// Number of its steps.
+        steps_n: Sum,
+        /// Number of those in which the hand was not seen.
+        bridged_n: Sum,
+        /// How well its sources agree.
+        agreement: With<Agreement>,
+    }
+}
+
+dataflow::metrics! {
+    /// How well the sources of a recording agree, as far as it has several.
+    #[derive(Default)]
+    pub struct Agreement {
+        /// Number of cameras.
+        cameras_n: Option<Mean>,
+        /// Largest distance of a camera's landmarks from the fused ones, in meters.
+        camera_spread_m: Option<Max>,
+        /// Number of labels that disagree with the others and were left out.
+        disagreeing_labels_n: Option<Sum>,
+        /// Median distance between the object's poses in the labels and elsewhere, in meters.
+        pose_difference_m: Option<Mean>,
+        /// Mean distance between labeled landmarks and those of the hand model, in meters.
+        mano_difference_m: Option<Mean>,
+        /// Largest distance between labeled landmarks and those of the hand model, in meters.
+        mano_largest_difference_m: Option<Max>,
+        /// Number of objects that say where the table is.
+        table_objects_n: Option<Mean>,
+        /// How far these objects' tables are apart, in meters.
+        table_spread_m: Option<Mean>,
+        /// How far these objects' tables are inclined to each other, in radians.
+        table_spread_rad: Option<Mean>,
+    }
+}
