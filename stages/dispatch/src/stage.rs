@@ -299,7 +299,7 @@ fn send(
             object,
             cell: &capabilities.cell,
             gap: &capabilities.gap,
-            object_from_grasp: grasp.object_from_palm.isometry(),
+            object_from_grasp: grasp.frame_from_palm.isometry(),
         };
         record(&setting, &goal, &report, cx.folder())?;
         sent.executions.push(cell.execution(candidate, &report));
