@@ -3,42 +3,12 @@
 
 use std::{
     env,
-    io::{BufRead, BufReader},
+    io::{self, BufRead, BufReader},
     path::PathBuf,
     process::{Child, Command, ExitStatus, Stdio},
 };
 
-use dataflow::{Elsewhere, Failure, Forced, NodeName, Origin, Progress};
-use serde::{Deserialize, Serialize};
-
-/// What a unit's process says on stdout, one JSON object per line.
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(tag = "event", rename_all = "snake_case")]
-pub(crate) enum Event {
-    /// It is this far.
-    Progress {
-        /// In 0..=1.
-        fraction: f64,
-        /// What it is doing.
-        message: String,
-    },
-    /// Its result is in the lake.
-    Done {
-        /// Digest of its fingerprint.
-        fingerprint: String,
-        /// Whether this process made it, and not an earlier one.
-        made_now: bool,
-    },
-    /// It failed.
-    Failed {
-        /// Why.
-        message: String,
-        /// What to do.
-        hint: Option<String>,
-        /// The output of which too little came to the stage, if that is why.
-        left_out: Option<NodeName>,
-    },
-}
+use dataflow::{Elsewhere, Failure, Forced, Origin, Relay, UnitName};
 
 /// Makes each unit in a process of its own.
 pub(crate) struct Processes {
@@ -49,7 +19,7 @@ pub(crate) struct Processes {
 }
 
 impl Processes {
-    fn start(&self, node: &NodeName, partition: &str, forced: Forced) -> std::io::Result<Child> {
+    fn start(&self, unit: &UnitName, forced: Forced) -> io::Result<Child> {
         let mut command = Command::new(env::current_exe()?);
         command.arg("unit").arg("--lake").arg(&self.lake).args([
             "--format",
@@ -68,62 +38,47 @@ impl Processes {
         command
             .arg("--")
             .arg(&self.origin.file)
-            .arg(node.to_string())
-            .arg(partition);
+            .arg(unit.node.to_string())
+            .arg(&unit.partition);
         // Its stdin is a pipe that closes when this process ends, however it ends.
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()
     }
 }
 
 impl Elsewhere for Processes {
-    fn make(
-        &self,
-        node: &NodeName,
-        partition: &str,
-        forced: Forced,
-        progress: &Progress,
-    ) -> Result<bool, Failure> {
+    fn make(&self, unit: &UnitName, forced: Forced, relay: &mut Relay) -> Result<(), Failure> {
+        let UnitName { node, partition } = unit;
         let failed = |message: String, hint: Option<String>| Failure::Elsewhere {
             message,
             hint,
             left_out: None,
         };
-        let broken = |err: std::io::Error| {
+        let broken = |err: io::Error| {
             let message = format!("cannot run a process for `{node}` at `{partition}`: {err}");
             failed(message, None)
         };
-        let mut child = self.start(node, partition, forced).map_err(broken)?;
-        let mut result = None;
-        if let Some(stdout) = child.stdout.take() {
-            for line in BufReader::new(stdout).lines() {
-                match serde_json::from_str(&line.map_err(broken)?) {
-                    Ok(Event::Progress { fraction, message }) => progress(fraction, &message),
-                    Ok(Event::Done { made_now, .. }) => result = Some(Ok(made_now)),
-                    Ok(Event::Failed {
-                        message,
-                        hint,
-                        left_out,
-                    }) => {
-                        result = Some(Err(Failure::Elsewhere {
-                            message,
-                            hint,
-                            left_out: left_out.map(Into::into),
-                        }));
-                    }
-                    Err(_) => {}
-                }
+        let mut child = self.start(unit, forced).map_err(broken)?;
+        let lines = child.stdout.take().map(BufReader::new);
+        for line in lines.into_iter().flat_map(BufRead::lines) {
+            let relayed = line.map_err(broken).and_then(|line| relay.line(&line));
+            if relayed.is_err() {
+                // Nobody listens to it any more; where it cannot be killed, it ends by itself.
+                let _killed = child.kill();
+                let _ended = child.wait();
+                return relayed;
             }
         }
         let status = child.wait().map_err(broken)?;
-        result.unwrap_or_else(|| {
-            Err(failed(
-                format!(
-                    "the process that made `{node}` at `{partition}` ended {}",
-                    described(status)
-                ),
-                Some("what is made is kept: run the same command again".to_owned()),
-            ))
-        })
+        if relay.is_over() {
+            return Ok(());
+        }
+        Err(failed(
+            format!(
+                "the process that made `{node}` at `{partition}` ended {}",
+                described(status)
+            ),
+            Some("what is made is kept: run the same command again".to_owned()),
+        ))
     }
 }
 

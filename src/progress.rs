@@ -1,4 +1,4 @@
-//! A run as people watch it: a bar on a terminal, one line per output everywhere.
+//! Events of a run as people watch it: a bar on a terminal, one line per output everywhere.
 
 use std::{
     collections::BTreeMap,
@@ -7,7 +7,7 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Node, NodeReport, Observer, RecordOutcome};
+use dataflow::{Event, NodeName, UnitName};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::report;
@@ -15,7 +15,7 @@ use crate::report;
 /// Units of progress of a bar per unit of work, so that a single long unit moves it too.
 const TICKS: f64 = 1000.0;
 
-/// Prints a run's progress.
+/// Prints the events of a run, or of a unit that is made alone.
 pub(crate) struct Screen {
     quiet: Quiet,
     state: Mutex<State>,
@@ -35,8 +35,10 @@ struct State {
     n_outputs: usize,
     n_done: usize,
     bar: Option<ProgressBar>,
-    /// How far the units in the making are.
-    fractions: BTreeMap<String, f64>,
+    /// The output whose units are being made.
+    output: Option<NodeName>,
+    /// How far the units of it in progress are.
+    fractions: BTreeMap<UnitName, f64>,
     n_units_done: usize,
     /// Lines of outputs that were all in the lake; printed only when something has to be made.
     held_back: Vec<String>,
@@ -53,14 +55,101 @@ impl Screen {
         }
     }
 
-    fn with(&self, change: impl FnOnce(&mut State)) {
+    /// Prints an event.
+    pub(crate) fn show(&self, event: &Event) {
         if self.quiet == Quiet::No {
-            change(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner));
+            let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+            state.show(event);
         }
     }
 }
 
 impl State {
+    fn show(&mut self, event: &Event) {
+        match event {
+            Event::RunStarted { n_outputs } => self.n_outputs = *n_outputs,
+            Event::OutputStarted { output, n_units } => self.start_bar(output, *n_units),
+            Event::UnitWaiting { unit, holder } => {
+                self.print(&format!("wait   {unit}: waiting for {holder}"));
+            }
+            Event::UnitProgress {
+                unit,
+                fraction,
+                message,
+            } => {
+                if self.is_counted(unit) {
+                    self.fractions.insert(unit.clone(), (*fraction).into());
+                    self.move_bar();
+                }
+                if let Some(bar) = &self.bar {
+                    bar.set_message(message.clone());
+                }
+            }
+            Event::UnitDamaged { unit } => self.print(&format!(
+                "mend   {unit} is damaged in the lake and is made again"
+            )),
+            Event::UnitDone { unit, skipped, .. } if self.is_counted(unit) => {
+                self.fractions.remove(unit);
+                self.n_units_done += 1;
+                self.move_bar();
+                if let Some(reason) = skipped {
+                    self.print_short(&format!("skip   {}: {reason}", unit.partition));
+                }
+            }
+            // An artifact that was damaged is there again, or the command says why its unit failed.
+            Event::UnitDone { .. } | Event::UnitFailed { .. } => {}
+            Event::OutputDone {
+                output,
+                description,
+                n_made_now,
+                seconds,
+            } => self.finish(&output.stage, description, *n_made_now, *seconds),
+        }
+    }
+
+    /// Whether a unit is one of those that the bar counts.
+    fn is_counted(&self, unit: &UnitName) -> bool {
+        self.output.as_ref() == Some(&unit.node)
+    }
+
+    fn start_bar(&mut self, output: &NodeName, n_units: usize) {
+        let bar = ProgressBar::new(ticks(n_units as f64));
+        let style = ProgressStyle::with_template(
+            "       {prefix:<10} [{bar:30}] {percent:>3} %  {elapsed} {wide_msg}",
+        );
+        if let Ok(style) = style {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        bar.set_prefix(output.stage.clone());
+        bar.enable_steady_tick(Duration::from_millis(200));
+        self.bar = Some(bar);
+        self.output = Some(output.clone());
+        self.fractions.clear();
+        self.n_units_done = 0;
+    }
+
+    /// Prints the line of an output, or holds it back as long as nothing had to be made.
+    fn finish(&mut self, stage: &str, description: &str, n_made_now: usize, seconds: f64) {
+        if let Some(bar) = self.bar.take() {
+            bar.finish_and_clear();
+        }
+        self.n_done += 1;
+        let time = if n_made_now == 0 {
+            "cached".to_owned()
+        } else {
+            report::duration(seconds)
+        };
+        let width = self.n_outputs.to_string().len();
+        let head = format!("  {:>width$}/{}  {stage:<9} ", self.n_done, self.n_outputs);
+        self.held_back
+            .push(stage_line(&head, description, &time, self.width));
+        if n_made_now > 0 {
+            for line in self.held_back.drain(..) {
+                report::line(&line);
+            }
+        }
+    }
+
     fn move_bar(&self) {
         if let Some(bar) = &self.bar {
             let making: f64 = self.fractions.values().sum();
@@ -113,98 +202,6 @@ fn stage_line(head: &str, description: &str, time: &str, width: Option<usize>) -
 )]
 fn ticks(units: f64) -> u64 {
     (units * TICKS).round() as u64
-}
-
-impl Observer for Screen {
-    fn planned(&self, nodes: &[&Node]) {
-        self.with(|state| state.n_outputs = nodes.len());
-    }
-
-    fn node_started(&self, node: &Node, n_units: usize, _n_to_make: usize) {
-        self.with(|state| {
-            let bar = ProgressBar::new(ticks(n_units as f64));
-            let style = ProgressStyle::with_template(
-                "       {prefix:<10} [{bar:30}] {percent:>3} %  {elapsed} {wide_msg}",
-            );
-            if let Ok(style) = style {
-                bar.set_style(style.progress_chars("=> "));
-            }
-            bar.set_prefix(node.name.stage.clone());
-            bar.enable_steady_tick(Duration::from_millis(200));
-            state.bar = Some(bar);
-            state.fractions.clear();
-            state.n_units_done = 0;
-        });
-    }
-
-    fn unit_progress(&self, _node: &Node, partition: &str, fraction: f64, message: &str) {
-        self.with(|state| {
-            state
-                .fractions
-                .insert(partition.to_owned(), fraction.clamp(0.0, 1.0));
-            state.move_bar();
-            if let Some(bar) = &state.bar {
-                bar.set_message(message.to_owned());
-            }
-        });
-    }
-
-    fn waiting(&self, node: &Node, partition: &str, holder: &str) {
-        self.with(|state| {
-            state.print(&format!(
-                "wait   {} `{partition}`: waiting for {holder}",
-                node.name
-            ));
-        });
-    }
-
-    fn unit_done(&self, _node: &Node, partition: &str, outcome: &RecordOutcome) {
-        self.with(|state| {
-            state.fractions.remove(partition);
-            state.n_units_done += 1;
-            state.move_bar();
-            if let RecordOutcome::Skipped { reason } = outcome {
-                state.print_short(&format!("skip   {partition}: {reason}"));
-            }
-        });
-    }
-
-    fn damaged(&self, node: &Node, partition: &str) {
-        self.with(|state| {
-            state.print(&format!(
-                "mend   {} `{partition}` is damaged in the lake and is made again",
-                node.name
-            ));
-        });
-    }
-
-    fn node_done(&self, report: &NodeReport) {
-        self.with(|state| {
-            if let Some(bar) = state.bar.take() {
-                bar.finish_and_clear();
-            }
-            state.n_done += 1;
-            let time = if report.n_made_now == 0 {
-                "cached".to_owned()
-            } else {
-                report::duration(report.seconds)
-            };
-            let width = state.n_outputs.to_string().len();
-            let line = format!(
-                "  {:>width$}/{}  {:<9} ",
-                state.n_done, state.n_outputs, report.node.stage
-            );
-            let line = stage_line(&line, &report.description, &time, state.width);
-            if report.n_made_now == 0 {
-                state.held_back.push(line);
-            } else {
-                for line in state.held_back.drain(..) {
-                    report::line(&line);
-                }
-                report::line(&line);
-            }
-        });
-    }
 }
 
 #[cfg(test)]

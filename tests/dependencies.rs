@@ -1,7 +1,12 @@
-//! Dependency directions: `.deny.toml` says who may know about what, and this test enforces it from
-//! the manifests alone, so that it needs no tool.
+//! Dependency directions: `.deny.toml` says which crate may know about what, and this test enforces it
+//! from the manifests alone, so that it needs no tool; the files of the engine and of the lake depend on
+//! each other in one direction.
 
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+    path::Path,
+};
 
 use toml_edit::{DocumentMut, Item};
 
@@ -105,6 +110,135 @@ fn engine_and_charts_have_never_heard_of_hands() {
         assert!(
             !is_result || report.is_none(),
             "`{name}` must not depend on {report:?}"
+        );
+    }
+}
+
+/// A module, by its path from the crate's root, which is empty.
+type Module = Vec<String>;
+
+/// The source of every module of a crate, without comments and tests.
+fn modules(folder: &Path, at: &Module, found: &mut BTreeMap<Module, String>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let mut module = at.clone();
+        module.push(path.file_stem().unwrap().to_str().unwrap().to_owned());
+        if path.is_dir() {
+            modules(&path, &module, found);
+            continue;
+        }
+        let text = fs::read_to_string(&path).unwrap();
+        let text = text.split("#[cfg(test)]\nmod tests").next().unwrap();
+        let lines = text.lines().map(|line| line.split("//").next().unwrap());
+        if module == ["lib"] {
+            module.clear();
+        }
+        found.insert(module, lines.collect::<Vec<_>>().join("\n"));
+    }
+}
+
+/// The names in `a::{b, c::d}`, each a path, and what follows them.
+fn paths<'t>(text: &'t str, above: &Module, found: &mut Vec<Module>) -> &'t str {
+    let mut path = above.clone();
+    let mut rest = text.trim_start();
+    loop {
+        if let Some(inner) = rest.strip_prefix('{') {
+            rest = inner;
+            loop {
+                rest = paths(rest, &path, found).trim_start();
+                match rest.strip_prefix(',') {
+                    Some(next) => rest = next,
+                    None => return rest.strip_prefix('}').unwrap_or(rest),
+                }
+            }
+        }
+        let end = rest.find(|c: char| !c.is_alphanumeric() && c != '_');
+        let (name, after) = rest.split_at(end.unwrap_or(rest.len()));
+        if !name.is_empty() {
+            path.push(name.to_owned());
+        }
+        match after.strip_prefix("::") {
+            Some(next) => rest = next,
+            None => {
+                found.push(path);
+                return after.strip_prefix(" as ").map_or(after, |alias| {
+                    alias.trim_start_matches(|c: char| c.is_alphanumeric() || c == '_')
+                });
+            }
+        }
+    }
+}
+
+/// Every path in a module's source that begins with one of these words and `::`, from the crate's root.
+fn used(module: &Module, text: &str) -> Vec<Module> {
+    let mut found = Vec::new();
+    let above = module.split_last().map_or(&[][..], |(_, above)| above);
+    let declared = text
+        .lines()
+        .filter_map(|line| line.trim().strip_suffix(';')?.rsplit_once("mod "));
+    let children = declared.map(|(_, child)| (child, [module, &[child.to_owned()][..]].concat()));
+    let words = [
+        ("crate", Vec::new()),
+        ("super", above.to_vec()),
+        ("self", module.clone()),
+    ];
+    for (word, root) in words.into_iter().chain(children) {
+        for (start, _) in text.match_indices(&format!("{word}::")) {
+            let before = text[..start].chars().next_back();
+            if !before.is_some_and(|c| c.is_alphanumeric() || matches!(c, '_' | ':')) {
+                paths(&text[start + word.len() + 2..], &root, &mut found);
+            }
+        }
+    }
+    found
+}
+
+/// The module in which a path's item is, where the root's re-exports of modules' items lead.
+fn module_of(path: &[String], all: &BTreeMap<Module, String>, exports: &[Module]) -> Module {
+    let is_module = |end: &usize| all.contains_key(&path[..*end]);
+    let end = (1..=path.len()).rev().find(is_module).unwrap_or(0);
+    let export = exports.iter().find(|export| {
+        end == 0 && export.len() > 1 && !path.is_empty() && export.last() == path.first()
+    });
+    export.map_or_else(
+        || path[..end].to_vec(),
+        |export| module_of(&export[..export.len() - 1], all, &[]),
+    )
+}
+
+#[test]
+fn files_of_engine_and_lake_depend_on_each_other_in_one_direction() {
+    for name in ["dataflow", "lake"] {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("crates")
+            .join(name);
+        let mut all = BTreeMap::new();
+        modules(&folder.join("src"), &Vec::new(), &mut all);
+        let root = &all[&Vec::new()];
+        let exports = used(&Vec::new(), root);
+        let mut left: BTreeMap<&Module, BTreeSet<Module>> = BTreeMap::new();
+        for (module, text) in all.iter().filter(|(module, _)| !module.is_empty()) {
+            let uses = used(module, text).into_iter();
+            let mut uses: BTreeSet<Module> =
+                uses.map(|path| module_of(&path, &all, &exports)).collect();
+            uses.remove(module);
+            uses.remove(&Vec::new());
+            left.insert(module, uses);
+        }
+        assert!(
+            left.values().map(BTreeSet::len).sum::<usize>() > 50,
+            "{name}"
+        );
+        // What needs nothing that is left is in no circle.
+        while let Some((&module, _)) = left.iter().find(|(_, uses)| uses.is_empty()) {
+            left.remove(module);
+            for uses in left.values_mut() {
+                uses.remove(module);
+            }
+        }
+        assert!(
+            left.is_empty(),
+            "files of `{name}` need each other: {left:#?}"
         );
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use dataflow::{Elsewhere, NodeReport, RunReport};
+use dataflow::{Elsewhere, Event, NodeReport, RunReport};
 use lake::Lake;
 
 use crate::{
@@ -55,7 +55,8 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
         origin: pipeline.origin.clone(),
     };
     let elsewhere = args.processes.then_some(&processes as &dyn Elsewhere);
-    let ran = dataflow::run(&pipeline, store, &options, elsewhere, &screen)?;
+    let events = |event: &Event| screen.show(event);
+    let ran = dataflow::run(&pipeline, store, &options, elsewhere, &events)?;
     let last = ran.nodes.last();
     let said = last.map_or_else(String::new, |node| node.description.clone());
     if program.quiet == Quiet::No {

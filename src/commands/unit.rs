@@ -6,7 +6,7 @@ use std::{
     thread,
 };
 
-use dataflow::{Forced, Node, NodeName, Observer, make_one, nearest};
+use dataflow::{Event, Events, Forced, NodeName, UnitName, make_one, nearest};
 use lake::Lake;
 
 use crate::{
@@ -15,7 +15,7 @@ use crate::{
     commands::pipeline_file,
     interrupt,
     outcome::{Outcome, Trouble},
-    processes::Event,
+    progress::Screen,
     report,
 };
 
@@ -43,9 +43,11 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Troubl
         stop_with_parent(&lake);
     }
     let forced = if args.fresh { Forced::Yes } else { Forced::No };
-    let teller = Teller {
-        format: args.format,
-        unsaid: Mutex::new(None),
+    let screen = Screen::new(program.quiet);
+    let lines = Lines::default();
+    let events: &Events = match args.format {
+        Format::Text => &|event| screen.show(event),
+        Format::Json => &|event| lines.write(event),
     };
     let made = make_one(
         &pipeline,
@@ -53,43 +55,35 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Troubl
         &node,
         &args.partition,
         forced,
-        &teller,
+        events,
     );
     lake.leave();
-    if let Some(trouble) = teller.unsaid() {
-        return Err(trouble);
-    }
-    match (made, args.format) {
-        (Ok(made), format) => {
+    let outcome = match (made, args.format) {
+        (Ok(made), Format::Text) => {
             let fingerprint = made.fingerprint.to_hex();
-            let made_now = made.made_now;
-            match format {
-                Format::Text => report::data(format!("{fingerprint}\n").as_bytes())?,
-                Format::Json => tell(&Event::Done {
-                    fingerprint,
-                    made_now,
-                })?,
-            }
-            Ok(Outcome::Done)
+            report::data(format!("{fingerprint}\n").as_bytes())?;
+            Outcome::Done
         }
-        (Err(err), Format::Text) => Err(err.into()),
+        (Ok(_), Format::Json) => Outcome::Done,
+        (Err(err), Format::Text) => return Err(err.into()),
         (Err(err), Format::Json) => {
             let (hint, left_out) = err.advice();
             let left_out = left_out.cloned();
-            let trouble = Trouble::from(err);
-            let message = match &trouble {
-                Trouble::Failed { error, .. } => report::chain(error),
-                Trouble::Usage { message, .. } => message.clone(),
+            let message = match Trouble::from(err) {
+                Trouble::Failed { error, .. } => report::chain(&error),
+                Trouble::Usage { message, .. } => message,
                 Trouble::File(err) => err.to_string(),
             };
-            tell(&Event::Failed {
+            lines.write(&Event::UnitFailed {
+                unit: UnitName::new(&node, &args.partition),
                 message,
                 hint,
                 left_out,
-            })?;
-            Ok(Outcome::Told)
+            });
+            Outcome::Told
         }
-    }
+    };
+    lines.finish().map(|()| outcome)
 }
 
 /// Ends this process as soon as its stdin closes: then the process that started it is gone.
@@ -102,47 +96,28 @@ fn stop_with_parent(lake: &Arc<Lake>) {
     });
 }
 
-fn tell(event: &Event) -> Result<(), Trouble> {
-    let json = serde_json::to_string(event).map_err(|err| Trouble::failed(err, None))?;
-    report::data(format!("{json}\n").as_bytes())
+/// Events written to stdout as lines of JSON.
+#[derive(Default)]
+struct Lines {
+    /// Why the first line that could not be written was not.
+    failed: Mutex<Option<Trouble>>,
 }
 
-/// Passes on how far the unit is.
-struct Teller {
-    format: Format,
-    /// Why something could not be passed on.
-    unsaid: Mutex<Option<Trouble>>,
-}
-
-impl Teller {
-    fn unsaid(self) -> Option<Trouble> {
-        let unsaid = self.unsaid.into_inner();
-        unsaid.unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl Observer for Teller {
-    fn unit_progress(&self, _node: &Node, _partition: &str, fraction: f64, message: &str) {
-        if self.format == Format::Json {
-            let message = message.to_owned();
-            if let Err(trouble) = tell(&Event::Progress { fraction, message }) {
-                let mut unsaid = self.unsaid.lock().unwrap_or_else(PoisonError::into_inner);
-                unsaid.get_or_insert(trouble);
-            }
+impl Lines {
+    fn write(&self, event: &Event) {
+        let json = serde_json::to_string(event).map_err(|err| Trouble::failed(err, None));
+        let written = json.and_then(|json| report::data(format!("{json}\n").as_bytes()));
+        if let Err(trouble) = written {
+            let mut failed = self.failed.lock().unwrap_or_else(PoisonError::into_inner);
+            failed.get_or_insert(trouble);
         }
     }
 
-    fn waiting(&self, node: &Node, partition: &str, holder: &str) {
-        let name = &node.name;
-        report::line(&format!(
-            "wait   {name} `{partition}`: waiting for {holder}"
-        ));
-    }
-
-    fn damaged(&self, node: &Node, partition: &str) {
-        let name = &node.name;
-        report::line(&format!(
-            "mend   {name} `{partition}` is damaged in the lake and is made again"
-        ));
+    fn finish(self) -> Result<(), Trouble> {
+        let failed = self.failed.into_inner();
+        match failed.unwrap_or_else(PoisonError::into_inner) {
+            Some(trouble) => Err(trouble),
+            None => Ok(()),
+        }
     }
 }

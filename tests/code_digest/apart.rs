@@ -8,9 +8,9 @@ use std::{
 };
 
 use dataflow::{
-    Advise, Code, Context, Generator, Inputs, Kind, Labels, Line, Lines, Observer, Options,
-    Outcome, Output, Outputs, OwnLine, Pipeline, Report, RunOptions, Scope, SourceFile, Stage,
-    Unit, UnitState, plan, run,
+    Advise, Code, Context, Generator, Inputs, Kind, Labels, Line, Lines, Options, Outcome, Output,
+    Outputs, OwnLine, Pipeline, Report, RunOptions, Scope, SourceFile, Stage, Unit, UnitState,
+    plan, run,
 };
 use lake::Lake;
 use schemars::JsonSchema;
@@ -230,7 +230,7 @@ fn reruns(place: &Path, code: [u8; 2]) -> Vec<String> {
         None => true,
     });
     let left: BTreeSet<String> = left.map(|node| node.node.to_string()).collect();
-    let ran = run(&pipeline, &lake, &options, None, &Silent).unwrap();
+    let ran = run(&pipeline, &lake, &options, None, &|_| {}).unwrap();
     let nodes = ran.nodes.iter();
     let made = nodes.filter(|node| node.units.iter().any(|unit| unit.made_now));
     let made: Vec<String> = made.map(|node| node.node.to_string()).collect();
@@ -250,10 +250,6 @@ fn pipeline(place: &Path, code: [u8; 2]) -> Pipeline {
     let path = place.join("pipeline.toml");
     Pipeline::parse(&path, &text, &[kind], None, &[]).unwrap()
 }
-
-struct Silent;
-
-impl Observer for Silent {}
 
 /// Why the stage cannot go on.
 #[derive(Debug, thiserror::Error)]

@@ -1,8 +1,8 @@
 //! What counts is a value, not whether the pipeline file or the code says it.
 
 use dataflow::{
-    Cause, Code, Context, Inputs, Kind, Labels, Observer, Outcome, Output, Outputs, OwnLine,
-    Pipeline, RunOptions, Scope, Stage, Unit, UnitState, plan, run,
+    Cause, Code, Context, Inputs, Kind, Labels, Outcome, Output, Outputs, OwnLine, Pipeline,
+    RunOptions, Scope, Stage, Unit, UnitState, plan, run,
 };
 use lake::Lake;
 use schemars::JsonSchema;
@@ -61,10 +61,6 @@ impl<const DEFAULT: u8> Output for Number<DEFAULT> {
     }
 }
 
-struct Silent;
-
-impl Observer for Silent {}
-
 /// Says whether the number would be written again, and why.
 fn planned(place: &Place, kind: Kind, table: &str) -> UnitState {
     let lake = Lake::open(&place.lake());
@@ -84,7 +80,7 @@ fn a_default_that_changes_in_the_code_is_a_changed_value() {
     let [three, four] = [Kind::of::<Number<3>>(), Kind::of::<Number<4>>()];
     let options = RunOptions::default();
     let lake = Lake::open(&place.lake());
-    run(&read(&place, three, ""), &lake, &options, None, &Silent).unwrap();
+    run(&read(&place, three, ""), &lake, &options, None, &|_| {}).unwrap();
     assert_eq!(planned(&place, three, ""), UnitState::Cached);
     assert_eq!(planned(&place, three, "number = 3"), UnitState::Cached);
     assert_eq!(planned(&place, four, "number = 3"), UnitState::Cached);

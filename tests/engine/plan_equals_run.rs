@@ -14,8 +14,8 @@ use std::{
 };
 
 use dataflow::{
-    Cause, Failure, FreshAll, Observer, Pipeline, Plan, PlannedNode, RunOptions, RunReport,
-    UnitState, plan, run,
+    Cause, Failure, FreshAll, Pipeline, Plan, PlannedNode, RunOptions, RunReport, UnitState, plan,
+    run,
 };
 use lake::Lake;
 use rand::Rng;
@@ -33,10 +33,6 @@ use crate::{
 
 /// Edits to one lake before the next one starts empty.
 const EDITS_PER_LAKE: usize = 60;
-
-struct Silent;
-
-impl Observer for Silent {}
 
 #[test]
 fn a_plan_names_exactly_what_a_run_makes_and_why() {
@@ -89,7 +85,7 @@ fn check(place: &Place, world: &mut World, model: &mut Model, step: &Step) -> Ve
         &Lake::open(&place.lake()),
         &options,
         None,
-        &Silent,
+        &|_| {},
     );
     let only = step.only.as_deref();
     if let Some(lacking) = only.and_then(|only| model.lacking(world, only)) {

@@ -6,10 +6,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::stage::SourceFile;
+use crate::source_file::SourceFile;
 
 /// Reports how far a unit is: a fraction in 0..=1 and what it is doing.
-pub type Progress<'a> = dyn Fn(f64, &str) + Send + Sync + 'a;
+pub(crate) type Progress<'a> = dyn Fn(f64, &str) + Send + Sync + 'a;
 
 /// The surroundings of one unit.
 pub struct Context<'a> {

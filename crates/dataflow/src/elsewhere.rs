@@ -1,23 +1,24 @@
 //! Making units outside this process.
 
-use crate::{context::Progress, error::Failure, graph::NodeName};
+use std::collections::BTreeSet;
+
+use crate::{
+    digest::Digest,
+    error::Failure,
+    event::{Event, Events},
+    name::{NodeName, UnitName},
+};
 
 /// Someone who makes units in other processes, perhaps on other machines, that share the store and
 /// the pipeline's file with this one and nothing else.
 pub trait Elsewhere: Sync {
-    /// Makes one unit and returns when its result is in the store: whether it was made now, and not
-    /// before by somebody else. `forced` makes it although a result is there already.
+    /// Makes one unit, hands every event to the relay, and returns when the unit's process has ended.
+    /// `forced` makes it although a result is in the store.
     ///
     /// # Errors
     ///
-    /// Fails as the unit fails, or if its process dies.
-    fn make(
-        &self,
-        node: &NodeName,
-        partition: &str,
-        forced: Forced,
-        progress: &Progress,
-    ) -> Result<bool, Failure>;
+    /// Fails if the process cannot be run, dies, or breaks the protocol.
+    fn make(&self, unit: &UnitName, forced: Forced, relay: &mut Relay) -> Result<(), Failure>;
 }
 
 /// Whether a unit is made although its result is in the store.
@@ -27,4 +28,190 @@ pub enum Forced {
     Yes,
     /// The result in the store is taken.
     No,
+}
+
+/// Checks the events of a unit that is made elsewhere and passes them on.
+pub struct Relay<'a> {
+    unit: &'a UnitName,
+    /// Outputs that the unit depends on: their artifacts may turn out to be damaged.
+    upstream: BTreeSet<&'a NodeName>,
+    events: &'a Events<'a>,
+    mended: BTreeSet<UnitName>,
+    end: Option<Result<Done, Failure>>,
+}
+
+/// What a process says of a unit whose result it has put into the store.
+pub(crate) struct Done {
+    pub(crate) fingerprint: Digest,
+    pub(crate) made_now: bool,
+}
+
+impl<'a> Relay<'a> {
+    pub(crate) fn new(
+        unit: &'a UnitName,
+        upstream: BTreeSet<&'a NodeName>,
+        events: &'a Events<'a>,
+    ) -> Self {
+        Self {
+            unit,
+            upstream,
+            events,
+            mended: BTreeSet::new(),
+            end: None,
+        }
+    }
+
+    /// Takes an event as a line of JSON.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the line is no event, or one that cannot come from this unit.
+    pub fn line(&mut self, line: &str) -> Result<(), Failure> {
+        let event = serde_json::from_str(line)
+            .map_err(|err| self.refuse(&format!("`{line}` is no event: {err}")))?;
+        if self.end.is_some() {
+            return Err(self.refuse(&format!("`{line}` follows the last event")));
+        }
+        match event {
+            Event::UnitDone {
+                unit,
+                fingerprint,
+                made_now,
+                ..
+            } if unit == *self.unit => {
+                self.end = Some(Ok(Done {
+                    fingerprint,
+                    made_now,
+                }));
+            }
+            Event::UnitFailed {
+                unit,
+                message,
+                hint,
+                left_out,
+            } if unit == *self.unit => {
+                self.end = Some(Err(Failure::Elsewhere {
+                    message,
+                    hint,
+                    left_out: left_out.map(Into::into),
+                }));
+            }
+            Event::UnitDamaged { ref unit } if self.upstream.contains(&unit.node) => {
+                self.mended.insert(unit.clone());
+                (self.events)(&event);
+            }
+            Event::UnitWaiting { ref unit, .. } | Event::UnitProgress { ref unit, .. }
+                if unit == self.unit || self.mended.contains(unit) =>
+            {
+                (self.events)(&event);
+            }
+            Event::UnitDone { ref unit, .. } if self.mended.contains(unit) => (self.events)(&event),
+            _ => return Err(self.refuse(&format!("`{line}` is no event of this unit"))),
+        }
+        Ok(())
+    }
+
+    /// Returns whether the last event has come.
+    pub fn is_over(&self) -> bool {
+        self.end.is_some()
+    }
+
+    /// Returns the outputs of which a damaged artifact was made again, and the end of the unit if one
+    /// was reported.
+    pub(crate) fn finish(self) -> (BTreeSet<UnitName>, Option<Result<Done, Failure>>) {
+        (self.mended, self.end)
+    }
+
+    fn refuse(&self, message: &str) -> Failure {
+        Failure::Protocol {
+            unit: self.unit.clone(),
+            message: message.to_owned(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+    use crate::event::Fraction;
+
+    fn unit(stage: &str) -> UnitName {
+        UnitName::new(&NodeName::new(stage, "made"), "p")
+    }
+
+    fn progress(stage: &str) -> Event {
+        Event::UnitProgress {
+            unit: unit(stage),
+            fraction: Fraction::nearest(0.5),
+            message: "halfway".to_owned(),
+        }
+    }
+
+    fn done(stage: &str) -> Event {
+        Event::UnitDone {
+            unit: unit(stage),
+            fingerprint: Digest::of_bytes(b"unit"),
+            made_now: true,
+            skipped: None,
+        }
+    }
+
+    fn damaged(stage: &str) -> Event {
+        Event::UnitDamaged { unit: unit(stage) }
+    }
+
+    fn line(event: &Event) -> String {
+        serde_json::to_string(event).unwrap()
+    }
+
+    /// Relays lines about a unit of `b`, which reads what `a` made: what is passed on, and why the first
+    /// line that is refused is.
+    fn relayed(lines: &[String]) -> (Vec<Event>, Option<String>) {
+        let (asked, source) = (unit("b"), unit("a").node);
+        let passed = Mutex::new(Vec::new());
+        let events = |event: &Event| passed.lock().unwrap().push(event.clone());
+        let mut relay = Relay::new(&asked, BTreeSet::from([&source]), &events);
+        let refused = lines.iter().find_map(|line| relay.line(line).err());
+        (
+            passed.into_inner().unwrap(),
+            refused.map(|err| err.to_string()),
+        )
+    }
+
+    #[test]
+    fn events_of_the_unit_and_of_what_it_mends_are_passed_on() {
+        let events = [progress("b"), damaged("a"), progress("a"), done("a")];
+        let mut lines = events.each_ref().map(line).to_vec();
+        lines.push(line(&done("b")));
+        assert_eq!(relayed(&lines), (events.to_vec(), None));
+    }
+
+    #[test]
+    fn what_cannot_come_from_the_unit_is_refused() {
+        let mut other_partition = line(&progress("b"));
+        other_partition = other_partition.replace("\"p\"", "\"q\"");
+        let too_far = line(&progress("b")).replace("0.5", "1.5");
+        let unknown_field = line(&damaged("a")).replace("{\"event\"", "{\"x\":1,\"event\"");
+        let run = Event::RunStarted { n_outputs: 3 };
+        for (lines, reason) in [
+            (vec!["not JSON".to_owned()], "is no event"),
+            (vec![too_far], "1.5 is no fraction"),
+            (vec![unknown_field], "unknown field"),
+            (vec![other_partition], "no event of this unit"),
+            (vec![line(&progress("a"))], "no event of this unit"),
+            (vec![line(&damaged("c"))], "no event of this unit"),
+            (vec![line(&run)], "no event of this unit"),
+            (
+                vec![line(&done("b")), line(&progress("b"))],
+                "follows the last event",
+            ),
+        ] {
+            let (passed, refused) = relayed(&lines);
+            let refused = refused.unwrap();
+            assert!(refused.contains(reason), "{lines:?}: {refused}");
+            assert!(passed.is_empty(), "{lines:?}");
+        }
+    }
 }

@@ -3,10 +3,10 @@
 use std::{error::Error, fmt, io, path::PathBuf};
 
 use crate::{
-    graph::NodeName,
+    advice::{Advise, Advised},
     metrics::MissingFigure,
+    name::{NodeName, UnitName},
     source::Location,
-    stage::{Advise, Advised},
 };
 
 /// Everything that is wrong with a pipeline file.
@@ -154,6 +154,14 @@ pub enum Failure {
         hint: Option<String>,
         /// The output of which too little came to its stage, if that is why.
         left_out: Option<Box<LeftOut>>,
+    },
+    /// The process that made a unit reported what it cannot.
+    #[error("the process that made `{}` at `{}` broke the protocol: {message}", unit.node, unit.partition)]
+    Protocol {
+        /// The unit.
+        unit: UnitName,
+        /// What it reported.
+        message: String,
     },
     /// The pipeline has no output of this name.
     #[error("no output `{name}` in the pipeline")]
@@ -373,6 +381,10 @@ impl Advise for Failure {
             Self::Store(err) => err.0.hint(),
             Self::Panic { .. } => Some(
                 "this is a fault of the program: please report it with the command and the file"
+                    .to_owned(),
+            ),
+            Self::Protocol { .. } => Some(
+                "run the same command again without `--processes`: then this process makes the units"
                     .to_owned(),
             ),
             Self::Damaged { node, .. } => Some(format!(

@@ -7,15 +7,17 @@ use serde_json::Value;
 use toml_edit::InlineTable;
 
 use crate::{
+    advice::Advised,
     context::{Context, Inputs},
-    line::{Telling, Told},
     metrics::MissingFigure,
     option_faults::OptionFault,
     outcome::{Labels, Outcome},
-    output::{OutputInfo, OutputOf},
+    output::OutputInfo,
+    record::RecordOutcome,
     report::{Generator, Recorded, Report, Unreported},
-    stage::{Advised, Scope, Stage},
-    store::RecordOutcome,
+    scope::Scope,
+    stage::{OutputOf, Stage},
+    summary::{Telling, Told},
     unit::Unit,
 };
 
@@ -347,7 +349,7 @@ fn type_name(schema: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{code::Code, output::Outputs};
+    use crate::{code::Code, stage::Outputs};
 
     /// A stage with an option that cannot always be written.
     enum Fixture {}

@@ -17,13 +17,15 @@
 //! whole or not at all; what a unit reads is checked against its digest before the unit starts.
 //!
 //! What this crate deliberately does not know: hands, robots, Arrow, MCAP, terminals. It defines the
-//! [`Store`] that `lake` implements and the [`Observer`] through which the command line shows progress.
+//! [`Store`] that `lake` implements and the stream of [`Event`]s that the command line shows.
 
+mod advice;
 mod code;
 mod context;
 mod digest;
 mod elsewhere;
 mod error;
+mod event;
 mod extended;
 mod fingerprint;
 mod form;
@@ -32,8 +34,8 @@ mod kind;
 mod line;
 mod make;
 mod metrics;
+mod name;
 mod near;
-mod observer;
 mod option_faults;
 mod options;
 mod outcome;
@@ -43,48 +45,60 @@ mod pipeline;
 mod plan;
 mod reach;
 mod readiness;
+mod record;
 mod report;
 mod run;
+mod scope;
 mod seed;
 mod shared;
 mod source;
+mod source_file;
 mod stage;
 mod state;
 mod store;
+mod summary;
+mod sweep;
 mod tables;
 mod texts;
 mod unit;
 mod workers;
 
+pub use advice::{Advise, Advised};
 pub use code::Code;
-pub use context::{Artifact, Context, Inputs, Progress};
+pub use context::{Artifact, Context, Inputs};
 pub use digest::{Digest, NotADigest};
-pub use elsewhere::{Elsewhere, Forced};
+pub use elsewhere::{Elsewhere, Forced, Relay};
 pub use error::{Failure, FileError, LeftOut, Problem};
+pub use event::{Event, Events, Fraction, NotAFraction};
 pub use fingerprint::{Cause, Change, Fingerprint, Recipe};
 pub use form::Form;
-pub use graph::{Node, NodeName};
+pub use graph::Node;
 pub use kind::{Kind, OptionInfo};
-pub use line::{Line, LineOf, Lines, Telling, Told};
-pub use make::make_one;
+pub use line::{Line, LineOf, Lines};
+pub use make::{UnitReport, make_one};
 pub use metrics::{Figure, Figures, Gather, Max, Mean, Metrics, MissingFigure, Sum, With};
+pub use name::{NodeName, UnitName};
 pub use near::{missing, nearest};
-pub use observer::Observer;
 pub use option_faults::{OptionFault, OptionFaults};
 pub use options::{FreshAll, RunOptions};
-pub use outcome::{Labels, Made, Outcome, Summary, labels};
-pub use output::{ConfigOf, Execution, Options, Output, OutputInfo, OutputOf, Outputs, OwnLine};
-pub use overrides::{Override, OverrideError, Sweep, Variant};
+pub use outcome::{Labels, Made, Outcome, labels};
+pub use output::{Execution, Options, OutputInfo};
+pub use overrides::{Override, OverrideError};
 pub use pipeline::{Pipeline, StageEntry};
 pub use plan::{Plan, PlannedNode, PlannedUnit, UnitState, plan};
 pub use reach::reached;
 pub use readiness::{Outside, Readiness, readiness};
+pub use record::{FileRef, Record, RecordOutcome};
 pub use report::{Generator, Report};
-pub use run::{NodeReport, RunReport, UnitReport, run};
+pub use run::{NodeReport, RunReport, run};
+pub use scope::{Partition, Scope};
 pub use source::{Location, Source};
-pub use stage::{Advise, Advised, Partition, Scope, SourceFile, Stage};
+pub use source_file::SourceFile;
+pub use stage::{ConfigOf, Output, OutputOf, Outputs, OwnLine, Stage};
 pub use store::{
-    FileRef, Making, NewestUnit, NodeRecord, Origin, OutputRecord, Record, RecordOutcome,
-    RunRecord, RunStatus, Showing, StageRecord, Store, UnitRef, Unkept,
+    Making, NewestUnit, NodeRecord, Origin, OutputRecord, RunRecord, RunStatus, Showing,
+    StageRecord, Store, UnitRef, Unkept,
 };
+pub use summary::{Summary, Telling, Told};
+pub use sweep::{Sweep, Variant};
 pub use unit::Unit;

@@ -4,30 +4,60 @@ use std::{
     collections::{BTreeMap, BTreeSet},
     panic::{AssertUnwindSafe, catch_unwind},
     path::PathBuf,
-    sync::{Arc, Mutex, OnceLock, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError},
 };
 
 use crate::{
     context::{Artifact, Context, Inputs},
-    elsewhere::{Elsewhere, Forced},
+    digest::Digest,
+    elsewhere::{Elsewhere, Forced, Relay},
     error::Failure,
+    event::{Event, Events, Fraction},
     fingerprint::Fingerprint,
-    graph::{Node, NodeName},
-    observer::Observer,
+    graph::Node,
+    name::{NodeName, UnitName},
     outcome::Labels,
     pipeline::Pipeline,
-    run::UnitReport,
+    record::{FileRef, RecordOutcome},
     seed::unit_seed,
     state::{Known, Listing, State, Sure, digest_source},
-    store::{FileRef, Store, Unkept},
+    store::{Store, Unkept},
     unit::Unit,
 };
+
+/// What became of one unit.
+#[derive(Debug, Clone)]
+pub struct UnitReport {
+    /// The partition's key.
+    pub partition: String,
+    /// Digest of its fingerprint.
+    pub fingerprint: Digest,
+    /// Its result.
+    pub outcome: Arc<RecordOutcome>,
+    /// Whether this run made it.
+    pub made_now: bool,
+}
+
+impl UnitReport {
+    /// Returns the event that says so.
+    pub(crate) fn event(&self, node: &NodeName) -> Event {
+        Event::UnitDone {
+            unit: UnitName::new(node, &self.partition),
+            fingerprint: self.fingerprint,
+            made_now: self.made_now,
+            skipped: match &*self.outcome {
+                RecordOutcome::Skipped { reason } => Some(reason.clone()),
+                RecordOutcome::Made { .. } | RecordOutcome::Filtered { .. } => None,
+            },
+        }
+    }
+}
 
 /// Makes units in this process, or has them made.
 pub(crate) struct Maker<'a> {
     pipeline: &'a Pipeline,
     store: &'a dyn Store,
-    observer: &'a dyn Observer,
+    events: &'a Events<'a>,
     /// Number of units made at once; 0 for one per core.
     jobs: usize,
     /// Where stages compute; the units themselves are gone through by threads of their own.
@@ -41,12 +71,12 @@ impl<'a> Maker<'a> {
         pipeline: &'a Pipeline,
         store: &'a dyn Store,
         jobs: usize,
-        observer: &'a dyn Observer,
+        events: &'a Events<'a>,
     ) -> Self {
         Self {
             pipeline,
             store,
-            observer,
+            events,
             jobs,
             pool: OnceLock::new(),
             mended: Mutex::default(),
@@ -62,13 +92,24 @@ impl<'a> Maker<'a> {
     }
 
     /// Outputs of which a partition was made again because its bytes were damaged.
-    pub(crate) fn mended(&self) -> BTreeSet<NodeName> {
-        let mended = self.mended.lock().unwrap_or_else(PoisonError::into_inner);
-        mended.clone()
+    pub(crate) fn mended(&self) -> MutexGuard<'_, BTreeSet<NodeName>> {
+        self.mended.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Makes a unit of which every input is made.
+    /// Makes a unit of which every input is made, and reports it.
     pub(crate) fn make(
+        &self,
+        known: &State,
+        node: &Node,
+        unit: &Unit,
+        forced: Forced,
+    ) -> Result<UnitReport, Failure> {
+        let report = self.make_here(known, node, unit, forced)?;
+        (self.events)(&report.event(&node.name));
+        Ok(report)
+    }
+
+    fn make_here(
         &self,
         known: &State,
         node: &Node,
@@ -84,9 +125,14 @@ impl<'a> Maker<'a> {
                     input: "inputs".to_owned(),
                     partition: unit.partition.clone(),
                 })?;
-        let name = format!("{} `{}`", node.name, unit.partition);
-        let waiting = |holder: &str| self.observer.waiting(node, &unit.partition, holder);
-        let making = self.store.begin(&digest, &name, &waiting)?;
+        let name = UnitName::new(&node.name, &unit.partition);
+        let waiting = |holder: &str| {
+            (self.events)(&Event::UnitWaiting {
+                unit: name.clone(),
+                holder: holder.to_owned(),
+            });
+        };
+        let making = self.store.begin(&digest, &name.to_string(), &waiting)?;
         // Another process may have made it while this one waited for its turn.
         if forced == Forced::No
             && let Some(outcome) = self.store.lookup(&digest)?
@@ -108,8 +154,11 @@ impl<'a> Maker<'a> {
             folder: making.folder().to_owned(),
             resume_folder: making.resume_folder().to_owned(),
             progress: &|fraction, message| {
-                self.observer
-                    .unit_progress(node, &unit.partition, fraction, message);
+                (self.events)(&Event::UnitProgress {
+                    unit: name.clone(),
+                    fraction: Fraction::nearest(fraction),
+                    message: message.to_owned(),
+                });
             },
         };
         let pool = self.pool()?;
@@ -156,7 +205,7 @@ impl<'a> Maker<'a> {
         Ok(())
     }
 
-    /// Has a unit made by another process and finds its result in the store.
+    /// Has a unit made by another process, finds its result in the store and reports it.
     pub(crate) fn make_elsewhere(
         &self,
         state: &State,
@@ -170,18 +219,28 @@ impl<'a> Maker<'a> {
             partition: unit.partition.clone(),
         };
         let (_, digest) = state.fingerprint(node, unit)?.ok_or_else(lost)?;
-        let progress = |fraction: f64, message: &str| {
-            self.observer
-                .unit_progress(node, &unit.partition, fraction, message);
-        };
-        let made_now = elsewhere.make(&node.name, &unit.partition, forced, &progress)?;
-        Ok(UnitReport {
+        let name = UnitName::new(&node.name, &unit.partition);
+        let upstream = self.pipeline.upstream_of(&node.name).into_iter();
+        let upstream = upstream.map(|source| &source.name).collect();
+        let mut relay = Relay::new(&name, upstream, self.events);
+        let ended = elsewhere.make(&name, forced, &mut relay);
+        let (mended, end) = relay.finish();
+        self.mended()
+            .extend(mended.into_iter().map(|source| source.node));
+        ended?;
+        let done = end.ok_or_else(lost)??;
+        if done.fingerprint != digest {
+            return Err(lost());
+        }
+        let report = UnitReport {
             partition: unit.partition.clone(),
             fingerprint: digest,
             // The record itself: what this process remembers may be older.
             outcome: Arc::new(self.store.remembered(&digest)?.ok_or_else(lost)?.outcome),
-            made_now,
-        })
+            made_now: done.made_now,
+        };
+        (self.events)(&report.event(&node.name));
+        Ok(report)
     }
 
     /// The threads in which stages compute, started when the first unit is made.
@@ -212,7 +271,7 @@ impl<'a> Maker<'a> {
                 let Some(Known::Made(outcome)) = state.known(source, key) else {
                     return Err(missing());
                 };
-                let files = outcome.files(parts).ok_or_else(missing)?;
+                let files = outcome.parts(parts).ok_or_else(missing)?;
                 let paths = match self.store.open(&files)? {
                     Some(paths) => paths,
                     None => self.make_again(state, source, key, &files)?,
@@ -247,10 +306,10 @@ impl<'a> Maker<'a> {
         };
         let mut nodes = self.pipeline.nodes.iter();
         let node = nodes.find(|node| node.name == *source).ok_or_else(lost)?;
-        self.observer.damaged(node, partition);
-        let mut mended = self.mended.lock().unwrap_or_else(PoisonError::into_inner);
-        mended.insert(node.name.clone());
-        drop(mended);
+        (self.events)(&Event::UnitDamaged {
+            unit: UnitName::new(source, partition),
+        });
+        self.mended().insert(node.name.clone());
         let units = state.units(node)?;
         let mut units = units.iter();
         let unit = units
@@ -273,7 +332,7 @@ pub fn make_one(
     node: &NodeName,
     partition: &str,
     forced: Forced,
-    observer: &dyn Observer,
+    events: &Events,
 ) -> Result<UnitReport, Failure> {
     let mut state = State::new(pipeline, store);
     store.enter(&pipeline.name)?;
@@ -313,7 +372,7 @@ pub fn make_one(
     {
         return Err(not_made(open));
     }
-    Maker::new(pipeline, store, 0, observer).make(&state, node, unit, forced)
+    Maker::new(pipeline, store, 0, events).make(&state, node, unit, forced)
 }
 
 fn panic_message(payload: &(dyn std::any::Any + Send)) -> String {

@@ -1,12 +1,8 @@
 //! Values given on the command line: `--set stage.key=value`, or several to go through.
 
-mod sweep;
-
 use std::{fmt, str::FromStr};
 
 use toml_edit::Value;
-
-pub use self::sweep::{Sweep, Variant};
 
 /// One value that replaces what the pipeline file says.
 #[derive(Debug, Clone)]
@@ -76,13 +72,13 @@ impl fmt::Display for Override {
 
 /// Where a value goes.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct KeyPath {
-    stage: Option<String>,
-    keys: Vec<String>,
+pub(crate) struct KeyPath {
+    pub(crate) stage: Option<String>,
+    pub(crate) keys: Vec<String>,
 }
 
 impl KeyPath {
-    fn with(&self, value: Value) -> Override {
+    pub(crate) fn with(&self, value: Value) -> Override {
         Override {
             stage: self.stage.clone(),
             keys: self.keys.clone(),
@@ -92,7 +88,7 @@ impl KeyPath {
 }
 
 /// Splits `stage.key=value` into where and what.
-fn split(text: &str) -> Result<(KeyPath, &str), OverrideError> {
+pub(crate) fn split(text: &str) -> Result<(KeyPath, &str), OverrideError> {
     let malformed = || OverrideError::Malformed(text.to_owned());
     let (path, value) = text.split_once('=').ok_or_else(malformed)?;
     let mut keys: Vec<String> = path.trim().split('.').map(str::to_owned).collect();
@@ -104,7 +100,7 @@ fn split(text: &str) -> Result<(KeyPath, &str), OverrideError> {
 }
 
 /// Reads a value of TOML.
-fn parse_value(text: &str) -> Option<Value> {
+pub(crate) fn parse_value(text: &str) -> Option<Value> {
     text.parse().ok()
 }
 

@@ -1,31 +1,26 @@
 //! Pipeline files: TOML that wires stages.
 
 mod faults;
+mod order;
 mod profiles;
 mod reader;
 mod sharing;
 mod wiring;
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    path::Path,
-};
+use std::collections::{BTreeMap, BTreeSet};
 
-use self::reader::FileReader;
 use crate::{
-    error::{Failure, FileError},
-    extended::Extended,
-    graph::{Node, NodeName},
+    advice::Advised,
+    error::Failure,
+    graph::Node,
     kind::{Configured, Kind},
+    name::NodeName,
     output::Options,
-    overrides::Override,
-    stage::{Advised, Scope, Stage},
+    scope::Scope,
+    stage::Stage,
     store::Origin,
     unit::Unit,
 };
-
-/// Items that a stage may skip when its table does not say: one in five.
-const DEFAULT_MAX_SKIPPED_FRACTION: f64 = 0.2;
 
 /// A pipeline file, parsed and checked.
 pub struct Pipeline {
@@ -102,43 +97,6 @@ impl StageEntry {
 }
 
 impl Pipeline {
-    /// Parses and checks a pipeline file, and reads the files that it extends; `profile` names a table under
-    /// `profiles`, and `overrides` come last.
-    ///
-    /// # Errors
-    ///
-    /// Fails with everything that is wrong in the files, each fault with its place and a hint.
-    pub fn parse(
-        path: &Path,
-        source: &str,
-        kinds: &[Kind],
-        profile: Option<&str>,
-        overrides: &[Override],
-    ) -> Result<Self, FileError> {
-        let file = Extended::read(path, source);
-        if !file.problems.is_empty() {
-            return Err(FileError {
-                problems: file.problems,
-            });
-        }
-        let mut reader = FileReader {
-            path,
-            file: &file,
-            kinds,
-            overrides,
-            taken: Vec::new(),
-            taken_names: BTreeSet::new(),
-            problems: Vec::new(),
-        };
-        let pipeline = reader.pipeline(profile);
-        match pipeline {
-            Some(pipeline) if reader.problems.is_empty() => Ok(pipeline),
-            _ => Err(FileError {
-                problems: reader.problems,
-            }),
-        }
-    }
-
     /// Returns the stage of a node.
     pub fn stage(&self, node: &Node) -> &StageEntry {
         &self.stages[node.stage_idx]

@@ -18,12 +18,14 @@ use crate::{
     digest::Digest,
     error::Failure,
     fingerprint::{Cause, Fingerprint},
-    graph::{Node, NodeName},
+    graph::Node,
+    name::NodeName,
     options::RunOptions,
     outcome::Labels,
     pipeline::Pipeline,
+    record::RecordOutcome,
     state::{Foretold, Known, Listing, State, Sure},
-    store::{RecordOutcome, Store},
+    store::Store,
     unit::Unit,
 };
 

@@ -3,10 +3,10 @@
 use std::marker::PhantomData;
 
 use crate::{
+    advice::Advise,
     code::Code,
     line::Lines,
-    output::Outputs,
-    stage::{Advise, Stage},
+    stage::{Outputs, Stage},
 };
 
 /// What shows the results of a stage: tables and charts, and the lines that sum up what was made.

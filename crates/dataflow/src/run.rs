@@ -7,22 +7,24 @@ use std::{
 };
 
 use crate::{
+    advice::Advised,
     digest::Digest,
     elsewhere::{Elsewhere, Forced},
     error::Failure,
-    graph::{Node, NodeName},
-    line::Told,
-    make::Maker,
-    observer::Observer,
+    event::{Event, Events},
+    graph::Node,
+    make::{Maker, UnitReport},
+    name::NodeName,
     options::RunOptions,
-    outcome::Summary,
     output::Execution,
     pipeline::{Pipeline, StageEntry},
+    record::RecordOutcome,
     state::{Known, State},
     store::{
-        NewestUnit, NodeRecord, OutputRecord, RecordOutcome, RunRecord, RunStatus, Showing,
-        StageRecord, Store, UnitRef,
+        NewestUnit, NodeRecord, OutputRecord, RunRecord, RunStatus, Showing, StageRecord, Store,
+        UnitRef,
     },
+    summary::{Summary, Told},
     unit::Unit,
     workers,
 };
@@ -69,19 +71,6 @@ pub struct NodeReport {
     pub seconds: f64,
 }
 
-/// What became of one unit.
-#[derive(Debug, Clone)]
-pub struct UnitReport {
-    /// The partition's key.
-    pub partition: String,
-    /// Digest of its fingerprint.
-    pub fingerprint: Digest,
-    /// Its result.
-    pub outcome: Arc<RecordOutcome>,
-    /// Whether this run made it.
-    pub made_now: bool,
-}
-
 /// Runs a pipeline; `elsewhere` makes its units, or, where there is none, the threads of this process.
 ///
 /// # Errors
@@ -92,19 +81,21 @@ pub fn run(
     store: &dyn Store,
     options: &RunOptions,
     elsewhere: Option<&dyn Elsewhere>,
-    observer: &dyn Observer,
+    events: &Events,
 ) -> Result<RunReport, Failure> {
     let started = Instant::now();
     let nodes = options.nodes(pipeline)?;
-    observer.planned(&nodes);
+    events(&Event::RunStarted {
+        n_outputs: nodes.len(),
+    });
     store.enter(&pipeline.name)?;
     let mut runner = Runner {
-        maker: Maker::new(pipeline, store, options.jobs, observer),
+        maker: Maker::new(pipeline, store, options.jobs, events),
         pipeline,
         store,
         options,
         elsewhere,
-        observer,
+        events,
         started,
         state: State::new(pipeline, store),
         reports: Vec::new(),
@@ -119,7 +110,7 @@ struct Runner<'a> {
     store: &'a dyn Store,
     options: &'a RunOptions,
     elsewhere: Option<&'a dyn Elsewhere>,
-    observer: &'a dyn Observer,
+    events: &'a Events<'a>,
     started: Instant,
     maker: Maker<'a>,
     state: State<'a>,
@@ -146,7 +137,7 @@ impl Runner<'_> {
 
     /// Shows what was mended, and stops showing what the pipeline no longer makes.
     fn tidy(&self) -> Result<(), Failure> {
-        let mended = self.maker.mended();
+        let mended = self.maker.mended().clone();
         for report in &self.reports {
             let mut nodes = self.pipeline.nodes.iter();
             let node = nodes.find(|node| node.name == report.node);
@@ -196,10 +187,12 @@ impl Runner<'_> {
         let mut failure = None;
         if !missing.is_empty() {
             self.begin()?;
-            self.observer.node_started(node, units.len(), missing.len());
+            (self.events)(&Event::OutputStarted {
+                output: node.name.clone(),
+                n_units: units.len(),
+            });
             for unit in &made {
-                self.observer
-                    .unit_done(node, &unit.partition, &unit.outcome);
+                (self.events)(&unit.event(&node.name));
             }
             for result in self.make(node, stage, &missing) {
                 match result {
@@ -214,7 +207,12 @@ impl Runner<'_> {
         if failure.is_none() {
             self.publish(node, &report)?;
             report.shown = true;
-            self.observer.node_done(&report);
+            (self.events)(&Event::OutputDone {
+                output: node.name.clone(),
+                description: report.description.clone(),
+                n_made_now: report.n_made_now,
+                seconds: report.seconds,
+            });
         }
         let known = report.units.iter().filter_map(|unit| {
             let known = Known::of(Arc::clone(&unit.outcome))?;
@@ -266,17 +264,12 @@ impl Runner<'_> {
         } else {
             Forced::No
         };
-        workers::in_order(units, n_workers, |unit| {
-            let made = match self.elsewhere {
-                None => self.maker.make(&self.state, node, unit, forced)?,
-                Some(elsewhere) => {
-                    self.maker
-                        .make_elsewhere(&self.state, node, unit, forced, elsewhere)?
-                }
-            };
-            self.observer
-                .unit_done(node, &unit.partition, &made.outcome);
-            Ok(made)
+        workers::in_order(units, n_workers, |unit| match self.elsewhere {
+            None => self.maker.make(&self.state, node, unit, forced),
+            Some(elsewhere) => {
+                self.maker
+                    .make_elsewhere(&self.state, node, unit, forced, elsewhere)
+            }
         })
     }
 
@@ -318,7 +311,7 @@ impl Runner<'_> {
     }
 
     /// Keeps what the run did, unless it made nothing and an earlier run found the same.
-    fn keep_or_find(&self) -> Result<Option<u64>, crate::stage::Advised> {
+    fn keep_or_find(&self) -> Result<Option<u64>, Advised> {
         let record = self.record(RunStatus::Finished);
         if self.number.is_none() && self.store.find_run(&record)?.is_some() {
             let units = self.units_of(&record);
@@ -335,7 +328,7 @@ impl Runner<'_> {
         record.units.iter().cloned().zip(outcomes).collect()
     }
 
-    fn keep(&self, status: RunStatus) -> Result<u64, crate::stage::Advised> {
+    fn keep(&self, status: RunStatus) -> Result<u64, Advised> {
         let record = self.record(status);
         let number = match self.number {
             Some(number) => number,

@@ -11,16 +11,19 @@ use std::{
 };
 
 use crate::{
+    advice::Advised,
     code::Code,
     digest::Digest,
     error::Failure,
     fingerprint::{Fingerprint, Recipe},
     form::Form,
-    graph::{Node, NodeName},
+    graph::Node,
+    name::NodeName,
     outcome::Labels,
     pipeline::Pipeline,
-    stage::{Advised, Partition, Scope},
-    store::{RecordOutcome, Store},
+    record::RecordOutcome,
+    scope::{Partition, Scope},
+    store::Store,
     unit::Unit,
 };
 

@@ -9,147 +9,15 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    digest::{Digest, Fields},
+    advice::Advised,
+    digest::Digest,
     fingerprint::Fingerprint,
-    graph::{Node, NodeName},
+    graph::Node,
     metrics::Figures,
-    outcome::{Labels, Outcome},
-    stage::Advised,
+    name::NodeName,
+    outcome::Outcome,
+    record::{FileRef, Record, RecordOutcome},
 };
-
-/// One file of an artifact: its bytes are found by their digest.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct FileRef {
-    /// Digest of the bytes.
-    pub digest: Digest,
-    /// Number of bytes.
-    pub size: u64,
-}
-
-/// What became of a unit, kept under its fingerprint.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Record {
-    /// Everything that the result depends on.
-    pub fingerprint: Fingerprint,
-    /// The result.
-    pub outcome: RecordOutcome,
-}
-
-/// The result of a unit.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "result", rename_all = "snake_case")]
-pub enum RecordOutcome {
-    /// Files that are the artifact.
-    Made {
-        /// The files by name.
-        files: BTreeMap<String, FileRef>,
-        /// Facts by which later stages choose partitions.
-        labels: Labels,
-        /// Counts and figures.
-        metrics: Figures,
-    },
-    /// The item could not be used.
-    Skipped {
-        /// Why.
-        reason: String,
-    },
-    /// The configuration leaves the item out.
-    Filtered {
-        /// Why.
-        reason: String,
-    },
-}
-
-impl RecordOutcome {
-    /// Whether there is an artifact.
-    pub fn is_made(&self) -> bool {
-        matches!(self, Self::Made { .. })
-    }
-
-    /// Returns what became of the item: `made`, `skipped` or `filtered`.
-    pub fn word(&self) -> &'static str {
-        match self {
-            Self::Made { .. } => "made",
-            Self::Skipped { .. } => "skipped",
-            Self::Filtered { .. } => "filtered",
-        }
-    }
-
-    /// Returns why there is no artifact.
-    pub fn reason(&self) -> Option<&str> {
-        match self {
-            Self::Made { .. } => None,
-            Self::Skipped { reason } | Self::Filtered { reason } => Some(reason),
-        }
-    }
-
-    /// Returns the labels of a made artifact.
-    pub fn labels(&self) -> Labels {
-        match self {
-            Self::Made { labels, .. } => labels.clone(),
-            Self::Skipped { .. } | Self::Filtered { .. } => Labels::new(),
-        }
-    }
-
-    /// Returns the digest of a made artifact: of its files' names and bytes and its labels.
-    pub fn artifact_digest(&self) -> Option<Digest> {
-        match self {
-            Self::Made { files, labels, .. } => {
-                let mut fields = Fields::new("artifact");
-                digest_files(&mut fields, files.iter());
-                fields.number(labels.len() as u64);
-                for (label, value) in labels {
-                    fields.text(label);
-                    fields.text(value);
-                }
-                Some(fields.finish())
-            }
-            Self::Skipped { .. } | Self::Filtered { .. } => None,
-        }
-    }
-
-    /// Returns the digest of a made artifact, or of only the named files of it.
-    pub(crate) fn digest_of(&self, parts: Option<&Vec<String>>) -> Option<Digest> {
-        let Some(parts) = parts else {
-            return self.artifact_digest();
-        };
-        let Self::Made { files, .. } = self else {
-            return None;
-        };
-        let named: Vec<_> = files
-            .iter()
-            .filter(|(name, _)| parts.contains(name))
-            .collect();
-        let mut fields = Fields::new("files");
-        digest_files(&mut fields, named.into_iter());
-        Some(fields.finish())
-    }
-
-    /// Returns the files of a made artifact, only the named ones if `parts` names any.
-    pub(crate) fn files(&self, parts: Option<&Vec<String>>) -> Option<BTreeMap<String, FileRef>> {
-        match self {
-            Self::Made { files, .. } => Some(
-                files
-                    .iter()
-                    .filter(|(name, _)| parts.is_none_or(|parts| parts.contains(name)))
-                    .map(|(name, file)| (name.clone(), file.clone()))
-                    .collect(),
-            ),
-            Self::Skipped { .. } | Self::Filtered { .. } => None,
-        }
-    }
-}
-
-fn digest_files<'a>(
-    fields: &mut Fields,
-    files: impl ExactSizeIterator<Item = (&'a String, &'a FileRef)>,
-) {
-    fields.number(files.len() as u64);
-    for (name, file) in files {
-        fields.text(name);
-        fields.digest(&file.digest);
-    }
-}
 
 /// A unit that is being made: nobody else makes it, and its folder is empty.
 pub trait Making {

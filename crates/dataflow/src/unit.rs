@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::{form::Form, stage::SourceFile};
+use crate::{form::Form, source_file::SourceFile};
 
 /// One partition to make and what it reads.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

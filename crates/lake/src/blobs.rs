@@ -1,7 +1,7 @@
 //! Bytes by their digest.
 
 use std::{
-    collections::{BTreeSet, HashMap},
+    collections::BTreeSet,
     fs::{self, File},
     io,
     path::{Path, PathBuf},
@@ -14,50 +14,39 @@ use crate::{
     LakeError,
     atomic::{self, io_error, rename},
     clock::now,
+    digests::digest_file,
+    folder::Folder,
     stamp::Stamp,
+    stamps::Stamps,
 };
 
 /// The folder of blobs.
 pub(crate) struct Blobs {
-    root: PathBuf,
-    stamps: Mutex<Stamps>,
-}
-
-/// What is known about blobs without reading them.
-#[derive(Default)]
-struct Stamps {
-    /// Stamps that blobs had when their bytes were last seen to be right.
-    whole: HashMap<Digest, Stamp>,
+    folder: Folder,
+    /// Stamps of whole blobs.
+    pub(crate) stamps: Stamps,
     /// Blobs whose stamps this process itself moves on, by linking and unlinking them.
-    touched: BTreeSet<Digest>,
-    changed: bool,
+    touched: Mutex<BTreeSet<Digest>>,
 }
 
 impl Blobs {
-    pub(crate) fn new(root: PathBuf) -> Self {
+    pub(crate) fn new(folder: Folder) -> Self {
         Self {
-            root,
-            stamps: Mutex::default(),
+            folder,
+            stamps: Stamps::default(),
+            touched: Mutex::default(),
         }
-    }
-
-    pub(crate) fn root(&self) -> &Path {
-        &self.root
     }
 
     /// Where the bytes of a digest lie.
     pub(crate) fn path(&self, digest: &Digest) -> PathBuf {
         let name = digest.to_hex();
-        self.root.join(name.get(..2).unwrap_or_default()).join(name)
+        let folder = self.folder.blobs().join(name.get(..2).unwrap_or_default());
+        folder.join(name)
     }
 
-    fn stamps(&self) -> MutexGuard<'_, Stamps> {
-        self.stamps.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Recalls stamps that another process saw on whole blobs.
-    pub(crate) fn recall(&self, stamps: impl IntoIterator<Item = (Digest, Stamp)>) {
-        self.stamps().whole.extend(stamps);
+    fn touched(&self) -> MutexGuard<'_, BTreeSet<Digest>> {
+        self.touched.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Moves a file into the folder under its digest.
@@ -101,7 +90,7 @@ impl Blobs {
         if stamp.size() != file.size {
             return Ok(false);
         }
-        if self.stamps().whole.get(&file.digest) == Some(&stamp) {
+        if self.stamps.get(&file.digest) == Some(stamp) {
             return Ok(true);
         }
         let is_whole = self.is_whole(file)?;
@@ -122,14 +111,9 @@ impl Blobs {
     }
 
     /// Puts a lost or damaged blob back from where its bytes are shown.
-    pub(crate) fn put_back(
-        &self,
-        shown: &Path,
-        file: &FileRef,
-        staging: &Path,
-    ) -> Result<(), LakeError> {
+    pub(crate) fn put_back(&self, shown: &Path, file: &FileRef) -> Result<(), LakeError> {
         let path = self.path(&file.digest);
-        let beside = atomic::temporary_name(staging);
+        let beside = atomic::temporary_name(&self.folder.staging());
         let put = fs::hard_link(shown, &beside)
             .or_else(|_no_links| fs::copy(shown, &beside).map(drop))
             .map_err(io_error("copy", shown))
@@ -142,7 +126,7 @@ impl Blobs {
 
     /// Removes a damaged file, unless somebody has made it again meanwhile.
     pub(crate) fn drop(&self, file: &FileRef) -> Result<(), LakeError> {
-        self.stamps().whole.remove(&file.digest);
+        self.stamps.forget(&file.digest);
         if self.is_whole(file)? {
             return Ok(());
         }
@@ -159,51 +143,35 @@ impl Blobs {
     fn remember(&self, digest: &Digest) -> Result<(), LakeError> {
         let path = self.path(digest);
         let stamp = Stamp::read(&path).map_err(io_error("read", &path))?;
-        let mut stamps = self.stamps();
-        stamps.changed |= stamps.whole.insert(*digest, stamp) != Some(stamp);
+        self.stamps.learn(digest, stamp);
         Ok(())
     }
 
     /// Says that this process has linked or unlinked a blob, which moves its stamp.
     pub(crate) fn touch(&self, digest: &Digest) {
-        self.stamps().touched.insert(*digest);
+        self.touched().insert(*digest);
     }
 
     /// Takes the stamps of blobs that this process has linked or unlinked anew, and returns those
     /// blobs.
     pub(crate) fn settle(&self) -> BTreeSet<Digest> {
-        let mut stamps = self.stamps();
-        let touched = std::mem::take(&mut stamps.touched);
+        let touched = std::mem::take(&mut *self.touched());
         for digest in &touched {
-            if let Some(&before) = stamps.whole.get(digest) {
+            if let Some(before) = self.stamps.get(digest) {
                 match Stamp::read(&self.path(digest)) {
                     // What else has moved was somebody else's doing: the bytes are read next time.
                     Ok(stamp) if stamp.differs_by_links_alone(before) => {
-                        stamps.whole.insert(*digest, stamp)
+                        self.stamps.learn(digest, stamp);
                     }
-                    _ => stamps.whole.remove(digest),
-                };
+                    _ => self.stamps.forget(digest),
+                }
             }
         }
-        stamps.changed |= !touched.is_empty();
         touched
     }
 
     /// Whether stamps were learned since they were recalled.
     pub(crate) fn learned(&self) -> bool {
-        let stamps = self.stamps();
-        stamps.changed || !stamps.touched.is_empty()
+        self.stamps.learned() || !self.touched().is_empty()
     }
-
-    /// The stamp that a blob had when its bytes were last seen to be right.
-    pub(crate) fn stamp(&self, digest: &Digest) -> Option<Stamp> {
-        self.stamps().whole.get(digest).copied()
-    }
-}
-
-/// Digests a file without holding it in memory.
-pub(crate) fn digest_file(path: &Path) -> io::Result<Digest> {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update_reader(File::open(path)?)?;
-    Ok(Digest::from(*hasher.finalize().as_bytes()))
 }

@@ -6,7 +6,6 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    path::Path,
     sync::{Mutex, MutexGuard, PoisonError},
 };
 
@@ -14,16 +13,15 @@ use dataflow::NodeName;
 
 use crate::{
     LakeError, atomic,
-    folder::{Lake, names_in},
-    lock,
+    folder::{Folder, names_in},
+    lock::Locks,
 };
 
-/// Folder of the marks, below the lake.
-const FOLDER: &str = "changing";
-
-/// What this process shows, by pipeline.
-#[derive(Default)]
-pub(crate) struct Changing(Mutex<BTreeMap<String, Progress>>);
+/// What this process shows, by pipeline, and the marks of all processes.
+pub(crate) struct Changing {
+    folder: Folder,
+    known: Mutex<BTreeMap<String, Progress>>,
+}
 
 #[derive(Default)]
 struct Progress {
@@ -36,8 +34,15 @@ struct Progress {
 }
 
 impl Changing {
+    pub(crate) fn new(folder: Folder) -> Self {
+        Self {
+            folder,
+            known: Mutex::default(),
+        }
+    }
+
     fn known(&self) -> MutexGuard<'_, BTreeMap<String, Progress>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Begins a run of a pipeline.
@@ -66,49 +71,48 @@ impl Changing {
         let progress = known.entry(pipeline.to_owned()).or_default();
         progress.whole = !progress.failed && nodes.all(|node| progress.shown.contains(node));
     }
-}
 
-/// Marks a pipeline before something that it shows is changed.
-pub(crate) fn mark(lake: &Lake, pipeline: &str) -> Result<(), LakeError> {
-    lake.prepare()?;
-    let path = lake.root().join(FOLDER).join(mine(pipeline));
-    if path.exists() {
-        return Ok(());
-    }
-    atomic::write(&lake.staging(), &path, b"")
-}
-
-/// Removes this process's mark when what a pipeline shows is recorded, and those of dead processes
-/// when nothing is left of what they began.
-pub(crate) fn unmark(lake: &Lake, pipeline: &str) -> Result<(), LakeError> {
-    let folder = lake.root().join(FOLDER);
-    let known = lake.changing().known();
-    let Some(progress) = known.get(pipeline).filter(|progress| !progress.failed) else {
-        return Ok(());
-    };
-    for name in marks(lake)? {
-        let Some((of, process)) = name.rsplit_once('.') else {
-            continue;
-        };
-        let alive = lock::is_held(&lake.locks(), &Lake::alive_name(process));
-        if name == mine(pipeline) || (of == pipeline && progress.whole && !alive) {
-            atomic::remove_if_there(&folder.join(name))?;
+    /// Marks a pipeline before something that it shows is changed.
+    pub(crate) fn mark(&self, pipeline: &str) -> Result<(), LakeError> {
+        let path = self.folder.changing().join(mine(pipeline));
+        if path.exists() {
+            return Ok(());
         }
+        self.folder.write(&path, b"")
     }
-    let _kept = std::fs::remove_dir(&folder);
-    Ok(())
-}
 
-/// The pipelines that are marked.
-pub(crate) fn pipelines(lake: &Lake) -> Result<BTreeSet<String>, LakeError> {
-    let marks = marks(lake)?;
-    let pipelines = marks.iter().filter_map(|name| name.rsplit_once('.'));
-    Ok(pipelines.map(|(pipeline, _)| pipeline.to_owned()).collect())
-}
+    /// Removes this process's mark when what a pipeline shows is recorded, and those of dead processes
+    /// when nothing is left of what they began.
+    pub(crate) fn unmark(&self, pipeline: &str, locks: &Locks) -> Result<(), LakeError> {
+        let folder = self.folder.changing();
+        let known = self.known();
+        let Some(progress) = known.get(pipeline).filter(|progress| !progress.failed) else {
+            return Ok(());
+        };
+        for name in self.marks()? {
+            let Some((of, process)) = name.rsplit_once('.') else {
+                continue;
+            };
+            let is_over = of == pipeline && progress.whole && !locks.is_alive(process);
+            if name == mine(pipeline) || is_over {
+                atomic::remove_if_there(&folder.join(name))?;
+            }
+        }
+        let _kept = std::fs::remove_dir(&folder);
+        Ok(())
+    }
 
-/// The names of all marks.
-pub(crate) fn marks(lake: &Lake) -> Result<Vec<String>, LakeError> {
-    names_in(&lake.root().join(Path::new(FOLDER)))
+    /// The pipelines that are marked.
+    pub(crate) fn pipelines(&self) -> Result<BTreeSet<String>, LakeError> {
+        let marks = self.marks()?;
+        let pipelines = marks.iter().filter_map(|name| name.rsplit_once('.'));
+        Ok(pipelines.map(|(pipeline, _)| pipeline.to_owned()).collect())
+    }
+
+    /// The names of all marks.
+    pub(crate) fn marks(&self) -> Result<Vec<String>, LakeError> {
+        names_in(&self.folder.changing())
+    }
 }
 
 fn mine(pipeline: &str) -> String {

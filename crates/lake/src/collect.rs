@@ -13,22 +13,17 @@ use std::{
     time::{Duration, SystemTime, UNIX_EPOCH},
 };
 
-use dataflow::{Digest, RecordOutcome, RunStatus};
+use dataflow::{Digest, RunStatus};
 use serde::Serialize;
 
 use crate::{
     LakeError,
     atomic::{self, io_error},
     clock::now,
-    folder::{Lake, names_in},
-    lock, mend,
-    newest::{self, Newest},
-    published::EVERY,
+    folder::{digest_named, files_below, names_in, unit_of},
+    lake::Lake,
     records::Stored,
-    runs,
-    store::COLLECTING,
-    twice,
-    verify::files_below,
+    sealed, twice,
 };
 
 /// How long what an interrupted unit goes on from waits for it.
@@ -84,42 +79,42 @@ impl Lake {
         self.expect_there()?;
         self.prepare()?;
         // Nobody takes what goes for what was lost.
-        let _turn = mend::turn(self)?;
+        let _turn = self.locks.turn_to_mend()?;
         // Nobody keeps a unit or takes an old one into use while this goes on.
-        let _alone = lock::exclude(&self.locks(), COLLECTING)?;
+        let _alone = self.locks.collect_alone()?;
         let since = self.oldest_process()?;
         let mut kept: BTreeSet<Digest> = reached.iter().copied().collect();
         self.keep_of_runs(n_runs, since, &mut kept)?;
-        self.keep_of_newest(&mut kept)?;
+        kept.extend(self.cache.all_current()?);
         kept.extend(self.newest_shown_units()?);
         let mut collected = Collected::default();
         let mut blobs = BTreeSet::new();
         let mut recipes = BTreeSet::new();
         let (mut gone, mut records) = (BTreeSet::new(), Vec::new());
-        for path in files_below(&self.records().folder())? {
-            let stored = crate::sealed::read_if_whole::<Stored>(&path)?;
+        for path in files_below(&self.folder.units())? {
+            let stored = sealed::read_if_whole::<Stored>(&path)?;
             let is_kept = stored
                 .as_ref()
                 .is_some_and(|stored| kept.contains(&stored.fingerprint))
                 || is_newer(&path, since);
-            let files = stored.as_ref().map(|stored| files_of(&stored.outcome));
-            let files = files.into_iter().flatten();
+            let files = stored.as_ref().and_then(|stored| stored.outcome.files());
+            let files = files.into_iter().flat_map(BTreeMap::values);
             if is_kept {
                 collected.n_kept += 1;
-                blobs.extend(files.map(|(digest, _)| digest));
-                recipes.extend(stored.map(|stored| stored.recipe));
+                blobs.extend(files.map(|file| file.digest));
+                recipes.extend(stored.as_ref().map(|stored| stored.recipe));
                 continue;
             }
             if let Some(stored) = &stored {
                 let of_output = collected.units.entry(self.name_of(stored)?).or_default();
                 of_output.n_units += 1;
-                of_output.n_bytes += files.map(|(_, size)| size).sum::<u64>();
+                of_output.n_bytes += files.map(|file| file.size).sum::<u64>();
                 gone.insert(stored.fingerprint);
             }
             records.push(path);
         }
-        for number in runs::numbers(self.root())? {
-            if let Ok(run) = runs::read(self.root(), number) {
+        for number in self.register.numbers()? {
+            if let Ok(run) = self.register.read(number) {
                 blobs.extend(run.history.values().map(|file| file.digest));
             }
         }
@@ -133,28 +128,19 @@ impl Lake {
         self.collect_resumable(collecting, &mut collected)?;
         self.collect_leftovers(collecting, &mut collected)?;
         if collecting == Collecting::Remove && !gone.is_empty() {
-            self.forget(&gone)?;
+            self.cache.forget(&gone, &self.locks)?;
         }
         Ok(collected)
     }
 
     /// When the oldest living process that writes to the lake began, or now.
     fn oldest_process(&self) -> Result<SystemTime, LakeError> {
-        let mut since = now();
-        let mine = atomic::process_name();
-        for name in names_in(&self.locks())? {
-            let Some(process) = name.strip_prefix(&Self::alive_name("")) else {
-                continue;
-            };
-            let began = process.split_once('-').and_then(|(_, ns)| ns.parse().ok());
-            if let Some(began) = began
-                && process != mine
-                && lock::is_held(&self.locks(), &name)
-            {
-                since = since.min(UNIX_EPOCH + Duration::from_nanos(began));
-            }
-        }
-        Ok(since)
+        let others = self.locks.other_processes()?;
+        let began = others.iter().filter_map(|process| {
+            let (_, nanoseconds) = process.split_once('-')?;
+            Some(UNIX_EPOCH + Duration::from_nanos(nanoseconds.parse().ok()?))
+        });
+        Ok(began.fold(now(), SystemTime::min))
     }
 
     /// Keeps the units of tagged runs, of runs that ended since a time, and of the newest before it.
@@ -166,15 +152,15 @@ impl Lake {
     ) -> Result<(), LakeError> {
         let tagged: BTreeSet<u64> = self.tags()?.into_values().collect();
         let mut n_left: BTreeMap<String, usize> = BTreeMap::new();
-        for number in runs::numbers(self.root())?.into_iter().rev() {
+        for number in self.register.numbers()?.into_iter().rev() {
             let is_tagged = tagged.contains(&number);
-            let run = match runs::read(self.root(), number) {
+            let run = match self.register.read(number) {
                 Ok(run) => run,
                 // A damaged record says nothing about what to keep, unless somebody asked for it.
                 Err(err) if is_tagged => return Err(err),
                 Err(_) => continue,
             };
-            let is_recent = is_newer(&runs::path(self.root(), number), since);
+            let is_recent = is_newer(&self.register.path(number), since);
             let left = n_left.entry(run.record.pipeline.clone()).or_insert(n_runs);
             let counts = *left > 0 && run.record.status == RunStatus::Finished;
             if !(is_tagged || is_recent || counts) {
@@ -183,30 +169,15 @@ impl Lake {
             if counts && !is_recent {
                 *left -= 1;
             }
-            let units = runs::units(self.root(), &run)?;
+            let units = self.register.units(&run)?;
             kept.extend(units.into_iter().map(|unit| unit.fingerprint));
-        }
-        Ok(())
-    }
-
-    /// Keeps what the newest states of all pipelines show.
-    fn keep_of_newest(&self, kept: &mut BTreeSet<Digest>) -> Result<(), LakeError> {
-        for name in names_in(&self.root().join(newest::FOLDER))? {
-            let pipeline = newest::pipeline_of(&name);
-            let newest = Newest::read(&newest::path(self.root(), pipeline))?;
-            let units = newest.list().into_iter();
-            kept.extend(
-                units
-                    .filter(|unit| unit.current)
-                    .map(|unit| unit.fingerprint),
-            );
         }
         Ok(())
     }
 
     /// `stage.artifact` of a record.
     fn name_of(&self, stored: &Stored) -> Result<String, LakeError> {
-        let output = self.records().output(stored)?;
+        let output = self.records.output(stored)?;
         Ok(format!("{}.{}", stored.stage, output.unwrap_or_default()))
     }
 
@@ -216,11 +187,8 @@ impl Lake {
         gone: &BTreeSet<Digest>,
         collecting: Collecting,
     ) -> Result<(), LakeError> {
-        for path in files_below(&self.root().join(EVERY))? {
-            let folder = path.parent().and_then(Path::file_name).unwrap_or_default();
-            let folder = folder.to_string_lossy();
-            let digits = folder.strip_prefix("fingerprint=").unwrap_or_default();
-            if digits.parse().is_ok_and(|unit| gone.contains(&unit)) {
+        for path in files_below(&self.folder.every())? {
+            if unit_of(&path).is_some_and(|(_, unit)| gone.contains(&unit)) {
                 remove(&path, collecting)?;
             }
         }
@@ -233,14 +201,13 @@ impl Lake {
         since: SystemTime,
         collecting: Collecting,
     ) -> Result<(), LakeError> {
-        let folder = self.records().recipes();
-        for name in twice::names(self.root(), &folder)? {
+        let folder = self.folder.recipes();
+        for name in twice::names(&self.folder, &folder)? {
             let path = folder.join(name);
-            let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            let is_kept = name.parse().is_ok_and(|digest| kept.contains(&digest));
+            let is_kept = digest_named(&path).is_some_and(|digest| kept.contains(&digest));
             if !is_kept && !is_newer(&path, since) {
                 remove(&path, collecting)?;
-                remove(&twice::copy_of(self.root(), &path), collecting)?;
+                remove(&self.folder.copy_of(&path), collecting)?;
             }
         }
         Ok(())
@@ -253,7 +220,7 @@ impl Lake {
         collecting: Collecting,
         collected: &mut Collected,
     ) -> Result<(), LakeError> {
-        for path in files_below(self.blobs().root())? {
+        for path in files_below(&self.folder.blobs())? {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             let is_kept = name.parse().is_ok_and(|digest| kept.contains(&digest));
             if is_kept || is_newer(&path, since) {
@@ -272,16 +239,12 @@ impl Lake {
         collecting: Collecting,
         collected: &mut Collected,
     ) -> Result<(), LakeError> {
-        let locks = self.locks();
         collected.n_leftovers += self.collect_staging(collecting)?;
-        for name in names_in(&locks)? {
-            if name == COLLECTING || lock::is_held(&locks, &name) {
-                continue;
-            }
+        for name in self.locks.left()? {
             collected.n_leftovers += 1;
             if collecting == Collecting::Remove {
                 // A lock is removed by letting go of it.
-                drop(lock::try_take(&locks, &name, "nothing")?);
+                drop(self.locks.try_take(&name, "nothing")?);
             }
         }
         Ok(())
@@ -289,20 +252,20 @@ impl Lake {
 
     /// Removes what dead processes left in staging; returns how much.
     pub(crate) fn collect_staging(&self, collecting: Collecting) -> Result<usize, LakeError> {
-        let locks = self.locks();
         let mut n_leftovers = 0;
-        for name in names_in(&self.staging())? {
-            let path = self.staging().join(&name);
+        let staging = self.folder.staging();
+        for name in names_in(&staging)? {
+            let path = staging.join(&name);
             let process = name.trim_start_matches("history-");
             let mut words = process.split('-');
             let process = [words.next(), words.next()].map(Option::unwrap_or_default);
-            let process = Self::alive_name(process.join("-").trim_end_matches(".new"));
-            if lock::is_held(&locks, &name) || lock::is_held(&locks, &process) {
+            let process = process.join("-");
+            if self.locks.is_held(&name) || self.locks.is_alive(process.trim_end_matches(".new")) {
                 continue;
             }
             if collecting == Collecting::Remove {
                 // Nobody begins to make the unit meanwhile.
-                let Some(_lock) = lock::try_take(&locks, &name, "nothing")? else {
+                let Some(_lock) = self.locks.try_take(&name, "nothing")? else {
                     continue;
                 };
                 let removed = if path.is_dir() {
@@ -329,46 +292,25 @@ impl Lake {
         collecting: Collecting,
         collected: &mut Collected,
     ) -> Result<(), LakeError> {
-        let locks = self.locks();
         let long_ago = now().checked_sub(RESUMED_WITHIN).unwrap_or(UNIX_EPOCH);
-        for name in names_in(&self.resume())? {
-            let folder = self.resume().join(&name);
-            let record = name.parse().map(|unit| self.records().path(&unit));
+        for name in names_in(&self.folder.resume())? {
+            let folder = self.folder.resume().join(&name);
+            let record = name.parse().map(|unit| self.records.path(&unit));
             let is_kept = record.is_ok_and(|record| record.exists());
             let mut files = files_below(&folder)?;
             files.push(folder.clone());
             let is_recent = files.iter().any(|path| is_newer(path, long_ago));
-            if lock::is_held(&locks, &name) || (is_recent && !is_kept) {
+            if self.locks.is_held(&name) || (is_recent && !is_kept) {
                 continue;
             }
             if collecting == Collecting::Remove {
                 // Nobody begins to make the unit meanwhile.
-                let Some(_lock) = lock::try_take(&locks, &name, "nothing")? else {
+                let Some(_lock) = self.locks.try_take(&name, "nothing")? else {
                     continue;
                 };
                 fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))?;
             }
             collected.n_leftovers += 1;
-        }
-        Ok(())
-    }
-
-    /// Forgets collected units in the newest states of all pipelines.
-    fn forget(&self, gone: &BTreeSet<Digest>) -> Result<(), LakeError> {
-        for name in names_in(&self.root().join(newest::FOLDER))? {
-            let pipeline = newest::pipeline_of(&name);
-            let _turn = crate::published::wait_for_turn(self, pipeline)?;
-            let path = newest::path(self.root(), pipeline);
-            let mut newest = Newest::read(&path)?;
-            let stamps: BTreeMap<_, _> = std::mem::take(&mut newest.stamps).into_iter().collect();
-            let records: BTreeMap<_, _> = std::mem::take(&mut newest.records).into_iter().collect();
-            newest.forget(|unit| gone.contains(unit));
-            newest.write(
-                &self.staging(),
-                &path,
-                |unit| records.get(unit).copied(),
-                |blob| stamps.get(blob).copied(),
-            )?;
         }
         Ok(())
     }
@@ -378,17 +320,6 @@ impl Lake {
 fn is_newer(path: &Path, since: SystemTime) -> bool {
     let modified = fs::metadata(path).and_then(|metadata| metadata.modified());
     modified.is_ok_and(|modified| modified >= since)
-}
-
-/// The blobs of a result, with their sizes.
-fn files_of(outcome: &RecordOutcome) -> Vec<(Digest, u64)> {
-    match outcome {
-        RecordOutcome::Made { files, .. } => files
-            .values()
-            .map(|file| (file.digest, file.size))
-            .collect(),
-        RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => Vec::new(),
-    }
 }
 
 /// Removes a file, and the folders above it that are left empty.

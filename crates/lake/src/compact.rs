@@ -1,23 +1,14 @@
-//! Large caches in few bytes, after a line with the digest of those bytes, so that damage is always
-//! noticed.
-//!
-//! ```text
-//! blake3 64 digits
-//! numbers, texts and digests one after the other
-//! ```
+//! Large caches in few bytes: numbers, texts and digests one after the other, sealed.
 
 use std::path::Path;
 
 use dataflow::Digest;
 
-use crate::{LakeError, atomic, stamp::Stamp};
+use crate::{LakeError, folder::Folder, sealed::LINE, stamp::Stamp};
 
-const BEFORE: &[u8] = b"blake3 ";
-const DIGITS: usize = 64;
 const DIGEST: usize = 32;
 
 /// What is written.
-#[derive(Default)]
 pub(crate) struct Writer(Vec<u8>);
 
 /// What is left to be read. Everything read is `None` where the bytes do not say it, as those of
@@ -25,6 +16,13 @@ pub(crate) struct Writer(Vec<u8>);
 pub(crate) struct Reader<'a>(&'a [u8]);
 
 impl Writer {
+    /// Begins a file of this version, which changes with the form.
+    pub(crate) fn new(version: u64) -> Self {
+        let mut writer = Self(LINE.begin());
+        writer.number(version);
+        writer
+    }
+
     /// Seven bits to a byte, the lowest first.
     pub(crate) fn number(&mut self, mut number: u64) {
         while number > 0x7f {
@@ -50,23 +48,16 @@ impl Writer {
     }
 
     /// Writes the file, whole or not at all.
-    pub(crate) fn write(self, staging: &Path, path: &Path) -> Result<(), LakeError> {
-        atomic::write(staging, path, &self.sealed())
-    }
-
-    fn sealed(self) -> Vec<u8> {
-        let digits = Digest::of_bytes(&self.0).to_hex();
-        [BEFORE, digits.as_bytes(), b"\n", &self.0].concat()
+    pub(crate) fn write(self, folder: &Folder, path: &Path) -> Result<(), LakeError> {
+        folder.write(path, &LINE.end(self.0))
     }
 }
 
 impl<'a> Reader<'a> {
-    /// Begins to read a file, if no byte of it is other than it was written.
-    pub(crate) fn of(bytes: &'a [u8]) -> Option<Self> {
-        let rest = bytes.strip_prefix(BEFORE)?;
-        let (digits, rest) = rest.split_at_checked(DIGITS)?;
-        let body = rest.strip_prefix(b"\n")?;
-        (digits == Digest::of_bytes(body).to_hex().as_bytes()).then_some(Self(body))
+    /// Begins to read a file, if no byte of it is other than it was written and it is of this version.
+    pub(crate) fn of(bytes: &'a [u8], version: u64) -> Option<Self> {
+        let mut reader = Self(LINE.body(bytes)?);
+        (reader.number()? == version).then_some(reader)
     }
 
     fn take(&mut self, count: usize) -> Option<&'a [u8]> {
@@ -119,42 +110,23 @@ impl<'a> Reader<'a> {
 mod tests {
     use super::*;
 
-    fn written() -> Vec<u8> {
-        let mut writer = Writer::default();
-        for number in [0, 127, 128, u64::MAX] {
+    #[test]
+    fn what_was_written_is_read_by_the_same_version() {
+        let numbers = [0, 127, 128, u64::MAX];
+        let mut writer = Writer::new(2);
+        for number in numbers {
             writer.number(number);
         }
         writer.text("a name");
         writer.digest(&Digest::of_bytes(b"bytes"));
-        writer.sealed()
-    }
-
-    #[test]
-    fn what_was_written_is_read() {
-        let bytes = written();
-        let mut reader = Reader::of(&bytes).unwrap();
-        for number in [0, 127, 128, u64::MAX] {
+        let bytes = LINE.end(writer.0);
+        let mut reader = Reader::of(&bytes, 2).unwrap();
+        for number in numbers {
             assert_eq!(reader.number(), Some(number));
         }
         assert_eq!(reader.text(), Some("a name"));
         assert_eq!(reader.digest(), Some(Digest::of_bytes(b"bytes")));
         assert_eq!(reader.number(), None);
-    }
-
-    #[test]
-    fn every_flipped_byte_and_every_cut_is_noticed() {
-        let bytes = written();
-        for position in 0..bytes.len() {
-            for flip in [1, 0x20, 0x80] {
-                let mut damaged = bytes.clone();
-                damaged[position] ^= flip;
-                let is_noticed = Reader::of(&damaged).is_none();
-                assert!(is_noticed, "byte {position} flipped by {flip}");
-            }
-            assert!(
-                Reader::of(&bytes[..position]).is_none(),
-                "cut at {position}"
-            );
-        }
+        assert!(Reader::of(&bytes, 3).is_none());
     }
 }

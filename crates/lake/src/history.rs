@@ -11,35 +11,8 @@ use dataflow::{FileRef, RecordOutcome, RunRecord, RunStatus, UnitRef};
 use serde_json::Value;
 
 use crate::{
-    LakeError,
-    atomic::io_error,
-    folder::Lake,
-    published::{self, TABLES as SHOWN},
-    runs::{self, Run},
-    table,
+    LakeError, atomic::io_error, folder::HISTORY, lake::Lake, published, register::Run, table,
 };
-
-/// The tables, in the order in which they are documented.
-///
-/// | table       | one row per                     | columns |
-/// |-------------|---------------------------------|---------|
-/// | `runs`      | run                             | `run`, `pipeline`, `file`, `profile`, `overrides`, `seed`, `status`, `message`, `started` (UTC), `seconds`, `n_units`, `n_made_now`, `n_skipped` |
-/// | `settings`  | value of a stage in a run       | `run`, `stage`, `key` (dotted), `value` (JSON), `number` (null if it is none) |
-/// | `units`     | unit of a run                   | `run`, `pipeline`, `stage`, `artifact`, `partition`, `fingerprint`, `result`, `reason`, `made_now` |
-/// | `artifacts` | file of an artifact of a run    | `run`, `stage`, `artifact`, `partition`, `file`, `digest`, `bytes` |
-/// | `metrics`   | figure of an artifact of a run  | `run`, `stage`, `artifact`, `partition`, `metric`, `value` |
-pub(crate) const TABLES: [&str; 5] = ["runs", "settings", "units", "artifacts", "metrics"];
-
-/// What stands before the number of a run in the name of the folder of its table.
-pub(crate) const RUN: &str = "run=";
-
-/// Where the tables of a run are shown, below the lake.
-pub(crate) fn shown(name: &str, run: u64) -> PathBuf {
-    PathBuf::from(SHOWN)
-        .join(name)
-        .join(format!("{RUN}{run}"))
-        .join(table::FILE)
-}
 
 /// Writes the tables of a run that ended, and returns their files by table.
 pub(crate) fn keep(
@@ -58,15 +31,15 @@ pub(crate) fn keep(
         artifacts(units),
         metrics(units),
     ];
-    for (name, batch) in TABLES.into_iter().zip(batches) {
-        let path = lake.root().join(shown(name, run.number));
+    for (name, batch) in HISTORY.into_iter().zip(batches) {
+        let path = lake.folder.run_table(name, run.number);
         let batch = batch.map_err(|err| LakeError::Parquet {
             action: "write",
             path: path.clone(),
             source: err.into(),
         })?;
         table::write_batch(folder, &batch)?;
-        let file = lake.blobs().take(&folder.join(table::FILE))?;
+        let file = lake.blobs.take(&folder.join(table::FILE))?;
         // A copy: what nothing could make again is there twice.
         published::show_copy(lake, &lake.file(&file), &path)?;
         kept.insert(name.to_owned(), file);
@@ -80,7 +53,7 @@ struct Folder(PathBuf);
 impl Folder {
     fn make(lake: &Lake) -> Result<Self, LakeError> {
         let name = format!("history-{}", crate::atomic::process_name());
-        let folder = Self(lake.staging().join(name));
+        let folder = Self(lake.folder.staging().join(name));
         fs::create_dir_all(&folder.0).map_err(io_error("create", &folder.0))?;
         Ok(folder)
     }
@@ -96,13 +69,13 @@ impl Drop for Folder {
 /// Makes the tables of a run again from its record and those of its units; returns the run with them.
 pub(crate) fn make_again(lake: &Lake, mut run: Run) -> Result<Run, LakeError> {
     // Without the list of its units nothing can be said about them.
-    let Ok(refs) = runs::units(lake.root(), &run) else {
+    let Ok(refs) = lake.register.units(&run) else {
         return Ok(run);
     };
     let units = with_outcomes(lake, refs)?;
     let record = run.record.clone();
     run.history = keep(lake, &run, &record, &units)?;
-    runs::keep(lake, &run)?;
+    lake.register.keep(&run)?;
     Ok(run)
 }
 
@@ -113,7 +86,7 @@ pub(crate) fn with_outcomes(
 ) -> Result<Vec<(UnitRef, Arc<RecordOutcome>)>, LakeError> {
     let mut units = Vec::new();
     for unit in refs {
-        if let Some(stored) = lake.records().read(&unit.fingerprint)? {
+        if let Some(stored) = lake.records.read(&unit.fingerprint)? {
             units.push((unit, Arc::new(stored.outcome)));
         }
     }
@@ -317,10 +290,7 @@ fn entries<'a, V>(
 }
 
 fn artifacts(units: &[(UnitRef, Arc<RecordOutcome>)]) -> Result<RecordBatch, ArrowError> {
-    let rows = entries(units, |outcome| match outcome {
-        RecordOutcome::Made { files, .. } => Some(files),
-        RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => None,
-    });
+    let rows = entries(units, RecordOutcome::files);
     let [stage, artifact, partition] = names(&rows.iter().map(|(unit, ..)| *unit));
     let bytes = rows
         .iter()

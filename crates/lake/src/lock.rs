@@ -8,14 +8,17 @@ use std::{
     io::{self, Seek, Write},
     os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
+    sync::{Mutex, MutexGuard, PoisonError},
 };
 
+use dataflow::Digest;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     LakeError,
     atomic::{self, io_error},
     clock,
+    folder::names_in,
 };
 
 /// A lock, let go of and removed when it is dropped.
@@ -55,70 +58,168 @@ impl Holder {
     }
 }
 
-/// Waits until nobody else has the lock of this name under `locks`; if somebody has, `waiting` is
-/// told once who.
-pub(crate) fn wait_for(
-    locks: &Path,
-    name: &str,
-    what: &str,
-    waiting: &dyn Fn(&str),
-) -> Result<Lock, LakeError> {
-    let path = locks.join(name);
-    let mut told = false;
-    loop {
-        let file = open(&path)?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
+/// The locks of a lake, each a file of its folder.
+pub(crate) struct Locks {
+    folder: PathBuf,
+    /// Held as long as this process writes to the lake, so that others know that it lives.
+    alive: Mutex<Option<Lock>>,
+}
+
+/// The lock under which records are taken into use, and collected.
+const COLLECTING: &str = "collecting";
+
+/// What stands before a process's name in that of the lock that it holds as long as it lives.
+const PROCESS: &str = "process-";
+
+/// What is said to a process that waits for another one.
+pub(crate) type Waiting<'a> = dyn Fn(&str) + 'a;
+
+impl Locks {
+    pub(crate) fn new(folder: PathBuf) -> Self {
+        Self {
+            folder,
+            alive: Mutex::default(),
+        }
+    }
+
+    /// Says that this process writes to the lake.
+    pub(crate) fn enter(&self) -> Result<(), LakeError> {
+        let mut alive = self.alive();
+        if alive.is_none() {
+            let name = format!("{PROCESS}{}", atomic::process_name());
+            *alive = self.try_take(&name, "artifacts")?;
+        }
+        Ok(())
+    }
+
+    /// Says that this process writes no more to the lake.
+    pub(crate) fn leave(&self) {
+        self.alive().take();
+    }
+
+    fn alive(&self) -> MutexGuard<'_, Option<Lock>> {
+        self.alive.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether a process that wrote to the lake is still there.
+    pub(crate) fn is_alive(&self, process: &str) -> bool {
+        self.is_held(&format!("{PROCESS}{process}"))
+    }
+
+    /// Names of other processes that write to the lake.
+    pub(crate) fn other_processes(&self) -> Result<Vec<String>, LakeError> {
+        let mine = atomic::process_name();
+        let names = names_in(&self.folder)?;
+        let processes = names.iter().filter_map(|name| name.strip_prefix(PROCESS));
+        let others = processes.filter(|process| *process != mine && self.is_alive(process));
+        Ok(others.map(str::to_owned).collect())
+    }
+
+    /// Waits until nobody else makes this unit; if somebody does, `waiting` is told once who.
+    pub(crate) fn unit(
+        &self,
+        fingerprint: &Digest,
+        unit: &str,
+        waiting: &Waiting,
+    ) -> Result<Lock, LakeError> {
+        self.wait_for(&fingerprint.to_hex(), unit, waiting)
+    }
+
+    /// Lets one process at a time mend, and change what is mended.
+    pub(crate) fn turn_to_mend(&self) -> Result<Lock, LakeError> {
+        self.wait_for("mending", "what was lost anew", &|_| {})
+    }
+
+    /// Lets one process at a time change what a pipeline shows.
+    pub(crate) fn turn_to_show(&self, pipeline: &str) -> Result<Lock, LakeError> {
+        let name = format!("published-{pipeline}");
+        self.wait_for(&name, "what the pipeline shows", &|_| {})
+    }
+
+    /// Lets one process at a time number a run.
+    pub(crate) fn turn_to_number(&self) -> Result<Lock, LakeError> {
+        self.wait_for("runs", "a record of its run", &|_| {})
+    }
+
+    /// Lets one process at a time keep what it knows of files outside the lake.
+    pub(crate) fn turn_to_know(&self) -> Result<Lock, LakeError> {
+        self.wait_for("sources", "what it knows of files outside", &|_| {})
+    }
+
+    /// Waits until nobody collects, and keeps others from it.
+    pub(crate) fn keep_all(&self) -> Result<File, LakeError> {
+        self.stay(COLLECTING, File::lock_shared)
+    }
+
+    /// Waits until nobody keeps anything or takes it into use, and keeps others from it.
+    pub(crate) fn collect_alone(&self) -> Result<File, LakeError> {
+        self.stay(COLLECTING, File::lock)
+    }
+
+    /// Names of the locks that dead processes left behind.
+    pub(crate) fn left(&self) -> Result<Vec<String>, LakeError> {
+        let mut names = names_in(&self.folder)?;
+        names.retain(|name| name != COLLECTING && !self.is_held(name));
+        Ok(names)
+    }
+
+    fn wait_for(&self, name: &str, what: &str, waiting: &Waiting) -> Result<Lock, LakeError> {
+        let path = self.folder.join(name);
+        let mut told = false;
+        loop {
+            let file = open(&path)?;
+            if !lock_now(&path, &file)? {
                 if !told {
                     told = true;
                     waiting(&holder(&path));
                 }
                 file.lock().map_err(io_error("lock", &path))?;
             }
-            Err(TryLockError::Error(err)) => return Err(io_error("lock", &path)(err)),
+            if let Some(lock) = confirm(&path, file, what)? {
+                return Ok(lock);
+            }
         }
-        if let Some(lock) = confirm(&path, file, what)? {
-            return Ok(lock);
+    }
+
+    /// Takes the lock of this name if nobody has it.
+    pub(crate) fn try_take(&self, name: &str, what: &str) -> Result<Option<Lock>, LakeError> {
+        let path = self.folder.join(name);
+        loop {
+            let file = open(&path)?;
+            if !lock_now(&path, &file)? {
+                return Ok(None);
+            }
+            if let Some(lock) = confirm(&path, file, what)? {
+                return Ok(Some(lock));
+            }
         }
+    }
+
+    /// Locks a file that nobody removes, and makes sure that nobody did.
+    fn stay(&self, name: &str, lock: impl Fn(&File) -> io::Result<()>) -> Result<File, LakeError> {
+        let path = self.folder.join(name);
+        loop {
+            let file = open(&path)?;
+            lock(&file).map_err(io_error("lock", &path))?;
+            if is_at(&path, &file)? {
+                return Ok(file);
+            }
+        }
+    }
+
+    /// Whether somebody has the lock of this name.
+    pub(crate) fn is_held(&self, name: &str) -> bool {
+        let file = File::open(self.folder.join(name));
+        file.is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))
     }
 }
 
-/// Takes the lock of this name if nobody has it.
-pub(crate) fn try_take(locks: &Path, name: &str, what: &str) -> Result<Option<Lock>, LakeError> {
-    let path = locks.join(name);
-    loop {
-        let file = open(&path)?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Ok(None),
-            Err(TryLockError::Error(err)) => return Err(io_error("lock", &path)(err)),
-        }
-        if let Some(lock) = confirm(&path, file, what)? {
-            return Ok(Some(lock));
-        }
-    }
-}
-
-/// Waits until nobody excludes others from what this name stands for. Many may share it; the file
-/// stays where it is.
-pub(crate) fn share(locks: &Path, name: &str) -> Result<File, LakeError> {
-    stay(&locks.join(name), File::lock_shared)
-}
-
-/// Waits until nobody shares what this name stands for, and keeps others from it.
-pub(crate) fn exclude(locks: &Path, name: &str) -> Result<File, LakeError> {
-    stay(&locks.join(name), File::lock)
-}
-
-/// Locks a file that nobody removes, and makes sure that nobody did.
-fn stay(path: &Path, lock: impl Fn(&File) -> io::Result<()>) -> Result<File, LakeError> {
-    loop {
-        let file = open(path)?;
-        lock(&file).map_err(io_error("lock", path))?;
-        if is_at(path, &file)? {
-            return Ok(file);
-        }
+/// Locks a file if nobody has; returns whether it is locked now.
+fn lock_now(path: &Path, file: &File) -> Result<bool, LakeError> {
+    match file.try_lock() {
+        Ok(()) => Ok(true),
+        Err(TryLockError::WouldBlock) => Ok(false),
+        Err(TryLockError::Error(err)) => Err(io_error("lock", path)(err)),
     }
 }
 
@@ -127,12 +228,6 @@ fn is_at(path: &Path, file: &File) -> Result<bool, LakeError> {
     let opened = file.metadata().map_err(io_error("lock", path))?;
     let same = |there: fs::Metadata| (there.dev(), there.ino()) == (opened.dev(), opened.ino());
     Ok(fs::metadata(path).is_ok_and(same))
-}
-
-/// Whether somebody has the lock of this name.
-pub(crate) fn is_held(locks: &Path, name: &str) -> bool {
-    let file = File::open(locks.join(name));
-    file.is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))
 }
 
 fn open(path: &Path) -> Result<File, LakeError> {
@@ -195,12 +290,13 @@ mod tests {
     #[test]
     fn one_holder_at_a_time_and_the_file_goes_with_the_last() {
         let folder = tempfile::tempdir().unwrap();
+        let locks = Locks::new(folder.path().to_owned());
         let (inside, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
         std::thread::scope(|scope| {
             for _ in 0..8 {
                 scope.spawn(|| {
                     for _ in 0..50 {
-                        let lock = wait_for(folder.path(), "name", "a thing", &|_| {}).unwrap();
+                        let lock = locks.wait_for("name", "a thing", &|_| {}).unwrap();
                         most.fetch_max(inside.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
                         inside.fetch_sub(1, Ordering::SeqCst);
                         drop(lock);
@@ -213,18 +309,17 @@ mod tests {
     }
 
     #[test]
-    fn who_waits_is_told_for_whom() {
+    fn waiter_sees_lock_holder() {
         let folder = tempfile::tempdir().unwrap();
-        let lock = wait_for(folder.path(), "name", "screen.rollouts `a`", &|_| {}).unwrap();
-        assert!(is_held(folder.path(), "name"));
-        assert!(try_take(folder.path(), "name", "b").unwrap().is_none());
+        let locks = Locks::new(folder.path().to_owned());
+        let what = "screen.rollouts `a`";
+        let lock = locks.wait_for("name", what, &|_| {}).unwrap();
+        assert!(locks.is_held("name"));
+        assert!(locks.try_take("name", "b").unwrap().is_none());
         let told = holder(&folder.path().join("name"));
-        let expected = format!(
-            "process {}, which makes screen.rollouts `a`",
-            std::process::id()
-        );
-        assert_eq!(told, expected);
+        let pid = std::process::id();
+        assert_eq!(told, format!("process {pid}, which makes {what}"));
         drop(lock);
-        assert!(!is_held(folder.path(), "name"));
+        assert!(!locks.is_held("name"));
     }
 }

@@ -13,10 +13,9 @@ use crate::{
     LakeError,
     atomic::io_error,
     clock::{host, nanoseconds, now},
-    folder::Lake,
-    lock::{self, Lock},
+    lake::Lake,
+    lock::{Lock, Waiting},
     records::Provenance,
-    store::COLLECTING,
 };
 
 /// A unit that this process makes.
@@ -35,20 +34,20 @@ impl<'a> UnitInTheMaking<'a> {
         lake: &'a Lake,
         fingerprint: &Digest,
         unit: &str,
-        waiting: &dyn Fn(&str),
+        waiting: &Waiting,
     ) -> Result<Self, LakeError> {
+        let lock = lake.locks.unit(fingerprint, unit, waiting)?;
         let name = fingerprint.to_hex();
-        let lock = lock::wait_for(&lake.locks(), &name, unit, waiting)?;
-        let folder = lake.staging().join(&name);
+        let folder = lake.folder.staging().join(&name);
         if folder.exists() {
             fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))?;
         }
         fs::create_dir_all(&folder).map_err(io_error("create", &folder))?;
-        lake.flight().begin(&folder);
+        lake.flight.begin(&folder);
         Ok(Self {
             lake,
             folder,
-            resume_folder: lake.resume().join(name),
+            resume_folder: lake.folder.resume().join(name),
             started: now(),
             _lock: lock,
         })
@@ -56,9 +55,9 @@ impl<'a> UnitInTheMaking<'a> {
 
     fn keep(&self, unkept: Unkept) -> Result<Record, LakeError> {
         // Nobody collects bytes that this unit is about to need.
-        let _shared = lock::share(&self.lake.locks(), COLLECTING)?;
+        let _shared = self.lake.locks.keep_all()?;
         // From here on the unit is kept even if somebody stops the program.
-        let _landing = self.lake.flight().land();
+        let _landing = self.lake.flight.land();
         let outcome = match unkept.outcome {
             Outcome::Made(made) => {
                 if let Some((metric, value)) = made.metrics.iter().find(|(_, v)| !v.is_finite()) {
@@ -72,7 +71,7 @@ impl<'a> UnitInTheMaking<'a> {
                     let name = path
                         .file_name()
                         .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-                    files.insert(name, self.lake.blobs().take(&path)?);
+                    files.insert(name, self.lake.blobs.take(&path)?);
                 }
                 RecordOutcome::Made {
                     files,
@@ -98,7 +97,7 @@ impl<'a> UnitInTheMaking<'a> {
             host: host(),
             threads: std::thread::available_parallelism().map_or(0, usize::from),
         };
-        self.lake.records().keep(self.lake, &record, provenance)?;
+        self.lake.records.keep(&record, provenance)?;
         // What is left all the same goes with the next collection.
         let _left = self.remove_resume_folder();
         Ok(record)
@@ -148,6 +147,6 @@ impl Drop for UnitInTheMaking<'_> {
     fn drop(&mut self) {
         // What cannot be removed now is removed by whoever makes the unit next.
         let _left = fs::remove_dir_all(&self.folder);
-        self.lake.flight().end(&self.folder);
+        self.lake.flight.end(&self.folder);
     }
 }

@@ -7,16 +7,13 @@ mod stored;
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap, HashSet},
-    path::{Path, PathBuf},
+    path::PathBuf,
     sync::Arc,
 };
 
 use dataflow::{Digest, NewestUnit, NodeName, RecordOutcome, UnitRef};
 
-use crate::{LakeError, stamp::Stamp};
-
-/// Folder of the newest states, below the lake.
-pub(crate) const FOLDER: &str = "newest";
+use crate::{folder::Folder, stamp::Stamp};
 
 /// How the names of the files in it end.
 const ENDING: &str = ".cache";
@@ -59,8 +56,8 @@ pub(crate) struct ShownFile {
 }
 
 /// Where the newest state of a pipeline lies.
-pub(crate) fn path(root: &Path, pipeline: &str) -> PathBuf {
-    root.join(FOLDER).join(format!("{pipeline}{ENDING}"))
+pub(crate) fn path(folder: &Folder, pipeline: &str) -> PathBuf {
+    folder.newest().join(format!("{pipeline}{ENDING}"))
 }
 
 /// The pipeline whose newest state lies in a file of this name.
@@ -69,42 +66,6 @@ pub(crate) fn pipeline_of(name: &str) -> &str {
 }
 
 impl Newest {
-    /// Reads the file; one that cannot be used is as good as none.
-    pub(crate) fn read(path: &Path) -> Result<Self, LakeError> {
-        let mut newest = stored::read(path)?;
-        let units = newest.units.values().flat_map(BTreeMap::values);
-        let current = units.filter(|unit| unit.current);
-        newest.current = current.map(|unit| unit.fingerprint).collect();
-        Ok(newest)
-    }
-
-    /// Whether bytes are the newest state that their file's name promises.
-    pub(crate) fn is_whole(path: &Path, bytes: &[u8]) -> bool {
-        stored::is_whole(path, bytes)
-    }
-
-    /// Writes the file, with the stamps of the records of its units and of the blobs that they gave.
-    pub(crate) fn write(
-        &self,
-        staging: &Path,
-        path: &Path,
-        record: impl Fn(&Digest) -> Option<Stamp>,
-        blob: impl Fn(&Digest) -> Option<Stamp>,
-    ) -> Result<(), LakeError> {
-        let (mut records, mut blobs) = (BTreeMap::new(), BTreeMap::new());
-        for unit in self.units.values().flat_map(BTreeMap::values) {
-            records.extend(record(&unit.fingerprint).map(|stamp| (unit.fingerprint, stamp)));
-            let outcome = self.outcomes.get(&unit.fingerprint);
-            if let Some(RecordOutcome::Made { files, .. }) = outcome.map(AsRef::as_ref) {
-                let known = files
-                    .values()
-                    .filter_map(|file| Some((file.digest, blob(&file.digest)?)));
-                blobs.extend(known);
-            }
-        }
-        stored::write(self, [&records, &blobs], staging, path)
-    }
-
     /// Returns the result of a unit that the newest runs still had, when this was read.
     pub(crate) fn current_outcome(&self, fingerprint: &Digest) -> Option<&Arc<RecordOutcome>> {
         let is_current = self.current.contains(fingerprint);

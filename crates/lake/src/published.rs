@@ -13,79 +13,16 @@ use dataflow::{Digest, Node, NodeName, Showing};
 use crate::{
     LakeError,
     atomic::{self, io_error},
-    changing,
-    folder::{Lake, names_in},
-    lock::{self, Lock},
+    folder::{FILES, REPORTS, ShownFolders, files_below, names_in},
+    lake::Lake,
     newest::{Shown, ShownFile},
-    recorded::files_of,
     stamp::Stamp,
     table,
-    verify::files_below,
 };
-
-/// Folder of the tables, below the lake.
-pub(crate) const TABLES: &str = "tables";
-
-/// Folder of everything that is neither table nor chart, below the lake.
-pub(crate) const FILES: &str = "files";
-
-/// Folder of charts, below the lake.
-pub(crate) const REPORTS: &str = "reports";
 
 /// How often a blob is linked that another process replaces with the same bytes at that moment: what
 /// was found by its name has no name any more, and the system refuses to link it.
 const LINK_TRIES: u32 = 100;
-
-/// Ending of a chart's name.
-const CHART: &str = ".svg";
-
-/// Folder of every table ever made, by the unit that made it, below the lake.
-pub(crate) const EVERY: &str = "every";
-
-/// What stands before the digits of a unit in the name of the folder of its table among all.
-pub(crate) const FINGERPRINT: &str = "fingerprint=";
-
-/// The folders, below the lake, in which what a node made is shown.
-pub(crate) struct Folders {
-    tables: PathBuf,
-    files: PathBuf,
-    charts: PathBuf,
-}
-
-impl Folders {
-    pub(crate) fn of(pipeline: &str, node: &NodeName) -> Self {
-        let of = |folder| {
-            Path::new(folder)
-                .join(pipeline)
-                .join(&node.stage)
-                .join(&node.artifact)
-        };
-        Self {
-            tables: Path::new(TABLES)
-                .join(&node.artifact)
-                .join(format!("pipeline={pipeline}"))
-                .join(format!("stage={}", node.stage)),
-            files: of(FILES),
-            charts: of(REPORTS),
-        }
-    }
-
-    /// Where a file of a partition is shown.
-    pub(crate) fn path(&self, column: &str, partition: &str, name: &str) -> String {
-        let folder = if name == table::FILE {
-            self.tables.join(format!("{column}={partition}"))
-        } else if name.ends_with(CHART) {
-            self.charts.join(partition)
-        } else {
-            self.files.join(partition)
-        };
-        folder.join(name).to_string_lossy().into_owned()
-    }
-
-    fn all(self) -> [PathBuf; 3] {
-        [self.tables, self.files, self.charts]
-    }
-}
 
 /// A file to be shown.
 struct Wanted<'a> {
@@ -105,22 +42,22 @@ pub(crate) fn publish(
     before: Option<&Shown>,
 ) -> Result<Option<Shown>, LakeError> {
     let wanted = wanted(pipeline, node, made);
-    let folders = Folders::of(pipeline, &node.name).all();
+    let folders = ShownFolders::of(pipeline, &node.name).all();
     if let Some(before) = before
         && is_shown(lake, before, &wanted)
         && is_all(lake, &folders, before)?
     {
         return Ok(None);
     }
-    changing::mark(lake, pipeline)?;
-    let _turn = wait_for_turn(lake, pipeline)?;
+    lake.prepare()?;
+    lake.changing.mark(pipeline)?;
+    let _turn = lake.locks.turn_to_show(pipeline)?;
     let mut shown = Shown::new();
     for (path, file) in &wanted {
-        let target = lake.root().join(path);
+        let target = lake.folder.join(path);
         show(lake, &file.digest, &target)?;
         if file.is_table {
-            let every = every_path(
-                lake.root(),
+            let every = lake.folder.every_table(
                 &node.name.artifact,
                 node.output.partition,
                 file.partition,
@@ -137,31 +74,16 @@ pub(crate) fn publish(
         shown.insert(path.clone(), file);
     }
     for folder in folders {
-        hide_others(lake, &lake.root().join(folder), before, &shown)?;
+        hide_others(lake, &lake.folder.join(folder), before, &shown)?;
     }
     Ok(Some(shown))
 }
 
-/// Where the table of a unit lies, whatever is newest.
-pub(crate) fn every_path(
-    root: &Path,
-    artifact: &str,
-    column: &str,
-    partition: &str,
-    fingerprint: &Digest,
-) -> PathBuf {
-    root.join(EVERY)
-        .join(artifact)
-        .join(format!("{column}={partition}"))
-        .join(format!("{FINGERPRINT}{fingerprint}"))
-        .join(table::FILE)
-}
-
 fn wanted<'a>(pipeline: &str, node: &Node, made: &[Showing<'a>]) -> BTreeMap<String, Wanted<'a>> {
-    let folders = Folders::of(pipeline, &node.name);
+    let folders = ShownFolders::of(pipeline, &node.name);
     let mut wanted = BTreeMap::new();
     for unit in made {
-        for (name, file) in files_of(unit.outcome).into_iter().flatten() {
+        for (name, file) in unit.outcome.files().into_iter().flatten() {
             let path = folders.path(node.output.partition, unit.partition, name);
             let file = Wanted {
                 digest: file.digest,
@@ -185,9 +107,9 @@ fn is_shown(lake: &Lake, before: &Shown, wanted: &BTreeMap<String, Wanted>) -> b
                 path == name
                     && shown.digest == file.digest
                     && shown.fingerprint == *file.fingerprint
-                    && Stamp::read(&lake.root().join(path)).is_ok_and(|stamp| {
+                    && Stamp::read(&lake.folder.join(path)).is_ok_and(|stamp| {
                         // Another unit that made the same bytes has taken their blob into use.
-                        stamp == shown.stamp || lake.blobs().stamp(&shown.digest) == Some(stamp)
+                        stamp == shown.stamp || lake.blobs.stamps.get(&shown.digest) == Some(stamp)
                     })
             })
 }
@@ -195,9 +117,8 @@ fn is_shown(lake: &Lake, before: &Shown, wanted: &BTreeMap<String, Wanted>) -> b
 /// Whether nothing but these files lies in the folders.
 fn is_all(lake: &Lake, folders: &[PathBuf], shown: &Shown) -> Result<bool, LakeError> {
     for folder in folders {
-        for path in files_below(&lake.root().join(folder))? {
-            let name = path.strip_prefix(lake.root()).unwrap_or(&path);
-            if !shown.contains_key(&*name.to_string_lossy()) {
+        for path in files_below(&lake.folder.join(folder))? {
+            if !shown.contains_key(&*lake.folder.name_of(&path)) {
                 return Ok(false);
             }
         }
@@ -214,7 +135,7 @@ pub(crate) fn retire(
 ) -> Result<(), LakeError> {
     let mut old = Vec::new();
     for table in lake.tables()? {
-        let folder = lake.table_folder(&table, pipeline);
+        let folder = lake.folder.table_of(&table, pipeline);
         for name in names_in(&folder)? {
             let stage = name.strip_prefix("stage=").unwrap_or(&name);
             if !is_kept(&NodeName::new(stage, &table)) {
@@ -223,7 +144,7 @@ pub(crate) fn retire(
         }
     }
     for folder in [FILES, REPORTS] {
-        let folder = lake.root().join(folder).join(pipeline);
+        let folder = lake.folder.join(folder).join(pipeline);
         for stage in names_in(&folder)? {
             for artifact in names_in(&folder.join(&stage))? {
                 if !is_kept(&NodeName::new(&stage, &artifact)) {
@@ -235,8 +156,9 @@ pub(crate) fn retire(
     if old.is_empty() {
         return Ok(());
     }
-    changing::mark(lake, pipeline)?;
-    let _turn = wait_for_turn(lake, pipeline)?;
+    lake.prepare()?;
+    lake.changing.mark(pipeline)?;
+    let _turn = lake.locks.turn_to_show(pipeline)?;
     for folder in old {
         hide_others(lake, &folder, Some(before), &Shown::new())?;
         let _kept = fs::remove_dir(&folder);
@@ -245,22 +167,16 @@ pub(crate) fn retire(
     Ok(())
 }
 
-/// Lets one process at a time change what a pipeline shows.
-pub(crate) fn wait_for_turn(lake: &Lake, pipeline: &str) -> Result<Lock, LakeError> {
-    let name = format!("published-{pipeline}");
-    lock::wait_for(&lake.locks(), &name, "what the pipeline shows", &|_| {})
-}
-
 /// Makes `path` the same file as the blob, or a copy where the file system has no hard links.
 pub(crate) fn show(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), LakeError> {
-    let blob = lake.blobs().path(digest);
+    let blob = lake.blobs.path(digest);
     let same = fs::metadata(path).is_ok_and(|shown| {
         fs::metadata(&blob).is_ok_and(|blob| (shown.dev(), shown.ino()) == (blob.dev(), blob.ino()))
     });
     if same {
         return Ok(());
     }
-    lake.blobs().touch(digest);
+    lake.blobs.touch(digest);
     let mut tries = LINK_TRIES;
     by_way_of(lake, path, |beside| {
         loop {
@@ -295,7 +211,7 @@ fn by_way_of(
     path: &Path,
     make: impl FnOnce(&Path) -> Result<(), LakeError>,
 ) -> Result<(), LakeError> {
-    let beside = atomic::temporary_name(&lake.staging());
+    let beside = atomic::temporary_name(&lake.folder.staging());
     let put = make(&beside).and_then(|()| atomic::rename(&beside, path));
     if put.is_err() {
         let _gone = fs::remove_file(&beside);
@@ -331,11 +247,10 @@ fn hide_others(
             let _kept = fs::remove_dir(&path);
             continue;
         }
-        let name = path.strip_prefix(lake.root()).unwrap_or(&path);
-        let name = name.to_string_lossy();
+        let name = lake.folder.name_of(&path);
         if !shown.contains_key(&*name) {
             if let Some(file) = before.and_then(|before| before.get(&*name)) {
-                lake.blobs().touch(&file.digest);
+                lake.blobs.touch(&file.digest);
             }
             atomic::remove_if_there(&path)?;
         }

@@ -8,15 +8,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Digest, FileRef, NodeName, RecordOutcome, RunStatus, UnitRef};
+use dataflow::{Artifact, Digest, NodeName, RecordOutcome, RunStatus, UnitRef};
 
 use crate::{
-    LakeError, again,
-    folder::Lake,
-    history, published,
-    runs::{self, Run},
-    table,
-    verify::check_digests,
+    LakeError, digests::check_digests, folder::ShownFolders, lake::Lake, register::Run, table,
 };
 
 /// The newest partitions of a node, as the newest run that showed them left them.
@@ -76,8 +71,7 @@ impl Lake {
                 let mut files = BTreeMap::new();
                 for unit in &shown.units {
                     let outcome = self.outcome_of(&unit.fingerprint)?;
-                    if let Some(file) = files_of(&outcome).and_then(|files| files.get(table::FILE))
-                    {
+                    if let Some(file) = outcome.files().and_then(|files| files.get(table::FILE)) {
                         let path = self.every_path(&shown.column, unit);
                         promised.push((path.clone(), file.digest));
                         files.insert(unit.partition.clone(), path);
@@ -91,6 +85,25 @@ impl Lake {
             }
         }
         Ok(TableFiles::default())
+    }
+
+    /// Returns the newest partitions of a table by key, each with the table's file alone.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a record or a file of it is lost or damaged.
+    pub fn newest_partitions(&self, name: &str) -> Result<BTreeMap<String, Artifact>, LakeError> {
+        let stages = self.newest_table(name)?.stages.into_iter();
+        let files = stages.flat_map(|stage| stage.files);
+        let artifacts = files.map(|(key, file)| {
+            let artifact = Artifact {
+                key: key.clone(),
+                labels: BTreeMap::new(),
+                files: BTreeMap::from([(table::FILE.to_owned(), file)]),
+            };
+            (key, artifact)
+        });
+        Ok(artifacts.collect())
     }
 
     /// Returns the partitions of a table that a run had.
@@ -114,8 +127,8 @@ impl Lake {
         let mut promised = Vec::new();
         let mut all = TableFiles::default();
         let mut lists = BTreeSet::new();
-        for number in runs::numbers(self.root())? {
-            let run = runs::read(self.root(), number)?;
+        for number in self.register.numbers()? {
+            let run = self.register.read(number)?;
             // Runs that had the same units share their list.
             if lists.insert((run.record.pipeline.clone(), run.manifest)) {
                 let run = self.run(number)?;
@@ -138,22 +151,22 @@ impl Lake {
         promised: &mut Vec<Promised>,
     ) -> Result<TableFiles, LakeError> {
         let mut found = TableFiles::default();
-        for node in shown_by(run).filter(|node| node.artifact == table) {
-            let Some(column) = column_of(run, node) else {
+        for node in run.shown().filter(|node| node.artifact == table) {
+            let Some(column) = run.column_of(node) else {
                 continue;
             };
             let mut files = BTreeMap::new();
             for unit in run.record.units.iter().filter(|unit| unit.node == *node) {
                 let path = self.every_path(column, unit);
-                let Some(stored) = self.records().read(&unit.fingerprint)? else {
+                let Some(stored) = self.records.read(&unit.fingerprint)? else {
                     // Whoever collects a unit leaves nothing of it.
-                    if path.exists() || self.records().path(&unit.fingerprint).exists() {
+                    if path.exists() || self.records.path(&unit.fingerprint).exists() {
                         return Err(self.lost_record(&unit.fingerprint));
                     }
                     found.n_collected += 1;
                     continue;
                 };
-                let made = files_of(&stored.outcome);
+                let made = stored.outcome.files();
                 if let Some(file) = made.and_then(|files| files.get(table::FILE)) {
                     promised.push((path.clone(), file.digest));
                     files.insert(unit.partition.clone(), path);
@@ -172,10 +185,10 @@ impl Lake {
     pub fn history_table(&self, name: &str) -> Result<BTreeMap<u64, PathBuf>, LakeError> {
         let mut files = BTreeMap::new();
         let mut promised = Vec::new();
-        for number in runs::numbers(self.root())? {
-            let run = runs::read(self.root(), number)?;
+        for number in self.register.numbers()? {
+            let run = self.register.read(number)?;
             if let Some(file) = run.history.get(name) {
-                let path = self.root().join(history::shown(name, number));
+                let path = self.folder.run_table(name, number);
                 promised.push((path.clone(), file.digest));
                 files.insert(number, path);
             }
@@ -185,26 +198,44 @@ impl Lake {
     }
 
     /// Where the table of a unit lies, whatever is newest.
-    pub(crate) fn every_path(&self, column: &str, unit: &UnitRef) -> PathBuf {
+    fn every_path(&self, column: &str, unit: &UnitRef) -> PathBuf {
         let artifact = &unit.node.artifact;
-        published::every_path(
-            self.root(),
-            artifact,
-            column,
-            &unit.partition,
-            &unit.fingerprint,
-        )
+        self.folder
+            .every_table(artifact, column, &unit.partition, &unit.fingerprint)
+    }
+
+    /// Where the tables of units are that runs have shown, by unit; some of the units made none.
+    pub(crate) fn every_promised(&self) -> Result<BTreeMap<PathBuf, Digest>, LakeError> {
+        let mut promised = BTreeMap::new();
+        let mut lists = BTreeSet::new();
+        for number in self.register.numbers()? {
+            let Ok(run) = self.register.read(number) else {
+                continue;
+            };
+            let nodes: Vec<_> = run.shown().cloned().collect();
+            // Runs that had the same units share their list.
+            if !lists.insert((run.manifest, nodes.clone())) {
+                continue;
+            }
+            let units = self.register.units(&run).unwrap_or_default();
+            for unit in units.iter().filter(|unit| nodes.contains(&unit.node)) {
+                if let Some(column) = run.column_of(&unit.node) {
+                    promised.insert(self.every_path(column, unit), unit.fingerprint);
+                }
+            }
+        }
+        Ok(promised)
     }
 
     /// What became of a unit that is newest: its record must be there.
     fn outcome_of(&self, fingerprint: &Digest) -> Result<RecordOutcome, LakeError> {
-        let stored = self.records().read(fingerprint)?;
+        let stored = self.records.read(fingerprint)?;
         let stored = stored.ok_or_else(|| self.lost_record(fingerprint))?;
         Ok(stored.outcome)
     }
 
     fn lost_record(&self, fingerprint: &Digest) -> LakeError {
-        let path = self.records().path(fingerprint);
+        let path = self.records.path(fingerprint);
         if path.exists() {
             LakeError::Damaged { path }
         } else {
@@ -221,12 +252,12 @@ impl Lake {
         let (mut promised, mut lost) = (BTreeMap::new(), Vec::new());
         for node in Recorded::of(self)?.shown_nodes(pipeline, |_| true)? {
             for unit in &node.units {
-                let Some(stored) = self.records().read(&unit.fingerprint)? else {
+                let Some(stored) = self.records.read(&unit.fingerprint)? else {
                     lost.push(unit.fingerprint);
                     continue;
                 };
-                let folders = published::Folders::of(pipeline, &node.node);
-                for (name, file) in files_of(&stored.outcome).into_iter().flatten() {
+                let folders = ShownFolders::of(pipeline, &node.node);
+                for (name, file) in stored.outcome.files().into_iter().flatten() {
                     let path = folders.path(&node.column, &unit.partition, name);
                     promised.insert(path, file.digest);
                 }
@@ -278,7 +309,7 @@ impl<'a> Recorded<'a> {
     fn of(lake: &'a Lake) -> Result<Self, LakeError> {
         Ok(Self {
             lake,
-            left: again::ordered(lake.root())?,
+            left: lake.register.ordered()?,
             read: Vec::new(),
         })
     }
@@ -289,7 +320,7 @@ impl<'a> Recorded<'a> {
             let Some(number) = self.left.pop() else {
                 return Ok(None);
             };
-            self.read.push(runs::read(self.lake.root(), number)?);
+            self.read.push(self.lake.register.read(number)?);
         }
         Ok(self.read.get(idx))
     }
@@ -318,7 +349,7 @@ impl<'a> Recorded<'a> {
         let mut left: Option<BTreeSet<NodeName>> = None;
         let mut idx = 0;
         while left.as_ref().is_none_or(|left| !left.is_empty()) {
-            let root = self.lake.root();
+            let register = &self.lake.register;
             let Some(run) = self.at(idx)? else {
                 break;
             };
@@ -326,7 +357,7 @@ impl<'a> Recorded<'a> {
             if run.record.pipeline != pipeline {
                 continue;
             }
-            let shown: BTreeSet<&NodeName> = shown_by(run).filter(|node| is_asked(node)).collect();
+            let shown: BTreeSet<&NodeName> = run.shown().filter(|node| is_asked(node)).collect();
             let is_new = |node: &&&NodeName| {
                 !found.contains_key(**node)
                     && left.as_ref().is_none_or(|left| left.contains(**node))
@@ -335,13 +366,13 @@ impl<'a> Recorded<'a> {
             let units = if new.is_empty() {
                 Vec::new()
             } else {
-                runs::units(root, run)?
+                register.units(run)?
             };
             let new = new.into_iter().filter_map(|node| {
                 let of_node = units.iter().filter(|unit| unit.node == *node);
                 let shown = ShownNode {
                     node: node.clone(),
-                    column: column_of(run, node)?.to_owned(),
+                    column: run.column_of(node)?.to_owned(),
                     units: of_node.cloned().collect(),
                 };
                 Some((node.clone(), shown))
@@ -356,27 +387,6 @@ impl<'a> Recorded<'a> {
             }
         }
         Ok(found.into_values().collect())
-    }
-}
-
-/// The nodes that a run has shown.
-pub(crate) fn shown_by(run: &Run) -> impl Iterator<Item = &NodeName> {
-    let nodes = run.record.nodes.iter().filter(|node| node.shown);
-    nodes.map(|node| &node.node)
-}
-
-/// The column of partitions' keys of a node of a run.
-pub(crate) fn column_of<'r>(run: &'r Run, node: &NodeName) -> Option<&'r str> {
-    let mut outputs = run.record.outputs.iter();
-    let output = outputs.find(|output| output.node == *node)?;
-    Some(&output.partition)
-}
-
-/// The files of a result, if it has any.
-pub(crate) fn files_of(outcome: &RecordOutcome) -> Option<&BTreeMap<String, FileRef>> {
-    match outcome {
-        RecordOutcome::Made { files, .. } => Some(files),
-        RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => None,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Records of units: what each depended on and gave, by its fingerprint's digest.
 
 use std::{
-    collections::{BTreeMap, HashMap, HashSet},
+    collections::{BTreeMap, HashSet},
     fs::File,
     path::{Path, PathBuf},
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -13,9 +13,10 @@ use serde::{Deserialize, Serialize};
 use crate::{
     LakeError,
     clock::now,
-    folder::{Lake, names_in},
+    folder::{Folder, digest_named, files_below},
     sealed,
     stamp::Stamp,
+    stamps::Stamps,
     twice,
 };
 
@@ -67,10 +68,7 @@ impl Stored {
 /// Returns the recipe that a file's bytes hold, if it is the one that the file's name promises.
 pub(crate) fn parse_recipe(path: &Path, bytes: &[u8]) -> Result<Recipe, LakeError> {
     let recipe: Recipe = sealed::parse(path, bytes)?;
-    let promised = path
-        .file_stem()
-        .and_then(|name| name.to_str()?.parse().ok());
-    if promised == Some(recipe.digest()) {
+    if digest_named(path) == Some(recipe.digest()) {
         Ok(recipe)
     } else {
         Err(LakeError::Damaged {
@@ -79,60 +77,28 @@ pub(crate) fn parse_recipe(path: &Path, bytes: &[u8]) -> Result<Recipe, LakeErro
     }
 }
 
-/// The folder of recipes.
-pub(crate) fn recipes(root: &Path) -> PathBuf {
-    root.join("recipes")
-}
-
 /// The folders of records and recipes.
 pub(crate) struct Records {
-    root: PathBuf,
-    stamps: Mutex<Stamps>,
+    folder: Folder,
+    /// Stamps of whole records.
+    pub(crate) stamps: Stamps,
     /// What every record has of its own, without what its unit read of other stages, by digest.
     own: Mutex<Option<HashSet<Digest>>>,
 }
 
-/// What is known about records without reading them.
-#[derive(Default)]
-struct Stamps {
-    /// Stamps that records had when they were last seen to be whole.
-    whole: HashMap<Digest, Stamp>,
-    changed: bool,
-}
-
 impl Records {
-    pub(crate) fn new(root: &Path) -> Self {
+    pub(crate) fn new(folder: Folder) -> Self {
         Self {
-            root: root.to_owned(),
-            stamps: Mutex::default(),
+            folder,
+            stamps: Stamps::default(),
             own: Mutex::default(),
         }
-    }
-
-    fn stamps(&self) -> MutexGuard<'_, Stamps> {
-        self.stamps.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Recalls stamps that were seen on whole records.
-    pub(crate) fn recall(&self, stamps: impl IntoIterator<Item = (Digest, Stamp)>) {
-        self.stamps().whole.extend(stamps);
-    }
-
-    /// The stamp that a record had when it was last seen to be whole.
-    pub(crate) fn stamp(&self, fingerprint: &Digest) -> Option<Stamp> {
-        self.stamps().whole.get(fingerprint).copied()
-    }
-
-    /// Whether stamps were learned since they were recalled.
-    pub(crate) fn learned(&self) -> bool {
-        self.stamps().changed
     }
 
     /// Remembers the stamp of a record that was just written, or read and found whole.
     fn remember(&self, fingerprint: &Digest) {
         if let Ok(stamp) = Stamp::read(&self.path(fingerprint)) {
-            let mut stamps = self.stamps();
-            stamps.changed |= stamps.whole.insert(*fingerprint, stamp) != Some(stamp);
+            self.stamps.learn(fingerprint, stamp);
         }
     }
 
@@ -140,7 +106,7 @@ impl Records {
     /// had when it was last seen to be whole.
     pub(crate) fn is_whole(&self, fingerprint: &Digest) -> Result<bool, LakeError> {
         let stamp = Stamp::read(&self.path(fingerprint)).ok();
-        if stamp.is_some() && stamp == self.stamp(fingerprint) {
+        if stamp.is_some() && stamp == self.stamps.get(fingerprint) {
             return Ok(true);
         }
         let Some(stored) = self.read(fingerprint)? else {
@@ -153,40 +119,25 @@ impl Records {
         Ok(is_whole)
     }
 
-    /// The folder of records.
-    pub(crate) fn folder(&self) -> PathBuf {
-        self.root.join("units")
-    }
-
-    /// The folder of recipes.
-    pub(crate) fn recipes(&self) -> PathBuf {
-        recipes(&self.root)
-    }
-
     /// Where a record lies.
     pub(crate) fn path(&self, fingerprint: &Digest) -> PathBuf {
         let name = fingerprint.to_hex();
-        let folder = self.folder().join(name.get(..2).unwrap_or_default());
+        let folder = self.folder.units().join(name.get(..2).unwrap_or_default());
         folder.join(format!("{name}.json"))
     }
 
     fn recipe_path(&self, digest: &Digest) -> PathBuf {
-        self.recipes().join(format!("{digest}.json"))
+        self.folder.recipes().join(format!("{digest}.json"))
     }
 
     /// Keeps a record and the recipe that it shares with others.
-    pub(crate) fn keep(
-        &self,
-        lake: &Lake,
-        record: &Record,
-        provenance: Provenance,
-    ) -> Result<(), LakeError> {
+    pub(crate) fn keep(&self, record: &Record, provenance: Provenance) -> Result<(), LakeError> {
         let fingerprint = &record.fingerprint;
         let recipe = fingerprint.recipe.digest();
         let path = self.recipe_path(&recipe);
         if self.recipe(&recipe)?.is_none() {
             let bytes = sealed::seal(&path, fingerprint.recipe.as_ref())?;
-            twice::write(lake, &path, &bytes)?;
+            twice::write(&self.folder, &path, &bytes)?;
         }
         let stored = Stored {
             fingerprint: fingerprint.digest(),
@@ -201,7 +152,7 @@ impl Records {
             provenance,
         };
         let path = self.path(&stored.fingerprint);
-        sealed::write(&lake.staging(), &path, &stored)?;
+        sealed::write(&self.folder.staging(), &path, &stored)?;
         self.remember(&stored.fingerprint);
         Ok(())
     }
@@ -214,7 +165,7 @@ impl Records {
 
     /// Reads a recipe; one that is damaged, and whose copy is too, is as good as none.
     fn recipe(&self, digest: &Digest) -> Result<Option<Recipe>, LakeError> {
-        match twice::read(&self.root, &self.recipe_path(digest), parse_recipe) {
+        match twice::read(&self.folder, &self.recipe_path(digest), parse_recipe) {
             Err(LakeError::Damaged { .. } | LakeError::Json { .. }) => Ok(None),
             read => read,
         }
@@ -258,15 +209,12 @@ impl Records {
 
     fn read_own(&self, any: &Arc<Recipe>) -> Result<HashSet<Digest>, LakeError> {
         let mut own = HashSet::new();
-        for folder in names_in(&self.folder())? {
-            let folder = self.folder().join(folder);
-            for name in names_in(&folder)? {
-                let stored: Option<Stored> = sealed::read_if_whole(&folder.join(name))?;
-                if let Some(stored) = stored {
-                    let recipe = stored.recipe;
-                    // The digest that is given counts, not the recipe itself.
-                    own.insert(stored.fingerprint(Arc::clone(any)).own_digest(&recipe));
-                }
+        for path in files_below(&self.folder.units())? {
+            let stored: Option<Stored> = sealed::read_if_whole(&path)?;
+            if let Some(stored) = stored {
+                let recipe = stored.recipe;
+                // The digest that is given counts, not the recipe itself.
+                own.insert(stored.fingerprint(Arc::clone(any)).own_digest(&recipe));
             }
         }
         Ok(own)

@@ -1,7 +1,8 @@
-//! Small JSON files that carry the digest of their own bytes, so that damage is always noticed.
+//! Files that carry the digest of their own bytes, so that damage is always noticed.
 //!
 //! ```text
-//! {"blake3":"64 digits","body":{…}}
+//! {"blake3":"64 digits","body":{…}}     records: JSON
+//! blake3 64 digits                      caches: what `compact` writes follows
 //! ```
 
 use std::path::Path;
@@ -11,32 +12,63 @@ use serde::{Serialize, de::DeserializeOwned};
 
 use crate::{LakeError, atomic};
 
-const BEFORE: &[u8] = b"{\"blake3\":\"";
-const BETWEEN: &[u8] = b"\",\"body\":";
-const AFTER: &[u8] = b"}\n";
+/// How the digest of a body stands before and around it.
+pub(crate) struct Seal {
+    before: &'static [u8],
+    between: &'static [u8],
+    after: &'static [u8],
+}
+
+/// JSON with its digest as a field.
+const JSON: Seal = Seal {
+    before: b"{\"blake3\":\"",
+    between: b"\",\"body\":",
+    after: b"}\n",
+};
+
+/// Any bytes after a line with their digest.
+pub(crate) const LINE: Seal = Seal {
+    before: b"blake3 ",
+    between: b"\n",
+    after: b"",
+};
+
 const DIGITS: usize = 64;
+
+impl Seal {
+    /// Returns the bytes before a body, which is to be written in its place and never copied: one such
+    /// file may have 100 MB.
+    pub(crate) fn begin(&self) -> Vec<u8> {
+        [self.before, &[b'0'; DIGITS], self.between].concat()
+    }
+
+    /// Ends what was begun, with the digest of the body.
+    pub(crate) fn end(&self, mut bytes: Vec<u8>) -> Vec<u8> {
+        let digits = self.before.len()..self.before.len() + DIGITS;
+        let body = digits.end + self.between.len();
+        let digest = Digest::of_bytes(&bytes[body..]).to_hex();
+        bytes[digits].copy_from_slice(digest.as_bytes());
+        bytes.extend_from_slice(self.after);
+        bytes
+    }
+
+    /// Returns the body, or `None` if a byte of the file is not as it was written.
+    pub(crate) fn body<'b>(&self, bytes: &'b [u8]) -> Option<&'b [u8]> {
+        let rest = bytes.strip_prefix(self.before)?;
+        let (digits, rest) = rest.split_at_checked(DIGITS)?;
+        let body = rest.strip_prefix(self.between)?.strip_suffix(self.after)?;
+        (digits == Digest::of_bytes(body).to_hex().as_bytes()).then_some(body)
+    }
+}
 
 /// Returns the bytes of a sealed file.
 pub(crate) fn seal<T: Serialize>(path: &Path, value: &T) -> Result<Vec<u8>, LakeError> {
-    // The body is written in its place and never copied: one such file may have 100 MB.
-    let mut bytes = [BEFORE, &[b'0'; DIGITS], BETWEEN].concat();
-    let start = bytes.len();
+    let mut bytes = JSON.begin();
     serde_json::to_writer(&mut bytes, value).map_err(|source| LakeError::Json {
         path: path.to_owned(),
         source,
     })?;
-    let digest = Digest::of_bytes(&bytes[start..]).to_hex();
-    bytes[BEFORE.len()..][..DIGITS].copy_from_slice(digest.as_bytes());
-    bytes.extend_from_slice(AFTER);
-    Ok(bytes)
-}
-
-/// Returns the body of a sealed file, or `None` if a byte of it is not as it was written.
-pub(crate) fn body(bytes: &[u8]) -> Option<&[u8]> {
-    let rest = bytes.strip_prefix(BEFORE)?;
-    let (digits, rest) = rest.split_at_checked(DIGITS)?;
-    let body = rest.strip_prefix(BETWEEN)?.strip_suffix(AFTER)?;
-    (digits == Digest::of_bytes(body).to_hex().as_bytes()).then_some(body)
+    Ok(JSON.end(bytes))
 }
 
 /// Writes a sealed file, whole or not at all.
@@ -65,7 +97,7 @@ pub(crate) fn parse<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T,
     let damaged = || LakeError::Damaged {
         path: path.to_owned(),
     };
-    let body = body(bytes).ok_or_else(damaged)?;
+    let body = JSON.body(bytes).ok_or_else(damaged)?;
     // Whole bytes that do not parse were written by another version of the program.
     serde_json::from_slice(body).map_err(|source| LakeError::Json {
         path: path.to_owned(),
@@ -87,18 +119,21 @@ mod tests {
 
     #[test]
     fn every_flipped_byte_and_every_cut_is_noticed() {
-        let bytes = seal(Path::new("x"), &serde_json::json!({"a": [1, 2], "b": " "})).unwrap();
-        assert!(body(&bytes).is_some());
-        for position in 0..bytes.len() {
-            for flip in [1, 0x20, 0x80, 0x2a] {
-                let mut damaged = bytes.clone();
-                damaged[position] ^= flip;
-                assert!(
-                    body(&damaged).is_none(),
-                    "byte {position} flipped by {flip}"
-                );
+        let json = seal(Path::new("x"), &serde_json::json!({"a": [1, 2], "b": " "})).unwrap();
+        let mut line = LINE.begin();
+        line.extend([0, 1, 0x80, b'\n', 0xff]);
+        for (seal, bytes) in [(JSON, json), (LINE, LINE.end(line))] {
+            assert!(seal.body(&bytes).is_some());
+            for position in 0..bytes.len() {
+                for flip in [1, 0x20, 0x80, 0x2a] {
+                    let mut damaged = bytes.clone();
+                    damaged[position] ^= flip;
+                    let is_noticed = seal.body(&damaged).is_none();
+                    assert!(is_noticed, "byte {position} flipped by {flip}");
+                }
+                let is_noticed = seal.body(&bytes[..position]).is_none();
+                assert!(is_noticed, "cut at {position}");
             }
-            assert!(body(&bytes[..position]).is_none(), "cut at {position}");
         }
     }
 }

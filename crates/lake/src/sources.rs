@@ -10,11 +10,13 @@ use std::{
 use dataflow::Digest;
 use serde::{Deserialize, Serialize};
 
-use crate::{LakeError, blobs::digest_file, clock::now, lock, sealed, stamp::Stamp};
+use crate::{
+    LakeError, clock::now, digests::digest_file, folder::Folder, lock::Locks, sealed, stamp::Stamp,
+};
 
 /// The remembered digests.
 pub(crate) struct Sources {
-    file: PathBuf,
+    folder: Folder,
     known: OnceLock<Mutex<Known>>,
     /// The folder from which relative paths are meant.
     here: OnceLock<PathBuf>,
@@ -36,9 +38,9 @@ pub(crate) struct Entry {
 }
 
 impl Sources {
-    pub(crate) fn new(file: PathBuf) -> Self {
+    pub(crate) fn new(folder: Folder) -> Self {
         Self {
-            file,
+            folder,
             known: OnceLock::new(),
             here: OnceLock::new(),
         }
@@ -48,7 +50,7 @@ impl Sources {
     /// time.
     pub(crate) fn known(&self) -> MutexGuard<'_, Known> {
         let known = self.known.get_or_init(|| {
-            let entries = sealed::read_if_whole(&self.file).ok().flatten();
+            let entries = sealed::read_if_whole(&self.folder.sources()).ok().flatten();
             Mutex::new(Known {
                 entries: entries.unwrap_or_default(),
                 learned: BTreeMap::new(),
@@ -101,13 +103,14 @@ impl Sources {
     }
 
     /// Keeps what was learned, beside what other processes have kept meanwhile.
-    pub(crate) fn save(&self, staging: &Path, locks: &Path) -> Result<(), LakeError> {
+    pub(crate) fn save(&self, locks: &Locks) -> Result<(), LakeError> {
         let mut known = self.known();
         if known.learned.is_empty() {
             return Ok(());
         }
-        let _turn = lock::wait_for(locks, "sources", "what it knows of files outside", &|_| {})?;
-        let there: Option<HashMap<String, Entry>> = sealed::read_if_whole(&self.file)?;
+        let _turn = locks.turn_to_know()?;
+        let file = self.folder.sources();
+        let there: Option<HashMap<String, Entry>> = sealed::read_if_whole(&file)?;
         // What is there has it too: of a large dataset nothing is held twice.
         known.entries = HashMap::new();
         let mut entries = there.unwrap_or_default();
@@ -117,7 +120,7 @@ impl Sources {
                 None => entries.remove(&path),
             };
         }
-        sealed::write(staging, &self.file, &entries)?;
+        sealed::write(&self.folder.staging(), &file, &entries)?;
         known.entries = entries;
         Ok(())
     }
@@ -136,12 +139,21 @@ mod tests {
         }
     }
 
+    /// A lake's folder that can be written to, with its locks.
+    fn lake(folder: &Path) -> (Folder, Locks) {
+        let folder = Folder::new(folder);
+        std::fs::create_dir(folder.staging()).unwrap();
+        let locks = Locks::new(folder.locks());
+        (folder, locks)
+    }
+
     #[test]
     fn a_touched_file_is_read_once_and_not_again() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("recording");
         File::create(&path).unwrap();
-        let sources = Sources::new(folder.path().join("sources.json"));
+        let (lake, locks) = lake(folder.path());
+        let sources = Sources::new(lake.clone());
         settle(&path);
         let empty = Digest::of_bytes(b"");
         assert_eq!(sources.digest(&path).unwrap(), empty);
@@ -163,28 +175,25 @@ mod tests {
             .as_mut()
             .unwrap()
             .digest = sentinel;
-        sources
-            .save(folder.path(), &folder.path().join("locks"))
-            .unwrap();
-        let next = Sources::new(folder.path().join("sources.json"));
+        sources.save(&locks).unwrap();
+        let next = Sources::new(lake);
         assert_eq!(next.digest(&path).unwrap(), sentinel);
     }
 
     #[test]
     fn what_another_process_has_learned_is_kept() {
         let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("sources.json");
-        let (one, other) = (Sources::new(file.clone()), Sources::new(file.clone()));
+        let (lake, locks) = lake(folder.path());
+        let (one, other) = (Sources::new(lake.clone()), Sources::new(lake.clone()));
         let paths = ["a", "b"].map(|name| folder.path().join(name));
         for path in &paths {
             File::create(path).unwrap();
             settle(path);
         }
-        let locks = folder.path().join("locks");
         one.digest(&paths[0]).unwrap();
         other.digest(&paths[1]).unwrap();
-        one.save(folder.path(), &locks).unwrap();
-        other.save(folder.path(), &locks).unwrap();
-        assert_eq!(Sources::new(file).known().entries.len(), 2);
+        one.save(&locks).unwrap();
+        other.save(&locks).unwrap();
+        assert_eq!(Sources::new(lake).known().entries.len(), 2);
     }
 }

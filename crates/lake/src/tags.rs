@@ -9,10 +9,7 @@ use std::{
 use dataflow::{RunStatus, nearest};
 use serde::{Deserialize, Serialize};
 
-use crate::{LakeError, again, folder::Lake, lock, mend, sealed, store::COLLECTING, twice};
-
-/// Folder of the tags, below the lake.
-pub(crate) const TAGS: &str = "tags";
+use crate::{LakeError, lake::Lake, sealed, twice};
 
 /// The name of the newest run that came to its end.
 const NEWEST: &str = "newest";
@@ -52,7 +49,7 @@ fn is_name(name: &str) -> bool {
 
 impl Lake {
     fn tag_path(&self, name: &str) -> PathBuf {
-        self.root().join(TAGS).join(format!("{name}.json"))
+        self.folder.tags().join(format!("{name}.json"))
     }
 
     /// Lists the tags, each with the number of its run. A run that has one is kept.
@@ -62,9 +59,9 @@ impl Lake {
     /// Fails if a tag cannot be read.
     pub fn tags(&self) -> Result<BTreeMap<String, u64>, LakeError> {
         let mut tags = BTreeMap::new();
-        for file in twice::names(self.root(), &self.root().join(TAGS))? {
+        for file in twice::names(&self.folder, &self.folder.tags())? {
             if let Some(name) = file.strip_suffix(".json")
-                && let Some(run) = twice::read(self.root(), &self.tag_path(name), parse)?
+                && let Some(run) = twice::read(&self.folder, &self.tag_path(name), parse)?
             {
                 tags.insert(name.to_owned(), run);
             }
@@ -86,16 +83,16 @@ impl Lake {
         // Asked for before anything is written: a run that is not there makes no folder.
         self.run_without_units(run)?;
         self.prepare()?;
-        let _shared = lock::share(&self.locks(), COLLECTING)?;
+        let _shared = self.locks.keep_all()?;
         self.run_without_units(run)?;
         let path = self.tag_path(name);
         // A damaged tag can be set again.
-        let before = twice::read(self.root(), &path, parse).ok().flatten();
+        let before = twice::read(&self.folder, &path, parse).ok().flatten();
         let tag = Tag {
             name: name.to_owned(),
             run,
         };
-        twice::write(self, &path, &sealed::seal(&path, &tag)?)?;
+        twice::write(&self.folder, &path, &sealed::seal(&path, &tag)?)?;
         Ok(before)
     }
 
@@ -106,15 +103,15 @@ impl Lake {
     /// Fails if there is no such tag, or the lake cannot be written.
     pub fn untag(&self, name: &str) -> Result<(), LakeError> {
         // A damaged tag can be taken away too.
-        let files = twice::names(self.root(), &self.root().join(TAGS))?;
+        let files = twice::names(&self.folder, &self.folder.tags())?;
         let mut names = files.iter().filter_map(|file| file.strip_suffix(".json"));
         if !names.any(|there| there == name) {
             return Err(self.no_tag(name)?);
         }
         self.prepare()?;
         // Nobody takes the one file for a copy of the other that was lost.
-        let _turn = mend::turn(self)?;
-        twice::remove(self.root(), &self.tag_path(name))
+        let _turn = self.locks.turn_to_mend()?;
+        twice::remove(&self.folder, &self.tag_path(name))
     }
 
     fn no_tag(&self, name: &str) -> Result<LakeError, LakeError> {
@@ -158,7 +155,7 @@ impl Lake {
     /// The number of the finished run that so many others follow.
     fn finished(&self, n_back: usize) -> Result<Option<u64>, LakeError> {
         let mut n_left = n_back;
-        for number in again::ordered(self.root())?.into_iter().rev() {
+        for number in self.register.ordered()?.into_iter().rev() {
             if self.run_without_units(number)?.record.status != RunStatus::Finished {
                 continue;
             }

@@ -3,23 +3,17 @@
 //! The file itself comes first and counts; its copy stands in where it is lost or damaged, until the
 //! next run puts it back.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use crate::{LakeError, atomic, folder::Lake, folder::names_in};
-
-/// Folder of the copies, below the lake.
-const COPIES: &str = "copies";
-
-/// Where the copy of a file below the lake lies.
-pub(crate) fn copy_of(root: &Path, path: &Path) -> PathBuf {
-    let name = path.strip_prefix(root).unwrap_or(path);
-    root.join(COPIES).join(name)
-}
+use crate::{
+    LakeError, atomic,
+    folder::{Folder, names_in},
+};
 
 /// Writes a file and its copy.
-pub(crate) fn write(lake: &Lake, path: &Path, bytes: &[u8]) -> Result<(), LakeError> {
-    atomic::write(&lake.staging(), path, bytes)?;
-    atomic::write(&lake.staging(), &copy_of(lake.root(), path), bytes)
+pub(crate) fn write(folder: &Folder, path: &Path, bytes: &[u8]) -> Result<(), LakeError> {
+    folder.write(path, bytes)?;
+    folder.write(&folder.copy_of(path), bytes)
 }
 
 /// Reads a file, or its copy where it is lost or `parse` refuses it. Returns `None` if neither is
@@ -29,7 +23,7 @@ pub(crate) fn write(lake: &Lake, path: &Path, bytes: &[u8]) -> Result<(), LakeEr
 ///
 /// Fails with what `parse` says of the file, or of the copy where only that is there.
 pub(crate) fn read<T>(
-    root: &Path,
+    folder: &Folder,
     path: &Path,
     parse: impl Fn(&Path, &[u8]) -> Result<T, LakeError>,
 ) -> Result<Option<T>, LakeError> {
@@ -41,45 +35,45 @@ pub(crate) fn read<T>(
     if let Ok(Some(_)) = first {
         return first;
     }
-    match (read(&copy_of(root, path)), first) {
+    match (read(&folder.copy_of(path)), first) {
         (Ok(Some(value)), _) => Ok(Some(value)),
         (_, Err(err)) | (Err(err), _) => Err(err),
         (Ok(None), first) => first,
     }
 }
 
-/// Names of the files that are there, or whose copies are, in order.
-pub(crate) fn names(root: &Path, folder: &Path) -> Result<Vec<String>, LakeError> {
-    let mut names = names_in(folder)?;
-    names.extend(names_in(&copy_of(root, folder))?);
+/// Names of the files of a folder that are there, or whose copies are, in order.
+pub(crate) fn names(folder: &Folder, path: &Path) -> Result<Vec<String>, LakeError> {
+    let mut names = names_in(path)?;
+    names.extend(names_in(&folder.copy_of(path))?);
     names.sort();
     names.dedup();
     Ok(names)
 }
 
 /// Removes a file and its copy.
-pub(crate) fn remove(root: &Path, path: &Path) -> Result<(), LakeError> {
+pub(crate) fn remove(folder: &Folder, path: &Path) -> Result<(), LakeError> {
     atomic::remove_if_there(path)?;
-    atomic::remove_if_there(&copy_of(root, path))
+    atomic::remove_if_there(&folder.copy_of(path))
 }
 
 /// Puts a lost or damaged file back from its copy, and its copy from the file. Returns whether one of
 /// them was right.
 pub(crate) fn mend(
-    lake: &Lake,
+    folder: &Folder,
     path: &Path,
     is_right: impl Fn(&Path, &[u8]) -> bool,
 ) -> Result<bool, LakeError> {
-    let copy = copy_of(lake.root(), path);
+    let copy = folder.copy_of(path);
     let (there, copied) = (atomic::read_if_there(path)?, atomic::read_if_there(&copy)?);
     let is_whole = |bytes: &Option<Vec<u8>>| bytes.as_ref().is_some_and(|b| is_right(path, b));
     match (&there, &copied) {
         (Some(bytes), _) if is_whole(&there) => {
             if copied.as_ref() != Some(bytes) {
-                atomic::write(&lake.staging(), &copy, bytes)?;
+                folder.write(&copy, bytes)?;
             }
         }
-        (_, Some(bytes)) if is_whole(&copied) => atomic::write(&lake.staging(), path, bytes)?,
+        (_, Some(bytes)) if is_whole(&copied) => folder.write(path, bytes)?,
         _ => return Ok(false),
     }
     Ok(true)

@@ -7,10 +7,6 @@ use std::{
     fs, io,
     os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
-    sync::{
-        Mutex, PoisonError,
-        atomic::{AtomicU64, AtomicUsize, Ordering},
-    },
 };
 
 use dataflow::{Digest, RecordOutcome};
@@ -18,15 +14,15 @@ use serde::{Deserialize, Serialize, de::IgnoredAny};
 
 use crate::{
     LakeError, again,
-    atomic::io_error,
-    blobs::digest_file,
-    folder::{Lake, names_in},
-    lock, mend,
-    newest::{self, Newest},
-    recorded::files_of,
-    records, runs, sealed,
+    atomic::{self, io_error},
+    digests::{OnBytes, check_digests},
+    folder::{files_below, names_in},
+    lake::Lake,
+    mend,
+    newest::Newest,
+    records::{self, Stored},
+    register, sealed, seen,
     stamp::Stamp,
-    store::COLLECTING,
     tags, twice,
 };
 
@@ -53,9 +49,6 @@ pub struct Verified {
     pub faults: Vec<Fault>,
 }
 
-/// Told how many bytes of how many are read.
-pub type OnBytes<'a> = dyn Fn(u64, u64) + Sync + 'a;
-
 impl Lake {
     /// Checks everything that lies in the lake: that every file holds what was stored, and that what
     /// people see is what the records say, all of it and nothing else.
@@ -66,7 +59,7 @@ impl Lake {
     pub fn verify(&self, on_bytes: &OnBytes) -> Result<Verified, LakeError> {
         self.expect_there()?;
         // What goes meanwhile is no fault. In a lake that cannot be written to nobody collects.
-        let _shared = lock::share(&self.locks(), COLLECTING).ok();
+        let _shared = self.locks.keep_all().ok();
         self.verify_alone(on_bytes)
     }
 
@@ -81,7 +74,7 @@ impl Lake {
         verifier.records()?;
         verifier.kept_twice()?;
         verifier.newest()?;
-        verifier.sealed(Path::new("sources.json"));
+        verifier.sealed(&self.folder.sources());
         verifier.all_shown()?;
         verifier.verified.faults.sort();
         Ok(verifier.verified)
@@ -96,7 +89,7 @@ impl Lake {
     /// Fails if the lake cannot be written; a file that cannot be read is a fault.
     pub fn verify_inputs(&self, on_bytes: &OnBytes) -> Result<Verified, LakeError> {
         let entries: Vec<(PathBuf, Stamp, Digest)> = {
-            let known = self.sources().known();
+            let known = self.sources.known();
             let entries = known.entries.iter();
             let mut entries: Vec<_> = entries
                 .map(|(path, entry)| (PathBuf::from(path), entry.stamp, entry.digest))
@@ -121,11 +114,11 @@ impl Lake {
             faults,
         };
         for fault in &verified.faults {
-            self.sources().forget(&fault.path.to_string_lossy());
+            self.sources.forget(&fault.path.to_string_lossy());
         }
         if !verified.faults.is_empty() {
             self.prepare()?;
-            self.sources().save(&self.staging(), &self.locks())?;
+            self.sources.save(&self.locks)?;
         }
         Ok(verified)
     }
@@ -141,7 +134,7 @@ impl Lake {
         self.prepare()?;
         let mut n_dropped = 0;
         loop {
-            let _alone = lock::exclude(&self.locks(), COLLECTING)?;
+            let _alone = self.locks.collect_alone()?;
             let faults = self.verify_alone(on_bytes)?.faults;
             let mut droppable: Vec<PathBuf> = faults
                 .iter()
@@ -150,7 +143,7 @@ impl Lake {
                 .collect();
             droppable.retain(|path| path.exists());
             for path in &droppable {
-                crate::atomic::remove_if_there(path)?;
+                atomic::remove_if_there(path)?;
             }
             n_dropped += droppable.len();
             // What is dropped may be what a record is about.
@@ -172,9 +165,8 @@ struct Verifier<'a> {
 
 impl Verifier<'_> {
     fn fault(&mut self, path: &Path, what: impl Into<String>) {
-        let root = self.lake.root();
         self.verified.faults.push(Fault {
-            path: path.strip_prefix(root).unwrap_or(path).to_owned(),
+            path: self.lake.folder.below(path).to_owned(),
             what: what.into(),
             can_drop: true,
         });
@@ -182,8 +174,7 @@ impl Verifier<'_> {
 
     fn blobs(&mut self, on_bytes: &OnBytes) -> Result<(), LakeError> {
         let mut files = Vec::new();
-        let folder = self.lake.blobs().root().to_owned();
-        for path in files_below(&folder)? {
+        for path in files_below(&self.lake.folder.blobs())? {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             match name.parse::<Digest>() {
                 Ok(digest) => {
@@ -196,9 +187,9 @@ impl Verifier<'_> {
                 Err(_) => self.fault(&path, "does not belong here: its name is no digest"),
             }
         }
-        let root = self.lake.root();
+        let folder = &self.lake.folder;
         let (mut faults, n_bytes) = check_digests(&files, on_bytes, |path| Fault {
-            path: path.strip_prefix(root).unwrap_or(path).to_owned(),
+            path: folder.below(path).to_owned(),
             what: "its bytes are not the ones that its name promises".to_owned(),
             can_drop: true,
         });
@@ -209,9 +200,9 @@ impl Verifier<'_> {
     }
 
     fn records(&mut self) -> Result<(), LakeError> {
-        let records = self.lake.records();
-        for path in files_below(&records.folder())? {
-            let Some(stored) = self.sealed_as::<crate::records::Stored>(&path) else {
+        let records = &self.lake.records;
+        for path in files_below(&self.lake.folder.units())? {
+            let Some(stored) = self.sealed_as::<Stored>(&path) else {
                 continue;
             };
             let fingerprint = stored.fingerprint;
@@ -239,7 +230,7 @@ impl Verifier<'_> {
 
     /// Says which file of a result is not in the lake.
     fn lacking(&self, outcome: &RecordOutcome) -> Option<String> {
-        files_of(outcome)?.iter().find_map(|(name, file)| {
+        outcome.files()?.iter().find_map(|(name, file)| {
             let path = self.lake.file(file);
             let is_there = fs::metadata(&path).is_ok_and(|blob| blob.len() == file.size);
             (!is_there).then(|| format!("its file `{name}` is missing or cut off"))
@@ -248,27 +239,21 @@ impl Verifier<'_> {
 
     /// Checks what is kept twice, both files of each.
     fn kept_twice(&mut self) -> Result<(), LakeError> {
-        let root = self.lake.root();
-        self.twice(&again::path(root), &|path, bytes| {
+        let lake = self.lake;
+        let folder = &lake.folder;
+        self.twice(&folder.again(), &|path, bytes| {
             again::parse(path, bytes).map(drop)
         });
-        self.twice_in(&records::recipes(root), |path, bytes| {
+        self.twice_in(&folder.recipes(), |path, bytes| {
             records::parse_recipe(path, bytes).map(drop)
         })?;
-        self.twice_in(&runs::manifests(root), |path, bytes| {
-            let damaged = || LakeError::Damaged {
-                path: path.to_owned(),
-            };
-            runs::is_manifest(path, bytes)
-                .then_some(())
-                .ok_or_else(damaged)
-        })?;
-        self.twice_in(&root.join(tags::TAGS), |path, bytes| {
+        self.twice_in(&folder.manifests(), register::check_manifest)?;
+        self.twice_in(&folder.tags(), |path, bytes| {
             tags::parse(path, bytes).map(drop)
         })?;
-        self.twice_in(&runs::folder(root), |path, bytes| {
-            let run = runs::parse(root, path, bytes)?;
-            runs::units(root, &run).map(drop)
+        self.twice_in(&folder.runs(), |path, bytes| {
+            let run = lake.register.parse(path, bytes)?;
+            lake.register.units(&run).map(drop)
         })
     }
 
@@ -277,14 +262,14 @@ impl Verifier<'_> {
         folder: &Path,
         check: impl Fn(&Path, &[u8]) -> Result<(), LakeError>,
     ) -> Result<(), LakeError> {
-        for name in twice::names(self.lake.root(), folder)? {
+        for name in twice::names(&self.lake.folder, folder)? {
             self.twice(&folder.join(name), &check);
         }
         Ok(())
     }
 
     fn twice(&mut self, path: &Path, check: &impl Fn(&Path, &[u8]) -> Result<(), LakeError>) {
-        let copy = twice::copy_of(self.lake.root(), path);
+        let copy = self.lake.folder.copy_of(path);
         for path in [path, &copy] {
             let bytes = match fs::read(path) {
                 Ok(bytes) => bytes,
@@ -305,7 +290,7 @@ impl Verifier<'_> {
     }
 
     fn newest(&mut self) -> Result<(), LakeError> {
-        let folder = self.lake.root().join(newest::FOLDER);
+        let folder = self.lake.folder.newest();
         for name in names_in(&folder)? {
             let path = folder.join(name);
             self.verified.n_files += 1;
@@ -315,10 +300,10 @@ impl Verifier<'_> {
                 self.fault(&path, "its bytes are not the ones that were written");
             }
         }
-        let seen = self.lake.root().join(mend::SEEN);
+        let seen = self.lake.folder.seen();
         if seen.exists() {
             self.verified.n_files += 1;
-            if !mend::is_whole(&fs::read(&seen).unwrap_or_default()) {
+            if !seen::is_whole(&fs::read(&seen).unwrap_or_default()) {
                 self.fault(&seen, "its bytes are not the ones that were written");
             }
         }
@@ -327,9 +312,8 @@ impl Verifier<'_> {
 
     /// Checks a sealed file that may not be there.
     fn sealed(&mut self, path: &Path) {
-        let path = self.lake.root().join(path);
         if path.exists() {
-            let _value: Option<IgnoredAny> = self.sealed_as(&path);
+            let _value: Option<IgnoredAny> = self.sealed_as(path);
         }
     }
 
@@ -363,78 +347,6 @@ impl Verifier<'_> {
     }
 }
 
-/// The digest that a file's name is.
-fn named_by(path: &Path) -> Option<Digest> {
-    path.file_stem()?.to_str()?.parse().ok()
-}
-
-/// Every file below a folder, ordered by path.
-pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, LakeError> {
-    let mut files = Vec::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(folder) = folders.pop() {
-        for (path, is_folder) in entries(&folder)? {
-            let list = if is_folder { &mut folders } else { &mut files };
-            list.push(path);
-        }
-    }
-    files.sort();
-    Ok(files)
-}
-
-/// Lists what is in a folder, and whether each is a folder; nothing if it is not there.
-pub(crate) fn entries(folder: &Path) -> Result<Vec<(PathBuf, bool)>, LakeError> {
-    let entries = match fs::read_dir(folder) {
-        Err(err) if err.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-        entries => entries.map_err(io_error("read", folder))?,
-    };
-    let listed = entries.map(|entry| {
-        let entry = entry?;
-        let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
-        Ok((entry.path(), is_folder))
-    });
-    listed
-        .collect::<io::Result<_>>()
-        .map_err(io_error("read", folder))
-}
-
-/// Reads files on all cores and returns, ordered, what is said of those that have other digests.
-pub(crate) fn check_digests<F: Ord + Send>(
-    files: &[(PathBuf, Digest)],
-    on_bytes: &OnBytes,
-    fault: impl Fn(&Path) -> F + Sync,
-) -> (Vec<F>, u64) {
-    let sizes = files
-        .iter()
-        .map(|(path, _)| fs::metadata(path).map_or(0, |m| m.len()));
-    let sizes: Vec<u64> = sizes.collect();
-    let total = sizes.iter().sum();
-    let (next, done) = (AtomicUsize::new(0), AtomicU64::new(0));
-    let faults = Mutex::new(Vec::new());
-    let work = || {
-        loop {
-            let idx = next.fetch_add(1, Ordering::Relaxed);
-            let (Some((path, expected)), Some(size)) = (files.get(idx), sizes.get(idx)) else {
-                return;
-            };
-            if !digest_file(path).is_ok_and(|digest| digest == *expected) {
-                let mut faults = faults.lock().unwrap_or_else(PoisonError::into_inner);
-                faults.push(fault(path));
-            }
-            on_bytes(done.fetch_add(*size, Ordering::Relaxed) + size, total);
-        }
-    };
-    let n_threads = std::thread::available_parallelism().map_or(1, usize::from);
-    std::thread::scope(|scope| {
-        for _ in 0..n_threads.min(files.len()) {
-            scope.spawn(work);
-        }
-    });
-    let mut faults = faults.into_inner().unwrap_or_else(PoisonError::into_inner);
-    faults.sort();
-    (faults, total)
-}
-
 #[cfg(test)]
 mod tests {
     use dataflow::Store;
@@ -462,7 +374,7 @@ mod tests {
             digest: Digest::of_bytes(b"old bytes"),
         };
         let key = input.to_str().unwrap().to_owned();
-        lake.sources().known().entries.insert(key, remembered);
+        lake.sources.known().entries.insert(key, remembered);
         assert_eq!(lake.source_digest(&input).unwrap(), remembered.digest);
 
         let verified = lake.verify_inputs(&|_, _| {}).unwrap();

@@ -1,37 +1,31 @@
 //! The lake's tables as SQL views for DuckDB: `duckdb -init views.sql` from the lake's folder.
 
-use std::path::{Path, PathBuf};
+use std::collections::BTreeSet;
 
 use crate::{
     LakeError, atomic,
-    folder::Lake,
-    history,
-    published::{EVERY, TABLES},
+    folder::{EVERY, HISTORY, TABLES, names_in},
+    lake::Lake,
     table,
 };
 
 const HEAD: &str = "-- The lake's tables as views; paths are relative to this file's folder.\n\
     -- A table's name gives the newest run's rows; `all_` before it, every run's, by `run`.\n";
 
-/// Where the views lie.
-pub(crate) fn path(root: &Path) -> PathBuf {
-    root.join("views.sql")
-}
-
 /// Writes the views if they are not there as they should be.
 pub(crate) fn write(lake: &Lake) -> Result<(), LakeError> {
     let views = text(lake)?;
-    let path = path(lake.root());
+    let path = lake.folder.views();
     if atomic::read_if_there(&path)?.as_deref() == Some(views.as_bytes()) {
         return Ok(());
     }
-    atomic::write(&lake.staging(), &path, views.as_bytes())
+    lake.folder.write(&path, views.as_bytes())
 }
 
 /// The views of the tables that the lake shows.
 pub(crate) fn text(lake: &Lake) -> Result<String, LakeError> {
     let mut views = HEAD.to_owned();
-    for name in history::TABLES {
+    for name in HISTORY {
         views.push_str(&format!(
             "create or replace view {name} as select * from \
              read_parquet('{TABLES}/{name}/*/{}', hive_partitioning = true, \
@@ -39,7 +33,7 @@ pub(crate) fn text(lake: &Lake) -> Result<String, LakeError> {
             table::FILE
         ));
     }
-    for newest in lake.newest_tables()? {
+    for newest in newest_tables(lake)? {
         let name = &newest.table;
         let Some(pipeline) = &newest.pipeline else {
             continue;
@@ -50,7 +44,7 @@ pub(crate) fn text(lake: &Lake) -> Result<String, LakeError> {
              hive_types_autocast = false, union_by_name = true);\n",
             table::FILE
         ));
-        if !lake.every_folder(name).is_dir() {
+        if !lake.folder.every().join(name).is_dir() {
             continue;
         }
         views.push_str(&format!(
@@ -63,4 +57,54 @@ pub(crate) fn text(lake: &Lake) -> Result<String, LakeError> {
         ));
     }
     Ok(views)
+}
+
+/// A table that people see, and the pipeline whose run is the newest of those that show it; `None` for
+/// one that no run has made.
+struct NewestTable {
+    table: String,
+    pipeline: Option<String>,
+}
+
+/// Lists the tables with the pipeline of the newest run that shows them.
+fn newest_tables(lake: &Lake) -> Result<Vec<NewestTable>, LakeError> {
+    let mut shown: Vec<(String, Vec<String>)> = Vec::new();
+    for table in lake.tables()? {
+        let folders = names_in(&lake.folder.tables().join(&table))?;
+        let pipelines = folders
+            .iter()
+            .filter_map(|name| name.strip_prefix("pipeline=").map(str::to_owned));
+        shown.push((table, pipelines.collect()));
+    }
+    let newest = newest_first(lake, shown.iter().flat_map(|(_, pipelines)| pipelines))?;
+    let tables = shown.into_iter().map(|(table, pipelines)| NewestTable {
+        table,
+        pipeline: newest
+            .iter()
+            .find(|pipeline| pipelines.contains(pipeline))
+            .cloned(),
+    });
+    Ok(tables.collect())
+}
+
+/// Orders pipelines by their newest runs, the newest first; ones without a run are left out. Reads no
+/// more records of runs than it needs to.
+fn newest_first<'p>(
+    lake: &Lake,
+    pipelines: impl Iterator<Item = &'p String>,
+) -> Result<Vec<String>, LakeError> {
+    let mut left: BTreeSet<&String> = pipelines.collect();
+    let mut ordered = Vec::new();
+    for number in lake.register.ordered()?.into_iter().rev() {
+        if left.is_empty() {
+            break;
+        }
+        // A damaged record of a run hides no table of another.
+        if let Ok(run) = lake.register.read(number)
+            && left.remove(&run.record.pipeline)
+        {
+            ordered.push(run.record.pipeline);
+        }
+    }
+    Ok(ordered)
 }

@@ -9,14 +9,15 @@ use std::{
 use toml_edit::{InlineTable, Key, Value};
 
 use super::{
-    DEFAULT_MAX_SKIPPED_FRACTION, Pipeline, StageEntry,
+    Pipeline, StageEntry,
     faults::{Part, faults},
+    order::order,
 };
 use crate::{
-    error::Problem,
+    error::{FileError, Problem},
     extended::{EXTENDS, Extended, WITHOUT},
-    graph::{self, NodeName},
     kind::Kind,
+    name::NodeName,
     near::nearest,
     overrides::Override,
     shared::{SHARED, Taken},
@@ -24,6 +25,48 @@ use crate::{
     store::Origin,
     tables::{found, merge_values, set_value},
 };
+
+/// Items that a stage may skip when its table does not say: one in five.
+const DEFAULT_MAX_SKIPPED_FRACTION: f64 = 0.2;
+
+impl Pipeline {
+    /// Parses and checks a pipeline file, and reads the files that it extends; `profile` names a table under
+    /// `profiles`, and `overrides` come last.
+    ///
+    /// # Errors
+    ///
+    /// Fails with everything that is wrong in the files, each fault with its place and a hint.
+    pub fn parse(
+        path: &Path,
+        source: &str,
+        kinds: &[Kind],
+        profile: Option<&str>,
+        overrides: &[Override],
+    ) -> Result<Self, FileError> {
+        let file = Extended::read(path, source);
+        if !file.problems.is_empty() {
+            return Err(FileError {
+                problems: file.problems,
+            });
+        }
+        let mut reader = FileReader {
+            path,
+            file: &file,
+            kinds,
+            overrides,
+            taken: Vec::new(),
+            taken_names: BTreeSet::new(),
+            problems: Vec::new(),
+        };
+        let pipeline = reader.pipeline(profile);
+        match pipeline {
+            Some(pipeline) if reader.problems.is_empty() => Ok(pipeline),
+            _ => Err(FileError {
+                problems: reader.problems,
+            }),
+        }
+    }
+}
 
 pub(super) struct FileReader<'a> {
     pub(super) path: &'a Path,
@@ -170,7 +213,7 @@ impl FileReader<'_> {
         if !self.problems.is_empty() {
             return None;
         }
-        match graph::order(&stages) {
+        match order(&stages) {
             Ok(nodes) => Some(Pipeline {
                 name: self
                     .path

@@ -8,6 +8,7 @@ use super::{Newest, NewestOf, ShownFile, pipeline_of};
 use crate::{
     LakeError, atomic,
     compact::{Reader, Writer},
+    folder::Folder,
     stamp::Stamp,
 };
 
@@ -18,16 +19,76 @@ const MADE: u64 = 0;
 const SKIPPED: u64 = 1;
 const FILTERED: u64 = 2;
 
-/// Reads the file; one that cannot be used is as good as none.
-pub(super) fn read(path: &Path) -> Result<Newest, LakeError> {
-    let bytes = atomic::read_if_there(path)?.unwrap_or_default();
-    let read = Reader::of(&bytes).and_then(|reader| newest(reader, &pipeline_at(path)));
-    Ok(read.unwrap_or_default())
-}
+impl Newest {
+    /// Reads the file; one that cannot be used is as good as none.
+    pub(crate) fn read(path: &Path) -> Result<Self, LakeError> {
+        let bytes = atomic::read_if_there(path)?.unwrap_or_default();
+        let mut newest = parse(path, &bytes).unwrap_or_default();
+        let units = newest.units.values().flat_map(BTreeMap::values);
+        let current = units.filter(|unit| unit.current);
+        newest.current = current.map(|unit| unit.fingerprint).collect();
+        Ok(newest)
+    }
 
-/// Whether bytes are the newest state that their file's name promises.
-pub(super) fn is_whole(path: &Path, bytes: &[u8]) -> bool {
-    Reader::of(bytes).is_some_and(|reader| newest(reader, &pipeline_at(path)).is_some())
+    /// Whether bytes are the newest state that their file's name promises.
+    pub(crate) fn is_whole(path: &Path, bytes: &[u8]) -> bool {
+        parse(path, bytes).is_some()
+    }
+
+    /// Writes the file, with the stamps of the records of its units and of the blobs that they gave.
+    pub(crate) fn write(
+        &self,
+        folder: &Folder,
+        path: &Path,
+        record: impl Fn(&Digest) -> Option<Stamp>,
+        blob: impl Fn(&Digest) -> Option<Stamp>,
+    ) -> Result<(), LakeError> {
+        let mut writer = Writer::new(VERSION);
+        writer.text(&pipeline_at(path));
+        writer.number(self.units.len() as u64);
+        for (node, units) in &self.units {
+            writer.text(&node.stage);
+            writer.text(&node.artifact);
+            let known: Vec<_> = units
+                .iter()
+                .filter_map(|(partition, unit)| {
+                    let outcome = self.outcomes.get(&unit.fingerprint)?;
+                    Some((partition, unit, outcome))
+                })
+                .collect();
+            writer.number(known.len() as u64);
+            for (partition, unit, outcome) in known {
+                writer.text(partition);
+                writer.digest(&unit.fingerprint);
+                writer.number(u64::from(unit.current));
+                write_outcome(&mut writer, outcome);
+            }
+            let shown = self.shown.get(node);
+            writer.number(shown.map_or(0, BTreeMap::len) as u64);
+            for (path, file) in shown.into_iter().flatten() {
+                writer.text(path);
+                writer.digest(&file.digest);
+                writer.digest(&file.fingerprint);
+                writer.stamp(file.stamp);
+            }
+        }
+        let (mut records, mut blobs) = (BTreeMap::new(), BTreeMap::new());
+        for unit in self.units.values().flat_map(BTreeMap::values) {
+            records.extend(record(&unit.fingerprint).map(|stamp| (unit.fingerprint, stamp)));
+            let outcome = self.outcomes.get(&unit.fingerprint);
+            let files = outcome.and_then(|outcome| outcome.files());
+            let files = files.into_iter().flat_map(BTreeMap::values);
+            blobs.extend(files.filter_map(|file| Some((file.digest, blob(&file.digest)?))));
+        }
+        for stamps in [records, blobs] {
+            writer.number(stamps.len() as u64);
+            for (digest, stamp) in stamps {
+                writer.digest(&digest);
+                writer.stamp(stamp);
+            }
+        }
+        writer.write(folder, path)
+    }
 }
 
 /// The pipeline that a file is about.
@@ -36,55 +97,9 @@ fn pipeline_at(path: &Path) -> String {
     pipeline_of(&name).to_owned()
 }
 
-/// Writes the file with these stamps of records and of blobs.
-pub(super) fn write(
-    newest: &Newest,
-    stamps: [&BTreeMap<Digest, Stamp>; 2],
-    staging: &Path,
-    path: &Path,
-) -> Result<(), LakeError> {
-    let mut writer = Writer::default();
-    writer.number(VERSION);
-    writer.text(&pipeline_at(path));
-    writer.number(newest.units.len() as u64);
-    for (node, units) in &newest.units {
-        writer.text(&node.stage);
-        writer.text(&node.artifact);
-        let known: Vec<_> = units
-            .iter()
-            .filter_map(|(partition, unit)| {
-                let outcome = newest.outcomes.get(&unit.fingerprint)?;
-                Some((partition, unit, outcome))
-            })
-            .collect();
-        writer.number(known.len() as u64);
-        for (partition, unit, outcome) in known {
-            writer.text(partition);
-            writer.digest(&unit.fingerprint);
-            writer.number(u64::from(unit.current));
-            write_outcome(&mut writer, outcome);
-        }
-        let shown = newest.shown.get(node);
-        writer.number(shown.map_or(0, BTreeMap::len) as u64);
-        for (path, file) in shown.into_iter().flatten() {
-            writer.text(path);
-            writer.digest(&file.digest);
-            writer.digest(&file.fingerprint);
-            writer.stamp(file.stamp);
-        }
-    }
-    for stamps in stamps {
-        writer.number(stamps.len() as u64);
-        for (digest, stamp) in stamps {
-            writer.digest(digest);
-            writer.stamp(*stamp);
-        }
-    }
-    writer.write(staging, path)
-}
-
-fn newest(mut reader: Reader, pipeline: &str) -> Option<Newest> {
-    if reader.number()? != VERSION || reader.text()? != pipeline {
+fn parse(path: &Path, bytes: &[u8]) -> Option<Newest> {
+    let mut reader = Reader::of(bytes, VERSION)?;
+    if reader.text()? != pipeline_at(path) {
         return None;
     }
     let mut newest = Newest::default();
@@ -189,7 +204,9 @@ mod tests {
     #[test]
     fn what_was_written_is_read() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("newest").join("own.cache");
+        let lake = Folder::new(folder.path());
+        std::fs::create_dir(lake.staging()).unwrap();
+        let path = lake.newest().join("own.cache");
         let digest = Digest::of_bytes(b"bytes");
         let file = FileRef { digest, size: 5 };
         let outcomes = [
@@ -228,9 +245,7 @@ mod tests {
         newest.show(&node, shown.clone());
         let stamp_of = |asked: &Digest| (*asked == digest).then_some(stamp);
         let record_of = |asked: &Digest| (*asked == units[0].0.fingerprint).then_some(stamp);
-        newest
-            .write(folder.path(), &path, record_of, stamp_of)
-            .unwrap();
+        newest.write(&lake, &path, record_of, stamp_of).unwrap();
 
         let there = Newest::read(&path).unwrap();
         assert_eq!(there.list(), newest.list());
@@ -242,7 +257,7 @@ mod tests {
         assert_eq!(there.records, [(units[0].0.fingerprint, stamp)]);
         assert!(!there.is_changed());
 
-        let other = folder.path().join("newest").join("other.cache");
+        let other = lake.newest().join("other.cache");
         std::fs::copy(&path, &other).unwrap();
         assert!(Newest::read(&other).unwrap().list().is_empty());
     }

@@ -4,19 +4,16 @@ use std::{
     collections::{BTreeMap, BTreeSet},
     fs, io,
     os::unix::fs::MetadataExt,
-    path::Path,
+    path::{Path, PathBuf},
 };
 
 use dataflow::{Digest, RunStatus};
 
-use super::{Verifier, files_below, named_by};
+use super::Verifier;
 use crate::{
-    LakeError,
-    blobs::digest_file,
-    changing, history, mend,
-    published::{EVERY, FILES, REPORTS, TABLES},
-    recorded::files_of,
-    runs,
+    LakeError, atomic,
+    digests::digest_file,
+    folder::{FILES, HISTORY, REPORTS, TABLES, digest_named, files_below, run_of, unit_of},
     stamp::Stamp,
     table, views,
 };
@@ -44,20 +41,20 @@ impl Verifier<'_> {
 
     /// Changes whenever a run begins or ends to change what people see.
     fn state_of_runs(&self) -> Result<(Vec<String>, Vec<Option<Stamp>>), LakeError> {
-        let runs = files_below(&runs::folder(self.lake.root()))?;
+        let runs = files_below(&self.lake.folder.runs())?;
         let stamps = runs.iter().map(|path| Stamp::read(path).ok());
-        Ok((changing::marks(self.lake)?, stamps.collect()))
+        Ok((self.lake.changing.marks()?, stamps.collect()))
     }
 
     fn shown_now(&mut self) -> Result<(), LakeError> {
-        let root = self.lake.root();
+        let folder = &self.lake.folder;
         let faults = self.verified.faults.iter();
         let shown = Shown {
             damaged: faults
                 .filter(|fault| fault.path.starts_with("blobs"))
-                .filter_map(|fault| named_by(&fault.path))
+                .filter_map(|fault| digest_named(&fault.path))
                 .collect(),
-            changing: changing::pipelines(self.lake)?,
+            changing: self.lake.changing.pipelines()?,
         };
         let mut promised = BTreeMap::new();
         let pipelines = match self.lake.recorded_pipelines() {
@@ -77,17 +74,17 @@ impl Verifier<'_> {
                 Err(err) => return Err(err),
             };
             for unit in lost {
-                let path = self.lake.records().path(&unit);
+                let path = self.lake.records.path(&unit);
                 if !path.exists() {
                     self.fault(&path, "is missing: what it is the record of is shown");
                 }
             }
             promised.extend(of_pipeline);
         }
-        for folder in [TABLES, FILES, REPORTS] {
-            for path in files_below(&root.join(folder))? {
-                let name = path.strip_prefix(root).unwrap_or(&path);
-                if history::TABLES
+        for shown_in in [TABLES, FILES, REPORTS] {
+            for path in files_below(&folder.join(shown_in))? {
+                let name = folder.below(&path);
+                if HISTORY
                     .iter()
                     .any(|table| name.starts_with(Path::new(TABLES).join(table)))
                 {
@@ -99,7 +96,7 @@ impl Verifier<'_> {
         }
         for (name, _) in promised {
             if !shown.is_changing(Path::new(&name)) {
-                self.fault(&root.join(&name), "is missing: a unit made it");
+                self.fault(&folder.join(&name), "is missing: a unit made it");
             }
         }
         self.history_shown()?;
@@ -115,9 +112,9 @@ impl Verifier<'_> {
             Err(err) if err.kind() == io::ErrorKind::NotFound => return,
             Err(err) => return self.fault(path, format!("cannot be read: {err}")),
         };
-        let name = path.strip_prefix(self.lake.root()).unwrap_or(path);
+        let name = self.lake.folder.below(path);
         // A run that is not recorded yet may show what it has made.
-        let is_new = || shown.is_changing(name) && self.lake.blobs().path(&digest).exists();
+        let is_new = || shown.is_changing(name) && self.lake.blobs.path(&digest).exists();
         match promised {
             _ if shown.damaged.contains(&digest) => self.fault(path, "it shows damaged bytes"),
             Some(promised) if promised == digest => {}
@@ -138,14 +135,11 @@ impl Verifier<'_> {
 
     /// Checks the tables of runs.
     fn history_shown(&mut self) -> Result<(), LakeError> {
-        let root = self.lake.root();
-        let mut there = BTreeSet::new();
-        for name in history::TABLES {
-            there.extend(files_below(&root.join(TABLES).join(name))?);
-        }
+        let folder = &self.lake.folder;
+        let mut there: BTreeSet<PathBuf> = folder.run_tables()?.into_iter().collect();
         let mut running = BTreeSet::new();
-        for number in runs::numbers(root)? {
-            let Ok(run) = runs::read(root, number) else {
+        for number in self.lake.register.numbers()? {
+            let Ok(run) = self.lake.register.read(number) else {
                 running.insert(number);
                 continue;
             };
@@ -153,7 +147,7 @@ impl Verifier<'_> {
                 running.insert(number);
             }
             for (name, file) in &run.history {
-                let path = root.join(history::shown(name, number));
+                let path = folder.run_table(name, number);
                 there.remove(&path);
                 self.verified.n_files += 1;
                 match digest_file(&path) {
@@ -169,7 +163,7 @@ impl Verifier<'_> {
         }
         for path in there {
             // A run that ends writes its tables before it says so.
-            if !mend::run_of(&path).is_some_and(|run| running.contains(&run)) {
+            if !run_of(&path).is_some_and(|run| running.contains(&run)) {
                 self.fault(&path, "it is not what a run did");
             }
         }
@@ -178,18 +172,18 @@ impl Verifier<'_> {
 
     /// Checks the tables of all units.
     fn every_shown(&mut self, shown: &Shown) -> Result<(), LakeError> {
-        let root = self.lake.root();
-        let mut promised = mend::every_promised(self.lake)?;
-        for path in files_below(&root.join(EVERY))? {
+        let folder = &self.lake.folder;
+        let mut promised = self.lake.every_promised()?;
+        for path in files_below(&folder.every())? {
             self.verified.n_files += 1;
             let is_promised = promised.remove(&path).is_some();
-            let Some((partition, unit)) = mend::unit_of(&path) else {
+            let Some((partition, unit)) = unit_of(&path) else {
                 self.fault(&path, "it is not what a unit made");
                 continue;
             };
-            let Some(stored) = self.lake.records().read(&unit)? else {
+            let Some(stored) = self.lake.records.read(&unit)? else {
                 if is_promised {
-                    let record = self.lake.records().path(&unit);
+                    let record = self.lake.records.path(&unit);
                     if !record.exists() {
                         self.fault(&record, "is missing: what it is the record of is there");
                     }
@@ -197,7 +191,10 @@ impl Verifier<'_> {
                 self.fault(&path, "the record of its unit is missing or damaged");
                 continue;
             };
-            let made = files_of(&stored.outcome).and_then(|files| files.get(table::FILE));
+            let made = stored
+                .outcome
+                .files()
+                .and_then(|files| files.get(table::FILE));
             match (self.digest_shown(&path), made) {
                 (Ok(digest), _) if shown.damaged.contains(&digest) => {
                     self.fault(&path, "it shows damaged bytes");
@@ -211,8 +208,8 @@ impl Verifier<'_> {
             }
         }
         for (path, unit) in promised {
-            let stored = self.lake.records().read(&unit)?;
-            let made = stored.as_ref().and_then(|stored| files_of(&stored.outcome));
+            let stored = self.lake.records.read(&unit)?;
+            let made = stored.as_ref().and_then(|stored| stored.outcome.files());
             if made.is_some_and(|files| files.contains_key(table::FILE)) {
                 self.fault(&path, "is missing: a unit made it");
             }
@@ -221,19 +218,15 @@ impl Verifier<'_> {
     }
 
     fn views(&mut self) -> Result<(), LakeError> {
-        let path = views::path(self.lake.root());
-        let there = crate::atomic::read_if_there(&path)?;
+        let path = self.lake.folder.views();
+        let there = atomic::read_if_there(&path)?;
         self.verified.n_files += usize::from(there.is_some());
-        let is_due = self
-            .lake
-            .root()
-            .join(TABLES)
-            .join(history::TABLES[0])
-            .exists();
+        let [first, ..] = HISTORY;
+        let is_due = self.lake.folder.tables().join(first).exists();
         let is_right = || -> Result<bool, LakeError> {
             Ok(there.as_deref() == Some(views::text(self.lake)?.as_bytes()))
         };
-        if is_due && changing::marks(self.lake)?.is_empty() && !is_right()? {
+        if is_due && self.lake.changing.marks()?.is_empty() && !is_right()? {
             self.fault(&path, "they are not the views of the tables that there are");
         }
         Ok(())

@@ -4,10 +4,10 @@ use std::{ops::Range, path::Path, str::FromStr};
 
 use toml_edit::{Key, Value};
 
-use super::{KeyPath, Override, OverrideError, parse_value, split};
 use crate::{
     error::{FileError, Problem},
     extended::Extended,
+    overrides::{KeyPath, Override, OverrideError, parse_value, split},
 };
 
 /// What the tables are called in a pipeline file.

@@ -1,0 +1,125 @@
+//! What happens in a run: one stream of events, whoever makes the units.
+//!
+//! Threads pass events on directly; a process that makes a unit writes them to its stdout, one JSON
+//! object per line.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    digest::Digest,
+    name::{NodeName, UnitName},
+};
+
+/// Receives events, from any thread of a run.
+pub type Events<'a> = dyn Fn(&Event) + Sync + 'a;
+
+/// Something that happened in a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "event", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Event {
+    /// The run has begun.
+    RunStarted {
+        /// Number of outputs that it goes through.
+        n_outputs: usize,
+    },
+    /// Units of an output have to be made.
+    OutputStarted {
+        /// The output.
+        output: NodeName,
+        /// Number of its units, whether they have to be made or not.
+        n_units: usize,
+    },
+    /// Another process is making a unit; this one waits for it.
+    UnitWaiting {
+        /// The unit.
+        unit: UnitName,
+        /// Who makes it, in words.
+        holder: String,
+    },
+    /// A unit is in progress.
+    UnitProgress {
+        /// The unit.
+        unit: UnitName,
+        /// How far it is.
+        fraction: Fraction,
+        /// What it is doing.
+        message: String,
+    },
+    /// The artifact of a unit is damaged and is made again.
+    UnitDamaged {
+        /// The unit.
+        unit: UnitName,
+    },
+    /// The result of a unit is in the store.
+    UnitDone {
+        /// The unit.
+        unit: UnitName,
+        /// Digest of its fingerprint.
+        fingerprint: Digest,
+        /// Whether it was made now and not by an earlier run.
+        made_now: bool,
+        /// Why it was skipped, if it was.
+        skipped: Option<String>,
+    },
+    /// A unit failed.
+    UnitFailed {
+        /// The unit.
+        unit: UnitName,
+        /// The error and its causes.
+        message: String,
+        /// What to do.
+        hint: Option<String>,
+        /// The output that left out too much for the unit's stage, if that is why.
+        left_out: Option<NodeName>,
+    },
+    /// Every unit of an output is done.
+    OutputDone {
+        /// The output.
+        output: NodeName,
+        /// The stage's line about it.
+        description: String,
+        /// Number of units that this run made.
+        n_made_now: usize,
+        /// Seconds it took.
+        seconds: f64,
+    },
+}
+
+/// How far something is, in 0..=1.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, Deserialize)]
+#[serde(try_from = "f64", into = "f64")]
+pub struct Fraction(f64);
+
+impl Fraction {
+    /// Returns the fraction nearest to a number; 0 for NaN.
+    pub fn nearest(number: f64) -> Self {
+        Self(if number.is_nan() {
+            0.0
+        } else {
+            number.clamp(0.0, 1.0)
+        })
+    }
+}
+
+impl From<Fraction> for f64 {
+    fn from(fraction: Fraction) -> Self {
+        fraction.0
+    }
+}
+
+/// A number outside of 0..=1.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("{0} is no fraction: it is not in 0..=1")]
+pub struct NotAFraction(f64);
+
+impl TryFrom<f64> for Fraction {
+    type Error = NotAFraction;
+
+    fn try_from(number: f64) -> Result<Self, NotAFraction> {
+        if (0.0..=1.0).contains(&number) {
+            Ok(Self(number))
+        } else {
+            Err(NotAFraction(number))
+        }
+    }
+}

@@ -1,0 +1,34 @@
+//! Files outside the lake.
+
+use std::path::{Path, PathBuf};
+
+/// A file outside the lake that a unit reads.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct SourceFile {
+    /// Its name in the fingerprint: relative to the dataset, never a path of this machine.
+    pub name: String,
+    /// Where it lies.
+    pub path: PathBuf,
+}
+
+impl SourceFile {
+    /// Names `path` by its last component.
+    pub fn named_by_file(path: &Path) -> Self {
+        Self {
+            name: path.file_name().map_or_else(
+                || path.display().to_string(),
+                |name| name.to_string_lossy().into_owned(),
+            ),
+            path: path.to_owned(),
+        }
+    }
+
+    /// Names `path` by what it is to the stage, e.g. by the option that says where it lies: then its
+    /// own name makes no difference.
+    pub fn named(name: &str, path: &Path) -> Self {
+        Self {
+            name: name.to_owned(),
+            path: path.to_owned(),
+        }
+    }
+}

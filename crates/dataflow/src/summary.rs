@@ -1,0 +1,93 @@
+//! What became of all partitions of an output, in figures and in a line.
+
+use crate::{
+    metrics::{Figures, Metrics, MissingFigure},
+    record::RecordOutcome,
+};
+
+/// What became of all units of one output, for its line in the report.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Summary<M = Figures> {
+    /// Partitions made or taken from the lake.
+    pub n_made: usize,
+    /// Items skipped as unusable.
+    pub n_skipped: usize,
+    /// Items left out by configuration.
+    pub n_filtered: usize,
+    /// The figures, gathered over the partitions.
+    pub metrics: M,
+}
+
+impl<M> Summary<M> {
+    /// Number of items, whatever became of them.
+    pub fn n_items(&self) -> usize {
+        self.n_made + self.n_skipped + self.n_filtered
+    }
+}
+
+impl<M: Metrics> Summary<M> {
+    /// Sums up partitions that all were made.
+    pub fn made(partitions: &[M]) -> Self {
+        Self {
+            n_made: partitions.len(),
+            n_skipped: 0,
+            n_filtered: 0,
+            metrics: M::gather(partitions),
+        }
+    }
+
+    /// Sums up results, in the order of their partitions.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a stored result lacks a figure that every partition has.
+    pub(crate) fn of(outcomes: &[&RecordOutcome]) -> Result<Self, MissingFigure> {
+        let (mut n_skipped, mut n_filtered) = (0, 0);
+        let mut partitions = Vec::with_capacity(outcomes.len());
+        for outcome in outcomes {
+            match outcome {
+                RecordOutcome::Made { metrics, .. } => partitions.push(M::read(metrics)?),
+                RecordOutcome::Skipped { .. } => n_skipped += 1,
+                RecordOutcome::Filtered { .. } => n_filtered += 1,
+            }
+        }
+        Ok(Self {
+            n_skipped,
+            n_filtered,
+            ..Self::made(&partitions)
+        })
+    }
+
+    /// Returns the summary with its figures as they are stored.
+    pub(crate) fn stored(&self) -> Summary {
+        Summary {
+            n_made: self.n_made,
+            n_skipped: self.n_skipped,
+            n_filtered: self.n_filtered,
+            metrics: self.metrics.figures(),
+        }
+    }
+}
+
+/// An output, summed up.
+#[derive(Debug)]
+pub struct Told {
+    /// Counts and figures.
+    pub(crate) summary: Summary,
+    /// The line.
+    pub(crate) line: String,
+}
+
+/// Sums up the stored results of an output, in the order of their partitions.
+pub type Telling = Box<dyn Fn(&[&RecordOutcome]) -> Result<Told, MissingFigure> + Send + Sync>;
+
+/// Returns what reads stored results as typed figures, gathers them and tells them.
+pub(crate) fn telling<M: Metrics>(line: fn(&Summary<M>) -> String) -> Telling {
+    Box::new(move |outcomes| {
+        let summary = Summary::<M>::of(outcomes)?;
+        Ok(Told {
+            line: line(&summary),
+            summary: summary.stored(),
+        })
+    })
+}

@@ -1,0 +1,40 @@
+//! Ending a process that makes something: what is kept stays, and its run is marked as interrupted.
+
+use std::fs;
+
+use dataflow::RunStatus;
+
+use crate::{LakeError, atomic, folder::names_in, history, lake::Lake, register::Run, views};
+
+impl Lake {
+    /// Drops what this process is making, and notes that its run was interrupted; nothing is kept
+    /// after that. Returns the number of units dropped, and the guard that keeps it so.
+    pub fn abandon(&self) -> (impl Sized + '_, usize) {
+        let (guard, n_dropped) = self.flight.drop_all();
+        let mine = atomic::process_name();
+        let staging = self.folder.staging();
+        for name in names_in(&staging).unwrap_or_default() {
+            if name.starts_with(&mine) {
+                let _gone = fs::remove_file(staging.join(name));
+            }
+        }
+        let run = self.register.current().take();
+        if let Some(run) = run {
+            // Where this fails, the run's process is gone in a moment, which says the same.
+            let _noted = self.note_interrupted(run);
+        }
+        self.leave();
+        (guard, n_dropped)
+    }
+
+    /// Keeps what an interrupted run has done.
+    fn note_interrupted(&self, run: Run) -> Result<(), LakeError> {
+        let mut record = run.record.clone();
+        record.status = RunStatus::Interrupted;
+        record.units = self.register.units(&run)?;
+        let units = history::with_outcomes(self, record.units.clone())?;
+        let history = history::keep(self, &run, &record, &units)?;
+        self.register.end(run, record, history)?;
+        views::write(self)
+    }
+}

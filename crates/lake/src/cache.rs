@@ -1,0 +1,180 @@
+//! The newest states of pipelines, as this process knows them.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+};
+
+use dataflow::{Digest, NewestUnit, NodeName, RecordOutcome, UnitRef};
+
+use crate::{
+    LakeError,
+    blobs::Blobs,
+    folder::{Folder, names_in},
+    lock::Locks,
+    newest::{self, Newest, Shown},
+    records::Records,
+    stamp::Stamp,
+    stamps::Stamps,
+};
+
+/// The newest states of the pipelines that were asked about.
+pub(crate) struct Cache {
+    folder: Folder,
+    known: Mutex<BTreeMap<String, Newest>>,
+}
+
+impl Cache {
+    pub(crate) fn new(folder: Folder) -> Self {
+        Self {
+            folder,
+            known: Mutex::default(),
+        }
+    }
+
+    fn known(&self) -> MutexGuard<'_, BTreeMap<String, Newest>> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Reads the newest state of a pipeline, with what it says of records and blobs.
+    pub(crate) fn enter(
+        &self,
+        pipeline: &str,
+        records: &Stamps,
+        blobs: &Stamps,
+    ) -> Result<(), LakeError> {
+        let mut read = Newest::read(&newest::path(&self.folder, pipeline))?;
+        blobs.recall(std::mem::take(&mut read.stamps));
+        records.recall(std::mem::take(&mut read.records));
+        self.known().insert(pipeline.to_owned(), read);
+        Ok(())
+    }
+
+    /// Lists the units of a pipeline that was entered.
+    pub(crate) fn units(&self, pipeline: &str) -> Vec<NewestUnit> {
+        let known = self.known();
+        known.get(pipeline).map(Newest::list).unwrap_or_default()
+    }
+
+    /// Returns the result of a unit that is or was newest in a pipeline that was entered.
+    pub(crate) fn outcome(&self, fingerprint: &Digest) -> Option<Arc<RecordOutcome>> {
+        let known = self.known();
+        let mut known = known.values();
+        known.find_map(|newest| newest.outcome(fingerprint).cloned())
+    }
+
+    /// Returns the result of a unit that nobody collects, because a pipeline's newest runs had it.
+    pub(crate) fn current_outcome(&self, fingerprint: &Digest) -> Option<Arc<RecordOutcome>> {
+        let known = self.known();
+        let mut known = known.values();
+        known.find_map(|newest| newest.current_outcome(fingerprint).cloned())
+    }
+
+    /// Whether this process has changed what a pipeline shows.
+    pub(crate) fn is_changed(&self, pipeline: &str) -> bool {
+        self.known().get(pipeline).is_some_and(Newest::is_changed)
+    }
+
+    /// Returns the files that a node shows, as far as is known.
+    pub(crate) fn shown(&self, pipeline: &str, node: &NodeName) -> Option<Shown> {
+        self.known().get(pipeline)?.shown(node).cloned()
+    }
+
+    /// Says what a node shows from now on.
+    pub(crate) fn show(&self, pipeline: &str, node: &NodeName, shown: Shown) {
+        let mut known = self.known();
+        let newest = known.entry(pipeline.to_owned()).or_default();
+        newest.show(node, shown);
+    }
+
+    /// Returns the files that nodes show which a pipeline no longer has, as far as is known.
+    pub(crate) fn shown_by_others(
+        &self,
+        pipeline: &str,
+        is_kept: impl Fn(&NodeName) -> bool,
+    ) -> Shown {
+        let known = self.known();
+        let shown = known.get(pipeline).into_iter().flat_map(Newest::all_shown);
+        let old = shown.filter(|(node, _)| !is_kept(node));
+        old.flat_map(|(_, shown)| shown.clone()).collect()
+    }
+
+    /// Stops counting nodes as current that a pipeline no longer has.
+    pub(crate) fn retire(&self, pipeline: &str, is_kept: impl Fn(&NodeName) -> bool) {
+        let mut known = self.known();
+        let newest = known.entry(pipeline.to_owned()).or_default();
+        newest.retire(is_kept);
+    }
+
+    /// Keeps the newest state of a pipeline, with what other processes have kept meanwhile.
+    pub(crate) fn keep(
+        &self,
+        pipeline: &str,
+        units: Option<&[(UnitRef, Arc<RecordOutcome>)]>,
+        (records, blobs): (&Records, &Blobs),
+        locks: &Locks,
+    ) -> Result<(), LakeError> {
+        let touched = blobs.settle();
+        let mut known = self.known();
+        let newest = known.entry(pipeline.to_owned()).or_default();
+        let path = newest::path(&self.folder, pipeline);
+        let _turn = locks.turn_to_show(pipeline)?;
+        let mut there = Newest::read(&path)?;
+        blobs.stamps.recall(std::mem::take(&mut there.stamps));
+        records.stamps.recall(std::mem::take(&mut there.records));
+        there.take_over_shown(newest);
+        *newest = there;
+        if let Some(units) = units {
+            newest.take_over(units);
+        }
+        for shown in newest.all_shown_mut().values_mut() {
+            for (path, file) in shown.iter_mut() {
+                if let Ok(stamp) = Stamp::read(&self.folder.join(path))
+                    && (blobs.stamps.get(&file.digest) == Some(stamp)
+                        || touched.contains(&file.digest)
+                            && stamp.differs_by_links_alone(file.stamp))
+                {
+                    file.stamp = stamp;
+                }
+            }
+        }
+        newest.write(
+            &self.folder,
+            &path,
+            |unit| records.stamps.get(unit),
+            |blob| blobs.stamps.get(blob),
+        )
+    }
+
+    /// Lists the units that the newest runs of all pipelines still have.
+    pub(crate) fn all_current(&self) -> Result<BTreeSet<Digest>, LakeError> {
+        let mut current = BTreeSet::new();
+        for name in names_in(&self.folder.newest())? {
+            let pipeline = newest::pipeline_of(&name);
+            let units = Newest::read(&newest::path(&self.folder, pipeline))?.list();
+            let units = units.into_iter().filter(|unit| unit.current);
+            current.extend(units.map(|unit| unit.fingerprint));
+        }
+        Ok(current)
+    }
+
+    /// Forgets collected units in the newest states of all pipelines.
+    pub(crate) fn forget(&self, gone: &BTreeSet<Digest>, locks: &Locks) -> Result<(), LakeError> {
+        for name in names_in(&self.folder.newest())? {
+            let pipeline = newest::pipeline_of(&name);
+            let _turn = locks.turn_to_show(pipeline)?;
+            let path = newest::path(&self.folder, pipeline);
+            let mut newest = Newest::read(&path)?;
+            let stamps: BTreeMap<_, _> = std::mem::take(&mut newest.stamps).into_iter().collect();
+            let records: BTreeMap<_, _> = std::mem::take(&mut newest.records).into_iter().collect();
+            newest.forget(|unit| gone.contains(unit));
+            newest.write(
+                &self.folder,
+                &path,
+                |unit| records.get(unit).copied(),
+                |blob| stamps.get(blob).copied(),
+            )?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,190 @@
+//! A lake: its folder, and the parts that look after it.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use dataflow::{Digest, FileRef, Record, RunStatus};
+
+use crate::{
+    LakeError,
+    atomic::io_error,
+    blobs::Blobs,
+    cache::Cache,
+    changing::Changing,
+    flight::Flight,
+    folder::{Folder, HISTORY, REPORTS, files_below},
+    lock::Locks,
+    records::{Provenance, Records},
+    register::{Register, Run},
+    sources::Sources,
+};
+
+/// A folder of artifacts.
+pub struct Lake {
+    pub(crate) folder: Folder,
+    pub(crate) locks: Locks,
+    pub(crate) blobs: Blobs,
+    pub(crate) records: Records,
+    pub(crate) register: Register,
+    pub(crate) cache: Cache,
+    pub(crate) changing: Changing,
+    pub(crate) sources: Sources,
+    pub(crate) flight: Flight,
+}
+
+impl Lake {
+    /// Opens a lake; the folder is made when something is first written to it.
+    pub fn open(root: &Path) -> Self {
+        let folder = Folder::new(root);
+        Self {
+            locks: Locks::new(folder.locks()),
+            blobs: Blobs::new(folder.clone()),
+            records: Records::new(folder.clone()),
+            register: Register::new(folder.clone()),
+            cache: Cache::new(folder.clone()),
+            changing: Changing::new(folder.clone()),
+            sources: Sources::new(folder.clone()),
+            flight: Flight::default(),
+            folder,
+        }
+    }
+
+    /// The folder.
+    pub fn root(&self) -> &Path {
+        self.folder.root()
+    }
+
+    /// Makes ready to write.
+    pub(crate) fn prepare(&self) -> Result<(), LakeError> {
+        let staging = self.folder.staging();
+        fs::create_dir_all(&staging).map_err(io_error("create", &staging))?;
+        self.locks.enter()
+    }
+
+    /// Says that this process writes no more to the lake.
+    pub fn leave(&self) {
+        self.locks.leave();
+    }
+
+    /// Makes sure that there is a lake: a folder with something in it that a lake has.
+    ///
+    /// # Errors
+    ///
+    /// Fails with [`LakeError::NoLake`] if there is none.
+    pub fn expect_there(&self) -> Result<(), LakeError> {
+        let folder = &self.folder;
+        let folders = [
+            folder.blobs(),
+            folder.units(),
+            folder.runs(),
+            folder.staging(),
+        ];
+        if folders.iter().any(|folder| folder.is_dir()) {
+            return Ok(());
+        }
+        Err(LakeError::NoLake {
+            path: self.root().to_owned(),
+        })
+    }
+
+    /// Lists the tables of artifacts by name.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the folder cannot be read.
+    pub fn tables(&self) -> Result<Vec<String>, LakeError> {
+        self.folder.artifact_tables()
+    }
+
+    /// Names of the tables of runs, units, artifacts and metrics.
+    pub fn history_tables() -> [&'static str; 5] {
+        HISTORY
+    }
+
+    /// Returns the folder of a pipeline's charts, if it shows any.
+    pub fn report_folder(&self, pipeline: &str) -> Option<PathBuf> {
+        let folder = self.folder.join(REPORTS).join(pipeline);
+        let is_empty = files_below(&folder).is_ok_and(|files| files.is_empty());
+        (!is_empty).then_some(folder)
+    }
+
+    /// Lists the numbers of all runs in order.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the folder cannot be read.
+    pub fn runs(&self) -> Result<Vec<u64>, LakeError> {
+        self.register.numbers()
+    }
+
+    /// Reads a run with its units. A run whose process died is marked as interrupted.
+    ///
+    /// # Errors
+    ///
+    /// Fails if there is no such run or its record is damaged.
+    pub fn run(&self, number: u64) -> Result<Run, LakeError> {
+        let mut run = self.run_without_units(number)?;
+        run.record.units = self.register.units(&run)?;
+        Ok(run)
+    }
+
+    /// Reads a run without its units. A run whose process died is marked as interrupted.
+    ///
+    /// # Errors
+    ///
+    /// Fails if there is no such run or its record is damaged.
+    pub fn run_without_units(&self, number: u64) -> Result<Run, LakeError> {
+        self.register.read_with_end(number, &self.locks)
+    }
+
+    /// Returns the newest run of any pipeline that came to its end, or else the newest of all. A run that
+    /// was gone through again is newer than those before.
+    ///
+    /// # Errors
+    ///
+    /// Fails if its record cannot be read.
+    pub fn newest_run(&self) -> Result<Option<Run>, LakeError> {
+        let numbers = self.register.ordered()?;
+        for &number in numbers.iter().rev() {
+            if self.run_without_units(number)?.record.status == RunStatus::Finished {
+                return self.run(number).map(Some);
+            }
+        }
+        numbers.last().map(|&number| self.run(number)).transpose()
+    }
+
+    /// Returns the record kept under a fingerprint's digest.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the record cannot be read.
+    pub fn record(&self, fingerprint: &Digest) -> Result<Option<Record>, LakeError> {
+        let found = self.record_and_provenance(fingerprint)?;
+        Ok(found.map(|(record, _)| record))
+    }
+
+    /// Returns the record kept under a fingerprint's digest, and when, where and by what its unit was
+    /// made.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the record cannot be read.
+    pub fn record_and_provenance(
+        &self,
+        fingerprint: &Digest,
+    ) -> Result<Option<(Record, Provenance)>, LakeError> {
+        let Some(stored) = self.records.read(fingerprint)? else {
+            return Ok(None);
+        };
+        let provenance = stored.provenance.clone();
+        let record = self.records.whole(stored)?;
+        Ok(record.map(|record| (record, provenance)))
+    }
+
+    /// Returns where the bytes of a file of an artifact lie.
+    pub fn file(&self, file: &FileRef) -> PathBuf {
+        self.blobs.path(&file.digest)
+    }
+}
