@@ -9,14 +9,15 @@ use toml_edit::InlineTable;
 use crate::{
     advice::Advised,
     context::{Context, Inputs},
-    line::{Telling, Told},
     metrics::MissingFigure,
     option_faults::OptionFault,
     outcome::{Labels, Outcome},
-    output::{OutputInfo, OutputOf},
+    output::OutputInfo,
     record::RecordOutcome,
     report::{Generator, Recorded, Report, Unreported},
-    stage::{Scope, Stage},
+    scope::Scope,
+    stage::{OutputOf, Stage},
+    summary::{Telling, Told},
     unit::Unit,
 };
 
@@ -348,7 +349,7 @@ fn type_name(schema: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{code::Code, output::Outputs};
+    use crate::{code::Code, stage::Outputs};
 
     /// A stage with an option that cannot always be written.
     enum Fixture {}

@@ -3,11 +3,8 @@
 use std::any::TypeId;
 
 use crate::{
-    metrics::{Metrics, MissingFigure},
-    output::Output,
-    record::RecordOutcome,
-    stage::Stage,
-    summary::Summary,
+    stage::{Output, Stage},
+    summary::{Summary, Telling, telling},
 };
 
 /// How a report sums up one output of its stage, e.g. `24 recordings → 23 demonstrations`.
@@ -32,27 +29,4 @@ impl<O: Output> LineOf<O::Stage> for Line<O> {
     fn telling(&self) -> Telling {
         telling(self.0)
     }
-}
-
-/// An output, summed up.
-#[derive(Debug)]
-pub struct Told {
-    /// Counts and figures.
-    pub(crate) summary: Summary,
-    /// The line.
-    pub(crate) line: String,
-}
-
-/// Sums up the stored results of an output, in the order of their partitions.
-pub type Telling = Box<dyn Fn(&[&RecordOutcome]) -> Result<Told, MissingFigure> + Send + Sync>;
-
-/// Returns what reads stored results as typed figures, gathers them and tells them.
-pub(crate) fn telling<M: Metrics>(line: fn(&Summary<M>) -> String) -> Telling {
-    Box::new(move |outcomes| {
-        let summary = Summary::<M>::of(outcomes)?;
-        Ok(Told {
-            line: line(&summary),
-            summary: summary.stored(),
-        })
-    })
 }

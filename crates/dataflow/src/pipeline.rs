@@ -16,7 +16,8 @@ use crate::{
     kind::{Configured, Kind},
     name::NodeName,
     output::Options,
-    stage::{Scope, Stage},
+    scope::Scope,
+    stage::Stage,
     store::Origin,
     unit::Unit,
 };

@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, fs, path::Path};
 use crate::{
     error::Failure,
     pipeline::{Pipeline, StageEntry},
-    stage::Scope,
+    scope::Scope,
 };
 
 /// Whether one stage can begin.

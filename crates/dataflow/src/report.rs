@@ -2,7 +2,12 @@
 
 use std::marker::PhantomData;
 
-use crate::{advice::Advise, code::Code, line::Lines, output::Outputs, stage::Stage};
+use crate::{
+    advice::Advise,
+    code::Code,
+    line::Lines,
+    stage::{Outputs, Stage},
+};
 
 /// What shows the results of a stage: tables and charts, and the lines that sum up what was made.
 ///

@@ -13,7 +13,6 @@ use crate::{
     error::Failure,
     event::{Event, Events},
     graph::Node,
-    line::Told,
     make::{Maker, UnitReport},
     name::NodeName,
     options::RunOptions,
@@ -25,7 +24,7 @@ use crate::{
         NewestUnit, NodeRecord, OutputRecord, RunRecord, RunStatus, Showing, StageRecord, Store,
         UnitRef,
     },
-    summary::Summary,
+    summary::{Summary, Told},
     unit::Unit,
     workers,
 };

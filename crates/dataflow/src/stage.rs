@@ -1,24 +1,26 @@
-//! The contract of a stage: its configuration, what it reads, and what it makes.
+//! The contract of a stage and of its outputs.
 
-use std::{
-    collections::BTreeMap,
-    sync::{
-        Arc,
-        atomic::{AtomicBool, Ordering},
-    },
-};
+use std::any::TypeId;
 
 use schemars::JsonSchema;
 use serde::{Serialize, de::DeserializeOwned};
 
 use crate::{
-    advice::Advise, code::Code, option_faults::OptionFault, outcome::Labels, output::Outputs,
-    record::RecordOutcome,
+    advice::{Advise, Advised},
+    code::Code,
+    context::{Context, Inputs},
+    metrics::Metrics,
+    option_faults::OptionFault,
+    outcome::{Labels, Outcome},
+    output::{Execution, Options, OutputInfo},
+    scope::Scope,
+    summary::{Summary, Telling, telling},
+    unit::Unit,
 };
 
 /// One kind of step of a pipeline: artifacts in, artifacts out, and nothing else.
 ///
-/// It is a list of [`Output`](crate::Output)s, with what they have in common.
+/// It is a list of [`Output`]s, with what they have in common.
 pub trait Stage: Sized + 'static {
     /// The stage's table in the pipeline file.
     ///
@@ -60,83 +62,132 @@ pub trait Stage: Sized + 'static {
     }
 }
 
-/// What a stage may look at to list its units: the partitions that its inputs have.
-#[derive(Debug, Clone, Default)]
-pub struct Scope {
-    partitions: BTreeMap<String, Vec<Partition>>,
-}
+/// One artifact that a stage, or its report, makes: one partition at a time.
+///
+/// A partition is a pure function of the configuration, what it reads and [`Context::seed`]. Equal
+/// arguments must give equal bytes, on any number of threads.
+pub trait Output: Sync + 'static {
+    /// The stage of which it is an output.
+    type Stage: Stage;
+    /// Figures about a partition; `()` for none.
+    type Metrics: Metrics;
+    /// Why a unit could not be made.
+    type Error: Advise;
 
-impl Scope {
-    /// Returns the scope that holds these partitions by input name or own output's artifact.
-    pub fn new(partitions: BTreeMap<String, Vec<Partition>>) -> Self {
-        Self { partitions }
+    /// The artifact's name, e.g. `demonstrations`: also the name of its table.
+    const ARTIFACT: &'static str;
+    /// Name and version of its schema, e.g. `demonstrations/1`.
+    const SCHEMA: &'static str;
+    /// What one partition stands for, e.g. `sequence`: the name of the Hive partition column.
+    const PARTITION: &'static str;
+    /// Whether a unit may be made beside another of the same output.
+    const EXECUTION: Execution = Execution::Parallel;
+    /// The options that decide what [`Output::make`] makes of a listed unit: a change of another makes
+    /// no unit run again.
+    ///
+    /// An option that only chooses units or files, or is told to the unit as one of its
+    /// [`Unit::facts`], decides nothing more.
+    const OPTIONS: Options = Options::All;
+    /// Sums up all partitions in the user's terms, e.g. `24 recordings → 23 demonstrations`.
+    ///
+    /// Its text is in the code part of the output: where results are costly, a
+    /// [`Line`](crate::Line) of the stage's report does this instead.
+    const LINE: OwnLine<Self::Metrics> = None;
+
+    /// Lists the partitions and what each of them reads.
+    ///
+    /// # Errors
+    ///
+    /// Fails if there is nothing to work on.
+    fn units(config: &ConfigOf<Self>, scope: &Scope) -> Result<Vec<Unit>, Self::Error>;
+
+    /// Foretells the labels that a unit will have if it comes out as made.
+    ///
+    /// A plan asks it about units that are yet to be made, so that it need not assume that what
+    /// later stages choose by may change. `None` where the labels are only known afterwards.
+    fn labels(_config: &ConfigOf<Self>, _unit: &Unit, _scope: &Scope) -> Option<Labels> {
+        None
     }
 
-    /// Returns the partitions of an input, or of an output of this stage that is made earlier,
-    /// ordered by key.
-    pub fn partitions(&self, name: &str) -> &[Partition] {
-        self.partitions.get(name).map_or(&[], Vec::as_slice)
+    /// Makes one partition: writes its files into [`Context::folder`].
+    ///
+    /// # Errors
+    ///
+    /// Fails if the whole stage cannot go on. One bad item is [`Outcome::Skipped`] instead.
+    fn make(
+        config: &ConfigOf<Self>,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<Self::Metrics>, Self::Error>;
+}
+
+/// What sums up an output with these figures, if it tells itself.
+pub type OwnLine<M> = Option<fn(&Summary<M>) -> String>;
+
+/// The configuration of an output's stage.
+pub type ConfigOf<O> = <<O as Output>::Stage as Stage>::Config;
+
+/// The outputs of a stage, or of its report, in the order in which they are made.
+pub type Outputs<S> = &'static [&'static dyn OutputOf<S>];
+
+/// An [`Output`] of a stage without its type; every output is one.
+pub trait OutputOf<S: Stage>: Sync {
+    /// Tells outputs apart.
+    fn id(&self) -> TypeId;
+    /// Describes it; the code is that of the list in which it stands.
+    fn info(&self, code: Code) -> OutputInfo;
+    /// As [`Output::LINE`].
+    fn line(&self) -> Option<Telling>;
+    /// As [`Output::units`].
+    ///
+    /// # Errors
+    ///
+    /// Fails as [`Output::units`] does.
+    fn units(&self, config: &S::Config, scope: &Scope) -> Result<Vec<Unit>, Advised>;
+    /// As [`Output::labels`].
+    fn labels(&self, config: &S::Config, unit: &Unit, scope: &Scope) -> Option<Labels>;
+    /// As [`Output::make`].
+    ///
+    /// # Errors
+    ///
+    /// Fails as [`Output::make`] does.
+    fn make(&self, config: &S::Config, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised>;
+}
+
+impl<O: Output> OutputOf<O::Stage> for O {
+    fn id(&self) -> TypeId {
+        TypeId::of::<O>()
     }
-}
 
-/// One partition of an artifact, as far as planning needs it.
-#[derive(Debug, Clone)]
-pub struct Partition {
-    /// The partition's key, e.g. the sequence's name.
-    pub key: String,
-    labels: LabelsOf,
-    /// Set as soon as somebody asks for a label that may still change.
-    asked: Option<Arc<AtomicBool>>,
-}
-
-/// Where a partition's labels are.
-#[derive(Debug, Clone)]
-enum LabelsOf {
-    Own(Labels),
-    /// In the result that has them, of which there may be many.
-    Made(Arc<RecordOutcome>),
-}
-
-impl Partition {
-    /// Returns the partition of this key, about which its maker said this.
-    pub fn new(key: impl Into<String>, labels: Labels) -> Self {
-        Self {
-            key: key.into(),
-            labels: LabelsOf::Own(labels),
-            asked: None,
+    fn info(&self, code: Code) -> OutputInfo {
+        OutputInfo {
+            artifact: O::ARTIFACT,
+            schema: O::SCHEMA,
+            partition: O::PARTITION,
+            execution: O::EXECUTION,
+            code,
+            options: O::OPTIONS,
         }
     }
 
-    /// Returns a partition that is made.
-    pub(crate) fn made(key: &str, outcome: &Arc<RecordOutcome>) -> Self {
-        Self {
-            key: key.to_owned(),
-            labels: LabelsOf::Made(Arc::clone(outcome)),
-            asked: None,
-        }
+    fn line(&self) -> Option<Telling> {
+        O::LINE.map(telling)
     }
 
-    /// Returns a partition whose labels may come out differently; `asked` is set if one is read.
-    pub(crate) fn uncertain(key: &str, labels: Labels, asked: &Arc<AtomicBool>) -> Self {
-        Self {
-            key: key.to_owned(),
-            labels: LabelsOf::Own(labels),
-            asked: Some(Arc::clone(asked)),
-        }
+    fn units(&self, config: &ConfigOf<O>, scope: &Scope) -> Result<Vec<Unit>, Advised> {
+        Ok(O::units(config, scope)?)
     }
 
-    /// Returns a label, e.g. `object`.
-    pub fn label(&self, name: &str) -> Option<&str> {
-        if let Some(asked) = &self.asked {
-            asked.store(true, Ordering::Relaxed);
-        }
-        let labels = match &self.labels {
-            LabelsOf::Own(labels) => labels,
-            LabelsOf::Made(outcome) => match outcome.as_ref() {
-                RecordOutcome::Made { labels, .. } => labels,
-                RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => return None,
-            },
-        };
-        labels.get(name).map(String::as_str)
+    fn labels(&self, config: &ConfigOf<O>, unit: &Unit, scope: &Scope) -> Option<Labels> {
+        O::labels(config, unit, scope)
+    }
+
+    fn make(
+        &self,
+        config: &ConfigOf<O>,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome, Advised> {
+        Ok(O::make(config, inputs, cx)?.stored())
     }
 }

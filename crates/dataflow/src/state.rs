@@ -22,7 +22,7 @@ use crate::{
     outcome::Labels,
     pipeline::Pipeline,
     record::RecordOutcome,
-    stage::{Partition, Scope},
+    scope::{Partition, Scope},
     store::Store,
     unit::Unit,
 };

@@ -1,4 +1,4 @@
-//! What became of all partitions of an output.
+//! What became of all partitions of an output, in figures and in a line.
 
 use crate::{
     metrics::{Figures, Metrics, MissingFigure},
@@ -67,4 +67,27 @@ impl<M: Metrics> Summary<M> {
             metrics: self.metrics.figures(),
         }
     }
+}
+
+/// An output, summed up.
+#[derive(Debug)]
+pub struct Told {
+    /// Counts and figures.
+    pub(crate) summary: Summary,
+    /// The line.
+    pub(crate) line: String,
+}
+
+/// Sums up the stored results of an output, in the order of their partitions.
+pub type Telling = Box<dyn Fn(&[&RecordOutcome]) -> Result<Told, MissingFigure> + Send + Sync>;
+
+/// Returns what reads stored results as typed figures, gathers them and tells them.
+pub(crate) fn telling<M: Metrics>(line: fn(&Summary<M>) -> String) -> Telling {
+    Box::new(move |outcomes| {
+        let summary = Summary::<M>::of(outcomes)?;
+        Ok(Told {
+            line: line(&summary),
+            summary: summary.stored(),
+        })
+    })
 }

@@ -1,0 +1,92 @@
+//! What a stage may look at to list its units: the partitions of what it reads.
+
+use std::{
+    collections::BTreeMap,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+};
+
+use crate::{outcome::Labels, record::RecordOutcome};
+
+/// What a stage may look at to list its units: the partitions that its inputs have.
+#[derive(Debug, Clone, Default)]
+pub struct Scope {
+    partitions: BTreeMap<String, Vec<Partition>>,
+}
+
+impl Scope {
+    /// Returns the scope that holds these partitions by input name or own output's artifact.
+    pub fn new(partitions: BTreeMap<String, Vec<Partition>>) -> Self {
+        Self { partitions }
+    }
+
+    /// Returns the partitions of an input, or of an output of this stage that is made earlier,
+    /// ordered by key.
+    pub fn partitions(&self, name: &str) -> &[Partition] {
+        self.partitions.get(name).map_or(&[], Vec::as_slice)
+    }
+}
+
+/// One partition of an artifact, as far as planning needs it.
+#[derive(Debug, Clone)]
+pub struct Partition {
+    /// The partition's key, e.g. the sequence's name.
+    pub key: String,
+    labels: LabelsOf,
+    /// Set as soon as somebody asks for a label that may still change.
+    asked: Option<Arc<AtomicBool>>,
+}
+
+/// Where a partition's labels are.
+#[derive(Debug, Clone)]
+enum LabelsOf {
+    Own(Labels),
+    /// In the result that has them, of which there may be many.
+    Made(Arc<RecordOutcome>),
+}
+
+impl Partition {
+    /// Returns the partition of this key, about which its maker said this.
+    pub fn new(key: impl Into<String>, labels: Labels) -> Self {
+        Self {
+            key: key.into(),
+            labels: LabelsOf::Own(labels),
+            asked: None,
+        }
+    }
+
+    /// Returns a partition that is made.
+    pub(crate) fn made(key: &str, outcome: &Arc<RecordOutcome>) -> Self {
+        Self {
+            key: key.to_owned(),
+            labels: LabelsOf::Made(Arc::clone(outcome)),
+            asked: None,
+        }
+    }
+
+    /// Returns a partition whose labels may come out differently; `asked` is set if one is read.
+    pub(crate) fn uncertain(key: &str, labels: Labels, asked: &Arc<AtomicBool>) -> Self {
+        Self {
+            key: key.to_owned(),
+            labels: LabelsOf::Own(labels),
+            asked: Some(Arc::clone(asked)),
+        }
+    }
+
+    /// Returns a label, e.g. `object`.
+    pub fn label(&self, name: &str) -> Option<&str> {
+        if let Some(asked) = &self.asked {
+            asked.store(true, Ordering::Relaxed);
+        }
+        let labels = match &self.labels {
+            LabelsOf::Own(labels) => labels,
+            LabelsOf::Made(outcome) => match outcome.as_ref() {
+                RecordOutcome::Made { labels, .. } => labels,
+                RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => return None,
+            },
+        };
+        labels.get(name).map(String::as_str)
+    }
+}
