@@ -1,4 +1,4 @@
-//! What an output is, for whoever goes through the graph.
+//! What is said of an output: its names, its code, the options that decide it.
 
 use crate::code::Code;
 

@@ -1,4 +1,4 @@
-//! What a stage may look at to list its units.
+//! What a stage may look at to list its units: the partitions of what it reads.
 
 use std::{
     collections::BTreeMap,

@@ -1,4 +1,4 @@
-//! The contract of a stage: its configuration, what it reads, and its outputs.
+//! The contract of a stage and of its outputs.
 
 use std::any::TypeId;
 

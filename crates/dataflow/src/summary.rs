@@ -1,4 +1,4 @@
-//! What became of all partitions of an output, and the line that says so.
+//! What became of all partitions of an output, in figures and in a line.
 
 use crate::{
     metrics::{Figures, Metrics, MissingFigure},
