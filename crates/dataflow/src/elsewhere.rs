@@ -30,6 +30,9 @@ pub enum Forced {
     No,
 }
 
+/// Characters of a refused line that its error quotes.
+const QUOTED: usize = 200;
+
 /// Checks the events of a unit that is made elsewhere and passes them on.
 pub struct Relay<'a> {
     unit: &'a UnitName,
@@ -68,9 +71,9 @@ impl<'a> Relay<'a> {
     /// Fails if the line is no event, or one that cannot come from this unit.
     pub fn line(&mut self, line: &str) -> Result<(), Failure> {
         let event = serde_json::from_str(line)
-            .map_err(|err| self.refuse(&format!("`{line}` is no event: {err}")))?;
+            .map_err(|err| self.refuse(line, &format!("is no event: {err}")))?;
         if self.end.is_some() {
-            return Err(self.refuse(&format!("`{line}` follows the last event")));
+            return Err(self.refuse(line, "follows the last event"));
         }
         match event {
             Event::UnitDone {
@@ -106,7 +109,7 @@ impl<'a> Relay<'a> {
                 (self.events)(&event);
             }
             Event::UnitDone { ref unit, .. } if self.mended.contains(unit) => (self.events)(&event),
-            _ => return Err(self.refuse(&format!("`{line}` is no event of this unit"))),
+            _ => return Err(self.refuse(line, "is no event of this unit")),
         }
         Ok(())
     }
@@ -122,10 +125,11 @@ impl<'a> Relay<'a> {
         (self.mended, self.end)
     }
 
-    fn refuse(&self, message: &str) -> Failure {
+    fn refuse(&self, line: &str, reason: &str) -> Failure {
+        let quoted: String = line.chars().take(QUOTED).collect();
         Failure::Protocol {
             unit: self.unit.clone(),
-            message: message.to_owned(),
+            message: format!("`{quoted}` {reason}"),
         }
     }
 }

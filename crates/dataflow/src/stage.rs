@@ -25,7 +25,7 @@ pub trait Stage: Sized + 'static {
     /// The stage's table in the pipeline file.
     ///
     /// Its serialized form is part of the fingerprint. A path to a file or folder whose content is
-    /// among the unit's [`Unit::files`](crate::Unit::files) is left out of it with
+    /// among the unit's [`Unit::files`] is left out of it with
     /// `#[serde(skip_serializing)]`.
     type Config: DeserializeOwned + Serialize + JsonSchema + Send + Sync;
     /// Why the stage could not be made ready.
