@@ -67,6 +67,23 @@ fn only_the_wrappers_know_what_is_denied() {
 }
 
 #[test]
+fn planning_has_never_heard_of_cells_nor_of_files() {
+    let dependencies = dependencies();
+    for stranger in [
+        "cell",
+        "zenoh",
+        "lake",
+        "dataflow",
+        "schemas",
+        "robot_meshes",
+    ] {
+        let of_planning = ["motion", "planning"].map(|planner| &dependencies[planner]);
+        let knows = |names: &&Vec<String>| names.iter().any(|name| name == stranger);
+        assert!(!of_planning.iter().any(knows), "{stranger}");
+    }
+}
+
+#[test]
 fn engine_and_charts_have_never_heard_of_hands() {
     let dependencies = dependencies();
     assert_eq!(dependencies["charts"], ["thiserror"]);

@@ -4,7 +4,8 @@
 
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
-use spatial::{Object, Palm, Pose};
+use motion::{HandRates, JointRates, Motion, MotionError, Step};
+use spatial::{Object, Palm, Pose, Twist};
 
 use crate::{
     SchemaError, Table,
@@ -26,46 +27,7 @@ pub struct Candidate {
     /// (meters if prismatic); 0 if none was.
     pub limit_excess_rad: f64,
     /// The steps in time order; the last one is the grasp.
-    pub steps: Vec<Step>,
-}
-
-/// One step of a motion.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Step {
-    /// Seconds since the first step.
-    pub time_s: f64,
-    /// Pose of the palm in the object frame (the object as it lies before it is touched).
-    pub object_from_palm: Pose<Object, Palm>,
-    /// Joint positions in radians, in the order of the joints' names.
-    pub q_rad: Vec<f64>,
-    /// How it moves.
-    pub rates: Rates,
-}
-
-/// How the hand moves at a step of a motion.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Rates {
-    /// Velocity of the palm's origin (m/s), then its angular velocity (rad/s), both along the
-    /// object's axes.
-    pub palm_velocity: [f64; 6],
-    /// How fast these change, in m/s² and rad/s².
-    pub palm_acceleration: [f64; 6],
-    /// Joint velocities in rad/s.
-    pub q_velocity_rad_per_s: Vec<f64>,
-    /// Joint accelerations in rad/s².
-    pub q_acceleration_rad_per_s2: Vec<f64>,
-}
-
-impl Rates {
-    /// Returns the rates of a hand of `dof` joints that does not move.
-    pub fn still(dof: usize) -> Self {
-        Self {
-            palm_velocity: [0.0; 6],
-            palm_acceleration: [0.0; 6],
-            q_velocity_rad_per_s: vec![0.0; dof],
-            q_acceleration_rad_per_s2: vec![0.0; dof],
-        }
-    }
+    pub steps: Vec<Step<Object>>,
 }
 
 /// All candidates of one object.
@@ -77,6 +39,17 @@ pub struct Candidates {
     pub joints: Vec<String>,
     /// The motions.
     pub candidates: Vec<Candidate>,
+}
+
+impl Candidates {
+    /// Returns the motion of one of them.
+    ///
+    /// # Errors
+    ///
+    /// Fails if its steps are no motion.
+    pub fn motion(&self, candidate: &Candidate) -> Result<Motion<Object>, MotionError> {
+        Motion::new(&self.joints, candidate.steps.clone())
+    }
 }
 
 columns! {
@@ -113,18 +86,20 @@ impl From<&Candidate> for Row {
             table_from_object: candidate.table_from_object,
             limit_excess_rad: candidate.limit_excess_rad,
             time_s: steps().map(|s| s.time_s).collect(),
-            object_from_palm: steps().map(|s| s.object_from_palm).collect(),
+            object_from_palm: steps().map(|s| s.frame_from_palm).collect(),
             q_rad: steps().flat_map(|s| &s.q_rad).copied().collect(),
             q_velocity_rad_per_s: steps()
-                .flat_map(|s| &s.rates.q_velocity_rad_per_s)
+                .flat_map(|s| &s.rates.joints.velocity)
                 .copied()
                 .collect(),
             q_acceleration_rad_per_s2: steps()
-                .flat_map(|s| &s.rates.q_acceleration_rad_per_s2)
+                .flat_map(|s| &s.rates.joints.acceleration)
                 .copied()
                 .collect(),
-            palm_velocity: steps().map(|s| s.rates.palm_velocity).collect(),
-            palm_acceleration: steps().map(|s| s.rates.palm_acceleration).collect(),
+            palm_velocity: steps().map(|s| s.rates.palm_velocity.to_array()).collect(),
+            palm_acceleration: steps()
+                .map(|s| s.rates.palm_acceleration.to_array())
+                .collect(),
         }
     }
 }
@@ -149,13 +124,15 @@ impl Row {
             let of_step = |numbers: &[f64]| numbers[idx * dof..(idx + 1) * dof].to_vec();
             Step {
                 time_s: self.time_s[idx],
-                object_from_palm: self.object_from_palm[idx],
+                frame_from_palm: self.object_from_palm[idx],
                 q_rad: of_step(&self.q_rad),
-                rates: Rates {
-                    palm_velocity: self.palm_velocity[idx],
-                    palm_acceleration: self.palm_acceleration[idx],
-                    q_velocity_rad_per_s: of_step(&self.q_velocity_rad_per_s),
-                    q_acceleration_rad_per_s2: of_step(&self.q_acceleration_rad_per_s2),
+                rates: HandRates {
+                    palm_velocity: Twist::from_array(self.palm_velocity[idx]),
+                    palm_acceleration: Twist::from_array(self.palm_acceleration[idx]),
+                    joints: JointRates {
+                        velocity: of_step(&self.q_velocity_rad_per_s),
+                        acceleration: of_step(&self.q_acceleration_rad_per_s2),
+                    },
                 },
             }
         };

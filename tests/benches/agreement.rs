@@ -10,8 +10,6 @@
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
 
-#[path = "screening/candidates.rs"]
-mod candidates_of_lake;
 mod limits;
 #[path = "screening/mujoco.rs"]
 mod mujoco;
@@ -22,12 +20,11 @@ mod thread_time;
 
 use std::{collections::BTreeMap, env, path::PathBuf, process::ExitCode};
 
-use candidates_of_lake::motion;
 use lake::Lake;
 use limits::Limits;
 use mujoco::{Engine, Mujoco};
 use robot::RobotModel;
-use schemas::candidates::{Candidate, Candidates};
+use schemas::candidates::Candidates;
 use serde_json::Value;
 use simulation::{ObjectShape, Record, Template, Verdict};
 use spatial::{Object, Pose, Rest, Table};
@@ -81,7 +78,7 @@ fn main() -> ExitCode {
         let object = ObjectShape::from_artifact(&lake::table::read(object).unwrap());
         let candidates: Candidates = lake::table::read(&candidates).unwrap();
         assert_eq!(candidates.joints, hand.joint_names());
-        let counts = compare(&mut mujoco, &hand, &object, &candidates.candidates);
+        let counts = compare(&mut mujoco, &hand, &object, &candidates);
         println!("{name:24} {}", counts.line());
         totals.add(&counts);
     }
@@ -176,17 +173,17 @@ fn compare(
     mujoco: &mut Mujoco,
     hand: &RobotModel,
     object: &ObjectShape,
-    candidates: &[Candidate],
+    candidates: &Candidates,
 ) -> Counts {
     let (scene, protocol) = options::options();
     let mut counts = Counts {
-        candidates: candidates.len(),
+        candidates: candidates.candidates.len(),
         ..Counts::default()
     };
     let mut templates: Vec<(Pose<Table, Object>, Template)> = Vec::new();
     let mut scripts: Vec<Value> = Vec::new();
     let mut held: Vec<bool> = Vec::new();
-    for candidate in candidates {
+    for candidate in &candidates.candidates {
         let before = thread_time::cpu_s();
         let pose = candidate.table_from_object;
         let known = templates.iter().position(|(other, _)| *other == pose);
@@ -195,7 +192,7 @@ fn compare(
             templates.push((pose, template));
             templates.len() - 1
         });
-        let (template, motion) = (&templates[at].1, motion(candidate));
+        let (template, motion) = (&templates[at].1, candidates.motion(candidate).unwrap());
         counts.here_s += thread_time::cpu_s() - before;
         let before = thread_time::cpu_s();
         let rollout = template.rollout(&motion, &protocol, Record::Nothing);

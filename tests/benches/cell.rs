@@ -26,8 +26,9 @@ use std::{
 };
 
 use cell::{
-    Carrier, CellClient, Executed, Gap, Goal, JointPoint, Keys, Pacer, PalmPoint, Service,
-    SimulatedCell, SimulatedCellConfig, Tick, Track, rehearse, robot_digest, subscribe,
+    Carrier, CellClient, Executed, Gap, Goal, JointPoint, JointRates, JointTrack, Keys, Pacer,
+    PalmPoint, Service, SimulatedCell, SimulatedCellConfig, Tick, rehearse, robot_digest,
+    subscribe,
 };
 use nalgebra::Isometry3;
 use robot::RobotModel;
@@ -165,8 +166,10 @@ fn goal(attempt: u32) -> Goal {
                 .iter()
                 .map(|q| q + swing * (1.0 - cos))
                 .collect(),
-            velocity_rad_per_s: vec![speed * sin; dof],
-            acceleration_rad_per_s2: vec![std::f64::consts::TAU * speed * cos; dof],
+            rates: JointRates {
+                velocity: vec![speed * sin; dof],
+                acceleration: vec![std::f64::consts::TAU * speed * cos; dof],
+            },
         }
     };
     Goal {
@@ -182,7 +185,7 @@ fn goal(attempt: u32) -> Goal {
             ..protocol
         },
         carrier: Carrier::Palm(vec![palm(0.0), palm(reach_s)]),
-        hand: Track {
+        hand: JointTrack {
             joints: hand.joint_names(),
             points: (0..=ticks).map(point).collect(),
         },

@@ -20,11 +20,12 @@ use std::{
 };
 
 use cgf::{
-    Activation, Cgf, Grasp, NetworkConfig, ObjectFeature, Random, Scene, Split, TimedGrasp, Track,
-    TrainingConfig, TrainingSet,
+    Activation, Cgf, NetworkConfig, ObjectFeature, Random, Scene, Split, Track, TrainingConfig,
+    TrainingSet,
 };
 use dataflow::Pipeline;
 use limits::Limits;
+use motion::{Motion, Step};
 use nalgebra::{Isometry3, Point3, Vector3};
 use python::Script;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -193,19 +194,22 @@ impl Ours {
             name: name.to_owned(),
             scene: 0,
             split: Split::Training,
-            steps: (0..20)
-                .map(|k| TimedGrasp {
-                    time_s: f64::from(k),
-                    grasp: Grasp {
-                        table_from_palm: Pose::new(Isometry3::translation(
+            motion: Motion::new(
+                &hand.joint_names(),
+                (0..20)
+                    .map(|k| Step {
+                        time_s: f64::from(k),
+                        frame_from_palm: Pose::new(Isometry3::translation(
                             x,
                             0.02 * f64::from(k),
                             0.1,
                         )),
                         q_rad: vec![0.01 * f64::from(k); hand.dof()],
-                    },
-                })
-                .collect(),
+                        rates: (),
+                    })
+                    .collect(),
+            )
+            .unwrap(),
         };
         let set = TrainingSet {
             scenes: vec![scene.clone()],

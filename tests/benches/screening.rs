@@ -22,10 +22,12 @@ mod thread_time;
 use std::{collections::BTreeMap, fmt::Display, hint::black_box, process::ExitCode, time::Instant};
 
 use limits::Limits;
+use motion::Motion;
 use mujoco::{Engine, Mujoco, Rolled};
 use rayon::{ThreadPoolBuilder, prelude::*};
 use serde_json::Value;
-use simulation::{Motion, Protocol, Record, Rollout, Template, Verdict};
+use simulation::{Protocol, Record, Rollout, Template, Verdict};
+use spatial::Object;
 
 const CANDIDATES: usize = 1000;
 /// Candidates of one turn.
@@ -168,7 +170,12 @@ fn count<T: Display + Ord>(who: &str, verdicts: impl Iterator<Item = T>) {
 }
 
 /// Prints how much faster two threads are than one, in turns.
-fn threads(template: &Template, protocol: &Protocol, motions: &[Motion], limits: &mut Limits) {
+fn threads(
+    template: &Template,
+    protocol: &Protocol,
+    motions: &[Motion<Object, ()>],
+    limits: &mut Limits,
+) {
     let pools = [1, 2].map(|n| ThreadPoolBuilder::new().num_threads(n).build().unwrap());
     let mut walls = [Vec::new(), Vec::new()];
     let mut cpus = [Vec::new(), Vec::new()];

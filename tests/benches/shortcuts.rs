@@ -10,8 +10,6 @@
 
 #[path = "../../crates/simulation/tests/physics/bodies.rs"]
 mod bodies;
-#[path = "screening/candidates.rs"]
-mod candidates_of_lake;
 #[path = "screening/grasps.rs"]
 mod grasps;
 mod limits;
@@ -21,16 +19,14 @@ mod thread_time;
 
 use std::{collections::BTreeMap, env, path::PathBuf, process::ExitCode};
 
-use candidates_of_lake::motion;
 use lake::Lake;
 use limits::Limits;
+use motion::{Motion, Rates};
 use rayon::prelude::*;
 use robot::RobotModel;
 use schemas::candidates::Candidates;
-use simulation::{
-    Motion, ObjectShape, Protocol, Record, SceneConfig, Shortcuts, Template, Verdict,
-};
-use spatial::Rest;
+use simulation::{ObjectShape, Protocol, Record, SceneConfig, Shortcuts, Template, Verdict};
+use spatial::{Object, Rest};
 
 const GRASPS: usize = 400;
 /// All, each alone, none.
@@ -77,7 +73,7 @@ fn main() -> ExitCode {
     let mut totals: BTreeMap<usize, Counts> = BTreeMap::new();
     let motions = grasps::grasps(&hand, GRASPS);
     for (name, object, rest) in bodies::bodies() {
-        let motions: Vec<(Rest, &Motion)> = motions.iter().map(|m| (rest, m)).collect();
+        let motions: Vec<(Rest, &Motion<Object, ()>)> = motions.iter().map(|m| (rest, m)).collect();
         compare(
             name,
             &hand,
@@ -101,8 +97,10 @@ fn main() -> ExitCode {
                 .candidates
                 .iter()
                 .map(|c| Rest::of(&c.table_from_object));
-            let motions: Vec<Motion> = candidates.candidates.iter().map(motion).collect();
-            let motions: Vec<(Rest, &Motion)> = rests.zip(&motions).collect();
+            let motions = candidates.candidates.iter();
+            let motions = motions.map(|candidate| candidates.motion(candidate).unwrap());
+            let motions: Vec<Motion<Object>> = motions.collect();
+            let motions: Vec<(Rest, &Motion<Object>)> = rests.zip(&motions).collect();
             compare(
                 &name,
                 &hand,
@@ -142,11 +140,11 @@ fn say(object: &str, set: &str, counts: &Counts, none: &Counts) {
 }
 
 /// Carries out the motions of an object with each set of shortcuts.
-fn compare(
+fn compare<R: Rates + Sync>(
     name: &str,
     hand: &RobotModel,
     object: &ObjectShape,
-    motions: &[(Rest, &Motion)],
+    motions: &[(Rest, &Motion<Object, R>)],
     scene: &SceneConfig,
     protocol: &Protocol,
     totals: &mut BTreeMap<usize, Counts>,

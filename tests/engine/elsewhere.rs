@@ -42,3 +42,22 @@ fn one_unit_is_made_by_its_name() {
     assert_eq!(place.take_log().len(), 2 + 2 + 3 + 1 + 1);
     assert_same(&place.published(), &place.undisturbed(&[]), "");
 }
+
+#[test]
+fn a_process_that_reports_what_is_no_event_fails_its_unit() {
+    let place = Place::with_inputs(CHAIN, 1);
+    // The stage notes on its stdout that it begins: between the events of its process.
+    let mut run = place.command("run", &["--processes"]);
+    let failed = run.env("OWN_STAGES_LOG", "/dev/stdout").output().unwrap();
+    assert_eq!(failed.status.code(), Some(1));
+    let text = String::from_utf8_lossy(&failed.stderr);
+    for part in [
+        "error: the process that made `split.parts` at `p000` broke the protocol: `split parts p000",
+        "is no event",
+        "hint: run the same command again without `--processes`",
+    ] {
+        assert!(text.contains(part), "{text}");
+    }
+    place.run_well(&["--processes"]);
+    assert_same(&place.published(), &place.undisturbed(&[]), "");
+}

@@ -22,6 +22,7 @@ mod papers;
 mod projects;
 mod python;
 mod questions;
+mod readme;
 mod repeatable;
 mod retargeting;
 mod routing;

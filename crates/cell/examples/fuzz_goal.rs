@@ -11,7 +11,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-use cell::{Carrier, Goal, JointPoint, PROTOCOL, PalmPoint, SealedGoal, Track, robot_digest};
+use cell::{
+    Carrier, Goal, JointPoint, JointRates, JointTrack, PROTOCOL, PalmPoint, SealedGoal,
+    robot_digest,
+};
 use nalgebra::Isometry3;
 use spatial::{Pose, Twist};
 
@@ -87,8 +90,10 @@ fn goal() -> Result<Goal, Box<dyn Error>> {
     let hand = |time_s: f64| JointPoint {
         time_s,
         q_rad: vec![0.1, time_s],
-        velocity_rad_per_s: vec![0.0, 1.0],
-        acceleration_rad_per_s2: vec![0.0; 2],
+        rates: JointRates {
+            velocity: vec![0.0, 1.0],
+            acceleration: vec![0.0; 2],
+        },
     };
     Ok(Goal {
         candidate_id: "cube-0001".to_owned(),
@@ -100,7 +105,7 @@ fn goal() -> Result<Goal, Box<dyn Error>> {
         start_tolerance_rad: 0.1,
         grasp: serde_json::from_str(include_str!("grasp.json"))?,
         carrier: Carrier::Palm(vec![palm(0.0), palm(0.5)]),
-        hand: Track {
+        hand: JointTrack {
             joints: vec!["a".to_owned(), "b".to_owned()],
             points: vec![hand(0.0), hand(0.5), hand(1.0)],
         },

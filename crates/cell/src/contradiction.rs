@@ -4,14 +4,12 @@
 //! must not pass for a success; one that a cell gives of what it did must pass, late and noisy as robots
 //! are. What is compared and within what, `README.md` says.
 
+use motion::{Carrier, JointTrack, PalmPoint};
 use nalgebra::Isometry3;
 use robot::{Joint, JointKind};
 use schemas::executions::Outcome;
 
-use crate::{
-    Goal, Report, Sample,
-    track::{Carrier, PalmPoint, Track},
-};
+use crate::{Goal, Report, Sample};
 
 /// Longest time between two samples, before the first and after the last, in seconds.
 const GAP_S: f64 = 0.1;
@@ -554,7 +552,7 @@ fn look(time_s: f64) -> usize {
 }
 
 /// Returns the positions of each joint of a track at some times; `None` if it has no points.
-fn columns(track: &Track, times: impl Iterator<Item = f64>) -> Option<Vec<Vec<f64>>> {
+fn columns(track: &JointTrack, times: impl Iterator<Item = f64>) -> Option<Vec<Vec<f64>>> {
     let mut columns = vec![Vec::new(); track.joints.len()];
     for time_s in times {
         for (column, q) in columns.iter_mut().zip(track.at(time_s)?.q_rad) {

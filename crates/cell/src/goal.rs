@@ -2,13 +2,13 @@
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use motion::{Carrier, JointTrack};
 use serde::{Deserialize, Serialize};
 use simulation::Protocol;
 use spatial::{Object, Pose, Table};
 
 use crate::{
-    PROTOCOL,
-    track::{Carrier, PalmPoint, Track},
+    PROTOCOL, points,
     wire::{self, WireError},
 };
 
@@ -37,7 +37,7 @@ pub struct Goal {
     /// What moves the palm, to the end of the lift.
     pub carrier: Carrier,
     /// What the fingers are told, to the end of the squeeze.
-    pub hand: Track,
+    pub hand: JointTrack,
 }
 
 /// A goal as it travels.
@@ -219,10 +219,10 @@ impl Goal {
             ],
         });
         match &self.carrier {
-            Carrier::Palm(points) => PalmPoint::push_all(points, &mut content),
-            Carrier::Arm(arm) => arm.push(&mut content),
+            Carrier::Palm(palm) => points::push_palm(palm, &mut content),
+            Carrier::Arm(arm) => points::push_joints(&arm.points, &mut content),
         }
-        self.hand.push(&mut content);
+        points::push_joints(&self.hand.points, &mut content);
         let digest = blake3::hash(&content).to_hex().to_string();
         SealedGoal::new(digest, None, &content)
     }
@@ -320,11 +320,11 @@ fn read(bytes: &[u8]) -> Result<Goal, WireError> {
     let [carrier, hand] = content.controllers;
     let (carrier, numbers) = match carrier {
         Controller::Palm { points_n } => {
-            let (points, rest) = PalmPoint::read_all(points_n, numbers)?;
-            (Carrier::Palm(points), rest)
+            let (palm, rest) = points::read_palm(points_n, numbers)?;
+            (Carrier::Palm(palm), rest)
         }
         Controller::Arm { joints, points_n } => {
-            let (arm, rest) = Track::read(joints, points_n, numbers)?;
+            let (arm, rest) = points::read_joints(joints, points_n, numbers)?;
             (Carrier::Arm(arm), rest)
         }
         Controller::Hand { .. } => return Err(order("a hand moves no palm")),
@@ -332,7 +332,7 @@ fn read(bytes: &[u8]) -> Result<Goal, WireError> {
     let Controller::Hand { joints, points_n } = hand else {
         return Err(order("the second controller is no hand"));
     };
-    let (hand, rest) = Track::read(joints, points_n, numbers)?;
+    let (hand, rest) = points::read_joints(joints, points_n, numbers)?;
     if !rest.is_empty() {
         return Err(WireError::Rows {
             bytes: rest.len(),
@@ -418,12 +418,12 @@ impl From<WireError> for Rejection {
 
 #[cfg(test)]
 mod tests {
+    use motion::{JointPoint, JointRates, PalmPoint};
     use nalgebra::{Isometry3, Vector3};
     use simulation::{Approach, PullConfig, Trial};
     use spatial::Twist;
 
     use super::*;
-    use crate::track::JointPoint;
 
     /// How a hand of which nothing is known grasps.
     fn grasp() -> Protocol {
@@ -465,8 +465,10 @@ mod tests {
         let hand = |time_s: f64| JointPoint {
             time_s,
             q_rad: vec![0.1 * time_s, -0.7],
-            velocity_rad_per_s: vec![0.1, 0.0],
-            acceleration_rad_per_s2: vec![0.0, 1.0 / 3.0],
+            rates: JointRates {
+                velocity: vec![0.1, 0.0],
+                acceleration: vec![0.0, 1.0 / 3.0],
+            },
         };
         Goal {
             candidate_id: "can-0001".to_owned(),
@@ -478,7 +480,7 @@ mod tests {
             start_tolerance_rad: 0.1,
             grasp: grasp(),
             carrier: Carrier::Palm(vec![palm(0.0), palm(1.0)]),
-            hand: Track {
+            hand: JointTrack {
                 joints: vec!["a".to_owned(), "b\n\"".to_owned()],
                 points: vec![hand(0.0), hand(0.5), hand(1.0)],
             },

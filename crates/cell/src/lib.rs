@@ -29,6 +29,7 @@ mod heartbeat;
 mod keys;
 mod outcome;
 mod pacer;
+mod points;
 mod report;
 mod ros2;
 mod router;
@@ -36,7 +37,6 @@ mod session;
 mod signature;
 mod simulated;
 mod state;
-mod track;
 mod watch;
 mod wire;
 
@@ -47,6 +47,7 @@ pub use contradiction::Contradiction;
 pub use error::{Cause, CellError, with_causes};
 pub use goal::{Goal, Rejection, RejectionCode, SealedGoal, Sending};
 pub use keys::Keys;
+pub use motion::{Carrier, JointPoint, JointRates, JointTrack, PalmPoint};
 pub use outcome::GoalOutcome;
 pub use pacer::Pacer;
 pub use report::{Report, Sample, UncheckedReport};
@@ -57,7 +58,6 @@ pub use simulated::{
     Service, SimulatedCell, SimulatedCellConfig, Tick, TickListener, rehearse,
 };
 pub use state::State;
-pub use track::{Carrier, JointPoint, PalmPoint, Track};
 pub use watch::{Counts, Seen, Watcher};
 pub use wire::{StateHeader, WireError, robot_digest};
 

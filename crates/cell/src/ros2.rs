@@ -7,6 +7,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use motion::{Carrier, JointTrack};
 use schemas::ros2::{
     Message,
     motion::{JOINT_STATES, JOINT_TRAJECTORY, TrajectoryPoint, joint_state, joint_trajectory},
@@ -16,7 +17,6 @@ use zenoh::{Session, Wait, liveliness::LivelinessToken, pubsub::Publisher};
 use crate::{
     goal::{Goal, now},
     report::Sample,
-    track::{Carrier, Track},
 };
 
 /// Name of the node that the topics are of.
@@ -34,12 +34,12 @@ pub(crate) struct Mirror {
 }
 
 /// Returns what joints are told, as ROS 2 has it, from a time in nanoseconds on.
-fn trajectory(time_ns: i64, track: &Track) -> schemas::ros2::JointTrajectory {
+fn trajectory(time_ns: i64, track: &JointTrack) -> schemas::ros2::JointTrajectory {
     let points = track.points.iter().map(|point| TrajectoryPoint {
         time_s: point.time_s,
         q_rad: &point.q_rad,
-        velocity_rad_per_s: &point.velocity_rad_per_s,
-        acceleration_rad_per_s2: &point.acceleration_rad_per_s2,
+        velocity_rad_per_s: &point.rates.velocity,
+        acceleration_rad_per_s2: &point.rates.acceleration,
     });
     joint_trajectory(time_ns, &track.joints, points)
 }

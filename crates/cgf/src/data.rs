@@ -1,8 +1,9 @@
 //! What the network learns from: motions above a table, and the objects that lie on it.
 
+use motion::Motion;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
-use spatial::{Pose, Rest};
+use spatial::{Pose, Rest, Table};
 
 use crate::{CgfError, config::Frame, grasp::Grasp, precision::narrow, random::Random};
 
@@ -84,8 +85,8 @@ pub struct Track {
     pub scene: usize,
     /// Whether it is learned from.
     pub split: Split,
-    /// The hand over time; the last one is the grasp.
-    pub steps: Vec<TimedGrasp>,
+    /// The hand over time, its joints in the hand's order; the last step is the grasp.
+    pub motion: Motion<Table, ()>,
 }
 
 /// Whether a motion is learned from, or what it is kept back for.
@@ -100,60 +101,38 @@ pub enum Split {
     Unseen,
 }
 
-/// The hand at a time of a recording.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TimedGrasp {
-    /// Seconds since the first step.
-    pub time_s: f64,
-    /// The hand.
-    pub grasp: Grasp,
-}
-
 impl Track {
     pub(crate) fn check(&self, dof: usize) -> Result<(), CgfError> {
         let name = || self.name.clone();
-        if self.steps.len() < 2 {
-            let found = self.steps.len();
+        let found = self.motion.steps().len();
+        if found < 2 {
             return Err(CgfError::TooFewSteps {
                 name: name(),
                 found,
             });
         }
-        for (step, pair) in self.steps.windows(2).enumerate() {
-            if !matches!(pair, [before, after] if after.time_s > before.time_s) {
-                return Err(CgfError::UnorderedSteps {
-                    name: name(),
-                    step: step + 1,
-                });
-            }
-        }
-        for step in &self.steps {
-            let found = step.grasp.q_rad.len();
-            if found != dof {
-                return Err(CgfError::WrongDof {
-                    name: name(),
-                    expected: dof,
-                    found,
-                });
-            }
-            if step.grasp.to_numbers().iter().any(|x| !x.is_finite()) {
-                return Err(CgfError::NotFinite {
-                    name: name(),
-                    what: "a pose or joint position",
-                });
-            }
+        let found = self.motion.joints().len();
+        if found != dof {
+            return Err(CgfError::WrongDof {
+                name: name(),
+                expected: dof,
+                found,
+            });
         }
         Ok(())
+    }
+
+    /// Returns the network's times of all steps: 1 at the first, 0 at the grasp.
+    pub fn times(&self) -> Vec<f64> {
+        let steps = self.motion.steps().iter();
+        steps.map(|step| self.t_of(step.time_s)).collect()
     }
 
     /// Returns the network's times of the last `n` steps, ending in 0 at the grasp; the first step
     /// again where there are fewer.
     pub(crate) fn last_times(&self, n: usize) -> Vec<f64> {
-        let first = self.steps.len().saturating_sub(n);
-        let mut times: Vec<f64> = self.steps[first..]
-            .iter()
-            .map(|step| self.t_of(step.time_s))
-            .collect();
+        let mut times = self.times();
+        times.drain(..times.len().saturating_sub(n));
         while times.len() < n {
             times.insert(0, 1.0);
         }
@@ -170,71 +149,38 @@ impl Track {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
         });
         let mut random = Random::new(seed, stream);
-        let mut drawn: Vec<usize> = if self.steps.len() >= n {
-            let mut order = random.permutation(self.steps.len());
+        let times = self.times();
+        let mut drawn: Vec<usize> = if times.len() >= n {
+            let mut order = random.permutation(times.len());
             order.truncate(n);
             order
         } else {
-            (0..n).map(|_| random.index(self.steps.len())).collect()
+            (0..n).map(|_| random.index(times.len())).collect()
         };
         drawn.sort_unstable();
-        let times = drawn.into_iter().map(|step| &self.steps[step]);
-        times.map(|step| self.t_of(step.time_s)).collect()
+        drawn.into_iter().map(|step| times[step]).collect()
     }
 
     /// Returns the motion as the network sees it.
     pub(crate) fn seen_from(&self, table_from_network: &Isometry3<f64>) -> Self {
-        let network_from_table = table_from_network.inverse();
-        let mut track = self.clone();
-        for step in &mut track.steps {
-            let palm = &mut step.grasp.table_from_palm;
-            *palm = Pose::new(network_from_table * palm.isometry());
+        let network_from_table = Pose::<Table, Table>::new(table_from_network.inverse());
+        Self {
+            motion: self.motion.seen_from(&network_from_table),
+            ..self.clone()
         }
-        track
     }
 
     /// The network's time of a second of the recording: 1 at the first step, 0 at the grasp.
     fn t_of(&self, time_s: f64) -> f64 {
-        let (first, last) = self.span();
+        let (first, last) = (self.motion.first().time_s, self.motion.grasp().time_s);
         (last - time_s) / (last - first)
-    }
-
-    fn span(&self) -> (f64, f64) {
-        let first = self.steps.first().map_or(0.0, |step| step.time_s);
-        let last = self.steps.last().map_or(1.0, |step| step.time_s);
-        (first, last)
     }
 
     /// Returns the hand at the network's time `t` in 0..=1: between two steps, positions on a line and
     /// the rotation on the shortest arc.
     pub fn at(&self, t: f64) -> Grasp {
-        let (first, last) = self.span();
-        let time_s = last - t * (last - first);
-        let after = self
-            .steps
-            .partition_point(|step| step.time_s < time_s)
-            .clamp(1, self.steps.len() - 1);
-        let (a, b) = (&self.steps[after - 1], &self.steps[after]);
-        let share = ((time_s - a.time_s) / (b.time_s - a.time_s)).clamp(0.0, 1.0);
-        let (from, to) = (
-            a.grasp.table_from_palm.isometry(),
-            b.grasp.table_from_palm.isometry(),
-        );
-        let rotation = from
-            .rotation
-            .try_slerp(&to.rotation, share, 1e-9)
-            .unwrap_or(from.rotation);
-        let translation = from.translation.vector.lerp(&to.translation.vector, share);
-        Grasp {
-            table_from_palm: Pose::new(Isometry3::from_parts(translation.into(), rotation)),
-            q_rad: a
-                .grasp
-                .q_rad
-                .iter()
-                .zip(&b.grasp.q_rad)
-                .map(|(a, b)| a + share * (b - a))
-                .collect(),
-        }
+        let last = self.motion.grasp().time_s;
+        Grasp::from(&self.motion.at(last - t * self.motion.duration_s()))
     }
 }
 
@@ -247,20 +193,20 @@ pub(crate) fn turned(grasp: &Grasp, rotation: &UnitQuaternion<f64>) -> Grasp {
 
 #[cfg(test)]
 mod tests {
+    use motion::Step;
     use nalgebra::{Isometry3, Vector3};
-    use spatial::Pose;
+    use spatial::{Pose, Table};
 
-    use super::{Grasp, Split, TimedGrasp, Track};
+    use super::{Grasp, Motion, Split, Track};
     use crate::GraspError;
 
-    fn step(time_s: f64, x: f64, angle: f64) -> TimedGrasp {
+    fn step(time_s: f64, x: f64, angle: f64) -> Step<Table, ()> {
         let isometry = Isometry3::new(Vector3::new(x, 0.0, 0.0), Vector3::new(0.0, 0.0, angle));
-        TimedGrasp {
+        Step {
             time_s,
-            grasp: Grasp {
-                table_from_palm: Pose::new(isometry),
-                q_rad: vec![angle],
-            },
+            frame_from_palm: Pose::new(isometry),
+            q_rad: vec![angle],
+            rates: (),
         }
     }
 
@@ -275,10 +221,11 @@ mod tests {
             name: "a".to_owned(),
             scene: 0,
             split: Split::Training,
-            steps,
+            motion: Motion::new(&["a"], steps).unwrap(),
         };
         for (t, step) in [(0.0, 2), (0.75, 1), (1.0, 0)] {
-            let error = GraspError::between(&track.at(t), &track.steps[step].grasp);
+            let error =
+                GraspError::between(&track.at(t), &Grasp::from(&track.motion.steps()[step]));
             assert!(
                 error.position_m < 1e-12 && error.rotation_rad < 1e-7,
                 "{error:?}"

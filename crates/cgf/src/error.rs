@@ -20,14 +20,6 @@ pub enum CgfError {
         /// How many steps it has.
         found: usize,
     },
-    /// The times of a trajectory do not grow.
-    #[error("trajectory `{name}`: the time of step {step} does not grow")]
-    UnorderedSteps {
-        /// The trajectory's name.
-        name: String,
-        /// The step whose time is not after the one before.
-        step: usize,
-    },
     /// A number is NaN or infinite.
     #[error("`{name}` holds a number that is not finite: {what}")]
     NotFinite {

@@ -1,5 +1,6 @@
 //! A hand's state as the network speaks of it, and the units in which it does.
 
+use motion::Step;
 use nalgebra::{Isometry3, Translation3};
 use serde::{Deserialize, Serialize};
 use spatial::{Palm, Pose, Table, rot6d, rotation_from_rot6d};
@@ -16,6 +17,15 @@ pub struct Grasp {
     pub table_from_palm: Pose<Table, Palm>,
     /// Joint positions in radians, in the order of the hand's joints.
     pub q_rad: Vec<f64>,
+}
+
+impl<R> From<&Step<Table, R>> for Grasp {
+    fn from(step: &Step<Table, R>) -> Self {
+        Self {
+            table_from_palm: step.frame_from_palm,
+            q_rad: step.q_rad.clone(),
+        }
+    }
 }
 
 impl Grasp {

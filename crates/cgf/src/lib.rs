@@ -41,7 +41,7 @@ pub use config::{
     TrainingConfig, TrainingDevice,
 };
 pub use curve::Epoch;
-pub use data::{Scene, Split, TimedGrasp, Track};
+pub use data::{Scene, Split, Track};
 pub use decoder::{HandRate, MovingGrasp};
 pub use error::CgfError;
 pub use grasp::{Grasp, Normalization};

@@ -3,12 +3,13 @@
 use std::{collections::BTreeMap, sync::Arc};
 
 use cgf::{
-    Activation, Augmentation, Cgf, CgfError, Contact, EncoderRotation, EncoderTimes, Frame, Grasp,
+    Activation, Augmentation, Cgf, CgfError, Contact, EncoderRotation, EncoderTimes, Frame,
     GraspError, Initialization, JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs,
-    Reduction, Scene, Schedule, Split, TimedGrasp, Times, Track, Trainer, TrainingConfig,
-    TrainingDevice, TrainingSet, train,
+    Reduction, Scene, Schedule, Split, Times, Track, Trainer, TrainingConfig, TrainingDevice,
+    TrainingSet, train,
 };
 use geometry::{DistanceField, TriMesh};
+use motion::{Motion, Step};
 use nalgebra::{Isometry3, Point3, Vector3};
 use robot::RobotModel;
 use spatial::{Pose, Rest};
@@ -54,19 +55,18 @@ fn track(name: &str, scene: usize, toward: Vector3<f64>, angle: f64) -> Track {
         let t = 1.0 - f64::from(k) / 29.0;
         let position = toward + Vector3::new(-0.2, 0.1, 0.25) * t * (2.0 - t);
         let isometry = Isometry3::new(position, Vector3::new(angle, 1.0 - 0.5 * t, 0.3 * t));
-        TimedGrasp {
+        Step {
             time_s: f64::from(k) / 30.0,
-            grasp: Grasp {
-                table_from_palm: Pose::new(isometry),
-                q_rad: vec![0.8 * (1.0 - t) + angle, 0.3 - 0.6 * t * t],
-            },
+            frame_from_palm: Pose::new(isometry),
+            q_rad: vec![0.8 * (1.0 - t) + angle, 0.3 - 0.6 * t * t],
+            rates: (),
         }
     });
     Track {
         name: name.to_owned(),
         scene,
         split: Split::Training,
-        steps: steps.collect(),
+        motion: Motion::new(&["a", "b"], steps.collect()).unwrap(),
     }
 }
 
@@ -244,13 +244,24 @@ fn unusable_sets_are_refused() {
     };
     check(|set| set.tracks.clear(), "0 trajectories");
     check(|set| set.tracks.truncate(1), "1 trajectories");
-    check(|set| set.tracks[1].steps.truncate(1), "`b` has 1 steps");
     check(
-        |set| set.tracks[0].steps[3].grasp.q_rad[0] = f64::NAN,
-        "not finite",
+        |set| {
+            let motion = &mut set.tracks[1].motion;
+            let first = vec![motion.first().clone()];
+            *motion = Motion::of_joints(motion.joints().clone(), first).unwrap();
+        },
+        "`b` has 1 steps",
     );
     check(
-        |set| set.tracks[0].steps[3].grasp.q_rad = vec![0.0; 16],
+        |set| {
+            let motion = &mut set.tracks[0].motion;
+            let joints: Vec<String> = (0..16).map(|joint| format!("joint {joint}")).collect();
+            let mut steps = motion.steps().to_vec();
+            for step in &mut steps {
+                step.q_rad = vec![0.0; 16];
+            }
+            *motion = Motion::new(&joints, steps).unwrap();
+        },
         "16 joint positions",
     );
     check(

@@ -2,15 +2,15 @@
 //!
 //! ```
 //! use diversity::{Diversity, Motion};
+//! use motion::{HandRates, Step};
 //! use nalgebra::Isometry3;
-//! use schemas::candidates::{Rates, Step};
 //! use spatial::Pose;
 //!
 //! let grasp = |x: f64| Step {
 //!     time_s: 0.0,
-//!     object_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.1)),
+//!     frame_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.1)),
 //!     q_rad: vec![0.5],
-//!     rates: Rates::still(1),
+//!     rates: HandRates::still(1),
 //! };
 //! let grasps = [grasp(-0.02), grasp(0.02)];
 //! let motions = grasps.each_ref().map(|grasp| Motion {

@@ -1,11 +1,9 @@
 //! Means of hands, and distances from them: where motions that are drawn are not different, the function
 //! has collapsed.
 
+use motion::Step;
 use nalgebra::{Matrix4, Quaternion, UnitQuaternion, Vector3, Vector4};
-use schemas::{
-    candidates::{Candidate, Step},
-    sampling::GraspDistance,
-};
+use schemas::{candidates::Candidate, sampling::GraspDistance};
 use spatial::{Object, Pose, Table};
 
 /// A motion that is compared with others.
@@ -14,7 +12,7 @@ pub struct Motion<'a> {
     /// How the object lies.
     pub table_from_object: Pose<Table, Object>,
     /// The hand at equal parts of the motion's time; the last one is the grasp.
-    pub steps: Vec<&'a Step>,
+    pub steps: Vec<&'a Step<Object>>,
 }
 
 impl<'a> From<&'a Candidate> for Motion<'a> {
@@ -59,9 +57,9 @@ struct MeanHand {
 
 impl MeanHand {
     /// Returns the mean of hands in one frame.
-    fn of(steps: &[&Step]) -> Self {
+    fn of(steps: &[&Step<Object>]) -> Self {
         let n = steps.len().max(1) as f64;
-        let poses = || steps.iter().map(|step| step.object_from_palm.isometry());
+        let poses = || steps.iter().map(|step| step.frame_from_palm.isometry());
         let dof = steps.first().map_or(0, |step| step.q_rad.len());
         let mut q = vec![0.0; dof];
         for step in steps {
@@ -80,8 +78,8 @@ impl MeanHand {
     }
 
     /// Returns how far a hand is from the mean.
-    fn distance(&self, step: &Step) -> GraspDistance {
-        let pose = step.object_from_palm.isometry();
+    fn distance(&self, step: &Step<Object>) -> GraspDistance {
+        let pose = step.frame_from_palm.isometry();
         GraspDistance {
             palm_m: (pose.translation.vector - self.position).norm(),
             palm_rad: pose.rotation.angle_to(&self.rotation),
@@ -122,7 +120,7 @@ impl Diversity {
                 .filter(|&number| group_of[number] == group)
                 .collect();
             let grasp_of = |&number: &usize| motions[number].steps.last().copied();
-            let grasps: Vec<&Step> = members.iter().filter_map(grasp_of).collect();
+            let grasps: Vec<&Step<Object>> = members.iter().filter_map(grasp_of).collect();
             let mean = MeanHand::of(&grasps);
             for number in &members {
                 from_mean[*number] = grasp_of(number).map(|grasp| mean.distance(grasp));
@@ -135,7 +133,7 @@ impl Diversity {
             }
             at_grasp.add(&grasps);
             for (step, squares) in by_step.iter_mut().enumerate() {
-                let steps: Vec<&Step> = members
+                let steps: Vec<&Step<Object>> = members
                     .iter()
                     .filter_map(|&number| motions[number].steps.get(step).copied())
                     .collect();
@@ -193,7 +191,7 @@ struct Squares {
 }
 
 impl Squares {
-    fn add(&mut self, steps: &[&Step]) {
+    fn add(&mut self, steps: &[&Step<Object>]) {
         let mean = MeanHand::of(steps);
         self.of_joints.resize(mean.q.len(), 0.0);
         for step in steps {
@@ -234,8 +232,8 @@ pub fn root_mean_square(a: &[f64], b: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use motion::HandRates;
     use nalgebra::Isometry3;
-    use schemas::candidates::Rates;
     use spatial::Pose;
 
     use super::*;
@@ -244,12 +242,12 @@ mod tests {
     fn motion(height_m: f64, x: f64, angle: f64, q: f64) -> Candidate {
         let step = |share: f64| Step {
             time_s: share,
-            object_from_palm: Pose::new(Isometry3::new(
+            frame_from_palm: Pose::new(Isometry3::new(
                 Vector3::new(x * share, 0.0, 0.3),
                 Vector3::z() * angle,
             )),
             q_rad: vec![q, 0.5],
-            rates: Rates::still(2),
+            rates: HandRates::still(2),
         };
         Candidate {
             candidate_id: String::new(),

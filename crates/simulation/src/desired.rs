@@ -1,11 +1,12 @@
 //! How the fingers are meant to move between the ends of the control steps, for a drive that looks ahead.
 
-use spatial::quintic;
+use motion::{JointRates, Motion, Rates, joints_between};
+use spatial::Object;
 
 use crate::{
     config::{Approach, Protocol, SceneConfig},
     played::PlayedStep,
-    script::{Command, JointRates, Motion, Phase},
+    script::{Command, Phase},
 };
 
 /// What each joint does at one time: position, velocity and acceleration, in rad, rad/s and rad/s²
@@ -46,10 +47,10 @@ impl Desired {
     /// While the fingers follow a motion that knows its rates, they are the motion's own. Everywhere
     /// else, in the script's ramps and for a motion without rates, they are differences: velocity and
     /// acceleration of the parabola through a command and its two neighbors, 0 at the ends.
-    pub(crate) fn new(
+    pub(crate) fn new<R: Rates>(
         start: &Command,
         commands: &[Command],
-        motion: &Motion,
+        motion: &Motion<Object, R>,
         protocol: &Protocol,
         scene: &SceneConfig,
     ) -> Self {
@@ -93,41 +94,35 @@ impl Desired {
             self.knots.get(control_step)?,
             self.knots.get(control_step + 1)?,
         );
-        let at = |time_s: f64| between(from, to, self.control_s, time_s);
+        let (from, to) = ((&from.q[..], &from.rates), (&to.q[..], &to.rates));
+        let at = |time_s: f64| joints_between(from, to, self.control_s, time_s);
         Some(Asked {
-            q: at(time_s + step_s).q,
-            velocity: at(time_s + step_s / 2.0).rates.velocity,
-            acceleration: at(time_s).rates.acceleration,
+            q: at(time_s + step_s).0,
+            velocity: at(time_s + step_s / 2.0).1.velocity,
+            acceleration: at(time_s).1.acceleration,
         })
     }
 }
 
 /// Returns a motion's joints after a fraction of its duration, when it is stretched to `reach_n`
 /// control steps; `None` if it does not know its rates.
-fn followed(motion: &Motion, fraction: f64, reach_n: usize, control_s: f64) -> Option<Knot> {
-    let rates = motion.rates.as_ref()?;
-    let (first, last) = (motion.time_s.first()?, motion.time_s.last()?);
-    let time = first + (last - first) * fraction;
-    let after = motion.time_s.partition_point(|&t| t < time);
-    let after = after.clamp(1.min(rates.len() - 1), rates.len() - 1);
-    let before = after.saturating_sub(1);
-    let knot = |idx: usize| {
-        Some(Knot {
-            q: motion.q.get(idx)?.clone(),
-            rates: rates.get(idx)?.clone(),
-        })
-    };
-    let (from_s, to_s) = (motion.time_s.get(before)?, motion.time_s.get(after)?);
-    let mut found = between(&knot(before)?, &knot(after)?, to_s - from_s, time - from_s);
+fn followed<R: Rates>(
+    motion: &Motion<Object, R>,
+    fraction: f64,
+    reach_n: usize,
+    control_s: f64,
+) -> Option<Knot> {
+    let duration_s = motion.duration_s();
+    let (q, mut rates) = motion.joints_at(motion.first().time_s + duration_s * fraction)?;
     // Seconds of the motion per second of the rollout.
-    let speed = (last - first) / (reach_n as f64 * control_s);
-    for velocity in &mut found.rates.velocity {
+    let speed = duration_s / (reach_n as f64 * control_s);
+    for velocity in &mut rates.velocity {
         *velocity *= speed;
     }
-    for acceleration in &mut found.rates.acceleration {
+    for acceleration in &mut rates.acceleration {
         *acceleration *= speed * speed;
     }
-    Some(found)
+    Some(Knot { q, rates })
 }
 
 /// Returns the rates of the parabola through a command and its neighbors; 0 where it lacks one.
@@ -148,30 +143,4 @@ fn differences(commands: &[&Command], idx: usize, control_s: f64) -> JointRates 
             .map(|((before, now), after)| (after - 2.0 * now + before) / control_s.powi(2))
             .collect(),
     }
-}
-
-/// Returns the joints `time_s` after one knot, of which the other is `between_s` away.
-fn between(from: &Knot, to: &Knot, between_s: f64, time_s: f64) -> Knot {
-    let dof = from.q.len();
-    let mut knot = Knot {
-        q: Vec::with_capacity(dof),
-        rates: JointRates {
-            velocity: Vec::with_capacity(dof),
-            acceleration: Vec::with_capacity(dof),
-        },
-    };
-    let ends = ends(from).zip(ends(to));
-    for (from, to) in ends {
-        let [q, velocity, acceleration] = quintic(from, to, between_s, time_s);
-        knot.q.push(q);
-        knot.rates.velocity.push(velocity);
-        knot.rates.acceleration.push(acceleration);
-    }
-    knot
-}
-
-/// Position, velocity and acceleration of each joint.
-fn ends(knot: &Knot) -> impl Iterator<Item = [f64; 3]> {
-    let rates = knot.rates.velocity.iter().zip(&knot.rates.acceleration);
-    knot.q.iter().zip(rates).map(|(&q, (&v, &a))| [q, v, a])
 }

@@ -1,7 +1,7 @@
 //! Rapier worlds of a hand, an object and a table, and rollouts in them.
 //!
 //! A [`Template`] is one object lying on a table with one hand beside it, built and settled once.
-//! [`Template::rollout`] runs one [`Motion`] in a fresh copy of it: reach, close, squeeze, lift,
+//! [`Template::rollout`] runs one [`motion::Motion`] in a fresh copy of it: reach, close, squeeze, lift,
 //! hold; the [`Verdict`] says how it ended and, if it failed, the one reason.
 //!
 //! - The hand is a reduced-coordinate multibody made from the same [`robot::RobotModel`] that
@@ -41,7 +41,7 @@ pub use object::ObjectShape;
 pub use played::PlayedStep;
 pub use rollout::{Flow, Record, Rollout, Trace, TraceStep, WatchedRollout};
 pub use schemas::rollouts::Verdict;
-pub use script::{Flexion, Instruction, JointRates, Motion, Phase};
+pub use script::{Flexion, Instruction, Phase};
 pub use settings::SettingFault;
 pub use shortcuts::Shortcuts;
 pub use template::{Template, check_hand};

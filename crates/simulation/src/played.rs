@@ -1,5 +1,6 @@
 //! Motions that were worked out elsewhere to the end of their hold, and are played as they are.
 
+use motion::JointRates;
 use nalgebra::{Isometry3, Vector3};
 use robot::RobotModel;
 
@@ -7,7 +8,7 @@ use crate::{
     config::{ControllerKind, SceneConfig},
     desired::Desired,
     error::SimulationError,
-    script::{Command, HandPose, JointRates, Phase, Script},
+    script::{Command, HandPose, Phase, Script},
 };
 
 /// What palm and fingers are told at the end of one control step; of the first, where they start.

@@ -1,7 +1,9 @@
 //! What palm and fingers are told at each control step.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use motion::{Motion, Rates, Step};
+use nalgebra::{Isometry3, Translation3, Vector3};
 use robot::RobotModel;
+use spatial::Object;
 
 use crate::{
     config::{Approach, ControllerKind, Protocol, SceneConfig, Trial},
@@ -18,131 +20,6 @@ const DIRECTIONS: [[f64; 3]; 6] = [
     [0.0, 0.0, 1.0],
     [0.0, 0.0, -1.0],
 ];
-
-/// A motion of the hand relative to an object that still lies where it lay.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Motion {
-    /// Seconds since the first step, increasing; the last step is the grasp.
-    pub time_s: Vec<f64>,
-    /// Pose of the palm in the object frame at each step.
-    pub object_from_palm: Vec<Isometry3<f64>>,
-    /// Joint positions in radians at each step, in the order of the hand's joints.
-    pub q: Vec<Vec<f64>>,
-    /// How fast the joints move at each step, if that is known better than from their positions.
-    pub rates: Option<Vec<JointRates>>,
-}
-
-/// How fast the joints move at one step, in their order.
-#[derive(Debug, Clone, PartialEq)]
-pub struct JointRates {
-    /// Velocities in rad/s.
-    pub velocity: Vec<f64>,
-    /// Accelerations in rad/s².
-    pub acceleration: Vec<f64>,
-}
-
-impl JointRates {
-    /// Returns the rates of joints that do not move.
-    pub fn still(dof: usize) -> Self {
-        Self {
-            velocity: vec![0.0; dof],
-            acceleration: vec![0.0; dof],
-        }
-    }
-}
-
-impl Motion {
-    /// Checks that the motion can be followed by a hand with `dof` joints.
-    pub(crate) fn check(&self, dof: usize) -> Result<(), SimulationError> {
-        let fail = |message: String| Err(SimulationError::Motion(message));
-        let steps = self.time_s.len();
-        if steps == 0 {
-            return fail("it has no steps".to_owned());
-        }
-        if self.object_from_palm.len() != steps || self.q.len() != steps {
-            return fail(format!(
-                "{steps} times, {} palm poses and {} joint positions do not fit together",
-                self.object_from_palm.len(),
-                self.q.len()
-            ));
-        }
-        if let Some(q) = self.q.iter().find(|q| q.len() != dof) {
-            return fail(format!("{} joint positions for {dof} joints", q.len()));
-        }
-        let rates = self.rates.as_deref().unwrap_or_default();
-        if self.rates.is_some() && rates.len() != steps {
-            return fail(format!("{} joint rates for {steps} steps", rates.len()));
-        }
-        let numbers_of = |rates: &JointRates| [rates.velocity.len(), rates.acceleration.len()];
-        if let Some(wrong) = rates.iter().flat_map(numbers_of).find(|&n| n != dof) {
-            return fail(format!("{wrong} joint rates for {dof} joints"));
-        }
-        let finite = self
-            .time_s
-            .iter()
-            .chain(self.q.iter().flatten())
-            .chain(rates.iter().flat_map(|rates| &rates.velocity))
-            .chain(rates.iter().flat_map(|rates| &rates.acceleration))
-            .chain(self.object_from_palm.iter().flat_map(|pose| {
-                pose.translation
-                    .vector
-                    .iter()
-                    .chain(pose.rotation.coords.iter())
-            }))
-            .all(|number| number.is_finite());
-        if !finite {
-            return fail("a number is not finite".to_owned());
-        }
-        if self.time_s.windows(2).any(|pair| pair[1] <= pair[0]) {
-            return fail("its times do not increase".to_owned());
-        }
-        Ok(())
-    }
-
-    /// Returns palm pose and joint positions after a fraction in 0..=1 of the duration.
-    fn at(&self, fraction: f64) -> Option<HandPose> {
-        let (first, last) = (self.time_s.first()?, self.time_s.last()?);
-        let time = first + (last - first) * fraction.clamp(0.0, 1.0);
-        let after = self
-            .time_s
-            .iter()
-            .position(|&t| t >= time)
-            .unwrap_or(self.time_s.len() - 1);
-        let before = after.saturating_sub(1);
-        let (t0, t1) = (self.time_s.get(before)?, self.time_s.get(after)?);
-        let part = if t1 > t0 {
-            (time - t0) / (t1 - t0)
-        } else {
-            1.0
-        };
-        let object_from_palm = blend(
-            self.object_from_palm.get(before)?,
-            self.object_from_palm.get(after)?,
-            part,
-        );
-        let q = self
-            .q
-            .get(before)?
-            .iter()
-            .zip(self.q.get(after)?)
-            .map(|(a, b)| a + (b - a) * part)
-            .collect();
-        Some(HandPose {
-            object_from_palm,
-            q,
-        })
-    }
-}
-
-/// Moves along the straight line and about the shortest axis from one pose to another.
-fn blend(from: &Isometry3<f64>, to: &Isometry3<f64>, part: f64) -> Isometry3<f64> {
-    let translation = from.translation.vector.lerp(&to.translation.vector, part);
-    let rotation: UnitQuaternion<f64> = from
-        .rotation
-        .try_slerp(&to.rotation, part, 1e-9)
-        .unwrap_or(to.rotation);
-    Isometry3::from_parts(Translation3::from(translation), rotation)
-}
 
 /// A part of a rollout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -226,13 +103,20 @@ pub(crate) struct Script {
 
 impl Script {
     /// Writes the script of a motion.
-    pub(crate) fn new(
-        motion: &Motion,
+    pub(crate) fn new<R: Rates>(
+        motion: &Motion<Object, R>,
         protocol: &Protocol,
         scene: &SceneConfig,
         model: &RobotModel,
     ) -> Result<Self, SimulationError> {
-        motion.check(model.dof())?;
+        if motion.joints()[..] != model.joint_names()[..] {
+            let message = format!(
+                "its joints are {:?}, those of the hand {:?}",
+                motion.joints(),
+                model.joint_names()
+            );
+            return Err(SimulationError::Motion(message));
+        }
         let writer = Writer {
             motion,
             protocol,
@@ -243,28 +127,28 @@ impl Script {
         let pause = steps(protocol.pause_s, scene);
         let lift = steps(protocol.lift_s, scene).max(1);
         let hold = steps(protocol.hold_s, scene).max(1);
-        let start = writer.reach(0.0)?;
-        let mut asked = vec![writer.at(0.0)?];
+        let start = writer.reach(0.0);
+        let mut asked = vec![writer.at(0.0)];
         let mut commands = Vec::with_capacity(reach + squeeze + pause + lift + hold);
         let fractions = |n: usize| (1..=n).map(move |step| step as f64 / n as f64);
         for fraction in fractions(reach) {
-            commands.push(writer.reach(fraction)?);
-            asked.push(writer.at(fraction)?);
+            commands.push(writer.reach(fraction));
+            asked.push(writer.at(fraction));
         }
         for fraction in fractions(squeeze) {
-            commands.push(writer.grasp(Phase::Squeeze, fraction, 0.0)?);
+            commands.push(writer.grasp(Phase::Squeeze, fraction, 0.0));
         }
         for _ in 0..pause {
-            commands.push(writer.grasp(Phase::Squeeze, 1.0, 0.0)?);
+            commands.push(writer.grasp(Phase::Squeeze, 1.0, 0.0));
         }
         match protocol.trial {
             Trial::Lift => {
                 for fraction in fractions(lift) {
                     let smooth = fraction * fraction * (3.0 - 2.0 * fraction);
-                    commands.push(writer.grasp(Phase::Lift, 1.0, smooth * protocol.lift_m)?);
+                    commands.push(writer.grasp(Phase::Lift, 1.0, smooth * protocol.lift_m));
                 }
                 for _ in 0..hold {
-                    commands.push(writer.grasp(Phase::Hold, 1.0, protocol.lift_m)?);
+                    commands.push(writer.grasp(Phase::Hold, 1.0, protocol.lift_m));
                 }
             }
             Trial::SixDirections => {
@@ -273,7 +157,7 @@ impl Script {
                     for _ in 0..pulls {
                         commands.push(Command {
                             pull_m_per_s2: Vector3::from(direction) * protocol.pull.force_n_per_kg,
-                            ..writer.grasp(Phase::Pull, 1.0, 0.0)?
+                            ..writer.grasp(Phase::Pull, 1.0, 0.0)
                         });
                     }
                 }
@@ -362,15 +246,15 @@ impl Flexion {
     }
 }
 
-struct Writer<'a> {
-    motion: &'a Motion,
+struct Writer<'a, R> {
+    motion: &'a Motion<Object, R>,
     protocol: &'a Protocol,
     flexion: Flexion,
 }
 
-impl Writer<'_> {
+impl<R: Rates> Writer<'_, R> {
     /// Returns the command after a fraction of the reach.
-    fn reach(&self, fraction: f64) -> Result<Command, SimulationError> {
+    fn reach(&self, fraction: f64) -> Command {
         let closing = self.protocol.close_fraction.clamp(0.0, 1.0);
         let before = 1.0 - closing;
         let phase = if fraction <= before {
@@ -379,9 +263,9 @@ impl Writer<'_> {
             Phase::Close
         };
         let hand = match self.protocol.approach {
-            Approach::Follow => self.at(fraction)?,
+            Approach::Follow => self.at(fraction),
             Approach::Open => {
-                let path = self.at(if before > 0.0 { fraction / before } else { 1.0 })?;
+                let path = self.at(if before > 0.0 { fraction / before } else { 1.0 });
                 let closed = if phase == Phase::Close {
                     (fraction - before) / closing
                 } else {
@@ -390,23 +274,23 @@ impl Writer<'_> {
                 HandPose {
                     q: self
                         .flexion
-                        .flexed(&self.at(1.0)?.q, -self.protocol.open_rad * (1.0 - closed)),
+                        .flexed(&self.at(1.0).q, -self.protocol.open_rad * (1.0 - closed)),
                     ..path
                 }
             }
         };
-        Ok(Command {
+        Command {
             phase,
             hand,
             lift_m: 0.0,
             pull_m_per_s2: Vector3::zeros(),
-        })
+        }
     }
 
     /// Returns the command at the grasp, squeezed by a fraction and lifted.
-    fn grasp(&self, phase: Phase, squeeze: f64, lift_m: f64) -> Result<Command, SimulationError> {
-        let grasp = self.at(1.0)?;
-        Ok(Command {
+    fn grasp(&self, phase: Phase, squeeze: f64, lift_m: f64) -> Command {
+        let grasp = self.at(1.0);
+        Command {
             phase,
             hand: HandPose {
                 q: self
@@ -416,12 +300,18 @@ impl Writer<'_> {
             },
             lift_m,
             pull_m_per_s2: Vector3::zeros(),
-        })
+        }
     }
 
-    fn at(&self, fraction: f64) -> Result<HandPose, SimulationError> {
-        self.motion
-            .at(fraction)
-            .ok_or_else(|| SimulationError::Motion("it has no steps".to_owned()))
+    fn at(&self, fraction: f64) -> HandPose {
+        let Step {
+            frame_from_palm,
+            q_rad,
+            ..
+        } = self.motion.at_fraction(fraction);
+        HandPose {
+            object_from_palm: *frame_from_palm.isometry(),
+            q: q_rad,
+        }
     }
 }

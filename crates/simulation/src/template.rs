@@ -1,5 +1,6 @@
 //! A scene that is built and settled once, and copied for each rollout.
 
+use motion::{Motion, Rates};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rapier3d::prelude::{RigidBodyHandle, SharedShape};
 use robot::RobotModel;
@@ -15,7 +16,7 @@ use crate::{
     precision::isometry,
     rejection::reject,
     rollout::{Flow, Record, Rollout, TraceStep, WatchedRollout, Watcher, run, run_watched},
-    script::{Instruction, Motion, Script, steps as steps_in},
+    script::{Instruction, Script, steps as steps_in},
     world::{Finite, World},
 };
 
@@ -95,9 +96,9 @@ impl Template {
     /// # Errors
     ///
     /// Fails if the motion does not fit the hand or the protocol names a joint that it lacks.
-    pub fn rollout(
+    pub fn rollout<R: Rates>(
         &self,
-        motion: &Motion,
+        motion: &Motion<Object, R>,
         protocol: &Protocol,
         record: Record,
     ) -> Result<Rollout, SimulationError> {
@@ -169,9 +170,9 @@ impl Template {
     /// # Errors
     ///
     /// Fails if the motion does not fit the hand or the protocol names a joint that it lacks.
-    pub fn instructions(
+    pub fn instructions<R: Rates>(
         &self,
-        motion: &Motion,
+        motion: &Motion<Object, R>,
         protocol: &Protocol,
     ) -> Result<Vec<Instruction>, SimulationError> {
         let script = Script::new(motion, protocol, &self.scene, &self.model)?;
@@ -186,9 +187,9 @@ impl Template {
     /// # Errors
     ///
     /// Fails if the motion does not fit the hand or the protocol names a joint that it lacks.
-    pub fn refusal(
+    pub fn refusal<R: Rates>(
         &self,
-        motion: &Motion,
+        motion: &Motion<Object, R>,
         protocol: &Protocol,
     ) -> Result<Option<Verdict>, SimulationError> {
         let script = Script::new(motion, protocol, &self.scene, &self.model)?;

@@ -2,10 +2,11 @@
 
 use std::fmt::Debug;
 
+use motion::{HandRates, JointRates, Step};
 use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
     Table,
-    candidates::{self, Candidate, Candidates},
+    candidates::{Candidate, Candidates},
     demonstrations::{self, Demonstration},
     distance_fields::FieldInfo,
     executions::{self, Execution},
@@ -20,7 +21,7 @@ use schemas::{
     trajectories::{self, Trajectory},
     trials::Trials,
 };
-use spatial::{Pose, Rest};
+use spatial::{Pose, Rest, Twist};
 
 /// What is done with a table of each kind.
 pub(crate) trait EachTable {
@@ -170,15 +171,17 @@ pub(crate) fn trajectory() -> Trajectory {
 }
 
 pub(crate) fn candidates() -> Candidates {
-    let step = |time_s: f64| candidates::Step {
+    let step = |time_s: f64| Step {
         time_s,
-        object_from_palm: pose(time_s),
+        frame_from_palm: pose(time_s),
         q_rad: vec![time_s, 2.0 * time_s],
-        rates: candidates::Rates {
-            palm_velocity: [1.0, 2.0, 3.0, 4.0, 5.0, time_s],
-            palm_acceleration: [6.0, 5.0, 4.0, 3.0, 2.0, time_s],
-            q_velocity_rad_per_s: vec![3.0 * time_s, 0.0],
-            q_acceleration_rad_per_s2: vec![0.0, 4.0 * time_s],
+        rates: HandRates {
+            palm_velocity: Twist::from_array([1.0, 2.0, 3.0, 4.0, 5.0, time_s]),
+            palm_acceleration: Twist::from_array([6.0, 5.0, 4.0, 3.0, 2.0, time_s]),
+            joints: JointRates {
+                velocity: vec![3.0 * time_s, 0.0],
+                acceleration: vec![0.0, 4.0 * time_s],
+            },
         },
     };
     let motion = |name: &str, times: &[f64]| Candidate {

@@ -9,12 +9,13 @@ use cell::{
     Access, Capabilities, Carrier, CellArm, CellClient, Gap, Goal, ObjectError, Offer, Service,
     SimulatedCell, SimulatedCellConfig,
 };
+use planning::{ArmConfig, MOST_HZ};
 use schemas::objects::Object;
 use simulation::ObjectShape;
 
 use crate::{
-    ArmConfig, DispatchConfig, DispatchError,
-    config::{MOST_HZ, SIMULATED, SimulatedConfig},
+    DispatchConfig, DispatchError,
+    config::{SIMULATED, SimulatedConfig},
     robots::Robots,
 };
 

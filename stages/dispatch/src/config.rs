@@ -4,11 +4,12 @@ use std::{collections::BTreeMap, path::PathBuf, time::Duration};
 
 use cell::{Access, Capabilities, CellError, Keys, with_causes};
 use dataflow::{Advise, OptionFault, OptionFaults};
+use planning::{ArmConfig, LimitsConfig, RatesConfig};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use simulation::{Protocol, SceneConfig, SettingFault};
 
-use crate::{ArmConfig, DispatchError, LimitsConfig};
+use crate::DispatchError;
 
 /// The value of `cell` that asks for the simulated one.
 pub(crate) const SIMULATED: &str = "simulated";
@@ -24,9 +25,6 @@ const LATEST_S: f64 = 10.0;
 
 /// Greatest error of the simulated cell, in meters and radians.
 const MOST_ERROR: f64 = 1000.0;
-
-/// Highest rate accepted, in 1/s: ten times that of the fastest controllers.
-pub(crate) const MOST_HZ: f64 = 10_000.0;
 
 /// Options of `kind = "dispatch"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -98,28 +96,6 @@ pub struct DispatchConfig {
     pub simulated: SimulatedConfig,
 }
 
-/// How often controllers are told something. At these rates a goal of a hand of 16 joints that lasts
-/// 2 s has 260 kB.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-#[schemars(inline)]
-pub struct RatesConfig {
-    /// What moves the palm (1/s): the rate of an xArm's controller.
-    pub palm_hz: f64,
-    /// The hand (1/s): the rate of the Allegro's controller.
-    pub hand_hz: f64,
-}
-
-impl Default for RatesConfig {
-    /// Returns those of an xArm and an Allegro.
-    fn default() -> Self {
-        Self {
-            palm_hz: 250.0,
-            hand_hz: 333.0,
-        }
-    }
-}
-
 /// The simulated cell: where it differs from the screen is the gap that a motion must bridge.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -146,7 +122,8 @@ impl DispatchConfig {
     pub(crate) fn faults(&self) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();
         let arm = self.arm.as_ref().map_or(Ok(()), ArmConfig::check);
-        for checked in [self.check(), self.limits.check(), arm] {
+        let of_planning = [self.limits.check(), arm].map(|checked| checked.map_err(Into::into));
+        for checked in [self.check()].into_iter().chain(of_planning) {
             match checked {
                 Ok(()) => {}
                 Err(DispatchError::BadOption { key, problem }) => faults.note(key, problem),
@@ -194,15 +171,7 @@ impl DispatchConfig {
                 return wrong(key, format!("{seconds} is not between 0 and {DAY_S} s"));
             }
         }
-        for (key, rate_hz) in [
-            ("rates.palm_hz", self.rates.palm_hz),
-            ("rates.hand_hz", self.rates.hand_hz),
-        ] {
-            if !(1.0..=MOST_HZ).contains(&rate_hz) {
-                let problem = format!("{rate_hz} is not between 1 and {MOST_HZ} per second");
-                return wrong(key, problem);
-            }
-        }
+        self.rates.check()?;
         Keys::new(&self.cell_name)?;
         Ok(())
     }

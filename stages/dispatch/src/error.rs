@@ -5,6 +5,7 @@ use std::{io, path::PathBuf};
 use cell::CellError;
 use dataflow::{Advise, missing};
 use lake::LakeError;
+use planning::OptionError;
 use robot::RobotError;
 use robot_meshes::MeshError;
 
@@ -117,6 +118,12 @@ pub enum DispatchError {
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
+}
+
+impl From<OptionError> for DispatchError {
+    fn from(OptionError { key, problem }: OptionError) -> Self {
+        Self::BadOption { key, problem }
+    }
 }
 
 impl Advise for DispatchError {

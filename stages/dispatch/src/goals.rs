@@ -1,18 +1,13 @@
 //! The motions to send, as goals.
 
 use cell::Goal;
+use planning::{Feasible, Infeasible, Planner};
 use schemas::{
     candidates::{Candidate, Candidates},
     rollouts::{Rollout, Verdict},
 };
 
-use crate::{
-    DispatchConfig, DispatchError,
-    feasible::{Feasible, Planner},
-    names::JointNames,
-    refusal::Refusal,
-    robots::Robots,
-};
+use crate::{DispatchConfig, DispatchError, names::JointNames, refusal::Refusal, robots::Robots};
 
 /// Returns the accepted motions in the order of their rollouts.
 pub(crate) fn accepted<'a>(
@@ -49,7 +44,10 @@ pub(crate) fn goal(
         carrier,
         hand,
         grasp,
-    } = planner.plan(candidates, candidate)?;
+    } = planner.plan(
+        &candidates.motion(candidate).map_err(Infeasible::from)?,
+        &candidate.table_from_object,
+    )?;
     let mut goal = Goal {
         candidate_id: candidate.candidate_id.clone(),
         object: candidates.object.clone(),

@@ -12,38 +12,27 @@
 //! The protocol and the simulated cell are in crate `cell`; this stage chooses the motions, asks the
 //! cell, and writes the table `executions` and one recording per motion executed. How often motions succeed
 //! says crate `report-dispatch`.
-//! A motion is sent as its continuous course, timed within the robot's limits and sampled at its
-//! controllers' rate; one that cannot be made so is refused, and its row in `executions` says why.
-//! Where an arm carries the hand, its joints follow from the palm's way, with the object turned on the table
-//! as the arm can best reach it.
+//! Crate `planning` makes goals of motions; one that the robot cannot make is refused, and its row in
+//! `executions` says why.
 //! Nothing real moves without `execute = true`. A goal of which nothing is heard, or nothing that can be
 //! believed, ends the run: the next one asks the cell what came of it before it sends another, and never
 //! sends it under another name.
 //! A motion that a person stopped is counted apart and sent again only where that is asked for.
 
-mod arm;
 mod cells;
 mod config;
-mod course;
 mod error;
-mod excess;
-mod feasible;
 mod goals;
 mod in_flight;
 mod journal;
-mod limits;
-mod motion;
 mod names;
 mod recording;
 mod refusal;
 mod robots;
 mod stage;
-mod timing;
 
-pub use arm::ArmConfig;
 pub use cells::simulated_cell;
-pub use config::{DispatchConfig, RatesConfig, SimulatedConfig};
+pub use config::{DispatchConfig, SimulatedConfig};
 pub use error::DispatchError;
 pub use in_flight::{Cancellation, MotionInFlight, stop_sending};
-pub use limits::LimitsConfig;
 pub use stage::{Dispatch, DispatchMetrics};

@@ -83,7 +83,16 @@ fn rename<'a>(names: &BTreeMap<String, String>, joints: impl IntoIterator<Item =
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::feasible::testing::HAND;
+
+    const HAND: &str = r#"<robot name="hand">
+  <link name="palm"/><link name="a"/><link name="b"/><link name="c"/>
+  <joint name="ja" type="revolute"><parent link="palm"/><child link="a"/>
+    <limit lower="-3" upper="3" effort="1" velocity="2"/></joint>
+  <joint name="jb" type="revolute"><parent link="palm"/><child link="b"/>
+    <limit lower="-3" upper="3" effort="1" velocity="7"/></joint>
+  <joint name="jc" type="prismatic"><parent link="palm"/><child link="c"/>
+    <limit lower="-3" upper="3" effort="1" velocity="0.5"/></joint>
+</robot>"#;
 
     fn names(named: &[(&str, &str)]) -> Result<JointNames, DispatchError> {
         let named = named

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use cell::{Carrier, Goal, Report, Sample, Track};
+use cell::{Carrier, Goal, JointTrack, Report, Sample};
 use lake::recording::Recording;
 use nalgebra::Isometry3;
 use robot::{JointOrder, WrongDof};
@@ -108,12 +108,12 @@ pub(crate) fn record(
 }
 
 /// Returns what a controller was told.
-fn told(track: &Track) -> JointTrajectory {
+fn told(track: &JointTrack) -> JointTrajectory {
     let points = track.points.iter().map(|point| TrajectoryPoint {
         time_s: point.time_s,
         q_rad: &point.q_rad,
-        velocity_rad_per_s: &point.velocity_rad_per_s,
-        acceleration_rad_per_s2: &point.acceleration_rad_per_s2,
+        velocity_rad_per_s: &point.rates.velocity,
+        acceleration_rad_per_s2: &point.rates.acceleration,
     });
     motion::joint_trajectory(START_NS, &track.joints, points)
 }

@@ -4,6 +4,7 @@ use std::{fs, path::Path};
 
 use cell::robot_digest;
 use nalgebra::Isometry3;
+use planning::{ArmSetup, Planner, Setup};
 use robot::RobotModel;
 
 use crate::{DispatchConfig, DispatchError};
@@ -56,6 +57,24 @@ impl Robots {
         self.arm.as_ref().map_or(&self.hand, |arm| &arm.model)
     }
 
+    /// Returns what plans this robot's motions.
+    pub(crate) fn planner<'a>(
+        &'a self,
+        config: &'a DispatchConfig,
+    ) -> Result<Planner<'a>, DispatchError> {
+        let arm = config.arm.as_ref().zip(self.arm.as_ref());
+        Ok(Planner::new(&Setup {
+            hand: &self.hand,
+            arm: arm.map(|(config, arm)| ArmSetup {
+                config,
+                robot: &arm.model,
+            }),
+            protocol: &config.grasp,
+            limits: &config.limits,
+            rates: config.rates,
+        })?)
+    }
+
     /// Returns the URDF of [`Robots::whole`].
     pub(crate) fn urdf(&self) -> &str {
         self.arm
@@ -80,4 +99,32 @@ fn read(path: &Path) -> Result<(String, RobotModel), DispatchError> {
     })?;
     let model = robot_meshes::with_mesh_shapes(model, path)?;
     Ok((urdf, model))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An arm of meshes keeps clear of things as one of primitives does, or is refused.
+    #[test]
+    fn an_arm_whose_meshes_are_not_there_is_refused() {
+        const XARM: &str = include_str!("../../../data/robots/xarm6_allegro.urdf");
+        let start = XARM.find("<collision>").unwrap();
+        let shape = start + XARM[start..].find("<geometry>").unwrap() + "<geometry>".len();
+        let end = shape + XARM[shape..].find("</geometry>").unwrap();
+        let of_mesh = [
+            &XARM[..shape],
+            "<mesh filename=\"meshes/none.stl\"/>",
+            &XARM[end..],
+        ];
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("arm.urdf");
+        fs::write(&path, of_mesh.concat()).unwrap();
+        let refused = read(&path).unwrap_err();
+        assert!(matches!(refused, DispatchError::Mesh(_)), "{refused}");
+        assert!(
+            refused.to_string().contains("`meshes/none.stl`"),
+            "{refused}"
+        );
+    }
 }

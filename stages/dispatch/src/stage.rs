@@ -23,7 +23,6 @@ use schemas::{
 use crate::{
     DispatchConfig, DispatchError, cells,
     config::SIMULATED,
-    feasible::Planner,
     goals::{accepted, goal},
     in_flight::MotionInFlight,
     journal::{Journal, Past},
@@ -87,7 +86,7 @@ impl Stage for Dispatch {
         let arm = config.arm.as_ref().map(|arm| arm.robot.as_path());
         let robots = Robots::load(config, &config.hand, arm)?;
         JointNames::new(&config.joint_names, robots.whole())?;
-        Planner::new(config, &robots).map(drop)
+        robots.planner(config).map(drop)
     }
 }
 
@@ -207,7 +206,7 @@ fn send(
     motions: &[&Candidate],
     cx: &Context,
 ) -> Result<Sent, DispatchError> {
-    let planner = Planner::new(config, robots)?;
+    let planner = robots.planner(config)?;
     let names = JointNames::new(&config.joint_names, robots.whole())?;
     // What cannot be made is known before anything moves, or a cell is asked.
     let mut goals: Vec<(&Candidate, Result<Goal, Refusal>)> = Vec::new();
@@ -300,7 +299,7 @@ fn send(
             object,
             cell: &capabilities.cell,
             gap: &capabilities.gap,
-            object_from_grasp: grasp.object_from_palm.isometry(),
+            object_from_grasp: grasp.frame_from_palm.isometry(),
         };
         record(&setting, &goal, &report, cx.folder())?;
         sent.executions.push(cell.execution(candidate, &report));

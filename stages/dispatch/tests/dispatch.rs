@@ -5,11 +5,12 @@ use std::{collections::BTreeMap, fs, path::Path};
 use dataflow::{
     Advise, Artifact, Context, Inputs, Made, Outcome, Output, SourceFile, Stage, Summary,
 };
+use motion::{HandRates, Step};
 use nalgebra::{Isometry3, Vector3};
 use report_dispatch::DispatchReport;
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates, Rates, Step},
+    candidates::{Candidate, Candidates},
     executions::{self, Execution, Executions},
     objects::{Object, RestingOrientation},
     rollouts::{self, Rollout, Verdict},
@@ -78,9 +79,9 @@ fn rest() -> Rest {
 fn candidate(id: &str, closed_m: f64) -> Candidate {
     let step = |time_s: f64, above_m: f64, q: f64| Step {
         time_s,
-        object_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, above_m)),
+        frame_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, above_m)),
         q_rad: vec![q, q],
-        rates: Rates::still(2),
+        rates: HandRates::still(2),
     };
     Candidate {
         candidate_id: id.to_owned(),

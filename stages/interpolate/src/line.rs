@@ -1,8 +1,9 @@
 //! The straight line between the ends of one motion.
 
+use motion::{HandRates, JointRates, Step};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use schemas::candidates::{Candidate, Rates, Step};
-use spatial::Pose;
+use schemas::candidates::Candidate;
+use spatial::{Object, Pose, Twist};
 
 /// What the candidates say drew them.
 const GENERATOR: &str = "interpolate";
@@ -55,33 +56,38 @@ pub(crate) fn line(motion: &Candidate) -> Result<Candidate, NoLine> {
 
 /// A hand that moves at constant rates.
 struct Line<'a> {
-    first: &'a Step,
-    last: &'a Step,
+    first: &'a Step<Object>,
+    last: &'a Step<Object>,
     duration_s: f64,
     /// From the first orientation to the last: an axis, object frame, times an angle of at most π.
     turn: Vector3<f64>,
-    rates: Rates,
+    rates: HandRates,
 }
 
 impl<'a> Line<'a> {
-    fn between(first: &'a Step, last: &'a Step) -> Result<Self, NoLine> {
+    fn between(first: &'a Step<Object>, last: &'a Step<Object>) -> Result<Self, NoLine> {
         let duration_s = last.time_s - first.time_s;
         if duration_s.is_nan() || duration_s <= 0.0 {
             return Err(NoLine::NoDuration { duration_s });
         }
-        let [from, to] = [first, last].map(|step| step.object_from_palm.isometry());
+        let [from, to] = [first, last].map(|step| step.frame_from_palm.isometry());
         let way = to.translation.vector - from.translation.vector;
         // Of the two quaternions of a rotation, `scaled_axis` takes the one with the smaller angle.
         let turn = (to.rotation * from.rotation.inverse()).scaled_axis();
-        let velocity = way / duration_s;
-        // A turn leaves its own axis where it is: the angular velocity is the same all along.
-        let spin = turn / duration_s;
         let joints = first.q_rad.iter().zip(&last.q_rad);
         let q_velocity = joints.map(|(from, to)| (to - from) / duration_s);
-        let rates = Rates {
-            palm_velocity: [velocity.x, velocity.y, velocity.z, spin.x, spin.y, spin.z],
-            q_velocity_rad_per_s: q_velocity.collect(),
-            ..Rates::still(first.q_rad.len())
+        let dof = first.q_rad.len();
+        let rates = HandRates {
+            palm_velocity: Twist {
+                linear: way / duration_s,
+                // A turn leaves its own axis where it is: the angular velocity is the same all along.
+                angular: turn / duration_s,
+            },
+            joints: JointRates {
+                velocity: q_velocity.collect(),
+                ..JointRates::still(dof)
+            },
+            ..HandRates::still(dof)
         };
         Ok(Self {
             first,
@@ -93,15 +99,15 @@ impl<'a> Line<'a> {
     }
 
     /// Returns the hand at a time, in seconds on the motion's clock.
-    fn at(&self, time_s: f64) -> Step {
+    fn at(&self, time_s: f64) -> Step<Object> {
         let share = (time_s - self.first.time_s) / self.duration_s;
-        let [from, to] = [self.first, self.last].map(|step| step.object_from_palm.isometry());
+        let [from, to] = [self.first, self.last].map(|step| step.frame_from_palm.isometry());
         let position = from.translation.vector.lerp(&to.translation.vector, share);
         let rotation = UnitQuaternion::from_scaled_axis(self.turn * share) * from.rotation;
         let joints = self.first.q_rad.iter().zip(&self.last.q_rad);
         Step {
             time_s,
-            object_from_palm: Pose::new(Isometry3::from_parts(
+            frame_from_palm: Pose::new(Isometry3::from_parts(
                 Translation3::from(position),
                 rotation,
             )),
@@ -117,17 +123,24 @@ impl<'a> Line<'a> {
 mod tests {
     use super::*;
 
-    fn step(time_s: f64, place: [f64; 3], rotation: UnitQuaternion<f64>, q_rad: [f64; 2]) -> Step {
+    fn step(
+        time_s: f64,
+        place: [f64; 3],
+        rotation: UnitQuaternion<f64>,
+        q_rad: [f64; 2],
+    ) -> Step<Object> {
         let place = Translation3::from(Vector3::from(place));
         Step {
             time_s,
-            object_from_palm: Pose::new(Isometry3::from_parts(place, rotation)),
+            frame_from_palm: Pose::new(Isometry3::from_parts(place, rotation)),
             q_rad: q_rad.to_vec(),
-            rates: Rates {
-                palm_velocity: [9.0; 6],
-                palm_acceleration: [9.0; 6],
-                q_velocity_rad_per_s: vec![9.0; 2],
-                q_acceleration_rad_per_s2: vec![9.0; 2],
+            rates: HandRates {
+                palm_velocity: Twist::from_array([9.0; 6]),
+                palm_acceleration: Twist::from_array([9.0; 6]),
+                joints: JointRates {
+                    velocity: vec![9.0; 2],
+                    acceleration: vec![9.0; 2],
+                },
             },
         }
     }
@@ -153,8 +166,8 @@ mod tests {
         }
     }
 
-    fn assert_near(found: &Step, expected: &Step) {
-        let [a, b] = [found, expected].map(|step| step.object_from_palm.isometry());
+    fn assert_near(found: &Step<Object>, expected: &Step<Object>) {
+        let [a, b] = [found, expected].map(|step| step.frame_from_palm.isometry());
         let way = (a.translation.vector - b.translation.vector).norm();
         assert!(way < 1e-12 && a.rotation.angle_to(&b.rotation) < 1e-7);
         for (a, b) in found.q_rad.iter().zip(&expected.q_rad) {
@@ -178,7 +191,7 @@ mod tests {
         assert_near(&line.steps[3], &motion.steps[3]);
         // 0.2 s of 1.5 s later, not a third of the steps.
         let share = 0.2 / 1.5;
-        let place = line.steps[1].object_from_palm.isometry().translation;
+        let place = line.steps[1].frame_from_palm.isometry().translation;
         assert!((place.x - 0.3 * (1.0 - share)).abs() < 1e-12, "{place}");
         assert!((line.steps[1].q_rad[0] - (0.1 + 0.6 * share)).abs() < 1e-12);
     }
@@ -190,7 +203,7 @@ mod tests {
         let line = Line::between(&motion.steps[0], &motion.steps[3]).unwrap();
         for time_s in [0.6, 1.0, 1.9] {
             let [before, now, after] = [-H_S, 0.0, H_S].map(|by_s| line.at(time_s + by_s));
-            let [a, b, c] = [&before, &now, &after].map(|step| *step.object_from_palm.isometry());
+            let [a, b, c] = [&before, &now, &after].map(|step| *step.frame_from_palm.isometry());
             let near = |found: f64, expected: f64, tolerance: f64| {
                 assert!((found - expected).abs() < tolerance, "{found} {expected}");
             };
@@ -205,17 +218,17 @@ mod tests {
             ]
             .map(|change| change / H_S.powi(2));
             for k in 0..3 {
-                near(now.rates.palm_velocity[k], velocity[k], 1e-9);
-                near(now.rates.palm_velocity[k + 3], spin[k], 1e-9);
-                near(now.rates.palm_acceleration[k], changes[0][k], 1e-6);
-                near(now.rates.palm_acceleration[k + 3], changes[1][k], 1e-6);
+                near(now.rates.palm_velocity.linear[k], velocity[k], 1e-9);
+                near(now.rates.palm_velocity.angular[k], spin[k], 1e-9);
+                near(now.rates.palm_acceleration.linear[k], changes[0][k], 1e-6);
+                near(now.rates.palm_acceleration.angular[k], changes[1][k], 1e-6);
             }
             for joint in 0..2 {
                 let [a, b, c] = [&before, &now, &after].map(|step| step.q_rad[joint]);
                 let velocity = (c - a) / (2.0 * H_S);
-                near(now.rates.q_velocity_rad_per_s[joint], velocity, 1e-9);
+                near(now.rates.joints.velocity[joint], velocity, 1e-9);
                 let change = (c + a - 2.0 * b) / H_S.powi(2);
-                near(now.rates.q_acceleration_rad_per_s2[joint], change, 1e-6);
+                near(now.rates.joints.acceleration[joint], change, 1e-6);
             }
         }
     }
@@ -230,10 +243,10 @@ mod tests {
             let line = Line::between(&motion.steps[0], &motion.steps[3]).unwrap();
             // 4.5 rad one way is 1.78 rad the other way.
             let angle = 2.0 * std::f64::consts::PI - 4.5;
-            assert!((line.rates.palm_velocity[5] + angle / 2.0).abs() < 1e-12);
+            assert!((line.rates.palm_velocity.angular.z + angle / 2.0).abs() < 1e-12);
             let middle = line.at(1.0);
             let expected = turned([0.0, 0.0, -2.0 - angle / 2.0]);
-            let found = middle.object_from_palm.isometry().rotation;
+            let found = middle.frame_from_palm.isometry().rotation;
             assert!(found.angle_to(&expected) < 1e-7);
         }
     }

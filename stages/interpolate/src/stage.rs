@@ -104,8 +104,9 @@ mod tests {
     use std::{collections::BTreeMap, fs, path::Path};
 
     use dataflow::{Advise, Artifact, Partition};
+    use motion::{HandRates, Step};
     use nalgebra::Isometry3;
-    use schemas::candidates::{Candidate, Rates, Step};
+    use schemas::candidates::Candidate;
     use spatial::Pose;
 
     use super::*;
@@ -113,9 +114,9 @@ mod tests {
     fn motion(name: &str, steps_n: u32) -> Candidate {
         let step = |number: u32| Step {
             time_s: f64::from(number),
-            object_from_palm: Pose::new(Isometry3::translation(f64::from(number), 0.0, 0.0)),
+            frame_from_palm: Pose::new(Isometry3::translation(f64::from(number), 0.0, 0.0)),
             q_rad: vec![f64::from(number).powi(2)],
-            rates: Rates::still(1),
+            rates: HandRates::still(1),
         };
         Candidate {
             candidate_id: name.to_owned(),

@@ -6,11 +6,13 @@ use dataflow::{
     Code, Context, Inputs, Labels, Outcome, Output, Outputs, Scope, Stage, Sum, Unit, labels,
 };
 use lake::{ReadInputs, WriteArtifact};
+use motion::{HandRates, JointRates, Step};
 use schemas::{
     Table,
-    candidates::{self, Candidate, Candidates},
+    candidates::{Candidate, Candidates},
     trajectories::{self, Trajectory},
 };
+use spatial::Twist;
 
 use crate::{ReplayConfig, ReplayError};
 
@@ -125,15 +127,17 @@ fn candidate(trajectory: &Trajectory) -> Candidate {
             .steps
             .iter()
             .enumerate()
-            .map(|(idx, step)| candidates::Step {
+            .map(|(idx, step)| Step {
                 time_s: step.time_s,
-                object_from_palm: step.object_from_palm,
+                frame_from_palm: step.object_from_palm,
                 q_rad: step.q_rad.clone(),
-                rates: candidates::Rates {
-                    palm_velocity: step.rates.palm_velocity,
+                rates: HandRates {
+                    palm_velocity: Twist::from_array(step.rates.palm_velocity),
                     palm_acceleration: palm_acceleration(&trajectory.steps, idx),
-                    q_velocity_rad_per_s: step.rates.q_velocity_rad_per_s.clone(),
-                    q_acceleration_rad_per_s2: step.rates.q_acceleration_rad_per_s2.clone(),
+                    joints: JointRates {
+                        velocity: step.rates.q_velocity_rad_per_s.clone(),
+                        acceleration: step.rates.q_acceleration_rad_per_s2.clone(),
+                    },
                 },
             })
             .collect(),
@@ -142,20 +146,20 @@ fn candidate(trajectory: &Trajectory) -> Candidate {
 
 /// Returns how fast the palm's velocity changes about a step: its difference between the neighbors (the
 /// step itself at an end) over the time between them; 0 of a single step.
-fn palm_acceleration(steps: &[trajectories::Step], idx: usize) -> [f64; 6] {
+fn palm_acceleration(steps: &[trajectories::Step], idx: usize) -> Twist {
     let (before, after) = (idx.saturating_sub(1), (idx + 1).min(steps.len() - 1));
     let (Some(before), Some(after)) = (steps.get(before), steps.get(after)) else {
-        return [0.0; 6];
+        return Twist::zero();
     };
     let between_s = after.time_s - before.time_s;
-    std::array::from_fn(|k| {
+    Twist::from_array(std::array::from_fn(|k| {
         let change = after.rates.palm_velocity[k] - before.rates.palm_velocity[k];
         if between_s > 0.0 {
             change / between_s
         } else {
             0.0
         }
-    })
+    }))
 }
 
 #[cfg(test)]
@@ -246,10 +250,11 @@ mod tests {
             );
             for (found, expected) in candidate.steps.iter().zip(&shown[0].steps) {
                 assert_eq!(found.time_s, expected.time_s);
-                assert_eq!(found.object_from_palm, expected.object_from_palm);
+                assert_eq!(found.frame_from_palm, expected.object_from_palm);
                 assert_eq!(found.q_rad, expected.q_rad);
-                assert_eq!(found.rates.palm_velocity, expected.rates.palm_velocity);
-                let [x, _, _, _, _, turning] = found.rates.palm_acceleration;
+                let palm = &found.rates.palm_velocity;
+                assert_eq!(palm.to_array(), expected.rates.palm_velocity);
+                let [x, _, _, _, _, turning] = found.rates.palm_acceleration.to_array();
                 assert!((x - 1.0).abs() < 1e-12 && (turning + 3.0).abs() < 1e-12);
             }
         }

@@ -1,14 +1,12 @@
 //! From latent codes to candidates: decoded, in the object's frame, in seconds, within limits.
 
 use cgf::{Cgf, JointRange, MovingGrasp, ObjectFeature, Random, Scene};
+use motion::{HandRates, JointRates, Step};
 use nalgebra::{Point3, UnitQuaternion};
 use rayon::prelude::*;
 use robot::WrongDof;
-use schemas::{
-    candidates::{Candidate, Rates, Step},
-    objects::Object,
-};
-use spatial::Rest;
+use schemas::{candidates::Candidate, objects::Object};
+use spatial::{Rest, Twist};
 
 use crate::{
     SampleConfig, SampleError,
@@ -191,7 +189,7 @@ impl<'a> Placed<'a> {
 
     /// Puts a motion into the object's frame, its joints within their limits, its time into seconds;
     /// says how far outside its limits a joint was at most.
-    fn steps(&self, motion: Vec<MovingGrasp>, times: &[f64]) -> (Vec<Step>, f64) {
+    fn steps(&self, motion: Vec<MovingGrasp>, times: &[f64]) -> (Vec<Step<spatial::Object>>, f64) {
         let mut excess = 0.0_f64;
         let steps = motion.into_iter().zip(times).map(|(moving, t)| {
             let mut q_rad = moving.grasp.q_rad;
@@ -206,13 +204,13 @@ impl<'a> Placed<'a> {
                 if outside > 0.0 {
                     excess = excess.max(outside);
                     *q = within;
-                    rates.q_velocity_rad_per_s[idx] = 0.0;
-                    rates.q_acceleration_rad_per_s2[idx] = 0.0;
+                    rates.joints.velocity[idx] = 0.0;
+                    rates.joints.acceleration[idx] = 0.0;
                 }
             }
             Step {
                 time_s: (1.0 - t) * self.duration_s,
-                object_from_palm: self.object_from_table * moving.grasp.table_from_palm,
+                frame_from_palm: self.object_from_table * moving.grasp.table_from_palm,
                 q_rad,
                 rates,
             }
@@ -227,23 +225,22 @@ impl<'a> Placed<'a> {
         velocity: &cgf::HandRate,
         acceleration: &cgf::HandRate,
         rotation: &UnitQuaternion<f64>,
-    ) -> Rates {
+    ) -> HandRates {
         let by_second = -1.0 / self.duration_s;
-        let palm = |rate: &cgf::HandRate, factor: f64| {
-            let linear = rotation * rate.linear * factor;
-            let angular = rotation * rate.angular * factor;
-            [
-                linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
-            ]
+        let palm = |rate: &cgf::HandRate, factor: f64| Twist {
+            linear: rotation * rate.linear * factor,
+            angular: rotation * rate.angular * factor,
         };
         let joints = |rate: &cgf::HandRate, factor: f64| -> Vec<f64> {
             rate.q.iter().map(|rate| rate * factor).collect()
         };
-        Rates {
+        HandRates {
             palm_velocity: palm(velocity, by_second),
             palm_acceleration: palm(acceleration, by_second.powi(2)),
-            q_velocity_rad_per_s: joints(velocity, by_second),
-            q_acceleration_rad_per_s2: joints(acceleration, by_second.powi(2)),
+            joints: JointRates {
+                velocity: joints(velocity, by_second),
+                acceleration: joints(acceleration, by_second.powi(2)),
+            },
         }
     }
 }

@@ -5,13 +5,14 @@
 
 use std::{collections::BTreeMap, path::Path};
 
+use ::motion::Step;
 use geometry::TriMesh;
 use lake::recording::Recording;
 use nalgebra::{Isometry3, Point3};
 use robot::{JointOrder, RobotModel, Shape, WrongDof, balls};
 use schemas::{
     Table,
-    candidates::{self, Candidate, Candidates},
+    candidates::{Candidate, Candidates},
     objects::Object,
     ros2::{
         ColorRgba, Marker, TfMessage,
@@ -21,6 +22,7 @@ use schemas::{
         },
     },
 };
+use spatial::Object as InObject;
 
 use crate::SampleError;
 
@@ -88,7 +90,7 @@ pub(crate) fn record(
             };
             time_ns = motion::stamp_ns(step.time_s);
             let q = stage.order.apply(&step.q_rad)?;
-            let q_velocity = stage.order.apply(&step.rates.q_velocity_rad_per_s)?;
+            let q_velocity = stage.order.apply(&step.rates.joints.velocity)?;
             transforms.extend(shown.poses(step, &q, time_ns)?);
             let names = shown.joints();
             let joints = motion::joint_state(time_ns, &names, &q, &q_velocity);
@@ -155,12 +157,12 @@ impl<'a> Shown<'a> {
     /// Returns the poses that change, with the hand's joint positions `q`.
     fn poses(
         &self,
-        step: &candidates::Step,
+        step: &Step<InObject>,
         q: &[f64],
         time_ns: i64,
     ) -> Result<Vec<schemas::ros2::TransformStamped>, WrongDof> {
         let palm_from_links = self.stage.model.forward_kinematics(q)?;
-        let own_from_palm = self.candidate.table_from_object * step.object_from_palm;
+        let own_from_palm = self.candidate.table_from_object * step.frame_from_palm;
         let moving = self
             .hand
             .moving(time_ns, own_from_palm.isometry(), &palm_from_links);
@@ -181,7 +183,7 @@ impl<'a> Shown<'a> {
         let mesh = motion::mesh_marker(START_NS, &in_object, vertices_m, triangles, OBJECT_COLOR);
         let steps = self.candidate.steps.iter();
         let trail: Vec<Point3<f64>> = steps
-            .map(|step| step.object_from_palm.isometry().translation.vector.into())
+            .map(|step| step.frame_from_palm.isometry().translation.vector.into())
             .collect();
         let trail =
             motion::points_marker(START_NS, &in_object, "trail", &trail, TRAIL_M, self.color);

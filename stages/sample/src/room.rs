@@ -1,12 +1,14 @@
 //! How deep a hand is in an object and below the table.
 
 use geometry::DistanceField;
+use motion::Step;
 use nalgebra::{Isometry3, Point3};
 use robot::{
     JointOrder, RobotModel, WrongDof,
     balls::{Cluster, clusters},
 };
-use schemas::candidates::{Candidate, Step};
+use schemas::candidates::Candidate;
+use spatial::Object;
 
 use crate::SampleError;
 
@@ -93,10 +95,10 @@ impl Gauge<'_> {
     /// # Errors
     ///
     /// Fails if the step has not one position per joint of the hand.
-    pub fn depth(&self, candidate: &Candidate, step: &Step) -> Result<Depth, WrongDof> {
+    pub fn depth(&self, candidate: &Candidate, step: &Step<Object>) -> Result<Depth, WrongDof> {
         self.room.depth(
             self.field,
-            step.object_from_palm.isometry(),
+            step.frame_from_palm.isometry(),
             candidate.table_from_object.isometry(),
             &self.order.apply(&step.q_rad)?,
         )

@@ -12,10 +12,11 @@ use std::{
     sync::Arc,
 };
 
+use ::motion::{Motion, Step};
 use cgf::{
-    Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Grasp, Initialization,
+    Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
     JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Scene, Schedule,
-    Split, TimedGrasp, Times, Track, TrainingConfig, TrainingDevice, TrainingSet,
+    Split, Times, Track, TrainingConfig, TrainingDevice, TrainingSet,
 };
 use dataflow::{
     Advise, Artifact, Context, Inputs, Made, Outcome, Output, SourceFile, Stage, Summary,
@@ -35,7 +36,7 @@ use schemas::{
     trajectories,
     trajectories::Trajectory,
 };
-use spatial::{Pose, Rest};
+use spatial::{Object as InObject, Pose, Rest};
 use stage_sample::{Epoch, Rests, Sample, SampleConfig, SampleError, SampleMetrics};
 use tempfile::TempDir;
 
@@ -121,19 +122,22 @@ fn write_checkpoint(folder: &Path) {
         name: name.to_owned(),
         scene: 0,
         split: Split::Training,
-        steps: (0..10)
-            .map(|k| TimedGrasp {
-                time_s: f64::from(k),
-                grasp: Grasp {
-                    table_from_palm: Pose::new(Isometry3::translation(
+        motion: Motion::new(
+            &RobotModel::from_urdf(HAND).unwrap().joint_names(),
+            (0..10)
+                .map(|k| Step {
+                    time_s: f64::from(k),
+                    frame_from_palm: Pose::new(Isometry3::translation(
                         x,
                         0.0,
                         0.3 - 0.02 * f64::from(k),
                     )),
                     q_rad: vec![0.1 * f64::from(k), 0.3 - 0.05 * f64::from(k)],
-                },
-            })
-            .collect(),
+                    rates: (),
+                })
+                .collect(),
+        )
+        .unwrap(),
     };
     let set = TrainingSet {
         scenes: vec![scene],
@@ -443,29 +447,29 @@ fn rates_are_those_of_the_motion_per_second_and_zero_at_a_limit() {
                     "{found} {expected}"
                 );
             };
-            let palm = |step: &candidates::Step| *step.object_from_palm.isometry();
+            let palm = |step: &Step<InObject>| *step.frame_from_palm.isometry();
             let way = palm(after).translation.vector - palm(before).translation.vector;
             let turn = palm(after).rotation * palm(before).rotation.inverse();
-            let [x, y, z, u, v, w] = rates.palm_velocity;
             let (speed, spin) = (way / between_s, turn.scaled_axis() / between_s);
-            for (found, expected) in [x, y, z].into_iter().zip(speed.iter()) {
-                check(found, *expected, speed.norm());
+            for (found, expected) in rates.palm_velocity.linear.iter().zip(speed.iter()) {
+                check(*found, *expected, speed.norm());
             }
-            for (found, expected) in [u, v, w].into_iter().zip(spin.iter()) {
-                check(found, *expected, spin.norm());
+            for (found, expected) in rates.palm_velocity.angular.iter().zip(spin.iter()) {
+                check(*found, *expected, spin.norm());
             }
+            let [next, last] = [after, before].map(|step| step.rates.palm_velocity.to_array());
+            let found = rates.palm_acceleration.to_array();
             for k in 0..6 {
-                let change = after.rates.palm_velocity[k] - before.rates.palm_velocity[k];
-                check(rates.palm_acceleration[k], change / between_s, 1.0);
+                check(found[k], (next[k] - last[k]) / between_s, 1.0);
             }
             let q = (after.q_rad[1] - before.q_rad[1]) / between_s;
-            check(rates.q_velocity_rad_per_s[1], q, q.abs());
-            let change = after.rates.q_velocity_rad_per_s[1] - before.rates.q_velocity_rad_per_s[1];
-            check(rates.q_acceleration_rad_per_s2[1], change / between_s, 1.0);
+            check(rates.joints.velocity[1], q, q.abs());
+            let change = after.rates.joints.velocity[1] - before.rates.joints.velocity[1];
+            check(rates.joints.acceleration[1], change / between_s, 1.0);
             moving += usize::from(q.abs() > 0.01);
             if [0.2, 0.25].contains(&here.q_rad[0]) {
-                assert_eq!(rates.q_velocity_rad_per_s[0], 0.0);
-                assert_eq!(rates.q_acceleration_rad_per_s2[0], 0.0);
+                assert_eq!(rates.joints.velocity[0], 0.0);
+                assert_eq!(rates.joints.acceleration[0], 0.0);
                 at_limit += 1;
             }
         }
@@ -869,7 +873,7 @@ fn a_recording_shows_motions_side_by_side() {
         for (message, step) in steps.iter().zip(&drawn[candidate].steps) {
             let base_from_palm = pose(message, &base, &format!("{base}/palm"));
             let object_from_palm = base_from_object.inverse() * base_from_palm;
-            let off = object_from_palm.inverse() * step.object_from_palm.isometry();
+            let off = object_from_palm.inverse() * step.frame_from_palm.isometry();
             assert!(off.translation.vector.norm() < 1e-9 && off.rotation.angle() < 1e-6);
         }
         let states = format!("/{base}/joint_states");

@@ -1,42 +1,40 @@
 //! How smooth a candidate is, by the definitions of [`Smoothness`].
 
+use motion::{Motion, Step};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use robot::{RobotModel, WrongDof};
 use schemas::rollouts::{Smoothness, Variation, Variations};
+use spatial::Object;
 
 /// Net motion below which a channel has no shape of its own, in rad or m.
 const STANDING: f64 = 1e-6;
 
-/// One step of a motion, its joints in the hand's order.
-pub(crate) struct Posture {
-    /// Pose of the palm in the object frame.
-    pub(crate) object_from_palm: Isometry3<f64>,
-    /// Joint positions in radians.
-    pub(crate) q: Vec<f64>,
-}
-
-/// Measures a motion by all definitions.
+/// Measures a motion, with its joints in the hand's order, by all definitions.
 ///
 /// # Errors
 ///
-/// Fails if a step has not one position per joint of the hand.
-pub(crate) fn smoothness(steps: &[Posture], model: &RobotModel) -> Result<Smoothness, WrongDof> {
-    let joints: Vec<Vec<f64>> = steps.iter().map(|step| step.q.clone()).collect();
+/// Fails if the motion has not as many joints as the hand.
+pub(crate) fn smoothness(
+    motion: &Motion<Object>,
+    model: &RobotModel,
+) -> Result<Smoothness, WrongDof> {
+    let steps = motion.steps();
+    let joints: Vec<Vec<f64>> = steps.iter().map(|step| step.q_rad.clone()).collect();
     let with_palm: Vec<Vec<f64>> = steps
         .iter()
         .map(|step| {
-            let palm = step.object_from_palm.translation.vector;
-            palm.iter().chain(&step.q).copied().collect()
+            let palm = step.frame_from_palm.isometry().translation.vector;
+            palm.iter().chain(&step.q_rad).copied().collect()
         })
         .collect();
     let links: Vec<Vec<f64>> = steps
         .iter()
-        .map(|step| origins(model, step, &step.object_from_palm))
+        .map(|step| origins(model, step, step.frame_from_palm.isometry()))
         .collect::<Result<_, _>>()?;
     let misread: Vec<Vec<f64>> = steps
         .iter()
         .map(|step| {
-            let mut origins = origins(model, step, &misread(&step.object_from_palm))?;
+            let mut origins = origins(model, step, &misread(step.frame_from_palm.isometry()))?;
             // The released hand has a link `palm` at its root.
             origins.extend_from_within(..origins.len().min(3));
             Ok(origins)
@@ -63,10 +61,10 @@ pub(crate) fn smoothness(steps: &[Posture], model: &RobotModel) -> Result<Smooth
 /// Returns the coordinates of all links' origins.
 fn origins(
     model: &RobotModel,
-    step: &Posture,
+    step: &Step<Object>,
     object_from_palm: &Isometry3<f64>,
 ) -> Result<Vec<f64>, WrongDof> {
-    let palm_from_links = model.forward_kinematics(&step.q)?;
+    let palm_from_links = model.forward_kinematics(&step.q_rad)?;
     let origins = palm_from_links.iter().flat_map(|palm_from_link| {
         let origin: Vector3<f64> = (object_from_palm * palm_from_link).translation.vector;
         [origin.x, origin.y, origin.z]

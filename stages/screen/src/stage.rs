@@ -117,14 +117,13 @@ impl Output for Screen {
         let Some(object) = inputs.optional::<Object>()? else {
             return Ok(Outcome::skipped("it is not among the objects"));
         };
-        let order =
-            JointOrder::new(&candidates.joints, &model.joint_names()).map_err(|source| {
-                ScreenError::AnotherHand {
-                    partition: cx.partition().to_owned(),
-                    path: urdf.path.clone(),
-                    source,
-                }
-            })?;
+        JointOrder::new(&candidates.joints, &model.joint_names()).map_err(|source| {
+            ScreenError::AnotherHand {
+                partition: cx.partition().to_owned(),
+                path: urdf.path.clone(),
+                source,
+            }
+        })?;
 
         let failed = |candidate: Option<String>, source: SimulationError| {
             unusable(&source, candidate.as_deref()).ok_or_else(|| ScreenError::Simulation {
@@ -133,8 +132,7 @@ impl Output for Screen {
                 source,
             })
         };
-        let screening = match Screening::new(config, &model, &object, &candidates, order, cx.seed())
-        {
+        let screening = match Screening::new(config, &model, &object, &candidates, cx.seed()) {
             Ok(screening) => screening,
             Err(err) => return failed(None, err),
         };

@@ -1,26 +1,25 @@
 //! All candidates of one object through physics.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::{
+    fmt::Display,
+    sync::atomic::{AtomicUsize, Ordering},
+};
 
+use motion::Motion;
 use nalgebra::{Translation3, Vector3};
 use rayon::prelude::*;
-use robot::{JointOrder, RobotModel, WrongDof};
+use robot::RobotModel;
 use schemas::{
-    candidates::{Candidate, Candidates, Step},
+    candidates::{Candidate, Candidates},
     objects::Object,
     rollouts,
 };
-use simulation::{JointRates, Motion, ObjectShape, Record, Rollout, SimulationError, Template};
-use spatial::{Pose, Rest, Table};
+use simulation::{ObjectShape, Record, Rollout, SimulationError, Template};
+use spatial::{Object as InObject, Pose, Rest, Table};
 
-use crate::{
-    ScreenConfig,
-    mistake::mistaken_m,
-    smoothness::{Posture, smoothness},
-};
+use crate::{ScreenConfig, mistake::mistaken_m, smoothness::smoothness};
 
-/// One settled scene per way in which the object lies, and where each joint's position stands in
-/// a candidate.
+/// One settled scene per way in which the object lies.
 pub(crate) struct Screening<'a> {
     config: &'a ScreenConfig,
     candidates: &'a Candidates,
@@ -28,24 +27,21 @@ pub(crate) struct Screening<'a> {
     /// How far the object reaches along its axes, in meters.
     extent_m: Vector3<f64>,
     seed: u64,
-    order: JointOrder,
     templates: Vec<Template>,
     /// The template of each candidate.
     template_of: Vec<usize>,
 }
 
 impl<'a> Screening<'a> {
-    /// Builds the scenes; `order` takes a candidate's positions to the hand's joints, and of `seed` are
-    /// the mistakes about the object's place.
+    /// Builds the scenes; of `seed` are the mistakes about the object's place.
     pub(crate) fn new(
         config: &'a ScreenConfig,
         model: &'a RobotModel,
         object: &Object,
         candidates: &'a Candidates,
-        order: JointOrder,
         seed: u64,
     ) -> Result<Self, SimulationError> {
-        let mut poses: Vec<Pose<Table, spatial::Object>> = Vec::new();
+        let mut poses: Vec<Pose<Table, InObject>> = Vec::new();
         let mut template_of = Vec::with_capacity(candidates.candidates.len());
         for candidate in &candidates.candidates {
             let pose = candidate.table_from_object;
@@ -66,7 +62,6 @@ impl<'a> Screening<'a> {
             model,
             extent_m: extent_m(object),
             seed,
-            order,
             templates,
             template_of,
         })
@@ -105,45 +100,30 @@ impl<'a> Screening<'a> {
             .map_err(|err| (candidate.candidate_id.clone(), err))
     }
 
-    /// Returns a candidate's numbers in the order of the hand's joints.
-    fn in_order(&self, numbers: &[f64]) -> Result<Vec<f64>, SimulationError> {
-        self.order.apply(numbers).map_err(unfit)
+    /// Returns a candidate's motion with the joints in the hand's order.
+    fn in_order(&self, candidate: &Candidate) -> Result<Motion<InObject>, SimulationError> {
+        let motion = self.candidates.motion(candidate).map_err(unfit)?;
+        motion.reordered(&self.model.joint_names()).map_err(unfit)
     }
 
-    /// Returns a candidate's motion with the joints in the hand's order, shifted with the object's place
-    /// if that is mistaken.
-    fn motion(&self, idx: usize, candidate: &Candidate) -> Result<Motion, SimulationError> {
-        let steps = &candidate.steps;
-        let in_order = |numbers: &[f64]| self.in_order(numbers);
+    /// Returns the same, shifted with the object's place if that is mistaken.
+    fn motion(
+        &self,
+        idx: usize,
+        candidate: &Candidate,
+    ) -> Result<Motion<InObject>, SimulationError> {
         let noise = self.config.pose_noise;
         let mistake = Translation3::from(if noise > 0.0 {
             mistaken_m(&(self.extent_m * noise), self.seed, idx)
         } else {
             Vector3::zeros()
         });
-        let rates = |step: &Step| {
-            Ok(JointRates {
-                velocity: in_order(&step.rates.q_velocity_rad_per_s)?,
-                acceleration: in_order(&step.rates.q_acceleration_rad_per_s2)?,
-            })
-        };
-        Ok(Motion {
-            time_s: steps.iter().map(|step| step.time_s).collect(),
-            object_from_palm: steps
-                .iter()
-                .map(|step| mistake * step.object_from_palm.isometry())
-                .collect(),
-            q: steps
-                .iter()
-                .map(|step| in_order(&step.q_rad))
-                .collect::<Result<_, _>>()?,
-            rates: Some(steps.iter().map(rates).collect::<Result<_, _>>()?),
-        })
+        Ok(self.in_order(candidate)?.shifted(&mistake))
     }
 }
 
-/// A motion that has another number of joints than the hand.
-fn unfit(err: WrongDof) -> SimulationError {
+/// A motion that is not one of the hand.
+fn unfit(err: impl Display) -> SimulationError {
     SimulationError::Motion(err.to_string())
 }
 
@@ -161,14 +141,7 @@ impl Screening<'_> {
         candidate: &Candidate,
         rollout: &Rollout,
     ) -> Result<rollouts::Rollout, SimulationError> {
-        let posture = |step: &Step| {
-            Ok(Posture {
-                object_from_palm: *step.object_from_palm.isometry(),
-                q: self.in_order(&step.q_rad)?,
-            })
-        };
-        let steps = candidate.steps.iter().map(posture);
-        let steps: Vec<Posture> = steps.collect::<Result<_, SimulationError>>()?;
+        let motion = self.in_order(candidate)?;
         Ok(rollouts::Rollout {
             candidate_id: candidate.candidate_id.clone(),
             generator: candidate.generator.clone(),
@@ -180,7 +153,7 @@ impl Screening<'_> {
             displacement_m: rollout.displacement_m,
             penetration_m: rollout.penetration_m,
             contacts_n: rollout.contacts_n,
-            smoothness: smoothness(&steps, self.model).map_err(unfit)?,
+            smoothness: smoothness(&motion, self.model).map_err(unfit)?,
         })
     }
 }

@@ -6,11 +6,12 @@ use dataflow::{
     Advise, Artifact, Context, Inputs, Made, Outcome, Output, Partition, Scope, SourceFile, Stage,
     Summary,
 };
+use motion::{HandRates, Step};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use report_screen::SuccessReport;
 use robot::RobotModel;
 use schemas::{
-    candidates::{Candidate, Candidates, Rates, Step},
+    candidates::{Candidate, Candidates},
     objects::{self, RestingOrientation},
     rollouts::{Rollout, Verdict},
     success::Successes,
@@ -141,8 +142,8 @@ fn candidate(id: &str, flexion: [f64; 3], thumb: [f64; 4]) -> Candidate {
         let place = Translation3::new(-0.015, -0.055 - 0.15 * left, 0.02);
         Step {
             time_s: 0.1 * f64::from(step),
-            object_from_palm: Pose::new(Isometry3::from_parts(place, turn)),
-            rates: Rates::still(q_rad.len()),
+            frame_from_palm: Pose::new(Isometry3::from_parts(place, turn)),
+            rates: HandRates::still(q_rad.len()),
             q_rad: q_rad.clone(),
         }
     });
@@ -338,7 +339,7 @@ fn candidates_for_another_hand_are_an_error_with_a_hint() {
             candidates.joints.pop();
             for step in &mut candidates.candidates[0].steps {
                 step.q_rad.pop();
-                step.rates = Rates::still(step.q_rad.len());
+                step.rates = HandRates::still(step.q_rad.len());
             }
         },
         "`joint_0.0`",

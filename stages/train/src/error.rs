@@ -5,7 +5,8 @@ use std::{io, path::PathBuf};
 use cgf::CgfError;
 use dataflow::Advise;
 use lake::LakeError;
-use robot::{JointMismatch, RobotError, WrongDof};
+use motion::MotionError;
+use robot::{JointMismatch, RobotError};
 use robot_meshes::MeshError;
 
 /// Why no grasping function could be trained.
@@ -53,9 +54,14 @@ pub enum TrainError {
         /// How its joints differ from the hand's.
         source: JointMismatch,
     },
-    /// The hand has another number of joints than a motion.
-    #[error(transparent)]
-    Dof(#[from] WrongDof),
+    /// A trajectory's steps are no motion.
+    #[error("trajectory `{sequence}` cannot be followed")]
+    Motion {
+        /// The trajectory's sequence.
+        sequence: String,
+        /// What is wrong with them.
+        source: MotionError,
+    },
     /// The curve of a running training cannot be written.
     #[error("cannot write the training's curve `{}`", path.display())]
     Curve {
@@ -109,7 +115,7 @@ impl Advise for TrainError {
                 Some("give `training.tips` the names of the hand's finger tip links".to_owned())
             }
             Self::Cgf(CgfError::LargeShapes { .. }) => Some("URDFs are in meters".to_owned()),
-            Self::Curve { .. } | Self::Dof(_) | Self::Cgf(_) => None,
+            Self::Curve { .. } | Self::Motion { .. } | Self::Cgf(_) => None,
         }
     }
 

@@ -2,12 +2,12 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use cgf::{Grasp, Random, Scene, Split, TimedGrasp, Track, TrainingSet};
+use cgf::{Random, Scene, Split, Track, TrainingSet};
 use dataflow::{Artifact, Inputs};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, table};
+use motion::{Motion, MotionError, Step};
 use nalgebra::Point3;
-use robot::{JointOrder, WrongDof};
 use schemas::{
     Table,
     distance_fields::{self, FieldInfo},
@@ -136,25 +136,29 @@ fn track(
     scene: usize,
     joints: &[String],
 ) -> Result<Track, TrainError> {
-    let order =
-        JointOrder::new(&trajectory.joints, joints).map_err(|source| TrainError::AnotherHand {
-            sequence: trajectory.sequence.clone(),
-            source,
-        })?;
     let table_from_object = rest.table_from_object();
-    let steps = trajectory.steps.iter().map(|step| {
-        Ok(TimedGrasp {
-            time_s: step.time_s,
-            grasp: Grasp {
-                table_from_palm: table_from_object * step.object_from_palm,
-                q_rad: order.apply(&step.q_rad)?,
-            },
-        })
+    let steps = trajectory.steps.iter().map(|step| Step {
+        time_s: step.time_s,
+        frame_from_palm: table_from_object * step.object_from_palm,
+        q_rad: step.q_rad.clone(),
+        rates: (),
     });
+    let motion = Motion::new(&trajectory.joints, steps.collect());
+    let motion = motion.and_then(|motion| motion.reordered(joints));
+    let sequence = || trajectory.sequence.clone();
     Ok(Track {
-        name: trajectory.sequence.clone(),
+        name: sequence(),
         scene,
         split: Split::Training,
-        steps: steps.collect::<Result<_, WrongDof>>()?,
+        motion: motion.map_err(|source| match source {
+            MotionError::Joints(source) => TrainError::AnotherHand {
+                sequence: sequence(),
+                source,
+            },
+            source => TrainError::Motion {
+                sequence: sequence(),
+                source,
+            },
+        })?,
     })
 }

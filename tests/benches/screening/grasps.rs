@@ -1,19 +1,20 @@
 //! Grasps from the side that are drawn at random.
 
+use motion::{Motion, Step};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use robot::RobotModel;
-use simulation::Motion;
+use spatial::{Object, Pose};
 
 /// Draws grasps: the palm comes from the side over 15 cm, its fingers around the can, the thumb up;
 /// where it stands and how far it closes is drawn from ranges in which some fail in each way.
-pub(crate) fn grasps(hand: &RobotModel, n: usize) -> Vec<Motion> {
+pub(crate) fn grasps(hand: &RobotModel, n: usize) -> Vec<Motion<Object, ()>> {
     let mut rng = ChaCha8Rng::seed_from_u64(62);
     (0..n).map(|_| grasp(hand, &mut rng)).collect()
 }
 
-fn grasp(hand: &RobotModel, rng: &mut ChaCha8Rng) -> Motion {
+fn grasp(hand: &RobotModel, rng: &mut ChaCha8Rng) -> Motion<Object, ()> {
     let at = [
         rng.random_range(-0.045..-0.01),
         rng.random_range(-0.062..-0.047),
@@ -36,16 +37,16 @@ fn grasp(hand: &RobotModel, rng: &mut ChaCha8Rng) -> Motion {
     }
     let turn = UnitQuaternion::from_quaternion(Quaternion::new(0.5, 0.5, 0.5, 0.5));
     let steps = 8;
-    let shares = (0..=steps).map(|step| f64::from(step) / f64::from(steps));
-    Motion {
-        time_s: shares.clone().collect(),
-        object_from_palm: shares
-            .map(|share| {
-                let y = at[1] - 0.15 * (1.0 - share);
-                Isometry3::from_parts(Translation3::new(at[0], y, at[2]), turn)
-            })
-            .collect(),
-        q: vec![q; 9],
-        rates: None,
-    }
+    let step = |step: i32| {
+        let share = f64::from(step) / f64::from(steps);
+        let y = at[1] - 0.15 * (1.0 - share);
+        let palm = Isometry3::from_parts(Translation3::new(at[0], y, at[2]), turn);
+        Step {
+            time_s: share,
+            frame_from_palm: Pose::new(palm),
+            q_rad: q.clone(),
+            rates: (),
+        }
+    };
+    Motion::new(&hand.joint_names(), (0..=steps).map(step).collect()).unwrap()
 }

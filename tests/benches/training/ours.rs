@@ -3,11 +3,11 @@
 use std::{collections::BTreeMap, fs, sync::Arc};
 
 use cgf::{
-    Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Grasp, Initialization,
+    Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
     JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Random, Reduction, Scene,
-    Schedule, Split, TimedGrasp, Times, Track, Trainer, TrainingConfig, TrainingDevice,
-    TrainingSet,
+    Schedule, Split, Times, Track, Trainer, TrainingConfig, TrainingDevice, TrainingSet,
 };
+use motion::{Motion, Step};
 use nalgebra::{Isometry3, Point3, Vector3};
 use robot::RobotModel;
 use spatial::{Pose, Rest};
@@ -69,19 +69,19 @@ fn track(number: usize, dof: usize) -> Track {
     let steps = (0..40).map(|k| {
         let share = f64::from(k) / 39.0;
         let isometry = Isometry3::new(from.lerp(&to, share), turn * share);
-        TimedGrasp {
+        Step {
             time_s: f64::from(k) / 30.0,
-            grasp: Grasp {
-                table_from_palm: Pose::new(isometry),
-                q_rad: vec![share; dof],
-            },
+            frame_from_palm: Pose::new(isometry),
+            q_rad: vec![share; dof],
+            rates: (),
         }
     });
+    let joints: Vec<String> = (0..dof).map(|joint| format!("joint {joint}")).collect();
     Track {
         name: format!("motion {number}"),
         scene: number,
         split: Split::Training,
-        steps: steps.collect(),
+        motion: Motion::new(&joints, steps.collect()).unwrap(),
     }
 }
 

@@ -1,5 +1,6 @@
 //! What a cell checks before it takes a goal.
 
+use motion::{Carrier, JointTrack, PalmPoint, Timed};
 use nalgebra::Vector3;
 use robot::{Joint, JointKind};
 use simulation::{Protocol, Trial};
@@ -9,7 +10,6 @@ use super::Robot;
 use crate::{
     PalmLimits,
     goal::{Goal, Rejection, RejectionCode},
-    track::{Carrier, PalmPoint, Timed, Track},
 };
 
 /// Longest goal accepted, in bytes: a minute of 16 joints at 333 Hz.
@@ -105,7 +105,7 @@ pub(super) fn check(
 
 /// Checks what a controller with these joints is told.
 fn check_track(
-    track: &Track,
+    track: &JointTrack,
     controller: &str,
     joints: &[Joint],
     tolerance: f64,
@@ -287,7 +287,7 @@ fn check_times<T: Timed>(controller: &str, points: &[T]) -> Result<(), Rejection
 }
 
 /// Checks positions and velocities, at the points and all between them.
-fn check_limits(track: &Track, joints: &[&Joint], tolerance: f64) -> Result<(), Rejection> {
+fn check_limits(track: &JointTrack, joints: &[&Joint], tolerance: f64) -> Result<(), Rejection> {
     for (from, to) in track.points.iter().zip(track.points.iter().skip(1)) {
         let between = || format!("between {} and {} s", from.time_s, to.time_s);
         for (joint, segment) in joints.iter().zip(from.segments(to)) {
@@ -328,11 +328,11 @@ fn refuse(code: RejectionCode, reason: String) -> Result<(), Rejection> {
 
 #[cfg(test)]
 mod tests {
+    use motion::{JointPoint, JointRates};
     use proptest::prelude::*;
     use robot::RobotModel;
 
     use super::*;
-    use crate::track::JointPoint;
 
     const JOINT: &str = r#"<robot name="one"><link name="a"/><link name="b"/>
   <joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="1 0 0"/>
@@ -343,8 +343,10 @@ mod tests {
             JointPoint {
                 time_s,
                 q_rad: vec![q],
-                velocity_rad_per_s: vec![velocity],
-                acceleration_rad_per_s2: vec![change],
+                rates: JointRates {
+                    velocity: vec![velocity],
+                    acceleration: vec![change],
+                },
             }
         })
     }
@@ -362,7 +364,7 @@ mod tests {
             to.time_s = duration_s;
             let reach = from.q_rad[0] + (near - 0.5) * 3.0 * duration_s;
             to.q_rad[0] = reach.clamp(-1.0, 1.0);
-            let track = Track { joints: vec!["j".to_owned()], points: vec![from, to] };
+            let track = JointTrack { joints: vec!["j".to_owned()], points: vec![from, to] };
             let robot = RobotModel::from_urdf(JOINT).unwrap();
             let joints: Vec<&Joint> = robot.joints().iter().collect();
             let taken = check_limits(&track, &joints, ROUNDING_RAD).is_ok();
@@ -370,7 +372,7 @@ mod tests {
             for look in 0..=2000 {
                 let now = track.at(duration_s * f64::from(look) / 2000.0).unwrap();
                 most[0] = most[0].max(now.q_rad[0].abs());
-                most[1] = most[1].max(now.velocity_rad_per_s[0].abs() / 2.0);
+                most[1] = most[1].max(now.rates.velocity[0].abs() / 2.0);
             }
             let most = most[0].max(most[1]);
             prop_assert!(!taken || most <= 1.0 + 2e-6, "{most} is taken");

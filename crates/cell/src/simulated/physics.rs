@@ -1,5 +1,6 @@
 //! One goal carried out in physics.
 
+use motion::JointTrack;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use robot::JointOrder;
 use schemas::{executions::Outcome, rollouts::Verdict};
@@ -7,10 +8,7 @@ use simulation::{Flow, ObjectShape, SimulationError, Template, TraceStep, Watche
 use spatial::{Pose, Rest};
 
 use super::{BrokenOff, Robot, SimulatedCellConfig, gap::EncoderNoise, journal::Job, playing};
-use crate::{
-    report::{Report, Sample},
-    track::Track,
-};
+use crate::report::{Report, Sample};
 
 /// How long a hand is watched that holds after its motion was broken off, in seconds.
 const HOLD_S: f64 = 0.5;
@@ -120,7 +118,7 @@ struct Encoders {
     noise: Vec<Vec<f64>>,
     seen_n: usize,
     /// What the arm is told, which it does exactly but late.
-    arm: Option<Track>,
+    arm: Option<JointTrack>,
     latency_s: f64,
     /// When the arm was told to stand still.
     halted_s: Option<f64>,
@@ -133,7 +131,7 @@ impl Encoders {
         mut drawn: EncoderNoise,
         steps_n: usize,
         dof: usize,
-        arm: Option<Track>,
+        arm: Option<JointTrack>,
         latency_s: f64,
         table_from_scene: Isometry3<f64>,
     ) -> Self {

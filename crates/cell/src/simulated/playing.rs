@@ -1,14 +1,11 @@
 //! A goal as the physics plays it: what palm and fingers are told at each control step.
 
+use motion::{Carrier, JointTrack, PalmPoint};
 use nalgebra::Isometry3;
-use robot::{JointOrder, WrongDof};
-use simulation::{Approach, JointRates, Phase, PlayedStep, Protocol, SimulationError};
+use simulation::{Approach, Phase, PlayedStep, Protocol, SimulationError};
 
 use super::Robot;
-use crate::{
-    goal::Goal,
-    track::{Carrier, JointPoint, PalmPoint, Track},
-};
+use crate::goal::Goal;
 
 /// Of so small a part of a control step, a phase is not longer.
 const ROUNDING: f64 = 1e-6;
@@ -66,21 +63,12 @@ pub(super) fn steps(
             let joints = hand
                 .at(time_s)
                 .ok_or_else(|| broken("the hand is told nothing"))?;
-            let JointPoint {
-                q_rad,
-                velocity_rad_per_s,
-                acceleration_rad_per_s2,
-                ..
-            } = joints;
             Ok(PlayedStep {
                 phase,
                 object_from_palm: object_from_table * table_from_palm,
                 lift_m,
-                q: q_rad,
-                rates: JointRates {
-                    velocity: velocity_rad_per_s,
-                    acceleration: acceleration_rad_per_s2,
-                },
+                q: joints.q_rad,
+                rates: joints.rates,
             })
         })
         .collect()
@@ -149,7 +137,7 @@ impl Phases {
 }
 
 /// Returns what the arm is told, if there is one, with its joints in its own order.
-pub(super) fn arm_of(goal: &Goal, robot: &Robot) -> Result<Option<Track>, SimulationError> {
+pub(super) fn arm_of(goal: &Goal, robot: &Robot) -> Result<Option<JointTrack>, SimulationError> {
     match (&goal.carrier, &robot.arm) {
         (Carrier::Arm(track), Some(arm)) => in_order(track, &arm.joint_names()).map(Some),
         (Carrier::Arm(_), None) | (Carrier::Palm(_), _) => Ok(None),
@@ -157,24 +145,7 @@ pub(super) fn arm_of(goal: &Goal, robot: &Robot) -> Result<Option<Track>, Simula
 }
 
 /// Returns a track with its joints in this order.
-fn in_order(track: &Track, joints: &[String]) -> Result<Track, SimulationError> {
-    let order = JointOrder::new(&track.joints, joints);
-    let order = order.map_err(|err| SimulationError::Motion(err.to_string()))?;
-    let point = |point: &JointPoint| {
-        Ok(JointPoint {
-            time_s: point.time_s,
-            q_rad: order.apply(&point.q_rad)?,
-            velocity_rad_per_s: order.apply(&point.velocity_rad_per_s)?,
-            acceleration_rad_per_s2: order.apply(&point.acceleration_rad_per_s2)?,
-        })
-    };
-    let points = track
-        .points
-        .iter()
-        .map(point)
-        .collect::<Result<_, WrongDof>>();
-    Ok(Track {
-        joints: joints.to_vec(),
-        points: points.map_err(|err| SimulationError::Motion(err.to_string()))?,
-    })
+fn in_order(track: &JointTrack, joints: &[String]) -> Result<JointTrack, SimulationError> {
+    let ordered = track.reordered(joints);
+    ordered.map_err(|err| SimulationError::Motion(err.to_string()))
 }

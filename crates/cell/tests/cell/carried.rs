@@ -1,8 +1,8 @@
 //! A hand on an arm.
 
 use cell::{
-    Carrier, CellArm, Gap, Goal, JointPoint, RejectionCode, Service, SimulatedCell,
-    SimulatedCellConfig, Track, robot_digest,
+    Carrier, CellArm, Gap, Goal, JointPoint, JointRates, JointTrack, RejectionCode, Service,
+    SimulatedCell, SimulatedCellConfig, robot_digest,
 };
 use nalgebra::{Isometry3, Vector3};
 use robot::RobotModel;
@@ -43,12 +43,14 @@ fn start() -> SimulatedCell {
 
 /// Turns the arm's first joint by a tenth of a radian while the fingers stay as they are.
 pub(crate) fn carried() -> Goal {
-    let still = |joints: Vec<String>, ends: [(f64, Vec<f64>); 2]| Track {
+    let still = |joints: Vec<String>, ends: [(f64, Vec<f64>); 2]| JointTrack {
         points: ends
             .map(|(time_s, q)| JointPoint {
                 time_s,
-                velocity_rad_per_s: vec![0.0; q.len()],
-                acceleration_rad_per_s2: vec![0.0; q.len()],
+                rates: JointRates {
+                    velocity: vec![0.0; q.len()],
+                    acceleration: vec![0.0; q.len()],
+                },
                 q_rad: q,
             })
             .to_vec(),
@@ -128,7 +130,7 @@ fn the_palm_is_where_the_arm_has_it() {
 fn what_the_arm_cannot_do_is_rejected_with_a_reason() {
     let cell = start();
     let client = connect(&cell);
-    let check = |change: fn(&mut Track), code: RejectionCode, reason: &str| {
+    let check = |change: fn(&mut JointTrack), code: RejectionCode, reason: &str| {
         let mut goal = carried();
         let Carrier::Arm(track) = &mut goal.carrier else {
             panic!("an arm was given");
@@ -149,7 +151,7 @@ fn what_the_arm_cannot_do_is_rejected_with_a_reason() {
         "`joint2` would be at",
     );
     check(
-        |arm| arm.points[1].velocity_rad_per_s[0] = 3.5,
+        |arm| arm.points[1].rates.velocity[0] = 3.5,
         RejectionCode::Limits,
         "`joint1` would move at 3.5",
     );

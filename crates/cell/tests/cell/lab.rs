@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use cell::{
-    Carrier, CellClient, Executed, Gap, Goal, JointPoint, PalmPoint, Report, Service,
-    SimulatedCell, SimulatedCellConfig, Track, UncheckedReport, robot_digest,
+    Carrier, CellClient, Executed, Gap, Goal, JointPoint, JointRates, JointTrack, PalmPoint,
+    Report, Service, SimulatedCell, SimulatedCellConfig, UncheckedReport, robot_digest,
 };
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use robot::{Joint, RobotModel};
@@ -108,8 +108,10 @@ pub(crate) fn goal(closed_m: f64) -> Goal {
     let hand = |time_s: f64, q: f64| JointPoint {
         time_s,
         q_rad: vec![q, q],
-        velocity_rad_per_s: vec![0.0; 2],
-        acceleration_rad_per_s2: vec![0.0; 2],
+        rates: JointRates {
+            velocity: vec![0.0; 2],
+            acceleration: vec![0.0; 2],
+        },
     };
     // As long as `grasp` says: the reach to 0.6 s, the squeeze to 0.8 s, the lift from 0.9 s to 1.3 s.
     Goal {
@@ -127,7 +129,7 @@ pub(crate) fn goal(closed_m: f64) -> Goal {
             palm(0.9, 0.02),
             palm(1.3, 0.12),
         ]),
-        hand: Track {
+        hand: JointTrack {
             joints: joints(),
             points: vec![
                 hand(0.0, 0.0),

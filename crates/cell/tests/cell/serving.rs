@@ -111,14 +111,14 @@ fn what_the_robot_cannot_do_is_rejected_with_a_reason() {
     // Both points are inside, and the way between them is not.
     check(
         |g| {
-            g.hand.points[1].velocity_rad_per_s[1] = -0.4;
-            g.hand.points[2].velocity_rad_per_s[1] = 0.4;
+            g.hand.points[1].rates.velocity[1] = -0.4;
+            g.hand.points[2].rates.velocity[1] = 0.4;
         },
         RejectionCode::Limits,
         "`slide_right` would be at -0.0",
     );
     check(
-        |g| g.hand.points[2].velocity_rad_per_s[0] = 50.0,
+        |g| g.hand.points[2].rates.velocity[0] = 50.0,
         RejectionCode::Limits,
         "`slide_left` would be at -",
     );

@@ -1,9 +1,10 @@
 //! Whole rollouts under PD with feedforward, beside PD alone.
 
+use motion::{JointRates, Motion, Rates, Step};
 use simulation::{
-    Approach, ControllerKind, JointRates, Motion, Offset, Record, Rollout, SceneConfig, Template,
-    TraceStep, Verdict,
+    Approach, ControllerKind, Offset, Record, Rollout, SceneConfig, Template, TraceStep, Verdict,
 };
+use spatial::Object;
 
 use crate::scene::{hand, protocol, q, scene, side_grasp, template};
 
@@ -22,37 +23,48 @@ fn wave(share: f64) -> [f64; 3] {
     [0.3 * sin, 0.3 * turns * cos, -0.3 * turns * turns * sin]
 }
 
-/// A hand that waves all flexion joints on its way, and knows how fast, or does not.
-fn waving(knows_rates: bool) -> Motion {
+/// A hand that waves all flexion joints on its way, and knows how fast.
+fn waving() -> Motion<Object, JointRates> {
     const DURATION_S: f64 = 0.8;
+    const N: u32 = 20;
+    let hand = hand();
     let middle = q([0.7, 0.7, 0.7], [0.8, 0.5, 0.7, 0.7]);
-    let mut motion = side_grasp(BESIDE, middle.clone());
-    let n = 20;
-    let shares: Vec<f64> = (0..=n).map(|step| f64::from(step) / f64::from(n)).collect();
-    motion.time_s = shares.iter().map(|share| DURATION_S * share).collect();
-    motion.object_from_palm = vec![motion.object_from_palm[0]; shares.len()];
-    let flexes: Vec<f64> = hand()
+    let first = side_grasp(BESIDE, middle.clone()).first().clone();
+    let flexes: Vec<f64> = hand
         .joint_names()
         .iter()
         .map(|name| f64::from(u8::from(protocol().flexion_joints.contains(name))))
         .collect();
-    let waved = |share: &f64, order: usize, by: f64| -> Vec<f64> {
-        let number = wave(*share)[order] / by;
-        flexes.iter().map(|weight| weight * number).collect()
+    let step = |step: u32| {
+        let share = f64::from(step) / f64::from(N);
+        let waved = |order: usize, by: f64| -> Vec<f64> {
+            let number = wave(share)[order] / by;
+            flexes.iter().map(|weight| weight * number).collect()
+        };
+        let joints = middle.iter().zip(waved(0, 1.0));
+        Step {
+            time_s: DURATION_S * share,
+            frame_from_palm: first.frame_from_palm,
+            q_rad: joints.map(|(q, wave)| q + wave).collect(),
+            rates: JointRates {
+                velocity: waved(1, DURATION_S),
+                acceleration: waved(2, DURATION_S.powi(2)),
+            },
+        }
     };
-    motion.q = shares
-        .iter()
-        .map(|share| {
-            let wave = waved(share, 0, 1.0);
-            middle.iter().zip(wave).map(|(q, wave)| q + wave).collect()
-        })
-        .collect();
-    let rates = shares.iter().map(|share| JointRates {
-        velocity: waved(share, 1, DURATION_S),
-        acceleration: waved(share, 2, DURATION_S.powi(2)),
+    Motion::new(&hand.joint_names(), (0..=N).map(step).collect()).unwrap()
+}
+
+/// The same hand, which does not know how fast it is.
+fn waving_unaware() -> Motion<Object, ()> {
+    let motion = waving();
+    let steps = motion.steps().iter().map(|step| Step {
+        time_s: step.time_s,
+        frame_from_palm: step.frame_from_palm,
+        q_rad: step.q_rad.clone(),
+        rates: (),
     });
-    motion.rates = knows_rates.then(|| rates.collect());
-    motion
+    Motion::of_joints(motion.joints().clone(), steps.collect()).unwrap()
 }
 
 /// Returns the most that a flexion joint is off the wave at the ends of the control steps, the first
@@ -74,7 +86,7 @@ fn most_lag(steps: &[TraceStep], reach_n: usize) -> f64 {
 
 #[test]
 fn a_motion_with_its_rates_is_followed_far_closer_than_by_pd_and_closer_than_without() {
-    let lag = |controller: ControllerKind, knows_rates: bool, reach_n: u32| {
+    fn lag<R: Rates>(motion: &Motion<Object, R>, controller: ControllerKind, reach_n: u32) -> f64 {
         let mut scene = with(controller);
         // Nothing is in the way.
         scene.object_offset = Offset {
@@ -85,15 +97,16 @@ fn a_motion_with_its_rates_is_followed_far_closer_than_by_pd_and_closer_than_wit
         protocol.approach = Approach::Follow;
         protocol.reach_s = scene.control_step_s() * f64::from(reach_n);
         let rollout = template(&scene)
-            .rollout(&waving(knows_rates), &protocol, Record::Trace)
+            .rollout(motion, &protocol, Record::Trace)
             .unwrap();
         most_lag(&rollout.trace.unwrap().steps, reach_n as usize)
-    };
+    }
+    let (aware, unaware) = (waving(), waving_unaware());
     // At the speed of the motion, and at half of it.
     for reach_n in [40, 80] {
-        let pd = lag(ControllerKind::Pd, true, reach_n);
-        let exact = lag(ControllerKind::PdFeedforward, true, reach_n);
-        let guessed = lag(ControllerKind::PdFeedforward, false, reach_n);
+        let pd = lag(&aware, ControllerKind::Pd, reach_n);
+        let exact = lag(&aware, ControllerKind::PdFeedforward, reach_n);
+        let guessed = lag(&unaware, ControllerKind::PdFeedforward, reach_n);
         println!(
             "{reach_n} steps: PD {pd} rad, feedforward {exact} rad, of differences {guessed} rad"
         );
@@ -123,28 +136,6 @@ fn a_good_grasp_holds_under_feedforward_too() {
 }
 
 #[test]
-fn rates_that_do_not_fit_the_motion_are_refused() {
-    let template = template(&with(ControllerKind::PdFeedforward));
-    let check = |spoil: &dyn Fn(&mut Vec<JointRates>), expected: &str| {
-        let mut motion = waving(true);
-        spoil(motion.rates.as_mut().unwrap());
-        let error = template
-            .rollout(&motion, &protocol(), Record::Nothing)
-            .unwrap_err();
-        assert!(error.to_string().contains(expected), "{error}");
-    };
-    check(&|rates| rates.truncate(3), "3 joint rates for 21 steps");
-    check(
-        &|rates| rates[2].velocity.truncate(1),
-        "1 joint rates for 16 joints",
-    );
-    check(
-        &|rates| rates[4].acceleration[0] = f64::NAN,
-        "a number is not finite",
-    );
-}
-
-#[test]
 fn a_heavier_hand_moves_otherwise() {
     let trace = |hand_mass_scale: f64| {
         let mut scene = scene();
@@ -152,7 +143,7 @@ fn a_heavier_hand_moves_otherwise() {
         let mut protocol = protocol();
         protocol.approach = Approach::Follow;
         let rollout = template(&scene)
-            .rollout(&waving(true), &protocol, Record::Trace)
+            .rollout(&waving(), &protocol, Record::Trace)
             .unwrap();
         most_lag(&rollout.trace.unwrap().steps, 40)
     };

@@ -1,22 +1,37 @@
 use std::convert::Infallible;
 
+use motion::Motion;
 use nalgebra::{Point3, Vector3};
 use robot::{ConvexBody, RobotModel};
-use simulation::{Approach, Motion, Offset, Record, Rollout, SimulationError, Template, Verdict};
+use simulation::{Approach, Offset, Record, Rollout, SimulationError, Template, Verdict};
+use spatial::{Object, Pose};
 
 use crate::scene::{can, hand, protocol, q, scene, side_grasp, template, upright, urdf};
 
 const BESIDE: [f64; 3] = [-0.015, -0.055, 0.02];
 
-fn good() -> Motion {
+fn good() -> Motion<Object, ()> {
     side_grasp(BESIDE, q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]))
 }
 
-fn too_open() -> Motion {
+/// The same motion with the palm elsewhere along y at one step.
+fn with_step_moved(
+    motion: &Motion<Object, ()>,
+    step: usize,
+    y: impl Fn(f64) -> f64,
+) -> Motion<Object, ()> {
+    let mut steps = motion.steps().to_vec();
+    let mut pose = *steps[step].frame_from_palm.isometry();
+    pose.translation.y = y(pose.translation.y);
+    steps[step].frame_from_palm = Pose::new(pose);
+    Motion::of_joints(motion.joints().clone(), steps).unwrap()
+}
+
+fn too_open() -> Motion<Object, ()> {
     side_grasp(BESIDE, q([0.5, 0.6, 0.4], [1.3, 0.3, 0.2, 0.3]))
 }
 
-fn roll(motion: &Motion) -> Rollout {
+fn roll(motion: &Motion<Object, ()>) -> Rollout {
     template(&scene())
         .rollout(motion, &protocol(), Record::Nothing)
         .unwrap()
@@ -92,7 +107,7 @@ fn a_hand_of_meshes_holds_what_one_of_boxes_holds() {
     );
     let read = unread.with_mesh_shapes(|_, mesh| Ok::<_, Infallible>(vec![cuboid(&mesh.file)]));
     let template = build(&read.unwrap()).unwrap();
-    let roll = |motion: &Motion| {
+    let roll = |motion: &Motion<Object, ()>| {
         let rollout = template.rollout(motion, &protocol(), Record::Nothing);
         rollout.unwrap()
     };
@@ -140,7 +155,7 @@ fn a_can_of_twenty_kilograms_stays_on_the_table() {
 #[test]
 fn geometry_alone_refuses_limits_table_and_early_contact() {
     let template = template(&scene());
-    let check = |motion: &Motion, expected: Verdict| {
+    let check = |motion: &Motion<Object, ()>, expected: Verdict| {
         let rollout = template
             .rollout(motion, &protocol(), Record::Trace)
             .unwrap();
@@ -160,11 +175,11 @@ fn geometry_alone_refuses_limits_table_and_early_contact() {
 #[test]
 fn a_hand_that_pushes_the_can_knocks_it_over() {
     // Fingers stretched: the palm runs 8 cm too far, and only the last quarter is not refused.
-    let mut motion = side_grasp(BESIDE, q([0.0; 3], [1.3, 0.0, 0.0, 0.0]));
+    let motion = side_grasp(BESIDE, q([0.0; 3], [1.3, 0.0, 0.0, 0.0]));
     let mut protocol = protocol();
     protocol.approach = Approach::Follow;
-    let last = motion.object_from_palm.last_mut().unwrap();
-    last.translation.y += 0.08;
+    let last = motion.steps().len() - 1;
+    let motion = with_step_moved(&motion, last, |y| y + 0.08);
     let rollout = template(&scene())
         .rollout(&motion, &protocol, Record::Nothing)
         .unwrap();
@@ -201,7 +216,8 @@ fn the_palm_follows_its_path_and_the_trace_has_every_control_step() {
         .unwrap();
     let steps = rollout.trace.unwrap().steps;
     assert_eq!(steps.len(), 191);
-    let grasp = template.table_from_believed().isometry() * motion.object_from_palm.last().unwrap();
+    let grasp =
+        template.table_from_believed().isometry() * motion.grasp().frame_from_palm.isometry();
     for (step, rise) in [(40, 0.0), (190, 0.15)] {
         let palm = steps[step].table_from_palm;
         let error = palm.translation.vector - grasp.translation.vector;
@@ -221,7 +237,7 @@ fn fingers_stay_open_until_the_closing_and_squeeze_after_it() {
         .rollout(&motion, &protocol(), Record::Trace)
         .unwrap();
     let steps = rollout.trace.unwrap().steps;
-    let grasp = motion.q.last().unwrap();
+    let grasp = &motion.grasp().q_rad;
     let names = hand().joint_names();
     for (joint, name) in names.iter().enumerate() {
         let flexes = protocol().flexion_joints.contains(name);
@@ -278,7 +294,7 @@ fn the_same_rollout_has_the_same_bytes() {
 
 #[test]
 fn what_explodes_is_a_divergence_and_no_success() {
-    let check = |time_step_s: f64, motion: &Motion| {
+    let check = |time_step_s: f64, motion: &Motion<Object, ()>| {
         let mut scene = scene();
         scene.time_step_s = time_step_s;
         let rollout = template(&scene)
@@ -300,8 +316,6 @@ fn what_explodes_is_a_divergence_and_no_success() {
     check(1.0, &good());
     // A palm that jumps a kilometer, and one that jumps beyond single precision.
     for jump_m in [1e3, 1e39] {
-        let mut motion = good();
-        motion.object_from_palm[3].translation.y = -jump_m;
-        check(0.004, &motion);
+        check(0.004, &with_step_moved(&good(), 3, |_| -jump_m));
     }
 }

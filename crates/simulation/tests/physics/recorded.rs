@@ -5,12 +5,13 @@
 
 use std::{env, fs, path::PathBuf};
 
+use motion::{Motion, Step};
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde_json::Value;
 use simulation::{
-    Approach, Motion, ObjectShape, Protocol, Record, Rollout, SceneConfig, Template, Verdict,
+    Approach, ObjectShape, Protocol, Record, Rollout, SceneConfig, Template, Verdict,
 };
-use spatial::Rest;
+use spatial::{Object, Pose, Rest};
 
 use crate::scene::{hand, protocol, scene};
 
@@ -21,7 +22,7 @@ const MOST_SPIN: f64 = 0.05;
 
 /// A recorded grasp.
 struct Grasp {
-    motion: Motion,
+    motion: Motion<Object, ()>,
     held: bool,
 }
 
@@ -79,7 +80,7 @@ fn can(xml: &str) -> (ObjectShape, f64) {
 }
 
 /// The palm stands still; the fingers wait 0.2 s, close in 0.6 s, and press for 0.2 s.
-fn motion(grasp: &Value, height_m: f64) -> Motion {
+fn motion(grasp: &Value, height_m: f64) -> Motion<Object, ()> {
     let numbers = |key: &str| -> Vec<f64> { serde_json::from_value(grasp[key].clone()).unwrap() };
     let model = hand();
     let at = |finger: &[f64], thumb: &[f64]| {
@@ -98,12 +99,14 @@ fn motion(grasp: &Value, height_m: f64) -> Motion {
         Translation3::new(root[0], root[1], root[2] - height_m),
         turn,
     );
-    Motion {
-        time_s: vec![0.0, 0.2, 0.8, 1.0],
-        object_from_palm: vec![object_from_palm; 4],
-        q: vec![open.clone(), open, closed.clone(), closed],
-        rates: None,
-    }
+    let step = |(time_s, q): (f64, &Vec<f64>)| Step {
+        time_s,
+        frame_from_palm: Pose::new(object_from_palm),
+        q_rad: q.clone(),
+        rates: (),
+    };
+    let steps = [(0.0, &open), (0.2, &open), (0.8, &closed), (1.0, &closed)].map(step);
+    Motion::new(&model.joint_names(), steps.to_vec()).unwrap()
 }
 
 /// The drives of the recorded scene.

@@ -2,13 +2,14 @@
 
 use std::f64::consts::TAU;
 
+use motion::{Motion, Step};
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use robot::RobotModel;
 use simulation::{
-    Approach, ControllerKind, DriveConfig, Motion, ObjectShape, Offset, Protocol, PullConfig,
-    SceneConfig, Shortcuts, Template, Trial,
+    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, PullConfig, SceneConfig,
+    Shortcuts, Template, Trial,
 };
-use spatial::Rest;
+use spatial::{Object, Pose, Rest};
 
 pub(crate) const RADIUS_M: f64 = 0.034;
 pub(crate) const HEIGHT_M: f64 = 0.102;
@@ -128,16 +129,15 @@ pub(crate) fn q(flexion: [f64; 3], thumb: [f64; 4]) -> Vec<f64> {
 
 /// The palm stands beside the can at `x`, `y` from its axis, fingers along the table's x,
 /// thumb up, and comes along y from 15 cm away.
-pub(crate) fn side_grasp(at: [f64; 3], q: Vec<f64>) -> Motion {
+pub(crate) fn side_grasp(at: [f64; 3], q: Vec<f64>) -> Motion<Object, ()> {
     let turn = UnitQuaternion::from_quaternion(Quaternion::new(0.5, 0.5, 0.5, 0.5));
     let palm = |y: f64| Isometry3::from_parts(Translation3::new(at[0], at[1] + y, at[2]), turn);
     let steps = 8;
-    Motion {
-        time_s: (0..=steps).map(|step| 0.1 * f64::from(step)).collect(),
-        object_from_palm: (0..=steps)
-            .map(|step| palm(-0.15 * (1.0 - f64::from(step) / f64::from(steps))))
-            .collect(),
-        q: vec![q; usize::try_from(steps).unwrap() + 1],
-        rates: None,
-    }
+    let step = |step: i32| Step {
+        time_s: 0.1 * f64::from(step),
+        frame_from_palm: Pose::new(palm(-0.15 * (1.0 - f64::from(step) / f64::from(steps)))),
+        q_rad: q.clone(),
+        rates: (),
+    };
+    Motion::new(&hand().joint_names(), (0..=steps).map(step).collect()).unwrap()
 }

@@ -1,7 +1,9 @@
 //! What is not simulated does not change a verdict. `cargo bench --bench shortcuts` looks at thousands
 //! of rollouts.
 
-use simulation::{Motion, Record, Rollout, Shortcuts, Template, Verdict};
+use motion::Motion;
+use simulation::{Record, Rollout, Shortcuts, Template, Verdict};
+use spatial::Object;
 
 use crate::{
     bodies::bodies,
@@ -9,7 +11,7 @@ use crate::{
 };
 
 /// Grasps from the side, some of which fail in each way.
-fn motions() -> Vec<Motion> {
+fn motions() -> Vec<Motion<Object, ()>> {
     let mut motions = Vec::new();
     for x in [-0.035, -0.015] {
         for y in [-0.058, -0.052] {

@@ -4,7 +4,8 @@ use charts::{Bars, Captions, ChartError, Sample, Scale, Series, bars, histogram,
 use dataflow::Context;
 use diversity::{Diversity, Motion};
 use lake::WriteArtifact;
-use schemas::{candidates::Step, sampling::Sampled};
+use motion::Step;
+use schemas::sampling::Sampled;
 use spatial::{Object, Pose, Rest, Table};
 
 use crate::{SampleReportError, measure::Shown};
@@ -51,14 +52,14 @@ fn alike(drawn: &[Motion], rest: &Rest) -> Option<Pose<Table, Object>> {
 }
 
 /// The recorded steps nearest to `n` equal times from the first to the grasp.
-fn at_equal_times(shown: &Shown, n: usize) -> Vec<&Step> {
+fn at_equal_times(shown: &Shown, n: usize) -> Vec<&Step<Object>> {
     let all = || shown.approach.iter().chain([&shown.grasp]);
     let first_s = all().next().map_or(0.0, |step| step.time_s);
     let duration_s = shown.grasp.time_s - first_s;
     let last = n.saturating_sub(1).max(1) as f64;
     let nearest = |number: usize| {
         let time_s = first_s + duration_s * number as f64 / last;
-        let off = |step: &&Step| (step.time_s - time_s).abs();
+        let off = |step: &&Step<Object>| (step.time_s - time_s).abs();
         all().min_by(|a, b| off(a).total_cmp(&off(b)))
     };
     (0..n).filter_map(nearest).collect()
@@ -180,17 +181,17 @@ impl Charts<'_> {
 
 #[cfg(test)]
 mod tests {
+    use motion::HandRates;
     use nalgebra::{Isometry3, Unit, Vector3};
-    use schemas::candidates::Rates;
 
     use super::*;
 
-    fn step(time_s: f64, x: f64) -> Step {
+    fn step(time_s: f64, x: f64) -> Step<Object> {
         Step {
             time_s,
-            object_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.2)),
+            frame_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.2)),
             q_rad: vec![10.0 * x],
-            rates: Rates::still(1),
+            rates: HandRates::still(1),
         }
     }
 

@@ -1,13 +1,14 @@
 //! How plausible each motion is and how far from the object's demonstrations.
 
 use diversity::{Diversity, root_mean_square};
+use motion::Step;
 use rayon::prelude::*;
 use robot::WrongDof;
 use schemas::{
-    candidates::{Candidate, Step},
+    candidates::Candidate,
     sampling::{GraspDistance, Sampled},
 };
-use spatial::Rest;
+use spatial::{Object, Rest};
 use stage_sample::room::Gauge;
 
 /// Meters that count as much as a radian where grasps are compared: about a hand's length.
@@ -20,9 +21,9 @@ pub(crate) struct Shown {
     /// How the object lay.
     pub(crate) rest: Rest,
     /// The steps before the grasp.
-    pub(crate) approach: Vec<Step>,
+    pub(crate) approach: Vec<Step<Object>>,
     /// The hand at the grasp.
-    pub(crate) grasp: Step,
+    pub(crate) grasp: Step<Object>,
 }
 
 /// What motions of an object are measured against.
@@ -84,7 +85,7 @@ impl Measure<'_> {
     }
 
     /// Returns the demonstration whose grasp is nearest, a radian counting as much as [`ARM_M`].
-    fn nearest(&self, grasp: &Step) -> Option<(String, GraspDistance)> {
+    fn nearest(&self, grasp: &Step<Object>) -> Option<(String, GraspDistance)> {
         let far =
             |distance: &GraspDistance| distance.palm_m / ARM_M + distance.palm_rad + distance.q_rad;
         let all = self
@@ -96,8 +97,8 @@ impl Measure<'_> {
     }
 }
 
-fn between(a: &Step, b: &Step) -> GraspDistance {
-    let (pose_a, pose_b) = (a.object_from_palm.isometry(), b.object_from_palm.isometry());
+fn between(a: &Step<Object>, b: &Step<Object>) -> GraspDistance {
+    let (pose_a, pose_b) = (a.frame_from_palm.isometry(), b.frame_from_palm.isometry());
     GraspDistance {
         palm_m: (pose_a.translation.vector - pose_b.translation.vector).norm(),
         palm_rad: pose_a.rotation.angle_to(&pose_b.rotation),

@@ -6,14 +6,16 @@ use dataflow::{
 };
 use diversity::{Diversity, Motion};
 use lake::{ReadInputs, WriteArtifact};
+use motion::{HandRates, Step};
 use robot::{JointOrder, WrongDof};
 use schemas::{
     Table,
-    candidates::{self, Candidates, Step},
+    candidates::Candidates,
     distance_fields::FieldInfo,
     sampling::{Sampled, Sampling},
     trajectories::Trajectory,
 };
+use spatial::Object;
 use stage_sample::{
     Sample, SampleConfig, SampleError,
     inputs::{ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
@@ -191,12 +193,12 @@ fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, S
     let steps = shown.steps.iter().map(|step| {
         Ok(Step {
             time_s: step.time_s,
-            object_from_palm: step.object_from_palm,
+            frame_from_palm: step.object_from_palm,
             q_rad: order.apply(&step.q_rad)?,
-            rates: candidates::Rates::still(joints.len()),
+            rates: HandRates::still(joints.len()),
         })
     });
-    let mut approach: Vec<Step> = steps.collect::<Result<_, WrongDof>>()?;
+    let mut approach: Vec<Step<Object>> = steps.collect::<Result<_, WrongDof>>()?;
     Ok(approach.pop().map(|grasp| Shown {
         sequence: shown.sequence.clone(),
         rest: shown.rest,

@@ -286,11 +286,9 @@ fn chart(rows: &[Success]) -> Result<String, ChartError> {
 #[cfg(test)]
 mod tests {
     use dataflow::{Metrics, Partition};
+    use motion::{HandRates, Step};
     use nalgebra::{Isometry3, Vector3};
-    use schemas::{
-        candidates::{Rates, Step},
-        rollouts::Smoothness,
-    };
+    use schemas::rollouts::Smoothness;
     use spatial::Pose;
 
     use super::*;
@@ -299,12 +297,12 @@ mod tests {
     fn motion(name: &str, height_m: f64, x: f64, angle: f64, q: f64) -> Candidate {
         let step = |x: f64, q: f64| Step {
             time_s: 0.0,
-            object_from_palm: Pose::new(Isometry3::new(
+            frame_from_palm: Pose::new(Isometry3::new(
                 Vector3::new(x, 0.0, 0.1),
                 Vector3::z() * angle,
             )),
             q_rad: vec![q, q],
-            rates: Rates::still(2),
+            rates: HandRates::still(2),
         };
         Candidate {
             candidate_id: name.to_owned(),

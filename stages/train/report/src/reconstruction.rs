@@ -124,7 +124,7 @@ impl Output for ReconstructionReport {
                     entry.insert(cgf.feature(&set.scenes[track.scene])?)
                 }
             };
-            let times = times(track);
+            let times = track.times();
             let latent = std::slice::from_ref(&demonstration.latent_mean);
             let decoded = cgf.decode(feature, latent, &times)?.concat();
             all.push(rebuilt(demonstration, track, &decoded, &hand, &tips)?);
@@ -175,16 +175,6 @@ fn tips(description: &Description, hand: &RobotModel) -> Result<Vec<Tip>, TrainR
     tips.collect()
 }
 
-/// The network's times of a motion's steps: 1 at the first, 0 at the grasp.
-fn times(track: &Track) -> Vec<f64> {
-    let first = track.steps.first().map_or(0.0, |step| step.time_s);
-    let last = track.steps.last().map_or(1.0, |step| step.time_s);
-    let steps = track.steps.iter();
-    steps
-        .map(|step| (last - step.time_s) / (last - first))
-        .collect()
-}
-
 /// Compares a motion with what became of it at its own steps.
 fn rebuilt<'a>(
     demonstration: &'a Demonstration,
@@ -193,9 +183,9 @@ fn rebuilt<'a>(
     hand: &RobotModel,
     tips: &[Tip],
 ) -> Result<Rebuilt<'a>, TrainReportError> {
-    let steps = track.steps.iter().zip(decoded);
+    let steps = track.motion.steps().iter().zip(decoded);
     let errors = steps
-        .map(|(step, grasp)| step_error(&step.grasp, grasp, hand, tips))
+        .map(|(step, grasp)| step_error(&Grasp::from(step), grasp, hand, tips))
         .collect::<Result<Vec<_>, _>>()?;
     let of_steps = |number: fn(&StepError) -> f64| mean(errors.iter().map(number));
     let at_grasp = |number: fn(&StepError) -> f64| errors.last().map_or(0.0, number);
@@ -215,7 +205,7 @@ fn rebuilt<'a>(
         joint_error_grasp_rad: errors.last().map_or(0.0, of_joints),
         joint_errors_rad: (0..hand.dof()).map(joint).collect(),
     };
-    let over_time = times(track).into_iter().zip(&errors);
+    let over_time = track.times().into_iter().zip(&errors);
     Ok(Rebuilt {
         demonstration,
         row,

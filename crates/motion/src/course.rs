@@ -1,0 +1,91 @@
+//! A motion as a continuous function of time: through every step with the rates it has there.
+
+use spatial::{MovingPose, Passage, Pose};
+
+use crate::{HandRates, Motion, MotionError, Step, joints_between};
+
+/// Fewest steps of a course.
+const MIN_STEPS: usize = 2;
+
+/// A motion through its steps, with the positions, velocities and accelerations that it has at each: a
+/// [`Passage`] of the palm and polynomials of fifth degree of the joints between two of them.
+#[derive(Debug, Clone)]
+pub struct Course<F> {
+    motion: Motion<F>,
+    /// The palm's way from each step to the next.
+    passages: Vec<Passage>,
+}
+
+impl<F> Course<F> {
+    /// Takes the course of a motion.
+    ///
+    /// # Errors
+    ///
+    /// Fails for fewer than two steps, and where no rotation vector is that of the palm's turn.
+    pub fn through(motion: Motion<F>) -> Result<Self, MotionError> {
+        let steps = motion.steps();
+        if steps.len() < MIN_STEPS {
+            return Err(MotionError::Steps {
+                found: steps.len(),
+                expected: MIN_STEPS,
+            });
+        }
+        let pairs = steps.iter().zip(steps.iter().skip(1)).enumerate();
+        let passages = pairs.map(|(idx, (from, to))| {
+            let passage = Passage::new(&from.palm(), &to.palm(), to.time_s - from.time_s);
+            passage.ok_or(MotionError::Turn { step: idx + 1 })
+        });
+        let passages = passages.collect::<Result<_, _>>()?;
+        Ok(Self { motion, passages })
+    }
+
+    /// Returns how long it takes, in seconds.
+    pub fn duration_s(&self) -> f64 {
+        self.motion.duration_s()
+    }
+
+    /// Returns the hand `time_s` after the first step; before it and after the last it stands still
+    /// there, at their rates.
+    pub fn at(&self, time_s: f64) -> Step<F> {
+        let steps = self.motion.steps();
+        let time_s = self.motion.first().time_s + time_s.clamp(0.0, self.duration_s());
+        let after = steps.partition_point(|step| step.time_s <= time_s);
+        // There are two steps at least, and a passage between every two.
+        let after = after.clamp(1, steps.len() - 1);
+        let (from, to) = (&steps[after - 1], &steps[after]);
+        let since_s = time_s - from.time_s;
+        let palm = self.passages[after - 1].at(since_s);
+        let (q_rad, joints) = joints_between(
+            (&from.q_rad, &from.rates.joints),
+            (&to.q_rad, &to.rates.joints),
+            to.time_s - from.time_s,
+            since_s,
+        );
+        Step {
+            time_s,
+            frame_from_palm: Pose::new(palm.pose),
+            q_rad,
+            rates: HandRates {
+                palm_velocity: palm.velocity,
+                palm_acceleration: palm.acceleration,
+                joints,
+            },
+        }
+    }
+
+    /// Returns the hand at the last step.
+    pub fn grasp(&self) -> Step<F> {
+        self.at(self.duration_s())
+    }
+}
+
+impl<F> Step<F> {
+    /// Returns the palm on its way.
+    fn palm(&self) -> MovingPose {
+        MovingPose {
+            pose: *self.frame_from_palm.isometry(),
+            velocity: self.rates.palm_velocity,
+            acceleration: self.rates.palm_acceleration,
+        }
+    }
+}

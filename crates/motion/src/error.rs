@@ -1,0 +1,45 @@
+//! Why steps are not a motion.
+
+use robot::{JointMismatch, WrongDof};
+
+/// Why steps are not a motion, or a motion is no course.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MotionError {
+    /// There are too few steps.
+    #[error("{found} steps, expected at least {expected}")]
+    Steps {
+        /// Number of steps.
+        found: usize,
+        /// Fewest steps.
+        expected: usize,
+    },
+    /// A number is missing, NaN or infinite.
+    #[error("step {step} has a number that is missing or not finite")]
+    Number {
+        /// The step, from 0.
+        step: usize,
+    },
+    /// Times do not increase.
+    #[error("step {step} is at {time_s} s, not after {last_s} s")]
+    Times {
+        /// The step, from 0.
+        step: usize,
+        /// Its time in seconds.
+        time_s: f64,
+        /// The time of the step before, in seconds.
+        last_s: f64,
+    },
+    /// No rotation vector is that of the turn.
+    #[error("the palm's turn before step {step} cannot be followed")]
+    Turn {
+        /// The step after the turn, from 0.
+        step: usize,
+    },
+    /// The joints are those of another hand.
+    #[error("its joints are not those of the hand: `{}`", .0.joint())]
+    Joints(#[from] JointMismatch),
+    /// There is another number of joints.
+    #[error(transparent)]
+    Dof(#[from] WrongDof),
+}

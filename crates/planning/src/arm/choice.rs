@@ -1,0 +1,273 @@
+//! Which direction of the object, and which posture of the arm.
+
+use std::{cmp::Ordering, f64::consts::TAU};
+
+use motion::{Course, Step};
+use spatial::{Object, Pose, Table};
+
+use super::{
+    Arm,
+    clearance::Stand,
+    path::ArmPath,
+    trace::{Knot, Tracer},
+    way::{Target, Way},
+};
+use crate::infeasible::{ArmFault, Infeasible, Place};
+
+/// Places of the way to the grasp at which the arm is sought, besides its start.
+const WAY_N: usize = 120;
+/// Places of the lift.
+const LIFT_N: usize = 20;
+/// Times that differ by less than this share of the course are the same.
+const SAME_TIME: f64 = 0.01;
+
+/// The hand at evenly spaced times of a course, and how far it is lifted from its end, in meters.
+struct Hand {
+    moving: Vec<(f64, Step<Object>)>,
+    /// Its joint positions at the same times.
+    fingers: Vec<Vec<f64>>,
+    lift_m: f64,
+}
+
+/// How far a posture comes that reaches the grasp, that would meet something there, or that can be followed
+/// all the way, but would meet something on it.
+const REACHES: usize = 0;
+const MEETS_AT_GRASP: usize = 1;
+const MEETS: usize = usize::MAX;
+
+/// A posture in which the arm can follow.
+struct Choice<'a> {
+    way: Way<'a>,
+    /// From the way's start to the grasp.
+    to_grasp: Vec<Knot>,
+    /// From there up.
+    lift: Vec<Knot>,
+    /// See [`Choice::compare`].
+    times: f64,
+    room: f64,
+}
+
+/// Why none was found, so far.
+#[derive(Default)]
+struct Worse {
+    postures: usize,
+    /// What kept the one from following that came farthest, and how far that was.
+    best: Option<(usize, ArmFault)>,
+}
+
+impl Arm {
+    /// Finds the arm's joints over a course and straight up from its end by `lift_m`, with the object at
+    /// `arm.object_m` on the table, turned by each of `arm.turns` angles.
+    ///
+    /// `fingers` gives the hand's joint positions at a time of the course; on the lift they are those of its
+    /// end. Of all directions and postures
+    /// that keep the limits and are regular, that one is taken that keeps clear of the table, the arm
+    /// itself and the hand, and takes the least time at the joints' largest speeds and the course's own
+    /// pace; of equal ones, within 1 % of the course, the one in which the product of the distance from
+    /// the nearest joint limit and the least singular value is greatest; then the least turn.
+    ///
+    /// # Errors
+    ///
+    /// Fails if no posture does. It says what keeps the one from it that comes farthest: all the way but
+    /// for something it would meet, or part of the way, or to the grasp.
+    pub(crate) fn follow<'a>(
+        &'a self,
+        course: &'a Course<Object>,
+        table_from_object: &Pose<Table, Object>,
+        fingers: impl Fn(f64) -> Vec<f64>,
+        lift_m: f64,
+    ) -> Result<ArmPath<'a>, Infeasible> {
+        let turns = self.config.turns;
+        let lift_m = lift_m.max(0.0);
+        let hands = hands(course);
+        let fingers: Vec<Vec<f64>> = hands.iter().map(|(time_s, _)| fingers(*time_s)).collect();
+        let hand = Hand {
+            moving: hands,
+            fingers,
+            lift_m,
+        };
+        let mut worse = Worse::default();
+        let mut choices = Vec::new();
+        for turn in 0..turns {
+            let angle = TAU * turn as f64 / turns as f64;
+            let way = Way::new(self, course, table_from_object, angle);
+            self.gather(&way, &hand, &mut choices, &mut worse);
+        }
+        choices.sort_by(Choice::compare);
+        for choice in choices {
+            let knots = choice.to_grasp.iter().chain(&choice.lift);
+            match self.clear(&choice.way, knots, &hand.fingers) {
+                Ok(()) => {
+                    return Ok(ArmPath::new(self, choice.way, choice.to_grasp, choice.lift));
+                }
+                Err(fault) => worse.add(MEETS, fault),
+            }
+        }
+        Err(worse.infeasible(turns).unwrap_or_else(|| {
+            let way = Way::new(self, course, table_from_object, 0.0);
+            let grasp = way.at(Place::Lift { height_m: 0.0 });
+            Infeasible::Reach {
+                palm_in_base_m: grasp.base_from_palm.translation.vector.into(),
+                turns,
+            }
+        }))
+    }
+
+    /// Adds the postures in which the arm can follow a way.
+    fn gather<'a>(
+        &self,
+        way: &Way<'a>,
+        hand: &Hand,
+        choices: &mut Vec<Choice<'a>>,
+        worse: &mut Worse,
+    ) {
+        let mut to_start: Vec<Target> = hand
+            .moving
+            .iter()
+            .rev()
+            .map(|(time_s, hand)| way.of(Place::Way { time_s: *time_s }, hand))
+            .collect();
+        if to_start.is_empty() {
+            return;
+        }
+        let grasp = to_start.remove(0);
+        let up: Vec<Target> = (0..=LIFT_N)
+            .map(|k| hand.lift_m * k as f64 / LIFT_N as f64)
+            .map(|height_m| way.at(Place::Lift { height_m }))
+            .collect();
+        let closed = hand.fingers.last().map_or(&[][..], std::slice::from_ref);
+        let tracer = Tracer {
+            arm: self,
+            way,
+            least: self.config.least_singular_value,
+        };
+        for q in self.chain.solutions(&grasp.base_from_palm) {
+            worse.postures += 1;
+            // Most that cannot be followed do not even stand free at the grasp.
+            let found = tracer
+                .knot(&grasp, q)
+                .and_then(|knot| self.within_limits(knot))
+                .map_err(|fault| (REACHES, fault))
+                .and_then(|knot| match self.clear(way, [&knot], closed) {
+                    Ok(()) => Ok(knot),
+                    Err(fault) => Err((MEETS_AT_GRASP, fault)),
+                })
+                .and_then(|knot| {
+                    let found = self.posture(tracer, knot, &to_start, &up);
+                    found.map_err(|(n, fault)| (MEETS_AT_GRASP + n, fault))
+                });
+            match found {
+                Ok(choice) => choices.push(choice),
+                Err((n, fault)) => worse.add(n, fault),
+            }
+        }
+    }
+
+    /// Follows a way from the arm's posture at the grasp: back to its start, and up.
+    fn posture<'a>(
+        &self,
+        tracer: Tracer<'_, 'a>,
+        at_grasp: Knot,
+        to_start: &[Target],
+        up: &[Target],
+    ) -> Result<Choice<'a>, (usize, ArmFault)> {
+        let mut all = tracer.trace(&at_grasp, to_start)?;
+        all.reverse();
+        let to_grasp_n = all.len() + 1;
+        all.push(at_grasp.clone());
+        let (first, rest) = up
+            .split_first()
+            .ok_or((to_grasp_n, ArmFault::Jump { at: at_grasp.at }))?;
+        let below = tracer.knot(first, at_grasp.q);
+        let below = below.map_err(|fault| (to_grasp_n, fault))?;
+        let lifted = tracer.trace(&below, rest);
+        let lifted = lifted.map_err(|(n, fault)| (to_grasp_n + n, fault))?;
+        all.push(below);
+        all.extend(lifted);
+        let room = self.unwind(&mut all).map_err(|fault| (all.len(), fault))?;
+        let singular = all.iter().map(|knot| knot.posture.least_singular_value());
+        let singular = singular.fold(f64::INFINITY, f64::min);
+        let lift = all.split_off(to_grasp_n);
+        Ok(Choice {
+            way: tracer.way.clone(),
+            times: self.times_slower(&all),
+            room: room * singular,
+            to_grasp: all,
+            lift,
+        })
+    }
+
+    /// Returns how many times as long as asked for the arm takes on a way at its joints' largest speeds,
+    /// where it is faster nowhere.
+    fn times_slower(&self, to_grasp: &[Knot]) -> f64 {
+        let (mut asked_s, mut takes_s) = (0.0, 0.0);
+        for pair in to_grasp.windows(2) {
+            let [from, to] = pair else { continue };
+            let step_s = to.at.number() - from.at.number();
+            let joints = from.q.iter().zip(&to.q).zip(&self.limits);
+            let needed = joints.map(|((from, to), most)| (to - from).abs() / most.velocity);
+            asked_s += step_s;
+            takes_s += needed.fold(step_s, f64::max);
+        }
+        takes_s / asked_s
+    }
+
+    /// Checks that the arm keeps clear of the table, itself and the hand; beyond the last of the hand's
+    /// joint positions these stay as they are.
+    fn clear<'b>(
+        &self,
+        way: &Way<'_>,
+        knots: impl IntoIterator<Item = &'b Knot>,
+        fingers: &[Vec<f64>],
+    ) -> Result<(), ArmFault> {
+        let last = fingers.last().into_iter().cycle();
+        let stands: Vec<Stand> = knots
+            .into_iter()
+            .zip(fingers.iter().chain(last))
+            .map(|(knot, fingers)| {
+                Ok(Stand {
+                    at: knot.at,
+                    base_from_links: self.links(&knot.q, fingers)?,
+                })
+            })
+            .collect::<Result<_, ArmFault>>()?;
+        let foot_m = self.base_from_table.inverse().translation.z;
+        self.clearance.check(&stands, way.up(), foot_m)
+    }
+}
+
+impl Choice<'_> {
+    /// Orders choices, the best one first.
+    fn compare(&self, other: &Self) -> Ordering {
+        let steps = |choice: &Self| (choice.times / SAME_TIME).round();
+        let by_time = steps(self).total_cmp(&steps(other));
+        by_time.then(other.room.total_cmp(&self.room))
+    }
+}
+
+impl Worse {
+    fn add(&mut self, n: usize, fault: ArmFault) {
+        if self.best.as_ref().is_none_or(|(best, _)| n > *best) {
+            self.best = Some((n, fault));
+        }
+    }
+
+    fn infeasible(self, turns: usize) -> Option<Infeasible> {
+        let postures = self.postures;
+        self.best.map(|(_, fault)| Infeasible::Arm {
+            postures,
+            turns,
+            fault,
+        })
+    }
+}
+
+/// Returns the hand at evenly spaced times of a course.
+fn hands(course: &Course<Object>) -> Vec<(f64, Step<Object>)> {
+    (0..=WAY_N)
+        .map(|k| {
+            let time_s = course.duration_s() * k as f64 / WAY_N as f64;
+            (time_s, course.at(time_s))
+        })
+        .collect()
+}

@@ -1,0 +1,326 @@
+//! How far the arm's links keep from the table, from each other and from the hand.
+
+use nalgebra::{Isometry3, Vector3};
+use robot::{RobotModel, Shape, gap};
+
+use super::hand::beyond;
+use crate::infeasible::{ArmFault, Place};
+
+/// How near each other links with one other between them may come, in meters.
+const NEIGHBORS_M: f64 = 0.001;
+
+/// The collision shapes of an arm with its hand, and which of them must not meet.
+///
+/// Shapes are those of the URDF, and distances between them are exact within 0.01 mm. Between two places
+/// of a path at which they are measured, shapes move by what they are apart at the two, one seen from the
+/// other; half of that is added to what is asked for. Bends in between are left out: they are of second order.
+#[derive(Debug, Clone)]
+pub(crate) struct Clearance {
+    pieces: Vec<Piece>,
+    /// Pieces that must keep from each other.
+    pairs: Vec<Pair>,
+    /// Pieces that must keep from the table: all that the arm moves, without the hand.
+    above: Vec<usize>,
+    least_m: f64,
+}
+
+/// Two pieces that must keep from each other.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pair {
+    pub(crate) first: usize,
+    pub(crate) second: usize,
+    /// How far, in meters.
+    pub(crate) least_m: f64,
+}
+
+/// One collision shape.
+#[derive(Debug, Clone)]
+struct Piece {
+    link: usize,
+    name: String,
+    link_from_shape: Isometry3<f64>,
+    shape: Shape,
+}
+
+/// Where the robot is at one place of a path.
+#[derive(Debug, Clone)]
+pub(crate) struct Stand {
+    pub(crate) at: Place,
+    /// Pose of each link in the frame of the arm's foot.
+    pub(crate) base_from_links: Vec<Isometry3<f64>>,
+}
+
+impl Clearance {
+    /// Takes the shapes of a robot whose link `palm` is the hand's.
+    ///
+    /// The hand's own links among each other are left out, as no arm changes how they are; and so are
+    /// links on both sides of one joint, which touch there, and those that overlap where all joints
+    /// are at zero, or at the limit nearest to it: neighbors whose shapes are rougher than they are.
+    /// Links with one other between them come near each other by design, and a joint's limits keep
+    /// them apart: they may come as near as [`NEIGHBORS_M`].
+    pub(crate) fn new(robot: &RobotModel, palm: usize, least_m: f64) -> Self {
+        let carried = beyond(robot, palm);
+        let is_hand = |piece: &Piece| carried[piece.link];
+        let bodies = bodies(robot);
+        let body = |link: usize| bodies[link];
+        // What carries a body, which may be carried by another.
+        let below = |link: usize| {
+            let parent = robot.links().get(link)?.parent?;
+            Some(body(parent))
+        };
+        let pieces = pieces(robot);
+        let stand = robot.link_poses(|joint| robot.joints()[joint].nearest_zero());
+        let zero: Vec<Isometry3<f64>> = pieces.iter().map(|piece| piece.pose(&stand)).collect();
+        let mut pairs = Vec::new();
+        for (first, (a, at_a)) in pieces.iter().zip(&zero).enumerate() {
+            for (second, (b, at_b)) in pieces.iter().zip(&zero).enumerate().skip(first + 1) {
+                let [of_a, of_b] = [a, b].map(|piece| body(piece.link));
+                let [under_a, under_b] = [of_a, of_b].map(below);
+                let touch = of_a == of_b || under_a == Some(of_b) || under_b == Some(of_a);
+                let overlap = || gap((at_a, &a.shape), (at_b, &b.shape)).at_least_m <= 0.0;
+                if touch || (is_hand(a) && is_hand(b)) || overlap() {
+                    continue;
+                }
+                let near = under_a.and_then(below) == Some(of_b)
+                    || under_b.and_then(below) == Some(of_a)
+                    || (under_a.is_some() && under_a == under_b);
+                pairs.push(Pair {
+                    first,
+                    second,
+                    least_m: if near {
+                        least_m.min(NEIGHBORS_M)
+                    } else {
+                        least_m
+                    },
+                });
+            }
+        }
+        let above = pieces.iter().enumerate();
+        let above = above.filter(|(_, piece)| body(piece.link) != 0 && !is_hand(piece));
+        Self {
+            above: above.map(|(idx, _)| idx).collect(),
+            pieces,
+            pairs,
+            least_m,
+        }
+    }
+
+    /// Checks a path, given at places close to each other in their order.
+    ///
+    /// `up` is the table's vertical in the frame of the arm's foot, and `foot_m` how high above the table
+    /// its origin is.
+    pub(crate) fn check(
+        &self,
+        stands: &[Stand],
+        up: &Vector3<f64>,
+        foot_m: f64,
+    ) -> Result<(), ArmFault> {
+        let poses: Vec<Vec<Isometry3<f64>>> = self
+            .pieces
+            .iter()
+            .map(|piece| {
+                let stands = stands.iter();
+                stands
+                    .map(|stand| piece.pose(&stand.base_from_links))
+                    .collect()
+            })
+            .collect();
+        let tracks: Vec<Track<'_>> = self
+            .pieces
+            .iter()
+            .zip(&poses)
+            .map(|(piece, poses)| Track::new(piece, poses))
+            .collect();
+        for &idx in &self.above {
+            self.check_table(&tracks[idx], stands, up, foot_m)?;
+        }
+        for pair in &self.pairs {
+            check_pair(
+                &tracks[pair.first],
+                &tracks[pair.second],
+                pair.least_m,
+                stands,
+            )?;
+        }
+        Ok(())
+    }
+
+    fn check_table(
+        &self,
+        track: &Track<'_>,
+        stands: &[Stand],
+        up: &Vector3<f64>,
+        foot_m: f64,
+    ) -> Result<(), ArmFault> {
+        for (idx, (pose, stand)) in track.poses.iter().zip(stands).enumerate() {
+            let down = pose.rotation.inverse_transform_vector(up);
+            let lowest =
+                foot_m + pose.translation.vector.dot(up) - track.piece.shape.extent_m(&down);
+            let gap_m = lowest - 0.5 * track.moves(idx);
+            // NaN is not clear.
+            let is_clear = gap_m >= self.least_m;
+            if !is_clear {
+                return Err(ArmFault::Table {
+                    link: track.piece.name.clone(),
+                    gap_m,
+                    least_m: self.least_m,
+                    at: stand.at,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Checks two pieces, measuring only where they may have come too near since they were measured last.
+fn check_pair(
+    a: &Track<'_>,
+    b: &Track<'_>,
+    least_m: f64,
+    stands: &[Stand],
+) -> Result<(), ArmFault> {
+    let mut apart_m = f64::NEG_INFINITY;
+    let mut moved_m = 0.0;
+    for (idx, ((at_a, at_b), stand)) in a.poses.iter().zip(b.poses).zip(stands).enumerate() {
+        apart_m -= moved_m;
+        moved_m = a.next(idx) + b.next(idx);
+        let needed_m = least_m + 0.5 * (a.moves(idx) + b.moves(idx));
+        if apart_m >= needed_m {
+            continue;
+        }
+        let centers_m = (at_a.translation.vector - at_b.translation.vector).norm();
+        apart_m = centers_m - a.radius_m - b.radius_m;
+        if apart_m >= needed_m {
+            continue;
+        }
+        apart_m = gap((at_a, &a.piece.shape), (at_b, &b.piece.shape)).at_least_m;
+        // What moves both alike brings them no nearer.
+        let slack_m = 0.5 * relative(a, b, idx);
+        let is_clear = apart_m >= least_m + slack_m;
+        if !is_clear {
+            return Err(ArmFault::Collision {
+                first: a.piece.name.clone(),
+                second: b.piece.name.clone(),
+                gap_m: (apart_m - slack_m).max(0.0),
+                least_m,
+                at: stand.at,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Returns how far points of one piece move in the frame of the other from a place to the next, or came
+/// from the last, at most.
+fn relative(a: &Track<'_>, b: &Track<'_>, idx: usize) -> f64 {
+    let pose = |idx: usize| Some(a.poses.get(idx)?.inverse() * b.poses.get(idx)?);
+    let Some(here) = pose(idx) else { return 0.0 };
+    let neighbors = [idx.checked_sub(1), Some(idx + 1)].into_iter().flatten();
+    neighbors
+        .filter_map(pose)
+        .map(|there| moves(&here, &there, b.radius_m))
+        .fold(0.0, f64::max)
+}
+
+/// Returns how far points within a radius of a pose's origin move to another pose, at most.
+fn moves(from: &Isometry3<f64>, to: &Isometry3<f64>, radius_m: f64) -> f64 {
+    let way = (to.translation.vector - from.translation.vector).norm();
+    way + from.rotation.angle_to(&to.rotation) * radius_m
+}
+
+/// A piece along a path.
+struct Track<'a> {
+    piece: &'a Piece,
+    radius_m: f64,
+    poses: &'a [Isometry3<f64>],
+    /// How far its points move from each place to the next, at most.
+    moves_m: Vec<f64>,
+}
+
+impl<'a> Track<'a> {
+    fn new(piece: &'a Piece, poses: &'a [Isometry3<f64>]) -> Self {
+        let radius_m = piece.shape.radius_m();
+        let moves_m = poses.windows(2).map(|pair| match pair {
+            [from, to] => moves(from, to, radius_m),
+            _ => 0.0,
+        });
+        Self {
+            piece,
+            radius_m,
+            poses,
+            moves_m: moves_m.collect(),
+        }
+    }
+
+    /// Returns how far its points move from a place to the next.
+    fn next(&self, idx: usize) -> f64 {
+        self.moves_m.get(idx).copied().unwrap_or(0.0)
+    }
+
+    /// Returns how far its points move from a place to the next or came from the last, the greater of the
+    /// two.
+    fn moves(&self, idx: usize) -> f64 {
+        let before = idx.checked_sub(1).map_or(0.0, |before| self.next(before));
+        before.max(self.next(idx))
+    }
+}
+
+impl Piece {
+    fn pose(&self, base_from_links: &[Isometry3<f64>]) -> Isometry3<f64> {
+        base_from_links[self.link] * self.link_from_shape
+    }
+}
+
+fn pieces(robot: &RobotModel) -> Vec<Piece> {
+    let links = robot.links().iter().enumerate();
+    links
+        .flat_map(|(link, body)| {
+            body.collisions.iter().map(move |collision| Piece {
+                link,
+                name: body.name.clone(),
+                link_from_shape: collision.link_from_shape,
+                shape: collision.shape.clone(),
+            })
+        })
+        .collect()
+}
+
+/// Returns for each link the first one to which it is fixed.
+fn bodies(robot: &RobotModel) -> Vec<usize> {
+    let mut bodies: Vec<usize> = Vec::with_capacity(robot.links().len());
+    for (idx, link) in robot.links().iter().enumerate() {
+        let carrier = link.parent.filter(|_| link.joint.is_none());
+        bodies.push(carrier.map_or(idx, |parent| bodies[parent]));
+    }
+    bodies
+}
+
+#[cfg(test)]
+impl Clearance {
+    /// Names of the links of each pair that must not meet.
+    pub(crate) fn names(&self) -> Vec<[String; 2]> {
+        let name = |idx: usize| self.pieces[idx].name.clone();
+        let pairs = self.pairs.iter();
+        pairs
+            .map(|pair| [name(pair.first), name(pair.second)])
+            .collect()
+    }
+
+    pub(crate) fn pairs(&self) -> &[Pair] {
+        &self.pairs
+    }
+
+    pub(crate) fn above(&self) -> &[usize] {
+        &self.above
+    }
+
+    /// A piece's shape and its pose in the frame of the arm's foot.
+    pub(crate) fn shape_at(
+        &self,
+        idx: usize,
+        base_from_links: &[Isometry3<f64>],
+    ) -> (Isometry3<f64>, Shape) {
+        let piece = &self.pieces[idx];
+        (piece.pose(base_from_links), piece.shape.clone())
+    }
+}

@@ -1,0 +1,92 @@
+//! The arm's joints over a motion, as a continuous function.
+
+use motion::JointRates;
+use spatial::{Object, Pose, Table};
+
+use super::{
+    Arm,
+    trace::{Knot, Tracer},
+    way::Way,
+};
+use crate::infeasible::Place;
+
+/// The arm's joints over a course and the lift from its end.
+#[derive(Debug, Clone)]
+pub(crate) struct ArmPath<'a> {
+    /// Where the object stands on the table for it.
+    pub(crate) table_from_object: Pose<Table, Object>,
+    arm: &'a Arm,
+    way: Way<'a>,
+    /// From the way's start to the grasp.
+    to_grasp: Vec<Knot>,
+    /// From there up.
+    lift: Vec<Knot>,
+}
+
+/// The arm's joints at a place of a way, in the order of [`Arm::joint_names`].
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct ArmMoving {
+    /// Positions in radians (meters if prismatic).
+    pub(crate) q: Vec<f64>,
+    /// Derivatives by the course's time in seconds, or by the lift's height in meters.
+    pub(crate) rates: JointRates,
+}
+
+impl<'a> ArmPath<'a> {
+    pub(super) fn new(arm: &'a Arm, way: Way<'a>, to_grasp: Vec<Knot>, lift: Vec<Knot>) -> Self {
+        Self {
+            table_from_object: way.table_from_object,
+            arm,
+            way,
+            to_grasp,
+            lift,
+        }
+    }
+
+    /// Returns the arm.
+    pub(crate) fn arm(&self) -> &Arm {
+        self.arm
+    }
+
+    /// Returns the joints at a time of the course, in seconds after its first step; before that and after
+    /// its last they are as there.
+    ///
+    /// They are those of inverse kinematics at that very time, within 10⁻¹⁰ m and rad. `None` only
+    /// where the time is no number.
+    pub(crate) fn at(&self, course_s: f64) -> Option<ArmMoving> {
+        let time_s = course_s.clamp(0.0, self.to_grasp.last()?.at.number());
+        self.moving(&self.to_grasp, Place::Way { time_s })
+    }
+
+    /// Returns the joints with the palm this high above the grasp, in meters; below and beyond the lift
+    /// they are as at its ends.
+    pub(crate) fn lifted(&self, height_m: f64) -> Option<ArmMoving> {
+        let height_m = height_m.clamp(0.0, self.lift.last()?.at.number());
+        self.moving(&self.lift, Place::Lift { height_m })
+    }
+
+    /// Seeks the joints from the nearest knot.
+    fn moving(&self, knots: &[Knot], at: Place) -> Option<ArmMoving> {
+        let number = at.number();
+        let after = knots.partition_point(|knot| knot.at.number() < number);
+        let near = [after.checked_sub(1), Some(after)].into_iter().flatten();
+        let nearest = near.filter_map(|idx| knots.get(idx)).min_by(|a, b| {
+            let far = |knot: &Knot| (knot.at.number() - number).abs();
+            far(a).total_cmp(&far(b))
+        })?;
+        let tracer = Tracer {
+            arm: self.arm,
+            way: &self.way,
+            // It has been followed: between two knots it is what it is.
+            least: 0.0,
+        };
+        let knot = tracer.next(nearest, &self.way.at(at)).ok()?;
+        Some(ArmMoving {
+            q: knot.q,
+            rates: JointRates {
+                velocity: knot.rates.velocity,
+                acceleration: knot.rates.acceleration,
+            },
+        })
+    }
+}

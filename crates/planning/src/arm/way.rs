@@ -1,0 +1,106 @@
+//! What an arm has to follow: the palm's way to the grasp and straight up from it, told in the frame of the
+//! arm's foot.
+
+use motion::{Course, Step};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3, Vector6};
+use spatial::{Object, Pose, Table, Twist};
+
+use super::Arm;
+use crate::infeasible::Place;
+
+/// The palm's way for one direction of the object.
+#[derive(Debug, Clone)]
+pub(crate) struct Way<'a> {
+    course: &'a Course<Object>,
+    pub(crate) table_from_object: Pose<Table, Object>,
+    base_from_object: Isometry3<f64>,
+    /// The table's vertical in the frame of the arm's foot.
+    up: Vector3<f64>,
+}
+
+/// The palm at one place of its way, in the frame of the arm's foot.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Target {
+    pub(crate) at: Place,
+    pub(crate) base_from_palm: Isometry3<f64>,
+    /// Derivative by the place (s or m): of the palm's origin, then angular.
+    pub(crate) twist: Vector6<f64>,
+    /// Second derivative.
+    pub(crate) rate: Vector6<f64>,
+}
+
+impl<'a> Way<'a> {
+    /// Puts the object where it stands, turned about the vertical by an angle in radians.
+    pub(crate) fn new(
+        arm: &Arm,
+        course: &'a Course<Object>,
+        table_from_object: &Pose<Table, Object>,
+        turn: f64,
+    ) -> Self {
+        let screened = table_from_object.isometry();
+        let [x, y] = arm.config.object_m;
+        let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn) * screened.rotation;
+        let place = Translation3::new(x, y, screened.translation.z);
+        let table_from_object = Isometry3::from_parts(place, turned);
+        Self {
+            course,
+            table_from_object: Pose::new(table_from_object),
+            base_from_object: arm.base_from_table * table_from_object,
+            up: arm.base_from_table.rotation * Vector3::z(),
+        }
+    }
+
+    /// Returns where the palm is at a place, and how it moves.
+    pub(crate) fn at(&self, at: Place) -> Target {
+        match at {
+            Place::Way { time_s } => self.of(at, &self.course.at(time_s)),
+            Place::Lift { height_m } => {
+                let grasp = self.course.grasp();
+                let base_from_palm = self.base_from_object * grasp.frame_from_palm.isometry();
+                let up = self.up;
+                Target {
+                    at,
+                    base_from_palm: Translation3::from(up * height_m) * base_from_palm,
+                    twist: Vector6::new(up.x, up.y, up.z, 0.0, 0.0, 0.0),
+                    rate: Vector6::zeros(),
+                }
+            }
+        }
+    }
+
+    /// Returns where the palm of a course is that has been looked up.
+    pub(crate) fn of(&self, at: Place, hand: &Step<Object>) -> Target {
+        let turn = self.base_from_object.rotation;
+        let six = |twist: &Twist| Vector6::from(twist.turned(&turn).to_array());
+        Target {
+            at,
+            base_from_palm: self.base_from_object * hand.frame_from_palm.isometry(),
+            twist: six(&hand.rates.palm_velocity),
+            rate: six(&hand.rates.palm_acceleration),
+        }
+    }
+
+    /// The table's vertical in the frame of the arm's foot.
+    pub(crate) fn up(&self) -> &Vector3<f64> {
+        &self.up
+    }
+}
+
+impl Place {
+    /// Seconds or meters: by what derivatives are taken.
+    pub(crate) fn number(self) -> f64 {
+        match self {
+            Self::Way { time_s } => time_s,
+            Self::Lift { height_m } => height_m,
+        }
+    }
+
+    /// Returns the place in the middle of two of one kind.
+    pub(crate) fn middle(self, other: Self) -> Self {
+        let middle = 0.5 * (self.number() + other.number());
+        match self {
+            Self::Way { .. } => Self::Way { time_s: middle },
+            Self::Lift { .. } => Self::Lift { height_m: middle },
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! What plans the motions of one hand.
+
+use motion::{Carrier, Course, JointTrack, Motion};
+use nalgebra::{Isometry3, Vector3};
+use robot::{Joint, JointKind, RobotModel};
+use simulation::{Approach, Flexion, Protocol, Trial};
+use spatial::{Object, Pose, Table};
+
+use crate::{
+    ArmConfig, Infeasible, LimitsConfig, OptionError, RatesConfig, arm::Arm, limits::Limits,
+    timed::whole, whole::Fingers,
+};
+
+/// What of a position beyond a limit is rounding, in radians (meters if prismatic).
+const ROUNDING_RAD: f64 = 1e-6;
+
+/// Plans the motions of one hand.
+pub struct Planner<'a> {
+    pub(crate) hand: &'a RobotModel,
+    pub(crate) protocol: &'a Protocol,
+    pub(crate) limits: Limits,
+    pub(crate) rates: RatesConfig,
+    flexion: Flexion,
+    arm: Option<Arm>,
+}
+
+/// What a [`Planner`] plans for.
+#[derive(Debug, Clone, Copy)]
+pub struct Setup<'a> {
+    /// The hand for which motions are made; its root link is the palm.
+    pub hand: &'a RobotModel,
+    /// The arm that carries it; without one it flies.
+    pub arm: Option<ArmSetup<'a>>,
+    /// How a motion is carried out.
+    pub protocol: &'a Protocol,
+    /// How fast palm and joints may move.
+    pub limits: &'a LimitsConfig,
+    /// How often controllers are told something.
+    pub rates: RatesConfig,
+}
+
+/// An arm with a hand on it.
+#[derive(Debug, Clone, Copy)]
+pub struct ArmSetup<'a> {
+    /// Its options.
+    pub config: &'a ArmConfig,
+    /// Arm and hand; the root link is the arm's foot.
+    pub robot: &'a RobotModel,
+}
+
+/// A motion that the robot can make.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Feasible {
+    /// How the object lies, and where: an arm has it at its place.
+    pub table_from_object: Pose<Table, Object>,
+    /// What moves the palm, from rest to rest, to the end of the lift.
+    pub carrier: Carrier,
+    /// What the fingers are told, to the end of the squeeze.
+    pub hand: JointTrack,
+    /// How it is carried out, in as much time as it needs.
+    pub grasp: Protocol,
+}
+
+impl<'a> Planner<'a> {
+    /// Takes the options for a robot.
+    ///
+    /// # Errors
+    ///
+    /// Fails if an option cannot be used, or not with this robot.
+    pub fn new(setup: &Setup<'a>) -> Result<Self, OptionError> {
+        let Setup {
+            hand,
+            arm,
+            protocol,
+            limits,
+            rates,
+        } = *setup;
+        let arm = arm.map(|arm| Arm::new(arm.config, arm.robot, hand));
+        let arm = arm.transpose()?;
+        let limits = Limits::new(limits, hand)?;
+        let flexion = Flexion::new(protocol, hand)
+            .map_err(|err| OptionError::new("grasp.flexion_joints", err.to_string()))?;
+        let path_s = path_s(protocol);
+        if !(path_s.is_finite() && path_s > 0.0) {
+            let problem = format!("it leaves the palm {path_s} s for its way");
+            return Err(OptionError::new("grasp.reach_s", problem));
+        }
+        if protocol.trial != Trial::Lift {
+            let problem = "a cell lifts what it grasps, and pulls at nothing";
+            return Err(OptionError::new("grasp.trial", problem));
+        }
+        Ok(Self {
+            hand,
+            protocol,
+            limits,
+            rates,
+            flexion,
+            arm,
+        })
+    }
+
+    /// Makes a motion feasible; its joints come in the order of the hand's.
+    ///
+    /// It goes where the motion goes, nowhere faster than it was screened, from rest to rest, and
+    /// slower where a limit asks for it.
+    ///
+    /// # Errors
+    ///
+    /// Fails with the reason for which the robot cannot make it.
+    pub fn plan(
+        &self,
+        motion: &Motion<Object>,
+        table_from_object: &Pose<Table, Object>,
+    ) -> Result<Feasible, Infeasible> {
+        let course = Course::through(motion.reordered(&self.hand.joint_names())?)?;
+        self.check_course(&course, table_from_object.isometry())?;
+        let grasp = course.grasp().q_rad;
+        let fingers = Fingers {
+            opened: match self.protocol.approach {
+                Approach::Follow => None,
+                Approach::Open => Some(self.flexion.flexed(&grasp, -self.protocol.open_rad)),
+            },
+            squeezed: self.flexion.flexed(&grasp, self.protocol.squeeze_rad),
+            grasp,
+        };
+        let stands = |course_s: f64| {
+            let opened = fingers.opened.clone();
+            opened.unwrap_or_else(|| course.at(course_s).q_rad)
+        };
+        let lift_m = self.protocol.lift_m;
+        let arm = self.arm.as_ref();
+        let arm = arm.map(|arm| arm.follow(&course, table_from_object, stands, lift_m));
+        self.timed(
+            &course,
+            &fingers,
+            arm.transpose()?.as_ref(),
+            table_from_object,
+        )
+    }
+
+    /// Refuses a course on which a joint is outside its limits or the hand deeper below the table than
+    /// the protocol has it.
+    fn check_course(
+        &self,
+        course: &Course<Object>,
+        table_from_object: &Isometry3<f64>,
+    ) -> Result<(), Infeasible> {
+        let places = (course.duration_s() * self.rates.palm_hz).ceil().max(1.0);
+        let places = whole(places).ok_or(Infeasible::Slow {
+            slower: f64::INFINITY,
+            most: self.limits.config.most_times_slower,
+        })?;
+        for place in 0..=places {
+            let time_s = course.duration_s() * place as f64 / places as f64;
+            let hand = course.at(time_s);
+            self.check_joints(&hand.q_rad, time_s)?;
+            let table_from_palm = table_from_object * hand.frame_from_palm.isometry();
+            self.check_table(&table_from_palm, &hand.q_rad, time_s)?;
+        }
+        Ok(())
+    }
+
+    fn check_joints(&self, q: &[f64], time_s: f64) -> Result<(), Infeasible> {
+        let tolerance = self.protocol.limit_tolerance_rad;
+        for (joint, &q) in self.hand.joints().iter().zip(q) {
+            check_joint(joint, [q, q], tolerance, time_s)?;
+        }
+        Ok(())
+    }
+
+    fn check_table(
+        &self,
+        table_from_palm: &Isometry3<f64>,
+        q: &[f64],
+        time_s: f64,
+    ) -> Result<(), Infeasible> {
+        let palm_from_links = self.hand.forward_kinematics(q)?;
+        for (link, palm_from_link) in self.hand.links().iter().zip(&palm_from_links) {
+            for collision in &link.collisions {
+                let table_from_shape = table_from_palm * palm_from_link * collision.link_from_shape;
+                let up = table_from_shape
+                    .rotation
+                    .inverse_transform_vector(&Vector3::z());
+                let depth_m = collision.shape.extent_m(&up) - table_from_shape.translation.vector.z;
+                // NaN is not above.
+                let is_above = depth_m <= self.protocol.table_tolerance_m;
+                if !is_above {
+                    return Err(Infeasible::Table {
+                        link: link.name.clone(),
+                        depth_m,
+                        time_s,
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Refuses a joint that is outside its limits by more than a tolerance.
+pub(crate) fn check_joint(
+    joint: &Joint,
+    [low, high]: [f64; 2],
+    tolerance: f64,
+    time_s: f64,
+) -> Result<(), Infeasible> {
+    let tolerance = tolerance + ROUNDING_RAD;
+    let inside = low >= joint.lower - tolerance && high <= joint.upper + tolerance;
+    if joint.kind == JointKind::Continuous || inside {
+        return Ok(());
+    }
+    Err(Infeasible::Limit {
+        joint: joint.name.clone(),
+        q: if low < joint.lower - tolerance {
+            low
+        } else {
+            high
+        },
+        time_s,
+        lower: joint.lower,
+        upper: joint.upper,
+    })
+}
+
+/// Returns how long the palm is on its way as asked for, in seconds.
+pub(crate) fn path_s(protocol: &Protocol) -> f64 {
+    match protocol.approach {
+        Approach::Follow => protocol.reach_s,
+        Approach::Open => protocol.reach_s * (1.0 - closing(protocol)),
+    }
+}
+
+/// Returns the share of the reach in which the fingers close.
+pub(crate) fn closing(protocol: &Protocol) -> f64 {
+    protocol.close_fraction.clamp(0.0, 1.0)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,27 @@
+//! Motions and protocols of this crate's tests.
+
+use motion::{Motion, MotionError, Step};
+use simulation::Protocol;
+use spatial::{Object, Pose, Table};
+
+#[path = "../../motion/tests/motion/swings.rs"]
+pub(crate) mod swings;
+
+/// Steps of a motion, and how its object lies.
+#[derive(Debug, Clone)]
+pub(crate) struct Drawn {
+    pub(crate) joints: Vec<String>,
+    pub(crate) steps: Vec<Step<Object>>,
+    pub(crate) table_from_object: Pose<Table, Object>,
+}
+
+impl Drawn {
+    pub(crate) fn motion(&self) -> Result<Motion<Object>, MotionError> {
+        Motion::new(&self.joints, self.steps.clone())
+    }
+}
+
+/// How a hand grasps of which nothing is known.
+pub(crate) fn protocol() -> Protocol {
+    serde_json::from_str(include_str!("../tests/grasp.json")).unwrap()
+}

@@ -1,0 +1,258 @@
+//! A whole motion, from its start to the end of the lift, as functions of time.
+
+use motion::{Course, JointPoint, JointRates, PalmPoint};
+use nalgebra::{Isometry3, Vector3};
+use simulation::{Approach, Protocol};
+use spatial::{Object, Pose, Twist, quintic};
+
+use crate::{
+    arm::{ArmMoving, ArmPath},
+    timing::Timing,
+};
+
+/// A part of a motion that can be slowed down by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// The palm is on its way.
+    Way,
+    /// The fingers close.
+    Close,
+    /// The fingers press.
+    Squeeze,
+    /// The palm rises.
+    Lift,
+}
+
+/// How long the parts of a motion last, in seconds.
+#[expect(clippy::struct_field_names, reason = "a unit ends every name")]
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Lengths {
+    pub(crate) way_s: f64,
+    pub(crate) close_s: f64,
+    pub(crate) squeeze_s: f64,
+    /// Between the squeeze and the lift.
+    pub(crate) pause_s: f64,
+    pub(crate) lift_s: f64,
+}
+
+impl Lengths {
+    /// When the fingers begin to press.
+    pub(crate) fn grasp_s(&self) -> f64 {
+        self.way_s + self.close_s
+    }
+
+    /// When the fingers press as they shall.
+    pub(crate) fn squeezed_s(&self) -> f64 {
+        self.grasp_s() + self.squeeze_s
+    }
+
+    /// When the palm begins to rise.
+    pub(crate) fn lift_from_s(&self) -> f64 {
+        self.squeezed_s() + self.pause_s
+    }
+
+    /// When the palm is up.
+    pub(crate) fn lifted_s(&self) -> f64 {
+        self.lift_from_s() + self.lift_s
+    }
+
+    /// Returns the part that a time belongs to.
+    pub(crate) fn part(&self, time_s: f64) -> Part {
+        if time_s <= self.way_s {
+            Part::Way
+        } else if time_s <= self.grasp_s() {
+            Part::Close
+        } else if time_s <= self.lift_from_s() {
+            Part::Squeeze
+        } else {
+            Part::Lift
+        }
+    }
+
+    /// Makes a part so many times as long.
+    pub(crate) fn stretch(&mut self, part: Part, times: f64) {
+        let length = match part {
+            Part::Way => &mut self.way_s,
+            Part::Close => &mut self.close_s,
+            Part::Squeeze => &mut self.squeeze_s,
+            Part::Lift => &mut self.lift_s,
+        };
+        *length *= times;
+    }
+}
+
+/// How the fingers stand from the end of the palm's way on, and before it where they do not follow it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Fingers {
+    /// On the palm's way; `None` if they follow the course.
+    pub(crate) opened: Option<Vec<f64>>,
+    /// At the grasp.
+    pub(crate) grasp: Vec<f64>,
+    /// When they press.
+    pub(crate) squeezed: Vec<f64>,
+}
+
+/// A whole motion: the course, timed; then the fingers close and press, and the palm rises.
+pub(crate) struct WholeMotion<'a> {
+    pub(crate) course: &'a Course<Object>,
+    pub(crate) timing: Timing,
+    pub(crate) fingers: &'a Fingers,
+    /// The arm's joints, if one carries the palm.
+    pub(crate) arm: Option<&'a ArmPath<'a>>,
+    pub(crate) table_from_object: Isometry3<f64>,
+    pub(crate) lift_m: f64,
+    pub(crate) lengths: Lengths,
+}
+
+impl WholeMotion<'_> {
+    /// Returns how high the palm is above the grasp, in meters, and how that changes.
+    pub(crate) fn height(&self, time_s: f64) -> [f64; 3] {
+        let from_s = self.lengths.lift_from_s();
+        ramp(time_s - from_s, self.lengths.lift_s).map(|share| share * self.lift_m)
+    }
+
+    /// Returns the palm in the table's frame.
+    pub(crate) fn palm(&self, time_s: f64) -> PalmPoint {
+        let [course_s, once, twice] = self.timing.at(time_s);
+        let hand = self.course.at(course_s);
+        let [height_m, speed, change] = self.height(time_s);
+        let up = Vector3::z();
+        let turn = self.table_from_object.rotation;
+        let velocity = hand.rates.palm_velocity.turned(&turn);
+        let acceleration = hand.rates.palm_acceleration.turned(&turn);
+        let mut table_from_palm = self.table_from_object * hand.frame_from_palm.isometry();
+        table_from_palm.translation.vector += up * height_m;
+        PalmPoint {
+            time_s,
+            table_from_palm: Pose::new(table_from_palm),
+            velocity: Twist {
+                linear: velocity.linear * once + up * speed,
+                angular: velocity.angular * once,
+            },
+            acceleration: Twist {
+                linear: chain(velocity.linear, acceleration.linear, once, twice) + up * change,
+                angular: chain(velocity.angular, acceleration.angular, once, twice),
+            },
+        }
+    }
+
+    /// Returns the arm; `None` if there is none.
+    pub(crate) fn arm(&self, time_s: f64) -> Option<JointPoint> {
+        let arm = self.arm?;
+        let [height_m, speed, change] = self.height(time_s);
+        let lifts = time_s > self.lengths.lift_from_s();
+        let (moving, [once, twice]) = if lifts {
+            (arm.lifted(height_m)?, [speed, change])
+        } else {
+            let [course_s, once, twice] = self.timing.at(time_s);
+            (arm.at(course_s)?, [once, twice])
+        };
+        let ArmMoving { q, rates } = moving;
+        Some(JointPoint {
+            time_s,
+            q_rad: q,
+            rates: paced(&rates, once, twice),
+        })
+    }
+
+    /// Returns the fingers.
+    pub(crate) fn hand(&self, time_s: f64) -> JointPoint {
+        let Lengths {
+            way_s,
+            close_s,
+            squeeze_s,
+            ..
+        } = self.lengths;
+        let Fingers {
+            opened,
+            grasp,
+            squeezed,
+        } = self.fingers;
+        let grasp_s = self.lengths.grasp_s();
+        if time_s > grasp_s {
+            return between(grasp, squeezed, time_s, grasp_s, squeeze_s);
+        }
+        if let Some(opened) = opened {
+            return between(opened, grasp, time_s, way_s, close_s);
+        }
+        let [course_s, once, twice] = self.timing.at(time_s);
+        let hand = self.course.at(course_s);
+        JointPoint {
+            time_s,
+            rates: paced(&hand.rates.joints, once, twice),
+            q_rad: hand.q_rad,
+        }
+    }
+
+    /// Returns the protocol that a motion of these lengths follows.
+    pub(crate) fn protocol(&self, asked: &Protocol) -> Protocol {
+        let Lengths {
+            close_s,
+            squeeze_s,
+            lift_s,
+            ..
+        } = self.lengths;
+        let reach_s = self.lengths.grasp_s();
+        Protocol {
+            reach_s,
+            close_fraction: match asked.approach {
+                Approach::Follow => asked.close_fraction,
+                Approach::Open => close_s / reach_s,
+            },
+            squeeze_s,
+            lift_s,
+            ..asked.clone()
+        }
+    }
+}
+
+/// Returns derivatives by time from those by a path's own time, of which the first and second derivative by
+/// time are given.
+fn paced(rates: &JointRates, once: f64, twice: f64) -> JointRates {
+    let both = rates.velocity.iter().zip(&rates.acceleration);
+    JointRates {
+        velocity: rates.velocity.iter().map(|v| v * once).collect(),
+        acceleration: both.map(|(v, a)| a * once * once + v * twice).collect(),
+    }
+}
+
+/// `p″ u′² + p′ u″`.
+fn chain(p_1: Vector3<f64>, p_2: Vector3<f64>, u_1: f64, u_2: f64) -> Vector3<f64> {
+    p_2 * (u_1 * u_1) + p_1 * u_2
+}
+
+/// Returns the joints on a [`ramp`] from one position to another.
+fn between(from: &[f64], to: &[f64], time_s: f64, start_s: f64, duration_s: f64) -> JointPoint {
+    let [share, once, twice] = ramp(time_s - start_s, duration_s);
+    let ends = || from.iter().zip(to);
+    JointPoint {
+        time_s,
+        q_rad: ends()
+            .map(|(from, to)| from + (to - from) * share)
+            .collect(),
+        rates: JointRates {
+            velocity: ends().map(|(from, to)| (to - from) * once).collect(),
+            acceleration: ends().map(|(from, to)| (to - from) * twice).collect(),
+        },
+    }
+}
+
+/// Most of a [`ramp`]'s speed, over its duration.
+pub(crate) const RAMP_SPEED: f64 = 1.875;
+
+/// Returns the most of a [`ramp`]'s acceleration, over the square of its duration: `10/√3`.
+pub(crate) fn ramp_acceleration() -> f64 {
+    10.0 / 3.0_f64.sqrt()
+}
+
+/// Returns `10 s³ − 15 s⁴ + 6 s⁵` of the share s of a duration, from 0 to 1, and its derivatives by time, of
+/// which none jumps (Lynch and Park, *Modern Robotics*, 2017, §9.2.2.2).
+fn ramp(time_s: f64, duration_s: f64) -> [f64; 3] {
+    if time_s <= 0.0 {
+        return [0.0; 3];
+    }
+    if time_s >= duration_s {
+        return [1.0, 0.0, 0.0];
+    }
+    quintic([0.0; 3], [1.0, 0.0, 0.0], duration_s, time_s)
+}

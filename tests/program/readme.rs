@@ -1,0 +1,221 @@
+//! Every `$` line of a README prints what stands below it.
+//!
+//! A line `…` stands for any lines. Times, and figures that are no whole numbers, may be any:
+//! they depend on the machine. Whole numbers may differ by a tenth, since other processors round otherwise
+//! while they learn.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use crate::bench::{stderr, stdout};
+
+/// A command of a README with what it prints.
+#[derive(Debug)]
+struct Shown {
+    /// File and number of its line.
+    place: String,
+    command: String,
+    printed: Vec<String>,
+}
+
+/// The READMEs of the repository, that of the top level first.
+fn readmes() -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = vec![root.join("README.md")];
+    for name in ["crates", "data", "pipelines", "schemas", "stages", "tests"] {
+        let folder = root.join(name);
+        let entries = fs::read_dir(&folder).unwrap();
+        let below = entries.map(|entry| entry.unwrap().path().join("README.md"));
+        let mut below: Vec<PathBuf> = below.filter(|path| path.is_file()).collect();
+        below.sort();
+        found.push(folder.join("README.md"));
+        found.extend(below);
+    }
+    found
+}
+
+/// The commands in the `console` blocks of a README.
+fn shown(readme: &Path) -> Vec<Shown> {
+    let text = fs::read_to_string(readme).unwrap();
+    let name = readme.strip_prefix(env!("CARGO_MANIFEST_DIR")).unwrap();
+    let mut commands: Vec<Shown> = Vec::new();
+    let mut is_console = false;
+    for (idx, line) in text.lines().enumerate() {
+        if let Some(language) = line.strip_prefix("```") {
+            is_console = language == "console";
+        } else if !is_console {
+            assert!(!line.starts_with("$ "), "{}:{}", name.display(), idx + 1);
+        } else if let Some(command) = line.strip_prefix("$ ") {
+            commands.push(Shown {
+                place: format!("{}:{}", name.display(), idx + 1),
+                command: command.to_owned(),
+                printed: Vec::new(),
+            });
+        } else {
+            commands.last_mut().unwrap().printed.push(line.to_owned());
+        }
+    }
+    commands
+}
+
+/// The arguments of a command line of words, and of texts in double quotes.
+fn arguments(command: &str) -> Vec<String> {
+    let mut arguments = Vec::new();
+    for (idx, part) in command.split('"').enumerate() {
+        if idx % 2 == 1 {
+            arguments.push(part.to_owned());
+        } else {
+            arguments.extend(part.split_whitespace().map(str::to_owned));
+        }
+    }
+    arguments
+}
+
+/// A piece of a line: two lines are the same if they have the same pieces.
+#[derive(Debug, Clone, Copy)]
+enum Piece<'a> {
+    Text(&'a str),
+    Count(f64),
+    Figure(f64),
+}
+
+impl PartialEq for Piece<'_> {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Piece::Text(a), Piece::Text(b)) => a == b,
+            (Piece::Figure(_), Piece::Figure(_)) => true,
+            (Piece::Count(a) | Piece::Figure(a), Piece::Count(b) | Piece::Figure(b)) => {
+                (a - b).abs() <= 0.1 * a.max(*b)
+            }
+            _ => false,
+        }
+    }
+}
+
+/// The pieces of a line. How far apart they stand does not count.
+fn pieces(line: &str) -> Vec<Piece<'_>> {
+    let mut pieces = Vec::new();
+    for mut word in line.split_whitespace() {
+        while !word.is_empty() {
+            let is_number = word.starts_with(|c: char| c.is_ascii_digit());
+            let end =
+                word.find(|c: char| (c.is_ascii_digit() || (is_number && c == '.')) != is_number);
+            let (piece, rest) = word.split_at(end.unwrap_or(word.len()));
+            pieces.push(match piece.parse() {
+                Ok(figure) if is_number && piece.contains('.') => Piece::Figure(figure),
+                Ok(count) if is_number => Piece::Count(count),
+                _ => Piece::Text(piece),
+            });
+            word = rest;
+        }
+    }
+    // Less than a minute, or more, depends on the machine too.
+    let mut told = Vec::new();
+    let mut left = pieces.as_slice();
+    loop {
+        left = match left {
+            [
+                Piece::Count(_),
+                Piece::Text("min"),
+                Piece::Count(_),
+                Piece::Text("s"),
+                rest @ ..,
+            ]
+            | [Piece::Figure(_), Piece::Text("s"), rest @ ..] => {
+                told.push(Piece::Text("TIME"));
+                rest
+            }
+            [piece, rest @ ..] => {
+                told.push(*piece);
+                rest
+            }
+            [] => return told,
+        };
+    }
+}
+
+/// Whether lines are as expected.
+fn is_same(expected: &[String], printed: &[&str]) -> bool {
+    match expected {
+        [] => printed.is_empty(),
+        [any, rest @ ..] if any.trim() == "…" => {
+            (0..=printed.len()).any(|n_left_out| is_same(rest, &printed[n_left_out..]))
+        }
+        [line, rest @ ..] => printed
+            .split_first()
+            .is_some_and(|(first, others)| pieces(line) == pieces(first) && is_same(rest, others)),
+    }
+}
+
+#[test]
+fn every_command_of_a_readme_prints_what_stands_below_it() {
+    let commands: Vec<Shown> = readmes().iter().flat_map(|readme| shown(readme)).collect();
+    assert!(commands.len() > 5, "{commands:#?}");
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[String], folder: &Path| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pipeline"));
+        let command = command.args(arguments).current_dir(folder);
+        command.env_remove("COLUMNS").output().unwrap()
+    };
+    let made = run(&arguments("new lab"), folder.path());
+    assert!(made.status.success(), "{}", stderr(&made));
+    let lab = folder.path().join("lab");
+    for Shown {
+        place,
+        command,
+        printed,
+    } in commands
+    {
+        let mut arguments = arguments(&command);
+        assert_eq!(arguments.remove(0), "pipeline", "{place}");
+        let output = run(&arguments, &lab);
+        let text = stderr(&output) + &stdout(&output);
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(
+            is_same(&printed, &lines),
+            "{place}: `{command}` does not print\n{}\nbut\n{text}",
+            printed.join("\n")
+        );
+    }
+}
+
+#[test]
+fn times_and_figures_may_differ_and_words_and_counts_may_not() {
+    let expected = "done   45 of 45 succeed: 100.0 % (95 % CI 92.1 to 100.0) in 1 min 03 s";
+    for (printed, is_expected) in [
+        (
+            "done 44 of 45 succeed: 97.8 % (95 % CI 88.4 to 99.6) in 58.2 s",
+            true,
+        ),
+        (
+            "done 30 of 45 succeed: 66.7 % (95 % CI 52.1 to 78.6) in 58.2 s",
+            false,
+        ),
+        (
+            "done 45 of 45 fail: 100.0 % (95 % CI 92.1 to 100.0) in 58.2 s",
+            false,
+        ),
+        (
+            "done 45 of 45 succeed: 100.0 % (95 % CI 92.1 to 100.0) cached",
+            false,
+        ),
+    ] {
+        assert_eq!(
+            is_same(&[expected.to_owned()], &[printed]),
+            is_expected,
+            "{printed}"
+        );
+    }
+    let some = ["a".to_owned(), "…".to_owned(), "c".to_owned()];
+    for (printed, is_expected) in [
+        (&["a", "c"][..], true),
+        (&["a", "b", "b", "c"], true),
+        (&["a", "b"], false),
+        (&["a", "c", "d"], false),
+    ] {
+        assert_eq!(is_same(&some, printed), is_expected, "{printed:?}");
+    }
+}
