@@ -349,7 +349,11 @@ fn type_name(schema: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{code::Code, stage::Outputs};
+    use crate::{
+        code::Code,
+        output::Options,
+        stage::{Output, Outputs, OwnLine},
+    };
 
     /// A stage with an option that cannot always be written.
     enum Fixture {}
@@ -386,6 +390,56 @@ mod tests {
         const CODE: Code = Code { parts: "" };
         const INPUTS: &'static [&'static str] = &[];
         const OUTPUTS: Outputs<Self> = &[];
+    }
+
+    /// A stage with one output: as it should be, with an option that there is not, without a line.
+    struct Declared<const FAULT: u8>;
+
+    impl<const FAULT: u8> Stage for Declared<FAULT> {
+        type Config = Config;
+        type Error = Nothing;
+
+        const KIND: &'static str = "declared";
+        const ABOUT: &'static str = "Makes nothing";
+        const CODE: Code = Code { parts: "" };
+        const INPUTS: &'static [&'static str] = &[];
+        const OUTPUTS: Outputs<Self> = &[&Self];
+    }
+
+    impl<const FAULT: u8> Output for Declared<FAULT> {
+        type Stage = Self;
+        type Metrics = ();
+        type Error = Nothing;
+
+        const ARTIFACT: &'static str = "nothing";
+        const SCHEMA: &'static str = "nothing/1";
+        const PARTITION: &'static str = "none";
+        const OPTIONS: Options = Options::Except(if FAULT == 1 {
+            &["wieghts"]
+        } else {
+            &["weights"]
+        });
+        const LINE: OwnLine<()> = if FAULT == 2 {
+            None
+        } else {
+            Some(|_| String::new())
+        };
+
+        fn units(_: &Config, _: &Scope) -> Result<Vec<Unit>, Nothing> {
+            Err(Nothing)
+        }
+
+        fn make(_: &Config, _: &Inputs, _: &Context) -> Result<Outcome<()>, Nothing> {
+            Err(Nothing)
+        }
+    }
+
+    #[test]
+    fn an_output_names_options_that_there_are_and_has_a_line() {
+        let is_sound = |kind: fn() -> Kind| std::panic::catch_unwind(kind).is_ok();
+        assert!(is_sound(Kind::of::<Declared<0>>));
+        assert!(!is_sound(Kind::of::<Declared<1>>));
+        assert!(!is_sound(Kind::of::<Declared<2>>));
     }
 
     #[test]
