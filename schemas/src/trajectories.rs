@@ -5,7 +5,8 @@
 
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
-use spatial::{Object, Palm, Pose, Rest};
+use motion::JointRates;
+use spatial::{Object, Palm, Pose, Rest, Twist};
 
 use crate::{
     SchemaError, Table,
@@ -24,7 +25,7 @@ pub struct Trajectory {
     pub sequence: String,
     /// The grasped object's name.
     pub object: String,
-    /// Names of the hand's joints, in the order of [`Step::q_rad`].
+    /// Names of the hand's joints, in the order of the steps' joint positions.
     pub joints: Vec<String>,
     /// Names of the landmarks that are followed, in the order of [`Tracking::keypoint_errors_m`].
     pub keypoints: Vec<String>,
@@ -39,14 +40,8 @@ pub struct Trajectory {
 /// One step of a trajectory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Step {
-    /// Seconds since the first step.
-    pub time_s: f64,
-    /// Pose of the palm in the object frame.
-    pub object_from_palm: Pose<Object, Palm>,
-    /// Joint positions in radians.
-    pub q_rad: Vec<f64>,
-    /// How fast it moves.
-    pub rates: Rates,
+    /// The hand.
+    pub hand: motion::Step<Object, Rates>,
     /// How well it follows.
     pub tracking: Tracking,
 }
@@ -54,22 +49,18 @@ pub struct Step {
 /// How fast the hand moves at a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rates {
-    /// Velocity of the palm's origin (m/s), then its angular velocity (rad/s), both along the
-    /// object's axes.
-    pub palm_velocity: [f64; 6],
-    /// Joint velocities in rad/s.
-    pub q_velocity_rad_per_s: Vec<f64>,
-    /// Joint accelerations in rad/s².
-    pub q_acceleration_rad_per_s2: Vec<f64>,
+    /// Of the palm, along the object's axes.
+    pub palm_velocity: Twist,
+    /// Of the joints.
+    pub joints: JointRates,
 }
 
 impl Rates {
     /// Returns the rates of a hand of `dof` joints that does not move.
     pub fn still(dof: usize) -> Self {
         Self {
-            palm_velocity: [0.0; 6],
-            q_velocity_rad_per_s: vec![0.0; dof],
-            q_acceleration_rad_per_s2: vec![0.0; dof],
+            palm_velocity: Twist::zero(),
+            joints: JointRates::still(dof),
         }
     }
 }
@@ -147,12 +138,12 @@ impl Table for Trajectory {
         let rows = steps.map(|(number, step)| Row {
             object: self.object.clone(),
             step: number,
-            time_s: step.time_s,
-            object_from_palm: step.object_from_palm,
-            q_rad: step.q_rad,
-            palm_velocity: step.rates.palm_velocity,
-            q_velocity_rad_per_s: step.rates.q_velocity_rad_per_s,
-            q_acceleration_rad_per_s2: step.rates.q_acceleration_rad_per_s2,
+            time_s: step.hand.time_s,
+            object_from_palm: step.hand.frame_from_palm,
+            q_rad: step.hand.q_rad,
+            palm_velocity: step.hand.rates.palm_velocity.to_array(),
+            q_velocity_rad_per_s: step.hand.rates.joints.velocity,
+            q_acceleration_rad_per_s2: step.hand.rates.joints.acceleration,
             keypoint_error_m: step.tracking.keypoint_error_m(),
             keypoint_errors_m: step.tracking.keypoint_errors_m,
             tip_errors_m: step.tracking.tip_errors_m,
@@ -179,19 +170,20 @@ impl Table for Trajectory {
         };
         let steps = reader.rows()?.into_iter().map(|row: Row| {
             Ok(Step {
-                time_s: row.time_s,
-                object_from_palm: row.object_from_palm,
-                q_rad: of_joints("q_rad", row.q_rad)?,
-                rates: Rates {
-                    palm_velocity: row.palm_velocity,
-                    q_velocity_rad_per_s: of_joints(
-                        "q_velocity_rad_per_s",
-                        row.q_velocity_rad_per_s,
-                    )?,
-                    q_acceleration_rad_per_s2: of_joints(
-                        "q_acceleration_rad_per_s2",
-                        row.q_acceleration_rad_per_s2,
-                    )?,
+                hand: motion::Step {
+                    time_s: row.time_s,
+                    frame_from_palm: row.object_from_palm,
+                    q_rad: of_joints("q_rad", row.q_rad)?,
+                    rates: Rates {
+                        palm_velocity: Twist::from_array(row.palm_velocity),
+                        joints: JointRates {
+                            velocity: of_joints("q_velocity_rad_per_s", row.q_velocity_rad_per_s)?,
+                            acceleration: of_joints(
+                                "q_acceleration_rad_per_s2",
+                                row.q_acceleration_rad_per_s2,
+                            )?,
+                        },
+                    },
                 },
                 tracking: Tracking {
                     keypoint_errors_m: row.keypoint_errors_m,

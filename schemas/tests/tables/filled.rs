@@ -142,13 +142,17 @@ pub(crate) fn demonstration() -> Demonstration {
 
 pub(crate) fn trajectory() -> Trajectory {
     let step = |time_s: f64| trajectories::Step {
-        time_s,
-        object_from_palm: pose(0.1),
-        q_rad: vec![0.3, time_s],
-        rates: trajectories::Rates {
-            palm_velocity: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6],
-            q_velocity_rad_per_s: vec![1.0, 2.0],
-            q_acceleration_rad_per_s2: vec![3.0, 4.0],
+        hand: Step {
+            time_s,
+            frame_from_palm: pose(0.1),
+            q_rad: vec![0.3, time_s],
+            rates: trajectories::Rates {
+                palm_velocity: Twist::from_array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
+                joints: JointRates {
+                    velocity: vec![1.0, 2.0],
+                    acceleration: vec![3.0, 4.0],
+                },
+            },
         },
         tracking: trajectories::Tracking {
             keypoint_errors_m: vec![0.03, 0.04],

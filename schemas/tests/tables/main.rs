@@ -69,7 +69,7 @@ fn trials_add_up() {
 #[test]
 fn refuses_numbers_that_are_not_finite() {
     let mut broken = filled::trajectory();
-    broken.steps[0].q_rad[1] = f64::NAN;
+    broken.steps[0].hand.q_rad[1] = f64::NAN;
     let refused = broken.to_batch().unwrap_err();
     assert_eq!(
         refused.to_string(),
@@ -92,7 +92,7 @@ fn refuses_another_schema() {
 #[test]
 fn refuses_lists_that_do_not_fit_the_joints_or_the_steps() {
     let mut broken = filled::trajectory();
-    broken.steps[0].q_rad.push(0.0);
+    broken.steps[0].hand.q_rad.push(0.0);
     let batch = broken.to_batch().unwrap();
     let refused = Trajectory::from_batch("a", &batch).unwrap_err();
     assert_eq!(

@@ -6,7 +6,7 @@ use dataflow::{
     Code, Context, Inputs, Labels, Outcome, Output, Outputs, Scope, Stage, Sum, Unit, labels,
 };
 use lake::{ReadInputs, WriteArtifact};
-use motion::{HandRates, JointRates, Step};
+use motion::{HandRates, Step};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
@@ -126,18 +126,16 @@ fn candidate(trajectory: &Trajectory) -> Candidate {
         steps: trajectory
             .steps
             .iter()
+            .map(|step| &step.hand)
             .enumerate()
             .map(|(idx, step)| Step {
                 time_s: step.time_s,
-                frame_from_palm: step.object_from_palm,
+                frame_from_palm: step.frame_from_palm,
                 q_rad: step.q_rad.clone(),
                 rates: HandRates {
-                    palm_velocity: Twist::from_array(step.rates.palm_velocity),
+                    palm_velocity: step.rates.palm_velocity,
                     palm_acceleration: palm_acceleration(&trajectory.steps, idx),
-                    joints: JointRates {
-                        velocity: step.rates.q_velocity_rad_per_s.clone(),
-                        acceleration: step.rates.q_acceleration_rad_per_s2.clone(),
-                    },
+                    joints: step.rates.joints.clone(),
                 },
             })
             .collect(),
@@ -151,9 +149,10 @@ fn palm_acceleration(steps: &[trajectories::Step], idx: usize) -> Twist {
     let (Some(before), Some(after)) = (steps.get(before), steps.get(after)) else {
         return Twist::zero();
     };
-    let between_s = after.time_s - before.time_s;
+    let between_s = after.hand.time_s - before.hand.time_s;
+    let [next, last] = [after, before].map(|step| step.hand.rates.palm_velocity.to_array());
     Twist::from_array(std::array::from_fn(|k| {
-        let change = after.rates.palm_velocity[k] - before.rates.palm_velocity[k];
+        let change = next[k] - last[k];
         if between_s > 0.0 {
             change / between_s
         } else {
@@ -174,12 +173,14 @@ mod tests {
 
     fn trajectory(sequence: &str, joints: &[&str]) -> Trajectory {
         let step = |time_s: f64| trajectories::Step {
-            time_s,
-            object_from_palm: Pose::new(Isometry3::translation(time_s, 0.0, 0.1)),
-            q_rad: joints.iter().map(|_| time_s).collect(),
-            rates: trajectories::Rates {
-                palm_velocity: [time_s, 0.0, 0.0, 0.0, 0.0, -3.0 * time_s],
-                ..trajectories::Rates::still(joints.len())
+            hand: Step {
+                time_s,
+                frame_from_palm: Pose::new(Isometry3::translation(time_s, 0.0, 0.1)),
+                q_rad: joints.iter().map(|_| time_s).collect(),
+                rates: trajectories::Rates {
+                    palm_velocity: Twist::from_array([time_s, 0.0, 0.0, 0.0, 0.0, -3.0 * time_s]),
+                    ..trajectories::Rates::still(joints.len())
+                },
             },
             tracking: trajectories::Tracking::default(),
         };
@@ -249,11 +250,12 @@ mod tests {
                 shown[0].rest.table_from_object()
             );
             for (found, expected) in candidate.steps.iter().zip(&shown[0].steps) {
+                let expected = &expected.hand;
                 assert_eq!(found.time_s, expected.time_s);
-                assert_eq!(found.frame_from_palm, expected.object_from_palm);
+                assert_eq!(found.frame_from_palm, expected.frame_from_palm);
                 assert_eq!(found.q_rad, expected.q_rad);
-                let palm = &found.rates.palm_velocity;
-                assert_eq!(palm.to_array(), expected.rates.palm_velocity);
+                let (palm, shown) = (&found.rates.palm_velocity, &expected.rates.palm_velocity);
+                assert_eq!(palm, shown);
                 let [x, _, _, _, _, turning] = found.rates.palm_acceleration.to_array();
                 assert!((x - 1.0).abs() < 1e-12 && (turning + 3.0).abs() < 1e-12);
             }

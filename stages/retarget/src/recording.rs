@@ -48,7 +48,7 @@ pub(crate) fn record(
     .map(|(key, value)| (key.to_owned(), value.to_owned()));
     let mut recording = Recording::create(&folder.join(FILE), &BTreeMap::from(about))?;
     recording.write_scene(&scene)?;
-    let steps = || trajectory.steps.iter();
+    let steps = || trajectory.steps.iter().map(|step| &step.hand);
     let positions = steps().map(|step| TrajectoryPoint::positions(step.time_s, &step.q_rad));
     recording.write_latched(
         JOINT_TRAJECTORY,
@@ -62,11 +62,11 @@ pub(crate) fn record(
             &scene,
             &SceneStep {
                 time_s: step.time_s,
-                table_from_palm: *(table_from_object * step.object_from_palm).isometry(),
+                table_from_palm: *(table_from_object * step.frame_from_palm).isometry(),
                 table_from_object: object_on_table,
                 palm_from_links: &model.forward_kinematics(&step.q_rad)?,
                 q_rad: &step.q_rad,
-                q_velocity_rad_per_s: &step.rates.q_velocity_rad_per_s,
+                q_velocity_rad_per_s: &step.rates.joints.velocity,
             },
         )?;
     }

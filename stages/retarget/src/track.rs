@@ -1,6 +1,7 @@
 //! A whole demonstration, step by step, backward from the grasp.
 
 use dataflow::{Max, Mean, Sum};
+use motion::Step;
 use schemas::{
     demonstrations::Demonstration,
     trajectories::{self, Rates, Tracking},
@@ -139,10 +140,12 @@ pub(crate) fn track(
     Ok(Some(Tracked {
         steps: steps
             .map(|(shown, solved)| trajectories::Step {
-                time_s: shown.time_s,
-                object_from_palm: Pose::new(solved.posture.root.isometry()),
-                rates: Rates::still(solved.posture.q.len()),
-                q_rad: solved.posture.q,
+                hand: Step {
+                    time_s: shown.time_s,
+                    frame_from_palm: Pose::new(solved.posture.root.isometry()),
+                    rates: Rates::still(solved.posture.q.len()),
+                    q_rad: solved.posture.q,
+                },
                 tracking: solved.tracking,
             })
             .collect(),
@@ -219,7 +222,7 @@ mod tests {
             later.reverse();
             let (hand, tracked) = run(&config, vec![keypoints, later]);
             for step in &tracked.steps {
-                for (q, joint) in step.q_rad.iter().zip(hand.model.joints()) {
+                for (q, joint) in step.hand.q_rad.iter().zip(hand.model.joints()) {
                     prop_assert!((joint.lower..=joint.upper).contains(q), "{q} outside {joint:?}");
                 }
             }
@@ -284,8 +287,8 @@ mod tests {
         let (hand, tracked) = run(&config, vec![grasp; 31]);
         let scene = fixture::scene();
         let gap = |step: &trajectories::Step| {
-            let links = hand.model.forward_kinematics(&step.q_rad).unwrap();
-            let object_from_palm = step.object_from_palm.isometry();
+            let links = hand.model.forward_kinematics(&step.hand.q_rad).unwrap();
+            let object_from_palm = step.hand.frame_from_palm.isometry();
             let balls = hand
                 .model
                 .links()
@@ -347,7 +350,7 @@ mod tests {
             let poses = tracked
                 .steps
                 .iter()
-                .map(|step| *step.object_from_palm.isometry());
+                .map(|step| *step.hand.frame_from_palm.isometry());
             poses
                 .map(|pose| {
                     (pose.inverse() * posture.root.isometry())

@@ -257,10 +257,12 @@ fn trajectory(name: &str, x: f64) -> Trajectory {
         tips: Vec::new(),
         rest: object().rests[0].rest,
         steps: vec![trajectories::Step {
-            time_s: 1.0,
-            object_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.07)),
-            q_rad: vec![-0.15, 0.25],
-            rates: trajectories::Rates::still(2),
+            hand: Step {
+                time_s: 1.0,
+                frame_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.07)),
+                q_rad: vec![-0.15, 0.25],
+                rates: trajectories::Rates::still(2),
+            },
             tracking: trajectories::Tracking::default(),
         }],
     }

@@ -137,9 +137,10 @@ fn track(
     joints: &[String],
 ) -> Result<Track, TrainError> {
     let table_from_object = rest.table_from_object();
-    let steps = trajectory.steps.iter().map(|step| Step {
+    let steps = trajectory.steps.iter().map(|step| &step.hand);
+    let steps = steps.map(|step| Step {
         time_s: step.time_s,
-        frame_from_palm: table_from_object * step.object_from_palm,
+        frame_from_palm: table_from_object * step.frame_from_palm,
         q_rad: step.q_rad.clone(),
         rates: (),
     });

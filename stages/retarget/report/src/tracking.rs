@@ -103,9 +103,9 @@ fn report(trajectories: &[Trajectory]) -> TrackingReport {
     let gaps = Spread::of(grasps().flat_map(|grasp| grasp.contact_gaps_m.iter().map(|g| g.abs())));
     let depths = Spread::of(grasps().map(|grasp| grasp.penetration_m));
     let speeds =
-        Spread::of(steps().flat_map(|s| s.rates.q_velocity_rad_per_s.iter().map(|v| v.abs())));
+        Spread::of(steps().flat_map(|s| s.hand.rates.joints.velocity.iter().map(|v| v.abs())));
     let accelerations =
-        Spread::of(steps().flat_map(|s| s.rates.q_acceleration_rad_per_s2.iter().map(|a| a.abs())));
+        Spread::of(steps().flat_map(|s| s.hand.rates.joints.acceleration.iter().map(|a| a.abs())));
     let below = Spread::of(grasps().map(|grasp| {
         if grasp.table_penetration_m > BELOW_TABLE_M {
             1.0
@@ -170,6 +170,7 @@ impl Spread {
 
 #[cfg(test)]
 mod tests {
+    use motion::JointRates;
     use nalgebra::{Isometry3, Vector3};
     use schemas::trajectories::{Rates, Step, Tracking};
     use spatial::{Pose, Rest};
@@ -179,12 +180,17 @@ mod tests {
     #[test]
     fn a_report_sums_up_steps_and_grasps() {
         let step = |tip: f64, depth: f64| Step {
-            time_s: 0.0,
-            object_from_palm: Pose::new(Isometry3::identity()),
-            q_rad: vec![0.0],
-            rates: Rates {
-                q_velocity_rad_per_s: vec![-tip],
-                ..Rates::still(1)
+            hand: motion::Step {
+                time_s: 0.0,
+                frame_from_palm: Pose::new(Isometry3::identity()),
+                q_rad: vec![0.0],
+                rates: Rates {
+                    joints: JointRates {
+                        velocity: vec![-tip],
+                        acceleration: vec![0.0],
+                    },
+                    ..Rates::still(1)
+                },
             },
             tracking: Tracking {
                 tip_errors_m: vec![tip, 2.0 * tip],

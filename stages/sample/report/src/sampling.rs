@@ -190,10 +190,10 @@ fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, S
             what: format!("trajectory `{}`", artifact.key),
             source,
         })?;
-    let steps = shown.steps.iter().map(|step| {
+    let steps = shown.steps.iter().map(|step| &step.hand).map(|step| {
         Ok(Step {
             time_s: step.time_s,
-            frame_from_palm: step.object_from_palm,
+            frame_from_palm: step.frame_from_palm,
             q_rad: order.apply(&step.q_rad)?,
             rates: HandRates::still(joints.len()),
         })

@@ -118,10 +118,12 @@ fn object(name: &str) -> Object {
 
 fn trajectory(sequence: &str, object: &str, up: Vector3<f64>) -> Trajectory {
     let steps = (0..20).map(|k| Step {
-        time_s: f64::from(k) / 30.0,
-        object_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, 0.3 - f64::from(k) * 0.01)),
-        q_rad: vec![0.3; JOINTS],
-        rates: Rates::still(JOINTS),
+        hand: motion::Step {
+            time_s: f64::from(k) / 30.0,
+            frame_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, 0.3 - f64::from(k) * 0.01)),
+            q_rad: vec![0.3; JOINTS],
+            rates: Rates::still(JOINTS),
+        },
         tracking: Tracking::default(),
     });
     Trajectory {
