@@ -11,14 +11,15 @@ use signal_hook::{
 
 use stage_dispatch::{Cancellation, MotionInFlight};
 
-use crate::{outcome::Trouble, report};
+use crate::{outcome::CommandError, report};
 
 /// Exit code of a program that was interrupted.
 pub(crate) const INTERRUPTED: u8 = 130;
 
 /// Drops what is being made in the lake when somebody stops the program.
-pub(crate) fn drop_on_signal(lake: &Arc<Lake>) -> Result<(), Trouble> {
-    let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(|err| Trouble::failed(err, None))?;
+pub(crate) fn drop_on_signal(lake: &Arc<Lake>) -> Result<(), CommandError> {
+    let mut signals =
+        Signals::new([SIGINT, SIGTERM]).map_err(|err| CommandError::failed(err, None))?;
     let lake = Arc::clone(lake);
     thread::spawn(move || {
         let mut signals = signals.forever();
@@ -59,7 +60,7 @@ pub(crate) fn stop(lake: &Lake) -> ! {
     process::exit(i32::from(INTERRUPTED));
 }
 
-/// Has a motion broken off, and says whether the robot stands.
+/// Cancels a motion, and says whether the robot stands.
 fn cancel(motion: &MotionInFlight) {
     let name = name(motion);
     report::line(&format!(

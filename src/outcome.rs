@@ -16,7 +16,7 @@ pub(crate) enum Outcome {
 
 /// A command that did not.
 #[derive(Debug)]
-pub(crate) enum Trouble {
+pub(crate) enum CommandError {
     /// The pipeline file is wrong: exit code 2.
     File(FileError),
     /// The command line asks for something that is not there: exit code 2.
@@ -31,13 +31,13 @@ pub(crate) enum Trouble {
     },
 }
 
-impl From<FileError> for Trouble {
+impl From<FileError> for CommandError {
     fn from(err: FileError) -> Self {
         Self::File(err)
     }
 }
 
-impl From<Failure> for Trouble {
+impl From<Failure> for CommandError {
     fn from(err: Failure) -> Self {
         let hint = err.hint();
         match err {
@@ -55,7 +55,7 @@ impl From<Failure> for Trouble {
     }
 }
 
-impl From<LakeError> for Trouble {
+impl From<LakeError> for CommandError {
     fn from(err: LakeError) -> Self {
         let hint = err.hint();
         match err {
@@ -74,7 +74,7 @@ impl From<LakeError> for Trouble {
     }
 }
 
-impl Trouble {
+impl CommandError {
     pub(crate) fn usage(message: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::Usage {
             message: message.into(),

@@ -11,18 +11,18 @@ use anstream::AutoStream;
 use clap::builder::styling::{AnsiColor, Style};
 use serde::Serialize;
 
-use crate::{outcome::Trouble, system_errors::in_words};
+use crate::{outcome::CommandError, system_errors::in_words};
 
 /// Writes data to stdout. A reader that has gone away is no fault; that nothing can be written is.
-pub(crate) fn data(bytes: &[u8]) -> Result<(), Trouble> {
+pub(crate) fn data(bytes: &[u8]) -> Result<(), CommandError> {
     let mut stdout = io::stdout().lock();
     checked(stdout.write_all(bytes).and_then(|()| stdout.flush()))
 }
 
 /// What came of writing to stdout.
-fn checked(written: io::Result<()>) -> Result<(), Trouble> {
+fn checked(written: io::Result<()>) -> Result<(), CommandError> {
     match written {
-        Err(err) if err.kind() != io::ErrorKind::BrokenPipe => Err(Trouble::failed(
+        Err(err) if err.kind() != io::ErrorKind::BrokenPipe => Err(CommandError::failed(
             anyhow::Error::from(err).context("cannot write to standard output"),
             None,
         )),
@@ -31,7 +31,7 @@ fn checked(written: io::Result<()>) -> Result<(), Trouble> {
 }
 
 /// Writes text for people to stdout, with the words that begin its lines in color where that is shown.
-pub(crate) fn text(text: &str) -> Result<(), Trouble> {
+pub(crate) fn text(text: &str) -> Result<(), CommandError> {
     let lines = text.lines().map(|line| painted(line) + "\n");
     let text: String = lines.collect();
     let mut stdout = AutoStream::auto(io::stdout().lock());
@@ -43,8 +43,9 @@ pub(crate) fn text(text: &str) -> Result<(), Trouble> {
 }
 
 /// Writes a value as JSON to stdout, for programs.
-pub(crate) fn json(value: &impl Serialize) -> Result<(), Trouble> {
-    let json = serde_json::to_string_pretty(value).map_err(|err| Trouble::failed(err, None))?;
+pub(crate) fn json(value: &impl Serialize) -> Result<(), CommandError> {
+    let json =
+        serde_json::to_string_pretty(value).map_err(|err| CommandError::failed(err, None))?;
     data(format!("{json}\n").as_bytes())
 }
 
@@ -150,9 +151,9 @@ pub(crate) fn arguments(said: &clap::Error) -> ExitCode {
 }
 
 /// Reports why a command did not do what it was asked, and returns its exit code.
-pub(crate) fn trouble(trouble: &Trouble) -> ExitCode {
+pub(crate) fn trouble(trouble: &CommandError) -> ExitCode {
     match trouble {
-        Trouble::File(err) => {
+        CommandError::File(err) => {
             for problem in &err.problems {
                 line(&format!("error: {}", problem.message));
                 if let Some(location) = &problem.location {
@@ -162,7 +163,7 @@ pub(crate) fn trouble(trouble: &Trouble) -> ExitCode {
             }
             ExitCode::from(2)
         }
-        Trouble::Usage {
+        CommandError::Usage {
             message,
             hint: advice,
         } => {
@@ -170,7 +171,7 @@ pub(crate) fn trouble(trouble: &Trouble) -> ExitCode {
             hint(advice.as_deref());
             ExitCode::from(2)
         }
-        Trouble::Failed {
+        CommandError::Failed {
             error,
             hint: advice,
         } => {

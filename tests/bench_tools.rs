@@ -37,7 +37,7 @@ fn asked(python: &Path) -> Result<String, String> {
 }
 
 #[test]
-fn a_python_that_fails_says_what_where_and_what_to_do() {
+fn failing_python_is_an_error_with_place_and_hint() {
     let folder = tempfile::tempdir().unwrap();
     let install = "-m pip install -r tests/benches/requirements.txt`";
     let script = "`tests/benches/sampling/torch_ways.py`";

@@ -40,7 +40,7 @@ fn dependencies() -> BTreeMap<String, Vec<String>> {
 }
 
 #[test]
-fn only_the_wrappers_know_what_is_denied() {
+fn denied_dependencies_have_no_users_but_their_wrappers() {
     let deny = include_str!("../.deny.toml")
         .parse::<DocumentMut>()
         .unwrap();

@@ -43,7 +43,7 @@ words! {
         Rejected = "rejected",
         /// The cell broke the motion off.
         Aborted = "aborted",
-        /// A person had the motion broken off.
+        /// A person canceled the motion.
         Stopped = "stopped",
         /// Nobody knows; a person has to look.
         Unknown = "unknown",

@@ -51,7 +51,7 @@ words! {
         Slipped = "slipped",
         /// Lifted, and fell before the end.
         Dropped = "dropped",
-        /// The simulation left the realm of finite, plausible numbers.
+        /// The simulation became non-finite or implausible.
         Diverged = "diverged",
     }
 }

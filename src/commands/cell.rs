@@ -27,7 +27,7 @@ use crate::{
     arguments::CellArgs,
     command_line::Program,
     commands::pipeline_file,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     progress::Quiet,
     report,
 };
@@ -40,20 +40,20 @@ const UNGUARDED: &str =
     "any program of this machine may drive it: without TLS nobody is asked who they are";
 
 /// Serves a simulated robot cell until it is interrupted.
-pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, CommandError> {
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
     let mut stages = pipeline.stages.iter();
     let options = stages
         .find_map(|stage| stage.options::<Dispatch>())
         .ok_or_else(|| {
-            Trouble::usage(
+            CommandError::usage(
                 format!("`{}` has no stage of kind `dispatch`", args.file.display()),
                 "name a pipeline file that dispatches, e.g. `pipelines/cgf.toml`",
             )
         })?;
     let mut config = simulated_cell(options, args.listen.clone()).map_err(|err| {
         let hint = err.hint();
-        Trouble::failed(err, hint)
+        CommandError::failed(err, hint)
     })?;
     let journal = args.journal.clone();
     let journal = journal.unwrap_or_else(|| program.lake.join("cells").join(&config.name));
@@ -68,7 +68,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Troubl
     let name = config.name.clone();
     let path = args.hand.as_ref().unwrap_or(&options.hand);
     let urdf = fs::read_to_string(path).map_err(|err| {
-        Trouble::usage(
+        CommandError::usage(
             format!("cannot read the hand's URDF `{}`: {err}", path.display()),
             format!(
                 "name the URDF of a robot hand with `--hand FILE`; {}",
@@ -78,17 +78,18 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Troubl
     })?;
     let hand = RobotModel::from_urdf(&urdf).map_err(|err| {
         let hint = err.hint();
-        Trouble::failed(err, hint)
+        CommandError::failed(err, hint)
     })?;
     let hand = robot_meshes::with_mesh_shapes(hand, path).map_err(|err| {
         let hint = err.hint();
-        Trouble::failed(err, hint)
+        CommandError::failed(err, hint)
     })?;
     // Before anything is served: whoever stops it may be quick.
-    let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(|err| Trouble::failed(err, None))?;
+    let mut signals =
+        Signals::new([SIGINT, SIGTERM]).map_err(|err| CommandError::failed(err, None))?;
     let served = SimulatedCell::start_with(config, &urdf, hand).map_err(|err| {
         let hint = err.hint();
-        Trouble::failed(err, hint)
+        CommandError::failed(err, hint)
     })?;
     let lake = program.lake.clone();
     // Said once for each object: a dispatcher may ask for it again and again.

@@ -5,10 +5,10 @@ use std::path::Path;
 use dataflow::{NodeName, UnitRef, nearest};
 use lake::{Lake, LakeError, Run};
 
-use crate::outcome::Trouble;
+use crate::outcome::CommandError;
 
 /// Returns the run of this name, or the newest one.
-pub(crate) fn run(lake: &Lake, name: Option<&str>) -> Result<Run, Trouble> {
+pub(crate) fn run(lake: &Lake, name: Option<&str>) -> Result<Run, CommandError> {
     if let Some(name) = name {
         return Ok(lake.run(lake.find_run(name)?)?);
     }
@@ -16,8 +16,8 @@ pub(crate) fn run(lake: &Lake, name: Option<&str>) -> Result<Run, Trouble> {
 }
 
 /// Says that there is no run at all.
-pub(crate) fn no_runs(lake: &Lake) -> Trouble {
-    Trouble::usage(
+pub(crate) fn no_runs(lake: &Lake) -> CommandError {
+    CommandError::usage(
         format!("no run in the lake `{}`", lake.root().display()),
         format!("{}, or name another lake with `--lake DIR`", begin()),
     )
@@ -34,7 +34,7 @@ pub(crate) fn begin() -> &'static str {
 }
 
 /// Returns a run, and whether its units are still in the lake; if not, it is returned without them.
-pub(crate) fn run_and_whether_kept(lake: &Lake, number: u64) -> Result<(Run, bool), Trouble> {
+pub(crate) fn run_and_whether_kept(lake: &Lake, number: u64) -> Result<(Run, bool), CommandError> {
     match lake.run(number) {
         Err(LakeError::Lost { .. }) => Ok((lake.run_without_units(number)?, false)),
         run => Ok((run?, true)),
@@ -45,7 +45,7 @@ pub(crate) fn run_and_whether_kept(lake: &Lake, number: u64) -> Result<(Run, boo
 pub(crate) fn units<'a>(
     run: &'a Run,
     artifact: &str,
-) -> Result<(NodeName, Vec<&'a UnitRef>), Trouble> {
+) -> Result<(NodeName, Vec<&'a UnitRef>), CommandError> {
     let units = &run.record.units;
     if let Some(node) = NodeName::parse(artifact) {
         let units: Vec<&UnitRef> = units.iter().filter(|unit| unit.node == node).collect();
@@ -60,7 +60,7 @@ pub(crate) fn units<'a>(
         || format!("run {} has: {}", run.number, known.join(", ")),
         |near| format!("did you mean `{near}`?"),
     );
-    Err(Trouble::usage(
+    Err(CommandError::usage(
         format!("no artifact `{artifact}` in run {}", run.number),
         hint,
     ))
@@ -72,11 +72,11 @@ pub(crate) fn unit<'a>(
     run: u64,
     artifact: &str,
     partition: &str,
-) -> Result<&'a UnitRef, Trouble> {
+) -> Result<&'a UnitRef, CommandError> {
     let found = units.iter().find(|unit| unit.partition == partition);
     found.copied().ok_or_else(|| {
         let near = nearest(partition, units.iter().map(|unit| unit.partition.as_str()));
-        Trouble::usage(
+        CommandError::usage(
             format!("`{artifact}` has no partition `{partition}`"),
             near.map_or_else(
                 || format!("list them with `pipeline inspect {artifact} --run {run}`"),

@@ -4,12 +4,12 @@ use clap::CommandFactory;
 
 use crate::{
     arguments::{Cli, CompletionsArgs},
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     report,
 };
 
 /// Prints a script that completes commands and options in a shell.
-pub(crate) fn completions(args: &CompletionsArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn completions(args: &CompletionsArgs) -> Result<Outcome, CommandError> {
     let mut command = Cli::command();
     let name = command.get_name().to_owned();
     let mut script = Vec::new();

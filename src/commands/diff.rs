@@ -14,7 +14,7 @@ use crate::{
     arguments::{DiffArgs, Format},
     command_line::Program,
     commands::chosen,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     progress::Quiet,
     report,
 };
@@ -37,7 +37,7 @@ struct Difference {
 }
 
 /// Shows what differs between two runs.
-pub(crate) fn diff(program: &Program, args: &DiffArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn diff(program: &Program, args: &DiffArgs) -> Result<Outcome, CommandError> {
     let lake = Lake::open(&program.lake);
     let (old, old_is_kept) = chosen::run_and_whether_kept(&lake, lake.find_run(&args.old)?)?;
     let (new, new_is_kept) = chosen::run_and_whether_kept(&lake, lake.find_run(&args.new)?)?;

@@ -10,7 +10,7 @@ use crate::{
     arguments::DoctorArgs,
     command_line::Program,
     commands::pipeline_file,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     report,
     system_errors::in_words,
 };
@@ -62,7 +62,7 @@ impl Check {
 }
 
 /// Checks that the lake, what a pipeline file names and the robot cell are ready; or a robot alone.
-pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<Outcome, CommandError> {
     if let Some(urdf) = &args.robot {
         return robot::check(urdf);
     }
@@ -90,7 +90,7 @@ pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<Outcome, Tr
     let is_missing = |check: &&Check| check.state == State::Missing;
     match found.iter().filter(is_missing).count() {
         0 => Ok(Outcome::Done),
-        n => Err(Trouble::failed(
+        n => Err(CommandError::failed(
             anyhow::anyhow!("`{}` cannot run: {n} missing", args.file.display()),
             None,
         )),

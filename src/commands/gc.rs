@@ -12,13 +12,13 @@ use crate::{
     arguments::{Format, GcArgs, ValueArgs},
     command_line::Program,
     commands::pipeline_file,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     progress::Quiet,
     report,
 };
 
 /// Removes unreferenced artifacts: those of no run that counts and no pipeline file.
-pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, CommandError> {
     let lake = Lake::open(&program.lake);
     lake.expect_there()?;
     let mut kept: Vec<Digest> = Vec::new();
@@ -46,7 +46,7 @@ pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, Trouble> {
 }
 
 /// The pipeline files that count: the named ones, or those of the lake's runs that are still there.
-fn pipelines(program: &Program, args: &GcArgs, lake: &Lake) -> Result<Vec<Pipeline>, Trouble> {
+fn pipelines(program: &Program, args: &GcArgs, lake: &Lake) -> Result<Vec<Pipeline>, CommandError> {
     let values = ValueArgs::default();
     if !args.files.is_empty() {
         let files = args.files.iter();

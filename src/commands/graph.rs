@@ -12,19 +12,19 @@ use crate::{
     arguments::{GraphArgs, GraphFormat},
     command_line::Program,
     commands::pipeline_file,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     report,
 };
 
 /// Draws what a pipeline's stages read and make.
-pub(crate) fn graph(program: &Program, args: &GraphArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn graph(program: &Program, args: &GraphArgs) -> Result<Outcome, CommandError> {
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
     let mut n_partitions = BTreeMap::new();
     let lake = Lake::open(&program.lake);
     let units = lake
         .enter(&pipeline.name)
         .and_then(|()| lake.newest_units(&pipeline.name))
-        .map_err(|err| Trouble::failed(err, None))?;
+        .map_err(|err| CommandError::failed(err, None))?;
     for unit in units.into_iter().filter(|unit| unit.current) {
         *n_partitions.entry(unit.node).or_default() += 1;
     }

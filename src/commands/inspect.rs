@@ -8,14 +8,14 @@ use crate::{
     command_line::Program,
     commands::chosen,
     moments,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     progress::Quiet,
     report,
     system_errors::in_words,
 };
 
 /// Shows an artifact of a run.
-pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, CommandError> {
     let lake = Lake::open(&program.lake);
     let run = chosen::run(&lake, args.run.as_deref())?;
     let (_, units) = chosen::units(&run, &args.artifact)?;
@@ -68,7 +68,7 @@ fn left_out(results: &[(&UnitRef, Record)], run: &Run) -> String {
     report::columns(&rows, &[])
 }
 
-fn overview(lake: &Lake, results: &[(&UnitRef, Record)]) -> Result<String, Trouble> {
+fn overview(lake: &Lake, results: &[(&UnitRef, Record)]) -> Result<String, CommandError> {
     let mut text = String::new();
     let mut rows = vec![
         ["partition", "result", "rows", "figures"]
@@ -129,7 +129,7 @@ fn one(
     unit: &UnitRef,
     record: &Record,
     provenance: &Provenance,
-) -> Result<String, Trouble> {
+) -> Result<String, CommandError> {
     let mut rows = vec![
         vec!["partition".to_owned(), unit.partition.clone()],
         vec!["fingerprint".to_owned(), unit.fingerprint.to_string()],
@@ -160,7 +160,7 @@ fn one(
     }
     let mut text = report::columns(&rows, &[]);
     let json = serde_json::to_string_pretty(&record.fingerprint)
-        .map_err(|err| Trouble::failed(err, None))?;
+        .map_err(|err| CommandError::failed(err, None))?;
     text.push_str(&format!("made of {json}\n"));
     text.push_str(&format!(
         "made at {} UTC by {} on `{}` in {}\n",

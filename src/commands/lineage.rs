@@ -13,7 +13,7 @@ use crate::{
     arguments::{Format, LineageArgs},
     command_line::Program,
     commands::chosen,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     report,
 };
 
@@ -36,7 +36,7 @@ struct Family<T> {
 }
 
 /// Shows what an artifact was made of, or what was made of it.
-pub(crate) fn lineage(program: &Program, args: &LineageArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn lineage(program: &Program, args: &LineageArgs) -> Result<Outcome, CommandError> {
     let lake = Lake::open(&program.lake);
     let run = chosen::run(&lake, args.run.as_deref())?;
     let (node, units) = chosen::units(&run, &args.artifact)?;
@@ -69,7 +69,7 @@ fn print<T: Serialize>(
     run: u64,
     direction: Direction,
     members: Vec<T>,
-) -> Result<Outcome, Trouble> {
+) -> Result<Outcome, CommandError> {
     report::json(&Family {
         run,
         direction,

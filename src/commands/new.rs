@@ -11,7 +11,7 @@ use lake::write_whole;
 use crate::{
     arguments::NewArgs,
     command_line::Program,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     progress::Quiet,
     report,
 };
@@ -63,7 +63,7 @@ const FILES: [(&str, &str); 29] = files![
 ];
 
 /// Writes a project in which the main job runs.
-pub(crate) fn new(program: &Program, args: &NewArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn new(program: &Program, args: &NewArgs) -> Result<Outcome, CommandError> {
     let name = &args.name;
     check_name(name)?;
     let folder = Path::new(name);
@@ -75,7 +75,7 @@ pub(crate) fn new(program: &Program, args: &NewArgs) -> Result<Outcome, Trouble>
     if let Err(err) = written {
         let _gone = fs::remove_dir_all(&beside);
         let context = format!("cannot make the project `{name}`");
-        return Err(Trouble::failed(err.context(context), None));
+        return Err(CommandError::failed(err.context(context), None));
     }
     if program.quiet == Quiet::No {
         report::line(&format!("done   the project `{name}` is there"));
@@ -87,7 +87,7 @@ pub(crate) fn new(program: &Program, args: &NewArgs) -> Result<Outcome, Trouble>
 }
 
 /// Makes sure that a name can be a folder's, on every system and without quotes.
-fn check_name(name: &str) -> Result<(), Trouble> {
+fn check_name(name: &str) -> Result<(), CommandError> {
     let is_word = |letter: char| letter.is_ascii_alphanumeric() || letter == '_' || letter == '-';
     let begins_well = name.starts_with(|letter: char| letter.is_ascii_alphanumeric());
     if begins_well && name.chars().all(is_word) {
@@ -100,19 +100,19 @@ fn check_name(name: &str) -> Result<(), Trouble> {
         _ => "use ASCII letters, digits, `_` and `-`, a letter or digit first, e.g. `my_lab`"
             .to_owned(),
     };
-    Err(Trouble::usage(
+    Err(CommandError::usage(
         format!("`{name}` is no name for a project"),
         hint,
     ))
 }
 
 /// Makes sure that nothing is overwritten.
-fn check_empty(folder: &Path) -> Result<(), Trouble> {
+fn check_empty(folder: &Path) -> Result<(), CommandError> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,
         Err(err) if err.kind() == io::ErrorKind::NotFound => return Ok(()),
         Err(err) => {
-            return Err(Trouble::usage(
+            return Err(CommandError::usage(
                 format!("cannot make a project in `{}`: {err}", folder.display()),
                 "choose another name",
             ));
@@ -133,7 +133,7 @@ fn check_empty(folder: &Path) -> Result<(), Trouble> {
     } else {
         String::new()
     };
-    Err(Trouble::usage(
+    Err(CommandError::usage(
         format!(
             "`{}` is not empty: it has {}{more}",
             folder.display(),
@@ -210,7 +210,7 @@ mod tests {
             "", ".", "..", "-x", "_x", "a b", "a/b", "/a", "a.b", "ä", "a\n", ".git",
         ] {
             let said = check_name(name);
-            let Err(Trouble::Usage { message, hint }) = said else {
+            let Err(CommandError::Usage { message, hint }) = said else {
                 panic!("{name}: {said:?}");
             };
             assert!(message.contains("is no name for a project"), "{message}");

@@ -6,11 +6,11 @@ use dataflow::{FreshAll, Kind, Override, Pipeline, RunOptions, Stage, StageEntry
 
 use crate::{
     arguments::{PipelineArgs, ValueArgs},
-    outcome::Trouble,
+    outcome::CommandError,
 };
 
 /// Reads and checks the file of one variant.
-pub(crate) fn read(kinds: &[Kind], args: &PipelineArgs) -> Result<Pipeline, Trouble> {
+pub(crate) fn read(kinds: &[Kind], args: &PipelineArgs) -> Result<Pipeline, CommandError> {
     read_with(kinds, &args.file, &args.values)
 }
 
@@ -19,19 +19,22 @@ pub(crate) fn read_with(
     kinds: &[Kind],
     file: &Path,
     values: &ValueArgs,
-) -> Result<Pipeline, Trouble> {
+) -> Result<Pipeline, CommandError> {
     parse(kinds, file, values, &single(values)?)
 }
 
 /// Returns the lists of values to go through: those of the file, then those that are given.
-pub(crate) fn sweeps(args: &PipelineArgs) -> Result<Vec<Sweep>, Trouble> {
+pub(crate) fn sweeps(args: &PipelineArgs) -> Result<Vec<Sweep>, CommandError> {
     let mut sweeps = Sweep::in_file(&args.file, &read_text(&args.file)?)?;
     sweeps.extend(args.values.overrides.iter().cloned());
     Ok(sweeps)
 }
 
 /// Reads and checks the file, and lets every `dispatch` in it move a real robot.
-pub(crate) fn read_to_execute(kinds: &[Kind], args: &PipelineArgs) -> Result<Pipeline, Trouble> {
+pub(crate) fn read_to_execute(
+    kinds: &[Kind],
+    args: &PipelineArgs,
+) -> Result<Pipeline, CommandError> {
     let pipeline = read(kinds, args)?;
     let moves = |stage: &&StageEntry| stage.kind.name == stage_dispatch::Dispatch::KIND;
     let permits = pipeline.stages.iter().filter(moves);
@@ -41,11 +44,11 @@ pub(crate) fn read_to_execute(kinds: &[Kind], args: &PipelineArgs) -> Result<Pip
 }
 
 /// The values given, one for each key.
-fn single(values: &ValueArgs) -> Result<Vec<Override>, Trouble> {
+fn single(values: &ValueArgs) -> Result<Vec<Override>, CommandError> {
     let mut variants = Sweep::variants(&values.overrides);
     match (variants.pop(), variants.len()) {
         (Some(variant), 0) => Ok(variant.overrides),
-        (_, n_others) => Err(Trouble::usage(
+        (_, n_others) => Err(CommandError::usage(
             format!("`--set` gives values for {} variants here", n_others + 1),
             "give one value; only `run` and `plan` go through several",
         )),
@@ -57,13 +60,13 @@ fn parse(
     path: &Path,
     values: &ValueArgs,
     overrides: &[Override],
-) -> Result<Pipeline, Trouble> {
+) -> Result<Pipeline, CommandError> {
     let source = read_text(path)?;
     let profile = values.profile.as_deref();
     Ok(Pipeline::parse(path, &source, kinds, profile, overrides)?)
 }
 
-fn read_text(path: &Path) -> Result<String, Trouble> {
+fn read_text(path: &Path) -> Result<String, CommandError> {
     fs::read_to_string(path).map_err(|err| {
         let hint = match err.kind() {
             io::ErrorKind::NotFound if !Path::new("pipelines").is_dir() => format!(
@@ -73,7 +76,7 @@ fn read_text(path: &Path) -> Result<String, Trouble> {
             io::ErrorKind::NotFound => missing(path),
             _ => "name a pipeline file, e.g. `pipelines/cgf.toml`".to_owned(),
         };
-        Trouble::usage(
+        CommandError::usage(
             format!("cannot read the pipeline file `{}`: {err}", path.display()),
             hint,
         )

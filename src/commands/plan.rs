@@ -13,7 +13,7 @@ use crate::{
         query::page::Page,
         sweep::{self, Done},
     },
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     report,
 };
 
@@ -21,7 +21,7 @@ use crate::{
 const NAMED: usize = 3;
 
 /// Shows what `run` would do, and why, for every variant.
-pub(crate) fn plan(program: &Program, args: &PlanArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn plan(program: &Program, args: &PlanArgs) -> Result<Outcome, CommandError> {
     sweep::each(program, &args.pipeline, |pipeline| {
         let args = PlanArgs {
             pipeline,
@@ -31,7 +31,7 @@ pub(crate) fn plan(program: &Program, args: &PlanArgs) -> Result<Outcome, Troubl
     })
 }
 
-fn plan_variant(program: &Program, args: &PlanArgs) -> Result<Done, Trouble> {
+fn plan_variant(program: &Program, args: &PlanArgs) -> Result<Done, CommandError> {
     let pipeline = pipeline_file::read(program.kinds, &args.pipeline)?;
     let options = pipeline_file::options(&args.pipeline, None);
     let plan = dataflow::plan(&pipeline, &Lake::open(&program.lake), &options)?;
@@ -80,7 +80,7 @@ pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
             row(
                 "perhaps",
                 name.clone(),
-                "others, if labels of what it reads change".to_owned(),
+                "more partitions if upstream labels change".to_owned(),
             );
         }
         for (cause, partitions) in by_cause(units) {
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn many_files_are_counted_and_follow_what_the_listing_found_out() {
+    fn many_files_are_counted_after_the_facts_of_the_listing() {
         let files: Vec<Cause> = (0..50).map(file).collect();
         assert_eq!(said(&files[..3]).len(), 3);
         let many = said(&files);

@@ -14,13 +14,13 @@ use self::{page::Page, tables::Tables};
 use crate::{
     arguments::{QueryArgs, QueryFormat},
     command_line::Program,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     progress::Quiet,
     report,
 };
 
 /// Answers a question in SQL over the lake's tables.
-pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<Outcome, CommandError> {
     question::check(&args.sql)?;
     let lake = Lake::open(&program.lake);
     let run = match &args.run {
@@ -51,6 +51,6 @@ pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<Outcome, Trou
         QueryFormat::Json => print::json_lines(&answer),
         QueryFormat::Parquet => print::parquet(&mut answer),
     };
-    report::data(&bytes.map_err(|err| Trouble::failed(err, None))?)?;
+    report::data(&bytes.map_err(|err| CommandError::failed(err, None))?)?;
     Ok(Outcome::Done)
 }

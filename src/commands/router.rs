@@ -9,19 +9,20 @@ use signal_hook::{
 use crate::{
     arguments::RouterArgs,
     command_line::Program,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     progress::Quiet,
     report,
 };
 
 /// Forwards between cells and dispatchers until it is interrupted.
-pub(crate) fn router(program: &Program, args: &RouterArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn router(program: &Program, args: &RouterArgs) -> Result<Outcome, CommandError> {
     let failed = |err: cell::CellError| {
         let hint = err.hint();
-        Trouble::failed(err, hint)
+        CommandError::failed(err, hint)
     };
     // Before anything is served: whoever stops it may be quick.
-    let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(|err| Trouble::failed(err, None))?;
+    let mut signals =
+        Signals::new([SIGINT, SIGTERM]).map_err(|err| CommandError::failed(err, None))?;
     let access = args.access.as_deref().map(Access::read);
     let access = access.transpose().map_err(failed)?;
     let router = Router::start(&args.listen, access.as_ref()).map_err(failed)?;

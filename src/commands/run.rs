@@ -14,14 +14,14 @@ use crate::{
         sweep::{self, Done},
     },
     interrupt,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     processes::Processes,
     progress::{Quiet, Screen},
     report,
 };
 
 /// Runs a pipeline, or every variant of it, reusing every result that is still valid.
-pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<Outcome, CommandError> {
     let lake = Arc::new(Lake::open(&program.lake));
     if !args.dry_run {
         interrupt::drop_on_signal(&lake)?;
@@ -37,7 +37,7 @@ pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<Outcome, Trouble>
     outcome
 }
 
-fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, Trouble> {
+fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, CommandError> {
     let pipeline = if args.execute {
         pipeline_file::read_to_execute(program.kinds, &args.pipeline)?
     } else {

@@ -11,7 +11,7 @@ use crate::{
     command_line::Program,
     commands::{chosen, query::page::Page},
     moments,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     report::{self, cut},
 };
 
@@ -62,7 +62,7 @@ struct NodeCounts {
 }
 
 /// Lists runs, the newest last.
-pub(crate) fn runs(program: &Program, args: &RunsArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn runs(program: &Program, args: &RunsArgs) -> Result<Outcome, CommandError> {
     let lake = Lake::open(&program.lake);
     let tags = lake.tags()?;
     let mut rows = Vec::new();
@@ -103,9 +103,9 @@ pub(crate) fn runs(program: &Program, args: &RunsArgs) -> Result<Outcome, Troubl
     }
 }
 
-fn nothing(lake: &Lake, args: &RunsArgs, pipelines: &[String]) -> Trouble {
+fn nothing(lake: &Lake, args: &RunsArgs, pipelines: &[String]) -> CommandError {
     match &args.pipeline {
-        Some(name) if !pipelines.is_empty() => Trouble::usage(
+        Some(name) if !pipelines.is_empty() => CommandError::usage(
             format!("no run of a pipeline `{name}`"),
             format!("there are runs of: {}", pipelines.join(", ")),
         ),

@@ -6,7 +6,7 @@ use crate::{
     arguments::StagesArgs,
     command_line::Program,
     commands::query::page::Page,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     report,
 };
 
@@ -14,7 +14,7 @@ use crate::{
 const WIDEST_TYPE: usize = 60;
 
 /// Lists the kinds of stages, or the options of one.
-pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, CommandError> {
     let kinds = program.kinds;
     let text = match &args.kind {
         None => overview(kinds),
@@ -25,7 +25,7 @@ pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, Tr
                     || "`pipeline stages` lists every kind".to_owned(),
                     |near| format!("did you mean `{near}`?"),
                 );
-                Trouble::usage(format!("no kind of stage `{name}`"), hint)
+                CommandError::usage(format!("no kind of stage `{name}`"), hint)
             })?;
             options(kind, Page::of_stdout().width)
         }

@@ -8,7 +8,7 @@ use crate::{
     arguments::{PipelineArgs, ValueArgs},
     command_line::Program,
     commands::pipeline_file,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     progress::Quiet,
     report,
 };
@@ -37,8 +37,8 @@ impl Done {
 pub(crate) fn each(
     program: &Program,
     args: &PipelineArgs,
-    command: impl Fn(PipelineArgs) -> Result<Done, Trouble>,
-) -> Result<Outcome, Trouble> {
+    command: impl Fn(PipelineArgs) -> Result<Done, CommandError>,
+) -> Result<Outcome, CommandError> {
     let mut variants: Vec<(String, PipelineArgs)> = Sweep::variants(&pipeline_file::sweeps(args)?)
         .into_iter()
         .map(|variant| {
@@ -94,7 +94,7 @@ pub(crate) fn each(
         report::line(report::columns(&rows, &[2]).trim_end());
     }
     if n_failed > 0 {
-        return Err(Trouble::failed(
+        return Err(CommandError::failed(
             anyhow::anyhow!("{n_failed} of {n_variants} variants failed"),
             None,
         ));

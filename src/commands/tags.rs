@@ -5,13 +5,13 @@ use lake::Lake;
 use crate::{
     arguments::{TagArgs, UntagArgs},
     command_line::Program,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     progress::Quiet,
     report,
 };
 
 /// Names a run.
-pub(crate) fn tag(program: &Program, args: &TagArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn tag(program: &Program, args: &TagArgs) -> Result<Outcome, CommandError> {
     let lake = Lake::open(&program.lake);
     let run = lake.find_run(&args.run)?;
     let before = lake.tag(&args.name, run)?;
@@ -24,7 +24,7 @@ pub(crate) fn tag(program: &Program, args: &TagArgs) -> Result<Outcome, Trouble>
 }
 
 /// Takes a name away from its run.
-pub(crate) fn untag(program: &Program, args: &UntagArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn untag(program: &Program, args: &UntagArgs) -> Result<Outcome, CommandError> {
     Lake::open(&program.lake).untag(&args.name)?;
     say(program, &format!("no run is tagged `{}` now", args.name));
     Ok(Outcome::Done)

@@ -14,13 +14,13 @@ use crate::{
     command_line::Program,
     commands::pipeline_file,
     interrupt,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     progress::Screen,
     report,
 };
 
 /// Makes one unit whose inputs are in the lake.
-pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, CommandError> {
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
     let node = NodeName::parse(&args.artifact).ok_or_else(|| {
         let known: Vec<String> = pipeline
@@ -29,7 +29,7 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Troubl
             .map(|node| node.name.to_string())
             .collect();
         let near = nearest(&args.artifact, known.iter().map(String::as_str));
-        Trouble::usage(
+        CommandError::usage(
             format!("`{}` is not of the form `stage.artifact`", args.artifact),
             near.map_or_else(
                 || format!("its outputs are: {}", known.join(", ")),
@@ -69,10 +69,10 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Troubl
         (Err(err), Format::Json) => {
             let (hint, left_out) = err.advice();
             let left_out = left_out.cloned();
-            let message = match Trouble::from(err) {
-                Trouble::Failed { error, .. } => report::chain(&error),
-                Trouble::Usage { message, .. } => message,
-                Trouble::File(err) => err.to_string(),
+            let message = match CommandError::from(err) {
+                CommandError::Failed { error, .. } => report::chain(&error),
+                CommandError::Usage { message, .. } => message,
+                CommandError::File(err) => err.to_string(),
             };
             lines.write(&Event::UnitFailed {
                 unit: UnitName::new(&node, &args.partition),
@@ -100,12 +100,12 @@ fn stop_with_parent(lake: &Arc<Lake>) {
 #[derive(Default)]
 struct Lines {
     /// Why the first line that could not be written was not.
-    failed: Mutex<Option<Trouble>>,
+    failed: Mutex<Option<CommandError>>,
 }
 
 impl Lines {
     fn write(&self, event: &Event) {
-        let json = serde_json::to_string(event).map_err(|err| Trouble::failed(err, None));
+        let json = serde_json::to_string(event).map_err(|err| CommandError::failed(err, None));
         let written = json.and_then(|json| report::data(format!("{json}\n").as_bytes()));
         if let Err(trouble) = written {
             let mut failed = self.failed.lock().unwrap_or_else(PoisonError::into_inner);
@@ -113,7 +113,7 @@ impl Lines {
         }
     }
 
-    fn finish(self) -> Result<(), Trouble> {
+    fn finish(self) -> Result<(), CommandError> {
         let failed = self.failed.into_inner();
         match failed.unwrap_or_else(PoisonError::into_inner) {
             Some(trouble) => Err(trouble),

@@ -8,13 +8,13 @@ use lake::{Fault, Lake, Verified};
 use crate::{
     arguments::{Format, VerifyArgs},
     command_line::Program,
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     progress::Quiet,
     report,
 };
 
 /// Checks every byte of the lake, or of the files outside that it has read.
-pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<Outcome, Trouble> {
+pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<Outcome, CommandError> {
     let lake = Lake::open(&program.lake);
     let bar = Mutex::new(None);
     let on_bytes = |done: u64, total: u64| {
@@ -57,7 +57,7 @@ pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<Outcome, Tr
         let n_dropped = lake.drop_damaged(&|_, _| {})?;
         say(program, &format!("drop   {n_dropped} damaged files"));
     }
-    Err(Trouble::failed(
+    Err(CommandError::failed(
         anyhow::anyhow!(
             "{n_faults} faults among {} files: they are not as they were stored",
             verified.n_files

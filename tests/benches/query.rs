@@ -18,8 +18,8 @@ use std::{
 };
 
 use dataflow::{
-    Fingerprint, Made, NodeName, NodeRecord, Origin, Outcome, OutputRecord, Recipe, RunRecord,
-    RunStatus, Store, UnitRef, Unkept,
+    Fingerprint, Made, NodeName, NodeRecord, Origin, Outcome, OutputRecord, PendingResult, Recipe,
+    RunRecord, RunStatus, Store, UnitRef,
 };
 use lake::Lake;
 use limits::Limits;
@@ -106,7 +106,7 @@ fn make(folder: &Path, rows_per_file: usize) -> Result<Vec<PathBuf>, Box<dyn Err
         let making = lake.begin(&digest, &object, &|_| {})?;
         lake::table::write(making.folder(), &rollouts)?;
         let outcome = Outcome::Made(Made::default());
-        let record = making.commit(Unkept {
+        let record = making.commit(PendingResult {
             fingerprint,
             outcome,
         })?;

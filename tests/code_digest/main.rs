@@ -201,14 +201,14 @@ fn a_source_changes_its_own_crate_alone() {
 }
 
 #[test]
-fn what_does_not_compute_changes_nothing() {
+fn documentation_and_tests_are_in_no_code_digest() {
     assert!(changed_by("README.md", "More words.\n").is_empty());
     assert!(changed_by("other/src/lib.rs", "fn f() {}\n").is_empty());
     assert!(changed_by("library/tests/test.rs", "fn f() {}\n").is_empty());
 }
 
 #[test]
-fn of_a_crate_that_names_what_decides_nothing_else_counts() {
+fn a_crate_that_lists_its_sources_counts_by_them_alone() {
     let decides = "[package.metadata.code]\ndecides = [\"src/deep/inner.rs\"]\n";
     let changed = |name: &str| {
         let folder = workspace();

@@ -70,7 +70,7 @@ fn processes_with_overlapping_targets_make_each_unit_once() {
 }
 
 #[test]
-fn who_waits_says_for_whom() {
+fn waiting_process_names_the_lock_holder() {
     let place = Place::with_inputs(BRANCHES, 1);
     place.input("held", b"a held one");
     place.let_go("p000");

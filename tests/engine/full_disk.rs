@@ -83,7 +83,7 @@ fn a_full_disk_is_an_error_and_harms_nothing() {
 }
 
 #[test]
-fn what_a_dead_process_left_goes_with_the_next_run() {
+fn next_run_removes_leftovers_of_a_dead_process() {
     let place = place();
     place.run_well(&[]);
     for arguments in [&[][..], &["--set", "first.add=9"]] {

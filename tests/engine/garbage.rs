@@ -69,7 +69,7 @@ fn a_dry_run_says_what_goes_and_exactly_that_goes() {
 }
 
 #[test]
-fn tagged_runs_and_what_the_pipeline_file_uses_now_stay() {
+fn gc_keeps_tagged_runs_and_current_results() {
     let place = Place::with_inputs(CHAIN, 4);
     place.run_well(&OTHER);
     tag(&place, "tag", &["1", "good"]);
@@ -126,7 +126,7 @@ fn a_run_that_goes_on_loses_nothing() {
 }
 
 #[test]
-fn what_goes_while_everything_is_verified_is_no_fault() {
+fn artifact_removed_during_verify_is_no_fault() {
     let place = Place::with_inputs(CHAIN, 12);
     place.run_well(&[]);
     for time in 0..8 {
@@ -144,7 +144,7 @@ fn what_goes_while_everything_is_verified_is_no_fault() {
 }
 
 #[test]
-fn what_dead_processes_left_goes_too() {
+fn gc_removes_stale_staging() {
     let place = Place::with_inputs(CHAIN, 2);
     place.input("held", b"a held one");
     let mut run = Running::start(place.held(&[]));

@@ -28,7 +28,7 @@ fn nothing_is_kept_of_an_input_that_changes_while_it_is_read() {
 }
 
 #[test]
-fn what_a_run_has_shown_can_be_asked_for_before_its_end_and_after_its_death() {
+fn results_of_an_unfinished_run_can_be_queried() {
     let place = Place::with_inputs(CHAIN, 2);
     for partition in ["p000", "p001"] {
         place.let_go(partition);

@@ -58,7 +58,7 @@ fn planned(place: &Place) -> BTreeMap<String, BTreeMap<String, usize>> {
 }
 
 #[test]
-fn no_more_is_made_than_what_a_change_reaches() {
+fn a_change_reruns_only_its_dependents() {
     let place = Place::with_inputs(FIVE_STAGES, N_FILES);
     place.run_well(&[]);
     let all = [("split", N_FILES), ("map", 3 * N_FILES), ("gather", 1)];

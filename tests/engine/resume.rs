@@ -106,7 +106,7 @@ fn a_unit_that_was_stopped_or_killed_goes_on_where_it_was() {
 }
 
 #[test]
-fn another_unit_and_a_fresh_one_begin_anew() {
+fn another_unit_and_a_fresh_one_restart() {
     let place = Place::new(STEPS);
     fail_at(&place, "step3", &[]);
     take_steps(&place);
@@ -119,7 +119,7 @@ fn another_unit_and_a_fresh_one_begin_anew() {
 }
 
 #[test]
-fn what_a_unit_goes_on_from_is_collected_when_nobody_came_back_for_long() {
+fn stale_resume_state_is_collected() {
     let place = Place::new(STEPS);
     // Leaves something to collect besides.
     fail_at(&place, "step3", &[]);
@@ -148,7 +148,7 @@ fn what_a_unit_goes_on_from_is_collected_when_nobody_came_back_for_long() {
 }
 
 #[test]
-fn what_is_left_of_a_kept_unit_is_collected_at_once() {
+fn resume_state_of_a_finished_unit_is_collected_at_once() {
     let place = Place::new(STEPS);
     fail_at(&place, "step3", &[]);
     let unit = left(&place).remove(0);

@@ -179,13 +179,9 @@ fn a_value_that_cannot_be_ends_with_its_key_its_bound_and_the_reason() {
         &[
             "ingest.points_n=0",
             "sample.draws=0",
-            "dispatch.limits.most_times_slower=1e9",
+            "dispatch.limits.max_slowdown=1e9",
         ],
-        &[
-            "`points_n` is 0",
-            "`draws` is 0",
-            "`limits.most_times_slower`",
-        ],
+        &["`points_n` is 0", "`draws` is 0", "`limits.max_slowdown`"],
     );
 }
 

@@ -15,7 +15,7 @@ use crate::{
 };
 
 #[test]
-fn a_cell_elsewhere_executes_what_was_accepted_and_knows_it_when_it_is_asked_again() {
+fn remote_cell_executes_accepted_motions_and_remembers_them() {
     let mut lab = Lab::new();
     let cell = lab.cell(&["--fast"]);
     let ran = lab.dispatch().output().unwrap();
@@ -144,7 +144,7 @@ fn a_cell_that_never_answers_is_unknown_in_time_and_the_next_run_finds_out() {
 }
 
 #[test]
-fn what_cannot_be_read_or_believed_is_unknown_and_names_the_motion() {
+fn unreadable_or_contradictory_report_leaves_the_motion_unknown() {
     for (fault, said, row) in [
         ("garbled_answer@2", "cannot be read", None),
         ("garbled_report@2", "cannot be read", Some("cannot be read")),
@@ -216,7 +216,7 @@ fn a_motion_that_was_sent_is_named_when_its_cell_is_gone_or_another() {
 }
 
 #[test]
-fn a_cell_says_who_may_drive_it() {
+fn cell_states_its_access_rules() {
     let lab = Lab::new();
     let cell = lab.cell(&["--fast"]);
     let said = cell.end();
@@ -243,7 +243,7 @@ fn an_endpoint_that_cannot_be_used_is_refused_before_any_stage_works() {
 }
 
 #[test]
-fn a_cell_whose_disk_is_full_takes_nothing_more_and_says_why() {
+fn cell_with_a_full_disk_rejects_goals_with_the_reason() {
     let allowed = Command::new("unshare").args(["-rm", "true"]).status();
     if !allowed.is_ok_and(|status| status.success()) {
         println!("skipped: no user namespaces here");

@@ -70,7 +70,7 @@ fn a_profile_replaces_values_and_an_unknown_one_names_those_there_are() {
 }
 
 #[test]
-fn only_goes_through_one_stage_and_refuses_when_what_it_reads_is_not_there() {
+fn only_runs_one_stage_and_refuses_missing_inputs() {
     let bench = Bench::new();
     let refused = bench.run(&["--only", "retarget"]);
     assert_eq!(refused.status.code(), Some(1));
@@ -134,7 +134,7 @@ fn units_are_made_by_name_checked_and_collected() {
 }
 
 #[test]
-fn until_stops_and_fresh_makes_again_what_is_named_or_everything() {
+fn until_stops_and_fresh_remakes_one_stage_or_all() {
     let bench = Bench::new();
     bench.run_well(&["--until", "retarget", "--jobs", "1"]);
     let all = [
@@ -175,7 +175,7 @@ fn a_dry_run_prints_what_plan_prints_and_writes_nothing() {
 }
 
 #[test]
-fn the_graph_lists_what_each_stage_reads_and_makes_and_how_many_partitions_there_are() {
+fn graph_lists_inputs_outputs_and_partition_counts() {
     let unmade = done(&Bench::new(), "graph", &[]);
     assert!(unmade.contains("one partition per sequence"), "{unmade}");
     let text = done(finished(), "graph", &[]);

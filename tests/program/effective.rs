@@ -109,7 +109,7 @@ fn every_shipped_file_is_short() {
 }
 
 #[test]
-fn every_option_says_what_it_is_and_what_only_a_user_knows_has_no_default() {
+fn every_option_is_documented_and_user_specific_ones_have_no_default() {
     let mut required = Vec::new();
     for kind in pipeline::kinds() {
         for option in kind.options() {

@@ -70,7 +70,7 @@ fn a_misspelt_kind_and_a_misspelt_stage_get_the_near_name() {
 }
 
 #[test]
-fn a_profile_that_nobody_asks_for_is_checked_as_well() {
+fn unused_profile_is_checked_as_well() {
     const LAST: &str = "steps_per_control = 1\n";
     let check = |profile: &str, says: &[&str]| {
         let (code, text) = with_edited_file(LAST, &format!("{LAST}{profile}\n"));

@@ -77,7 +77,7 @@ fn a_fault_of_an_extended_file_is_shown_in_that_file() {
 }
 
 #[test]
-fn what_extends_names_is_a_file_that_is_there() {
+fn extends_must_name_an_existing_file() {
     refused(
         "extends = \"cfg.toml\"\n",
         &[
@@ -120,7 +120,7 @@ fn a_circle_of_files_is_refused() {
 }
 
 #[test]
-fn stages_can_be_left_out_with_what_only_they_take() {
+fn without_leaves_stages_out_with_their_own_inputs() {
     let less = "extends = \"cgf.toml\"\nwithout = [\"screen\", \"dispatch\"]\n";
     let folder = Folder::with(&[("own.toml", less)]);
     let (code, text) = folder.plan("own.toml", &[]);

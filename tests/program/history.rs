@@ -123,7 +123,7 @@ fn newest_counts_finished_runs_only() {
 }
 
 #[test]
-fn a_difference_names_what_differs_and_nothing_else() {
+fn diff_names_the_difference_and_nothing_else() {
     let text = done(lake(), &["diff", "1", "2"]);
     assert!(!text.contains("ingest"), "{text}");
     assert!(!text.contains("inputs"), "{text}");
@@ -207,7 +207,7 @@ fn changed_and_missing_files_are_named_and_equal_bytes_are_no_difference() {
 }
 
 #[test]
-fn lineage_leads_to_the_files_outside_and_to_what_was_made() {
+fn lineage_reaches_source_files_and_results() {
     let overview = done(lake(), &["lineage", "retarget.trajectories"]);
     let lines: Vec<&str> = overview.lines().collect();
     assert!(lines[0].starts_with("retarget.trajectories"), "{overview}");

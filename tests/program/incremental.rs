@@ -107,7 +107,7 @@ fn a_changed_value_reruns_its_stage_and_what_follows_and_plan_names_it() {
 }
 
 #[test]
-fn one_changed_recording_reruns_its_own_units_and_what_gathers_them() {
+fn one_changed_recording_reruns_its_units_and_their_gathers() {
     let bench = Bench::with_own_sample();
     bench.run_well(&["--until", "train"]);
     // The hand is elsewhere in one image of the reach, so the demonstration differs.
@@ -176,7 +176,7 @@ fn planned(bench: &Bench, arguments: &[&str]) -> String {
 const NOTHING: &str = "cached   everything; nothing to run\n";
 
 #[test]
-fn what_is_read_of_a_hand_decides_and_not_its_file() {
+fn the_parsed_hand_decides_and_not_its_bytes() {
     let bench = Bench::new();
     let folder = bench.root().parent().unwrap().join("hands");
     fs::create_dir_all(&folder).unwrap();
@@ -239,7 +239,7 @@ fn what_is_read_of_a_hand_decides_and_not_its_file() {
 }
 
 #[test]
-fn a_renamed_stage_is_told_as_such() {
+fn renamed_stage_is_recognized() {
     let bench = Bench::new();
     let folder = bench.root().parent().unwrap().join("renamed");
     fs::create_dir_all(&folder).unwrap();

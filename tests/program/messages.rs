@@ -215,7 +215,7 @@ fn a_value_of_a_wrong_type_is_shown_in_its_line() {
 }
 
 #[test]
-fn every_wrong_value_of_a_file_is_told_at_once() {
+fn all_wrong_values_of_a_file_are_reported_at_once() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("edited.toml");
     let file = FILES[0]
@@ -378,7 +378,7 @@ fn a_missing_file_gets_the_near_name_and_the_folder_it_was_looked_for_in() {
 }
 
 #[test]
-fn errors_of_the_system_are_told_in_words_and_with_the_path() {
+fn system_errors_are_explained_with_the_path() {
     let folder = TempDir::new().unwrap();
     put(&folder.path().join("file"), "");
     for (arguments, says) in [

@@ -63,7 +63,7 @@ fn the_whole_job_runs_in_a_new_project() {
 }
 
 #[test]
-fn every_pipeline_of_a_new_project_has_what_it_names() {
+fn new_project_contains_every_file_its_pipelines_name() {
     let folder = project();
     let lab = folder.path().join("my_lab");
     put(&lab.join("data/sample/recipe.toml"), &small_recipe());

@@ -73,7 +73,7 @@ impl Drop for PythonCell {
 }
 
 #[test]
-fn a_cell_in_python_carries_out_what_is_dispatched_and_contradictions_are_no_success() {
+fn python_cell_executes_goals_and_contradictions_are_no_success() {
     let Some(python) = python(&["numpy", "zenoh", "blake3"]) else {
         return;
     };
@@ -153,7 +153,7 @@ fn a_dispatcher_in_python_has_a_saved_goal_carried_out_once() {
 }
 
 #[test]
-fn the_readme_shows_what_happens_at_a_cell() {
+fn readme_shows_the_messages_of_a_cell() {
     let Some(python) = python(&["numpy", "zenoh"]) else {
         return;
     };

@@ -37,7 +37,7 @@ fn answer(arguments: &[&str]) -> String {
 const STEPS: &str = "select sequence, step, keypoints_m from demonstrations order by all";
 
 #[test]
-fn everything_is_printed_where_nobody_looks() {
+fn output_without_a_terminal_has_every_row() {
     let table = answer(&[STEPS]);
     let csv = answer(&[STEPS, "--format", "csv"]);
     let json = answer(&[STEPS, "--format", "json"]);
@@ -129,7 +129,7 @@ fn a_wrong_question_gets_the_near_name() {
 }
 
 #[test]
-fn every_wrong_question_is_told_in_one_form() {
+fn every_query_error_has_one_form() {
     for sql in [
         "delete from objects",
         "drop table objects",
@@ -195,7 +195,7 @@ fn questions_only_read() {
 }
 
 #[test]
-fn totals_beside_columns_say_by_what_to_group() {
+fn totals_beside_columns_name_the_columns_to_group_by() {
     let output = ask(&["select object, count(*) from demonstrations"], None);
     assert_eq!(output.status.code(), Some(2));
     let text = stderr(&output);

@@ -214,7 +214,7 @@ fn without_meshes(urdf: &str) -> String {
 
 /// The proposal that `doctor` prints is a table that retargets.
 #[test]
-fn what_doctor_proposes_retargets() {
+fn hand_table_proposed_by_doctor_retargets() {
     let bench = Bench::new();
     let urdf = format!(
         "{}/data/robots/allegro_right.urdf",

@@ -58,7 +58,7 @@ fn a_router_that_stays_away_leaves_the_motion_unknown_and_the_next_run_finds_out
 }
 
 #[test]
-fn a_motion_in_which_the_router_goes_away_is_broken_off_and_told_when_it_is_back() {
+fn motion_is_canceled_when_the_router_goes_away_and_reported_when_it_returns() {
     let mut lab = Lab::behind_a_router();
     let router = lab.router();
     let cell = lab.cell(&[]);
@@ -109,7 +109,7 @@ fn a_second_cell_of_one_name_behind_one_router_does_not_start() {
 }
 
 #[test]
-fn on_a_network_a_dispatcher_shows_its_certificate_and_nobody_else_moves_anything() {
+fn only_a_dispatcher_with_a_certificate_moves_a_networked_cell() {
     let mut lab = Lab::on_a_network();
     let _router = lab.router();
     let cell = lab.cell(&["--fast"]);
@@ -156,7 +156,7 @@ fn watch(endpoint: &str, over: &AtomicBool) -> (Vec<GoalOutcome>, Counts) {
 /// Twenty seconds, or as many as `PIPELINE_WATCH_S` says: `PIPELINE_WATCH_S=600 cargo test --release
 /// --workspace --test program -- --nocapture routing::whoever`.
 #[test]
-fn whoever_watches_misses_no_result_though_the_router_is_killed() {
+fn watcher_misses_no_result_when_the_router_is_killed() {
     let seconds = env::var("PIPELINE_WATCH_S").map_or(20.0, |text| text.parse().unwrap());
     let mut lab = Lab::behind_a_router();
     let mut router = lab.router();

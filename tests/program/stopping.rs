@@ -38,7 +38,7 @@ fn number(lab: &Lab, sql: &str) -> i64 {
 }
 
 #[test]
-fn a_motion_that_is_interrupted_is_canceled_told_and_sent_again_only_where_that_is_asked_for() {
+fn interrupted_motion_is_canceled_reported_and_resent_only_on_request() {
     for name in ["-INT", "-TERM"] {
         let mut lab = Lab::new();
         let cell = lab.cell(&[]);

@@ -19,7 +19,7 @@ fn is_cached(text: &str, stage: &str) -> Option<bool> {
 }
 
 #[test]
-fn every_variant_runs_and_what_is_before_the_difference_runs_once() {
+fn every_variant_runs_and_shared_stages_run_once() {
     let bench = Bench::new();
     let ran = bench.run_well(&KL_WEIGHTS);
     let text = stderr(&ran);

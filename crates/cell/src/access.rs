@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_says_who_one_is_and_nothing_else() {
+    fn access_file_holds_nothing_but_credentials() {
         let good = "{ transport: { link: { tls: { enable_mtls: true } } }, low_pass_filter: [] }";
         assert!(read(good).unwrap().check_listener().is_ok());
         for (text, part) in [

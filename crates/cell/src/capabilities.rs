@@ -78,7 +78,7 @@ pub(crate) enum GoalAnswer {
     Rejected(Rejection),
 }
 
-/// A cell's reply to somebody who wants a motion broken off, or goals taken again, or a report that
+/// A cell's reply to a cancel request, or goals taken again, or a report that
 /// there is not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "answer", deny_unknown_fields)]

@@ -59,7 +59,7 @@ pub enum Recovered {
     Unheard(String),
 }
 
-/// What a cell says to somebody who wants a motion broken off.
+/// What a cell says to a cancel request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Halt {
     /// It is done: nothing moves any more.
@@ -537,7 +537,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_clock_is_wrong_by_what_no_way_of_a_message_explains() {
+    fn clock_offset_is_what_message_delay_cannot_explain() {
         let ahead = |cell_ms: u64| match check_clock(cell_ms, 100_000, 103_000) {
             Err(CellError::Clock { ahead_s }) => Some(ahead_s),
             _ => None,

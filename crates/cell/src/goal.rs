@@ -492,7 +492,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_sealed_opens_as_it_was() {
+    fn sealed_goal_round_trips() {
         let sealed = goal().seal();
         let (again, opened) = SealedGoal::open(&sealed.bytes).unwrap();
         assert_eq!(again, sealed);
@@ -572,7 +572,7 @@ mod tests {
     }
 
     #[test]
-    fn who_sends_a_goal_and_when_does_not_change_it() {
+    fn goal_is_independent_of_sender_and_time() {
         let first = goal().seal();
         let sending = Sending::now("me", Duration::from_secs(1));
         let sent = first.sent(sending.clone());
@@ -587,7 +587,7 @@ mod tests {
     }
 
     #[test]
-    fn a_goal_that_comes_late_is_told_from_clocks_that_differ() {
+    fn late_goal_is_told_apart_from_clock_offset() {
         const NOW: u64 = 1_800_000_000_000;
         let code = |sent: i64, until: i64| {
             let at = |offset: i64| NOW.saturating_add_signed(offset);

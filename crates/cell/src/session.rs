@@ -298,7 +298,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_not_protected_stays_on_this_machine() {
+    fn unprotected_cell_listens_on_loopback_only() {
         for here in ["tcp/127.0.0.1:7447", "tcp/[::1]:7447", "tcp/localhost:7447"] {
             assert!(Endpoint::parse(here).is_ok(), "{here}");
         }
@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn who_listens_to_other_machines_says_whom_they_trust() {
+    fn cell_on_a_network_needs_an_access_file() {
         let refused = listen("tls/0.0.0.0:0", None).map(drop).unwrap_err();
         assert!(matches!(refused, CellError::NoAccess { .. }), "{refused}");
     }

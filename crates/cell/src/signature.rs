@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn a_journal_keeps_its_key_and_shows_it_to_nobody() {
+    fn journal_key_is_private() {
         let folder = tempfile::tempdir().unwrap();
         let key = JournalKey::open(folder.path()).unwrap();
         let again = JournalKey::open(folder.path()).unwrap();

@@ -425,7 +425,7 @@ fn a_state_that_is_damaged_or_of_another_training_changes_nothing() {
 }
 
 #[test]
-fn what_is_kept_back_is_measured_and_not_learned_from() {
+fn held_out_trajectories_are_measured_and_not_trained_on() {
     let trained = |set: &TrainingSet| {
         train(set, &hand(), &network(), &training(5), 7, |_| {})
             .unwrap()

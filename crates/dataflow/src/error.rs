@@ -86,7 +86,7 @@ pub enum Failure {
         source: Advised,
     },
     /// A stage broke one of its own rules.
-    #[error("stage `{stage}` broke off while it made `{partition}`: {message}")]
+    #[error("stage `{stage}` panicked while making `{partition}`: {message}")]
     Panic {
         /// The stage's name.
         stage: String,

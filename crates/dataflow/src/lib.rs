@@ -96,8 +96,8 @@ pub use source::{Location, Source};
 pub use source_file::SourceFile;
 pub use stage::{ConfigOf, Output, OutputOf, Outputs, OwnLine, Stage};
 pub use store::{
-    Making, NewestUnit, NodeRecord, Origin, OutputRecord, RunRecord, RunStatus, Showing,
-    StageRecord, Store, UnitRef, Unkept,
+    Making, NewestUnit, NodeRecord, Origin, OutputRecord, PendingResult, RunRecord, RunStatus,
+    Showing, StageRecord, Store, UnitRef,
 };
 pub use summary::{Summary, Telling, Told};
 pub use sweep::{Sweep, Variant};

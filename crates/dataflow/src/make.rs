@@ -21,7 +21,7 @@ use crate::{
     record::{FileRef, RecordOutcome},
     seed::unit_seed,
     state::{Known, Listing, State, Sure, digest_source},
-    store::{Store, Unkept},
+    store::{PendingResult, Store},
     unit::Unit,
 };
 
@@ -176,7 +176,7 @@ impl<'a> Maker<'a> {
             making.start_over()?;
             return Err(err);
         }
-        let record = making.commit(Unkept {
+        let record = making.commit(PendingResult {
             fingerprint,
             outcome,
         })?;

@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_outside_its_bounds_is_named_with_value_bounds_and_reason() {
+    fn out_of_bounds_option_is_named_with_value_bounds_and_reason() {
         let mut faults = OptionFaults::default();
         faults.within("ok", 3, 1..=3, "");
         faults.above("fine", 1e-9, 0.0, 1.0, "");

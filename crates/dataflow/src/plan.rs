@@ -24,7 +24,7 @@ use crate::{
     outcome::Labels,
     pipeline::Pipeline,
     record::RecordOutcome,
-    state::{Foretold, Known, Listing, State, Sure},
+    state::{Known, LabelsPredicted, Listing, State, Sure},
     store::Store,
     unit::Unit,
 };
@@ -180,8 +180,8 @@ impl Planner<'_> {
         }
         for (unit, foretold) in open.iter().zip(self.state.foretell(node, &open)) {
             let (labels, foretold) = match foretold {
-                Some(labels) => (labels, Foretold::Yes),
-                None => (self.last_labels(node, unit)?, Foretold::No),
+                Some(labels) => (labels, LabelsPredicted::Yes),
+                None => (self.last_labels(node, unit)?, LabelsPredicted::No),
             };
             known.insert(unit.partition.clone(), Known::Open { labels, foretold });
         }

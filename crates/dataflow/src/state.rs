@@ -37,7 +37,7 @@ pub(crate) enum Known {
         /// The labels that it will or may have.
         labels: Labels,
         /// Whether its stage has promised them.
-        foretold: Foretold,
+        foretold: LabelsPredicted,
     },
 }
 
@@ -50,7 +50,7 @@ impl Known {
 
 /// Whether labels are certain before the partition is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Foretold {
+pub(crate) enum LabelsPredicted {
     Yes,
     No,
 }
@@ -188,7 +188,7 @@ impl<'a> State<'a> {
                 Some(outcome) => Known::of(outcome),
                 None => Some(Known::Open {
                     labels: Labels::new(),
-                    foretold: Foretold::No,
+                    foretold: LabelsPredicted::No,
                 }),
             };
             partitions.extend(known.map(|known| (unit.partition.clone(), known)));
@@ -331,7 +331,7 @@ impl<'a> State<'a> {
             Known::Open { .. } if is_denied(source, key) => None,
             Known::Open {
                 labels,
-                foretold: Foretold::Yes,
+                foretold: LabelsPredicted::Yes,
             } => Some(Partition::new(key, labels.clone())),
             Known::Open { labels, .. } => Some(Partition::uncertain(key, labels.clone(), asked)),
         };

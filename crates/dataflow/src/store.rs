@@ -40,12 +40,12 @@ pub trait Making {
     /// # Errors
     ///
     /// Fails if the result cannot be kept; then nothing of it can be seen.
-    fn commit(self: Box<Self>, result: Unkept) -> Result<Record, Advised>;
+    fn commit(self: Box<Self>, result: PendingResult) -> Result<Record, Advised>;
 }
 
 /// A result that is not kept yet.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Unkept {
+pub struct PendingResult {
     /// Everything that it depends on.
     pub fingerprint: Fingerprint,
     /// What the stage said.

@@ -94,7 +94,7 @@ impl Sweep {
         let tables: Vec<_> = tables.map(Value::as_inline_table).collect();
         let tables: Option<Vec<_>> = tables.into_iter().collect();
         let Some(tables) = tables.filter(|_| item.is_array()) else {
-            let message = "`sweep` is no list of tables".to_owned();
+            let message = "`sweep` must be an array of tables".to_owned();
             return Err(problem(message, item.span()).into());
         };
         let mut problems = Vec::new();
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_toml_as_a_whole_is_one_value() {
+    fn override_that_is_valid_toml_is_one_value() {
         check(&["train.network.point_widths=[64, 128]"], &[""]);
         check(&["ingest.root=\"/data/a,b\""], &[""]);
         check(&["a.b={ x = 1, y = 2 }"], &[""]);
@@ -326,7 +326,7 @@ mod tests {
             assert!(shown.contains(&format!("--> x.toml:{line}:")), "{shown}");
             assert!(problem.hint.is_some());
         };
-        check("sweep = 3", 1, "`sweep` is no list of tables");
+        check("sweep = 3", 1, "`sweep` must be an array of tables");
         let no_list = "`a.x` has no list of values to go through";
         check("[[sweep]]\n\"a.x\" = 3", 2, no_list);
         check("[[sweep]]\n\"a.x\" = []", 2, no_list);

@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_it_cannot_use_and_says_where() {
+    fn refuses_unusable_lines_with_their_place() {
         let number = |line, found: &str| GeometryError::NotANumber {
             line,
             found: found.to_owned(),

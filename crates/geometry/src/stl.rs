@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_it_cannot_use_and_says_where() {
+    fn refuses_unusable_lines_with_their_place() {
         let refuses = |bytes: &[u8], expected: &GeometryError| {
             assert_eq!(TriMesh::from_stl(bytes).unwrap_err(), *expected);
         };

@@ -7,7 +7,7 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use dataflow::{Advised, Digest, Making, Outcome, Record, RecordOutcome, Unkept};
+use dataflow::{Advised, Digest, Making, Outcome, PendingResult, Record, RecordOutcome};
 
 use crate::{
     LakeError,
@@ -53,12 +53,12 @@ impl<'a> UnitInTheMaking<'a> {
         })
     }
 
-    fn keep(&self, unkept: Unkept) -> Result<Record, LakeError> {
+    fn keep(&self, pending: PendingResult) -> Result<Record, LakeError> {
         // Nobody collects bytes that this unit is about to need.
         let _shared = self.lake.locks.keep_all()?;
         // From here on the unit is kept even if somebody stops the program.
         let _landing = self.lake.flight.land();
-        let outcome = match unkept.outcome {
+        let outcome = match pending.outcome {
             Outcome::Made(made) => {
                 if let Some((metric, value)) = made.metrics.iter().find(|(_, v)| !v.is_finite()) {
                     return Err(LakeError::Metric {
@@ -83,7 +83,7 @@ impl<'a> UnitInTheMaking<'a> {
             Outcome::Filtered { reason } => RecordOutcome::Filtered { reason },
         };
         let record = Record {
-            fingerprint: unkept.fingerprint,
+            fingerprint: pending.fingerprint,
             outcome,
         };
         let provenance = Provenance {
@@ -138,7 +138,7 @@ impl Making for UnitInTheMaking<'_> {
         Ok(self.remove_resume_folder()?)
     }
 
-    fn commit(self: Box<Self>, result: Unkept) -> Result<Record, Advised> {
+    fn commit(self: Box<Self>, result: PendingResult) -> Result<Record, Advised> {
         Ok(self.keep(result)?)
     }
 }

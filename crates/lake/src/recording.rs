@@ -408,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_written_is_read() {
+    fn written_table_round_trips() {
         let (_folder, path) = recorded();
         let contents = read(&path).unwrap();
         assert_eq!(contents.about["object"], "can");

@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn what_another_process_has_learned_is_kept() {
+    fn digests_cached_by_another_process_are_kept() {
         let folder = tempfile::tempdir().unwrap();
         let (lake, locks) = lake(folder.path());
         let (one, other) = (Sources::new(lake.clone()), Sources::new(lake.clone()));

@@ -4,8 +4,8 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use arrow_array::{ArrayRef, Float64Array, RecordBatch, cast::AsArray, types::Float64Type};
 use dataflow::{
-    Artifact, Fingerprint, Made, NodeName, NodeRecord, Origin, Outcome, OutputRecord, Recipe,
-    RecordOutcome, RunRecord, RunStatus, StageRecord, Store, UnitRef, Unkept,
+    Artifact, Fingerprint, Made, NodeName, NodeRecord, Origin, Outcome, OutputRecord,
+    PendingResult, Recipe, RecordOutcome, RunRecord, RunStatus, StageRecord, Store, UnitRef,
 };
 use lake::{Lake, table};
 use serde_json::json;
@@ -104,7 +104,7 @@ fn every_number_comes_back_from_records_runs_caches_and_tables() {
         ..Made::default()
     };
     let outcome = Outcome::Made(made);
-    let kept = making.commit(Unkept {
+    let kept = making.commit(PendingResult {
         fingerprint: fingerprint.clone(),
         outcome,
     });

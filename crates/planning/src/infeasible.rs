@@ -43,7 +43,7 @@ pub enum Infeasible {
     },
     /// The limits ask for too much time.
     #[error(
-        "within its limits the motion takes {slower:.2} times as long, more than `limits.most_times_slower` = {most}"
+        "within its limits the motion takes {slower:.2} times as long, more than `limits.max_slowdown` = {most}"
     )]
     Slow {
         /// How many times as long.

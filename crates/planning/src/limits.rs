@@ -10,7 +10,7 @@ use spatial::{Peaks, Twist};
 use crate::OptionError;
 
 /// Most times as long as asked for that a motion may take.
-const MOST_TIMES_SLOWER: f64 = 1000.0;
+const MAX_SLOWDOWN: f64 = 1000.0;
 
 /// How fast palm and joints may move; a motion is slowed down until it keeps to this.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -32,7 +32,7 @@ pub struct LimitsConfig {
     pub palm_turn_acceleration_rad_per_s2: f64,
     /// How many times as long as asked for a motion may take; a slower one is not sent: it is
     /// another motion.
-    pub most_times_slower: f64,
+    pub max_slowdown: f64,
 }
 
 impl Default for LimitsConfig {
@@ -49,7 +49,7 @@ impl Default for LimitsConfig {
             palm_acceleration_m_per_s2: 10.0,
             palm_turn_rad_per_s: 3.14,
             palm_turn_acceleration_rad_per_s2: 20.0,
-            most_times_slower: 5.0,
+            max_slowdown: 5.0,
         }
     }
 }
@@ -210,14 +210,14 @@ impl LimitsConfig {
                 return Err(OptionError::new(key, problem));
             }
         }
-        if (1.0..=MOST_TIMES_SLOWER).contains(&self.most_times_slower) {
+        if (1.0..=MAX_SLOWDOWN).contains(&self.max_slowdown) {
             return Ok(());
         }
         let problem = format!(
-            "{:?} is not from 1 to {MOST_TIMES_SLOWER}: a goal holds every point of a motion",
-            self.most_times_slower
+            "{:?} is not from 1 to {MAX_SLOWDOWN}: a goal holds every point of a motion",
+            self.max_slowdown
         );
-        Err(OptionError::new("limits.most_times_slower", problem))
+        Err(OptionError::new("limits.max_slowdown", problem))
     }
 }
 

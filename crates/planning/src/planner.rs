@@ -148,7 +148,7 @@ impl<'a> Planner<'a> {
         let places = (course.duration_s() * self.rates.palm_hz).ceil().max(1.0);
         let places = whole(places).ok_or(Infeasible::Slow {
             slower: f64::INFINITY,
-            most: self.limits.config.most_times_slower,
+            most: self.limits.config.max_slowdown,
         })?;
         for place in 0..=places {
             let time_s = course.duration_s() * place as f64 / places as f64;

@@ -42,7 +42,7 @@ impl Planner<'_> {
     ) -> Result<Feasible, Infeasible> {
         let table_from_object = arm.map_or(*lying, |arm| arm.table_from_object);
         let asked_s = path_s(self.protocol);
-        let most = self.limits.config.most_times_slower;
+        let most = self.limits.config.max_slowdown;
         let whole_s = whole_s(self.protocol);
         let slow = |slower: f64| Infeasible::Slow { slower, most };
         let endless = || slow(f64::INFINITY);

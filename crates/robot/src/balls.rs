@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn the_number_of_balls_is_foretold() {
+    fn ball_count_is_known_beforehand() {
         let half = |x: f64, y: f64, z: f64| Shape::Box {
             half_extents_m: Vector3::new(x, y, z),
         };

@@ -216,7 +216,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_encloses_nothing_is_no_body() {
+    fn mesh_without_volume_is_no_body() {
         let body = cuboid(&Vector3::repeat(0.01));
         let (corners, triangles) = (body.corners_m.clone(), body.triangles.clone());
         assert!(ConvexBody::new(corners.clone(), triangles.clone()).is_some());

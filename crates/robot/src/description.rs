@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_neither_read_nor_shown_changes_nothing() {
+    fn comments_and_whitespace_change_no_form() {
         for (from, to) in [
             ("<!-- a hand -->", "<!-- the hand -->"),
             ("<!-- a hand -->", ""),
@@ -157,14 +157,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_only_drawn_changes_what_is_shown_alone() {
+    fn visuals_and_spelling_change_the_shown_form_alone() {
         assert_eq!(changes("palm &amp; more", "thumb"), [false, true]);
         assert_eq!(changes("simple", "other"), [false, true]);
         assert_eq!(changes("upper=\"1.6\"", "upper=\"1.60\""), [false, true]);
     }
 
     #[test]
-    fn what_is_read_changes_both() {
+    fn kinematics_limits_and_inertia_change_both_forms() {
         for (from, to) in [
             ("upper=\"1.6\"", "upper=\"1.7\""),
             ("0.1 0.1 0.02", "0.1 0.1 0.03"),

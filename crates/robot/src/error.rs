@@ -253,7 +253,7 @@ impl std::fmt::Display for MimicFault {
             Self::Unknown { .. } => "does not exist",
             Self::Fixed => "is fixed",
             Self::Loop => "follows it in turn",
-            Self::NotFinite => "is multiplied beyond every number",
+            Self::NotFinite => "overflows",
         })
     }
 }

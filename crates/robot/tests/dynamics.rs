@@ -377,7 +377,7 @@ fn double_pendulum_moves_by_the_equations_of_lagrange() {
 
 /// What moves several links takes the sum of what each of them takes, by its gearing.
 #[test]
-fn a_joint_takes_what_its_links_take_together() {
+fn joint_force_is_the_sum_over_its_links() {
     let model = RobotModel::from_urdf(ROBOTS[1]).unwrap();
     let bodies = Bodies::new(&model).with_armature(0.01);
     let numbers = |factor: f64| -> Vec<f64> {

@@ -119,7 +119,7 @@ fn arm_and_wrist_are_no_fingers_and_mimic_joints_are_not_counted() {
 }
 
 #[test]
-fn one_chain_is_one_finger_and_what_cannot_move_has_none() {
+fn one_chain_is_one_finger_and_fixed_links_have_none() {
     let xml = format!(
         r#"<robot name="r"><link name="a"/><link name="b"/><link name="c"/>{}{}</robot>"#,
         joint("j", "a", "b", "", ""),

@@ -325,7 +325,7 @@ fn limits_that_are_missing_or_equal_are_read() {
 }
 
 #[test]
-fn rejects_what_cannot_be_followed() {
+fn rejects_infeasible_motions() {
     let mimic = |master: &str| format!(r#"{LIMIT}<mimic joint="{master}" multiplier="1e9"/>"#);
     for (master, reason, hint) in [
         ("j", "follows it in turn", "follow a joint that moves"),

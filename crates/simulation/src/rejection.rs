@@ -121,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hand_whose_joints_are_nowhere_is_not_clear() {
+    fn hand_without_joint_positions_is_not_clear() {
         let model = RobotModel::from_urdf(
             r#"<robot name="h"><link name="palm"/><link name="tip"/>
               <joint name="j" type="continuous"><parent link="palm"/><child link="tip"/></joint>

@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lasts_no_time_stays_at_its_start() {
+    fn zero_duration_stays_at_its_start() {
         let segment = QuinticSegment::new([0.5, -2.0, 3.0], [9.0, 9.0, 9.0], 0.0);
         assert_eq!(segment.range(), [0.5, 0.5]);
         assert_eq!(segment.greatest_speed(0.0), 2.0);

@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_differs_is_named_by_its_key() {
+    fn only_differences_are_named_by_key() {
         let old = json!({"a": 1, "t": {"x": [1, 2], "y": true}, "gone": "z"});
         let new = json!({"a": 1, "t": {"x": [1, 3], "y": true}, "new": 0});
         assert_eq!(

@@ -15,22 +15,22 @@ use robot_meshes::MeshError;
 use stage_retarget::HandTable;
 
 use crate::{
-    outcome::{Outcome, Trouble},
+    outcome::{CommandError, Outcome},
     report,
 };
 
 /// Checks a robot's URDF.
-pub(super) fn check(path: &Path) -> Result<Outcome, Trouble> {
+pub(super) fn check(path: &Path) -> Result<Outcome, CommandError> {
     let shown = path.display();
     let bytes = read(path).map_err(|err| {
-        Trouble::failed(
+        CommandError::failed(
             anyhow::Error::from(err).context(format!("cannot read `{shown}`")),
             Some(format!("give the path of a URDF; {}", missing(path))),
         )
     })?;
     let model = RobotModel::from_urdf_bytes(&bytes).map_err(|err| {
         let hint = err.hint();
-        Trouble::failed(
+        CommandError::failed(
             anyhow::Error::from(err).context(format!("`{shown}` cannot be used")),
             hint,
         )
@@ -73,12 +73,12 @@ pub(super) fn check(path: &Path) -> Result<Outcome, Trouble> {
     let trouble = match (count(Severity::Missing), count(Severity::Wrong)) {
         (0, 0) => return Ok(Outcome::Done),
         (0, n) => {
-            let places = if n == 1 { "place" } else { "places" };
-            format!("`{shown}` describes what cannot be, in {n} {places}")
+            let values = if n == 1 { "value" } else { "values" };
+            format!("`{shown}`: {n} physically impossible {values}")
         }
         (n, _) => format!("`{shown}` cannot be used: {n} missing"),
     };
-    Err(Trouble::failed(anyhow::anyhow!(trouble), None))
+    Err(CommandError::failed(anyhow::anyhow!(trouble), None))
 }
 
 /// Reads no more of a file than a URDF can have, and one byte by which a larger one is known.

@@ -10,7 +10,7 @@ use super::{
     relations::Relations,
     tree::{Group, Limb},
 };
-use crate::outcome::Trouble;
+use crate::outcome::CommandError;
 
 /// One output in the family.
 #[derive(Serialize)]
@@ -45,7 +45,7 @@ pub(super) fn family(
     relations: &Relations,
     node: &NodeName,
     direction: Direction,
-) -> Result<Vec<Member>, Trouble> {
+) -> Result<Vec<Member>, CommandError> {
     let mut all = BTreeMap::new();
     for record in &run.nodes {
         all.insert(record.node.clone(), reads(run, relations, &record.node)?);
@@ -82,7 +82,7 @@ pub(super) fn family(
     Ok(members)
 }
 
-fn reads(run: &RunRecord, relations: &Relations, node: &NodeName) -> Result<Reads, Trouble> {
+fn reads(run: &RunRecord, relations: &Relations, node: &NodeName) -> Result<Reads, CommandError> {
     let mut partitions: BTreeMap<NodeName, BTreeSet<String>> = BTreeMap::new();
     let mut files = BTreeSet::new();
     let records = relations.records(node)?;

@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_are_cut_and_what_comes_again_is_shown_once() {
+    fn lists_are_cut_and_repeats_shown_once() {
         let limbs = [
             limb("root", &[&[1, 2]], 0),
             limb("a", &[&[2]], 6),

@@ -11,7 +11,7 @@ use super::{
     relations::{Read, Relations},
     tree::{Group, Limb},
 };
-use crate::{moments, outcome::Trouble, report};
+use crate::{moments, outcome::CommandError, report};
 
 /// One partition in the family.
 #[derive(Serialize)]
@@ -61,7 +61,7 @@ pub(super) fn family(
     relations: &mut Relations,
     unit: &UnitRef,
     direction: Direction,
-) -> Result<Vec<Member>, Trouble> {
+) -> Result<Vec<Member>, CommandError> {
     let key = (unit.node.clone(), unit.partition.clone());
     let mut positions = BTreeMap::from([(key.clone(), 0)]);
     let mut keys = vec![key];
@@ -105,7 +105,7 @@ fn member(
     node: &NodeName,
     partition: &str,
     direction: Direction,
-) -> Result<Member, Trouble> {
+) -> Result<Member, CommandError> {
     let mut member = Member {
         output: node.to_string(),
         partition: partition.to_owned(),

@@ -4,7 +4,7 @@ use dataflow::nearest;
 use lake::Lake;
 use polars::prelude::*;
 
-use crate::outcome::Trouble;
+use crate::outcome::CommandError;
 
 /// How an error of the parser of SQL begins.
 const PARSER: &str = "sql parser error: ";
@@ -14,9 +14,9 @@ const EXAMPLE: &str =
     "write it as, e.g., `select object, count(*) as n from rollouts group by object`";
 
 /// Says why a question cannot be read.
-pub(super) fn unreadable(text: &str) -> Trouble {
+pub(super) fn unreadable(text: &str) -> CommandError {
     let text = text.strip_prefix(PARSER).unwrap_or(text);
-    Trouble::usage(format!("cannot read the question: {text}"), EXAMPLE)
+    CommandError::usage(format!("cannot read the question: {text}"), EXAMPLE)
 }
 
 /// Says what is wrong with a question; the tables that it names are those that were opened for it.
@@ -25,7 +25,7 @@ pub(super) fn explain(
     sql: &str,
     lake: &Lake,
     tables: &[(String, LazyFrame)],
-) -> Trouble {
+) -> CommandError {
     let text = message(err);
     if let Some(table) = between(&text, "relation '", "' was not found") {
         // What cannot be listed is not needed to say what is wrong.
@@ -34,7 +34,7 @@ pub(super) fn explain(
         names.extend(Lake::history_tables());
         names.sort_unstable();
         let list = format!("the tables are: {}", names.join(", "));
-        return Trouble::usage(
+        return CommandError::usage(
             format!("no table `{table}`"),
             near(table, names.into_iter(), list),
         );
@@ -42,7 +42,7 @@ pub(super) fn explain(
     if let Some(column) = missing_column(&text) {
         let columns = columns(&text, tables);
         let list = format!("the columns are: {}", columns.join(", "));
-        return Trouble::usage(
+        return CommandError::usage(
             format!("no column `{column}`"),
             near(column, columns.iter().map(String::as_str), list),
         );
@@ -53,9 +53,9 @@ pub(super) fn explain(
     let message = format!("cannot answer the question: {text}");
     if is_of_the_lake(innermost(err), sql) {
         let hint = "`pipeline verify` says what is damaged in the lake".to_owned();
-        return Trouble::failed(anyhow::anyhow!(message), Some(hint));
+        return CommandError::failed(anyhow::anyhow!(message), Some(hint));
     }
-    Trouble::usage(message, EXAMPLE)
+    CommandError::usage(message, EXAMPLE)
 }
 
 /// Whether a table could not be read, and not that the question asks what cannot be.

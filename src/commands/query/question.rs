@@ -9,7 +9,7 @@ use sqlparser::{
 };
 
 use super::faults;
-use crate::outcome::Trouble;
+use crate::outcome::CommandError;
 
 /// The functions that make one value of many rows.
 const AGGREGATES: [&str; 26] = [
@@ -42,7 +42,7 @@ const AGGREGATES: [&str; 26] = [
 ];
 
 /// Makes sure that a question only reads, is one, and says by what it groups.
-pub(super) fn check(sql: &str) -> Result<(), Trouble> {
+pub(super) fn check(sql: &str) -> Result<(), CommandError> {
     let statements = parse(sql).map_err(|err| faults::unreadable(&err.to_string()))?;
     match statements.as_slice() {
         [] => Err(faults::unreadable("it is empty")),
@@ -50,7 +50,7 @@ pub(super) fn check(sql: &str) -> Result<(), Trouble> {
             ControlFlow::Break(trouble) => Err(trouble),
             ControlFlow::Continue(()) => Ok(()),
         },
-        several => Err(Trouble::usage(
+        several => Err(CommandError::usage(
             format!("there are {} questions in one", several.len()),
             "ask one after the other",
         )),
@@ -73,9 +73,9 @@ fn parse(sql: &str) -> Result<Vec<Statement>, ParserError> {
 struct Reading;
 
 impl Visitor for Reading {
-    type Break = Trouble;
+    type Break = CommandError;
 
-    fn pre_visit_statement(&mut self, statement: &Statement) -> ControlFlow<Trouble> {
+    fn pre_visit_statement(&mut self, statement: &Statement) -> ControlFlow<CommandError> {
         match statement {
             Statement::Query(_) | Statement::ShowTables { .. } | Statement::Explain { .. } => {
                 ControlFlow::Continue(())
@@ -88,7 +88,7 @@ impl Visitor for Reading {
         }
     }
 
-    fn pre_visit_select(&mut self, select: &Select) -> ControlFlow<Trouble> {
+    fn pre_visit_select(&mut self, select: &Select) -> ControlFlow<CommandError> {
         if select.into.is_some() {
             return ControlFlow::Break(changes("SELECT INTO"));
         }
@@ -96,8 +96,8 @@ impl Visitor for Reading {
     }
 }
 
-fn changes(word: &str) -> Trouble {
-    Trouble::usage(
+fn changes(word: &str) -> CommandError {
+    CommandError::usage(
         format!("`{word}` is refused: questions read tables and change nothing"),
         "ask with SELECT, WITH, VALUES, SHOW TABLES or EXPLAIN; runs make tables, and `pipeline gc` \
          removes what nothing uses",
@@ -105,7 +105,7 @@ fn changes(word: &str) -> Trouble {
 }
 
 /// Finds columns beside the totals over all rows: no row's value would be more right than another's.
-fn ungrouped(select: &Select) -> Option<Trouble> {
+fn ungrouped(select: &Select) -> Option<CommandError> {
     let GroupByExpr::Expressions(keys, _) = &select.group_by else {
         return None;
     };
@@ -138,7 +138,7 @@ fn ungrouped(select: &Select) -> Option<Trouble> {
     } else {
         format!("add `group by {list}`")
     };
-    Some(Trouble::usage(message, hint))
+    Some(CommandError::usage(message, hint))
 }
 
 /// What a list of results names.
@@ -218,7 +218,7 @@ mod tests {
     fn said(sql: &str) -> Option<(String, String)> {
         match check(sql) {
             Ok(()) => None,
-            Err(Trouble::Usage { message, hint }) => Some((message, hint.unwrap())),
+            Err(CommandError::Usage { message, hint }) => Some((message, hint.unwrap())),
             Err(other) => panic!("{other:?}"),
         }
     }
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_changes_something_is_refused_wherever_it_stands() {
+    fn query_that_changes_data_is_refused() {
         for (sql, word) in [
             ("delete from objects", "DELETE"),
             ("DELETE FROM objects WHERE mass_kg > 1", "DELETE"),

@@ -11,7 +11,7 @@ use lake::{Lake, Run, TableFiles};
 use polars::{prelude::*, sql::SQLContext};
 
 use super::{artifacts, faults};
-use crate::{commands::chosen, outcome::Trouble};
+use crate::{commands::chosen, outcome::CommandError};
 
 /// What stands before a table's name to mean the rows of all runs.
 const ALL: &str = "all_";
@@ -36,7 +36,7 @@ impl<'a> Tables<'a> {
     /// read once to make sure that it holds what the records say.
     ///
     /// The tables of artifacts are as `run` had them, or else each as the newest run that made it.
-    pub(super) fn open(lake: &'a Lake, sql: &str, run: Option<&Run>) -> Result<Self, Trouble> {
+    pub(super) fn open(lake: &'a Lake, sql: &str, run: Option<&Run>) -> Result<Self, CommandError> {
         let mut tables = Self {
             lake,
             known: Vec::new(),
@@ -45,7 +45,7 @@ impl<'a> Tables<'a> {
         };
         let names = names(lake, run)?;
         if names.is_empty() {
-            return Err(Trouble::usage(
+            return Err(CommandError::usage(
                 format!("no tables in the lake `{}`", lake.root().display()),
                 format!(
                     "{}, or name another lake with `--lake DIR`",
@@ -101,14 +101,14 @@ impl<'a> Tables<'a> {
     }
 
     /// Answers one question.
-    pub(super) fn answer(mut self, sql: &str) -> Result<DataFrame, Trouble> {
+    pub(super) fn answer(mut self, sql: &str) -> Result<DataFrame, CommandError> {
         let answer = self.context.execute(sql).and_then(LazyFrame::collect);
         answer.map_err(|err| faults::explain(&err, sql, self.lake, &self.known))
     }
 }
 
 /// Names of the artifacts of which there may be a table.
-fn names(lake: &Lake, run: Option<&Run>) -> Result<BTreeSet<String>, Trouble> {
+fn names(lake: &Lake, run: Option<&Run>) -> Result<BTreeSet<String>, CommandError> {
     let mut names = BTreeSet::new();
     let newest = if run.is_some() {
         None
@@ -128,8 +128,8 @@ fn names(lake: &Lake, run: Option<&Run>) -> Result<BTreeSet<String>, Trouble> {
     Ok(names)
 }
 
-fn failed(err: PolarsError) -> Trouble {
-    Trouble::failed(err, None)
+fn failed(err: PolarsError) -> CommandError {
+    CommandError::failed(err, None)
 }
 
 /// Opens a table of runs; the names of the folders of its files give the column of runs.

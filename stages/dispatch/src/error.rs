@@ -73,7 +73,7 @@ pub enum DispatchError {
         /// What was waited for.
         message: String,
     },
-    /// A person had the motion broken off.
+    /// A person canceled the motion.
     #[error(
         "motion `{candidate_id}` was stopped at cell `{cell}` by a person, nothing more is sent: {message} (goal {goal_id})"
     )]

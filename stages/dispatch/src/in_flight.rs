@@ -34,7 +34,7 @@ pub struct MotionInFlight {
     answer: Duration,
 }
 
-/// What came of the wish to have a motion broken off.
+/// The outcome of a cancel request.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Cancellation {
     /// The cell says that nothing of it moves any more.
@@ -103,7 +103,7 @@ impl MotionInFlight {
         self.answer
     }
 
-    /// Has the motion broken off, waits for the cell's word on it, and then until what came of it is
+    /// Cancels the motion, waits for the cell's word on it, and then until what came of it is
     /// written down, if that comes in time.
     pub fn cancel(&self) -> Cancellation {
         let deadline = Instant::now() + self.answer;

@@ -264,7 +264,7 @@ fn motions_that_the_robot_cannot_make_are_rows_and_no_cell_is_asked() {
         |c| {
             c.cell = "tcp/127.0.0.1:9".to_owned();
             c.limits.palm_speed_m_per_s = 0.05;
-            c.limits.most_times_slower = 2.0;
+            c.limits.max_slowdown = 2.0;
         },
         Verdict::Held,
     )
@@ -272,7 +272,7 @@ fn motions_that_the_robot_cannot_make_are_rows_and_no_cell_is_asked() {
     assert_eq!(ran.executions.len(), 3);
     for row in &ran.executions {
         assert_eq!(row.outcome, executions::Outcome::Rejected);
-        assert!(row.message.contains("most_times_slower"), "{}", row.message);
+        assert!(row.message.contains("max_slowdown"), "{}", row.message);
         assert!(row.goal_id.is_empty() && !row.accepted && !row.simulated);
     }
     assert_eq!(
@@ -336,7 +336,7 @@ fn without_an_accepted_motion_the_table_is_empty_and_no_cell_is_asked() {
 }
 
 #[test]
-fn a_cell_that_does_not_answer_is_an_error_that_says_where_and_what_to_do() {
+fn silent_cell_is_an_error_with_endpoint_and_hint() {
     let err = run(
         |c| {
             c.cell = "tcp/127.0.0.1:9".to_owned();

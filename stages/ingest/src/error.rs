@@ -69,7 +69,7 @@ pub enum IngestError {
         reasons: BTreeMap<String, usize>,
     },
     /// Of no recording it can be told what it is about.
-    #[error("none of {found} recordings that the options take says what it is about")]
+    #[error("none of the {found} selected recordings has readable metadata")]
     NoneTold {
         /// Recordings that there are.
         found: usize,

@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn those_that_agree_are_averaged_and_the_others_left_out() {
+    fn agreeing_cameras_are_averaged_and_outliers_left_out() {
         let seen = [hand(0.3), hand(0.0), hand(0.002), hand(0.004), hand(-0.2)];
         let fused = keypoints(&seen, 0.01).unwrap();
         assert_eq!(fused.agreeing_n, 3);
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn one_camera_is_believed_and_two_that_disagree_are_not() {
+    fn one_camera_is_used_and_two_that_disagree_are_refused() {
         assert_eq!(keypoints(&[hand(0.3)], 0.01).unwrap().value, hand(0.3));
         assert!(keypoints(&[hand(0.0), hand(0.3)], 0.01).is_none());
         assert!(keypoints(&[], 0.01).is_none());

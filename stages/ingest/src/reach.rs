@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn says_what_the_recording_lacks() {
+    fn names_the_missing_part_of_a_recording() {
         let check = |change: &dyn Fn(&mut Observation), expected: &str| {
             let mut recording = recording();
             recording.images.iter_mut().for_each(change);

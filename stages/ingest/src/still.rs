@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stays_never_leaves() {
+    fn object_at_rest_never_leaves() {
         assert!(find(&all_seen(lifted(30, 0.0, 0.002, 1)), &RULE).is_none());
         assert!(find(&[None, None], &RULE).is_none());
         assert!(find(&[], &RULE).is_none());

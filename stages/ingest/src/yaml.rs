@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_text_or_indented_by_tabs() {
+    fn refuses_binary_and_tab_indented_files() {
         assert!(parse::<Meta>(META.as_bytes()).is_ok());
         for bad in [&[0xff_u8, 0xfe][..], &[0xc0, 0x80], &[0xed, 0xa0, 0x80]] {
             let [said, _] = refusal(&[META.as_bytes(), bad].concat());
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_rotation() {
+    fn refuses_a_matrix_that_is_no_rotation() {
         let mirrored = [-1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
         assert!(isometry(&mirrored).is_none());
         assert!(isometry(&[f64::NAN; 12]).is_none());

@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn both_losses_follow_and_the_linear_one_heeds_outliers_less() {
+    fn linear_loss_is_robust_to_outliers() {
         let hand = fixture::hand();
         let mut keypoints = fixture::own_points(&hand, &reaching(-0.3, 0.4));
         keypoints[4][2] += 0.15;

@@ -13,7 +13,7 @@
 mod by_verdict;
 mod config;
 mod error;
-mod mistake;
+mod pose_noise;
 mod recording;
 mod smoothness;
 mod stage;

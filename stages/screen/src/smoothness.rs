@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_still_has_no_measure() {
+    fn motionless_hand_has_no_smoothness() {
         assert_eq!(of_channels(&course(|_| 0.4), 0.1), Variation::default());
         assert_eq!(of_vector(&course(|_| 0.4), 0.1), Variation::default());
         assert_eq!(of_channels(&[], 0.1), Variation::default());

@@ -17,7 +17,7 @@ use schemas::{
 use simulation::{ObjectShape, Record, Rollout, SimulationError, Template};
 use spatial::{Object as InObject, Pose, Rest, Table};
 
-use crate::{ScreenConfig, mistake::mistaken_m, smoothness::smoothness};
+use crate::{ScreenConfig, pose_noise::pose_noise_m, smoothness::smoothness};
 
 /// One settled scene per way in which the object lies.
 pub(crate) struct Screening<'a> {
@@ -114,7 +114,7 @@ impl<'a> Screening<'a> {
     ) -> Result<Motion<InObject>, SimulationError> {
         let noise = self.config.pose_noise;
         let mistake = Translation3::from(if noise > 0.0 {
-            mistaken_m(&(self.extent_m * noise), self.seed, idx)
+            pose_noise_m(&(self.extent_m * noise), self.seed, idx)
         } else {
             Vector3::zeros()
         });

@@ -183,10 +183,9 @@ fn train(
     match found {
         Found::Nothing => {}
         Found::Epochs(done) => cx.progress(share(done), &format!("goes on after epoch {done}")),
-        Found::Damaged(why) => cx.progress(
-            0.0,
-            &format!("starts anew, the state left is of no use: {why}"),
-        ),
+        Found::Damaged(why) => {
+            cx.progress(0.0, &format!("restarting: saved state is unusable: {why}"))
+        }
     }
     let started = Instant::now();
     while !trainer.is_done() {

@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn encoders_add_what_they_are_said_to() {
+    fn encoder_noise_has_the_configured_deviation() {
         let mut noise = EncoderNoise::of("goal", 0.01);
         let drawn: Vec<f64> = (0..2000).flat_map(|_| noise.step(16)).collect();
         let n = drawn.len() as f64;

@@ -444,7 +444,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_written_down_is_not_taken() {
+    fn goal_is_rejected_when_the_journal_cannot_be_written() {
         let folder = tempfile::tempdir().unwrap();
         let mut journal = Journal::open(folder.path()).unwrap();
         // A folder stands where the goal's file would.

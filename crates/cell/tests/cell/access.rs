@@ -87,7 +87,7 @@ impl People {
 }
 
 #[test]
-fn a_dispatcher_who_is_known_has_a_goal_executed() {
+fn authenticated_dispatcher_has_its_goal_executed() {
     let papers = People::new();
     for way in WAYS {
         let router = papers.router(way);
@@ -104,7 +104,7 @@ fn a_dispatcher_who_is_known_has_a_goal_executed() {
 }
 
 #[test]
-fn a_cell_that_listens_itself_asks_who_is_there() {
+fn listening_cell_authenticates_its_peers() {
     let papers = People::new();
     let config = SimulatedCellConfig {
         name: "simulated".to_owned(),
@@ -134,7 +134,7 @@ fn a_cell_that_listens_itself_asks_who_is_there() {
 }
 
 #[test]
-fn somebody_who_is_not_known_is_not_let_in() {
+fn unauthenticated_peer_is_refused() {
     let papers = People::new();
     let others = People::new();
     for way in WAYS {
@@ -180,7 +180,7 @@ fn somebody_who_is_not_known_is_not_let_in() {
 }
 
 #[test]
-fn somebody_who_watches_sees_everything_and_moves_nothing() {
+fn watcher_sees_everything_and_moves_nothing() {
     let papers = People::new();
     for way in WAYS {
         let router = papers.router(way);
@@ -249,7 +249,7 @@ fn somebody_who_watches_sees_everything_and_moves_nothing() {
 }
 
 #[test]
-fn the_heartbeat_of_somebody_who_watches_keeps_nothing_moving() {
+fn heartbeat_of_a_watcher_keeps_no_motion_alive() {
     let papers = People::new();
     let way = "certificates";
     let router = papers.router(way);

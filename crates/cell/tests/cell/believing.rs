@@ -73,7 +73,7 @@ fn config(gap: Gap) -> SimulatedCellConfig {
     }
 }
 
-/// Has a motion broken off by a person after so many seconds.
+/// Cancels a motion by a person after so many seconds.
 fn broken_off_after(until_s: f64, sample: &cell::Sample) -> Option<BrokenOff> {
     (sample.time_s > until_s).then(|| BrokenOff {
         outcome: Outcome::Stopped,
@@ -95,7 +95,7 @@ fn success() -> Loose {
 }
 
 #[test]
-fn what_a_cell_says_of_what_it_did_is_believed() {
+fn consistent_report_is_accepted() {
     let gaps = [
         Gap::default(),
         Gap {
@@ -134,7 +134,7 @@ fn what_a_cell_says_of_what_it_did_is_believed() {
 }
 
 #[test]
-fn what_an_arm_did_is_believed_and_its_joints_are_in_the_goals_order() {
+fn arm_report_is_accepted_in_the_goal_s_joint_order() {
     let asked = carried::carried();
     let robot = joints_of(ARM);
     for gap in [
@@ -444,7 +444,7 @@ const CHANGES: &[Change] = &[
 ];
 
 #[test]
-fn a_report_that_contradicts_itself_is_not_believed() {
+fn contradictory_report_is_refused() {
     assert_eq!(success().refused(), None);
     for (what, change, said) in CHANGES {
         let mut report = success();
@@ -469,7 +469,7 @@ fn a_motion_that_did_not_succeed_is_no_success() {
 }
 
 #[test]
-fn nobody_records_what_contradicts_itself() {
+fn contradictory_outcome_is_never_recorded() {
     let router = Router::start(LISTEN, None).unwrap();
     let keys = Keys::new("simulated").unwrap();
     let key = Key::new(1);
@@ -510,7 +510,7 @@ fn nobody_records_what_contradicts_itself() {
 }
 
 #[test]
-fn a_contradiction_is_told_with_its_numbers() {
+fn contradiction_names_its_numbers() {
     let far = Contradiction::Lift {
         said_m: -5.0,
         shown_m: 0.1,

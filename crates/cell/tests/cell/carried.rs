@@ -127,7 +127,7 @@ fn the_palm_is_where_the_arm_has_it() {
 }
 
 #[test]
-fn what_the_arm_cannot_do_is_rejected_with_a_reason() {
+fn motion_beyond_the_arm_is_rejected_with_a_reason() {
     let cell = start();
     let client = connect(&cell);
     let check = |change: fn(&mut JointTrack), code: RejectionCode, reason: &str| {

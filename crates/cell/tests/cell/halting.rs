@@ -86,7 +86,7 @@ fn a_motion_that_is_canceled_stops_where_it_is_and_the_hand_holds() {
 }
 
 #[test]
-fn a_motion_whose_dispatcher_falls_silent_stops_within_three_tenths_of_a_second() {
+fn motion_stops_within_300_ms_of_a_lost_heartbeat() {
     let cell = start_with(in_real_time());
     let keys = Keys::new("simulated").unwrap();
     // Somebody who sends a goal and is never heard again, and others who are.
@@ -141,7 +141,7 @@ fn a_heartbeat_lets_a_motion_in_real_time_come_to_its_end() {
 }
 
 #[test]
-fn a_cell_that_was_stopped_takes_nothing_until_it_is_told_to_resume() {
+fn stopped_cell_rejects_goals_until_resumed() {
     let cell = start();
     let client = connect(&cell);
     assert_eq!(client.stop(SOON).unwrap(), Halt::Done);

@@ -11,7 +11,7 @@ use zenoh::Wait;
 use crate::lab::{GRIPPER, LISTEN, SOON, connect, execute, goal, robot, scene, start, start_with};
 
 #[test]
-fn a_cell_started_again_tells_what_it_did_and_does_not_do_it_again() {
+fn restarted_cell_reports_past_goals_and_repeats_none() {
     let folder = tempfile::tempdir().unwrap();
     let service = || Service {
         journal: Some(folder.path().join("journal")),

@@ -77,7 +77,7 @@ fn a_goal_sent_twice_is_executed_once_and_answered_twice() {
 }
 
 #[test]
-fn what_the_robot_cannot_do_is_rejected_with_a_reason() {
+fn motion_beyond_the_robot_is_rejected_with_a_reason() {
     let cell = start();
     let client = connect(&cell);
     let check = |change: fn(&mut Goal), code: RejectionCode, reason: &str| {
@@ -191,7 +191,7 @@ fn what_the_robot_cannot_do_is_rejected_with_a_reason() {
 }
 
 #[test]
-fn a_palm_flies_within_what_the_cell_says() {
+fn palm_keeps_the_limits_of_the_cell() {
     let cell = start();
     let client = connect(&cell);
     let palm = client.capabilities(SOON).unwrap().palm.unwrap();
@@ -360,7 +360,7 @@ fn a_hand_that_would_touch_nothing_starts_no_cell() {
 }
 
 #[test]
-fn a_taken_port_is_an_error_that_says_what_to_do() {
+fn port_in_use_is_an_error_with_a_hint() {
     let cell = start();
     let config = SimulatedCellConfig {
         name: "second".to_owned(),

@@ -82,7 +82,7 @@ fn refused(client: &CellClient, key: &str) -> Option<String> {
 }
 
 #[test]
-fn whoever_else_answers_decides_nothing_and_is_named() {
+fn answers_of_other_peers_are_ignored_and_named() {
     let liar = Key::new(7);
     for (key, glad) in bodies() {
         for way in ["unsigned", "signed by another", "said before"] {
@@ -115,7 +115,7 @@ fn whoever_else_answers_decides_nothing_and_is_named() {
 }
 
 #[test]
-fn a_stranger_whom_nobody_contradicts_is_no_cell() {
+fn unknown_responder_is_no_cell() {
     // The router is no cell of this name.
     let router = router();
     for (key, glad) in bodies() {
@@ -141,7 +141,7 @@ fn a_stranger_whom_nobody_contradicts_is_no_cell() {
 }
 
 #[test]
-fn a_cell_made_by_the_page_is_believed() {
+fn cell_that_follows_the_protocol_page_passes_every_check() {
     let router = router();
     let key = Key::new(1);
     let mut cell = Somebody::at(router.endpoint());
@@ -177,7 +177,7 @@ fn capabilities_of(answer: impl Fn(&Key) -> Value + Send + Sync + 'static) -> Ce
 }
 
 #[test]
-fn what_a_cell_says_of_itself_is_checked_before_anything_is_sent() {
+fn capabilities_are_checked_before_any_goal_is_sent() {
     fn with(key: &Key, name: &str, value: Value) -> Value {
         let mut said = capabilities(key);
         said[name] = value;
@@ -203,7 +203,7 @@ fn what_a_cell_says_of_itself_is_checked_before_anything_is_sent() {
 }
 
 #[test]
-fn a_cell_of_the_version_before_is_told_from_a_stranger() {
+fn previous_protocol_version_is_told_apart_from_an_unknown_peer() {
     let answered = |text: &'static str| {
         let router = router();
         let mut cell = Somebody::at(router.endpoint());
@@ -384,7 +384,7 @@ fn a_cell_that_takes_a_goal_and_falls_silent_leaves_it_unknown() {
 }
 
 #[test]
-fn whoever_watches_takes_no_outcome_from_two() {
+fn watcher_refuses_two_cells_of_one_name() {
     let cell = start();
     let mut stranger = Somebody::at(cell.endpoint());
     let key = Key::new(7);

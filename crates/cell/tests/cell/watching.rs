@@ -56,7 +56,7 @@ fn follow_each_other(states: &[State]) {
 }
 
 #[test]
-fn who_joins_late_sees_what_was_before() {
+fn late_subscriber_sees_past_outcomes() {
     let cell = start_with(Service {
         real_time: true,
         ..Service::default()
@@ -83,7 +83,7 @@ fn who_joins_late_sees_what_was_before() {
 }
 
 #[test]
-fn outcomes_are_told_in_their_order_also_after_the_cell_was_started_again() {
+fn outcomes_keep_their_order_across_a_restart() {
     let folder = tempfile::tempdir().unwrap();
     let service = || Service {
         journal: Some(folder.path().to_owned()),
@@ -116,7 +116,7 @@ fn outcomes_are_told_in_their_order_also_after_the_cell_was_started_again() {
 }
 
 #[test]
-fn what_is_lost_is_asked_for_and_counted_where_it_is_gone() {
+fn lost_messages_are_requested_again_and_counted() {
     // The simulated cell only forwards here: another program is the cell `scripted`.
     let forwards = start();
     let (session, _) = subscribe(forwards.endpoint(), "nothing", SOON).unwrap();

@@ -112,7 +112,7 @@ fn every_motion_is_measured_in_its_own_surroundings() {
 }
 
 #[test]
-fn what_is_turned_is_as_deep() {
+fn penetration_depth_is_rotation_invariant() {
     let turn = UnitQuaternion::from_euler_angles(0.3, -0.2, 1.1);
     let before = row([0.03, 0.0, 0.06], [0.2, 0.01]);
     let mut after = before.clone();

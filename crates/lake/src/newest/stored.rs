@@ -202,7 +202,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_written_is_read() {
+    fn written_table_round_trips() {
         let folder = tempfile::tempdir().unwrap();
         let lake = Folder::new(folder.path());
         std::fs::create_dir(lake.staging()).unwrap();

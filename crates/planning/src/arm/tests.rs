@@ -199,7 +199,7 @@ fn check_rates(path: &ArmPath<'_>, course: &Course<Object>, share: f64) {
 
 /// What a motion of the arm's joints makes of the palm, the arm can follow, and well.
 #[test]
-fn the_arm_follows_what_it_can() {
+fn arm_follows_reachable_motions() {
     let arm = arm(&config());
     let mut runner = TestRunner::deterministic();
     let mut followed = 0;
@@ -240,7 +240,7 @@ fn told_arms_keep_every_limit_between_two_points() {
         ..protocol()
     };
     let limits = LimitsConfig {
-        most_times_slower: 1e3,
+        max_slowdown: 1e3,
         ..LimitsConfig::default()
     };
     let (config, hand) = (config(), hand());

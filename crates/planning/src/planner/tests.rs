@@ -51,7 +51,7 @@ fn config(approach: Approach) -> Config {
             ..protocol()
         },
         limits: LimitsConfig {
-            most_times_slower: 1e3,
+            max_slowdown: 1e3,
             ..LimitsConfig::default()
         },
         rates: RatesConfig::default(),
@@ -411,9 +411,9 @@ fn what_cannot_be_made_is_infeasible_with_its_reason() {
     assert!(table.starts_with("link `palm` would be"), "{table}");
     let slow = refused(&|config, _| {
         config.limits.palm_speed_m_per_s = 0.01;
-        config.limits.most_times_slower = 5.0;
+        config.limits.max_slowdown = 5.0;
     });
-    assert!(slow.contains("most_times_slower"), "{slow}");
+    assert!(slow.contains("max_slowdown"), "{slow}");
 }
 
 #[test]
@@ -450,8 +450,8 @@ fn limits_that_make_no_sense_are_named() {
         "limits.joint_acceleration_rad_per_s2",
     );
     named(
-        &refused(|c| c.limits.most_times_slower = 0.5),
-        "limits.most_times_slower",
+        &refused(|c| c.limits.max_slowdown = 0.5),
+        "limits.max_slowdown",
     );
     named(
         &refused(|c| c.grasp.flexion_joints = vec!["jq".to_owned()]),

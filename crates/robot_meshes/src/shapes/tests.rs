@@ -158,7 +158,7 @@ fn a_mesh_that_is_not_convex_becomes_several_bodies() {
 }
 
 #[test]
-fn what_cannot_be_had_is_an_error_that_says_what_to_do() {
+fn unavailable_device_is_an_error_with_a_hint() {
     let cuboid = cuboid();
     let flat = cuboid.scaled(&Vector3::new(1.0, 1.0, 0.0));
     let cut = &stl_binary(&cuboid)[..300];

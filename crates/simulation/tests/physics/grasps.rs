@@ -97,7 +97,7 @@ fn cuboid(sides: &str) -> ConvexBody {
 }
 
 #[test]
-fn a_hand_of_meshes_holds_what_one_of_boxes_holds() {
+fn mesh_hand_holds_the_same_grasps_as_a_box_hand() {
     let unread = hand_of_meshes();
     let build = |hand: &RobotModel| Template::new(&scene(), hand, &can(), &upright());
     let refused = build(&unread).err().unwrap();
@@ -293,7 +293,7 @@ fn the_same_rollout_has_the_same_bytes() {
 }
 
 #[test]
-fn what_explodes_is_a_divergence_and_no_success() {
+fn exploding_simulation_is_a_divergence() {
     let check = |time_step_s: f64, motion: &Motion<Object, ()>| {
         let mut scene = scene();
         scene.time_step_s = time_step_s;

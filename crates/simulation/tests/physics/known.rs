@@ -71,7 +71,7 @@ fn pulled(name: &str, closed: f64, pull: PullConfig) -> Rollout {
 }
 
 #[test]
-fn what_is_grasped_all_around_withstands_pulls_in_six_directions() {
+fn enclosing_grasp_withstands_pulls_in_six_directions() {
     for (name, closed) in CLOSED {
         let rollout = pulled(name, closed, PullConfig::default());
         assert_eq!(rollout.verdict, Verdict::Held, "{name}: {rollout:?}");
@@ -96,7 +96,7 @@ fn a_pull_beyond_the_strength_of_the_fingers_tears_the_can_away() {
 }
 
 #[test]
-fn what_lies_in_open_fingers_is_pulled_away() {
+fn object_in_open_fingers_is_pulled_away() {
     for (name, _) in CLOSED {
         let rollout = pulled(name, 0.2, PullConfig::default());
         let lost = matches!(rollout.verdict, Verdict::Slipped | Verdict::Dropped);

@@ -73,7 +73,7 @@ fn shortcuts_spare_steps_and_change_no_verdict() {
 }
 
 #[test]
-fn a_recorded_rollout_is_carried_out_to_its_end() {
+fn recorded_rollout_runs_to_its_end() {
     let mut scene = scene();
     scene.shortcuts = Shortcuts::ALL;
     let (_, can, rest) = bodies().remove(0);

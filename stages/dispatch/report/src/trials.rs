@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_by_cell_and_what_was_not_sent_is_no_trial() {
+    fn rows_are_by_cell_and_unsent_motions_are_no_trials() {
         use executions::Outcome::{Aborted, Rejected, Stopped, Succeeded, Unknown};
         let mut all: Vec<Execution> = [Rejected, Succeeded, Succeeded, Unknown, Stopped]
             .map(|outcome| execution("lab", false, outcome))

@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_numpy_does_not_write() {
+    fn refuses_headers_numpy_does_not_write() {
         for text in [
             "",
             "{}",

@@ -219,7 +219,7 @@ fn elements_of_other_types_are_named() {
 }
 
 #[test]
-fn other_shapes_are_told() {
+fn wrong_shapes_are_refused() {
     for (shape, found) in [
         ("(3, 2)", "[3, 2]"),
         ("(6,)", "[6]"),
@@ -273,7 +273,7 @@ fn headers_that_are_none_are_refused() {
 }
 
 #[test]
-fn what_unpacks_to_a_gigabyte_is_not_unpacked() {
+fn zip_bomb_is_not_unpacked() {
     let mut bomb = Cursor::new(Vec::new());
     let mut zip = ZipWriter::new(&mut bomb);
     let options = FileOptions::default().large_file(true);
@@ -329,7 +329,7 @@ fn a_directory_that_promises_much_reserves_nothing() {
 }
 
 #[test]
-fn what_the_directory_and_the_header_say_differently_is_refused() {
+fn mismatched_zip_directory_and_header_are_refused() {
     let file = deflated(&good());
     let differs = "its header differs";
     refuses(&patch_local(&file, 30, b"b"), differs);
@@ -352,7 +352,7 @@ fn what_the_directory_and_the_header_say_differently_is_refused() {
 }
 
 #[test]
-fn what_numpy_never_writes_is_refused() {
+fn arrays_numpy_never_writes_are_refused() {
     let file = deflated(&good());
     for flag in [1, 1 << 5, 1 << 6] {
         refuses(&patch_both(&file, 6, &[flag, 0]), "encrypted or patched");

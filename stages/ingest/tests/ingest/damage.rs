@@ -133,7 +133,7 @@ fn a_grasped_object_that_is_not_the_one_that_moves() {
 }
 
 #[test]
-fn what_is_said_about_a_recording() {
+fn unreadable_recordings_are_named_with_the_fault() {
     check(
         &|root| fs::write(sequence(root, "meta.yml"), "serials: [").unwrap(),
         &["meta.yml`: "],
@@ -223,7 +223,7 @@ fn cameras_and_calibration() {
 }
 
 #[test]
-fn a_lost_camera_is_missed_by_nobody() {
+fn result_is_unchanged_without_one_camera() {
     let root = dataset(&Rig::default());
     fs::remove_dir_all(sequence(root.path(), "840412060917")).unwrap();
     // Nor are single images of another.

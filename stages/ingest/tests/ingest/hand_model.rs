@@ -75,7 +75,7 @@ fn without_labels_the_hand_model_gives_the_landmarks() {
 }
 
 #[test]
-fn what_a_hand_model_lacks_is_named_where_it_is_needed() {
+fn missing_part_of_a_hand_model_is_named() {
     for (file, expected) in [("mano.yml", "mano.yml`"), ("pose.npz", "no `pose.npz`")] {
         let (root, models) = (dataset(&Rig::default()), models());
         let path = match file {

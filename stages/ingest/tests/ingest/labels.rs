@@ -42,7 +42,7 @@ const POSES: [f32; 24] = [
 ];
 
 #[test]
-fn marks_for_what_is_not_there_become_none() {
+fn missing_value_marks_become_none() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("labels.npz");
     let mut file = write(&path, &JOINTS, &POSES);
@@ -64,7 +64,7 @@ fn marks_for_what_is_not_there_become_none() {
 }
 
 #[test]
-fn what_cannot_be_read_names_the_file() {
+fn unreadable_file_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("labels.npz");
     let check = |file: &SourceFile, expected: &str| {

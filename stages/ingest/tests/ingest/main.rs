@@ -128,7 +128,7 @@ fn cameras_that_disagree_are_outvoted() {
 }
 
 #[test]
-fn two_cameras_that_disagree_are_not_believed() {
+fn two_cameras_that_disagree_are_refused() {
     let bench = make(&Rig {
         cameras: 2,
         wrong: vec![1],

@@ -59,7 +59,7 @@ fn an_object_of_unknown_mass_is_refused_with_the_way_out() {
 }
 
 #[test]
-fn an_object_that_nobody_grasped_comes_from_a_mesh_and_a_mass() {
+fn ungrasped_object_is_made_from_mesh_and_mass() {
     let root = dataset(&Rig::default());
     let mesh = root.path().join("teapot.obj");
     fs::write(&mesh, brick([0.1, 0.1, 0.3])).unwrap();

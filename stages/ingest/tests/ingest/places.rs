@@ -157,7 +157,7 @@ fn whole(err: &IngestError) -> String {
 }
 
 #[test]
-fn what_is_no_such_file_is_told_at_once() {
+fn wrong_file_type_is_refused_at_once() {
     let rights_count = rights_count();
     let sequence = Rig::sequence(Path::new(""));
     let label = Rig::label(Path::new(""), 5);
@@ -213,7 +213,7 @@ fn what_is_no_such_file_is_told_at_once() {
 }
 
 #[test]
-fn a_folder_that_may_not_be_looked_into_is_told() {
+fn unreadable_folder_is_named() {
     if !rights_count() {
         return;
     }
@@ -242,7 +242,7 @@ fn a_folder_that_may_not_be_looked_into_is_told() {
 }
 
 #[test]
-fn a_name_that_is_not_utf8_is_told() {
+fn non_utf8_name_is_refused() {
     use std::ffi::OsStr;
     let sequence = Rig::sequence(Path::new(""));
     let label = Rig::label(Path::new(""), 5);
@@ -274,7 +274,7 @@ fn a_name_that_is_not_utf8_is_told() {
 }
 
 #[test]
-fn a_root_too_deep_or_too_high_is_told_with_the_right_one() {
+fn wrong_dataset_root_is_refused_with_the_right_one() {
     let outer = tempfile::tempdir().unwrap();
     let root = outer.path().join("download/dexycb");
     Rig {

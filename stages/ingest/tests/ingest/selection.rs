@@ -135,7 +135,7 @@ fn a_split_by_trials_needs_all_of_them() {
 }
 
 #[test]
-fn what_is_left_out_is_not_read() {
+fn filtered_recordings_are_not_read() {
     let root = dataset(&Rig {
         side: "left",
         ..Rig::default()

@@ -170,7 +170,7 @@ fn the_hand_turns_about_its_wrist_at_rest_and_is_translated_afterwards() {
 }
 
 #[test]
-fn a_joint_turns_what_comes_after_it_and_nothing_else() {
+fn joint_moves_its_descendants_alone() {
     let flat = golden().flat.remove(0);
     let model = model("right.pkl");
     let hand = model.shaped(&[0.0; 10]);

@@ -448,7 +448,7 @@ fn dense(model: &RobotModel, case: &Case) -> f64 {
 }
 
 #[test]
-fn fingers_are_blocks_and_what_crosses_them_is_the_trunk() {
+fn fingers_are_blocks_and_shared_columns_are_the_trunk() {
     let model = made_up();
     let hand = CompiledHand::new(&model, Root::Free, &attached(&model)).unwrap();
     let names = model.joint_names();
@@ -550,7 +550,7 @@ fn fingers_without_another_side_are_searched_once() {
 }
 
 #[test]
-fn refuses_what_does_not_fit() {
+fn refuses_tasks_that_do_not_fit_the_hand() {
     let model = made_up();
     let hand = CompiledHand::new(&model, Root::Free, &attached(&model)).unwrap();
     let mut solver = Solver::new(&hand);

@@ -139,7 +139,7 @@ fn the_reach_of_the_other_hand_is_skipped() {
 }
 
 #[test]
-fn a_landmark_that_is_no_number_is_told() {
+fn non_finite_landmark_is_refused() {
     let mut shown = demonstration();
     let table = fixture::table();
     assert_eq!(retargeted::unusable(&shown, &table), None);
@@ -181,7 +181,7 @@ fn a_missing_link_is_named_with_the_files_and_near_names() {
 }
 
 #[test]
-fn a_table_that_is_none_is_told_with_its_line() {
+fn value_in_place_of_a_table_is_refused_with_its_line() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = fixture::config();
     config.hand_table = with_table(folder.path(), "scale =", "size =");

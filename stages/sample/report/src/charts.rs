@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn demonstrations_are_compared_where_the_object_lies_as_in_what_was_drawn() {
+    fn demonstrations_are_compared_in_the_orientation_of_the_draw() {
         let grasp = step(1.0, 0.0);
         let drawn = [0.0, 1.5].map(|tilt_rad| Motion {
             table_from_object: rest(tilt_rad).table_from_object(),

@@ -423,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn one_unit_reads_what_was_screened() {
+    fn one_unit_reads_all_rollouts() {
         let partition = |key: &str| Partition::new(key, BTreeMap::new());
         let scope = Scope::new(BTreeMap::from([
             (

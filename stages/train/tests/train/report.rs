@@ -131,7 +131,7 @@ fn losses_of_every_epoch_are_shown() {
 }
 
 #[test]
-fn every_motion_is_compared_with_what_became_of_it() {
+fn every_motion_is_compared_with_its_execution() {
     let trained = Trained::new(unseen());
     let (made_of, charts, made) = trained.table_of::<ReconstructionReport, Reconstruction>();
     let Reconstruction { joints, rows } = made_of;

@@ -1,11 +1,11 @@
-//! By how much the place of an object is mistaken, in a study of that.
+//! Noise on the place of an object, for the study of noise.
 
 use nalgebra::Vector3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Draws a shift from the normal distribution with these deviations in meters, for one item of a seed.
-pub(crate) fn mistaken_m(deviation_m: &Vector3<f64>, seed: u64, item: usize) -> Vector3<f64> {
+pub(crate) fn pose_noise_m(deviation_m: &Vector3<f64>, seed: u64, item: usize) -> Vector3<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(item as u64);
     deviation_m.map(|deviation| {
@@ -23,7 +23,9 @@ mod tests {
     fn shifts_have_their_deviation_and_each_item_its_own() {
         let deviation = Vector3::new(0.01, 0.1, 0.0);
         let n = 4000;
-        let shifts: Vec<_> = (0..n).map(|item| mistaken_m(&deviation, 7, item)).collect();
+        let shifts: Vec<_> = (0..n)
+            .map(|item| pose_noise_m(&deviation, 7, item))
+            .collect();
         let mean: Vector3<f64> = shifts.iter().sum::<Vector3<f64>>() / n as f64;
         let squares: Vector3<f64> = shifts.iter().map(|shift| shift.component_mul(shift)).sum();
         for axis in 0..3 {
@@ -34,7 +36,7 @@ mod tests {
             );
             assert!(mean[axis].abs() <= 0.06 * deviation[axis]);
         }
-        assert_eq!(mistaken_m(&deviation, 7, 3), shifts[3]);
-        assert_ne!(mistaken_m(&deviation, 8, 3), shifts[3]);
+        assert_eq!(pose_noise_m(&deviation, 7, 3), shifts[3]);
+        assert_ne!(pose_noise_m(&deviation, 8, 3), shifts[3]);
     }
 }
