@@ -1,6 +1,7 @@
 //! Why a table is not what its schema says.
 
 use arrow_schema::ArrowError;
+use nalgebra::{Unit, Vector3};
 use spatial::NotAPose;
 
 /// Why a table is not what its schema says.
@@ -67,6 +68,17 @@ impl SchemaError {
             column: column.to_owned(),
             message,
         }
+    }
+
+    /// Returns the direction that a column holds.
+    pub(crate) fn check_direction(
+        column: &str,
+        vector: [f64; 3],
+    ) -> Result<Unit<Vector3<f64>>, Self> {
+        /// Directions are written as unit vectors.
+        const SHORTEST: f64 = 0.5;
+        Unit::try_new(Vector3::from(vector), SHORTEST)
+            .ok_or_else(|| Self::invalid(column, format!("{vector:?} is no direction")))
     }
 
     /// Checks that a list of a column has as many entries as it must: joint positions, for example.

@@ -165,7 +165,7 @@ impl Row {
             self.mirror_error_m.as_slice(),
         ) {
             (&[normal], &[offset_m], &[error_m]) => Ok(Some(Mirror {
-                normal: Unit::new_normalize(Vector3::from(normal)),
+                normal: SchemaError::check_direction("mirror_normal", normal)?,
                 offset_m,
                 error_m,
             })),
@@ -190,7 +190,7 @@ impl Row {
         let rest = |idx: usize| {
             Ok(RestingOrientation {
                 rest: Rest {
-                    up_in_object: Unit::new_normalize(Vector3::from(self.rest_up[idx])),
+                    up_in_object: SchemaError::check_direction("rest_up", self.rest_up[idx])?,
                     height_m: self.rest_height_m[idx],
                 },
                 seen_n: count("rest_seen_n", self.rest_seen_n[idx])?,

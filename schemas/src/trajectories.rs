@@ -164,6 +164,10 @@ impl Table for Trajectory {
         let reader = Reader::new(batch, Self::VERSION)?;
         let first: Row = reader.first()?;
         let joints = reader.joints()?;
+        let (keypoints, tips) = (reader.names(KEYPOINTS), reader.names(TIPS));
+        let of_points = |column, errors: Vec<f64>, names: &[String]| {
+            SchemaError::check_length(column, "errors", &errors, names.len()).map(|()| errors)
+        };
         let of_joints = |column, numbers: Vec<f64>| {
             SchemaError::check_length(column, "joint positions", &numbers, joints.len())
                 .map(|()| numbers)
@@ -186,8 +190,12 @@ impl Table for Trajectory {
                     },
                 },
                 tracking: Tracking {
-                    keypoint_errors_m: row.keypoint_errors_m,
-                    tip_errors_m: row.tip_errors_m,
+                    keypoint_errors_m: of_points(
+                        "keypoint_errors_m",
+                        row.keypoint_errors_m,
+                        &keypoints,
+                    )?,
+                    tip_errors_m: of_points("tip_errors_m", row.tip_errors_m, &tips)?,
                     contact_gaps_m: row.contact_gaps_m,
                     limit_margin_rad: row.limit_margin_rad,
                     penetration_m: row.penetration_m,
@@ -199,8 +207,8 @@ impl Table for Trajectory {
         Ok(Self {
             sequence: sequence.to_owned(),
             object: first.object,
-            keypoints: reader.names(KEYPOINTS),
-            tips: reader.names(TIPS),
+            keypoints,
+            tips,
             joints,
             rest: first.rest,
             steps,

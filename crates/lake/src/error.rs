@@ -103,6 +103,14 @@ pub enum LakeError {
         /// Why not.
         source: SchemaError,
     },
+    /// A unit was given more than it reads: the plan is not its stage's.
+    #[error("the unit reads {found} partitions of {what}, expected one")]
+    SeveralInputs {
+        /// The input, e.g. `candidates`.
+        what: &'static str,
+        /// Partitions given.
+        found: usize,
+    },
     /// A unit was given less than it reads: the plan is not its stage's.
     #[error("the unit reads no {what}")]
     MissingInput {
@@ -180,6 +188,7 @@ impl Advise for LakeError {
             | Self::Json { .. }
             | Self::Rows { .. }
             | Self::MissingInput { .. }
+            | Self::SeveralInputs { .. }
             | Self::Metric { .. } => None,
         }
     }

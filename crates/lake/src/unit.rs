@@ -11,33 +11,32 @@ use crate::{LakeError, atomic::io_error, table};
 
 /// Typed access to what a unit reads.
 pub trait ReadInputs {
-    /// Returns the only partition of an input, or the first one.
+    /// Returns the only partition of an input.
     ///
     /// # Errors
     ///
-    /// Fails if the unit reads no partition of it.
+    /// Fails if the unit reads none or several of it.
     fn artifact(&self, input: &'static str) -> Result<&Artifact, LakeError>;
 
-    /// Returns a file outside the lake by its number among those of the unit; `what` is its name in the
-    /// error.
+    /// Returns a file outside the lake by its name in the fingerprint, e.g. `hand`.
     ///
     /// # Errors
     ///
-    /// Fails if the unit reads fewer files.
-    fn source(&self, number: usize, what: &'static str) -> Result<&SourceFile, LakeError>;
+    /// Fails if the unit reads no such file.
+    fn source(&self, name: &'static str) -> Result<&SourceFile, LakeError>;
 
     /// Reads the only partition of the input named like the table.
     ///
     /// # Errors
     ///
-    /// Fails if there is none, or it cannot be read.
+    /// Fails if there is none, if there are several, or it cannot be read.
     fn one<T: Table>(&self) -> Result<T, LakeError>;
 
     /// Reads the only partition of the input named like the table; `None` if there is none.
     ///
     /// # Errors
     ///
-    /// Fails if it cannot be read.
+    /// Fails if there are several, or it cannot be read.
     fn optional<T: Table>(&self) -> Result<Option<T>, LakeError>;
 
     /// Reads every partition of the input named like the table, in the order in which the unit names
@@ -51,13 +50,12 @@ pub trait ReadInputs {
 
 impl ReadInputs for Inputs {
     fn artifact(&self, input: &'static str) -> Result<&Artifact, LakeError> {
-        let first = self.artifacts(input).first();
-        first.ok_or(LakeError::MissingInput { what: input })
+        at_most_one(self, input)?.ok_or(LakeError::MissingInput { what: input })
     }
 
-    fn source(&self, number: usize, what: &'static str) -> Result<&SourceFile, LakeError> {
-        let file = self.files().get(number);
-        file.ok_or(LakeError::MissingInput { what })
+    fn source(&self, name: &'static str) -> Result<&SourceFile, LakeError> {
+        let file = self.files().iter().find(|file| file.name == name);
+        file.ok_or(LakeError::MissingInput { what: name })
     }
 
     fn one<T: Table>(&self) -> Result<T, LakeError> {
@@ -65,11 +63,25 @@ impl ReadInputs for Inputs {
     }
 
     fn optional<T: Table>(&self) -> Result<Option<T>, LakeError> {
-        self.artifacts(T::NAME).first().map(table::read).transpose()
+        at_most_one(self, T::NAME)?.map(table::read).transpose()
     }
 
     fn all<T: Table>(&self) -> Result<Vec<T>, LakeError> {
         self.artifacts(T::NAME).iter().map(table::read).collect()
+    }
+}
+
+fn at_most_one<'a>(
+    inputs: &'a Inputs,
+    input: &'static str,
+) -> Result<Option<&'a Artifact>, LakeError> {
+    match inputs.artifacts(input) {
+        [] => Ok(None),
+        [only] => Ok(Some(only)),
+        several => Err(LakeError::SeveralInputs {
+            what: input,
+            found: several.len(),
+        }),
     }
 }
 

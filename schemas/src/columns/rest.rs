@@ -1,6 +1,5 @@
 //! How an object lies, as columns.
 
-use nalgebra::{Unit, Vector3};
 use spatial::Rest;
 
 use super::{Flatten, columns};
@@ -26,7 +25,7 @@ impl Flatten for Rest {
 
     fn from_flat(flat: Flat) -> Result<Self, SchemaError> {
         Ok(Self {
-            up_in_object: Unit::new_normalize(Vector3::from(flat.rest_up)),
+            up_in_object: SchemaError::check_direction("rest_up", flat.rest_up)?,
             height_m: flat.rest_height_m,
         })
     }

@@ -5,7 +5,7 @@
 //! only the first exists may have moved the robot: that cell is asked what it knows of it, before anything
 //! else is sent.
 
-use std::{fs, path::PathBuf};
+use std::{fs, io::ErrorKind, path::PathBuf};
 
 use cell::{Goal, Report, UncheckedReport};
 use lake::LakeError;
@@ -47,8 +47,9 @@ impl Journal {
         }
         match fs::read_to_string(self.file(&goal_id, "sent")) {
             Ok(journal) => Past::Sent(journal),
-            Err(_) if self.file(&goal_id, "sent").exists() => Past::Sent(String::new()),
-            Err(_) => Past::New,
+            Err(err) if err.kind() == ErrorKind::NotFound => Past::New,
+            // Of a note that cannot be read, only that the goal may have been sent is known.
+            Err(_) => Past::Sent(String::new()),
         }
     }
 

@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use cell::robot_digest;
 use nalgebra::Isometry3;
-use planning::{ArmSetup, Planner, Setup};
+use planning::{ArmConfig, ArmSetup, Planner, Setup};
 use robot::RobotModel;
 
 use crate::{DispatchConfig, DispatchError};
@@ -27,24 +27,22 @@ pub(crate) struct ArmRobot {
 }
 
 impl Robots {
-    /// Reads the URDFs of the hand and, if the options have an arm, of that.
+    /// Reads the URDFs of the hand and, if the options have an arm, of that, which lies where `arm` says.
     pub(crate) fn load(
         config: &DispatchConfig,
         hand: &Path,
-        arm: Option<&Path>,
+        arm: impl FnOnce(&ArmConfig) -> Result<&Path, DispatchError>,
     ) -> Result<Self, DispatchError> {
         let (hand_urdf, hand) = read(hand)?;
-        let arm = match (&config.arm, arm) {
-            (Some(options), Some(path)) => {
-                let (urdf, model) = read(path)?;
-                Some(ArmRobot {
-                    model,
-                    urdf,
-                    table_from_base: *options.table_from_base()?.isometry(),
-                })
-            }
-            _ => None,
+        let arm_robot = |options| {
+            let (urdf, model) = read(arm(options)?)?;
+            Ok::<_, DispatchError>(ArmRobot {
+                model,
+                urdf,
+                table_from_base: *options.table_from_base()?.isometry(),
+            })
         };
+        let arm = config.arm.as_ref().map(arm_robot).transpose()?;
         Ok(Self {
             hand,
             hand_urdf,

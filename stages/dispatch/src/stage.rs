@@ -83,8 +83,7 @@ impl Stage for Dispatch {
 
     /// Checks the robot's URDF, and that it can do what the options say.
     fn prepare(config: &DispatchConfig) -> Result<(), DispatchError> {
-        let arm = config.arm.as_ref().map(|arm| arm.robot.as_path());
-        let robots = Robots::load(config, &config.hand, arm)?;
+        let robots = Robots::load(config, &config.hand, |arm| Ok(arm.robot.as_path()))?;
         JointNames::new(&config.joint_names, robots.whole())?;
         robots.planner(config).map(drop)
     }
@@ -149,8 +148,8 @@ impl Output for Dispatch {
         let sent = if motions.is_empty() {
             Sent::default()
         } else {
-            let hand = &inputs.source(0, "URDF of a hand")?.path;
-            let arm = inputs.files().get(1).map(|file| file.path.as_path());
+            let hand = &inputs.source("hand")?.path;
+            let arm = |_: &ArmConfig| Ok(inputs.source("arm.robot")?.path.as_path());
             let robots = Robots::load(config, hand, arm)?;
             send(config, &robots, &object, &candidates, &motions, cx)?
         };

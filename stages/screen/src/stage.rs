@@ -111,7 +111,7 @@ impl Output for Screen {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome<ScreenMetrics>, ScreenError> {
-        let urdf = inputs.source(0, "URDF of a hand")?;
+        let urdf = inputs.source("hand")?;
         let (xml, model) = load_hand(&urdf.path)?;
         let candidates: Candidates = inputs.one()?;
         let Some(object) = inputs.optional::<Object>()? else {

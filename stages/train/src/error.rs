@@ -27,6 +27,18 @@ pub enum TrainError {
         /// The objects that there are.
         known: Vec<String>,
     },
+    /// A trajectory's maker did not label it with its object.
+    #[error("trajectory `{sequence}` has no label `object`")]
+    NoObject {
+        /// The trajectory's sequence.
+        sequence: String,
+    },
+    /// An object has no resting orientation.
+    #[error("object `{object}` has no resting orientation")]
+    NoRests {
+        /// The object.
+        object: String,
+    },
     /// The hand's description cannot be read.
     #[error("cannot read the hand's description `{}`", path.display())]
     Hand {
@@ -99,7 +111,7 @@ impl Advise for TrainError {
             }
             Self::Lake(err) => err.hint(),
             Self::HandMesh(err) => err.hint(),
-            Self::BadField { .. } => {
+            Self::BadField { .. } | Self::NoObject { .. } | Self::NoRests { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Cgf(CgfError::Diverged { .. }) => {

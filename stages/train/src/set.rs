@@ -55,7 +55,7 @@ pub fn read(
                 object: trajectory.object.clone(),
                 known: known.keys().cloned().collect(),
             })?;
-        let (idx, rest) = nearest_rest(object, &trajectory.rest);
+        let (idx, rest) = nearest_rest(object, &trajectory.rest)?;
         let scene = *scenes.entry((object.name.clone(), idx)).or_insert_with(|| {
             set.scenes.push(scene(object, rest));
             set.scenes.len() - 1
@@ -105,9 +105,8 @@ fn hold_out(set: &mut TrainingSet, share: f64, seed: u64) {
     }
 }
 
-/// Returns the object's resting orientation whose up direction is nearest to the recorded one; the
-/// recorded one itself if the object has none.
-fn nearest_rest(object: &Object, recorded: &Rest) -> (usize, Rest) {
+/// Returns the object's resting orientation whose up direction is nearest to the recorded one.
+fn nearest_rest(object: &Object, recorded: &Rest) -> Result<(usize, Rest), TrainError> {
     let agreement = |rest: &Rest| rest.up_in_object.dot(&recorded.up_in_object);
     object
         .rests
@@ -115,7 +114,9 @@ fn nearest_rest(object: &Object, recorded: &Rest) -> (usize, Rest) {
         .map(|orientation| orientation.rest)
         .enumerate()
         .max_by(|(_, a), (_, b)| agreement(a).total_cmp(&agreement(b)))
-        .unwrap_or((0, *recorded))
+        .ok_or_else(|| TrainError::NoRests {
+            object: object.name.clone(),
+        })
 }
 
 fn scene(object: &Object, rest: Rest) -> Scene {

@@ -99,7 +99,11 @@ impl Output for Train {
         let mut keys = Vec::new();
         let mut learns = false;
         for trajectory in trajectories {
-            let object = trajectory.label("object").unwrap_or_default();
+            let object = trajectory
+                .label("object")
+                .ok_or_else(|| TrainError::NoObject {
+                    sequence: trajectory.key.clone(),
+                })?;
             if config.takes(object) {
                 objects.insert(object.to_owned());
                 keys.push(trajectory.key.clone());
@@ -131,7 +135,7 @@ impl Output for Train {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome<TrainMetrics>, TrainError> {
-        let hand = Arc::new(hand(config, inputs)?);
+        let hand = Arc::new(hand(inputs)?);
         let set = set::read(config, inputs, &hand.joint_names(), cx.seed())?;
         let trained = train(config, &set, &hand, cx)?;
         for (cgf, files) in [
@@ -150,9 +154,8 @@ impl Output for Train {
 /// # Errors
 ///
 /// Fails if its description or a mesh of it cannot be read.
-pub fn hand(config: &TrainConfig, inputs: &Inputs) -> Result<RobotModel, TrainError> {
-    let given = inputs.files().first();
-    read_hand(given.map_or(&config.hand, |file| &file.path))
+pub fn hand(inputs: &Inputs) -> Result<RobotModel, TrainError> {
+    read_hand(&inputs.source("hand")?.path)
 }
 
 fn read_hand(path: &Path) -> Result<RobotModel, TrainError> {

@@ -134,7 +134,7 @@ impl Journal {
                 continue;
             }
             let Some(id) = id else { continue };
-            if !file.with_extension(REPORT).exists() {
+            if !file.with_extension(REPORT).try_exists().map_err(failed)? {
                 let message = "the cell went down during this motion; look at the robot";
                 let report = Report::unknown(id, message.to_owned()).to_bytes();
                 lake::write_whole(&file.with_extension(REPORT), &report)

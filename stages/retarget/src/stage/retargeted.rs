@@ -29,8 +29,8 @@ pub(super) fn make(
     inputs: &Inputs,
     cx: &Context,
 ) -> Result<Outcome<TrajectoryMetrics>, RetargetError> {
-    let urdf = inputs.source(0, "URDF of a hand")?;
-    let table = inputs.source(1, "table of a hand")?;
+    let urdf = inputs.source("hand")?;
+    let table = inputs.source("hand_table")?;
     let LoadedHand { urdf, hand, table } = load_hand(&urdf.path, &table.path)?;
     let demonstration: Demonstration = inputs.one()?;
     if let Some(reason) = unusable(&demonstration, &table) {

@@ -114,7 +114,7 @@ impl Output for SamplingReport {
             ));
         };
         let field = read_field(field)?;
-        let (_, hand) = read_hand(&inputs.source(0, "URDF of a hand")?.path)?;
+        let (_, hand) = read_hand(&inputs.source("hand")?.path)?;
         let shown = inputs
             .artifacts(Trajectory::NAME)
             .iter()

@@ -17,6 +17,12 @@ pub enum TrainReportError {
     /// The hand has another number of joints than a motion.
     #[error(transparent)]
     Dof(#[from] WrongDof),
+    /// The checkpoint does not know a trajectory.
+    #[error("the checkpoint was not trained with trajectory `{sequence}` in view")]
+    UnknownTrajectory {
+        /// The trajectory's sequence.
+        sequence: String,
+    },
     /// A chart's data is not as it should be.
     #[error(transparent)]
     Chart(#[from] ChartError),
@@ -44,14 +50,14 @@ impl Advise for TrainReportError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::Train(err) => err.hint(),
-            Self::Dof(_) | Self::Chart(_) => None,
+            Self::Dof(_) | Self::Chart(_) | Self::UnknownTrajectory { .. } => None,
         }
     }
 
     fn lacks(&self) -> Option<&'static str> {
         match self {
             Self::Train(err) => err.lacks(),
-            Self::Dof(_) | Self::Chart(_) => None,
+            Self::Dof(_) | Self::Chart(_) | Self::UnknownTrajectory { .. } => None,
         }
     }
 }

@@ -102,7 +102,7 @@ impl Output for ReconstructionReport {
         let (model, files) = (inputs.artifact(checkpoint::NAME)?, checkpoint::LAST);
         let cgf = Cgf::load(model.path(files.weights)?, model.path(files.description)?)?;
         let description = cgf.description();
-        let hand = Arc::new(hand(config, inputs)?);
+        let hand = Arc::new(hand(inputs)?);
         cgf.check_hand(&hand.joint_names())?;
         let tips = tips(description, &hand)?;
         let set = set::read(config, inputs, &hand.joint_names(), cx.seed())?;
@@ -115,9 +115,11 @@ impl Output for ReconstructionReport {
         let mut all = Vec::new();
         for track in &set.tracks {
             // Which motions were learned from is what the training says, not what this would draw.
-            let Some(demonstration) = known.get(track.name.as_str()) else {
-                continue;
-            };
+            let demonstration = known.get(track.name.as_str()).ok_or_else(|| {
+                TrainReportError::UnknownTrajectory {
+                    sequence: track.name.clone(),
+                }
+            })?;
             let feature = match features.entry(track.scene) {
                 std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
                 std::collections::btree_map::Entry::Vacant(entry) => {
