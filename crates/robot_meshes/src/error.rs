@@ -1,14 +1,14 @@
-//! Why a mesh that a robot collides with cannot be used.
+//! Why a robot cannot be loaded.
 
 use std::{io, path::PathBuf};
 
 use geometry::GeometryError;
 use robot::RobotError;
 
-/// Why a mesh that a robot collides with cannot be used.
+/// Why a robot cannot be loaded from its URDF and meshes.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum MeshError {
+pub enum LoadError {
     /// The URDF that names the meshes cannot be read.
     #[error("cannot read the URDF `{}`", path.display())]
     ReadUrdf {
@@ -65,11 +65,15 @@ pub enum MeshError {
     },
 }
 
-impl MeshError {
+impl LoadError {
     /// Says what to do next, if that is known.
     pub fn hint(&self) -> Option<String> {
         match self {
-            Self::ReadUrdf { .. } | Self::Read { .. } => None,
+            Self::ReadUrdf { path, .. } => Some(format!(
+                "name the URDF of a robot; {}",
+                dataflow::missing(path)
+            )),
+            Self::Read { .. } => None,
             Self::Urdf { source, .. } => source.hint(),
             Self::Missing { .. } => Some(
                 "put it where the URDF says, relative to it or to a folder above it that has the \

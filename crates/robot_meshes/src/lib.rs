@@ -1,10 +1,9 @@
-//! The meshes that a URDF names: where they lie, and the convex parts that a robot collides with.
+//! Robots loaded from their files: a URDF, and the meshes that it names, as convex parts.
 //!
 //! ```no_run
 //! let path = std::path::Path::new("my_hand.urdf");
-//! let model = robot::RobotModel::from_urdf(&std::fs::read_to_string(path)?)?;
-//! let model = robot_meshes::with_mesh_shapes(model, path)?;
-//! assert!(model.without_mesh_shape().is_none());
+//! let hand = robot_meshes::load(path)?;
+//! assert!(hand.model.without_mesh_shape().is_none());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -14,11 +13,13 @@
 //! and a program makes them once.
 
 mod error;
+mod load;
 mod place;
 mod shapes;
 mod sources;
 
-pub use error::MeshError;
+pub use error::LoadError;
+pub use load::{LoadedRobot, load};
 pub use place::find;
 pub use shapes::{convex_bodies, with_mesh_shapes};
 pub use sources::sources;

@@ -10,7 +10,7 @@ use std::{
 use geometry::{GeometryError, TriMesh, convex_parts};
 use robot::{ConvexBody, Mesh, RobotModel};
 
-use crate::{MeshError, place};
+use crate::{LoadError, place};
 
 /// Most convex parts of one mesh: links of hands are nearly convex but for the palm, and every part
 /// costs time wherever something may touch it.
@@ -21,7 +21,7 @@ const MAX_PARTS: usize = 8;
 /// # Errors
 ///
 /// Fails if one is not there, is not read here, or has no volume.
-pub fn with_mesh_shapes(model: RobotModel, urdf: &Path) -> Result<RobotModel, MeshError> {
+pub fn with_mesh_shapes(model: RobotModel, urdf: &Path) -> Result<RobotModel, LoadError> {
     model.with_mesh_shapes(|link, mesh| convex_bodies(link, mesh, urdf))
 }
 
@@ -30,18 +30,18 @@ pub fn with_mesh_shapes(model: RobotModel, urdf: &Path) -> Result<RobotModel, Me
 /// # Errors
 ///
 /// Fails if it is not there, is not read here, or has no volume.
-pub fn convex_bodies(link: &str, mesh: &Mesh, urdf: &Path) -> Result<Vec<ConvexBody>, MeshError> {
+pub fn convex_bodies(link: &str, mesh: &Mesh, urdf: &Path) -> Result<Vec<ConvexBody>, LoadError> {
     let path = path(link, mesh, urdf)?;
-    let kind = Kind::of(&path).ok_or_else(|| MeshError::Kind {
+    let kind = Kind::of(&path).ok_or_else(|| LoadError::Kind {
         link: link.to_owned(),
         path: path.clone(),
     })?;
-    let bytes = fs::read(&path).map_err(|source| MeshError::Read {
+    let bytes = fs::read(&path).map_err(|source| LoadError::Read {
         link: link.to_owned(),
         path: path.clone(),
         source,
     })?;
-    made_once(&bytes, kind, mesh).map_err(|source| MeshError::Mesh {
+    made_once(&bytes, kind, mesh).map_err(|source| LoadError::Mesh {
         link: link.to_owned(),
         path,
         source,
@@ -49,8 +49,8 @@ pub fn convex_bodies(link: &str, mesh: &Mesh, urdf: &Path) -> Result<Vec<ConvexB
 }
 
 /// Returns where a mesh of a link lies.
-pub(crate) fn path(link: &str, mesh: &Mesh, urdf: &Path) -> Result<PathBuf, MeshError> {
-    place::find(&mesh.file, urdf).ok_or_else(|| MeshError::Missing {
+pub(crate) fn path(link: &str, mesh: &Mesh, urdf: &Path) -> Result<PathBuf, LoadError> {
+    place::find(&mesh.file, urdf).ok_or_else(|| LoadError::Missing {
         link: link.to_owned(),
         file: mesh.file.clone(),
         urdf: urdf.to_owned(),

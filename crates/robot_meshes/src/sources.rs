@@ -1,11 +1,10 @@
 //! The files of which a robot's shapes are made.
 
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{collections::BTreeMap, path::Path};
 
 use dataflow::SourceFile;
-use robot::RobotModel;
 
-use crate::{MeshError, shapes};
+use crate::{LoadError, load::without_meshes, shapes};
 
 /// Returns the meshes that the robot of a URDF collides with, each once and by the name that the URDF
 /// gives it: what a unit reads beside the URDF.
@@ -13,15 +12,8 @@ use crate::{MeshError, shapes};
 /// # Errors
 ///
 /// Fails if the URDF cannot be read or a mesh is not there.
-pub fn sources(urdf: &Path) -> Result<Vec<SourceFile>, MeshError> {
-    let xml = fs::read_to_string(urdf).map_err(|source| MeshError::ReadUrdf {
-        path: urdf.to_owned(),
-        source,
-    })?;
-    let model = RobotModel::from_urdf(&xml).map_err(|source| MeshError::Urdf {
-        path: urdf.to_owned(),
-        source,
-    })?;
+pub fn sources(urdf: &Path) -> Result<Vec<SourceFile>, LoadError> {
+    let (_, model) = without_meshes(urdf)?;
     let mut files: BTreeMap<String, SourceFile> = BTreeMap::new();
     for link in model.links() {
         for mesh in link.meshes.iter().filter(|mesh| mesh.is_collision) {
@@ -99,6 +91,6 @@ mod tests {
         ];
         assert_eq!(listed, expected);
         fs::remove_file(&two).unwrap();
-        assert!(matches!(sources(&urdf), Err(MeshError::Missing { .. })));
+        assert!(matches!(sources(&urdf), Err(LoadError::Missing { .. })));
     }
 }

@@ -11,7 +11,7 @@ use std::{
 
 use dataflow::missing;
 use robot::{Bodies, Finding, MAX_URDF_BYTES, Mesh, Part, RobotModel, Severity};
-use robot_meshes::MeshError;
+use robot_meshes::LoadError;
 use stage_retarget::HandTable;
 
 use crate::{
@@ -223,11 +223,11 @@ fn with_mesh_shapes(model: RobotModel, urdf: &Path) -> (RobotModel, Vec<Finding>
     (model, findings)
 }
 
-fn missing_shape(link: &str, mesh: &Mesh, err: MeshError) -> Finding {
+fn missing_shape(link: &str, mesh: &Mesh, err: LoadError) -> Finding {
     let advice = err.hint().unwrap_or_default();
     let file = &mesh.file;
     let problem = match err {
-        MeshError::Missing { .. } => format!("collides with the mesh `{file}`, which is not there"),
+        LoadError::Missing { .. } => format!("collides with the mesh `{file}`, which is not there"),
         err => format!(
             "collides with the mesh `{file}`, which cannot be used: {}",
             report::chain(&anyhow::Error::from(err))

@@ -163,7 +163,7 @@ pub fn simulated_cell(
 ) -> Result<SimulatedCellConfig, DispatchError> {
     let arm = config.arm.as_ref().map(|options| {
         let urdf =
-            fs::read_to_string(&options.robot).map_err(|source| DispatchError::ReadHand {
+            fs::read_to_string(&options.robot).map_err(|source| LoadError::ReadUrdf {
                 path: options.robot.clone(),
                 source,
             })?;

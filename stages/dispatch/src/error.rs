@@ -7,7 +7,7 @@ use dataflow::{Advise, missing};
 use lake::LakeError;
 use planning::OptionError;
 use robot::RobotError;
-use robot_meshes::MeshError;
+use robot_meshes::LoadError;
 
 /// Why motions could not be dispatched; a motion that fails is a row of `executions`.
 #[derive(Debug, thiserror::Error)]
@@ -21,25 +21,9 @@ pub enum DispatchError {
         /// What is wrong.
         problem: String,
     },
-    /// The hand's URDF cannot be read.
-    #[error("cannot read the hand's URDF `{}`", path.display())]
-    ReadHand {
-        /// The file.
-        path: PathBuf,
-        /// Why it failed.
-        source: io::Error,
-    },
-    /// The hand's URDF cannot be used.
-    #[error("cannot use the hand's URDF `{}`: {source}", path.display())]
-    Hand {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: RobotError,
-    },
-    /// The shape of a link cannot be had from its mesh.
+    /// The robot cannot be loaded.
     #[error(transparent)]
-    Mesh(#[from] MeshError),
+    LoadRobot(#[from] LoadError),
     /// The cell cannot be reached or started.
     #[error(transparent)]
     Cell(#[from] CellError),
@@ -132,16 +116,11 @@ impl Advise for DispatchError {
             Self::BadOption { .. } => {
                 Some("`pipeline stages dispatch` lists every option with its unit".to_owned())
             }
-            Self::ReadHand { path, .. } => Some(format!(
-                "set `hand` to the URDF of a robot hand; {}",
-                missing(path)
-            )),
-            Self::Hand { source, .. } => source.hint(),
             Self::Cell(CellError::PortTaken { .. }) => Some(
                 "end it, or take any free port with `--set dispatch.listen=tcp/127.0.0.1:0`".to_owned(),
             ),
             Self::Cell(err) => err.hint(),
-            Self::Mesh(err) => err.hint(),
+            Self::LoadRobot(err) => err.hint(),
             Self::OtherRobot { .. } => Some(
                 "set `hand` of every stage to the URDF that the cell was started with".to_owned(),
             ),

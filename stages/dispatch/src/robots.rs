@@ -33,9 +33,9 @@ impl Robots {
         hand: &Path,
         arm: impl FnOnce(&ArmConfig) -> Result<&Path, DispatchError>,
     ) -> Result<Self, DispatchError> {
-        let (hand_urdf, hand) = read(hand)?;
+        let hand = robot_meshes::load(hand)?;
         let arm_robot = |options| {
-            let (urdf, model) = read(arm(options)?)?;
+            let LoadedRobot { urdf, model } = robot_meshes::load(arm(options)?)?;
             Ok::<_, DispatchError>(ArmRobot {
                 model,
                 urdf,
@@ -44,8 +44,8 @@ impl Robots {
         };
         let arm = config.arm.as_ref().map(arm_robot).transpose()?;
         Ok(Self {
-            hand,
-            hand_urdf,
+            hand: hand.model,
+            hand_urdf: hand.urdf,
             arm,
         })
     }
@@ -86,19 +86,6 @@ impl Robots {
     }
 }
 
-fn read(path: &Path) -> Result<(String, RobotModel), DispatchError> {
-    let urdf = fs::read_to_string(path).map_err(|source| DispatchError::ReadHand {
-        path: path.to_owned(),
-        source,
-    })?;
-    let model = RobotModel::from_urdf(&urdf).map_err(|source| DispatchError::Hand {
-        path: path.to_owned(),
-        source,
-    })?;
-    let model = robot_meshes::with_mesh_shapes(model, path)?;
-    Ok((urdf, model))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -118,8 +105,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("arm.urdf");
         fs::write(&path, of_mesh.concat()).unwrap();
-        let refused = read(&path).unwrap_err();
-        assert!(matches!(refused, DispatchError::Mesh(_)), "{refused}");
+        let refused = robot_meshes::load(&path).unwrap_err();
+        assert!(matches!(refused, LoadError::Missing { .. }), "{refused}");
         assert!(
             refused.to_string().contains("`meshes/none.stl`"),
             "{refused}"

@@ -5,7 +5,7 @@ use std::{io, path::PathBuf};
 use dataflow::{Advise, missing};
 use lake::LakeError;
 use robot::{RobotError, WrongDof};
-use robot_meshes::MeshError;
+use robot_meshes::LoadError;
 
 use crate::solver::SolverError;
 
@@ -13,11 +13,9 @@ use crate::solver::SolverError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RetargetError {
-    /// The hand's URDF or its table cannot be read.
-    #[error("cannot read the hand's {what} `{}`", path.display())]
-    ReadHand {
-        /// `URDF` or `table`.
-        what: &'static str,
+    /// The hand's table cannot be read.
+    #[error("cannot read the hand's table `{}`", path.display())]
+    ReadHandTable {
         /// The file.
         path: PathBuf,
         /// Why it failed.
@@ -37,9 +35,9 @@ pub enum RetargetError {
     /// A trajectory has another number of joints than the hand.
     #[error("a trajectory cannot be recorded: {0}")]
     Dof(#[from] WrongDof),
-    /// The shape of a link cannot be had from its mesh.
+    /// The robot cannot be loaded.
     #[error(transparent)]
-    HandMesh(#[from] MeshError),
+    LoadRobot(#[from] LoadError),
     /// Nothing of the robot moves.
     #[error("the robot has no joint that moves")]
     NoJoint,
@@ -117,9 +115,8 @@ pub enum RetargetError {
 impl Advise for RetargetError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::ReadHand { what, path, .. } => Some(format!(
-                "set `{}` to the {what} of a robot hand; {}",
-                if *what == "URDF" { "hand" } else { "hand_table" },
+            Self::ReadHandTable { path, .. } => Some(format!(
+                "set `hand_table` to the table of a robot hand; {}",
                 missing(path)
             )),
             Self::NotAHandTable { .. } | Self::BadHandTable { .. } => Some(
@@ -131,7 +128,7 @@ impl Advise for RetargetError {
                 Some("the Allegro hand's URDF is `data/robots/allegro_right.urdf`".to_owned())
             }),
             Self::Robot(err) => err.hint(),
-            Self::HandMesh(err) => err.hint(),
+            Self::LoadRobot(err) => err.hint(),
             Self::NoJoint => Some(
                 "give its joints a type that moves: revolute, continuous or prismatic".to_owned(),
             ),

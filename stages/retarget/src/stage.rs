@@ -9,7 +9,7 @@ use dataflow::{
     Code, Context, Form, Inputs, Labels, OptionFault, Options, Outcome, Output, Outputs, Scope,
     SourceFile, Stage, Unit, labels,
 };
-use robot::RobotModel;
+use robot_meshes::LoadedRobot;
 use schemas::{
     Table,
     demonstrations::Demonstration,
@@ -172,26 +172,21 @@ struct LoadedHand {
 
 /// Reads a hand and its table, and finds every link that the table names.
 fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<LoadedHand, RetargetError> {
-    let read = |path: &Path, what| {
-        fs::read_to_string(path).map_err(|source| RetargetError::ReadHand {
-            what,
-            path: path.to_owned(),
-            source,
-        })
-    };
-    let urdf = read(urdf_path, "URDF")?;
+    let LoadedRobot { urdf, model } = robot_meshes::load(urdf_path)?;
     let of_urdf = |err: RetargetError| RetargetError::Hand {
         path: urdf_path.to_owned(),
         source: Box::new(err),
     };
-    let model = RobotModel::from_urdf(&urdf).map_err(|err| of_urdf(err.into()))?;
-    let model = robot_meshes::with_mesh_shapes(model, urdf_path)?;
     hand::check(&model).map_err(of_urdf)?;
     let in_table = |err: RetargetError| RetargetError::InHandTable {
         path: table_path.to_owned(),
         source: Box::new(err),
     };
-    let table: HandTable = read(table_path, "table")?.parse().map_err(in_table)?;
+    let table = fs::read_to_string(table_path).map_err(|source| RetargetError::ReadHandTable {
+        path: table_path.to_owned(),
+        source,
+    })?;
+    let table: HandTable = table.parse().map_err(in_table)?;
     let hand = Hand::new(model, &table).map_err(|err| in_table(of_urdf(err)))?;
     let urdf = robot::plain_urdf(&urdf);
     Ok(LoadedHand { urdf, hand, table })

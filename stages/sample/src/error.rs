@@ -6,7 +6,7 @@ use cgf::CgfError;
 use dataflow::Advise;
 use lake::LakeError;
 use robot::{JointMismatch, RobotError, WrongDof};
-use robot_meshes::MeshError;
+use robot_meshes::LoadError;
 
 /// Why no motions could be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -28,25 +28,9 @@ pub enum SampleError {
         /// Those that it was trained on, or that were kept back.
         known: Vec<String>,
     },
-    /// The hand's URDF cannot be read.
-    #[error("cannot read the hand's URDF `{}`", path.display())]
-    ReadHand {
-        /// The file.
-        path: PathBuf,
-        /// Why it failed.
-        source: io::Error,
-    },
-    /// The hand's URDF cannot be used.
-    #[error("cannot use the hand's URDF `{}`", path.display())]
-    Hand {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: RobotError,
-    },
-    /// The shape of a link cannot be had from its mesh.
+    /// The robot cannot be loaded.
     #[error(transparent)]
-    HandMesh(#[from] MeshError),
+    LoadRobot(#[from] LoadError),
     /// Motions are of another hand.
     #[error("the {what} is not of the hand")]
     AnotherHand {
@@ -95,22 +79,18 @@ impl Advise for SampleError {
                     .to_owned(),
             ),
             Self::LargeShapes { .. } => Some("URDFs are in meters".to_owned()),
-            Self::ReadHand { path, .. } => Some(format!(
-                "set `hand` to the URDF of a robot hand; {}",
-                dataflow::missing(path)
-            )),
             Self::BadField { .. } | Self::Dof(_) => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Lake(err) => err.hint(),
-            Self::HandMesh(err) => err.hint(),
+            Self::LoadRobot(err) => err.hint(),
             Self::Cgf(
                 CgfError::Weights(_)
                 | CgfError::Description(_)
                 | CgfError::Tensor { .. }
                 | CgfError::Version { .. },
             ) => Some("train again with `pipeline run FILE --fresh`".to_owned()),
-            Self::Hand { .. } | Self::Cgf(_) => None,
+            Self::Cgf(_) => None,
         }
     }
 }

@@ -30,24 +30,6 @@ pub fn hand_file(config: &SampleConfig) -> SourceFile {
     SourceFile::named("hand", &config.hand)
 }
 
-/// Reads the hand's URDF and meshes: its plain text and what it says.
-///
-/// # Errors
-///
-/// Fails if a file cannot be read or is no robot.
-pub fn read_hand(path: &Path) -> Result<(String, RobotModel), SampleError> {
-    let xml = fs::read_to_string(path).map_err(|source| SampleError::ReadHand {
-        path: path.to_owned(),
-        source,
-    })?;
-    let model = RobotModel::from_urdf(&xml).map_err(|source| SampleError::Hand {
-        path: path.to_owned(),
-        source,
-    })?;
-    let model = robot_meshes::with_mesh_shapes(model, path)?;
-    Ok((robot::plain_urdf(&xml), model))
-}
-
 /// Reads the distances about an object.
 ///
 /// # Errors

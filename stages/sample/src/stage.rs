@@ -11,7 +11,7 @@ use schemas::{
     trajectories::Trajectory,
 };
 
-use crate::{SampleConfig, SampleError, inputs::read_hand};
+use crate::{SampleConfig, SampleError};
 
 /// Draws candidate motions from a grasping function.
 pub struct Sample;
@@ -52,7 +52,7 @@ impl Stage for Sample {
 
     /// Checks the hand's URDF.
     fn prepare(config: &SampleConfig) -> Result<(), SampleError> {
-        read_hand(&config.hand).map(drop)
+        Ok(robot_meshes::load(&config.hand).map(drop)?)
     }
 }
 

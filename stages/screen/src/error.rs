@@ -5,32 +5,16 @@ use std::{io, path::PathBuf};
 use dataflow::{Advise, missing};
 use lake::LakeError;
 use robot::{JointMismatch, RobotError, WrongDof};
-use robot_meshes::MeshError;
+use robot_meshes::LoadError;
 use simulation::SimulationError;
 
 /// Why candidates could not be screened.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScreenError {
-    /// The hand's URDF cannot be read.
-    #[error("cannot read the hand's URDF `{}`", path.display())]
-    ReadHand {
-        /// The file.
-        path: PathBuf,
-        /// Why it failed.
-        source: io::Error,
-    },
-    /// The hand's URDF cannot be used.
-    #[error("cannot use the hand's URDF `{}`", path.display())]
-    Hand {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: RobotError,
-    },
-    /// The shape of a link cannot be had from its mesh.
+    /// The robot cannot be loaded.
     #[error(transparent)]
-    HandMesh(#[from] MeshError),
+    LoadRobot(#[from] LoadError),
     /// The hand and the options do not go together, whatever is screened.
     #[error("cannot simulate the hand `{}`", path.display())]
     Options {
@@ -73,12 +57,7 @@ pub enum ScreenError {
 impl Advise for ScreenError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::ReadHand { path, .. } => Some(format!(
-                "set `hand` to the URDF of a robot hand; {}",
-                missing(path)
-            )),
-            Self::Hand { source, .. } => source.hint(),
-            Self::HandMesh(err) => err.hint(),
+            Self::LoadRobot(err) => err.hint(),
             Self::Options { source, .. } | Self::Simulation { source, .. } => {
                 source.hint().or_else(|| {
                     Some("`pipeline stages screen` lists every option with its unit".to_owned())

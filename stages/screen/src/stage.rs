@@ -62,7 +62,7 @@ impl Stage for Screen {
 
     /// Checks that the hand can be read, and be simulated as the options say.
     fn prepare(config: &ScreenConfig) -> Result<(), ScreenError> {
-        let (_, hand) = load_hand(&config.hand)?;
+        let hand = robot_meshes::load(&config.hand)?.model;
         check_hand(&config.scene, &hand)
             .and_then(|()| Flexion::new(&config.protocol, &hand).map(drop))
             .map_err(|source| ScreenError::Options {
@@ -112,7 +112,8 @@ impl Output for Screen {
         cx: &Context,
     ) -> Result<Outcome<ScreenMetrics>, ScreenError> {
         let urdf = inputs.source("hand")?;
-        let (xml, model) = load_hand(&urdf.path)?;
+        let hand = robot_meshes::load(&urdf.path)?;
+        let (xml, model) = (robot::plain_urdf(&hand.urdf), hand.model);
         let candidates: Candidates = inputs.one()?;
         let Some(object) = inputs.optional::<Object>()? else {
             return Ok(Outcome::skipped("it is not among the objects"));
@@ -193,18 +194,4 @@ fn unusable(err: &SimulationError, candidate: Option<&str>) -> Option<Outcome<Sc
         })),
         _ => None,
     }
-}
-
-/// Reads the hand's URDF and meshes: its plain text and what it says.
-fn load_hand(path: &Path) -> Result<(String, RobotModel), ScreenError> {
-    let xml = fs::read_to_string(path).map_err(|source| ScreenError::ReadHand {
-        path: path.to_owned(),
-        source,
-    })?;
-    let model = RobotModel::from_urdf(&xml).map_err(|source| ScreenError::Hand {
-        path: path.to_owned(),
-        source,
-    })?;
-    let model = robot_meshes::with_mesh_shapes(model, path)?;
-    Ok((robot::plain_urdf(&xml), model))
 }

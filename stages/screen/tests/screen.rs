@@ -394,7 +394,7 @@ fn the_hand_is_found_to_be_missing_before_anything_runs() {
     config.hand = "no/such/hand.urdf".into();
     assert!(matches!(
         Screen::prepare(&config),
-        Err(ScreenError::ReadHand { .. })
+        Err(ScreenError::LoadRobot(_))
     ));
     config.hand = HAND.into();
     assert!(Screen::prepare(&config).is_ok());
@@ -483,7 +483,7 @@ fn the_meshes_of_a_hand_are_read_beside_its_urdf() {
     assert_eq!(names, ["hand", "tip.obj"]);
     // Whatever is wrong with it is known before anything runs.
     let err = Screen::prepare(&config).unwrap_err();
-    assert!(matches!(err, ScreenError::HandMesh(_)), "{err}");
+    assert!(matches!(err, ScreenError::LoadRobot(_)), "{err}");
     fs::remove_file(folder.path().join("tip.obj")).unwrap();
     let err = Screen::prepare(&config).unwrap_err();
     assert!(err.to_string().contains("which is not there"), "{err}");

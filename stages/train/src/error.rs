@@ -7,7 +7,7 @@ use dataflow::Advise;
 use lake::LakeError;
 use motion::MotionError;
 use robot::{JointMismatch, RobotError};
-use robot_meshes::MeshError;
+use robot_meshes::LoadError;
 
 /// Why no grasping function could be trained.
 #[derive(Debug, thiserror::Error)]
@@ -39,25 +39,9 @@ pub enum TrainError {
         /// The object.
         object: String,
     },
-    /// The hand's description cannot be read.
-    #[error("cannot read the hand's description `{}`", path.display())]
-    Hand {
-        /// Where.
-        path: PathBuf,
-        /// Why it failed.
-        source: io::Error,
-    },
-    /// The hand's description is not usable.
-    #[error("cannot use the hand's description `{}`", path.display())]
-    Urdf {
-        /// Where.
-        path: PathBuf,
-        /// Why it failed.
-        source: RobotError,
-    },
-    /// The shape of a link cannot be had from its mesh.
+    /// The robot cannot be loaded.
     #[error(transparent)]
-    HandMesh(#[from] MeshError),
+    LoadRobot(#[from] LoadError),
     /// A trajectory belongs to another hand.
     #[error("trajectory `{sequence}` is not of the hand")]
     AnotherHand {
@@ -101,16 +85,11 @@ impl Advise for TrainError {
         match self {
             Self::NoTrajectories { .. } => Some("check `objects` and `unseen_objects`".to_owned()),
             Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
-            Self::Hand { path, .. } => Some(format!(
-                "set `hand` to the URDF that `retarget` used; {}",
-                dataflow::missing(path)
-            )),
-            Self::Urdf { .. } => Some("set `hand` to the URDF that `retarget` used".to_owned()),
             Self::AnotherHand { .. } => {
                 Some("set `hand` in `train` and `retarget` to the same URDF".to_owned())
             }
             Self::Lake(err) => err.hint(),
-            Self::HandMesh(err) => err.hint(),
+            Self::LoadRobot(err) => err.hint(),
             Self::BadField { .. } | Self::NoObject { .. } | Self::NoRests { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }

@@ -67,7 +67,7 @@ impl Stage for Train {
 
     /// Checks the hand's description.
     fn prepare(config: &TrainConfig) -> Result<(), TrainError> {
-        read_hand(&config.hand).map(drop)
+        Ok(robot_meshes::load(&config.hand).map(drop)?)
     }
 }
 
@@ -155,19 +155,7 @@ impl Output for Train {
 ///
 /// Fails if its description or a mesh of it cannot be read.
 pub fn hand(inputs: &Inputs) -> Result<RobotModel, TrainError> {
-    read_hand(&inputs.source("hand")?.path)
-}
-
-fn read_hand(path: &Path) -> Result<RobotModel, TrainError> {
-    let text = fs::read_to_string(path).map_err(|source| TrainError::Hand {
-        path: path.to_owned(),
-        source,
-    })?;
-    let model = RobotModel::from_urdf(&text).map_err(|source| TrainError::Urdf {
-        path: path.to_owned(),
-        source,
-    })?;
-    Ok(robot_meshes::with_mesh_shapes(model, path)?)
+    Ok(robot_meshes::load(&inputs.source("hand")?.path)?.model)
 }
 
 /// Trains epoch after epoch.

@@ -68,7 +68,7 @@ impl OneLink {
         Self { folder }
     }
 
-    fn read(&self, origin: &str, mesh: &str) -> Result<Link, MeshError> {
+    fn read(&self, origin: &str, mesh: &str) -> Result<Link, LoadError> {
         let xml = format!(
             "<robot name='r'><link name='a'><collision>{origin}<geometry><mesh {mesh}/></geometry>\
              </collision></link></robot>"

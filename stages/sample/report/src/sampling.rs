@@ -18,7 +18,7 @@ use schemas::{
 use spatial::Object;
 use stage_sample::{
     Sample, SampleConfig, SampleError,
-    inputs::{ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
+    inputs::{ROBOT, hand_file, hand_meshes, order, read_field},
     room::{Gauge, Room},
 };
 
@@ -114,7 +114,7 @@ impl Output for SamplingReport {
             ));
         };
         let field = read_field(field)?;
-        let (_, hand) = read_hand(&inputs.source("hand")?.path)?;
+        let hand = robot_meshes::load(&inputs.source("hand")?.path).map_err(SampleError::from)?.model;
         let shown = inputs
             .artifacts(Trajectory::NAME)
             .iter()

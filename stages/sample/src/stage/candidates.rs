@@ -14,7 +14,7 @@ use schemas::{
 use super::{SHOWN_ROBOT, SampleMetrics};
 use crate::{
     Epoch, SampleConfig, SampleError,
-    inputs::{ROBOT, hand_file, hand_meshes, order, read_field, read_hand},
+    inputs::{ROBOT, hand_file, hand_meshes, order, read_field},
     motions::sample,
     recording,
     room::{Gauge, Room},
@@ -79,17 +79,17 @@ pub(super) fn make(
     let cgf = read_checkpoint(config.epoch, inputs.artifact(checkpoint::NAME)?)?;
     let object: Object = inputs.one()?;
     let hand = inputs.files().first();
-    let hand = hand.map(|file| read_hand(&file.path)).transpose()?;
-    let order = hand.as_ref().map(|(_, model)| {
+    let hand = hand.map(|file| robot_meshes::load(&file.path)).transpose()?;
+    let order = hand.as_ref().map(|hand| {
         let joints = &cgf.description().joints;
-        order(model, joints, "grasping function")
+        order(&hand.model, joints, "grasping function")
     });
     let order = order.transpose()?;
     let field = inputs.artifacts(FieldInfo::NAME).first();
     let field = field.map(read_field).transpose()?;
     let room = hand
         .as_ref()
-        .map(|(_, model)| Room::new(model))
+        .map(|hand| Room::new(&hand.model))
         .transpose()?;
     let hand_and_field = room.as_ref().zip(order.as_ref()).zip(field.as_ref());
     let gauge = hand_and_field.filter(|_| config.chooses());
@@ -102,7 +102,7 @@ pub(super) fn make(
     };
     cx.write(&drawn)?;
     if config.recorded_per_object > 0
-        && let Some((urdf, model)) = &hand
+        && let Some(hand) = &hand
         && let Some(order) = &order
     {
         let numbers = recording::chosen(config.recorded_per_object, drawn.candidates.len());
@@ -111,8 +111,8 @@ pub(super) fn make(
             .filter_map(|number| drawn.candidates.get(number))
             .collect();
         let stage = recording::Stage {
-            urdf,
-            model,
+            urdf: &robot::plain_urdf(&hand.urdf),
+            model: &hand.model,
             object: &object,
             order,
         };
