@@ -165,7 +165,7 @@ impl Table for Trajectory {
         let first: Row = reader.first()?;
         let joints = reader.joints()?;
         let (keypoints, tips) = (reader.names(KEYPOINTS), reader.names(TIPS));
-        let of_points = |column, errors: Vec<f64>, names: &[String]| {
+        let tracking_errors = |column, errors: Vec<f64>, names: &[String]| {
             SchemaError::check_length(column, "errors", &errors, names.len()).map(|()| errors)
         };
         let of_joints = |column, numbers: Vec<f64>| {
@@ -190,12 +190,12 @@ impl Table for Trajectory {
                     },
                 },
                 tracking: Tracking {
-                    keypoint_errors_m: of_points(
+                    keypoint_errors_m: tracking_errors(
                         "keypoint_errors_m",
                         row.keypoint_errors_m,
                         &keypoints,
                     )?,
-                    tip_errors_m: of_points("tip_errors_m", row.tip_errors_m, &tips)?,
+                    tip_errors_m: tracking_errors("tip_errors_m", row.tip_errors_m, &tips)?,
                     contact_gaps_m: row.contact_gaps_m,
                     limit_margin_rad: row.limit_margin_rad,
                     penetration_m: row.penetration_m,

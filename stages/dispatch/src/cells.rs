@@ -162,11 +162,12 @@ pub fn simulated_cell(
     listen: String,
 ) -> Result<SimulatedCellConfig, DispatchError> {
     let arm = config.arm.as_ref().map(|options| {
-        let urdf =
-            fs::read_to_string(&options.robot).map_err(|source| LoadError::ReadUrdf {
+        let urdf = fs::read_to_string(&options.robot).map_err(|source| {
+            robot_meshes::LoadError::ReadUrdf {
                 path: options.robot.clone(),
                 source,
-            })?;
+            }
+        })?;
         arm_of(options, urdf)
     });
     let (name, simulated) = (config.cell_name.clone(), config.simulated.clone());

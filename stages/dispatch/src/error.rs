@@ -1,12 +1,11 @@
 //! Why motions could not be dispatched.
 
-use std::{io, path::PathBuf};
+use std::path::PathBuf;
 
 use cell::CellError;
-use dataflow::{Advise, missing};
+use dataflow::Advise;
 use lake::LakeError;
 use planning::OptionError;
-use robot::RobotError;
 use robot_meshes::LoadError;
 
 /// Why motions could not be dispatched; a motion that fails is a row of `executions`.

@@ -1,11 +1,12 @@
 //! The robot's descriptions: a hand, and the arm that carries it if there is one.
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use cell::robot_digest;
 use nalgebra::Isometry3;
 use planning::{ArmConfig, ArmSetup, Planner, Setup};
 use robot::RobotModel;
+use robot_meshes::LoadedRobot;
 
 use crate::{DispatchConfig, DispatchError};
 
@@ -28,10 +29,10 @@ pub(crate) struct ArmRobot {
 
 impl Robots {
     /// Reads the URDFs of the hand and, if the options have an arm, of that, which lies where `arm` says.
-    pub(crate) fn load(
-        config: &DispatchConfig,
+    pub(crate) fn load<'a>(
+        config: &'a DispatchConfig,
         hand: &Path,
-        arm: impl FnOnce(&ArmConfig) -> Result<&Path, DispatchError>,
+        arm: impl FnOnce(&'a ArmConfig) -> Result<&'a Path, DispatchError>,
     ) -> Result<Self, DispatchError> {
         let hand = robot_meshes::load(hand)?;
         let arm_robot = |options| {
@@ -88,7 +89,9 @@ impl Robots {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use std::fs;
+
+    use robot_meshes::LoadError;
 
     /// An arm of meshes keeps clear of things as one of primitives does, or is refused.
     #[test]

@@ -149,7 +149,7 @@ impl Output for Dispatch {
             Sent::default()
         } else {
             let hand = &inputs.source("hand")?.path;
-            let arm = |_: &ArmConfig| Ok(inputs.source("arm.robot")?.path.as_path());
+            let arm = |_: &planning::ArmConfig| Ok(inputs.source("arm.robot")?.path.as_path());
             let robots = Robots::load(config, hand, arm)?;
             send(config, &robots, &object, &candidates, &motions, cx)?
         };

@@ -1,11 +1,9 @@
 //! Why no motions could be drawn.
 
-use std::{io, path::PathBuf};
-
 use cgf::CgfError;
 use dataflow::Advise;
 use lake::LakeError;
-use robot::{JointMismatch, RobotError, WrongDof};
+use robot::{JointMismatch, WrongDof};
 use robot_meshes::LoadError;
 
 /// Why no motions could be drawn.

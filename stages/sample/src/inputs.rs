@@ -1,7 +1,5 @@
 //! What the units of `candidates` and of their report read: the hand, its joints, an object's field.
 
-use std::{fs, path::Path};
-
 use dataflow::{Artifact, Form, SourceFile};
 use geometry::DistanceField;
 use lake::ReadArtifact;

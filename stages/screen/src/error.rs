@@ -1,10 +1,10 @@
 //! Why candidates could not be screened.
 
-use std::{io, path::PathBuf};
+use std::path::PathBuf;
 
-use dataflow::{Advise, missing};
+use dataflow::Advise;
 use lake::LakeError;
-use robot::{JointMismatch, RobotError, WrongDof};
+use robot::{JointMismatch, WrongDof};
 use robot_meshes::LoadError;
 use simulation::SimulationError;
 

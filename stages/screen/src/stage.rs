@@ -1,13 +1,11 @@
 //! The stage: the rollouts of one object's candidates.
 
-use std::{fs, path::Path};
-
 use dataflow::{
     Code, Context, Form, Inputs, Labels, OptionFault, Outcome, Output, Outputs, Scope, SourceFile,
     Stage, Sum, Unit, labels,
 };
 use lake::{ReadInputs, WriteArtifact};
-use robot::{JointOrder, RobotModel};
+use robot::JointOrder;
 use schemas::{
     Table,
     candidates::Candidates,

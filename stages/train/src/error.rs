@@ -6,7 +6,7 @@ use cgf::CgfError;
 use dataflow::Advise;
 use lake::LakeError;
 use motion::MotionError;
-use robot::{JointMismatch, RobotError};
+use robot::JointMismatch;
 use robot_meshes::LoadError;
 
 /// Why no grasping function could be trained.

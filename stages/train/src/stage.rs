@@ -1,12 +1,13 @@
 //! The stage: one unit that gathers all trajectories.
 
-use std::{collections::BTreeSet, fs, path::Path, sync::Arc, time::Instant};
+use std::{collections::BTreeSet, sync::Arc, time::Instant};
 
 use cgf::{GraspError, Losses, Split, Trained, Trainer, TrainingSet};
 use dataflow::{
     Code, Context, Form, Inputs, Labels, Max, Mean, OptionFault, Outcome, Output, Outputs, Scope,
     SourceFile, Stage, Sum, Unit,
 };
+use lake::ReadInputs;
 use robot::RobotModel;
 use schemas::{
     Table, checkpoint, distance_fields::FieldInfo, objects::Object, trajectories::Trajectory,
@@ -175,7 +176,7 @@ fn train(
         Found::Nothing => {}
         Found::Epochs(done) => cx.progress(share(done), &format!("goes on after epoch {done}")),
         Found::Damaged(why) => {
-            cx.progress(0.0, &format!("restarting: saved state is unusable: {why}"))
+            cx.progress(0.0, &format!("restarting: saved state is unusable: {why}"));
         }
     }
     let started = Instant::now();

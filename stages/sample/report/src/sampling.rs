@@ -114,7 +114,9 @@ impl Output for SamplingReport {
             ));
         };
         let field = read_field(field)?;
-        let hand = robot_meshes::load(&inputs.source("hand")?.path).map_err(SampleError::from)?.model;
+        let hand = robot_meshes::load(&inputs.source("hand")?.path)
+            .map_err(SampleError::from)?
+            .model;
         let shown = inputs
             .artifacts(Trajectory::NAME)
             .iter()

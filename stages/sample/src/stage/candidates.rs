@@ -79,7 +79,9 @@ pub(super) fn make(
     let cgf = read_checkpoint(config.epoch, inputs.artifact(checkpoint::NAME)?)?;
     let object: Object = inputs.one()?;
     let hand = inputs.files().first();
-    let hand = hand.map(|file| robot_meshes::load(&file.path)).transpose()?;
+    let hand = hand
+        .map(|file| robot_meshes::load(&file.path))
+        .transpose()?;
     let order = hand.as_ref().map(|hand| {
         let joints = &cgf.description().joints;
         order(&hand.model, joints, "grasping function")
