@@ -1,4 +1,4 @@
-//! Who one is, whom one trusts, and who may do what: kept in a file, never on a command line.
+//! Credentials, trusted peers and access rules: kept in a file, never on a command line.
 
 use std::{
     fmt, fs,
@@ -10,7 +10,8 @@ use zenoh::Config;
 
 use crate::{CellError, error::Cause};
 
-/// What an access file may say, as paths into zenoh's configuration; all else is this program's to say.
+/// Settings that an access file may contain, as paths into zenoh's configuration; this program sets
+/// all others.
 const ALLOWED: [&[&str]; 4] = [
     &["transport", "link", "tls"],
     &["transport", "auth"],
@@ -18,7 +19,7 @@ const ALLOWED: [&[&str]; 4] = [
     &["low_pass_filter"],
 ];
 
-/// Files that an access file may name.
+/// Settings of an access file that name other files.
 const FILES: [&str; 6] = [
     "transport/link/tls/root_ca_certificate",
     "transport/link/tls/listen_certificate",
@@ -28,12 +29,13 @@ const FILES: [&str; 6] = [
     "transport/auth/usrpwd/dictionary_file",
 ];
 
-/// What an access file says: certificates, users, rules and limits.
+/// The content of an access file: certificates, users, rules and limits.
 ///
-/// The file is a part of a [zenoh configuration](https://docs.rs/zenoh/latest/zenoh/struct.Config.html)
-/// in JSON5. It may hold `transport.link.tls`, `transport.auth`, `access_control` and
-/// `low_pass_filter`, and nothing else: where a session connects to and how it behaves is not for
-/// such a file to change. Paths in it are relative to the current directory, as for `zenohd`.
+/// The file is a part of a [zenoh
+/// configuration](https://docs.rs/zenoh/latest/zenoh/struct.Config.html) in JSON5. It may hold
+/// `transport.link.tls`, `transport.auth`, `access_control` and `low_pass_filter`, and nothing
+/// else: endpoints and session behavior are set elsewhere. Paths in it are relative to the current
+/// directory, as for `zenohd`.
 #[derive(Clone)]
 pub struct Access {
     path: PathBuf,
@@ -41,7 +43,7 @@ pub struct Access {
 }
 
 impl fmt::Debug for Access {
-    /// Writes the file's name and none of its secrets.
+    /// Writes the file's name but no secrets.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_tuple("Access").field(&self.path).finish()
     }
@@ -52,8 +54,8 @@ impl Access {
     ///
     /// # Errors
     ///
-    /// Fails if the file or one that it names cannot be read, is no part of a zenoh configuration, or says
-    /// what it may not.
+    /// Fails if the file or one that it names cannot be read, is not part of a zenoh configuration,
+    /// or contains other settings than the four above.
     pub fn read(path: &Path) -> Result<Self, CellError> {
         let wrong = |problem: String| CellError::Access {
             path: path.to_owned(),
@@ -90,21 +92,21 @@ impl Access {
         })
     }
 
-    /// Returns the file.
+    /// Returns the file's path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Returns a configuration that says what the file says and is otherwise zenoh's own.
+    /// Returns zenoh's default configuration with the file's settings applied.
     pub(crate) fn config(&self) -> Config {
         self.config.clone()
     }
 
-    /// Makes sure that whoever connects has to say who they are.
+    /// Checks that connecting peers must authenticate.
     ///
     /// # Errors
     ///
-    /// Fails if neither a certificate nor a password is asked for.
+    /// Fails if neither a certificate nor a password is required.
     pub(crate) fn check_listener(&self) -> Result<(), CellError> {
         let said = |key: &str| self.config.get_json(key).unwrap_or_default();
         let certificates = said("transport/link/tls/enable_mtls") == "true";
@@ -121,8 +123,8 @@ impl Access {
     }
 }
 
-/// Returns the paths at which a configuration says something else than the default, but for those
-/// that an access file may.
+/// Returns the paths at which a configuration differs from the default, except for those that an
+/// access file may set.
 fn differences(said: &Value, default: &Value) -> Vec<String> {
     let mut found = Vec::new();
     compare(said, default, &mut Vec::new(), &mut found);

@@ -1,56 +1,55 @@
-//! What a cell says that it can do, and its short answers.
+//! A cell's capabilities and its short answers.
 
 use serde::{Deserialize, Serialize};
 
 use crate::goal::Rejection;
 
-/// What a cell can do.
+/// Capabilities of a cell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Capabilities {
-    /// Version of the protocol.
+    /// Protocol version.
     pub protocol: u32,
     /// The cell's name.
     pub cell: String,
-    /// Name of the journal in which it writes down what it takes: the public key with which all of its
-    /// answers are signed.
+    /// Name of the cell's goal journal: the public key that verifies all of its answers.
     pub journal: String,
-    /// The time by the cell's clock, in milliseconds since 1970.
+    /// Time by the cell's clock, in milliseconds since 1970.
     pub clock_unix_ms: u64,
-    /// Whether nothing real moves.
+    /// Whether the cell is a simulation: no hardware moves.
     pub simulated: bool,
     /// Digest of the robot's URDF ([`crate::robot_digest`]).
     pub robot: String,
-    /// The robot's controllers: what moves the palm, then the hand.
+    /// The robot's controllers: the palm's or arm's, then the hand's.
     pub controllers: Vec<Offer>,
-    /// What a palm that flies can do, if it does.
+    /// Limits of the palm, if the hand is free-flying.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub palm: Option<PalmLimits>,
-    /// Pose of the arm's foot in the table's frame, if the cell has an arm.
+    /// Pose of the arm's base in the table's frame, if the cell has an arm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub table_from_base: Option<[f64; 7]>,
     /// Longest goal accepted, in bytes.
     pub max_goal_bytes: usize,
-    /// What is known about how it differs from what was planned for, for people.
+    /// Known differences from the planning model, as text for people.
     pub gap: String,
-    /// Whether a motion takes as long as it says; a simulated cell may be faster.
+    /// Whether motions run in real time; a simulated cell may be faster.
     pub real_time: bool,
-    /// Longest time without a heartbeat before a motion is broken off, in seconds; never if absent.
+    /// Heartbeat timeout before a motion is aborted, in seconds; no timeout if absent.
     pub silence_s: Option<f64>,
 }
 
-/// A controller that a cell has.
+/// A controller of a cell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Offer {
-    /// `palm` of a hand that flies, `arm`, or `hand`.
+    /// `palm` of a free-flying hand, `arm`, or `hand`.
     pub controller: String,
     /// Names of its joints; a palm has none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joints: Vec<String>,
-    /// How often it is told something, in 1/s.
+    /// Command rate, in 1/s.
     pub rate_hz: f64,
 }
 
-/// Limits of a palm that flies.
+/// Limits of the palm of a free-flying hand.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PalmLimits {
     /// Largest speed, in m/s.
@@ -61,7 +60,7 @@ pub struct PalmLimits {
     pub turn_rad_per_s: f64,
     /// Largest angular acceleration, in rad/s².
     pub turn_acceleration_rad_per_s2: f64,
-    /// Least and greatest coordinates of its origin, along the table's axes in meters.
+    /// Least and greatest coordinates of the palm's origin, along the table's axes in meters.
     pub workspace_m: [[f64; 3]; 2],
 }
 
@@ -69,24 +68,23 @@ pub struct PalmLimits {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "answer")]
 pub(crate) enum GoalAnswer {
-    /// It executes the goal, or has done so.
+    /// The cell executes the goal, or has done so.
     Accepted {
-        /// Whether it had taken the goal before, so that nothing moves because of this answer.
+        /// Whether the goal had been accepted before, so that nothing moves because of this answer.
         known: bool,
     },
-    /// It does not.
+    /// The cell refuses the goal.
     Rejected(Rejection),
 }
 
-/// A cell's reply to a cancel request, or goals taken again, or a report that
-/// there is not.
+/// A cell's reply to a cancel, stop or resume request, or its answer where no report exists.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "answer", deny_unknown_fields)]
 pub(crate) enum Word {
-    /// It is done: nothing of the motion moves any more.
+    /// Done: the motion has stopped.
     Done,
-    /// The motion was over before.
+    /// The motion had already ended.
     Over,
-    /// The cell never took that goal.
+    /// The cell never accepted that goal.
     NeverTaken,
 }

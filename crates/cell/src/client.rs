@@ -1,4 +1,4 @@
-//! The dispatcher's side: asks a cell what it can do, sends it goals, fetches the reports.
+//! The dispatcher's side: queries capabilities, sends goals, fetches reports.
 
 use std::{
     path::PathBuf,
@@ -27,73 +27,73 @@ use crate::{
     wire::{self, WireError},
 };
 
-/// Pause before a question is repeated that no cell has heard: right after a cell reconnects, routers
-/// may not know it yet and answer for nobody.
+/// Pause before an unanswered query is repeated: right after a cell reconnects, routers may not
+/// know it yet and answer in nobody's name.
 const PAUSE: Duration = Duration::from_millis(100);
-/// How long is waited for an answer before the question is repeated, at least.
+/// Shortest wait for an answer before the query is repeated.
 const PIECE: Duration = Duration::from_secs(1);
-/// Longest report that is read, in bytes: ten minutes of 22 joints at 200 Hz.
+/// Longest report accepted, in bytes: ten minutes of 22 joints at 200 Hz.
 pub(crate) const MOST_REPORT: usize = 64 * 1024 * 1024;
-/// Longest other answer that is read, in bytes.
+/// Longest other answer accepted, in bytes.
 pub(crate) const MOST_ANSWER: usize = 1024 * 1024;
 
-/// What is known of a goal that was sent.
+/// Result of sending a goal.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Executed {
-    /// What came of it.
+    /// The goal's report.
     Over(Report),
-    /// What came of it when the cell took it before; nothing has moved now.
+    /// The report of a goal that the cell had accepted before; nothing has moved now.
     Known(Report),
-    /// Nobody knows, as this says: the robot may have moved.
+    /// The outcome is unknown for this reason: the robot may have moved.
     Unknown(String),
 }
 
-/// What a cell says about a goal that was sent before.
+/// A cell's answer about a goal that was sent before.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Recovered {
-    /// What came of it; a report that cannot be believed is one of which the outcome is unknown.
+    /// The goal's report; if it fails its checks, its outcome is unknown.
     Report(Report),
-    /// It never took the goal: nothing of it has moved.
+    /// The cell never accepted the goal: nothing has moved.
     NeverTaken,
-    /// Nobody knows, as this says.
+    /// The outcome is unknown for this reason.
     Unheard(String),
 }
 
-/// What a cell says to a cancel request.
+/// A cell's answer to a cancel, stop or resume request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Halt {
-    /// It is done: nothing moves any more.
+    /// Done: nothing moves any more.
     Done,
-    /// The motion was over before.
+    /// The motion had already ended.
     Over,
-    /// The cell never took that goal.
+    /// The cell never accepted that goal.
     NeverTaken,
-    /// Nothing was heard: the robot may be moving.
+    /// No answer: the robot may be moving.
     Unheard,
 }
 
-/// Why nobody knows what came of a goal.
+/// Why a goal's outcome is unknown.
 enum Doubt {
-    /// No cell, or not the cell alone, has said.
+    /// No answer, or answers from other parties too.
     Unheard(String),
-    /// What the cell has said cannot be believed.
+    /// The cell's answer failed its checks.
     Unbelieved(String),
 }
 
-/// The version that any cell says, whatever else it says.
+/// The protocol version, which is readable in answers of every version.
 #[derive(Deserialize)]
 struct Version {
     protocol: u32,
 }
 
-/// A connection to one cell: the first that answers what it can do.
+/// A connection to one cell: the first that answers the capabilities query.
 pub struct CellClient {
     session: Session,
     endpoint: String,
-    /// The file that said who one is.
+    /// Access file with this client's credentials.
     access: Option<PathBuf>,
     keys: Keys,
-    /// One's own name in goals and heartbeats.
+    /// This client's name in goals and heartbeats.
     dispatcher: String,
     /// The cell's journal, whose key signs all of its answers.
     journal: OnceLock<String>,
@@ -104,17 +104,17 @@ impl CellClient {
     ///
     /// # Errors
     ///
-    /// Fails if nothing listens there within `timeout`, or the name or endpoint is not one.
+    /// Fails if nothing listens there within `timeout`, or the name or endpoint is invalid.
     pub fn connect(endpoint: &str, name: &str, timeout: Duration) -> Result<Self, CellError> {
         Self::connect_as(None, endpoint, name, timeout)
     }
 
-    /// As [`CellClient::connect`], as whom an access file says that one is: needed where the endpoint is
-    /// `tls/HOST:PORT`.
+    /// Connects as [`CellClient::connect`] does, with the credentials of an access file: required
+    /// where the endpoint is `tls/HOST:PORT`.
     ///
     /// # Errors
     ///
-    /// As [`CellClient::connect`], and if the one there does not take one's word for it.
+    /// As [`CellClient::connect`], and if the peer does not accept the credentials.
     pub fn connect_as(
         access: Option<&Access>,
         endpoint: &str,
@@ -131,12 +131,12 @@ impl CellClient {
         })
     }
 
-    /// Asks what the cell can do. From then on no other cell is believed.
+    /// Queries the cell's capabilities. From then on only this cell is trusted.
     ///
     /// # Errors
     ///
-    /// Fails if no cell or more than one answers within `timeout`, if it is another one than before, in a
-    /// way that cannot be read, or by a clock that differs.
+    /// Fails if not exactly one cell answers within `timeout`, if it is another cell than before,
+    /// if its answer cannot be read, or if its clock differs.
     pub fn capabilities(&self, timeout: Duration) -> Result<Capabilities, CellError> {
         let key = self.keys.capabilities();
         let (started, asked_ms) = (Instant::now(), now_unix_ms());
@@ -153,7 +153,7 @@ impl CellClient {
             }
             [Answer::Signed { journal, body }] => (journal, body),
             [answer] => {
-                // A cell of another version signs otherwise.
+                // A cell of another version signs differently.
                 if let Answer::Unsigned(bytes) = answer {
                     self.check_version(bytes)?;
                 }
@@ -204,18 +204,18 @@ impl CellClient {
         })
     }
 
-    /// Sends a goal and waits for its report: `answer` for the cell's word that it takes the goal,
-    /// then `result` for the end of the motion. Meanwhile the cell hears a heartbeat. `robot` are the
-    /// joints of the robot as the goal calls them, by which the report is checked.
+    /// Sends a goal and waits for its report: up to `answer` for the acknowledgment, then up to
+    /// `result` for the end of the motion. Sends heartbeats meanwhile. `robot` are the robot's
+    /// joints under the goal's names; the report is checked against them.
     ///
-    /// The same goal is sent again while nothing is heard: a cell moves once for one goal. Where nothing is
-    /// heard to the end, somebody else answers, or what the cell says cannot be read or believed, the robot
-    /// may have moved, and only the cell or a person can tell. Ask again with [`CellClient::recover`]; never
-    /// send the motion as another goal.
+    /// The same goal is sent again while there is no answer: a cell moves once per goal. If no
+    /// answer comes at all, another party answers, or an answer cannot be read or fails its checks,
+    /// the robot may have moved, and only the cell or a person can tell. Ask again with
+    /// [`CellClient::recover`]; never send the motion as another goal.
     ///
     /// # Errors
     ///
-    /// Fails if the goal cannot be sent: nothing of it has moved.
+    /// Fails if the goal cannot be sent: nothing has moved.
     pub fn execute(
         &self,
         goal: &Goal,
@@ -226,15 +226,15 @@ impl CellClient {
         if self.journal.get().is_none() {
             self.capabilities(answer)?;
         }
-        // A goal that comes later than anybody waits for its answer does not start.
+        // A goal that arrives after its answer timeout must not start.
         let sealed = goal.seal().sent(Sending::now(&self.dispatcher, answer));
         let _heartbeat = self.beat()?;
         let sent = self.send(goal, &sealed, robot, answer, result);
         Ok(sent.unwrap_or_else(|doubt| Executed::Unknown(doubt.message())))
     }
 
-    /// Asks what came of a goal that was sent before, perhaps by a dispatcher that has gone; waits up
-    /// to `result` for the end of its motion.
+    /// Queries the outcome of a goal that was sent before, perhaps by a dispatcher that has exited;
+    /// waits up to `result` for the end of its motion.
     pub fn recover(
         &self,
         goal: &Goal,
@@ -260,29 +260,29 @@ impl CellClient {
         }
     }
 
-    /// Has a goal broken off; returns when nothing of it moves any more.
+    /// Cancels a goal; returns when its motion has stopped.
     ///
     /// # Errors
     ///
-    /// Fails if the session is broken, others answer too or the answer cannot be read.
+    /// Fails if the session is broken, another party answers too or the answer cannot be read.
     pub fn cancel(&self, goal_id: &str, answer: Duration) -> Result<Halt, CellError> {
         self.halt(self.keys.cancel(goal_id), answer)
     }
 
-    /// Has whatever moves broken off, and every goal refused until [`CellClient::resume`].
+    /// Aborts the current motion and has every goal refused until [`CellClient::resume`].
     ///
     /// # Errors
     ///
-    /// Fails if the session is broken, others answer too or the answer cannot be read.
+    /// Fails if the session is broken, another party answers too or the answer cannot be read.
     pub fn stop(&self, answer: Duration) -> Result<Halt, CellError> {
         self.halt(self.keys.stop(), answer)
     }
 
-    /// Has goals taken again after a stop.
+    /// Lets the cell accept goals again after a stop.
     ///
     /// # Errors
     ///
-    /// Fails if the session is broken, others answer too or the answer cannot be read.
+    /// Fails if the session is broken, another party answers too or the answer cannot be read.
     pub fn resume(&self, answer: Duration) -> Result<Halt, CellError> {
         self.halt(self.keys.resume(), answer)
     }
@@ -333,7 +333,7 @@ impl CellClient {
             GoalAnswer::Rejected(rejection) => {
                 return Ok(Executed::Over(Report::rejected(id, rejection)));
             }
-            // A goal that was sent more than once may be known by its first sending.
+            // A goal sent more than once may be known from its first transmission.
             GoalAnswer::Accepted { known } => known && tries == 1,
         };
         if !is_old {
@@ -349,8 +349,8 @@ impl CellClient {
         }
     }
 
-    /// Asks for a report until it comes: in pieces, because a question may be lost as well as its
-    /// answer, and gives up early if the cell does not even say what it is.
+    /// Queries a report until it arrives: with a short timeout per query, because query and answer
+    /// may both be lost. Gives up early if the cell does not even answer the capabilities query.
     fn report(
         &self,
         goal: &Goal,
@@ -399,7 +399,7 @@ impl CellClient {
         }
     }
 
-    /// Publishes a goal that the cell took, for those who watch: they may lose it.
+    /// Publishes an accepted goal for watchers, who may miss it.
     fn show(&self, goal: &SealedGoal) {
         let _shown = self
             .session
@@ -416,8 +416,8 @@ impl CellClient {
         })
     }
 
-    /// Returns the one answer of the cell, if there is one; fails with who answered where somebody else
-    /// did.
+    /// Returns the cell's answer, if there is one; fails with the names of all parties that
+    /// answered if there are others.
     fn sole<'a>(&self, answers: &'a [Answer]) -> Result<Option<&'a [u8]>, String> {
         let is_the_cell = |found: &str| self.journal.get().is_none_or(|known| known == found);
         match answers {
@@ -439,7 +439,7 @@ impl CellClient {
         }
     }
 
-    /// Asks a question until something is answered, or `timeout` is over; returns how often, too.
+    /// Repeats a query until it is answered or `timeout` elapses; returns the number of tries too.
     fn ask(
         &self,
         key: &str,
@@ -449,7 +449,7 @@ impl CellClient {
     ) -> Result<(Vec<Answer>, u32), CellError> {
         let deadline = Instant::now() + timeout;
         let mut tries = 0;
-        // The first try gets all the time but what others need: an answer may only be late.
+        // The first try gets most of the time, because an answer may only be late.
         let mut piece = timeout / 2;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
@@ -467,7 +467,7 @@ impl CellClient {
         }
     }
 
-    /// Asks a question once; returns what was answered in time, which may be nothing.
+    /// Sends a query once; returns the answers that arrived in time, possibly none.
     fn ask_once(
         &self,
         key: &str,
@@ -480,10 +480,11 @@ impl CellClient {
             .session
             .get(question.selector(None))
             .payload(payload)
-            // Whoever would answer is asked: the one nearest need not be the cell.
+            // Ask all queryables: the nearest one need not be the cell.
             .target(QueryTarget::All)
             .consolidation(ConsolidationMode::None)
-            // Commands wait for room rather than being dropped, and never behind bulk data.
+            // Commands block for buffer space rather than being dropped, and never queue behind
+            // bulk data.
             .congestion_control(CongestionControl::Block)
             .priority(Priority::RealTime)
             .timeout(deadline.saturating_duration_since(Instant::now()))
@@ -504,8 +505,7 @@ impl Doubt {
     }
 }
 
-/// Checks that a cell's clock says a time between that at which it was asked and that at which its answer
-/// came.
+/// Checks that the cell's clock lies between the times of the query and of its answer.
 fn check_clock(cell_ms: u64, asked_ms: u64, answered_ms: u64) -> Result<(), CellError> {
     let seconds = |ms: u64| ms as f64 / 1000.0;
     let wrong = |ahead_s: f64| Err(CellError::Clock { ahead_s });
@@ -518,7 +518,7 @@ fn check_clock(cell_ms: u64, asked_ms: u64, answered_ms: u64) -> Result<(), Cell
     Ok(())
 }
 
-/// Returns who answered, as people read it.
+/// Returns who answered, as text for people.
 fn who(answers: &[Answer]) -> String {
     let names: Vec<String> = answers.iter().map(Answer::who).collect();
     names.join(" and ")

@@ -1,8 +1,8 @@
-//! What a report cannot say of a goal without contradicting it, the robot or itself.
+//! Contradictions between a report and its goal, the robot or itself.
 //!
-//! A report decides what is stored of a motion. One that was made up, cut, frozen or mixed up with another
-//! must not pass for a success; one that a cell gives of what it did must pass, late and noisy as robots
-//! are. What is compared and within what, `README.md` says.
+//! A report decides what is stored of a motion. A fabricated, truncated, frozen or mixed-up report
+//! must not pass as a success; a genuine one must pass, with the delay and noise of real robots.
+//! `README.md` lists the checks and their tolerances.
 
 use motion::{Carrier, JointTrack, PalmPoint};
 use nalgebra::Isometry3;
@@ -13,107 +13,107 @@ use crate::{Goal, Report, Sample};
 
 /// Longest time between two samples, before the first and after the last, in seconds.
 const GAP_S: f64 = 0.1;
-/// How much longer than its goal a motion may be watched, in seconds.
+/// Longest recording beyond the end of the goal's motion, in seconds.
 const LONGER_S: f64 = 5.0;
-/// How long after its time, and how long before it, a command may be seen, in seconds.
+/// Largest delay of a command after its time, and largest lead before it, in seconds.
 const LATE_S: f64 = 0.25;
 const EARLY_S: f64 = 0.05;
-/// How far a command may be from the goal's course, in radians and in meters.
+/// Largest difference of a command from the goal's trajectory, in radians and in meters.
 const COMMAND_RAD: f64 = 0.05;
 const COMMAND_M: f64 = 0.005;
-/// How far a joint may be measured outside its limits, in radians and in meters: it gives way, and its
-/// encoder is not exact.
+/// Largest measured excess over a joint's limits, in radians and in meters: joints are compliant
+/// and encoders inexact.
 const LIMIT_RAD: f64 = 0.2;
 const LIMIT_M: f64 = 0.02;
-/// How far a palm that flies may be from the goal's course, in meters and radians.
+/// Largest distance of a free-flying palm from the goal's trajectory, in meters and radians.
 const PALM_M: f64 = 0.05;
 const PALM_RAD: f64 = 0.3;
-/// From this on a joint is told to move on the way to the grasp, in radians and in meters, and this share
-/// of it must be seen: fingers may be held up by the object.
+/// Smallest commanded displacement on the way to the grasp that counts as a motion, in radians and
+/// in meters, and the share of it that must be measured: the object may block fingers.
 const MOVES_RAD: f64 = 0.1;
 const MOVES_M: f64 = 0.01;
 const MOVED_SHARE: f64 = 0.1;
-/// Share of the object's rise that the palm must have made.
+/// Smallest rise of the palm, as a share of the object's.
 const PALM_SHARE: f64 = 0.5;
-/// How far from where the goal has it the object may lie at first, in meters.
+/// Largest distance of the object's first pose from the goal's, in meters.
 const ELSEWHERE_M: f64 = 0.3;
-/// Coordinates that nothing on a table has, in meters.
+/// Implausibly large coordinate for anything on a table, in meters.
 const FAR_M: f64 = 10.0;
-/// How far the rise that is told may be from that of the samples, in meters: the object may fall between
-/// the last sample and the last look.
+/// Largest difference between the reported rise and that of the samples, in meters: the object may
+/// fall after the last sample and before the final measurement.
 const LIFT_M: f64 = 0.03;
-/// How much lower than lifted the samples may show an object that was held, in meters.
+/// How far the samples of a held object may lie below the required lift, in meters.
 const HELD_M: f64 = 0.01;
-/// Time between two looks at a goal's course, in seconds.
+/// Sampling period of a goal's trajectory, in seconds.
 const LOOK_S: f64 = 0.005;
 
-/// What a report contradicts.
+/// A contradiction of a report.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Contradiction {
-    /// It is about something else.
+    /// The report is about another goal.
     #[error("it is about goal `{found}`")]
     Goal {
         /// The goal that it names.
         found: String,
     },
-    /// It says something that no report says.
+    /// The outcome is not possible for an accepted goal.
     #[error("`{outcome}` is no outcome of a goal that the cell took")]
     Outcome {
-        /// What it says.
+        /// The outcome.
         outcome: &'static str,
     },
-    /// It is of other joints, or of these in another order.
+    /// The joints differ from the goal's, or are in another order.
     #[error("its joints are `{found}`, the goal's are `{expected}`")]
     Joints {
-        /// Its joints.
+        /// The report's joints.
         found: String,
         /// The goal's.
         expected: String,
     },
-    /// It says that something was carried out and does not show it.
+    /// The report claims that the motion was executed but has no samples.
     #[error("it says `{outcome}` and has no samples")]
     NoSamples {
-        /// What it says.
+        /// The claimed outcome.
         outcome: &'static str,
     },
-    /// Its samples are not at times of the motion, one after the other.
+    /// The times of the samples do not increase, have a gap, or exceed the motion.
     #[error("sample {row} is at {time_s} s, expected after {after_s} s and up to {until_s} s")]
     Times {
         /// The sample, from 0.
         row: usize,
-        /// When it is.
+        /// Its time.
         time_s: f64,
-        /// When the one before is.
+        /// Time of the previous sample.
         after_s: f64,
-        /// When it may be at the latest.
+        /// Latest permitted time.
         until_s: f64,
     },
-    /// It ends before the motion.
+    /// The samples end before the motion.
     #[error("it says `succeeded` and ends after {time_s} s, the motion after {end_s} s")]
     Short {
-        /// When the last sample is.
+        /// Time of the last sample.
         time_s: f64,
-        /// When the hold ends.
+        /// End of the hold.
         end_s: f64,
     },
-    /// Something is where nothing is.
+    /// A position is implausibly far away.
     #[error("sample {row} has the {what} {far_m} m away")]
     Far {
         /// The sample.
         row: usize,
-        /// What.
+        /// The palm or the object.
         what: &'static str,
         /// Its largest coordinate.
         far_m: f64,
     },
-    /// The object lay elsewhere.
+    /// The object started away from the goal's pose.
     #[error("the object is {off_m:.4} m from where the goal has it at first")]
     Elsewhere {
-        /// How far.
+        /// The distance.
         off_m: f64,
     },
-    /// A joint is where it cannot be.
+    /// A joint is outside its limits.
     #[error("sample {row} has joint `{joint}` at {q}, outside {lower} to {upper}")]
     Limit {
         /// The sample.
@@ -122,15 +122,16 @@ pub enum Contradiction {
         joint: String,
         /// Its position.
         q: f64,
-        /// Its limits.
+        /// Lower limit.
         lower: f64,
-        /// Its limits.
+        /// Upper limit.
         upper: f64,
     },
-    /// The goal moves something nowhere: no report can be told from it.
+    /// The goal is empty or has a turn that cannot be interpolated: no report can be checked
+    /// against it.
     #[error("the goal has a controller without points, or a turn that no palm can follow")]
     NoCourse,
-    /// A joint was told something else.
+    /// A commanded position differs from the goal's.
     #[error(
         "sample {row} has joint `{joint}` told to be at {q}, the goal tells {least:.4} to {most:.4} then"
     )]
@@ -139,68 +140,68 @@ pub enum Contradiction {
         row: usize,
         /// The joint.
         joint: String,
-        /// What it was told.
+        /// The reported command.
         q: f64,
-        /// The least that the goal tells it about then.
+        /// The least that the goal commands around that time.
         least: f64,
-        /// The most.
+        /// The greatest.
         most: f64,
     },
-    /// A palm that flies is elsewhere.
+    /// A free-flying palm is off the goal's trajectory.
     #[error(
         "sample {row} has the palm {off_m:.4} m and {off_rad:.4} rad from where the goal has it"
     )]
     Palm {
         /// The sample.
         row: usize,
-        /// How far it is.
+        /// Its distance.
         off_m: f64,
-        /// By how much it is turned.
+        /// Its angle.
         off_rad: f64,
     },
-    /// A joint has not moved.
+    /// A joint did not move.
     #[error(
         "joint `{joint}` is told to move by {told:.4} to the grasp and has moved by {moved:.4}"
     )]
     Still {
         /// The joint.
         joint: String,
-        /// By how much it was told to.
+        /// The commanded displacement.
         told: f64,
-        /// By how much it has.
+        /// The measured displacement.
         moved: f64,
     },
-    /// The rise is not that of the samples.
+    /// The reported rise differs from that of the samples.
     #[error("it says that the object rose by {said_m} m, its samples say {shown_m:.4} m")]
     Lift {
-        /// What it says.
+        /// The reported rise.
         said_m: f64,
-        /// What its samples say.
+        /// The rise of the samples.
         shown_m: f64,
     },
-    /// What was held was not lifted.
+    /// The object was not lifted high enough.
     #[error(
         "it says `succeeded` and has the object {rise_m:.4} m up after {time_s} s, the goal asks for {lifted_m} m"
     )]
     Low {
-        /// How far the object has risen.
+        /// Rise of the object.
         rise_m: f64,
-        /// When.
+        /// Time of the sample.
         time_s: f64,
-        /// How far it must have.
+        /// The required rise.
         lifted_m: f64,
     },
     /// The object rose without the hand.
     #[error("it says `succeeded` and has the object {object_m:.4} m up and the palm {palm_m:.4} m")]
     PalmLow {
-        /// How far the object has risen.
+        /// Rise of the object.
         object_m: f64,
-        /// How far the palm has.
+        /// Rise of the palm.
         palm_m: f64,
     },
 }
 
-/// Looks for what a report contradicts.
+/// Checks a report for contradictions.
 pub(crate) fn check(report: &Report, goal: &Goal, robot: &[Joint]) -> Result<(), Contradiction> {
     let outcome = report.outcome;
     if report.goal_id != goal.seal().goal_id {
@@ -253,16 +254,16 @@ pub(crate) fn check(report: &Report, goal: &Goal, robot: &[Joint]) -> Result<(),
     }
 }
 
-/// Which commands may still be seen.
+/// Which past commands may still be seen.
 #[derive(Clone, Copy)]
 enum History {
-    /// Those of a short time.
+    /// Those of the last fraction of a second.
     Recent,
-    /// Any that was given: the motion may have been broken off then.
+    /// All up to then: the motion may have been aborted at any of them.
     Any,
 }
 
-/// Returns the joints of the goal, in its order, which must be that of the report.
+/// Returns the goal's joints in its order, which must be that of the report.
 fn joints_of<'a>(
     found: &[String],
     goal: &Goal,
@@ -365,7 +366,7 @@ fn check_joints(
     Ok(())
 }
 
-/// Checks that the joints move to the grasp as they are told, as far as it was watched.
+/// Checks that the joints move to the grasp as commanded, as far as samples exist.
 fn check_motion(
     samples: &[Sample],
     joints: &[&Joint],
@@ -399,14 +400,14 @@ fn check_motion(
 }
 
 fn check_lift(said_m: f64, shown_m: f64) -> Result<(), Contradiction> {
-    // A comparison with what is no number is false.
+    // A comparison with NaN is false.
     if (said_m - shown_m).abs() <= LIFT_M {
         return Ok(());
     }
     Err(Contradiction::Lift { said_m, shown_m })
 }
 
-/// Checks that the object was lifted, by the hand, and held until the end.
+/// Checks that the hand lifted the object and held it until the end.
 fn check_success(
     report: &Report,
     goal: &Goal,
@@ -451,25 +452,25 @@ fn height_m(sample: &Sample) -> f64 {
     sample.table_from_object.isometry().translation.z
 }
 
-/// Returns when the hold of a goal ends, in seconds.
+/// Returns the end of a goal's hold, in seconds.
 fn end_s(goal: &Goal) -> f64 {
     let grasp = &goal.grasp;
     grasp.reach_s + grasp.squeeze_s + grasp.pause_s + grasp.lift_s + grasp.hold_s
 }
 
-/// What a goal tells over time.
+/// A goal's trajectory, sampled.
 struct Course {
-    /// Positions of each joint at each look.
+    /// Positions of each joint at each sampled time.
     q: Vec<Vec<f64>>,
-    /// For each joint and look, the least and the most up to then.
+    /// For each joint and sampled time, the least and the greatest up to then.
     until: Vec<Vec<[f64; 2]>>,
-    /// Poses of the palm at each look, if it flies.
+    /// Poses of the palm at each sampled time, if it is free-flying.
     palm: Option<Vec<Isometry3<f64>>>,
     looks_n: usize,
 }
 
 impl Course {
-    /// Takes what a goal tells; `None` where that is nothing.
+    /// Samples a goal's trajectory; `None` if the goal has none.
     fn of(goal: &Goal) -> Option<Self> {
         let looks_n = look(end_s(goal)) + 2;
         let times = || (0..looks_n).map(|idx| idx as f64 * LOOK_S);
@@ -493,7 +494,7 @@ impl Course {
         })
     }
 
-    /// Returns the looks at which a command was given that may be seen at a time.
+    /// Returns the indices of the commands that may be in effect at a time.
     fn looks(&self, time_s: f64, history: History) -> std::ops::Range<usize> {
         let last = (look(time_s + EARLY_S) + 2).min(self.looks_n);
         let first = match history {
@@ -503,7 +504,7 @@ impl Course {
         first.min(last.saturating_sub(1))..last
     }
 
-    /// Returns the least and the most that a joint was told of which something may be seen at a time.
+    /// Returns the least and the greatest command of a joint that may be in effect at a time.
     fn range(&self, joint: usize, time_s: f64, history: History) -> [f64; 2] {
         let looks = self.looks(time_s, history);
         match history {
@@ -528,7 +529,7 @@ impl Course {
             (off_m, pose.rotation.angle_to(&seen.rotation))
         };
         let offs = told.iter().map(off);
-        // The one that is nearest, each by how much may be.
+        // The nearest pose, with each error relative to its tolerance.
         let far = |(off_m, off_rad): &(f64, f64)| (off_m / PALM_M).max(off_rad / PALM_RAD);
         match offs.min_by(|a, b| far(a).total_cmp(&far(b))) {
             Some(off) if far(&off) > 1.0 => Err(Contradiction::Palm {
@@ -541,7 +542,7 @@ impl Course {
     }
 }
 
-/// Returns the number of the last look at or before a time, 0 before the first.
+/// Returns the index of the last sampled time at or before a time, 0 before the first.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -551,7 +552,7 @@ fn look(time_s: f64) -> usize {
     (time_s / LOOK_S).floor().clamp(0.0, 1e6) as usize
 }
 
-/// Returns the positions of each joint of a track at some times; `None` if it has no points.
+/// Returns the positions of each joint of a track at the given times; `None` if it has no points.
 fn columns(track: &JointTrack, times: impl Iterator<Item = f64>) -> Option<Vec<Vec<f64>>> {
     let mut columns = vec![Vec::new(); track.joints.len()];
     for time_s in times {
@@ -562,7 +563,7 @@ fn columns(track: &JointTrack, times: impl Iterator<Item = f64>) -> Option<Vec<V
     Some(columns)
 }
 
-/// Returns the least and the most of some numbers up to each of them.
+/// Returns the running minima and maxima of some numbers.
 fn extremes(numbers: &[f64]) -> Vec<[f64; 2]> {
     let mut range = [f64::INFINITY, f64::NEG_INFINITY];
     let widened = numbers.iter().map(|&number| {

@@ -4,7 +4,7 @@ use std::{error::Error, path::PathBuf, time::Duration};
 
 use crate::wire::WireError;
 
-/// What zenoh says about a failure, without the place in its sources.
+/// zenoh's error message, without its source location.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Cause(String);
@@ -17,7 +17,7 @@ impl From<zenoh::Error> for Cause {
     }
 }
 
-/// Returns what an error says, with its causes, on one line.
+/// Returns an error and its causes on one line.
 pub fn with_causes(err: &dyn Error) -> String {
     let mut text = err.to_string();
     let mut cause = err.source();
@@ -28,7 +28,7 @@ pub fn with_causes(err: &dyn Error) -> String {
     text
 }
 
-/// Why a cell could not be reached or started; what becomes of a goal is a [`crate::Report`].
+/// Why a cell could not be reached or started; the outcome of a goal is a [`crate::Report`].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CellError {
@@ -44,15 +44,15 @@ pub enum CellError {
         /// The endpoint.
         endpoint: String,
     },
-    /// An endpoint's host is not known.
+    /// An endpoint's host cannot be resolved.
     #[error("cannot find the host of `{endpoint}`")]
     Host {
         /// The endpoint.
         endpoint: String,
-        /// Why not.
+        /// The cause.
         source: std::io::Error,
     },
-    /// An endpoint that other machines reach is not protected.
+    /// An endpoint that other machines can reach is not protected.
     #[error(
         "`{endpoint}` is not on the loopback interface and not protected: whoever is on that network could move the robot"
     )]
@@ -60,7 +60,7 @@ pub enum CellError {
         /// The endpoint.
         endpoint: String,
     },
-    /// Other machines were to be listened to, without saying whom to trust.
+    /// An endpoint open to other machines lacks an access file with trusted peers.
     #[error("`{endpoint}` needs an access file: whom to trust is in it")]
     NoAccess {
         /// The endpoint.
@@ -79,101 +79,101 @@ pub enum CellError {
         "nothing answers at `{endpoint}`: no connection to the robot cell within {waited:.1?}; nothing was sent to the robot"
     )]
     Connect {
-        /// Where the cell was looked for.
+        /// The endpoint of the cell.
         endpoint: String,
-        /// The access file that said who asks.
+        /// The client's access file.
         access: Option<PathBuf>,
-        /// How long.
+        /// The timeout.
         waited: Duration,
-        /// What zenoh says.
+        /// zenoh's message.
         source: Cause,
     },
-    /// No router answers where a cell was to connect to one.
+    /// No router answers at the endpoint.
     #[error("nothing answers at `{endpoint}`: no connection to the router within {waited:.1?}")]
     Router {
-        /// Where the router was looked for.
+        /// The endpoint of the router.
         endpoint: String,
-        /// The access file that said who connects.
+        /// The cell's access file.
         access: Option<PathBuf>,
-        /// How long.
+        /// The timeout.
         waited: Duration,
-        /// What zenoh says.
+        /// zenoh's message.
         source: Cause,
     },
-    /// The endpoint is there, but no cell of this name answers.
+    /// The endpoint is reachable, but no cell of this name answers.
     #[error(
         "the robot cell did not answer within {waited:.1?}; nothing was sent to the robot: key `{key}`, session `{endpoint}`"
     )]
     NoAnswer {
-        /// The key asked.
+        /// The key queried.
         key: String,
-        /// Where the session is connected.
+        /// The session's endpoint.
         endpoint: String,
-        /// The access file that said who asks.
+        /// The client's access file.
         access: Option<PathBuf>,
-        /// How long was waited.
+        /// The timeout.
         waited: Duration,
     },
-    /// Several cells have one name: a goal would be executed by each.
+    /// Several cells have the same name: each would execute the goal.
     #[error(
         "{count} robot cells answer to one name; nothing was sent to a robot: key `{key}`, session `{endpoint}`: {who}"
     )]
     SeveralCells {
-        /// The key asked.
+        /// The key queried.
         key: String,
-        /// Where the session is connected.
+        /// The session's endpoint.
         endpoint: String,
         /// How many answered.
         count: usize,
-        /// Who answered, as people read it.
+        /// Who answered, as text for people.
         who: String,
     },
-    /// Who answers cannot show that it is a cell.
+    /// The answer is not signed by a cell.
     #[error(
         "what answers for the robot cell does not prove that it is one; nothing was sent to it: key `{key}`, session `{endpoint}`: {who}"
     )]
     Unsigned {
-        /// The key asked.
+        /// The key queried.
         key: String,
-        /// Where the session is connected.
+        /// The session's endpoint.
         endpoint: String,
-        /// Who answered, as people read it.
+        /// Who answered, as text for people.
         who: String,
     },
-    /// A question to a cell was answered by somebody else, too.
+    /// Another party answered a query to the cell, too.
     #[error(
         "not the robot cell alone answers, the robot may be moving: key `{key}`, session `{endpoint}`: {who}"
     )]
     Strangers {
-        /// The key asked.
+        /// The key queried.
         key: String,
-        /// Where the session is connected.
+        /// The session's endpoint.
         endpoint: String,
-        /// Who answered, as people read it.
+        /// Who answered, as text for people.
         who: String,
     },
-    /// Another cell answers than before.
+    /// A different cell answers than before.
     #[error(
         "the robot cell is not the one that answered before: session `{endpoint}`, journal {found}, expected {expected}"
     )]
     OtherCell {
-        /// Where the session is connected.
+        /// The session's endpoint.
         endpoint: String,
         /// Journal of the cell that answered before.
         expected: String,
         /// Journal of the one that answers now.
         found: String,
     },
-    /// A cell calls itself something else than its keys.
+    /// A cell's own name differs from that in its keys.
     #[error(
         "the robot cell under the name `{expected}` calls itself `{found}`: session `{endpoint}`"
     )]
     OtherName {
-        /// Where the session is connected.
+        /// The session's endpoint.
         endpoint: String,
         /// The name in its keys.
         expected: String,
-        /// What it says.
+        /// The cell's own name.
         found: String,
     },
     /// The clocks of the two machines do not agree.
@@ -183,28 +183,28 @@ pub enum CellError {
         if *ahead_s > 0.0 { "ahead" } else { "behind" }
     )]
     Clock {
-        /// By how much the cell's clock is ahead, at least, in seconds; negative if it is behind.
+        /// Least lead of the cell's clock, in seconds; negative if it lags.
         ahead_s: f64,
     },
-    /// A cell of this name is there already.
+    /// Another cell has this name already.
     #[error("another robot cell has the name `{name}`: session `{endpoint}`: {who}")]
     NameTaken {
         /// The name.
         name: String,
-        /// Where the session is connected.
+        /// The session's endpoint.
         endpoint: String,
-        /// Who answered, as people read it.
+        /// Who answered, as text for people.
         who: String,
     },
-    /// The system gives no random numbers.
+    /// The system's random number generator failed.
     #[error("cannot make up a name that nobody can guess")]
     Random(#[source] std::io::Error),
-    /// The cell speaks another version of the protocol.
+    /// The cell uses another version of the protocol.
     #[error(
         "the robot cell speaks version {found} of the protocol, expected {expected}: session `{endpoint}`"
     )]
     Protocol {
-        /// Where the session is connected.
+        /// The session's endpoint.
         endpoint: String,
         /// Version of this program.
         expected: u32,
@@ -214,9 +214,9 @@ pub enum CellError {
     /// An answer cannot be read.
     #[error("the robot cell's answer cannot be read: key `{key}`")]
     Answer {
-        /// The key asked.
+        /// The key queried.
         key: String,
-        /// Why not.
+        /// The cause.
         source: WireError,
     },
     /// Another program listens at the endpoint.
@@ -225,28 +225,28 @@ pub enum CellError {
         /// The endpoint.
         endpoint: String,
     },
-    /// The endpoint cannot be listened on.
+    /// Listening on the endpoint failed.
     #[error("cannot listen on `{endpoint}`")]
     Listen {
         /// The endpoint.
         endpoint: String,
-        /// What zenoh says.
+        /// zenoh's message.
         source: Cause,
     },
     /// zenoh refuses a session, a key or a message.
     #[error("cannot {action}")]
     Zenoh {
-        /// What was tried.
+        /// The action that failed.
         action: &'static str,
-        /// What zenoh says.
+        /// zenoh's message.
         source: Cause,
     },
-    /// The simulated cell cannot keep what it has done.
+    /// The simulated cell cannot use its journal.
     #[error("cannot use the cell's journal in `{}`", path.display())]
     Journal {
         /// The folder.
         path: PathBuf,
-        /// Why not.
+        /// The cause.
         source: std::io::Error,
     },
     /// The robot's URDF cannot be used.
@@ -255,19 +255,19 @@ pub enum CellError {
     /// The hand cannot be simulated.
     #[error("the simulated cell cannot simulate the hand")]
     Simulation(#[from] simulation::SimulationError),
-    /// The thread that simulates could not be started.
+    /// The simulation thread could not be started.
     #[error("cannot start the simulated cell's thread")]
     Thread(#[source] std::io::Error),
 }
 
-/// What helps when nothing is there, whatever the reason.
+/// Returns the advice for an unreachable cell.
 fn unreached() -> &'static str {
     "start the cell and check its name and endpoint, or use the simulated one with \
      `--set dispatch.cell=simulated`"
 }
 
 impl CellError {
-    /// Returns what to do about it, where that is known.
+    /// Returns the next action, where one is known.
     #[expect(clippy::too_many_lines, reason = "a list: every error and its advice")]
     pub fn hint(&self) -> Option<String> {
         match self {

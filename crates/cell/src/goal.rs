@@ -1,4 +1,4 @@
-//! A goal: one motion to execute, and the reasons for which a cell refuses it.
+//! Goals, and the reasons for which a cell refuses them.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -20,49 +20,49 @@ const ID_DIGITS: usize = 32;
 pub struct Goal {
     /// The motion's name in the lake.
     pub candidate_id: String,
-    /// The object to be grasped, which lies before the robot.
+    /// The object to be grasped, on the table in front of the robot.
     pub object: String,
     /// Digest of the robot's URDF ([`crate::robot_digest`]).
     pub robot: String,
-    /// Number of this attempt: another one makes another goal of the same motion.
+    /// Number of this attempt; another number makes another goal of the same motion.
     pub attempt: u32,
     /// How often this attempt was sent again because a person had stopped it.
     pub resumed: u32,
-    /// How the object lies on the table.
+    /// Pose of the object on the table.
     pub table_from_object: Pose<Table, Object>,
-    /// How far a joint may be from the first point when the motion starts, in radians.
+    /// Largest difference of a joint from the first point when the motion starts, in radians.
     pub start_tolerance_rad: f64,
-    /// When which part of the motion is, and what counts as success.
+    /// Timing of the motion's phases, and the success criteria.
     pub grasp: Protocol,
-    /// What moves the palm, to the end of the lift.
+    /// Trajectory of the palm or arm, to the end of the lift.
     pub carrier: Carrier,
-    /// What the fingers are told, to the end of the squeeze.
+    /// Trajectory of the fingers, to the end of the squeeze.
     pub hand: JointTrack,
 }
 
-/// A goal as it travels.
+/// A serialized goal.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SealedGoal {
-    /// The goal's name: the first 32 hexadecimal digits of the digest.
+    /// The goal's id: the first 32 hexadecimal digits of the digest.
     pub goal_id: String,
     /// BLAKE3 of the content, in hexadecimal digits.
     pub digest: String,
-    /// Who sent it and when, if that is said. It is no part of the content, so that a goal sent again
+    /// Sender and times, if given. They are not part of the content, so that a goal sent again
     /// later is the same goal.
     pub sending: Option<Sending>,
     /// The whole message.
     pub bytes: Vec<u8>,
 }
 
-/// Who sent a goal and when, by that one's clock.
+/// A goal's sender and send time, by the sender's clock.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sending {
-    /// The dispatcher's name in its heartbeats: the cell counts no others while it executes the goal.
+    /// The dispatcher's name in its heartbeats: the only ones that count while the goal executes.
     pub dispatcher: String,
-    /// When it was sent, in milliseconds since 1970.
+    /// Send time, in milliseconds since 1970.
     pub sent_unix_ms: u64,
-    /// When it is too late to start, in milliseconds since 1970.
+    /// Start deadline, in milliseconds since 1970.
     pub valid_until_unix_ms: u64,
 }
 
@@ -77,13 +77,13 @@ struct Seal {
     sending: Option<Sending>,
 }
 
-/// By how much the clocks of a dispatcher and a cell may differ, in milliseconds.
+/// Largest clock difference between a dispatcher and a cell, in milliseconds.
 pub(crate) const CLOCKS_MS: u64 = 1000;
-/// Longest time for which a goal may be valid, in milliseconds: a day.
+/// Longest validity of a goal, in milliseconds: a day.
 const MOST_VALID_MS: u64 = 86_400_000;
 
 impl Sending {
-    /// Says that `dispatcher` sends a goal now, which may start within `valid`.
+    /// Returns the entry for `dispatcher` sending a goal now that may start within `valid`.
     pub fn now(dispatcher: &str, valid: Duration) -> Self {
         let sent_unix_ms = now_unix_ms();
         let valid_ms = u64::try_from(valid.as_millis()).unwrap_or(u64::MAX);
@@ -94,12 +94,12 @@ impl Sending {
         }
     }
 
-    /// Checks that a goal comes in time.
+    /// Checks that a goal arrives in time.
     ///
     /// # Errors
     ///
-    /// Fails with the answer that a cell gives at a time by its own clock: `expired` to a goal that was on
-    /// its way for too long, `clock` where that is no explanation.
+    /// Fails with the cell's refusal, given the time by its own clock: `expired` for a goal that
+    /// was delayed too long, `clock` where a delay cannot explain the times.
     pub fn check(&self, now_unix_ms: u64) -> Result<(), Rejection> {
         let (sent, until) = (self.sent_unix_ms, self.valid_until_unix_ms);
         let seconds = |from: u64, to: u64| to.saturating_sub(from) as f64 / 1000.0;
@@ -126,7 +126,7 @@ impl Sending {
         }
         if now_unix_ms > until {
             let late_s = seconds(until, now_unix_ms);
-            // Who sent it has waited as long as it was valid, and heard nothing since.
+            // The sender has waited for the whole validity without an answer.
             return if now_unix_ms - until > valid_ms.saturating_add(CLOCKS_MS) {
                 refuse(
                     RejectionCode::Clock,
@@ -158,11 +158,11 @@ struct Content {
     table_from_object: [f64; 7],
     start_tolerance_rad: f64,
     grasp: Protocol,
-    /// What moves the palm, and the hand: their rows follow in this order.
+    /// Controllers of the palm or arm, then of the hand: their rows follow in this order.
     controllers: [Controller; 2],
 }
 
-/// How many rows are whose.
+/// A controller and its number of rows.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, tag = "controller", rename_all = "snake_case")]
 enum Controller {
@@ -180,8 +180,8 @@ enum Controller {
 }
 
 impl Goal {
-    /// Returns the names of its joints: an arm's, if there is one, then the hand's. It is the order of a
-    /// report's numbers.
+    /// Returns the joint names: the arm's, if there is one, then the hand's. A report's numbers
+    /// have the same order.
     pub fn joint_names(&self) -> Vec<String> {
         let arm = match &self.carrier {
             Carrier::Palm(_) => None,
@@ -191,7 +191,7 @@ impl Goal {
         joints.flatten().cloned().collect()
     }
 
-    /// Writes the goal as it travels and names it by its content.
+    /// Serializes the goal and derives its id from the content.
     pub fn seal(&self) -> SealedGoal {
         let mut content = wire::line(&Content {
             candidate_id: self.candidate_id.clone(),
@@ -246,7 +246,7 @@ impl SealedGoal {
         }
     }
 
-    /// Returns the same goal, with who sent it and when.
+    /// Returns the same goal with its sender and send time.
     #[must_use]
     pub fn sent(&self, sending: Sending) -> Self {
         let end = self.bytes.iter().position(|&byte| byte == b'\n');
@@ -255,11 +255,11 @@ impl SealedGoal {
         Self::new(self.digest.clone(), Some(sending), content)
     }
 
-    /// Reads a goal and checks that it is whole: its version, digest, id and form.
+    /// Parses a goal and checks that it is intact: version, digest, id and form.
     ///
     /// # Errors
     ///
-    /// Fails with the answer that a cell gives to such a message.
+    /// Fails with the cell's refusal of such a message.
     pub fn open(bytes: &[u8]) -> Result<(Self, Goal), Rejection> {
         let (seal, content): (Seal, &[u8]) = wire::split_line("seal", bytes)?;
         if seal.protocol != PROTOCOL {
@@ -289,7 +289,7 @@ impl SealedGoal {
     }
 }
 
-/// Returns the time by which it is told whether a goal comes too late.
+/// Returns the time used for expiry checks.
 #[expect(
     clippy::disallowed_methods,
     reason = "a goal's end is told between two machines, and is in no artifact"
@@ -363,48 +363,48 @@ fn order(message: &str) -> WireError {
 /// Why a cell did not take a goal.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rejection {
-    /// The reason as programs read it.
+    /// The reason for programs.
     pub code: RejectionCode,
-    /// The reason as people read it.
+    /// The reason for people.
     pub reason: String,
 }
 
-/// The reasons for which a cell does not take a goal.
+/// The reasons for which a cell refuses a goal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RejectionCode {
-    /// The message is longer than the cell accepts.
+    /// The message exceeds the cell's maximum length.
     TooLarge,
     /// The message is not a goal.
     Malformed,
-    /// The goal is of another version of the protocol.
+    /// The goal has another protocol version.
     Protocol,
-    /// The goal's digest or id is not that of its content.
+    /// The goal's digest or id does not match its content.
     Digest,
     /// The goal is for another robot.
     Robot,
-    /// The goal's controllers are not the cell's, or do not name exactly the robot's joints.
+    /// The goal's controllers differ from the cell's, or do not name exactly the robot's joints.
     Joints,
     /// A position, velocity, acceleration or tolerance is outside the robot's limits.
     Limits,
     /// The times do not increase, or there are too few or too many steps.
     Times,
-    /// The object does not lie before the robot.
+    /// The object is not in front of the robot.
     Object,
     /// The cell executes another goal.
     Busy,
-    /// It is too late for the goal to start.
+    /// The goal's start deadline has passed.
     Expired,
-    /// The clocks of dispatcher and cell do not agree.
+    /// The clocks of dispatcher and cell disagree.
     Clock,
-    /// The cell was stopped, and no person had it resume.
+    /// The cell was stopped and has not been resumed.
     Stopped,
-    /// The cell cannot write down that it takes the goal.
+    /// The cell cannot journal the goal.
     Storage,
 }
 
 impl Rejection {
-    /// Returns a refusal with its reason.
+    /// Creates a refusal with its reason.
     pub fn new(code: RejectionCode, reason: String) -> Self {
         Self { code, reason }
     }
@@ -425,7 +425,7 @@ mod tests {
 
     use super::*;
 
-    /// How a hand of which nothing is known grasps.
+    /// Grasp parameters without knowledge of the hand.
     fn grasp() -> Protocol {
         Protocol {
             approach: Approach::Follow,

@@ -18,18 +18,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::{CellError, wire};
 
-/// Time between two beats: a cell that waits a quarter of a second misses four before it stops.
+/// Heartbeat period: a cell with a timeout of a quarter of a second misses four before it stops.
 const PERIOD: Duration = Duration::from_millis(50);
 
-/// What a heartbeat says.
+/// Content of a heartbeat.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Beat {
-    /// Whose it is, as that one's goals say.
+    /// The dispatcher's name, as in its goals.
     pub(crate) dispatcher: String,
 }
 
-/// Tells a cell that its dispatcher is there, until this is dropped.
+/// Sends heartbeats to a cell until dropped.
 pub(crate) struct Heartbeat {
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -50,7 +50,7 @@ impl Heartbeat {
             .name("heartbeat".to_owned())
             .spawn(move || {
                 while !until.load(Ordering::Relaxed) {
-                    // A beat that would have to wait is better lost: the next one is as good.
+                    // Drop a beat that would have to wait: the next one is as good.
                     let _sent = session
                         .put(key.as_str(), beat.as_slice())
                         .congestion_control(CongestionControl::Drop)

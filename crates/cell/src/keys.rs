@@ -9,11 +9,11 @@ pub struct Keys {
 }
 
 impl Keys {
-    /// Takes a cell's name: lower-case letters, digits, `-` and `_`.
+    /// Parses a cell's name: lower-case letters, digits, `-` and `_`.
     ///
     /// # Errors
     ///
-    /// Fails if the name is empty or has another character in it.
+    /// Fails if the name is empty or contains another character.
     pub fn new(name: &str) -> Result<Self, CellError> {
         let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || "-_".contains(c);
         if name.is_empty() || !name.chars().all(allowed) {
@@ -31,63 +31,63 @@ impl Keys {
         &self.name
     }
 
-    /// Query: what the cell can do.
+    /// Query: the cell's capabilities.
     pub fn capabilities(&self) -> String {
         self.key("capabilities")
     }
 
-    /// Query with a goal: takes it or refuses it.
+    /// Query with a goal: accepts or refuses it.
     pub fn goal(&self) -> String {
         self.key("goal")
     }
 
-    /// Query: the report on a goal, answered when it is over.
+    /// Query: the report on a goal, answered when its motion ends.
     pub fn result(&self, goal_id: &str) -> String {
         self.key(&format!("goal/{goal_id}/result"))
     }
 
-    /// Query: breaks a goal off; answered when nothing of it moves any more.
+    /// Query: cancels a goal; answered when its motion has stopped.
     pub fn cancel(&self, goal_id: &str) -> String {
         self.key(&format!("goal/{goal_id}/cancel"))
     }
 
-    /// Query: breaks off whatever is executed, and has every goal refused until [`Keys::resume`].
+    /// Query: aborts the current motion and has every goal refused until [`Keys::resume`].
     pub fn stop(&self) -> String {
         self.key("stop")
     }
 
-    /// Query: has goals taken again after a stop.
+    /// Query: lets the cell accept goals again after a stop.
     pub fn resume(&self) -> String {
         self.key("resume")
     }
 
-    /// Publication of the dispatcher while it waits for a motion: a cell in real time breaks a motion
-    /// off when it hears none for a while.
+    /// Publication of the dispatcher while it waits for a motion: a cell in real time aborts the
+    /// motion when heartbeats stop.
     pub fn heartbeat(&self) -> String {
         self.key("heartbeat")
     }
 
-    /// Publication of the cell: how a goal ended.
+    /// Publication of the cell: a goal's outcome.
     pub fn outcome(&self, goal_id: &str) -> String {
         self.key(&format!("goal/{goal_id}/outcome"))
     }
 
-    /// Publication of the cell: what it measures.
+    /// Publication of the cell: its measured state.
     pub fn state(&self) -> String {
         self.key("state")
     }
 
-    /// Query `?from=N`: what was published on [`Keys::state`] from that number on.
+    /// Query `?from=N`: the samples of [`Keys::state`] from that number on.
     pub fn history(&self) -> String {
         self.key("state/history")
     }
 
-    /// Query `?from=N`: how goals ended, from that number on.
+    /// Query `?from=N`: outcomes of goals from that number on.
     pub fn results(&self) -> String {
         self.key("results")
     }
 
-    /// Publication of the dispatcher: each goal that the cell took.
+    /// Publication of the dispatcher: each accepted goal.
     pub fn motion(&self) -> String {
         self.key("motion")
     }
@@ -97,7 +97,7 @@ impl Keys {
         self.key("alive")
     }
 
-    /// Everything of this cell.
+    /// All keys of this cell.
     pub fn all(&self) -> String {
         self.key("**")
     }
@@ -107,7 +107,7 @@ impl Keys {
     }
 }
 
-/// Returns the goal's id in a key made by [`Keys::result`] or [`Keys::cancel`].
+/// Returns the goal id in a key made by [`Keys::result`] or [`Keys::cancel`].
 pub(crate) fn goal_id_of(key: &str) -> Option<&str> {
     key.rsplit('/').nth(1)
 }

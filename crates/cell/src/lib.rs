@@ -1,23 +1,26 @@
 //! The dispatch protocol over zenoh: goals and their outcomes, a client and a simulated cell.
 //!
-//! A robot cell takes one [`Goal`] at a time, executes it and reports what it measured.
-//! [`CellClient`] is the dispatcher's side, [`SimulatedCell`] a cell made of physics alone; the
-//! protocol between them is a page in this crate's `README.md`, so that any lab can serve it.
+//! A robot cell takes one [`Goal`] at a time, executes it and reports its measurements.
+//! [`CellClient`] is the dispatcher's side, [`SimulatedCell`] a cell backed by physics alone. This
+//! crate's `README.md` specifies the protocol between them on one page, so that any lab can serve
+//! it.
 //!
-//! - Goals and results are queries with replies, never bare publications: what was not answered is
-//!   known to be unknown.
-//! - A goal's id follows from its content. A cell asked twice answers twice and moves once.
-//! - Answers are signed by the cell's journal, and one that anybody else gives too is none. A report is
-//!   checked against its goal and itself before it is one ([`UncheckedReport`]).
-//! - What a cell publishes (states, motions, outcomes) is for watching; the report holds every
-//!   sample again, so that nothing depends on a stream that may lose some. States and outcomes are
-//!   numbered, and a [`Watcher`] asks for those that it missed.
-//! - The only clocks in messages say when a goal was sent and until when it may start, and are no part
+//! - Goals and results are queries with replies, never bare publications: a missing answer is
+//!   always detected.
+//! - A goal's id is derived from its content. A cell that is asked twice answers twice and moves
+//!   once.
+//! - The cell signs its answers with its journal's key, and an answer counts only if no other party
+//!   answers too. A report is used only after it has been checked against its goal and itself
+//!   ([`UncheckedReport`]).
+//! - Publications (states, motions, outcomes) are for monitoring. The report repeats every sample,
+//!   so nothing depends on a lossy stream. States and outcomes are numbered, and a [`Watcher`]
+//!   requests those that it missed.
+//! - The only clock times in messages are a goal's send time and start deadline. They are not part
 //!   of the goal: equal goals to a simulated cell give equal reports.
-//! - A cell writes down that it takes a goal before it says so. One that is started again knows what
-//!   it did, and of the motion in which it went down that nobody knows.
-//! - Sessions scout for nobody. What leaves this machine goes through TLS, to and from those whom an
-//!   [`Access`] file names.
+//! - A cell journals a goal before it acknowledges it. A restarted cell knows what it did, and
+//!   reports a motion interrupted by a crash as unknown.
+//! - Sessions do no scouting. Traffic that leaves this machine uses TLS, to and from the peers that
+//!   an [`Access`] file names.
 
 mod access;
 mod capabilities;
@@ -61,5 +64,5 @@ pub use state::State;
 pub use watch::{Counts, Seen, Watcher};
 pub use wire::{StateHeader, WireError, robot_digest};
 
-/// Version of the protocol; a cell refuses goals of any other.
+/// Protocol version; a cell refuses goals of any other version.
 pub const PROTOCOL: u32 = 4;

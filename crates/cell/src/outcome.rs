@@ -1,41 +1,41 @@
-//! How goals ended, as a cell tells those who watch.
+//! Outcomes of goals, as a cell publishes them.
 
 use schemas::executions::Outcome;
 use serde::{Deserialize, Serialize};
 
 use crate::wire::{self, WireError};
 
-/// How a goal ended.
+/// The outcome of a goal.
 ///
-/// A cell numbers every goal that it takes, in the order in which it takes them, which is also the
-/// order in which they end. Whoever misses a number asks for it: `results?from=N`.
+/// A cell numbers its goals in the order of acceptance, which is also the order in which they end.
+/// A watcher that misses a number queries `results?from=N`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GoalOutcome {
-    /// Name of the list that the number is of: a cell that has forgotten its goals begins another.
+    /// Name of the journal that numbers the goals: a cell that has lost its goals begins another.
     pub journal: String,
     /// Number of the goal, from 0.
     pub result_n: u64,
-    /// The goal's name.
+    /// The goal's id.
     pub goal_id: String,
-    /// How it ended.
+    /// The outcome.
     #[serde(with = "word")]
     pub outcome: Outcome,
-    /// The cell's word on it.
+    /// The cell's message.
     pub message: String,
     /// Rise of the object at the end, in meters.
     pub lift_m: f64,
 }
 
-/// First line of the answer to a question for outcomes, of which one line each follows.
+/// First line of the answer to an outcomes query; one line per outcome follows.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct OutcomesHeader {
     /// As in [`GoalOutcome`].
     pub(crate) journal: String,
-    /// How many goals are over.
+    /// Number of goals that have ended.
     pub(crate) results_n: u64,
 }
 
-/// Outcomes, oldest first, and how many there are.
+/// Outcomes, oldest first, and their total number.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Outcomes {
     pub(crate) header: OutcomesHeader,
@@ -47,11 +47,11 @@ impl GoalOutcome {
         wire::line(self)
     }
 
-    /// Reads an outcome as a cell publishes it.
+    /// Parses a published outcome.
     ///
     /// # Errors
     ///
-    /// Fails if the bytes are none.
+    /// Fails if the bytes are not an outcome.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, WireError> {
         Ok(wire::split_line("outcome", bytes)?.0)
     }
@@ -78,7 +78,7 @@ impl Outcomes {
     }
 }
 
-/// An outcome as its word.
+/// Serializes an outcome as its word.
 mod word {
     use schemas::executions::Outcome;
     use serde::{Deserialize, Deserializer, Serializer, de::Error};

@@ -1,19 +1,19 @@
-//! Steps that are taken at their times.
+//! Paced execution of steps.
 
 use std::{
     thread,
     time::{Duration, Instant},
 };
 
-/// Takes the steps of a motion at their times, counted from the first.
+/// Paces the steps of a motion by their times, counted from the first.
 #[derive(Debug, Default)]
 pub struct Pacer {
     started: Option<Instant>,
 }
 
 impl Pacer {
-    /// Waits until it is so many seconds after the first step, which begins now if this is it; returns
-    /// how late it is then, in seconds.
+    /// Waits until `time_s` seconds after the first step, which starts now if this is it; returns
+    /// the lateness in seconds.
     pub fn wait(&mut self, time_s: f64) -> f64 {
         let started = *self.started.get_or_insert_with(Instant::now);
         let due = started + Duration::from_secs_f64(time_s.max(0.0));
@@ -21,7 +21,7 @@ impl Pacer {
         due.elapsed().as_secs_f64()
     }
 
-    /// Whether no step was taken yet.
+    /// Whether no step has been taken yet.
     pub(crate) fn is_new(&self) -> bool {
         self.started.is_none()
     }

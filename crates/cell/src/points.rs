@@ -8,7 +8,7 @@ use crate::wire::{self, WireError};
 /// Numbers of a palm's point: time, pose, velocity, acceleration.
 const PALM_WIDTH: usize = 1 + 7 + 6 + 6;
 
-/// Appends what a controller of joints is told.
+/// Appends the points of a joint controller.
 pub(crate) fn push_joints(points: &[JointPoint], bytes: &mut Vec<u8>) {
     for point in points {
         let rates = &point.rates;
@@ -18,7 +18,7 @@ pub(crate) fn push_joints(points: &[JointPoint], bytes: &mut Vec<u8>) {
     }
 }
 
-/// Reads as many points of joints as there are names to; returns what follows.
+/// Reads the points of a joint controller, one number per name; returns the remaining bytes.
 pub(crate) fn read_joints(
     joints: Vec<String>,
     points_n: usize,
@@ -54,7 +54,7 @@ pub(crate) fn read_joints(
     Ok((JointTrack { joints, points }, rest))
 }
 
-/// Appends what a palm that flies is told.
+/// Appends the points of a free-flying palm.
 pub(crate) fn push_palm(points: &[PalmPoint], bytes: &mut Vec<u8>) {
     for point in points {
         wire::push_numbers(bytes, [point.time_s]);
@@ -64,7 +64,7 @@ pub(crate) fn push_palm(points: &[PalmPoint], bytes: &mut Vec<u8>) {
     }
 }
 
-/// Reads so many points of a palm; returns what follows.
+/// Reads the points of a free-flying palm; returns the remaining bytes.
 pub(crate) fn read_palm(
     points_n: usize,
     bytes: &[u8],

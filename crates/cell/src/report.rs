@@ -1,4 +1,4 @@
-//! What a cell says came of a goal.
+//! A cell's report on a goal.
 
 use robot::{Joint, JointOrder, WrongDof};
 use schemas::executions::Outcome;
@@ -15,28 +15,27 @@ use crate::{
 /// Numbers of a pose.
 const POSE: usize = 7;
 
-/// What came of a goal, as it may be believed: made by [`UncheckedReport::check`], or where nothing has
-/// moved.
+/// A trusted report on a goal: made by [`UncheckedReport::check`], or where nothing has moved.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Report {
-    /// The goal's name.
+    /// The goal's id.
     pub goal_id: String,
     /// Why the cell refused the goal, if it did.
     pub rejection: Option<Rejection>,
-    /// How it ended.
+    /// The outcome.
     pub outcome: Outcome,
-    /// The cell's word on it.
+    /// The cell's message.
     pub message: String,
     /// Rise of the object at the end, in meters.
     pub lift_m: f64,
     /// Names of the joints, in the order of the samples' positions.
     pub joints: Vec<String>,
-    /// What was measured, in time order; empty if nothing moved.
+    /// The measurements in time order; empty if nothing moved.
     pub samples: Vec<Sample>,
 }
 
-/// A report as a cell gave it: it says nothing until it is checked against its goal.
+/// A report as received: not to be used before it is checked against its goal.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UncheckedReport(Report);
 
@@ -65,7 +64,7 @@ struct Header {
     joints: Vec<String>,
 }
 
-/// How a goal ended, without what was measured.
+/// A report without its samples.
 pub(crate) struct Ending {
     pub(crate) outcome: Outcome,
     pub(crate) message: String,
@@ -73,7 +72,7 @@ pub(crate) struct Ending {
 }
 
 impl Ending {
-    /// Reads the first line of a report.
+    /// Parses the first line of a report.
     pub(crate) fn read(bytes: &[u8]) -> Option<Self> {
         let (header, _): (Header, _) = wire::split_line("report", bytes).ok()?;
         Some(Self {
@@ -83,7 +82,7 @@ impl Ending {
         })
     }
 
-    /// Returns how a goal ended whose report the cell has lost.
+    /// Returns the ending of a goal whose report the cell has lost.
     pub(crate) fn lost() -> Self {
         Self {
             outcome: Outcome::Unknown,
@@ -94,7 +93,7 @@ impl Ending {
 }
 
 impl Sample {
-    /// Returns how many numbers a sample of `dof` joints has.
+    /// Returns the number of values in a sample of `dof` joints.
     pub(crate) fn width(dof: usize) -> usize {
         1 + 2 * POSE + 2 * dof
     }
@@ -109,7 +108,7 @@ impl Sample {
         row
     }
 
-    /// Returns the sample with its positions in another order of the joints.
+    /// Returns the sample with its positions in another joint order.
     pub(crate) fn in_order(self, order: &JointOrder) -> Result<Self, WrongDof> {
         Ok(Self {
             q_rad: order.apply(&self.q_rad)?,
@@ -138,7 +137,7 @@ impl Sample {
 }
 
 impl Report {
-    /// Returns the report on a goal of which nobody knows what came of it.
+    /// Returns the report on a goal with an unknown outcome.
     pub(crate) fn unknown(goal_id: &str, message: String) -> Self {
         Self::without_motion(goal_id, Outcome::Unknown, message, None)
     }
@@ -149,7 +148,7 @@ impl Report {
         Self::without_motion(goal_id, Outcome::Rejected, message, Some(rejection))
     }
 
-    /// Returns the report on a goal that the cell took and then did not carry out.
+    /// Returns the report on an accepted goal that the cell did not execute.
     pub(crate) fn aborted(goal_id: &str, message: String) -> Self {
         Self::without_motion(goal_id, Outcome::Aborted, message, None)
     }
@@ -185,7 +184,7 @@ impl Report {
             .fold(0.0, f64::max)
     }
 
-    /// Writes the line that says how the goal ended.
+    /// Serializes the report's first line.
     pub(crate) fn to_line(&self) -> Vec<u8> {
         wire::line(&Header {
             goal_id: self.goal_id.clone(),
@@ -196,7 +195,7 @@ impl Report {
         })
     }
 
-    /// Writes the report as it travels.
+    /// Serializes the report.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = self.to_line();
         for sample in &self.samples {
@@ -207,11 +206,11 @@ impl Report {
 }
 
 impl UncheckedReport {
-    /// Reads a report.
+    /// Parses a report.
     ///
     /// # Errors
     ///
-    /// Fails if the bytes are no report.
+    /// Fails if the bytes are not a report.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, WireError> {
         let (header, numbers): (Header, &[u8]) = wire::split_line("report", bytes)?;
         let outcome = Outcome::parse(&header.outcome).ok_or_else(|| WireError::Json {
@@ -235,12 +234,12 @@ impl UncheckedReport {
         }))
     }
 
-    /// Takes the report at its word if it agrees with the goal that it is about, with the robot that has
-    /// these joints, as the goal calls them, and with itself.
+    /// Checks the report against its goal, itself, and the robot, whose joints have the goal's
+    /// names.
     ///
     /// # Errors
     ///
-    /// Fails with what it contradicts: then nobody knows what came of the goal.
+    /// Fails with the contradiction: the goal's outcome is then unknown.
     pub fn check(self, goal: &Goal, robot: &[Joint]) -> Result<Report, Contradiction> {
         contradiction::check(&self.0, goal, robot)?;
         Ok(self.0)

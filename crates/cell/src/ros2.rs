@@ -1,8 +1,8 @@
-//! A cell's joints as ROS 2 sees them: `/joint_states` and `/joint_trajectory` under the keys and types
-//! of `rmw_zenoh`, so that a ROS 2 machine on the same router needs no bridge.
+//! Publishes a cell's joints to ROS 2: `/joint_states` and `/joint_trajectory` under the keys and
+//! types of `rmw_zenoh`, so that a ROS 2 machine on the same router needs no bridge.
 //!
-//! A topic's data is under `<domain>/<topic>/<type>/<type hash>`, CDR with an attachment of sequence
-//! number, time and sender; that the topic is there is told by liveliness tokens under `@ros2_lv`
+//! A topic's data is under `<domain>/<topic>/<type>/<type hash>`, CDR with an attachment of
+//! sequence number, time and sender; liveliness tokens under `@ros2_lv` announce the topic
 //! (`rmw_zenoh`, *Design*, sections "Topic Keyexpr" and "Graph Cache").
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -19,11 +19,11 @@ use crate::{
     report::Sample,
 };
 
-/// Name of the node that the topics are of.
+/// Name of the node that owns the topics.
 const NODE: &str = "robot_cell";
-/// Reliable, volatile, the last ten: what ROS 2 takes by default.
+/// `QoS`: reliable, volatile, keep the last ten; the default of ROS 2.
 const QOS: &str = "::,10:,:,:,,";
-/// Bytes of a sender's name.
+/// Bytes of a sender's GID.
 const GID: usize = 16;
 
 /// Publishes a cell's joints for ROS 2.
@@ -33,7 +33,7 @@ pub(crate) struct Mirror {
     _node: LivelinessToken,
 }
 
-/// Returns what joints are told, as ROS 2 has it, from a time in nanoseconds on.
+/// Returns a joint track as a ROS 2 message that starts at `time_ns` nanoseconds.
 fn trajectory(time_ns: i64, track: &JointTrack) -> schemas::ros2::JointTrajectory {
     let points = track.points.iter().map(|point| TrajectoryPoint {
         time_s: point.time_s,
@@ -68,13 +68,13 @@ impl Mirror {
         })
     }
 
-    /// Shows where the joints are.
+    /// Publishes the joint states.
     pub(crate) fn show(&self, joints: &[String], sample: &Sample) {
         self.states
             .put(&joint_state(now_ns(), joints, &sample.q_rad, &[]));
     }
 
-    /// Shows where the joints are to go, in a message for each controller.
+    /// Publishes the joint trajectories, one message per controller.
     pub(crate) fn announce(&self, goal: &Goal) {
         let time_ns = now_ns();
         if let Carrier::Arm(arm) = &goal.carrier {
@@ -116,7 +116,7 @@ impl Topic {
         })
     }
 
-    /// Publishes a message; who watches may lose some.
+    /// Publishes a message; watchers may miss some.
     fn put<M: Message>(&self, message: &M) {
         let number = self.sent_n.fetch_add(1, Ordering::Relaxed) + 1;
         let mut attachment = number.to_le_bytes().to_vec();

@@ -1,13 +1,13 @@
-//! What cells and dispatchers meet at.
+//! The zenoh router between cells and dispatchers.
 
 use zenoh::{Session, Wait};
 
 use crate::{Access, CellError, session};
 
-/// A running router; it stops when this is dropped.
+/// A running router; it stops when dropped.
 ///
-/// Cells and dispatchers connect to it and it forwards between them; it takes part in nothing. Any
-/// other zenoh router does as well (`zenohd`).
+/// It forwards between connected cells and dispatchers and does nothing else. Any other zenoh
+/// router does as well (`zenohd`).
 pub struct Router {
     session: Session,
     endpoint: String,
@@ -19,13 +19,14 @@ impl Router {
     ///
     /// # Errors
     ///
-    /// Fails if the endpoint cannot be listened on, or other machines would reach it unasked.
+    /// Fails if it cannot listen on the endpoint, or if other machines would reach it without an
+    /// access file.
     pub fn start(listen: &str, access: Option<&Access>) -> Result<Self, CellError> {
         let (session, endpoint) = session::listen(listen, access)?;
         Ok(Self { session, endpoint })
     }
 
-    /// Returns where it is reached.
+    /// Returns the router's endpoint.
     pub fn endpoint(&self) -> &str {
         &self.endpoint
     }

@@ -1,4 +1,4 @@
-//! zenoh sessions that talk to whom they are told to and to nobody else.
+//! zenoh sessions that connect only to their configured peers.
 
 use std::{
     io::ErrorKind,
@@ -12,28 +12,27 @@ use zenoh::{
 
 use crate::{Access, CellError, client::MOST_REPORT};
 
-/// How long a silent peer counts as connected, in milliseconds: shorter than zenoh's 10 s, so that
-/// a dead cell is noticed; long enough for a machine whose cores are all busy.
+/// Lease of a silent peer, in milliseconds: shorter than zenoh's 10 s, so that a dead cell is
+/// noticed; long enough for a machine under full CPU load.
 const LEASE_MS: u32 = 4000;
 
-/// How a lost connection is taken up again: after the first pause, in milliseconds, then after ever
-/// longer ones up to the last.
+/// Reconnection backoff: initial and maximum pause in milliseconds, and growth factor.
 const RETRY: &str = "{ period_init_ms: 100, period_max_ms: 1000, period_increase_factor: 2 }";
 
-/// How often a free port is tried: between finding and using one, another program may take it.
+/// Number of attempts to find a free port: another program may take it before it is used.
 const PORT_TRIES: u32 = 5;
 
-/// Longest message that is put together from its parts, in bytes: the longest report and what zenoh adds.
-/// Of a longer one nothing is kept.
+/// Longest message reassembled from fragments, in bytes: the longest report plus zenoh's overhead.
+/// Longer ones are dropped.
 const MOST_MESSAGE: usize = MOST_REPORT + 64 * 1024;
 
-/// Samples that wait for a slow subscriber.
+/// Samples buffered for a slow subscriber.
 const BACKLOG: usize = 4096;
 
 /// How messages are protected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Protection {
-    /// Not at all: for one machine.
+    /// Unprotected: for one machine.
     Tcp,
     /// By TLS.
     Tls,
@@ -43,17 +42,17 @@ impl Protection {
     const ALL: [(&'static str, Self); 2] = [("tcp/", Self::Tcp), ("tls/", Self::Tls)];
 }
 
-/// Where a session listens or connects to.
+/// An endpoint to listen on or connect to.
 struct Endpoint<'a> {
     protection: Protection,
     host: &'a str,
-    /// What the host's name stands for now.
+    /// The host's resolved address.
     address: SocketAddr,
 }
 
 impl<'a> Endpoint<'a> {
-    /// Reads `tcp/HOST:PORT` or `tls/HOST:PORT` and makes sure that what other machines could read
-    /// or write is protected.
+    /// Parses `tcp/HOST:PORT` or `tls/HOST:PORT` and checks that an endpoint reachable by other
+    /// machines is protected.
     fn parse(endpoint: &'a str) -> Result<Self, CellError> {
         let wrong = || CellError::Endpoint {
             endpoint: endpoint.to_owned(),
@@ -62,7 +61,7 @@ impl<'a> Endpoint<'a> {
             .iter()
             .find_map(|(prefix, kind)| Some((*kind, endpoint.strip_prefix(prefix)?)))
             .ok_or_else(wrong)?;
-        // What zenoh would take for settings of the endpoint is no port.
+        // zenoh's endpoint options are not part of a port.
         let (host, port) = place.rsplit_once(':').ok_or_else(wrong)?;
         let port = port.parse::<u16>();
         if host.is_empty() || port.is_err() {
@@ -89,8 +88,8 @@ impl<'a> Endpoint<'a> {
         })
     }
 
-    /// Writes the endpoint as zenoh reads it: without TLS by the address that was checked, since the
-    /// name may stand for another in a moment; with TLS by the name that is in the certificate.
+    /// Returns the endpoint in zenoh's syntax: without TLS with the checked address, since the name
+    /// may resolve differently a moment later; with TLS with the name in the certificate.
     fn at(&self, port: u16) -> String {
         match self.protection {
             Protection::Tcp => format!("tcp/{}", SocketAddr::new(self.ip(), port)),
@@ -98,7 +97,7 @@ impl<'a> Endpoint<'a> {
         }
     }
 
-    /// Makes sure that an access file is there where one is needed.
+    /// Checks that an access file is given where one is required.
     fn check_access(&self, endpoint: &str, access: Option<&Access>) -> Result<(), CellError> {
         if self.protection == Protection::Tls && access.is_none() {
             return Err(CellError::NoAccess {
@@ -118,7 +117,7 @@ impl<'a> Endpoint<'a> {
         bound.is_err_and(|err| err.kind() == ErrorKind::AddrInUse)
     }
 
-    /// Returns a port to listen on: the one that was asked for, or a free one.
+    /// Returns the port to listen on: the requested one, or a free one.
     fn free_port(&self) -> Result<u16, CellError> {
         if self.address.port() != 0 {
             return Ok(self.address.port());
@@ -133,13 +132,12 @@ impl<'a> Endpoint<'a> {
     }
 }
 
-/// Checks what is known of an endpoint before anybody connects to it; whether its host is there now is not
-/// asked.
+/// Checks an endpoint before any connection; whether the host is reachable is not tested.
 ///
 /// # Errors
 ///
-/// Fails if it is not one, if what is said there could be read by other machines, or if it needs an access
-/// file and there is none.
+/// Fails if it is not an endpoint, if other machines could read its traffic, or if a required
+/// access file is missing.
 pub fn check_endpoint(endpoint: &str, access: Option<&Access>) -> Result<(), CellError> {
     match Endpoint::parse(endpoint) {
         Ok(found) => found.check_access(endpoint, access),
@@ -153,7 +151,7 @@ pub fn check_endpoint(endpoint: &str, access: Option<&Access>) -> Result<(), Cel
     }
 }
 
-/// Opens a session of a client, which comes back by itself when the connection is lost.
+/// Opens a client session, which reconnects by itself.
 pub(crate) fn connect(
     endpoint: &str,
     access: Option<&Access>,
@@ -182,8 +180,8 @@ pub(crate) fn connect(
         })
 }
 
-/// Opens a session that clients connect to and that forwards between them; returns it with the
-/// endpoint listened on, which differs from `listen` if that asks for any free port.
+/// Opens a session that accepts clients and forwards between them; returns it with the endpoint,
+/// which differs from `listen` if that requests any free port.
 pub(crate) fn listen(
     listen: &str,
     access: Option<&Access>,
@@ -203,7 +201,7 @@ pub(crate) fn listen(
         let config = config(
             access,
             &[
-                // Only a router forwards what one client publishes to the others.
+                // Only a router forwards publications between clients.
                 ("mode", "\"router\"".to_owned()),
                 ("listen/endpoints", list(&endpoint)),
                 ("listen/timeout_ms", "0".to_owned()),
@@ -226,13 +224,13 @@ pub(crate) fn listen(
     }
 }
 
-/// Returns the name of what a client's session is connected to now.
+/// Returns the id of the router that a client's session is connected to.
 pub(crate) fn router(session: &Session) -> Option<String> {
     let mut routers = session.info().routers_zid().wait();
     routers.next().map(|zid| zid.to_string())
 }
 
-/// Subscribes to a key of a cell, as somebody who watches.
+/// Subscribes to a cell's key, for watching.
 ///
 /// # Errors
 ///
@@ -247,7 +245,7 @@ pub fn subscribe(
     Ok((session, subscriber))
 }
 
-/// Subscribes to a key in a session, with room for what is not fetched at once.
+/// Subscribes to a key in a session, with a buffer for unfetched samples.
 pub(crate) fn listen_to(
     session: &Session,
     key: &str,
@@ -266,7 +264,7 @@ fn config(access: Option<&Access>, settings: &[(&str, String)]) -> Result<Config
     let quiet = [
         ("scouting/multicast/enabled", "false".to_owned()),
         ("scouting/gossip/enabled", "false".to_owned()),
-        // Nobody is scouted for, so there is nothing to wait for.
+        // There is no scouting, so there is nothing to wait for.
         ("scouting/delay", "0".to_owned()),
         ("transport/shared_memory/enabled", "false".to_owned()),
         ("transport/link/tx/lease", LEASE_MS.to_string()),

@@ -1,10 +1,9 @@
-//! How a dispatcher knows that an answer is the cell's: it is signed with the key of the journal in
-//! which the cell writes down what it takes.
+//! Signed answers: the cell signs with the key of its goal journal.
 //!
-//! Whoever may ask a cell may as well answer for it, and sees what it is asked. No secret in a question
-//! would prove anything; a signature does (Ed25519: Josefsson and Liusvaara, RFC 8032, 2017). It is of
-//! the key that was asked, a nonce of the question's own, and the answer, so that no old answer passes
-//! for a new one.
+//! Any party allowed to query a cell may also answer in its place, and sees all queries. So a
+//! secret in the query would prove nothing; a signature does (Ed25519: Josefsson and Liusvaara, RFC
+//! 8032, 2017). It covers the key queried, a nonce of the query, and the answer, so that old
+//! answers cannot be replayed.
 
 use std::{
     fmt,
@@ -23,20 +22,20 @@ use zenoh::{handlers::FifoChannelHandler, query::Reply};
 
 use crate::wire;
 
-/// What is answered to a question.
+/// Replies to a query.
 type Replies = FifoChannelHandler<Reply>;
 
-/// Bytes from which a key follows.
+/// Bytes of a key's seed.
 const SEED: usize = 32;
 /// Bytes of a nonce.
 const NONCE: usize = 16;
-/// What a signature is of, so that none passes for another protocol's.
+/// Purpose of a signature, so that none is valid in another protocol.
 const PURPOSE: &str = "cgf cell answer";
-/// Parameter of a question that holds its nonce.
+/// Query parameter that holds the nonce.
 const PARAMETER: &str = "nonce";
-/// File of a journal that holds its key.
+/// File of a journal that holds its private key.
 const FILE: &str = "key";
-/// Characters of an answer that cannot be trusted which are shown.
+/// Characters shown of an untrusted answer.
 const SHOWN: usize = 60;
 
 /// The key of a cell's journal.
@@ -46,7 +45,7 @@ pub(crate) struct JournalKey {
     name: String,
 }
 
-/// First line of an answer; what was answered follows.
+/// First line of an answer; the body follows.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Signed {
@@ -54,45 +53,45 @@ struct Signed {
     signature: String,
 }
 
-/// A question, as it is asked once.
+/// A query, sent once.
 #[derive(Debug, Clone)]
 pub(crate) struct Question {
     key: String,
     nonce: String,
 }
 
-/// Somebody's answer.
+/// An answer of any party.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Answer {
-    /// One that the holder of a journal's key gave to this question.
+    /// Signed for this query by the holder of a journal's key.
     Signed {
         /// The journal.
         journal: String,
-        /// What was answered.
+        /// The answer's body.
         body: Vec<u8>,
     },
-    /// One of which nobody knows whose it is.
+    /// Without a valid signature.
     Unsigned(Vec<u8>),
-    /// One of so many bytes, which was not read.
+    /// Too long to be read, with its length in bytes.
     Long(usize),
 }
 
 impl fmt::Debug for JournalKey {
-    /// Writes what everybody may know.
+    /// Writes the public part only.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_tuple("JournalKey").field(&self.name).finish()
     }
 }
 
 impl JournalKey {
-    /// Makes a key that nobody has.
+    /// Generates a new key.
     pub(crate) fn fresh() -> io::Result<Self> {
         let mut seed = [0; SEED];
         random(&mut seed)?;
         Self::new(&seed)
     }
 
-    /// Reads the key of the journal in a folder; makes one where there is none.
+    /// Reads the key of the journal in a folder; generates one if there is none.
     pub(crate) fn open(folder: &Path) -> io::Result<Self> {
         let path = folder.join(FILE);
         match fs::read_to_string(&path) {
@@ -125,7 +124,7 @@ impl JournalKey {
         &self.name
     }
 
-    /// Returns an answer as it travels.
+    /// Signs and serializes an answer.
     pub(crate) fn sign(&self, question: &Question, body: &[u8]) -> Vec<u8> {
         let signature = self.pair.sign(question.signed(body).as_bytes());
         let mut bytes = wire::line(&Signed {
@@ -138,7 +137,7 @@ impl JournalKey {
 }
 
 impl Question {
-    /// Asks what is behind a key.
+    /// Makes a query of a key, with a new nonce.
     pub(crate) fn new(key: &str) -> io::Result<Self> {
         let mut nonce = [0; NONCE];
         random(&mut nonce)?;
@@ -148,7 +147,7 @@ impl Question {
         })
     }
 
-    /// Takes a question that was asked.
+    /// Parses a received query.
     pub(crate) fn of(query: &zenoh::query::Query) -> Self {
         let nonce = query.parameters().get(PARAMETER).unwrap_or_default();
         Self {
@@ -157,7 +156,7 @@ impl Question {
         }
     }
 
-    /// Returns how it is asked, from a number on if there is one.
+    /// Returns the query's selector, with a first number if there is one.
     pub(crate) fn selector(&self, from: Option<u64>) -> String {
         let Self { key, nonce } = self;
         match from {
@@ -166,7 +165,7 @@ impl Question {
         }
     }
 
-    /// Reads an answer to this question.
+    /// Parses an answer to this query and checks its signature.
     pub(crate) fn read(&self, bytes: &[u8]) -> Answer {
         let found = wire::split_line::<Signed>("signature", bytes).ok();
         let signed = found.and_then(|(signed, body)| {
@@ -182,11 +181,11 @@ impl Question {
         signed.unwrap_or_else(|| Answer::Unsigned(bytes.to_owned()))
     }
 
-    /// Collects what is answered until a deadline, each once, none longer than `most` bytes.
+    /// Collects distinct answers until a deadline, none longer than `most` bytes.
     pub(crate) fn collect(&self, replies: &Replies, most: usize, deadline: Instant) -> Vec<Answer> {
         let mut answers = Vec::new();
         while let Ok(Some(reply)) = replies.recv_deadline(deadline) {
-            // An error is a timeout told by a router.
+            // An error reply is a timeout reported by a router.
             let Ok(sample) = reply.into_result() else {
                 continue;
             };
@@ -196,7 +195,7 @@ impl Question {
             } else {
                 self.read(&payload.to_bytes())
             };
-            // A cell that answers twice says one thing.
+            // Equal answers count once.
             if !answers.contains(&answer) {
                 answers.push(answer);
             }
@@ -204,7 +203,7 @@ impl Question {
         answers
     }
 
-    /// Returns what is signed of an answer.
+    /// Returns the text that an answer's signature covers.
     fn signed(&self, body: &[u8]) -> String {
         let Self { key, nonce } = self;
         let digest = blake3::hash(body).to_hex();
@@ -213,7 +212,7 @@ impl Question {
 }
 
 impl Answer {
-    /// Returns who answered, as people read it.
+    /// Returns who answered, as text for people.
     pub(crate) fn who(&self) -> String {
         match self {
             Self::Signed { journal, .. } => format!("the cell with journal {}", short(journal)),
@@ -228,12 +227,12 @@ impl Answer {
     }
 }
 
-/// Returns the front of a journal's name, by which people tell it from others.
+/// Returns the start of a journal's name, by which people tell journals apart.
 pub(crate) fn short(journal: &str) -> &str {
     journal.get(..16).unwrap_or(journal)
 }
 
-/// Returns a name that nobody can guess.
+/// Returns a random, unguessable name.
 pub(crate) fn random_name() -> io::Result<String> {
     let mut name = [0; NONCE];
     random(&mut name)?;
@@ -245,7 +244,7 @@ fn random(bytes: &mut [u8]) -> io::Result<()> {
     filled.map_err(|err| io::Error::other(format!("the system gives no random numbers: {err}")))
 }
 
-/// Writes a file that nobody else reads, whole or not at all.
+/// Writes a file that only its owner may read, whole or not at all.
 fn write_secret(path: &Path, text: &str) -> io::Result<()> {
     let beside = path.with_extension("new");
     let mut options = File::options();
@@ -278,7 +277,7 @@ fn from_hex(text: &str) -> Option<Vec<u8>> {
     pairs.iter().map(byte).collect()
 }
 
-/// Returns the front of what may be no text.
+/// Returns the start of bytes that may not be text.
 fn shown(bytes: &[u8]) -> String {
     let front = bytes.get(..bytes.len().min(4 * SHOWN)).unwrap_or_default();
     let text = String::from_utf8_lossy(front);

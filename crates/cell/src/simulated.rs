@@ -1,4 +1,4 @@
-//! A cell made of physics alone, behind the same protocol as a real one.
+//! A cell backed by physics alone, with the same protocol as a real one.
 
 mod acceptance;
 mod answers;
@@ -62,18 +62,18 @@ use crate::{
     wire,
 };
 
-/// How a simulated cell is set up.
+/// Configuration of a simulated cell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulatedCellConfig {
     /// The cell's name.
     pub name: String,
-    /// Where it listens: `tcp/127.0.0.1:PORT`, port 0 for any free one.
+    /// Endpoint that it listens on: `tcp/127.0.0.1:PORT`, port 0 for any free one.
     pub listen: String,
-    /// Its physics; where they differ from the screen's is the gap that a motion must bridge.
+    /// Its physics; the difference from the screen's is the gap that a motion must bridge.
     pub scene: SceneConfig,
-    /// The arm that carries the hand; without one it flies.
+    /// The arm that carries the hand; without one the hand is free-flying.
     pub arm: Option<CellArm>,
-    /// How else it differs from that.
+    /// Its other differences from the screen.
     pub gap: Gap,
     /// How it serves.
     pub service: Service,
@@ -82,48 +82,48 @@ pub struct SimulatedCellConfig {
 /// How a simulated cell serves its dispatcher.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Service {
-    /// Folder in which it keeps what it has done, for the cell that is started after it; without one
-    /// it forgets its goals when it ends.
+    /// Folder of the goal journal, which a restarted cell reads; without one it forgets its goals
+    /// when it ends.
     pub journal: Option<PathBuf>,
-    /// Whether motions take as long as they say, and are broken off when the dispatcher falls silent;
-    /// else they are simulated as fast as possible.
+    /// Whether motions run in real time and are aborted on a heartbeat timeout; else they are
+    /// simulated as fast as possible.
     pub real_time: bool,
-    /// ROS 2 domain in which it shows its joints, if it does: `/joint_states` while it moves, and
+    /// ROS 2 domain in which it publishes its joints, if any: `/joint_states` while it moves, and
     /// `/joint_trajectory` of each goal, under the keys and types of `rmw_zenoh`.
     pub ros2_domain: Option<u32>,
-    /// Router that it connects to, e.g. `tcp/127.0.0.1:7447`, instead of listening itself; it comes
-    /// back when the router was gone for a while.
+    /// Router that it connects to, e.g. `tcp/127.0.0.1:7447`, instead of listening itself; it
+    /// reconnects after an outage.
     pub router: Option<String>,
-    /// Who it is, whom it trusts, and who may do what.
+    /// Access file: credentials, trusted peers and access rules.
     pub access: Option<PathBuf>,
-    /// What goes wrong.
+    /// Injected faults.
     pub faults: Vec<PlannedFault>,
 }
 
-/// How long a router may take to be there when a cell starts.
+/// Timeout for reaching a router when a cell starts.
 const ROUTER_WAIT: Duration = Duration::from_secs(10);
 
-/// Longest time without a dispatcher's heartbeat before a motion in real time is broken off.
+/// Heartbeat timeout before a motion in real time is aborted.
 const SILENCE: Duration = Duration::from_millis(250);
 
-/// A running simulated cell; it stops when this is dropped.
+/// A running simulated cell; it stops when dropped.
 pub struct SimulatedCell {
     shared: Arc<Shared>,
     endpoint: String,
     session: Session,
     served: Option<Served>,
     worker: Option<JoinHandle<()>>,
-    /// Shows the state, in real time.
+    /// Publishes the state, in real time.
     shower: Option<JoinHandle<()>>,
 }
 
-/// Returns an object by its name, if it is there, or why that cannot be said.
+/// Returns an object by its name, if it exists, or why the lookup failed.
 pub type ObjectFinder = Box<dyn Fn(&str) -> Result<Option<ObjectShape>, String> + Send + Sync>;
 
-/// Told of each goal that is over.
+/// Called with the report of each goal that has ended.
 pub type OutcomeListener = Box<dyn Fn(&Report) + Send + Sync>;
 
-/// Hears of each step of the loop.
+/// Called at each step of the control loop.
 pub type TickListener = Box<dyn Fn(Tick) + Send + Sync>;
 
 /// What keeps the cell reachable.
@@ -133,7 +133,7 @@ struct Served {
     _heartbeat: Subscriber<()>,
 }
 
-/// What the threads of a cell share.
+/// State shared by the threads of a cell.
 struct Shared {
     config: SimulatedCellConfig,
     keys: Keys,
@@ -149,7 +149,7 @@ struct Shared {
     stream: Stream,
     ended: AtomicBool,
     faults: Faults,
-    /// Questions that a fault leaves open: dropped, they would be answered with nothing.
+    /// Queries that a fault leaves open: dropping them would send an empty answer.
     unanswered: Mutex<Vec<Query>>,
 }
 
@@ -158,19 +158,19 @@ impl SimulatedCell {
     ///
     /// # Errors
     ///
-    /// Fails if the endpoint cannot be listened on, another cell has the name, the URDF or the journal
-    /// cannot be used, the hand cannot be simulated, or it collides with meshes: those are for
-    /// [`SimulatedCell::start_with`].
+    /// Fails if it cannot listen on the endpoint, another cell has the name, the URDF or the
+    /// journal cannot be used, the hand cannot be simulated, or its collision shapes are meshes,
+    /// which need [`SimulatedCell::start_with`].
     pub fn start(config: SimulatedCellConfig, urdf: &str) -> Result<Self, CellError> {
         Self::start_with(config, urdf, RobotModel::from_urdf(urdf)?)
     }
 
-    /// Starts a cell as [`SimulatedCell::start`] does, for a hand whose meshes were read: `hand` is what
-    /// `urdf` describes, with the shapes of its meshes.
+    /// Starts a cell as [`SimulatedCell::start`] does, for a hand with loaded meshes: `hand` is
+    /// what `urdf` describes, with the shapes of its meshes.
     ///
     /// # Errors
     ///
-    /// Fails as that does.
+    /// As [`SimulatedCell::start`].
     pub fn start_with(
         config: SimulatedCellConfig,
         urdf: &str,
@@ -245,43 +245,43 @@ impl SimulatedCell {
         self.shared.keys.name()
     }
 
-    /// Returns the name of the router that the cell is connected to now, another after each of the
-    /// router's starts; a cell that listens itself has none.
+    /// Returns the id of the connected router, which changes when the router restarts; none for a
+    /// cell that listens itself.
     pub fn router(&self) -> Option<String> {
         session::router(&self.session)
     }
 
-    /// Returns where the cell is reached, e.g. `tcp/127.0.0.1:7447`.
+    /// Returns the cell's endpoint, e.g. `tcp/127.0.0.1:7447`.
     pub fn endpoint(&self) -> &str {
         &self.endpoint
     }
 
-    /// Puts an object within the robot's reach: goals name it.
+    /// Puts an object within the robot's reach, under the name that goals use.
     pub fn put_object(&self, name: &str, object: ObjectShape) {
         lock(&self.shared.objects).insert(name.to_owned(), object);
     }
 
-    /// Has objects that were not put before the robot looked for when a goal names them.
+    /// Sets the lookup for goals' objects that were not put before the robot.
     pub fn find_objects(&self, finder: ObjectFinder) {
         *lock(&self.shared.finder) = Some(finder);
     }
 
-    /// Has somebody told of each goal that is over.
+    /// Sets the listener for goals that have ended.
     pub fn on_outcome(&self, listener: OutcomeListener) {
         *lock(&self.shared.listener) = Some(listener);
     }
 
-    /// Has every step of the loop told that tells controllers in real time what to do.
+    /// Sets the listener for steps of the real-time control loop.
     pub fn on_tick(&self, listener: TickListener) {
         *lock(&self.shared.ticks) = Some(listener);
     }
 
-    /// Returns how many goals the cell has executed.
+    /// Returns the number of executed goals.
     pub fn executed_n(&self) -> usize {
         lock(&self.shared.journal).executed_n()
     }
 
-    /// Stops the cell when the goal in execution is over.
+    /// Stops the cell after the current goal.
     pub fn stop(self) {
         drop(self);
     }
@@ -289,7 +289,7 @@ impl SimulatedCell {
 
 impl Drop for SimulatedCell {
     fn drop(&mut self) {
-        // The queryables own the sending end of the worker's queue: without them it ends.
+        // The queryables own the sending end of the worker's queue: dropping them ends it.
         self.served = None;
         if let Some(worker) = self.worker.take() {
             let _finished = worker.join();
@@ -302,7 +302,7 @@ impl Drop for SimulatedCell {
     }
 }
 
-/// Opens the cell's session; returns it with where the cell is reached.
+/// Opens the cell's session; returns it with the cell's endpoint.
 fn open(config: &SimulatedCellConfig) -> Result<(Session, String), CellError> {
     let access = config.service.access.as_deref().map(Access::read);
     let access = access.transpose()?;
@@ -326,13 +326,13 @@ fn open(config: &SimulatedCellConfig) -> Result<(Session, String), CellError> {
     }
 }
 
-/// Carries a goal out as a simulated cell does, with no cell: nothing is published, journaled or asked,
-/// and an equal goal has an equal report. `see` is shown each control step, and says why the motion is
-/// to be broken off, if it is.
+/// Executes a goal as a simulated cell does, but without a cell: nothing is published, journaled or
+/// queried, and equal goals give equal reports. `see` is called at each control step and returns a
+/// reason to abort, if any.
 ///
 /// # Errors
 ///
-/// Fails if the URDF cannot be used; what a cell would refuse, or cannot carry out, is a report.
+/// Fails if the URDF cannot be used; a refusal or failed execution is a report.
 pub fn rehearse(
     config: &SimulatedCellConfig,
     urdf: &str,
@@ -354,12 +354,12 @@ pub fn rehearse(
     Ok(done.unwrap_or_else(|err| Report::aborted(&id, err.to_string())))
 }
 
-/// Takes a lock even if a thread died with it: what it guards is replaced whole, never half.
+/// Locks even after a panic in another thread: guarded values are replaced whole.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Declares everything that a cell answers.
+/// Declares a cell's queryables.
 fn serve(
     session: &Session,
     shared: &Arc<Shared>,
@@ -387,7 +387,7 @@ fn serve(
             .callback(move |sample| {
                 let bytes = sample.payload().to_bytes();
                 let beat = wire::split_line::<Beat>("heartbeat", &bytes);
-                // What cannot be read is nobody's.
+                // Ignore unreadable heartbeats.
                 if let Ok((beat, _)) = beat {
                     shared.control.beat(&beat.dispatcher);
                 }
@@ -421,7 +421,7 @@ fn serve(
 }
 
 impl Shared {
-    /// Carries out a goal and reports on it.
+    /// Executes a goal and reports on it.
     fn execute(&self, mirror: Option<&Mirror>, job: &Job) -> Report {
         let id = &job.sealed.goal_id;
         let object = match self.object(&job.goal.object) {
@@ -457,7 +457,7 @@ fn work(shared: &Shared, session: &Session, mirror: Option<&Mirror>, queue: &mps
         if let Some(tell) = lock(&shared.listener).as_ref() {
             tell(&report);
         }
-        // Somebody may have asked for an end when the motion was over already.
+        // A cancel request may have come after the motion's end.
         for query in shared.control.asking() {
             shared.say(&query, Word::Over);
         }

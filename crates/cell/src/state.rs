@@ -1,4 +1,4 @@
-//! What a cell measured, as it is published.
+//! A cell's published measurements.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use crate::{
 /// One sample of a cell's stream.
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
-    /// Name of the stream: a cell that is started again begins another.
+    /// Name of the stream: a restarted cell begins another.
     pub epoch: String,
     /// Number of the sample in the stream, from 0.
     pub seq: u64,
@@ -18,11 +18,11 @@ pub struct State {
     pub goal_id: String,
     /// Names of the joints, in the order of the sample's positions.
     pub joints: Arc<[String]>,
-    /// What was measured last.
+    /// The latest measurement.
     pub sample: Sample,
 }
 
-/// Samples that follow each other.
+/// Consecutive samples.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct States {
     pub(crate) header: StateHeader,
@@ -30,11 +30,11 @@ pub(crate) struct States {
 }
 
 impl State {
-    /// Reads samples as a cell publishes them, one or several that follow each other.
+    /// Parses published samples, one or several consecutive ones.
     ///
     /// # Errors
     ///
-    /// Fails if the bytes are none.
+    /// Fails if the bytes are not samples.
     pub fn from_bytes(bytes: &[u8]) -> Result<Vec<Self>, WireError> {
         Ok(States::from_bytes(bytes)?.states)
     }
@@ -53,7 +53,7 @@ impl States {
                 let seq = header.seq.checked_add(row as u64);
                 Ok(State {
                     epoch: header.epoch.clone(),
-                    // Whoever counts on from here must be able to.
+                    // The count must not overflow.
                     seq: seq
                         .filter(|&seq| seq < u64::MAX)
                         .ok_or_else(|| WireError::Row {

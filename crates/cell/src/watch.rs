@@ -1,4 +1,4 @@
-//! Watching a cell without losing what it says: late, after gaps, and after its router was away.
+//! Watching a cell without loss: after joining late, after gaps, and after a router outage.
 
 use std::{
     collections::VecDeque,
@@ -24,26 +24,25 @@ use crate::{
     state::States,
 };
 
-/// Messages that wait for somebody who watches slowly, before others are dropped.
+/// Messages buffered for a slow watcher before others are dropped.
 const BACKLOG: usize = 4096;
-/// How often outcomes are asked for that may have been missed.
+/// Poll period for outcomes that may have been missed.
 const POLL: Duration = Duration::from_secs(1);
-/// How long an answer to a question about what was missed may take.
+/// Timeout of a query for missed messages.
 const ANSWER: Duration = Duration::from_secs(1);
-/// How long samples that were missed are asked for, before they count as lost.
+/// Timeout after which missed samples count as lost.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// Pause between two such questions where nobody answers: right after a router is back it may not know
-/// the cell yet.
+/// Pause between two unanswered queries: right after a router restarts it may not know the cell
+/// yet.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Somebody who watches a cell.
+/// A watcher of a cell.
 ///
-/// Samples come in the order of their numbers, each once, and so do outcomes. What was published while
-/// nobody listened is asked for: the samples of the last thirty seconds, and every outcome that the
-/// cell has written down.
+/// Delivers samples in the order of their numbers, each once, and outcomes likewise. Queries what
+/// it missed: samples of the last thirty seconds, and every outcome in the cell's journal.
 ///
-/// Whoever watches must fetch what there is: behind 4096 messages that nobody fetches others are
-/// dropped, and asked for when they are missed.
+/// Messages must be fetched: beyond 4096 unfetched ones others are dropped, and queried later as
+/// missed.
 pub struct Watcher {
     events: Receiver<Event>,
     keys: Keys,
@@ -56,46 +55,46 @@ pub struct Watcher {
     _subscribers: Vec<Subscriber<()>>,
 }
 
-/// Something that somebody who watches sees.
+/// An event that a watcher receives.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Seen {
-    /// What the cell measured.
+    /// A measurement of the cell.
     State(State),
-    /// How a goal ended.
+    /// The outcome of a goal.
     Outcome(GoalOutcome),
-    /// A dispatcher's word that the cell took a goal, with its name. Such words may be lost.
+    /// A dispatcher's publication of an accepted goal, with its id. It may be lost.
     Motion(String, Box<Goal>),
-    /// The cell is there, again or for the first time.
+    /// The cell is reachable, again or for the first time.
     Alive,
-    /// The cell, or the way to it, is gone.
+    /// The cell, or the connection to it, is lost.
     Gone,
 }
 
-/// What somebody who watches has seen and missed.
+/// Counts of received and missed messages.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Samples seen.
+    /// Samples received.
     pub states_n: u64,
-    /// Of these, the ones that were asked for because they did not come by themselves.
+    /// Of these, the ones recovered by a query.
     pub recovered_n: u64,
-    /// Samples that are lost for good; not those from before somebody watched.
+    /// Samples lost for good, not counting those before the watcher started.
     pub gaps_n: u64,
-    /// Outcomes seen.
+    /// Outcomes received.
     pub outcomes_n: u64,
-    /// Of these, the ones that were asked for.
+    /// Of these, the ones recovered by a query.
     pub recovered_outcomes_n: u64,
-    /// How often the cell was started again.
+    /// Restarts of the cell.
     pub restarts_n: u64,
     /// Messages that could not be read.
     pub unreadable_n: u64,
-    /// Questions that not the cell alone answered.
+    /// Queries that other parties answered too.
     pub foreign_n: u64,
 }
 
-/// The next one expected in something that is numbered.
+/// Next expected number of a stream or journal.
 struct Place {
-    /// Name of what the number is of.
+    /// Name of the stream or journal.
     of: String,
     next: u64,
 }
@@ -119,7 +118,7 @@ impl Watcher {
     ///
     /// # Errors
     ///
-    /// Fails if nothing listens there within `timeout`, or the name or endpoint is not one.
+    /// Fails if nothing listens there within `timeout`, or the name or endpoint is invalid.
     pub fn start(
         access: Option<&Access>,
         endpoint: &str,
@@ -147,12 +146,12 @@ impl Watcher {
         })
     }
 
-    /// Returns what was seen and missed so far.
+    /// Returns the counts so far.
     pub fn counts(&self) -> Counts {
         self.counts
     }
 
-    /// Returns the next thing there is to see; none if there is none within `timeout`.
+    /// Returns the next event; none if there is none within `timeout`.
     pub fn next(&mut self, timeout: Duration) -> Option<Seen> {
         let deadline = Instant::now() + timeout;
         loop {
@@ -200,7 +199,7 @@ impl Watcher {
         }
     }
 
-    /// Takes a sample that came by itself, after those that were missed before it.
+    /// Delivers a published sample, after the missed ones before it.
     fn state(&mut self, state: State) {
         let place = self.stream.as_ref();
         let (next, before) = match place {
@@ -225,7 +224,7 @@ impl Watcher {
         self.ready.push_back(Seen::State(state));
     }
 
-    /// Asks for the samples from one number to before another.
+    /// Queries the samples from `from` to before `until`.
     fn recover(&mut self, epoch: &str, mut from: u64, until: u64, before: Before) {
         let deadline = Instant::now() + PATIENCE;
         let mut any = before == Before::Counts;
@@ -259,7 +258,7 @@ impl Watcher {
                     self.ready.push_back(Seen::State(state));
                 }
             }
-            // A cell that answers something else has no more to tell.
+            // A cell that answers otherwise has no more samples.
             if from == asked {
                 break;
             }
@@ -269,19 +268,19 @@ impl Watcher {
         }
     }
 
-    /// Takes an outcome that came by itself.
+    /// Delivers a published outcome.
     fn outcome(&mut self, outcome: GoalOutcome) {
         let known = self.list.as_ref();
         let known = known.filter(|place| place.of == outcome.journal);
         match known.map(|place| place.next) {
             Some(next) if outcome.result_n < next => {}
             Some(next) if outcome.result_n == next => self.put(outcome),
-            // Some were missed, or it is not known which: all of them are asked for, this one too.
+            // Some were missed, or possibly so: query them all, this one too.
             Some(_) | None => self.poll(),
         }
     }
 
-    /// Shows the outcome that is next.
+    /// Delivers the next outcome.
     fn put(&mut self, outcome: GoalOutcome) {
         self.list = Some(Place {
             of: outcome.journal.clone(),
@@ -291,7 +290,7 @@ impl Watcher {
         self.ready.push_back(Seen::Outcome(outcome));
     }
 
-    /// Asks for the outcomes that were missed.
+    /// Queries missed outcomes.
     fn poll(&mut self) {
         loop {
             self.polled = Some(Instant::now());
@@ -338,8 +337,7 @@ impl Watcher {
         }
     }
 
-    /// Asks a cell for what there is from a number on; returns its journal and its answer, if one comes
-    /// and no other.
+    /// Queries a cell from a number on; returns its journal and its answer, if exactly one comes.
     fn ask(&mut self, key: &str, from: u64) -> Option<(String, Vec<u8>)> {
         let question = Question::new(key).ok()?;
         let replies = self
@@ -347,7 +345,7 @@ impl Watcher {
             .get(question.selector(Some(from)))
             .target(QueryTarget::All)
             .consolidation(ConsolidationMode::None)
-            // Never before what moves or stops a robot.
+            // Never queue before messages that move or stop a robot.
             .congestion_control(CongestionControl::Block)
             .priority(Priority::DataLow)
             .timeout(ANSWER)
@@ -365,7 +363,7 @@ impl Watcher {
     }
 }
 
-/// Declares what is listened to. Keys are named one by one: rules of access allow them one by one.
+/// Declares the subscriptions. Keys are named one by one, as access rules are.
 fn subscribe(
     session: &Session,
     keys: &Keys,
@@ -376,7 +374,7 @@ fn subscribe(
         session
             .declare_subscriber(key)
             .callback(move |sample| {
-                // What finds no room is missed later, and asked for.
+                // Messages dropped here are missed later, and queried.
                 let _taken = events.try_send(event(sample.payload().to_bytes().into_owned()));
             })
             .wait()

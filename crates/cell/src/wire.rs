@@ -1,7 +1,7 @@
-//! How messages are written: lines of JSON, then rows of numbers.
+//! Message format: lines of JSON, then rows of numbers.
 //!
-//! Numbers that must arrive exactly, and there are many of them, are `f64` in little endian behind
-//! the last line's newline. JSON written without line breaks holds none.
+//! Numbers that must arrive exactly, and come in bulk, are `f64` in little endian after the last
+//! line's newline. JSON is written without line breaks.
 
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
@@ -12,12 +12,12 @@ pub enum WireError {
     /// A line of JSON is missing or is not what was expected.
     #[error("`{part}` is not the JSON expected: {message}")]
     Json {
-        /// Which part.
+        /// The part.
         part: &'static str,
-        /// What the parser says.
+        /// The parser's message.
         message: String,
     },
-    /// The rows of numbers do not come out even.
+    /// The byte count is not a whole number of rows.
     #[error("{bytes} bytes of numbers are not whole rows of {width}")]
     Rows {
         /// Bytes found.
@@ -30,16 +30,16 @@ pub enum WireError {
     Row {
         /// The row, from 0.
         row: usize,
-        /// What is wrong with it.
+        /// The problem.
         message: String,
     },
 }
 
-/// Header of what a cell publishes on `state`: one row of numbers follows; in an answer to
-/// `state/history` as many as there are.
+/// Header of a message on `state`: one row of numbers follows; in an answer to `state/history`, all
+/// that there are.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StateHeader {
-    /// Name of the stream: a cell that is started again begins another.
+    /// Name of the stream: a restarted cell begins another.
     pub epoch: String,
     /// The goal being executed; empty if nothing moves.
     pub goal_id: String,
@@ -49,24 +49,24 @@ pub struct StateHeader {
     pub joints: Vec<String>,
 }
 
-/// Returns the digest by which dispatcher and cell make sure that they mean the same robot: BLAKE3
-/// of its URDF's bytes, in hexadecimal digits.
+/// Returns the digest that identifies the robot to dispatcher and cell: BLAKE3 of its URDF's bytes,
+/// in hexadecimal digits.
 pub fn robot_digest(urdf: &str) -> String {
     blake3::hash(urdf.as_bytes()).to_hex().to_string()
 }
 
-/// Writes a line of JSON.
+/// Serializes a line of JSON.
 pub(crate) fn line<T: Serialize>(value: &T) -> Vec<u8> {
     let mut bytes = match serde_json::to_vec(value) {
         Ok(bytes) => bytes,
-        // An empty line would be signed, and digested to the name of a goal.
+        // An empty line would be signed, and digested into a goal's id.
         Err(err) => unreachable!("writing a plain struct into memory cannot fail: {err}"),
     };
     bytes.push(b'\n');
     bytes
 }
 
-/// Reads a line of JSON; returns it and what follows.
+/// Parses a line of JSON; returns it and the remaining bytes.
 pub(crate) fn split_line<'a, T: DeserializeOwned>(
     part: &'static str,
     bytes: &'a [u8],

@@ -1,4 +1,4 @@
-//! How different the motions for an object are: of those that are drawn, and of those that hold.
+//! Diversity of the motions for an object: of the candidates, and of those that hold.
 //!
 //! ```
 //! use diversity::{Diversity, Motion};
@@ -22,7 +22,8 @@
 //! assert_eq!(spread.q_rad, 0.0);
 //! ```
 //!
-//! Only motions with the object lying in the same way are compared. This crate does no input or output.
+//! Only motions with the same resting pose of the object are compared. This crate does no input or
+//! output.
 
 mod spread;
 

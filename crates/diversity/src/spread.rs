@@ -1,5 +1,4 @@
-//! Means of hands, and distances from them: where motions that are drawn are not different, the function
-//! has collapsed.
+//! Mean hands, and distances from them: if drawn motions do not differ, the function has collapsed.
 
 use motion::Step;
 use nalgebra::{Matrix4, Quaternion, UnitQuaternion, Vector3, Vector4};
@@ -9,7 +8,7 @@ use spatial::{Object, Pose, Table};
 /// A motion that is compared with others.
 #[derive(Debug, Clone)]
 pub struct Motion<'a> {
-    /// How the object lies.
+    /// Resting pose of the object.
     pub table_from_object: Pose<Table, Object>,
     /// The hand at equal parts of the motion's time; the last one is the grasp.
     pub steps: Vec<&'a Step<Object>>,
@@ -24,26 +23,25 @@ impl<'a> From<&'a Candidate> for Motion<'a> {
     }
 }
 
-/// The hand over the motions of an object: means, and spread about them.
+/// The hand over the motions of an object: means, and spread around them.
 ///
-/// Motions with the object lying differently are not compared: each is measured from the mean of those
-/// that share its resting orientation.
+/// Only motions with the same resting orientation of the object are compared: each is measured from
+/// their mean.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diversity {
-    /// How far each motion's grasp is from the mean of those with which it is compared; `None` if it
-    /// has no step.
+    /// Distance of each motion's grasp from the mean of its group; `None` if it has no step.
     pub from_mean: Vec<Option<GraspDistance>>,
-    /// Whether each of them has another one to be compared with.
+    /// Whether each motion's group has another motion.
     pub is_compared: Vec<bool>,
     /// Root mean square distance from the mean at the grasp.
     pub at_grasp: GraspDistance,
-    /// The same over all steps.
+    /// Root mean square distance over all steps.
     pub over_time: GraspDistance,
-    /// The same at each step.
+    /// Root mean square distance at each step.
     pub by_step: Vec<GraspDistance>,
-    /// The same of each joint at the grasp, in radians (meters if prismatic).
+    /// Root mean square distance of each joint at the grasp, in radians (meters if prismatic).
     pub joints_rad: Vec<f64>,
-    /// Motions that have another one to be compared with.
+    /// Number of motions whose group has another one.
     pub compared_n: usize,
 }
 
@@ -77,7 +75,7 @@ impl MeanHand {
         }
     }
 
-    /// Returns how far a hand is from the mean.
+    /// Returns a hand's distance from the mean.
     fn distance(&self, step: &Step<Object>) -> GraspDistance {
         let pose = step.frame_from_palm.isometry();
         GraspDistance {
@@ -89,15 +87,15 @@ impl MeanHand {
 }
 
 impl Diversity {
-    /// Spread at the grasp below which motions are one and the same, whatever the latent code: far
-    /// less than a hand notices.
+    /// Spread at the grasp below which motions count as equal, whatever the latent code: far below
+    /// what matters to a hand.
     const SAME: GraspDistance = GraspDistance {
         palm_m: 1e-3,
         palm_rad: 1e-2,
         q_rad: 1e-2,
     };
 
-    /// Measures motions of equally many steps.
+    /// Measures motions with equal numbers of steps.
     pub fn of(motions: &[Motion]) -> Self {
         let mut lying: Vec<Pose<Table, Object>> = Vec::new();
         let mut group_of = Vec::with_capacity(motions.len());
@@ -152,7 +150,7 @@ impl Diversity {
         }
     }
 
-    /// Says whether the motions are all one: the latent code then decides nothing.
+    /// Whether all motions are equal: the latent code then has no effect.
     pub fn is_collapsed(&self) -> bool {
         let GraspDistance {
             palm_m,
@@ -166,11 +164,11 @@ impl Diversity {
     }
 }
 
-/// Returns the rotation with the least squared distance from all as matrices: the eigenvector of the
-/// largest eigenvalue of the sum of q qᵀ (Markley et al., *Averaging Quaternions*, 2007, equation 12);
-/// no rotation of none.
+/// Returns the rotation with the least sum of squared matrix distances: the eigenvector of the
+/// largest eigenvalue of the sum of q qᵀ (Markley et al., *Averaging Quaternions*, 2007, equation
+/// 12); the identity for no rotations.
 ///
-/// nalgebra's `mean_of` takes the eigenvector's numbers in another order than its quaternions'.
+/// nalgebra's `mean_of` orders the eigenvector's numbers differently from its quaternions'.
 fn mean_rotation(rotations: impl Iterator<Item = UnitQuaternion<f64>>) -> UnitQuaternion<f64> {
     let sum: Matrix4<f64> = rotations.map(|q| q.coords * q.coords.transpose()).sum();
     let eigen = sum.symmetric_eigen();
@@ -268,7 +266,7 @@ mod tests {
         let found = of(&[
             motion(0.1, 0.02, 0.3, 0.2),
             motion(0.1, -0.02, -0.3, -0.2),
-            // Nothing lies like this one: it is not compared.
+            // No other object lies like this one: it is not compared.
             motion(0.3, 9.0, 0.0, 9.0),
         ]);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
@@ -298,7 +296,7 @@ mod tests {
         assert!(found.is_collapsed(), "{found:?}");
         assert_eq!(found.is_compared, [true; 4]);
         assert_eq!(found.compared_n, 4);
-        // One motion cannot be told from a collapse.
+        // One motion cannot be told apart from a collapse.
         assert!(!of(&collapsed[..1]).is_collapsed());
         assert!(!of(&[]).is_collapsed());
     }

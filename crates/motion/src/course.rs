@@ -1,4 +1,4 @@
-//! A motion as a continuous function of time: through every step with the rates it has there.
+//! A motion as a continuous function of time: through every step with the step's rates.
 
 use spatial::{MovingPose, Passage, Pose};
 
@@ -7,21 +7,22 @@ use crate::{HandRates, Motion, MotionError, Step, joints_between};
 /// Fewest steps of a course.
 const MIN_STEPS: usize = 2;
 
-/// A motion through its steps, with the positions, velocities and accelerations that it has at each: a
-/// [`Passage`] of the palm and polynomials of fifth degree of the joints between two of them.
+/// A motion through its steps, with each step's positions, velocities and accelerations: between
+/// two of them a [`Passage`] of the palm and quintic polynomials of the joints.
 #[derive(Debug, Clone)]
 pub struct Course<F> {
     motion: Motion<F>,
-    /// The palm's way from each step to the next.
+    /// The palm's passage from each step to the next.
     passages: Vec<Passage>,
 }
 
 impl<F> Course<F> {
-    /// Takes the course of a motion.
+    /// Creates the course of a motion.
     ///
     /// # Errors
     ///
-    /// Fails for fewer than two steps, and where no rotation vector is that of the palm's turn.
+    /// Fails for fewer than two steps, or if the palm's turn between two steps has no rotation
+    /// vector.
     pub fn through(motion: Motion<F>) -> Result<Self, MotionError> {
         let steps = motion.steps();
         if steps.len() < MIN_STEPS {
@@ -39,18 +40,18 @@ impl<F> Course<F> {
         Ok(Self { motion, passages })
     }
 
-    /// Returns how long it takes, in seconds.
+    /// Returns the duration in seconds.
     pub fn duration_s(&self) -> f64 {
         self.motion.duration_s()
     }
 
-    /// Returns the hand `time_s` after the first step; before it and after the last it stands still
-    /// there, at their rates.
+    /// Returns the hand `time_s` after the first step; before the first and after the last step,
+    /// the hand of that step with its rates.
     pub fn at(&self, time_s: f64) -> Step<F> {
         let steps = self.motion.steps();
         let time_s = self.motion.first().time_s + time_s.clamp(0.0, self.duration_s());
         let after = steps.partition_point(|step| step.time_s <= time_s);
-        // There are two steps at least, and a passage between every two.
+        // There are at least two steps, and a passage between every two.
         let after = after.clamp(1, steps.len() - 1);
         let (from, to) = (&steps[after - 1], &steps[after]);
         let since_s = time_s - from.time_s;
@@ -80,7 +81,7 @@ impl<F> Course<F> {
 }
 
 impl<F> Step<F> {
-    /// Returns the palm on its way.
+    /// Returns the palm's motion.
     fn palm(&self) -> MovingPose {
         MovingPose {
             pose: *self.frame_from_palm.isometry(),

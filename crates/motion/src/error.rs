@@ -1,8 +1,8 @@
-//! Why steps are not a motion.
+//! Why steps do not form a motion.
 
 use robot::{JointMismatch, WrongDof};
 
-/// Why steps are not a motion, or a motion is no course.
+/// Why steps do not form a motion, or a motion has no course.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MotionError {
@@ -30,16 +30,16 @@ pub enum MotionError {
         /// The time of the step before, in seconds.
         last_s: f64,
     },
-    /// No rotation vector is that of the turn.
+    /// The palm's turn has no rotation vector.
     #[error("the palm's turn before step {step} cannot be followed")]
     Turn {
         /// The step after the turn, from 0.
         step: usize,
     },
-    /// The joints are those of another hand.
+    /// The joints differ from the hand's.
     #[error("its joints are not those of the hand: `{}`", .0.joint())]
     Joints(#[from] JointMismatch),
-    /// There is another number of joints.
+    /// The number of joints differs.
     #[error(transparent)]
     Dof(#[from] WrongDof),
 }

@@ -1,4 +1,4 @@
-//! What is between two steps of a motion.
+//! Interpolation between the steps of a motion.
 
 use nalgebra::{Isometry3, Translation3};
 use spatial::{Pose, quintic};
@@ -6,8 +6,8 @@ use spatial::{Pose, quintic};
 use crate::{JointRates, Motion, Rates, Step};
 
 impl<F, R: Rates> Motion<F, R> {
-    /// Returns the hand at a time: between two steps, positions on a line and the rotation on the shortest
-    /// arc; before the first step and after the last as there.
+    /// Returns the hand at a time: between two steps, positions linear and the rotation on the
+    /// shortest arc; before the first step and after the last, that of the step.
     pub fn at(&self, time_s: f64) -> Step<F, ()> {
         let [from, to] = self.around(time_s);
         let part = match to.time_s - from.time_s {
@@ -17,8 +17,8 @@ impl<F, R: Rates> Motion<F, R> {
         from.blend(to, part.clamp(0.0, 1.0), time_s)
     }
 
-    /// Returns the hand after a fraction in 0..=1 of the duration, as [`Motion::at`] does; at 0 it is that
-    /// of the first step to the last bit.
+    /// Returns the hand after a fraction in 0..=1 of the duration, as [`Motion::at`] does; at 0 it
+    /// equals the first step's bit for bit.
     pub fn at_fraction(&self, fraction: f64) -> Step<F, ()> {
         let first = self.first();
         let time_s = first.time_s + self.duration_s() * fraction.clamp(0.0, 1.0);
@@ -28,8 +28,8 @@ impl<F, R: Rates> Motion<F, R> {
         self.at(time_s)
     }
 
-    /// Returns the joints at a time and how fast they move, on the polynomials of fifth degree through the
-    /// steps about it; `None` if their rates are not known.
+    /// Returns the joints' positions and rates at a time, on the quintic polynomials through the
+    /// steps around it; `None` if their rates are not known.
     pub fn joints_at(&self, time_s: f64) -> Option<(Vec<f64>, JointRates)> {
         let [from, to] = self.around(time_s);
         Some(joints_between(
@@ -40,7 +40,8 @@ impl<F, R: Rates> Motion<F, R> {
         ))
     }
 
-    /// Returns the steps between which a time is, the one before it first; twice the same if there is one.
+    /// Returns the steps around a time, the earlier one first; the same step twice if there is only
+    /// one.
     fn around(&self, time_s: f64) -> [&Step<F, R>; 2] {
         let steps = self.steps();
         let last = steps.len() - 1;
@@ -51,10 +52,10 @@ impl<F, R: Rates> Motion<F, R> {
 }
 
 impl<F, R> Step<F, R> {
-    /// Returns a share of the way to another step.
+    /// Returns the interpolation to another step at a fraction `share`.
     fn blend(&self, to: &Self, share: f64, time_s: f64) -> Step<F, ()> {
         let [a, b] = [self, to].map(|step| step.frame_from_palm.isometry());
-        // Equal within rounding there is no arc, and either end is on it.
+        // Rotations equal within rounding have no arc, and either end serves.
         let rotation = a.rotation.try_slerp(&b.rotation, share, 1e-9);
         let translation = a.translation.vector.lerp(&b.translation.vector, share);
         let pose = Isometry3::from_parts(
@@ -71,8 +72,9 @@ impl<F, R> Step<F, R> {
     }
 }
 
-/// Returns joints `time_s` after the first of two ends that are `duration_s` apart, and how fast they move:
-/// each on the polynomial of fifth degree that has both ends' positions, velocities and accelerations.
+/// Returns the joints' positions and rates `time_s` after the first of two ends that are
+/// `duration_s` apart, on the quintic polynomial that matches both ends' positions, velocities and
+/// accelerations.
 pub fn joints_between(
     from: (&[f64], &JointRates),
     to: (&[f64], &JointRates),

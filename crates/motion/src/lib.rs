@@ -1,4 +1,4 @@
-//! Motions of a hand and of joints over time: checked, interpolated, put into other orders and frames.
+//! Motions of a hand and of joints over time: checked, interpolated, reordered and transformed.
 //!
 //! ```
 //! use motion::{Motion, Step};
@@ -18,15 +18,15 @@
 //! # Ok::<(), motion::MotionError>(())
 //! ```
 //!
-//! A [`Motion`] is a hand over time in one frame: the palm's pose and the joints' positions at each step,
-//! and what is known of how fast they change, which is a type: nothing (`()`), the joints' rates
-//! ([`JointRates`]), or the palm's too ([`HandRates`]). Its steps are finite, in time order and have one
-//! position per joint, or there is no motion.
-//! Between two steps it is straight ([`Motion::at`]); one with all rates is also a [`Course`], through
-//! them all without a jump in velocity or acceleration.
-//! A [`JointTrack`] and [`PalmPoint`]s are what controllers are told: points at each controller's own rate.
+//! A [`Motion`] is a hand over time in one frame: the palm's pose and the joints' positions at each
+//! step, and their known rates of change, which are a type: none (`()`), the joints'
+//! ([`JointRates`]), or the palm's too ([`HandRates`]). Its steps are finite, in time order and
+//! have one position per joint; the constructor refuses all others. Between two steps it is linear
+//! ([`Motion::at`]); one with all rates is also a [`Course`], through all steps with continuous
+//! velocity and acceleration. A [`JointTrack`] and [`PalmPoint`]s are controller commands: points
+//! at each controller's own rate.
 //! Times are in seconds, lengths in meters, angles in radians.
-//! This crate does no input or output; it knows neither limits nor what a motion is for.
+//! This crate does no input or output; it knows neither limits nor a motion's purpose.
 
 mod course;
 mod error;

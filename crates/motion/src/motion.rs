@@ -21,29 +21,29 @@ pub struct Motion<F, R = HandRates> {
 /// A hand at one time of a motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Step<F, R = HandRates> {
-    /// Seconds, since the first step unless something else is said.
+    /// Seconds, since the first step unless stated otherwise.
     pub time_s: f64,
     /// Pose of the palm in the motion's frame.
     pub frame_from_palm: Pose<F, Palm>,
     /// Joint positions in radians (meters if prismatic), in the order of the motion's joints.
     pub q_rad: Vec<f64>,
-    /// How it moves.
+    /// Rates of change.
     pub rates: R,
 }
 
 impl<F, R: Rates> Motion<F, R> {
-    /// Takes a hand's joints by name, and its steps in time order.
+    /// Creates a motion from joint names and steps in time order.
     ///
     /// # Errors
     ///
-    /// Fails if there is no step, if times do not increase, and at a step of which a number is not finite
-    /// or that has not one number per joint.
+    /// Fails if there is no step, if times do not increase, or if a step has a number that is not
+    /// finite or does not have one number per joint.
     pub fn new(joints: &[impl AsRef<str>], steps: Vec<Step<F, R>>) -> Result<Self, MotionError> {
         let joints = joints.iter().map(|joint| joint.as_ref().to_owned());
         Self::of_joints(joints.collect(), steps)
     }
 
-    /// Does the same with names that motions share.
+    /// Creates a motion with joint names that several motions share.
     ///
     /// # Errors
     ///
@@ -92,12 +92,12 @@ impl<F, R: Rates> Motion<F, R> {
         &self.steps[self.steps.len() - 1]
     }
 
-    /// Returns how long it takes, in seconds.
+    /// Returns the duration in seconds.
     pub fn duration_s(&self) -> f64 {
         self.grasp().time_s - self.first().time_s
     }
 
-    /// Returns the same motion with its joints in this order.
+    /// Returns the same motion with its joints in the given order.
     ///
     /// # Errors
     ///
@@ -119,7 +119,7 @@ impl<F, R: Rates> Motion<F, R> {
         })
     }
 
-    /// Returns the motion of a hand that is elsewhere by so much along the frame's axes, in meters.
+    /// Returns the motion displaced along the frame's axes, in meters.
     #[must_use]
     pub fn shifted(&self, by_m: &Translation3<f64>) -> Self {
         let step = |step: &Step<F, R>| Step {
@@ -136,7 +136,7 @@ impl<F, R: Rates> Motion<F, R> {
 }
 
 impl<F> Motion<F, ()> {
-    /// Returns the motion as another frame sees it.
+    /// Returns the motion in another frame.
     #[must_use]
     pub fn seen_from<G>(&self, other_from_frame: &Pose<G, F>) -> Motion<G, ()> {
         let step = |step: &Step<F, ()>| Step {

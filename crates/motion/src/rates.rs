@@ -1,11 +1,11 @@
-//! How fast a hand moves at a step of a motion.
+//! Velocities and accelerations at a step of a motion.
 
 use robot::{JointOrder, WrongDof};
 use spatial::Twist;
 
-/// What is known of how fast a hand moves at a step.
+/// The known rates of a hand at a step.
 pub trait Rates: Clone {
-    /// Returns how fast the joints move, if that is known.
+    /// Returns the rates of the joints, if known.
     fn joints(&self) -> Option<&JointRates>;
 
     /// Whether every number is finite, and there is one for each of `dof` joints.
@@ -19,7 +19,7 @@ pub trait Rates: Clone {
     fn reordered(&self, order: &JointOrder) -> Result<Self, WrongDof>;
 }
 
-/// How fast joints move, in their order.
+/// Velocities and accelerations of joints, in their order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointRates {
     /// Velocities in rad/s (m/s if prismatic).
@@ -28,19 +28,19 @@ pub struct JointRates {
     pub acceleration: Vec<f64>,
 }
 
-/// How fast a palm and joints move.
+/// Velocities and accelerations of a palm and joints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandRates {
-    /// Of the palm, along the axes of the motion's frame.
+    /// Velocity of the palm, along the axes of the motion's frame.
     pub palm_velocity: Twist,
-    /// How fast that changes.
+    /// Acceleration of the palm, along the same axes.
     pub palm_acceleration: Twist,
-    /// Of the joints.
+    /// Rates of the joints.
     pub joints: JointRates,
 }
 
 impl JointRates {
-    /// Returns the rates of joints that do not move.
+    /// Returns zero rates for `dof` joints.
     pub fn still(dof: usize) -> Self {
         Self {
             velocity: vec![0.0; dof],
@@ -50,7 +50,7 @@ impl JointRates {
 }
 
 impl HandRates {
-    /// Returns the rates of a hand of `dof` joints that does not move.
+    /// Returns zero rates for a palm and `dof` joints.
     pub fn still(dof: usize) -> Self {
         Self {
             palm_velocity: Twist::zero(),

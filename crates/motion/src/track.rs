@@ -1,14 +1,14 @@
-//! What one controller is told over time: points with positions, velocities and accelerations.
+//! Commands of one controller: points with positions, velocities and accelerations.
 
 use robot::JointOrder;
 use spatial::{MovingPose, Palm, Passage, Pose, QuinticSegment, Table, Twist};
 
 use crate::{JointRates, MotionError, Rates, interpolation::ends, joints_between};
 
-/// What the controller of some joints is told.
+/// Commands of a joint controller.
 ///
-/// Between two points the joints move along the polynomial of fifth degree that has both points'
-/// positions, velocities and accelerations ([`spatial::quintic`]); after the last they rest.
+/// Between two points the joints follow the quintic polynomial that matches both points' positions,
+/// velocities and accelerations ([`spatial::quintic`]); after the last they rest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointTrack {
     /// Names of the joints, in the order of the points' numbers.
@@ -24,20 +24,20 @@ pub struct JointPoint {
     pub time_s: f64,
     /// Joint positions in radians (meters if prismatic).
     pub q_rad: Vec<f64>,
-    /// How fast they change.
+    /// Velocities and accelerations.
     pub rates: JointRates,
 }
 
-/// What moves the palm.
+/// The trajectory of what carries the hand.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Carrier {
-    /// Nothing: the hand flies, along [`Passage`]s between these points.
+    /// A free-flying palm, along [`Passage`]s between these points.
     Palm(Vec<PalmPoint>),
     /// An arm.
     Arm(JointTrack),
 }
 
-/// Where a palm that flies is at one time.
+/// State of a free-flying palm at one time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PalmPoint {
     /// Seconds since the start of the goal.
@@ -67,7 +67,7 @@ impl JointTrack {
         })
     }
 
-    /// Returns the same track with its joints in this order.
+    /// Returns the same track with its joints in the given order.
     ///
     /// # Errors
     ///
@@ -90,7 +90,7 @@ impl JointTrack {
 }
 
 impl JointPoint {
-    /// Returns the way of each joint to the next point.
+    /// Returns each joint's segment to the next point.
     pub fn segments(&self, to: &Self) -> impl Iterator<Item = QuinticSegment<f64>> {
         let duration_s = to.time_s - self.time_s;
         let ends = ends(&self.q_rad, &self.rates).zip(ends(&to.q_rad, &to.rates));
@@ -99,8 +99,8 @@ impl JointPoint {
 }
 
 impl PalmPoint {
-    /// Returns where a palm is at a time of the goal; `None` without points, or where no palm can turn
-    /// from one point to the next.
+    /// Returns a palm's pose at a time of the goal; `None` without points, or if the palm's turn
+    /// between two points cannot be interpolated.
     pub fn between(points: &[Self], time_s: f64) -> Option<Pose<Table, Palm>> {
         let (from, to, after_s) = around(points, time_s)?;
         let duration_s = to.time_s - from.time_s;
@@ -110,7 +110,7 @@ impl PalmPoint {
         Some(Pose::new(from.passage(to)?.at(after_s).pose))
     }
 
-    /// Returns the palm's way to the next point; `None` where no palm can turn so.
+    /// Returns the palm's passage to the next point; `None` if its turn cannot be interpolated.
     pub fn passage(&self, to: &Self) -> Option<Passage> {
         Passage::new(&self.moving(), &to.moving(), to.time_s - self.time_s)
     }
@@ -124,7 +124,7 @@ impl PalmPoint {
     }
 }
 
-/// What has a time in the goal.
+/// A point with a time in the goal.
 pub trait Timed {
     /// Seconds since the start of the goal.
     fn time_s(&self) -> f64;
@@ -142,8 +142,8 @@ impl Timed for PalmPoint {
     }
 }
 
-/// Returns the two points that a time lies between, and the seconds since the first; before all points
-/// and after them, the end that is near.
+/// Returns the two points around a time, and the seconds since the first; before and after all
+/// points, the nearest end.
 fn around<T: Timed>(points: &[T], time_s: f64) -> Option<(&T, &T, f64)> {
     let after = points.partition_point(|point| point.time_s() <= time_s);
     let to = points.get(after).or(points.last())?;

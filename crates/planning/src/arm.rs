@@ -1,8 +1,8 @@
-//! The arm that carries the hand: its joints over a whole motion.
+//! The arm that carries the hand: its joint trajectory for a motion.
 //!
-//! A motion says where the palm goes, in the object's frame. An object that stands somewhere on the
-//! table may be turned about the vertical with the hand that grasps it: what was screened stays what it
-//! is. For some directions the arm can follow in some of its postures, for some in none.
+//! A motion gives the palm's path in the object's frame. An object anywhere on the table may be
+//! turned about the vertical together with the grasping hand: the screened motion stays the same.
+//! For some yaw angles the arm can follow in some of its postures, for some in none.
 
 mod choice;
 mod clearance;
@@ -20,8 +20,8 @@ use clearance::Clearance;
 pub use config::{ArmConfig, Base};
 pub(crate) use path::{ArmMoving, ArmPath};
 
-/// Joints that an arm must have: with fewer a hand cannot be brought to any pose, with more the pose does
-/// not say where they are.
+/// Number of joints that an arm must have: fewer cannot reach every pose, more leave the joints of
+/// a pose undetermined.
 const JOINTS: usize = 6;
 
 /// An arm with a hand.
@@ -31,21 +31,21 @@ pub(crate) struct Arm {
     /// Arm and hand.
     robot: RobotModel,
     chain: Chain,
-    /// Which of the robot's joints each joint of the hand is.
+    /// Index of each of the hand's joints among the robot's.
     fingers: Vec<usize>,
     base_from_table: Isometry3<f64>,
-    /// How fast each joint of the arm may move.
+    /// Limits of each of the arm's joints.
     limits: Vec<Most>,
     clearance: Clearance,
 }
 
 impl Arm {
-    /// Takes an arm with the hand for which motions are made.
+    /// Creates the arm for a hand.
     ///
     /// # Errors
     ///
-    /// Fails if an option cannot be used, if the arm has not six joints with speeds, and if what it carries
-    /// is not the hand.
+    /// Fails if an option is invalid, if the arm does not have six joints with speeds, or if it
+    /// does not carry the given hand.
     pub(crate) fn new(
         config: &ArmConfig,
         robot: &RobotModel,
@@ -83,27 +83,27 @@ impl Arm {
         })
     }
 
-    /// Returns the names of the arm's joints, from its foot to the hand: the order of all its numbers.
+    /// Returns the names of the arm's joints, from base to hand: the order of all its numbers.
     pub(crate) fn joint_names(&self) -> Vec<String> {
         self.chain.model().joint_names()
     }
 
-    /// Returns how fast each joint of the arm may move.
+    /// Returns the limits of each of the arm's joints.
     pub(crate) fn limits(&self) -> &[Most] {
         &self.limits
     }
 
-    /// The arm's joints, from its foot to the hand.
+    /// Returns the arm's joints, from base to hand.
     pub(crate) fn joints(&self) -> &[robot::Joint] {
         self.chain.model().joints()
     }
 
-    /// Returns the pose of each of the robot's links in the frame of the arm's foot, for joints of the arm
-    /// and of the hand.
+    /// Returns the pose of each of the robot's links in the arm's base frame, for joint positions
+    /// of the arm and of the hand.
     ///
     /// # Errors
     ///
-    /// Fails unless there is one position for each of them.
+    /// Fails unless there is one position per joint.
     fn links(&self, arm: &[f64], hand: &[f64]) -> Result<Vec<Isometry3<f64>>, WrongDof> {
         let mut q = vec![0.0; self.robot.dof()];
         for (joints, positions) in [(self.chain.joints(), arm), (&self.fingers, hand)] {

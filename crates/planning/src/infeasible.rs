@@ -1,77 +1,77 @@
-//! Why a robot cannot make a motion.
+//! Why a motion is infeasible for a robot.
 
 use std::fmt;
 
 use motion::MotionError;
 use robot::WrongDof;
 
-/// Why a robot cannot make a motion.
+/// Why a motion is infeasible for a robot.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Infeasible {
-    /// It is no continuous motion of the hand.
+    /// The steps do not form a continuous motion of the hand.
     #[error(transparent)]
     Motion(#[from] MotionError),
-    /// The motion has another number of joints than the hand.
+    /// The motion's number of joints differs from the hand's.
     #[error(transparent)]
     Dof(#[from] WrongDof),
-    /// A joint's position.
+    /// A joint position exceeds its limits.
     #[error(
         "joint `{joint}` would be at {q:.4} after {time_s:.3} s, outside {lower:.4} to {upper:.4}"
     )]
     Limit {
         /// The joint.
         joint: String,
-        /// Where it would be, in radians (meters if prismatic).
+        /// Its position, in radians (meters if prismatic).
         q: f64,
-        /// When, in seconds after the first step.
+        /// Time, in seconds after the first step.
         time_s: f64,
         /// Its lower limit.
         lower: f64,
         /// Its upper limit.
         upper: f64,
     },
-    /// The hand's shapes and the table.
+    /// The hand would collide with the table.
     #[error("link `{link}` would be {depth_m:.4} m below the table after {time_s:.3} s")]
     Table {
         /// The link.
         link: String,
-        /// How deep, in meters.
+        /// Penetration, in meters.
         depth_m: f64,
-        /// When, in seconds after the first step.
+        /// Time, in seconds after the first step.
         time_s: f64,
     },
-    /// The limits ask for too much time.
+    /// The limits require too great a slowdown.
     #[error(
         "within its limits the motion takes {slower:.2} times as long, more than `limits.max_slowdown` = {most}"
     )]
     Slow {
-        /// How many times as long.
+        /// Required slowdown factor.
         slower: f64,
-        /// Most that is allowed.
+        /// Largest allowed factor.
         most: f64,
     },
-    /// No posture of the arm is that of the way's end.
+    /// The arm cannot reach the grasp: inverse kinematics has no solution.
     #[error(
         "the arm cannot bring the palm to the grasp, {} m from its foot, at any of {turns} turns of the object",
         numbers(palm_in_base_m)
     )]
     Reach {
-        /// Where it is with the object as it was screened, along the axes of the arm's foot.
+        /// Palm position with the object as screened, along the axes of the arm's base.
         palm_in_base_m: [f64; 3],
-        /// Turns of the object that were tried.
+        /// Number of object rotations tried.
         turns: usize,
     },
-    /// The arm comes to the grasp, but not all the way.
+    /// The arm reaches the grasp, but not along the whole path.
     #[error(
         "the arm cannot follow in any of {postures} postures at {turns} turns of the object; at best {fault}"
     )]
     Arm {
-        /// Postures that were tried.
+        /// Number of postures tried.
         postures: usize,
-        /// Turns of the object that were tried.
+        /// Number of object rotations tried.
         turns: usize,
-        /// What keeps the best one from it.
+        /// The failure of the best posture.
         fault: ArmFault,
     },
 }
@@ -79,56 +79,56 @@ pub enum Infeasible {
 /// Why an arm cannot follow a motion in one posture.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ArmFault {
-    /// A joint's position.
+    /// A joint position exceeds its limits.
     #[error("its joint `{joint}` would be at {q:.4} {at}, outside {lower:.4} to {upper:.4}")]
     Limit {
         /// The joint.
         joint: String,
-        /// Where it would be, in radians (meters if prismatic).
+        /// Its position, in radians (meters if prismatic).
         q: f64,
         /// Its lower limit.
         lower: f64,
         /// Its upper limit.
         upper: f64,
-        /// Where.
+        /// Place on the path.
         at: Place,
     },
-    /// Joints would turn fast for a slow hand.
+    /// The arm is close to a singularity: joints would turn fast for a slow hand.
     #[error(
         "it is singular {at}: the least singular value is {value:.4}, less than `arm.least_singular_value` = {least}"
     )]
     Singular {
-        /// The least singular value there.
+        /// The smallest singular value there.
         value: f64,
-        /// The least that is allowed.
+        /// The least allowed value.
         least: f64,
-        /// Where.
+        /// Place on the path.
         at: Place,
     },
-    /// The posture passes into none that is near.
+    /// Inverse kinematics has no continuous solution.
     #[error("its joints would have to jump {at}")]
     Jump {
-        /// Where.
+        /// Place on the path.
         at: Place,
     },
-    /// The arm's shapes and the table.
+    /// A link would come too close to the table.
     #[error(
         "its link `{link}` would come to {gap_m:.4} m above the table {at}, less than `arm.clearance_m` = {least_m}"
     )]
     Table {
         /// The link.
         link: String,
-        /// Negative below the table.
+        /// Clearance, in meters; negative below the table.
         gap_m: f64,
-        /// The least that is allowed, in meters.
+        /// The least allowed clearance, in meters.
         least_m: f64,
-        /// Where.
+        /// Place on the path.
         at: Place,
     },
-    /// The hand or the arm has another number of joints than is told.
+    /// The number of joint positions differs from the robot's joints.
     #[error("it cannot be followed: {0}")]
     Dof(#[from] WrongDof),
-    /// Two links.
+    /// Two links would come too close.
     #[error(
         "its link `{first}` may come to {gap_m:.4} m from link `{second}` {at}, less than `arm.clearance_m` = {least_m}"
     )]
@@ -137,24 +137,24 @@ pub enum ArmFault {
         first: String,
         /// The other link.
         second: String,
-        /// How far, in meters; negative if they overlap.
+        /// Clearance, in meters; negative if they overlap.
         gap_m: f64,
-        /// The least that is allowed, in meters.
+        /// The least allowed clearance, in meters.
         least_m: f64,
-        /// Where.
+        /// Place on the path.
         at: Place,
     },
 }
 
-/// A place of what an arm has to follow.
+/// A place on the path of an arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Place {
-    /// Of the motion to the grasp, seconds after its first step.
+    /// On the motion to the grasp.
     Way {
-        /// When, in seconds after the first step.
+        /// Time, in seconds after the first step.
         time_s: f64,
     },
-    /// Of the lift, straight up from the grasp.
+    /// On the lift, straight up from the grasp.
     Lift {
         /// Height above the grasp, in meters.
         height_m: f64,

@@ -1,4 +1,4 @@
-//! From a motion that holds in physics to one that a robot can make.
+//! Turns a motion that holds in physics into one that is feasible for a robot.
 //!
 //! ```
 //! use motion::{HandRates, Motion, Step};
@@ -32,19 +32,20 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! A [`Planner`] takes a motion of the hand relative to the object as it lies and returns what the
-//! controllers are told ([`Feasible`]): the motion's continuous course, timed within the limits of joints and
-//! palm, sampled at each controller's rate, from rest at its start to rest at the end of the lift. Where an arm
-//! carries the hand, its joints follow from the palm's way, with the object turned on the table as the arm can
-//! best reach it.
+//! A [`Planner`] takes a motion of the hand relative to the resting object and returns the
+//! controllers' commands ([`Feasible`]): the motion's continuous course, timed within the limits of
+//! joints and palm, sampled at each controller's rate, from rest at its start to rest at the end of
+//! the lift. If an arm carries the hand, inverse kinematics gives its joints, with the object
+//! turned on the table to where the arm reaches it best.
 //!
-//! - The palm goes where the motion has it, nowhere faster than it was screened.
-//! - Every limit holds at the points that are told, between them, and in differences of positions alone.
-//! - The arm keeps clear of the table, of itself and of the hand all the way.
-//! - What cannot be made is [`Infeasible`], with its reason; nothing is cut or bent to fit.
+//! - The palm follows the motion's path, nowhere faster than in the screen.
+//! - Every limit holds at the commanded points, between them, and in differences of positions
+//!   alone.
+//! - The arm keeps clear of the table, of itself and of the hand throughout.
+//! - An infeasible motion is refused with its reason ([`Infeasible`]); nothing is clipped to fit.
 //!
-//! Equal arguments give equal points. This crate does no input or output: it has never heard of cells, files
-//! or the lake, and it seeks no other way than the one that it is given.
+//! Equal arguments give equal points. This crate does no input or output: it knows nothing of
+//! cells, files or the lake, and it searches for no other path than the given one.
 
 mod arm;
 mod error;

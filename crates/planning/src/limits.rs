@@ -1,4 +1,4 @@
-//! How fast palm and joints may move.
+//! Limits on the speeds of palm and joints.
 
 use motion::JointRates;
 use nalgebra::Vector3;
@@ -9,15 +9,16 @@ use spatial::{Peaks, Twist};
 
 use crate::OptionError;
 
-/// Most times as long as asked for that a motion may take.
+/// Largest slowdown factor accepted.
 const MAX_SLOWDOWN: f64 = 1000.0;
 
-/// How fast palm and joints may move; a motion is slowed down until it keeps to this.
+/// Limits on the speeds of palm and joints; a motion is slowed down until it keeps them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(inline)]
 pub struct LimitsConfig {
-    /// Largest speed of every joint (rad/s; m/s if prismatic); if absent each has that of the URDF.
+    /// Largest speed of every joint (rad/s; m/s if prismatic); if absent, each joint's from the
+    /// URDF.
     pub joint_velocity_rad_per_s: Option<f64>,
     /// Largest acceleration of every joint (rad/s²; m/s² if prismatic): small drives reach full
     /// speed in a tenth of a second.
@@ -30,13 +31,13 @@ pub struct LimitsConfig {
     pub palm_turn_rad_per_s: f64,
     /// Largest angular acceleration of the palm (rad/s²): an xArm's joints'.
     pub palm_turn_acceleration_rad_per_s2: f64,
-    /// How many times as long as asked for a motion may take; a slower one is not sent: it is
-    /// another motion.
+    /// Largest slowdown factor of a motion relative to the requested duration; a slower one is not
+    /// sent: it is another motion.
     pub max_slowdown: f64,
 }
 
 impl Default for LimitsConfig {
-    /// Returns those of a small arm and hand; the options say why.
+    /// Returns the limits of a small arm and hand; the options' docs give the reasons.
     #[expect(
         clippy::approx_constant,
         reason = "a speed from a data sheet, not the number π"
@@ -57,13 +58,13 @@ impl Default for LimitsConfig {
 /// The limits of one hand.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Limits {
-    /// What they were made from.
+    /// The options that they were made from.
     pub(crate) config: LimitsConfig,
-    /// Of each joint, in the order of the hand's joints.
+    /// Limits of each joint, in the order of the hand's joints.
     pub(crate) joints: Vec<Most>,
 }
 
-/// How fast a joint may move.
+/// Limits of a joint's motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Most {
     /// Largest speed in rad/s (m/s if prismatic).
@@ -72,7 +73,7 @@ pub(crate) struct Most {
     pub(crate) acceleration: f64,
 }
 
-/// A part of a robot that has limits of its own: the palm's place, its rotation, or a joint.
+/// A part of a robot with limits of its own: the palm's position, its rotation, or a joint.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Part {
     pub(crate) velocity: Vector3<f64>,
@@ -82,7 +83,7 @@ pub(crate) struct Part {
 }
 
 impl Limits {
-    /// Takes the limits of a hand.
+    /// Creates the limits of a hand.
     pub(crate) fn new(config: &LimitsConfig, hand: &RobotModel) -> Result<Self, OptionError> {
         config.check()?;
         let velocity = |joint: &robot::Joint| {
@@ -109,7 +110,7 @@ impl Limits {
         })
     }
 
-    /// Returns the parts of a palm that moves so.
+    /// Returns the parts of a palm with these rates.
     pub(crate) fn of_palm(&self, velocity: &Twist, acceleration: &Twist) -> [Part; 2] {
         let config = &self.config;
         [
@@ -140,7 +141,7 @@ impl Limits {
     }
 }
 
-/// Returns joints that move so.
+/// Returns the parts for joints with these rates.
 pub(crate) fn of_joints(rates: &JointRates, most: &[Most]) -> Vec<Part> {
     let JointRates {
         velocity,
@@ -155,7 +156,7 @@ pub(crate) fn of_joints(rates: &JointRates, most: &[Most]) -> Vec<Part> {
 }
 
 impl Part {
-    /// Takes a single joint.
+    /// Creates the part of a single joint.
     pub(crate) fn of_joint(velocity: f64, acceleration: f64, most: Most) -> Self {
         Self {
             velocity: Vector3::x() * velocity,
@@ -165,8 +166,8 @@ impl Part {
         }
     }
 
-    /// Returns how many times as slow it must be for its limits: velocities go with the inverse of
-    /// that, accelerations with the inverse of its square. What is no number is endlessly too fast.
+    /// Returns the slowdown factor that its limits require: velocities scale with the inverse of
+    /// the factor, accelerations with the inverse of its square. NaN requires an infinite slowdown.
     pub(crate) fn excess(&self) -> f64 {
         let speed = self.velocity.norm() / self.most_velocity;
         let change = self.acceleration.norm() / self.most_acceleration;
@@ -178,7 +179,7 @@ impl Part {
 }
 
 impl LimitsConfig {
-    /// Checks what types cannot say.
+    /// Checks the limits beyond their types.
     ///
     /// # Errors
     ///

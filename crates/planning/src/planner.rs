@@ -1,4 +1,4 @@
-//! What plans the motions of one hand.
+//! The planner of one hand's motions.
 
 use motion::{Carrier, Course, JointTrack, Motion};
 use nalgebra::{Isometry3, Vector3};
@@ -11,7 +11,7 @@ use crate::{
     timed::whole, whole::Fingers,
 };
 
-/// What of a position beyond a limit is rounding, in radians (meters if prismatic).
+/// Excess of a position over a limit attributed to rounding, in radians (meters if prismatic).
 const ROUNDING_RAD: f64 = 1e-6;
 
 /// Plans the motions of one hand.
@@ -24,18 +24,18 @@ pub struct Planner<'a> {
     arm: Option<Arm>,
 }
 
-/// What a [`Planner`] plans for.
+/// The setup of a [`Planner`].
 #[derive(Debug, Clone, Copy)]
 pub struct Setup<'a> {
-    /// The hand for which motions are made; its root link is the palm.
+    /// The hand; its root link is the palm.
     pub hand: &'a RobotModel,
-    /// The arm that carries it; without one it flies.
+    /// The arm that carries it; without one the hand is free-flying.
     pub arm: Option<ArmSetup<'a>>,
-    /// How a motion is carried out.
+    /// Execution and success criteria of a motion.
     pub protocol: &'a Protocol,
-    /// How fast palm and joints may move.
+    /// Limits on the speeds of palm and joints.
     pub limits: &'a LimitsConfig,
-    /// How often controllers are told something.
+    /// Command rates of the controllers.
     pub rates: RatesConfig,
 }
 
@@ -44,29 +44,29 @@ pub struct Setup<'a> {
 pub struct ArmSetup<'a> {
     /// Its options.
     pub config: &'a ArmConfig,
-    /// Arm and hand; the root link is the arm's foot.
+    /// Arm and hand; the root link is the arm's base.
     pub robot: &'a RobotModel,
 }
 
-/// A motion that the robot can make.
+/// A feasible motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Feasible {
-    /// How the object lies, and where: an arm has it at its place.
+    /// Pose of the object on the table; for an arm, at the arm's grasping place.
     pub table_from_object: Pose<Table, Object>,
-    /// What moves the palm, from rest to rest, to the end of the lift.
+    /// Trajectory of the palm or arm, from rest to rest, to the end of the lift.
     pub carrier: Carrier,
-    /// What the fingers are told, to the end of the squeeze.
+    /// Trajectory of the fingers, to the end of the squeeze.
     pub hand: JointTrack,
-    /// How it is carried out, in as much time as it needs.
+    /// The protocol, with the durations that the motion needs.
     pub grasp: Protocol,
 }
 
 impl<'a> Planner<'a> {
-    /// Takes the options for a robot.
+    /// Creates the planner of a robot.
     ///
     /// # Errors
     ///
-    /// Fails if an option cannot be used, or not with this robot.
+    /// Fails if an option is invalid, in itself or for this robot.
     pub fn new(setup: &Setup<'a>) -> Result<Self, OptionError> {
         let Setup {
             hand,
@@ -99,14 +99,14 @@ impl<'a> Planner<'a> {
         })
     }
 
-    /// Makes a motion feasible; its joints come in the order of the hand's.
+    /// Plans a feasible motion; its joints are in the order of the hand's.
     ///
-    /// It goes where the motion goes, nowhere faster than it was screened, from rest to rest, and
-    /// slower where a limit asks for it.
+    /// It follows the given motion's path from rest to rest, nowhere faster than in the screen, and
+    /// slower where a limit requires it.
     ///
     /// # Errors
     ///
-    /// Fails with the reason for which the robot cannot make it.
+    /// Fails with the reason why the motion is infeasible.
     pub fn plan(
         &self,
         motion: &Motion<Object>,
@@ -138,8 +138,8 @@ impl<'a> Planner<'a> {
         )
     }
 
-    /// Refuses a course on which a joint is outside its limits or the hand deeper below the table than
-    /// the protocol has it.
+    /// Refuses a course with a joint outside its limits, or with the hand deeper below the table
+    /// than the protocol allows.
     fn check_course(
         &self,
         course: &Course<Object>,
@@ -182,7 +182,7 @@ impl<'a> Planner<'a> {
                     .rotation
                     .inverse_transform_vector(&Vector3::z());
                 let depth_m = collision.shape.extent_m(&up) - table_from_shape.translation.vector.z;
-                // NaN is not above.
+                // A comparison with NaN is false.
                 let is_above = depth_m <= self.protocol.table_tolerance_m;
                 if !is_above {
                     return Err(Infeasible::Table {
@@ -222,7 +222,7 @@ pub(crate) fn check_joint(
     })
 }
 
-/// Returns how long the palm is on its way as asked for, in seconds.
+/// Returns the requested duration of the palm's path, in seconds.
 pub(crate) fn path_s(protocol: &Protocol) -> f64 {
     match protocol.approach {
         Approach::Follow => protocol.reach_s,
@@ -230,7 +230,7 @@ pub(crate) fn path_s(protocol: &Protocol) -> f64 {
     }
 }
 
-/// Returns the share of the reach in which the fingers close.
+/// Returns the fraction of the reach in which the fingers close.
 pub(crate) fn closing(protocol: &Protocol) -> f64 {
     protocol.close_fraction.clamp(0.0, 1.0)
 }

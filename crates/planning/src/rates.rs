@@ -1,4 +1,4 @@
-//! How often controllers are told something.
+//! Command rates of the controllers.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,20 +8,20 @@ use crate::OptionError;
 /// Highest rate accepted, in 1/s: ten times that of the fastest controllers.
 pub const MOST_HZ: f64 = 10_000.0;
 
-/// How often controllers are told something. At these rates a goal of a hand of 16 joints that lasts
-/// 2 s has 260 kB.
+/// Command rates of the controllers. At these rates a goal of a hand of 16 joints that lasts 2 s
+/// has 260 kB.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(inline)]
 pub struct RatesConfig {
-    /// What moves the palm (1/s): the rate of an xArm's controller.
+    /// Rate of the palm's or arm's controller (1/s): that of an xArm.
     pub palm_hz: f64,
-    /// The hand (1/s): the rate of the Allegro's controller.
+    /// Rate of the hand's controller (1/s): that of the Allegro.
     pub hand_hz: f64,
 }
 
 impl Default for RatesConfig {
-    /// Returns those of an xArm and an Allegro.
+    /// Returns the rates of an xArm and an Allegro.
     fn default() -> Self {
         Self {
             palm_hz: 250.0,
@@ -31,7 +31,7 @@ impl Default for RatesConfig {
 }
 
 impl RatesConfig {
-    /// Checks what types cannot say.
+    /// Checks the rates beyond their types.
     ///
     /// # Errors
     ///

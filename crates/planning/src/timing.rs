@@ -1,39 +1,40 @@
-//! When a course is where: as fast as asked for wherever limits allow it, from rest to rest.
+//! Time parameterization of a course: at the requested speed wherever limits allow it, from rest to
+//! rest.
 //!
-//! The speed along a path under limits on speed and acceleration is found by going over the path once
-//! backward, for the greatest speed from which the rest can still be followed, and once forward, as fast
+//! Under limits on speed and acceleration, the speed along a path is found in one pass backward,
+//! for the greatest speed from which the rest can still be followed, and one pass forward, as fast
 //! as that allows (Bobrow, Dubowsky and Gibson, *Time-Optimal Control of Robotic Manipulators Along
-//! Specified Paths*, 1985; Pham and Pham, *A New Approach to Time-Optimal Path Parameterization Based on
-//! Reachability Analysis*, 2018, §III). What is sought at each place u of the path is x, the square of
-//! the speed u′; with constant u″ between two places, x changes by 2 Δ u″. Velocities of the hand are
-//! its derivatives along the path times u′, accelerations `p″ x + p′ u″`. Their limits are lengths of
-//! vectors, convex in x and u″ and met at rest, so that the speeds from which a place can be passed are
-//! all those up to a greatest one.
+//! Specified Paths*, 1985; Pham and Pham, *A New Approach to Time-Optimal Path Parameterization
+//! Based on Reachability Analysis*, 2018, §III). The unknown at each place u of the path is x, the
+//! square of the speed u′; with constant u″ between two places, x changes by 2 Δ u″. Velocities of
+//! the hand are its derivatives along the path times u′, accelerations `p″ x + p′ u″`. Their limits
+//! bound the lengths of vectors, which are convex in x and u″ and within the limits at rest, so the
+//! feasible speeds at a place are all those up to a greatest one.
 //!
-//! At such a timing u″ jumps, and a controller that is told positions, velocities and accelerations now and
-//! then has to make up between two of them for the jump that it was not told. So u is replaced by its mean
-//! over a short window that moves with time: u″ changes steadily then, and neither u′ nor u″ is ever greater
-//! than before (Biagiotti and Melchiorri, *FIR Filters for Online Trajectory Planning with Time- and
-//! Frequency-Domain Specifications*, 2012, §2).
+//! Such a timing has jumps in u″, which a controller could not reproduce from sampled positions,
+//! velocities and accelerations. So u is replaced by its moving average over a short time window:
+//! u″ becomes continuous, and neither u′ nor u″ is ever greater than before (Biagiotti and
+//! Melchiorri, *FIR Filters for Online Trajectory Planning with Time- and Frequency-Domain
+//! Specifications*, 2012, §2).
 
 use crate::limits::Part;
 
-/// Places of a course at which speeds are sought.
+/// Number of places of a course at which speeds are computed.
 const PLACES_N: usize = 600;
-/// Halvings of the interval in which a greatest speed lies.
+/// Bisection steps for a greatest speed.
 const HALVINGS: usize = 48;
-/// Of less weight than this in 1/s², a change of speed moves nothing.
+/// Weight, in 1/s², below which a change of speed has no effect on the motion.
 const NOTHING: f64 = 1e-18;
 
-/// Places of a course and when they are passed.
+/// Places of a course and the times at which they are passed.
 #[derive(Debug, Clone)]
 pub(crate) struct Timing {
     passed: Vec<Passed>,
-    /// Over how long the course's time is averaged.
+    /// Averaging window of the course's time.
     window_s: f64,
 }
 
-/// A place and when it is passed.
+/// A place and the time at which it is passed.
 #[derive(Debug, Clone, Copy)]
 struct Passed {
     time_s: f64,
@@ -46,10 +47,10 @@ struct Passed {
 }
 
 impl Timing {
-    /// Returns the fastest timing of a course that lasts `duration_s`, never faster than `pace` seconds
-    /// of the course per second, averaged over `window_s`; `None` if the course has no length. `parts_at`
-    /// tells what moves after so many seconds of the course, with its derivatives by them and their
-    /// limits.
+    /// Returns the fastest timing of a course that lasts `duration_s`, never faster than `pace`
+    /// seconds of the course per second, averaged over `window_s`; `None` if the course has no
+    /// length. `parts_at` returns the moving parts at a time of the course, with their derivatives
+    /// by it and their limits.
     pub(crate) fn fastest(
         duration_s: f64,
         pace: f64,
@@ -70,7 +71,8 @@ impl Timing {
         let (mut x, mut time_s, mut sum) = (0.0, 0.0, 0.0);
         for (idx, (pair, &most)) in places.windows(2).zip(greatest.get(1..)?).enumerate() {
             let [from, to] = pair else { return None };
-            // Rounding may leave nothing: then the speed is kept, and the sampled motion tells.
+            // Rounding may leave an empty range: then the speed is kept, and the sampled motion is
+            // checked.
             let faster = changes(from, to, step, x, most).map_or(0.0, |[_, faster]| faster);
             let next = (x + 2.0 * step * faster).clamp(0.0, most);
             let (from_s, to_s) = (step * idx as f64, step * (idx + 1) as f64);
@@ -88,13 +90,13 @@ impl Timing {
         Some(Self { passed, window_s })
     }
 
-    /// Returns how long it takes, in seconds; infinite where limits allow no motion at all.
+    /// Returns the duration in seconds; infinite if the limits allow no motion at all.
     pub(crate) fn duration_s(&self) -> f64 {
         self.passed_s() + self.window_s
     }
 
-    /// Returns where the course is `time_s` after its start, in seconds of its own, and the first and
-    /// second derivative of that by time; 0 at both ends, where it rests.
+    /// Returns the course's own time at `time_s` after its start, in seconds, and its first and
+    /// second derivative by time; both are 0 at the ends, where it rests.
     pub(crate) fn at(&self, time_s: f64) -> [f64; 3] {
         let end_s = self.passed.last().map_or(0.0, |passed| passed.course_s);
         if time_s <= 0.0 {
@@ -109,12 +111,12 @@ impl Timing {
         [course_s.clamp(0.0, end_s), speed, faster]
     }
 
-    /// When the last place is passed.
+    /// Returns the time at which the last place is passed.
     fn passed_s(&self) -> f64 {
         self.passed.last().map_or(0.0, |passed| passed.time_s)
     }
 
-    /// Returns the integral of the course's time before it is averaged, that time and its derivative; at
+    /// Returns the integral of the course's time before averaging, that time and its derivative; at
     /// rest before and after.
     fn sums(&self, time_s: f64) -> [f64; 3] {
         let after = self
@@ -135,7 +137,7 @@ impl Timing {
         ]
     }
 
-    /// Returns the same timing, `times` as slow.
+    /// Returns the same timing, slowed down by a factor `times`.
     #[must_use]
     pub(crate) fn slower(&self, times: f64) -> Self {
         let slower = |passed: &Passed| Passed {
@@ -151,7 +153,7 @@ impl Timing {
     }
 }
 
-/// A place of a course and what limits the speed there.
+/// A place of a course and its speed limits.
 struct Place {
     parts: Vec<Part>,
     /// Greatest x that keeps every velocity within its limit.
@@ -175,7 +177,7 @@ impl Place {
     }
 }
 
-/// Returns for each place the greatest x with which it can be passed so that the course ends at rest.
+/// Returns for each place the greatest x from which the course can still end at rest.
 fn greatest(places: &[Place], step: f64) -> Vec<f64> {
     let mut greatest = vec![0.0; places.len()];
     let mut next = 0.0;
@@ -204,8 +206,9 @@ fn greatest(places: &[Place], step: f64) -> Vec<f64> {
     greatest
 }
 
-/// Returns the least and the greatest u″ with which a place is left at `x` so that every acceleration
-/// up to the next place keeps its limit and the next x is between 0 and `most`; `None` if none does.
+/// Returns the least and the greatest u″ from a place with speed `x` for which every acceleration
+/// up to the next place is within its limit and the next x is between 0 and `most`; `None` if there
+/// is none.
 fn changes(from: &Place, to: &Place, step: f64, x: f64, most: f64) -> Option<[f64; 2]> {
     let mut range = [-x / (2.0 * step), (most - x) / (2.0 * step)];
     for part in &from.parts {

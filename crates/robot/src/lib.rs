@@ -1,6 +1,5 @@
-//! Robots from their URDF: joints, kinematics and its derivatives, an arm's joints for a pose of its
-//! end, dynamics, collision shapes and their distances, fingers, and what is doubtful about the
-//! description.
+//! Robots from their URDF: joints, kinematics and its derivatives, inverse kinematics of arms,
+//! dynamics, collision shapes and their distances, fingers, and warnings about the description.
 //!
 //! ```
 //! let urdf = r#"<robot name="finger">
@@ -26,8 +25,9 @@
 //! Lengths are in meters, angles in radians, masses in kilograms.
 //! A root that moves freely has a pose and a twist ([`Root`]) and never angles; [`Bodies`] computes
 //! with or without it. Kinematics and dynamics agree with Pinocchio (`tests/golden`).
-//! This crate opens no file: who reads the meshes that a URDF names gives their convex parts to
-//! [`RobotModel::with_mesh_shapes`]; until then a link whose collision geometry is a mesh has no shape.
+//! This crate opens no file: callers read the meshes that a URDF names and pass their convex parts
+//! to [`RobotModel::with_mesh_shapes`]; until then a link whose collision geometry is a mesh has no
+//! shape.
 
 pub mod balls;
 mod bodies;

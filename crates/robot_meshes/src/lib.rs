@@ -7,10 +7,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! A mesh that a link collides with is found and read, or it is an error: a hand never loses what it
-//! touches with. STL (binary and text) and OBJ are read. Meshes that are only drawn are never opened.
-//! The parts are those that objects get, too ([`geometry::convex_parts`]); equal bytes give equal parts,
-//! and a program makes them once.
+//! A collision mesh that cannot be found and read is an error: a hand never loses its contact
+//! geometry silently. STL (binary and text) and OBJ are read. Visual meshes are never opened.
+//! Objects get the same convex parts ([`geometry::convex_parts`]); equal bytes give equal parts,
+//! and a process computes them once.
 
 mod error;
 mod load;

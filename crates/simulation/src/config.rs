@@ -1,26 +1,26 @@
-//! What a scene is made of and what is done in it.
+//! The physical scene and the grasp protocol.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::shortcuts::Shortcuts;
 
-/// The physical scene: object, table, hand and how time is cut.
+/// The physical scene: object, table, hand and time steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct SceneConfig {
-    /// Friction coefficient of every contact (hand, object, table): that of rubber finger tips on
+    /// Friction coefficient of every contact (hand, object, table): that of rubber fingertips on
     /// most things.
     #[serde(default = "defaults::friction")]
     pub friction: f64,
     /// Factor on the object's true mass and inertia.
     #[serde(default = "defaults::mass_scale")]
     pub mass_scale: f64,
-    /// Factor on the masses and inertias of the hand's links, of which its controller knows.
+    /// Factor on the masses and inertias of the hand's links, known to its controller.
     #[serde(default = "defaults::hand_mass_scale")]
     pub hand_mass_scale: f64,
-    /// Where the object really lies, relative to where the motion believes it to lie: there.
+    /// Displacement of the object from its believed pose: none.
     #[serde(default)]
     pub object_offset: Offset,
     /// Physics time step in seconds: half of it costs twice as much, and drives are implicit.
@@ -29,17 +29,16 @@ pub struct SceneConfig {
     /// Physics steps in one control step: with the default step, 50 commands a second.
     #[serde(default = "defaults::steps_per_control")]
     pub steps_per_control: u32,
-    /// Distance in meters below which contacts are computed: a third of the rows of the engine's
-    /// own.
+    /// Distance in meters below which contacts are computed: yields a third as many constraint rows
+    /// as the engine's default.
     #[serde(default = "defaults::prediction_m")]
     pub prediction_m: f64,
-    /// Longest time in seconds that the object gets to come to rest on the table: it falls half a
-    /// millimeter.
+    /// Timeout in seconds for the object to come to rest on the table: it falls half a millimeter.
     #[serde(default = "defaults::settle_s")]
     pub settle_s: f64,
     /// Drives of the finger joints.
     pub drive: DriveConfig,
-    /// What is not simulated because it cannot change the verdict.
+    /// Simulation steps omitted because they cannot change the verdict.
     #[serde(default)]
     pub shortcuts: Shortcuts,
 }
@@ -69,8 +68,7 @@ pub struct Offset {
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct DriveConfig {
-    /// What torque is asked for: that of `pd`, which knows only where to go, or of
-    /// `pd_feedforward`.
+    /// The torque law: `pd`, which knows only the command, or `pd_feedforward`.
     #[serde(default)]
     pub controller: ControllerKind,
     /// Stiffness in newton meters per radian; no default, for each hand has its own.
@@ -88,15 +86,15 @@ pub struct DriveConfig {
     pub stop_stiffness: f64,
 }
 
-/// What torque a finger's drive asks for, at a joint at `q` that shall be at `q_d`.
+/// Torque law of a finger's drive, at a joint at `q` with desired position `q_d`.
 ///
 /// Both are integrated implicitly and clamped to the torque limit as a whole.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum ControllerKind {
-    /// A spring to the command and a brake: `stiffness (q_d − q) − damping q̇`, the command held over
-    /// each control step.
+    /// A spring to the command and a damper: `stiffness (q_d − q) − damping q̇`, with the command
+    /// held over each control step.
     #[default]
     Pd,
     /// The torque of the motion itself, and a spring and a damper to it:
@@ -119,7 +117,7 @@ pub enum Approach {
     Open,
 }
 
-/// What is done with a motion, and what counts as success.
+/// Execution and success criteria of a motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -128,8 +126,8 @@ pub struct Protocol {
     /// so that they do not knock the object over.
     #[serde(default)]
     pub approach: Approach,
-    /// Duration of the reach, to which a motion is stretched, in seconds: a person's from near the
-    /// object.
+    /// Duration of the reach, to which a motion is stretched, in seconds: that of a person from
+    /// near the object.
     #[serde(default = "defaults::reach_s")]
     pub reach_s: f64,
     /// Last part of the reach, as a fraction of it, in which the fingers close: 0.2 s of 0.8 s.
@@ -148,50 +146,49 @@ pub struct Protocol {
     /// Duration of the ramp to the squeeze in seconds: slower than the fingers swing.
     #[serde(default = "defaults::squeeze_s")]
     pub squeeze_s: f64,
-    /// Pause between squeeze and lift in seconds: what moves comes to rest.
+    /// Pause between squeeze and lift in seconds: motions settle.
     #[serde(default = "defaults::pause_s")]
     pub pause_s: f64,
-    /// Height of the lift in meters: free of the table with every object of a hand's size.
+    /// Height of the lift in meters: clears the table with every object of a hand's size.
     #[serde(default = "defaults::lift_m")]
     pub lift_m: f64,
     /// Duration of the lift in seconds: brisk, so that weak grasps fail.
     #[serde(default = "defaults::lift_s")]
     pub lift_s: f64,
-    /// How long the lifted object must be held, in seconds: what slips slowly shows.
+    /// Time for which the lifted object must be held, in seconds: reveals slow slip.
     #[serde(default = "defaults::hold_s")]
     pub hold_s: f64,
-    /// Rise of the object in meters above which it counts as lifted, after the lift and ever since:
-    /// half of the lift and a little.
+    /// Rise of the object in meters above which it counts as lifted, from the end of the lift on: a
+    /// little more than half of the lift.
     #[serde(default = "defaults::lifted_m")]
     pub lifted_m: f64,
-    /// Hand links that must touch the object at the end: one alone balances it.
+    /// Hand links that must touch the object at the end: with one it only balances.
     #[serde(default = "defaults::min_links")]
     pub min_links: u32,
-    /// Largest speed of the object in the hand over the last half second, in meters per second:
-    /// faster, and it is out of the hand soon.
+    /// Largest speed of the object in the hand over the last half second, in meters per second: a
+    /// faster one soon leaves the hand.
     #[serde(default = "defaults::max_slip_m_per_s")]
     pub max_slip_m_per_s: f64,
     /// Displacement of the object before the squeeze that counts as knocked over, in meters: the
-    /// fingers no longer close about it.
+    /// fingers no longer close around it.
     #[serde(default = "defaults::knocked_m")]
     pub knocked_m: f64,
     /// Rotation of the object before the squeeze that counts as knocked over, in radians: 34°, past
     /// which most things fall.
     #[serde(default = "defaults::knocked_rad")]
     pub knocked_rad: f64,
-    /// How far outside its limits a joint position may be asked for, in radians: the drive stops at
+    /// Largest excess of a commanded joint position over its limits, in radians: the drive stops at
     /// the limit.
     #[serde(default = "defaults::limit_tolerance_rad")]
     pub limit_tolerance_rad: f64,
-    /// How far below the table the hand may be asked to reach, in meters: fingers yield by that
-    /// much.
+    /// Largest commanded depth of the hand below the table, in meters: fingers yield by that much.
     #[serde(default = "defaults::table_tolerance_m")]
     pub table_tolerance_m: f64,
-    /// How far inside the object the hand may be asked to reach before the closing, in meters: the
+    /// Largest commanded depth of the hand inside the object before the closing, in meters: the
     /// object yields by that much.
     #[serde(default = "defaults::early_tolerance_m")]
     pub early_tolerance_m: f64,
-    /// What is done to the object once it is squeezed: `lift` (the default) or `six_directions`.
+    /// Trial of the squeezed object: `lift` (the default) or `six_directions`.
     #[serde(default)]
     pub trial: Trial,
     /// The pulls of `six_directions`.
@@ -199,7 +196,7 @@ pub struct Protocol {
     pub pull: PullConfig,
 }
 
-/// What is done to the object once it is squeezed.
+/// Trial of the squeezed object.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
@@ -240,7 +237,7 @@ impl Default for PullConfig {
     }
 }
 
-/// Values of options that a pipeline file leaves out; the options say why.
+/// Defaults of options; the options' docs give the reasons.
 #[rustfmt::skip]
 mod defaults {
     pub(super) fn friction() -> f64 { 1.0 }

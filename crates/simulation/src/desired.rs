@@ -1,4 +1,4 @@
-//! How the fingers are meant to move between the ends of the control steps, for a drive that looks ahead.
+//! Desired motion of the fingers between control steps, for a drive with feedforward.
 
 use motion::{JointRates, Motion, Rates, joints_between};
 use spatial::Object;
@@ -9,28 +9,27 @@ use crate::{
     script::{Command, Phase},
 };
 
-/// What each joint does at one time: position, velocity and acceleration, in rad, rad/s and rad/s²
-/// (m, m/s and m/s² if prismatic).
+/// Desired state of each joint at one time: position, velocity and acceleration, in rad, rad/s and
+/// rad/s² (m, m/s and m/s² if prismatic).
 #[derive(Debug, Clone, PartialEq)]
 struct Knot {
     q: Vec<f64>,
     rates: JointRates,
 }
 
-/// The joints' course over a rollout: through one knot per control step, the start first, and
-/// between two of them the one polynomial of fifth degree that has both ends' positions, velocities
-/// and accelerations.
+/// The joints' course over a rollout: through one knot per control step, the start first, with the
+/// quintic polynomial between two knots that matches both positions, velocities and accelerations.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Desired {
     knots: Vec<Knot>,
     control_s: f64,
 }
 
-/// What is asked of the joints over one physics step.
+/// Desired motion of the joints over one physics step.
 ///
-/// The engine moves with the velocity at a step's end, so that its velocities stand for the middles
-/// of the steps and its accelerations for their beginnings; followed so, what is asked of it is
-/// reached but for terms of second order in the step.
+/// The engine moves with the velocity at a step's end, so its velocities belong to the middles of
+/// the steps and its accelerations to their beginnings. Sampled this way, the desired motion is
+/// reached up to terms of second order in the step.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Asked {
     /// Positions at the end of the step.

@@ -1,4 +1,4 @@
-//! What a rollout's steps say about its verdict.
+//! Verdicts of rollouts from their steps.
 
 use nalgebra::{Isometry3, Point3};
 use schemas::rollouts::Verdict;
@@ -12,7 +12,7 @@ use crate::{
     world::World,
 };
 
-/// Speed (m/s, rad/s) beyond which nothing moves in this scene unless the simulation failed.
+/// Speed (m/s, rad/s) that only a failed simulation exceeds in this scene.
 const IMPLAUSIBLE_SPEED: f32 = 500.0;
 /// Distance in meters from the table's origin beyond which the object is lost.
 const IMPLAUSIBLE_DISTANCE_M: f64 = 10.0;
@@ -20,9 +20,9 @@ const IMPLAUSIBLE_DISTANCE_M: f64 = 10.0;
 const FINAL_WINDOW_S: f64 = 0.5;
 /// Share of the final window's steps in which a link must press to count as in contact.
 const TOUCHING_SHARE: f64 = 0.5;
-/// How long a held object must have rested in the hand to have settled, in seconds.
+/// Time at rest in the hand after which a held object has settled, in seconds.
 const SETTLED_S: f64 = 0.3;
-/// Motion in the hand up to which it rests, in meters and radians.
+/// Largest motion in the hand that counts as rest, in meters and radians.
 const SETTLED_M: f64 = 2e-4;
 const SETTLED_RAD: f64 = 4e-3;
 
@@ -47,15 +47,15 @@ pub(crate) struct Judge<'a> {
     pulled_from: Option<Isometry3<f64>>,
     shortcuts: Shortcuts,
     rest: Option<Resting>,
-    /// Links that pressed throughout, of a rollout that was ended because it had settled.
+    /// Links that pressed throughout, if the rollout ended early because the object had settled.
     settled: Option<usize>,
 }
 
-/// Since when the object has not moved in the hand.
+/// The period for which the object has not moved in the hand.
 struct Resting {
     palm_from_object: Isometry3<f64>,
     steps: usize,
-    /// For each body of the hand, whether it has pressed ever since.
+    /// For each body of the hand, whether it has pressed throughout.
     pressing: Vec<bool>,
 }
 
@@ -88,7 +88,7 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Takes in the state after a command; returns the verdict if it is certain.
+    /// Processes the state after a command; returns the verdict once it is certain.
     pub(crate) fn see(
         &mut self,
         template: &Template,
@@ -170,24 +170,24 @@ impl<'a> Judge<'a> {
         self.hold_left = self.hold_left.saturating_sub(1);
     }
 
-    /// Whether the whole hand is above the whole object, which does not rise: a hand that only rises
-    /// will not touch it any more.
+    /// Whether the whole hand is above the whole object, which does not rise: a hand that only
+    /// rises will not touch it again.
     fn is_lost(&self, template: &Template, world: &World, felt: &Touch) -> bool {
         self.shortcuts.lost
             && felt.bodies.iter().all(|pressed| !pressed)
             && world.is_below(template.object, template.hand.bodies())
     }
 
-    /// Whether a lost object has the time to fall before contacts are counted.
+    /// Whether a lost object has time to fall before contacts are counted.
     fn will_be_dropped(&self, template: &Template, world: &World, felt: &Touch) -> bool {
         self.hold_left > self.window
             && self.protocol.min_links > 0
             && self.is_lost(template, world, felt)
     }
 
-    /// Whether the object has rested in the hand for so long, with enough links pressing all the
-    /// time, that nothing more will happen: a creep that is 10 times too slow to be a slip would have
-    /// been seen.
+    /// Whether the object has rested in the hand for so long, with enough links pressing
+    /// throughout, that nothing more will happen: a creep 10 times slower than a slip would have
+    /// been detected.
     fn has_settled(&mut self, palm_from_object: &Isometry3<f64>, felt: Touch) -> bool {
         if !self.shortcuts.settled {
             return false;
@@ -222,14 +222,14 @@ impl<'a> Judge<'a> {
         long_enough
     }
 
-    /// Notes how deep hand and object overlap while the object is carried.
+    /// Records how deep hand and object overlap while the object is carried.
     fn feel(&mut self, template: &Template, world: &World) -> Touch {
         let felt = touch(world, template.object, template.hand.bodies_n());
         self.penetration_m = self.penetration_m.max(felt.depth_m);
         felt
     }
 
-    /// Judges a rollout that was carried out to the end.
+    /// Judges a rollout that ran to its end.
     pub(crate) fn conclude(&self) -> Verdict {
         if self.contacts_n() < self.protocol.min_links {
             return Verdict::Dropped;
@@ -280,7 +280,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Whether the state lies outside what can happen in this scene.
+/// Whether the state is physically implausible in this scene.
 fn implausible(template: &Template, world: &World, table_from_object: &Isometry3<f64>) -> bool {
     let numbers = table_from_object
         .translation

@@ -7,8 +7,8 @@
 //! - The hand is a reduced-coordinate multibody made from the same [`robot::RobotModel`] that
 //!   kinematics uses. Its palm is a kinematic joint with six degrees of freedom: it follows its
 //!   path exactly and is infinitely strong. Only the fingers yield.
-//! - Finger joints are PD drives, with feedforward of inverse dynamics if asked for, integrated
-//!   implicitly, with their torque clamped.
+//! - Finger joints are PD drives, with optional inverse dynamics feedforward, integrated implicitly,
+//!   with clamped torque.
 //! - Equal arguments give equal bytes: no clock, no threads, a fresh copy of the world each time.
 //! - Everything outside is `f64` and in the frames of [`spatial`]; inside, physics is `f32`.
 //!

@@ -1,4 +1,4 @@
-//! One motion carried out in physics, and its verdict.
+//! Execution of one motion in physics, and its verdict.
 
 use nalgebra::Isometry3;
 use schemas::rollouts::Verdict;
@@ -13,7 +13,7 @@ use crate::{
     world::{Finite, World},
 };
 
-/// Whether the steps of a rollout are kept.
+/// Whether a rollout's steps are recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Record {
     /// Only the verdict and its figures.
@@ -22,14 +22,14 @@ pub enum Record {
     Trace,
 }
 
-/// What became of a motion.
+/// The result of a motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rollout {
-    /// How it ended; success is [`Verdict::Held`].
+    /// The verdict; success is [`Verdict::Held`].
     pub verdict: Verdict,
     /// Control steps simulated.
     pub cost_n: u32,
-    /// Control steps of the script that were not.
+    /// Control steps of the script that were omitted.
     pub saved_n: u32,
     /// Rise of the object's origin at the end, in meters.
     pub lift_m: f64,
@@ -41,12 +41,12 @@ pub struct Rollout {
     pub penetration_m: f64,
     /// Hand links in contact with the object at the end.
     pub contacts_n: u32,
-    /// The steps, if they were asked for and anything was simulated.
+    /// The steps, if they were requested and anything was simulated.
     pub trace: Option<Trace>,
 }
 
 impl Rollout {
-    /// Returns what became of a motion that geometry alone refuses.
+    /// Returns the result of a motion refused on geometry alone.
     pub(crate) fn refused(verdict: Verdict, script: &Script) -> Self {
         Self {
             verdict,
@@ -88,31 +88,31 @@ pub struct TraceStep {
     pub table_from_object: Isometry3<f64>,
 }
 
-/// Whether a rollout that is watched goes on.
+/// Whether a watched rollout continues.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Flow {
-    /// As the motion says.
+    /// Continues as the motion says.
     GoOn,
-    /// The palm stays where it is, and the fingers are told no more than they were.
+    /// The palm halts, and the fingers' commands stay constant.
     Hold,
 }
 
-/// A rollout that was watched.
+/// A watched rollout.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WatchedRollout {
-    /// What became of the motion, with its trace; of one that was broken off, its verdict says nothing.
+    /// The result of the motion, with its trace; of an aborted one, the verdict is meaningless.
     pub rollout: Rollout,
-    /// Whether it was broken off.
+    /// Whether it was aborted.
     pub broken_off: bool,
 }
 
-/// Who sees each step as it is made, and how long a motion that is broken off is held.
+/// The observer of each step, and how long an aborted motion is held.
 pub(crate) struct Watcher<'a> {
     pub(crate) see: &'a mut dyn FnMut(&TraceStep) -> Flow,
     pub(crate) hold_n: u32,
 }
 
-/// Carries out a script in a copy of the template's world.
+/// Executes a script in a copy of the template's world.
 pub(crate) fn run(
     template: &Template,
     script: &Script,
@@ -122,7 +122,7 @@ pub(crate) fn run(
     run_watched(template, script, protocol, record, None).rollout
 }
 
-/// As [`run`], seen by somebody who may break it off, which needs a trace.
+/// As [`run`], with an observer that may abort it, which needs a trace.
 pub(crate) fn run_watched<'a>(
     template: &'a Template,
     script: &Script,
@@ -152,7 +152,7 @@ pub(crate) fn run_watched<'a>(
             break;
         }
     }
-    // The last command again: the palm stands still, and the fingers press as they did.
+    // Repeat the last command: the palm stands still, and the fingers keep pressing.
     let last = broken_off.flatten();
     if let Some((idx, command)) = last.and_then(|idx| Some((idx, script.commands.get(idx)?))) {
         for _ in 0..hold_n {
@@ -181,19 +181,19 @@ pub(crate) fn run_watched<'a>(
     }
 }
 
-/// A script on its way through a copy of the template's world.
+/// A script in execution in a copy of the template's world.
 struct Performance<'a> {
     template: &'a Template,
     world: World,
     believed: Isometry3<f64>,
-    /// First command from which on the palm stays where it is, but for its lift.
+    /// First command from which on the palm moves only for its lift.
     arrival: usize,
-    /// Whether the palm has been made to stay.
+    /// Whether the palm was halted.
     halted: bool,
     cost_n: u32,
     trace: Option<Trace>,
     watcher: Option<Watcher<'a>>,
-    /// What the watcher said last.
+    /// The watcher's latest decision.
     flow: Flow,
 }
 
@@ -250,7 +250,7 @@ impl<'a> Performance<'a> {
         finite
     }
 
-    /// Keeps what is seen now, and shows it.
+    /// Records the current state and calls the observer.
     fn note(&mut self, q_command: &[f64]) {
         let Some(trace) = &mut self.trace else {
             return;
@@ -264,7 +264,7 @@ impl<'a> Performance<'a> {
     }
 }
 
-/// Returns a figure as it can be stored: 0 for what has no meaning after a divergence.
+/// Returns a figure that can be stored: 0 if it is meaningless after a divergence.
 fn sane(figure: f64) -> f64 {
     if figure.is_finite() { figure } else { 0.0 }
 }

@@ -1,19 +1,21 @@
-//! What is left out of a rollout because it cannot change the verdict.
+//! Parts of a rollout that are omitted because they cannot change the verdict.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What is not simulated because it cannot change the verdict; all of it by default.
+/// Parts of a rollout that are omitted because they cannot change the verdict; all of them by
+/// default.
 ///
-/// `cargo bench --bench shortcuts` carries out thousands of rollouts with all of them and with none,
-/// and compares the verdicts. (Beginning the reach only where the hand comes near is not among them: the
-/// fingers then arrive slightly elsewhere, and grasps that hold by chance fail by chance.) A rollout whose steps are recorded is always carried out to its end.
+/// `cargo bench --bench shortcuts` runs thousands of rollouts with all of them and with none, and
+/// compares the verdicts. (Skipping the reach up to where the hand comes near the object is not
+/// among them: the fingers then arrive slightly elsewhere, and grasps that hold by chance fail by
+/// chance.) A rollout whose steps are recorded always runs to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(inline)]
 pub struct Shortcuts {
-    /// Motions that geometry alone refuses are not simulated (true). Without it they are carried out
-    /// all the same, and then refused.
+    /// Motions refused on geometry alone are not simulated (true). Without it they are simulated
+    /// and then refused.
     pub refused: bool,
     /// A rollout ends as soon as the object lies or falls below the whole hand (true).
     pub lost: bool,
@@ -28,7 +30,7 @@ impl Shortcuts {
         lost: false,
         settled: false,
     };
-    /// Nothing is simulated in vain.
+    /// All shortcuts.
     pub const ALL: Self = Self {
         refused: true,
         lost: true,

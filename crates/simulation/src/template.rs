@@ -36,9 +36,9 @@ pub struct Template {
     pub(crate) object: RigidBodyHandle,
     shapes: Vec<LinkShape>,
     hulls: Vec<SharedShape>,
-    /// Where the object lies.
+    /// Pose of the object at rest.
     table_from_object: Isometry3<f64>,
-    /// Where a motion believes that it lies.
+    /// Pose of the object as a motion believes it.
     table_from_believed: Isometry3<f64>,
 }
 
@@ -78,20 +78,20 @@ impl Template {
         })
     }
 
-    /// Returns where the object came to rest, in the table's frame.
+    /// Returns the object's resting pose, in the table's frame.
     pub fn table_from_object(&self) -> Pose<Table, Object> {
         Pose::new(self.table_from_object)
     }
 
-    /// Returns where the motions' object frame is, in the table's frame: where the object came to
-    /// rest, but for [`SceneConfig::object_offset`].
+    /// Returns the motions' object frame in the table's frame: the object's resting pose without
+    /// [`SceneConfig::object_offset`].
     pub fn table_from_believed(&self) -> Pose<Table, Object> {
         Pose::new(self.table_from_believed)
     }
 
-    /// Carries out a motion in a fresh copy of the scene and judges it.
+    /// Executes a motion in a fresh copy of the scene and judges it.
     ///
-    /// Motions that geometry alone refuses cost no control step and have no trace.
+    /// Motions refused on geometry alone cost no control step and have no trace.
     ///
     /// # Errors
     ///
@@ -114,12 +114,12 @@ impl Template {
         })
     }
 
-    /// Plays a motion that was worked out to the end of its hold and judges it, with its trace; every
-    /// step is shown as it is made. When `see` asks for it, the motion is broken off and the hand stands
-    /// still for `hold_s`, which is shown as well.
+    /// Plays precomputed steps to the end of their hold and judges them, with their trace; `see` is
+    /// called at every step. If `see` asks for it, the motion is aborted and the hand stands still
+    /// for `hold_s`, with `see` called then too.
     ///
-    /// Of the protocol, only what counts as success matters: when the fingers close and the palm rises
-    /// is said by the steps.
+    /// Only the protocol's success criteria matter: the steps define when the fingers close and the
+    /// palm rises.
     ///
     /// # Errors
     ///
@@ -143,7 +143,7 @@ impl Template {
         Ok(run_watched(self, &script, protocol, Record::Trace, watcher))
     }
 
-    /// Returns why geometry alone refuses a script, if it does.
+    /// Returns why a script is refused on geometry alone, if it is.
     fn refuses(
         &self,
         script: &Script,
@@ -159,13 +159,13 @@ impl Template {
         )
     }
 
-    /// Returns where the object is in a copy of the world, in the table's frame.
+    /// Returns the object's pose in a copy of the world, in the table's frame.
     pub(crate) fn now(&self, world: &World) -> Isometry3<f64> {
         world.table_from_body(self.object)
     }
 
-    /// Returns what palm and fingers are told in the rollout of a motion: where they start, then one
-    /// instruction per control step to the end of the hold, whatever becomes of the object.
+    /// Returns the commands to palm and fingers in the rollout of a motion: their start, then one
+    /// instruction per control step to the end of the hold, whatever happens to the object.
     ///
     /// # Errors
     ///
@@ -182,7 +182,7 @@ impl Template {
             .collect())
     }
 
-    /// Returns why geometry alone refuses a motion, if it does.
+    /// Returns why a motion is refused on geometry alone, if it is.
     ///
     /// # Errors
     ///
@@ -208,7 +208,7 @@ pub fn check_hand(scene: &SceneConfig, hand: &RobotModel) -> Result<(), Simulati
     hand::check(hand, scene)
 }
 
-/// Refuses settings with which nothing can be simulated.
+/// Refuses settings that cannot be simulated.
 fn check(scene: &SceneConfig) -> Result<(), SimulationError> {
     let positive = [
         ("mass_scale", scene.mass_scale),
@@ -253,7 +253,7 @@ fn displace(offset: &Offset, table_from_object: &Isometry3<f64>) -> Isometry3<f6
     turn(table_from_object, offset.yaw_rad, shift)
 }
 
-/// Takes back [`displace`].
+/// Reverses [`displace`].
 fn undo(offset: &Offset, table_from_object: &Isometry3<f64>) -> Isometry3<f64> {
     let shift = Vector3::new(-offset.x_m, -offset.y_m, 0.0);
     turn(table_from_object, -offset.yaw_rad, shift)
@@ -267,7 +267,7 @@ fn turn(table_from_object: &Isometry3<f64>, yaw: f64, shift: Vector3<f64>) -> Is
     )
 }
 
-/// Runs the world until the object rests, then stills it and returns where it lies.
+/// Runs the world until the object rests, then zeroes its velocity and returns its pose.
 fn settle(
     world: &mut World,
     scene: &SceneConfig,

@@ -104,7 +104,7 @@ impl World {
         world
     }
 
-    /// Returns a world with nothing in it.
+    /// Returns an empty world.
     pub(crate) fn empty(scene: &SceneConfig) -> Self {
         let parameters = IntegrationParameters {
             dt: real(scene.time_step_s),
@@ -135,7 +135,7 @@ impl World {
         }
     }
 
-    /// Returns a copy that evolves on its own.
+    /// Returns an independent copy.
     pub(crate) fn fork(&self) -> Self {
         Self {
             bodies: self.bodies.clone(),
@@ -237,18 +237,18 @@ impl World {
                 .all(|shape| shape.compute_aabb().mins.z > top)
     }
 
-    /// Returns where a body is, in the table's frame.
+    /// Returns a body's pose, in the table's frame.
     pub(crate) fn table_from_body(&self, body: RigidBodyHandle) -> Isometry3<f64> {
         let engine_from_body = isometry(self.bodies[body].position());
         Translation3::new(0.0, 0.0, self.rise.height_m) * engine_from_body
     }
 }
 
-/// Whether all numbers stayed numbers.
+/// Whether all numbers stayed finite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Finite {
     /// They did.
     Yes,
-    /// Some body was put aside by the engine.
+    /// The engine disabled a body.
     No,
 }

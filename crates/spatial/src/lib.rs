@@ -10,8 +10,8 @@
 //! assert_eq!(object_from_palm.point(&point_in_palm), Point3::new(0.0, 0.0, 0.1));
 //! ```
 //!
-//! Poses are right-handed and in meters. Four numbers that mean a rotation are always
-//! `[x, y, z, w]` with `w ≥ 0`, so that equal rotations are equal bytes.
+//! Poses are right-handed and in meters. Quaternions are always `[x, y, z, w]` with `w ≥ 0`, so
+//! that equal rotations are equal bytes.
 //! This crate does no input or output and knows nothing of robots.
 
 mod frame;

@@ -1,4 +1,4 @@
-//! The cell that the options ask for.
+//! The configured cell.
 
 use std::{
     fs,
@@ -19,11 +19,12 @@ use crate::{
     robots::Robots,
 };
 
-/// The simulated cell of this process: it outlives the units, so that whoever watches can stay
-/// connected, and it remembers its goals as a real one does.
+/// The simulated cell of this process: it outlives the units, so that watchers can stay connected,
+/// and it remembers its goals as a real one does.
 static RUNNING: Mutex<Option<Running>> = Mutex::new(None);
 
-/// How near an arm must stand to where it was planned, in meters and in a quaternion's numbers.
+/// Largest difference between an arm's base pose and the planned one, in meters and in quaternion
+/// components.
 const SAME_PLACE: f64 = 1e-6;
 
 struct Running {
@@ -31,14 +32,14 @@ struct Running {
     cell: Arc<SimulatedCell>,
 }
 
-/// What a simulated cell was started with.
+/// Configuration of a running simulated cell.
 #[derive(PartialEq)]
 struct Asked {
     config: SimulatedCellConfig,
     robot: String,
 }
 
-/// A cell that answered.
+/// A connected cell.
 pub(crate) struct Connected {
     pub(crate) client: Arc<CellClient>,
     pub(crate) capabilities: Capabilities,
@@ -46,8 +47,8 @@ pub(crate) struct Connected {
     _simulated: Option<Arc<SimulatedCell>>,
 }
 
-/// Connects to the cell that the options ask for, with `object` lying before it; starts the
-/// simulated one if it does not run yet. It must be able to take goals like `goal`.
+/// Connects to the configured cell, with `object` in front of it; starts the simulated one if it
+/// does not run yet. Checks that the cell accepts goals like `goal`.
 pub(crate) fn connect(
     config: &DispatchConfig,
     robots: &Robots,
@@ -64,7 +65,7 @@ pub(crate) fn connect(
     let endpoint = simulated
         .as_ref()
         .map_or(config.cell.as_str(), |cell| cell.endpoint());
-    // The simulated cell is of this process: nobody has to say who they are.
+    // The simulated cell is in this process: no credentials are needed.
     let access = config.access.as_deref().filter(|_| simulated.is_none());
     let access = access.map(Access::read).transpose()?;
     let client = CellClient::connect_as(
@@ -103,7 +104,7 @@ pub(crate) fn connect(
     })
 }
 
-/// Checks that a cell has the controllers that goals tell something.
+/// Checks that a cell has the goals' controllers.
 fn check_controllers(cell: &Capabilities, goal: &Goal) -> Result<(), DispatchError> {
     let wrong = |problem: String| DispatchError::Controllers {
         cell: cell.cell.clone(),
@@ -152,11 +153,11 @@ fn check_controller(offer: &Offer, controller: &str, joints: &[String]) -> Resul
     Ok(())
 }
 
-/// Returns how the simulated cell of a `dispatch` stage is set up, which listens at `listen`.
+/// Returns the configuration of a `dispatch` stage's simulated cell that listens at `listen`.
 ///
 /// # Errors
 ///
-/// Fails if the arm's URDF cannot be read, or its foot stands nowhere.
+/// Fails if the arm's URDF cannot be read, or the pose of its base is invalid.
 pub fn simulated_cell(
     config: &DispatchConfig,
     listen: String,
@@ -223,7 +224,7 @@ fn simulated(
     if let Some(running) = running.as_ref().filter(|running| running.asked == asked) {
         return Ok(Arc::clone(&running.cell));
     }
-    // One with other options stops first: it may hold the port.
+    // Stop a cell with other options first: it may hold the port.
     *running = None;
     let cell = Arc::new(SimulatedCell::start_with(
         asked.config.clone(),

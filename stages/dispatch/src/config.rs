@@ -11,7 +11,7 @@ use simulation::{Protocol, SceneConfig, SettingFault};
 
 use crate::DispatchError;
 
-/// The value of `cell` that asks for the simulated one.
+/// The value of `cell` for the simulated cell.
 pub(crate) const SIMULATED: &str = "simulated";
 
 /// Longest timeout accepted, in seconds.
@@ -20,77 +20,75 @@ const DAY_S: f64 = 86_400.0;
 /// Most motions of one object.
 const MOST_MOTIONS: usize = 1_000_000;
 
-/// Longest time, in seconds, after which a simulated cell does what it is told.
+/// Largest latency of a simulated cell, in seconds.
 const LATEST_S: f64 = 10.0;
 
-/// Greatest error of the simulated cell, in meters and radians.
+/// Largest pose error of the simulated cell, in meters and radians.
 const MOST_ERROR: f64 = 1000.0;
 
 /// Options of `kind = "dispatch"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DispatchConfig {
-    /// `simulated`, which this stage starts itself, or where a cell or its router listens: on this
-    /// machine e.g. `tcp/127.0.0.1:7447`, on another e.g. `tls/robot.lab:7447`.
+    /// `simulated`, which this stage starts itself, or the endpoint of a cell or its router: on
+    /// this machine e.g. `tcp/127.0.0.1:7447`, on another e.g. `tls/robot.lab:7447`.
     pub cell: String,
-    /// File that says who asks the cell, by certificate or password, e.g. `data/access/certificates/dispatcher.json5`
-    /// (none).
-    // Who asks does not change what a cell does.
+    /// Access file with the dispatcher's credentials, a certificate or password, e.g.
+    /// `data/access/certificates/dispatcher.json5` (none).
+    // Credentials do not change what a cell does.
     #[serde(default, skip_serializing)]
     pub access: Option<PathBuf>,
     /// The cell's name in its keys, `cgf/cell/NAME/…`.
     #[serde(default = "defaults::cell_name")]
     pub cell_name: String,
-    /// Where the simulated cell listens, on the loopback interface; port 0 takes any free one,
-    /// which lets several runs go at once, another one can be watched at, e.g.
-    /// `tcp/127.0.0.1:7447`.
-    // Where a cell listens does not change what it does.
+    /// Endpoint of the simulated cell, on the loopback interface; port 0 takes any free one, so
+    /// that several runs can go at once; a fixed one can be watched, e.g. `tcp/127.0.0.1:7447`.
+    // The endpoint does not change what a cell does.
     #[serde(default = "defaults::listen", skip_serializing)]
     pub listen: String,
-    /// Whether a cell that is not simulated may move; without it the run is a dry one.
+    /// Whether a cell that is not simulated may move; without it the run is a dry run.
     #[serde(default)]
     pub execute: bool,
-    /// Largest number of motions sent for one object: of the accepted ones in their order, those
-    /// that the robot can make. Few, for each takes seconds of a robot's time; paper: 20.
+    /// Largest number of motions sent for one object: the first feasible ones in order of
+    /// acceptance. Few, because each takes seconds of a robot's time; paper: 20.
     #[serde(default = "defaults::per_object")]
     pub per_object: usize,
-    /// Number of this attempt: raise it to have motions executed again by a cell that knows them.
+    /// Number of this attempt: increase it to execute motions again at a cell that knows them.
     #[serde(default = "defaults::attempt")]
     pub attempt: u32,
-    /// Whether motions that a person stopped before this run are sent again, each as a goal of its own;
-    /// without it they are told and left alone.
-    // What was stopped is to be moved again, nothing that was decided is to be decided again.
+    /// Whether motions stopped by a person before this run are sent again, each as a new goal;
+    /// without it they are reported and skipped.
+    // Resending moves the robot again but must not invalidate finished results.
     #[serde(default, skip_serializing)]
     pub resume_stopped: bool,
-    /// How long the cell gets to say whether it takes a goal (s): a check takes far less.
+    /// Timeout for a cell to accept or refuse a goal (s): a check takes far less.
     #[serde(default = "defaults::answer_timeout_s")]
     pub answer_timeout_s: f64,
-    /// How long the cell gets to execute a motion (s): one takes about 5 s, and may be slowed down.
+    /// Timeout for a cell to execute a motion (s): one takes about 5 s, and may be slowed down.
     #[serde(default = "defaults::result_timeout_s")]
     pub result_timeout_s: f64,
-    /// How far a joint may be from the first step when the motion starts (rad): 6°, which a
+    /// Largest difference of a joint from the first step when the motion starts (rad): 6°, which a
     /// controller takes up without a jerk.
     #[serde(default = "defaults::start_tolerance_rad")]
     pub start_tolerance_rad: f64,
     /// URDF of the robot hand; its root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// The arm that carries the hand (none: the hand flies freely).
+    /// The arm that carries the hand (none: the hand is free-flying).
     #[serde(default)]
     pub arm: Option<ArmConfig>,
-    /// What joints are called on the wire, by their names in the URDF, where a cell calls them otherwise,
-    /// e.g. `{ "joint_0.0" = "ah_joint00" }` (none).
+    /// Joint names on the wire by joint names in the URDF, where a cell's differ, e.g. `{
+    /// "joint_0.0" = "ah_joint00" }` (none).
     #[serde(default)]
     pub joint_names: BTreeMap<String, String>,
-    /// How often controllers are told something: their own rates, so that none has to make up what
-    /// is between two points.
+    /// Command rates of the controllers: their own rates, so that none has to interpolate.
     #[serde(default)]
     pub rates: RatesConfig,
-    /// How fast palm and joints may move.
+    /// Limits on the speeds of palm and joints.
     #[serde(default)]
     pub limits: LimitsConfig,
-    /// How a motion is carried out, and what counts as success; a way that limits slow down gets the
-    /// time that it needs.
+    /// Execution and success criteria of a motion; a path slowed down by limits gets the time that
+    /// it needs.
     pub grasp: Protocol,
     /// The simulated cell's physics.
     pub simulated: SimulatedConfig,
@@ -100,17 +98,17 @@ pub struct DispatchConfig {
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SimulatedConfig {
-    /// Largest error of the object's place along each axis of the table (m): that of a good camera.
+    /// Largest error of the object's position along each axis of the table (m): that of a good
+    /// camera.
     #[serde(default = "defaults::object_error_m")]
     pub object_error_m: f64,
-    /// Largest error of the object's direction on the table (rad): about a degree, that of a good
-    /// camera.
+    /// Largest error of the object's yaw on the table (rad): about a degree, that of a good camera.
     #[serde(default = "defaults::object_error_rad")]
     pub object_error_rad: f64,
-    /// How long after its time a command takes effect (s): a cycle of the hand's controller.
+    /// Delay until a command takes effect (s): a cycle of the hand's controller.
     #[serde(default = "defaults::latency_s")]
     pub latency_s: f64,
-    /// Standard deviation of what encoders add to the joints' positions (rad): a tenth of a degree.
+    /// Standard deviation of the encoders' noise on joint positions (rad): a tenth of a degree.
     #[serde(default = "defaults::encoder_noise_rad")]
     pub encoder_noise_rad: f64,
     /// The scene; give it another mass or friction than the screen's.
@@ -118,7 +116,7 @@ pub struct SimulatedConfig {
 }
 
 impl DispatchConfig {
-    /// Returns what is wrong with the options beyond their types.
+    /// Returns the invalid options that types do not catch.
     pub(crate) fn faults(&self) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();
         let arm = self.arm.as_ref().map_or(Ok(()), ArmConfig::check);
@@ -145,7 +143,7 @@ impl DispatchConfig {
         faults.found()
     }
 
-    /// Checks what types cannot say.
+    /// Checks the options beyond their types.
     pub(crate) fn check(&self) -> Result<(), DispatchError> {
         let wrong =
             |key: &'static str, problem: String| Err(DispatchError::BadOption { key, problem });
@@ -177,17 +175,17 @@ impl DispatchConfig {
     }
 
     /// Whether goals may be sent: always to a cell that says it is simulated, to any other only if
-    /// a person said so.
+    /// a person allowed it.
     pub(crate) fn permits(&self, cell: &Capabilities) -> bool {
         cell.simulated || self.execute
     }
 
-    /// Returns how long the cell gets to answer.
+    /// Returns the timeout of an answer.
     pub(crate) fn answer_timeout(&self) -> Duration {
         Duration::from_secs_f64(self.answer_timeout_s)
     }
 
-    /// Returns how long the cell gets to execute.
+    /// Returns the timeout of an execution.
     pub(crate) fn result_timeout(&self) -> Duration {
         Duration::from_secs_f64(self.result_timeout_s)
     }
@@ -211,7 +209,7 @@ impl SimulatedConfig {
     }
 }
 
-/// Returns the option that a failed check is about.
+/// Returns the option that a failed check concerns.
 fn option_behind(err: &DispatchError) -> &'static str {
     match err {
         DispatchError::Cell(CellError::Name { .. }) => "cell_name",
@@ -228,7 +226,7 @@ fn option_faults(faults: Vec<SettingFault>) -> Vec<OptionFault> {
     faults.collect()
 }
 
-/// Values of options that a pipeline file leaves out; the options say why.
+/// Defaults of options; the options' docs give the reasons.
 #[rustfmt::skip]
 mod defaults {
     pub(super) fn cell_name() -> String { super::SIMULATED.to_owned() }

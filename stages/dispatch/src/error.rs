@@ -8,11 +8,11 @@ use lake::LakeError;
 use planning::OptionError;
 use robot_meshes::LoadError;
 
-/// Why motions could not be dispatched; a motion that fails is a row of `executions`.
+/// Why motions could not be dispatched; a failed motion is a row of `executions`.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DispatchError {
-    /// An option has a value that makes no sense.
+    /// An option has an invalid value.
     #[error("option `{key}` of dispatch cannot be used: {problem}")]
     BadOption {
         /// The option's key.
@@ -26,15 +26,15 @@ pub enum DispatchError {
     /// The cell cannot be reached or started.
     #[error(transparent)]
     Cell(#[from] CellError),
-    /// The cell drives another robot than the motions were made for.
+    /// The cell's robot differs from the one planned for.
     #[error("cell `{cell}` drives another robot than `{}`; nothing was sent to it", hand.display())]
     OtherRobot {
         /// The cell's name.
         cell: String,
-        /// The URDF for which the motions are.
+        /// The URDF planned for.
         hand: PathBuf,
     },
-    /// The cell has other controllers than goals tell something.
+    /// The cell's controllers differ from the goals'.
     #[error("cell `{cell}` cannot take goals for this robot, nothing was sent to it: {problem}")]
     Controllers {
         /// The cell's name.
@@ -42,7 +42,7 @@ pub enum DispatchError {
         /// How they differ.
         problem: String,
     },
-    /// Nobody knows what came of a motion: the cell does not answer, or not in a way that can be believed.
+    /// A motion's outcome is unknown: the cell does not answer, or its answer fails its checks.
     #[error(
         "what came of motion `{candidate_id}` at cell `{cell}` is unknown, the robot may have moved: {message} (goal {goal_id})"
     )]
@@ -53,7 +53,7 @@ pub enum DispatchError {
         candidate_id: String,
         /// The goal.
         goal_id: String,
-        /// What was waited for.
+        /// Why the outcome is unknown.
         message: String,
     },
     /// A person canceled the motion.
@@ -67,10 +67,10 @@ pub enum DispatchError {
         candidate_id: String,
         /// The goal.
         goal_id: String,
-        /// The cell's word on it.
+        /// The cell's message.
         message: String,
     },
-    /// The cell takes no goals now.
+    /// The cell accepts no goals now.
     #[error(
         "cell `{cell}` does not take motion `{candidate_id}` now, nothing of it has moved: {reason}"
     )]
@@ -87,7 +87,7 @@ pub enum DispatchError {
     Report {
         /// The goal.
         goal_id: String,
-        /// The URDF for which the motions are.
+        /// The URDF planned for.
         hand: PathBuf,
     },
     /// A rollout's motion is missing.

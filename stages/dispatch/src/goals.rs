@@ -30,7 +30,7 @@ pub(crate) fn accepted<'a>(
         .collect()
 }
 
-/// Returns a motion that can be made as a goal for a robot.
+/// Returns a feasible motion as a goal for a robot.
 pub(crate) fn goal(
     config: &DispatchConfig,
     robots: &Robots,

@@ -1,4 +1,4 @@
-//! The motion that a cell executes now, for whoever ends the program: a robot is not left to itself.
+//! The motion in execution, for graceful shutdown: a robot is not left unattended.
 
 use std::{
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
@@ -8,7 +8,7 @@ use std::{
 
 use cell::{CellClient, Halt, with_causes};
 
-/// Pause before a cell is asked again that has not taken the motion yet.
+/// Pause before canceling again at a cell that has not accepted the motion yet.
 const PAUSE: Duration = Duration::from_millis(50);
 
 static IN_FLIGHT: Mutex<InFlight> = Mutex::new(InFlight {
@@ -17,14 +17,14 @@ static IN_FLIGHT: Mutex<InFlight> = Mutex::new(InFlight {
 });
 static CHANGED: Condvar = Condvar::new();
 
-/// What was sent and may be sent.
+/// Motions in flight, and whether more may be sent.
 struct InFlight {
-    /// Whether the program is about to end: nothing more is sent.
+    /// Whether the program is shutting down: nothing more is sent.
     is_ending: bool,
     motions: Vec<MotionInFlight>,
 }
 
-/// A motion that was sent to a cell, and that may move its robot.
+/// A motion that was sent to a cell and may move its robot.
 #[derive(Clone)]
 pub struct MotionInFlight {
     client: Arc<CellClient>,
@@ -37,16 +37,15 @@ pub struct MotionInFlight {
 /// The outcome of a cancel request.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Cancellation {
-    /// The cell says that nothing of it moves any more.
+    /// The cell has confirmed that the motion has stopped.
     Stands,
-    /// It was over before.
+    /// The motion had already ended.
     Over,
-    /// Nobody knows, as this says: the robot may be moving.
+    /// Unknown for this reason: the robot may be moving.
     Unknown(String),
 }
 
-/// Returns the motions that cells execute now for this process, which is about to end: from now on it
-/// sends no other.
+/// Returns this process's motions in execution and blocks all further sending, for shutdown.
 pub fn stop_sending() -> Vec<MotionInFlight> {
     let mut in_flight = in_flight();
     in_flight.is_ending = true;
@@ -54,7 +53,7 @@ pub fn stop_sending() -> Vec<MotionInFlight> {
 }
 
 impl MotionInFlight {
-    /// Takes a motion that is about to be sent; a cell has `answer` to say anything.
+    /// Describes a motion that is about to be sent; `answer` is the cell's answer timeout.
     pub(crate) fn new(
         client: &Arc<CellClient>,
         candidate_id: &str,
@@ -71,8 +70,8 @@ impl MotionInFlight {
         }
     }
 
-    /// Does what sends this motion and waits for its end. It does not begin, or not return, where the
-    /// program is about to end: whoever ends it waits for this motion alone.
+    /// Runs `send_and_wait`, which sends this motion and waits for its end. Blocks before or after
+    /// it during shutdown, which waits for this motion alone.
     pub(crate) fn carry_out<T>(self, send_and_wait: impl FnOnce() -> T) -> T {
         let id = self.goal_id.clone();
         unless_ending(|in_flight| in_flight.motions.push(self));
@@ -93,18 +92,18 @@ impl MotionInFlight {
         &self.cell
     }
 
-    /// Returns the goal's name.
+    /// Returns the goal's id.
     pub fn goal_id(&self) -> &str {
         &self.goal_id
     }
 
-    /// Returns how long a cancellation waits at most.
+    /// Returns the timeout of a cancellation.
     pub fn answer_timeout(&self) -> Duration {
         self.answer
     }
 
-    /// Cancels the motion, waits for the cell's word on it, and then until what came of it is
-    /// written down, if that comes in time.
+    /// Cancels the motion, waits for the cell's answer, and then until the outcome is recorded, if
+    /// that is in time.
     pub fn cancel(&self) -> Cancellation {
         let deadline = Instant::now() + self.answer;
         loop {
@@ -119,7 +118,7 @@ impl MotionInFlight {
                     self.wait(deadline);
                     return Cancellation::Over;
                 }
-                // It may be on its way to the cell, which may refuse it.
+                // The goal may be in transit, and the cell may refuse it.
                 Ok(Halt::NeverTaken) => {
                     if self.wait(Instant::now() + PAUSE) {
                         return Cancellation::Over;
@@ -138,7 +137,7 @@ impl MotionInFlight {
         }
     }
 
-    /// Waits until the motion is over and that is written down; returns whether it is.
+    /// Waits until the motion has ended and its outcome is recorded; returns whether it has.
     fn wait(&self, deadline: Instant) -> bool {
         let mut in_flight = in_flight();
         while in_flight
@@ -157,7 +156,7 @@ impl MotionInFlight {
     }
 }
 
-/// Does something; where the program is about to end, the thread sleeps until it does.
+/// Runs `then`; during shutdown, the thread sleeps instead.
 fn unless_ending(then: impl FnOnce(&mut InFlight)) {
     let mut in_flight = in_flight();
     if !in_flight.is_ending {

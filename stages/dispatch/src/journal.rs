@@ -1,9 +1,9 @@
-//! What was sent and what came of it, for the run that goes on after this one was killed.
+//! Goals sent and their reports, for the run that resumes after this one was killed.
 //!
-//! In the folder that outlives an attempt, `<goal id>.sent` is written before a goal goes out, with the
-//! journal of the cell to which it goes, and `<goal id>.report` when its report is there. A goal of which
-//! only the first exists may have moved the robot: that cell is asked what it knows of it, before anything
-//! else is sent.
+//! In the folder that survives restarts, `<goal id>.sent` is written before a goal is sent, with
+//! the journal of the receiving cell, and `<goal id>.report` when its report arrives. A goal with
+//! only the first file may have moved the robot: the outcome is queried from that cell before
+//! anything else is sent.
 
 use std::{fs, io::ErrorKind, path::PathBuf};
 
@@ -18,14 +18,14 @@ pub(crate) struct Journal {
     folder: PathBuf,
 }
 
-/// What is known of a goal from before.
+/// State of a goal before this run.
 #[derive(Debug, PartialEq)]
 pub(crate) enum Past {
-    /// It was never sent.
+    /// Never sent.
     New,
-    /// It was sent to the cell with this journal, and nobody waited for the end.
+    /// Sent to the cell with this journal, outcome not recorded.
     Sent(String),
-    /// What came of it.
+    /// Ended with this report.
     Over(Box<Report>),
 }
 
@@ -34,8 +34,8 @@ impl Journal {
         Self { folder }
     }
 
-    /// Looks a goal up, for a robot with these joints. A report that cannot be read or believed counts as
-    /// none: the cell has it.
+    /// Looks a goal up, for a robot with these joints. An unreadable or contradictory report is
+    /// ignored: the cell has it.
     pub(crate) fn past(&self, goal: &Goal, robot: &[Joint]) -> Past {
         let goal_id = goal.seal().goal_id;
         let report = fs::read(self.file(&goal_id, "report")).ok();
@@ -53,13 +53,13 @@ impl Journal {
         }
     }
 
-    /// Notes that a goal is about to be sent to the cell with this journal.
+    /// Records that a goal is about to be sent to the cell with this journal.
     pub(crate) fn send(&self, goal_id: &str, journal: &str) -> Result<(), DispatchError> {
         let file = self.file(goal_id, "sent");
         Ok(lake::write_whole(&file, journal.as_bytes())?)
     }
 
-    /// Notes that a cell did not take a goal: it may go to any other.
+    /// Records that a cell refused a goal: it may be sent to any other.
     pub(crate) fn withdraw(&self, goal_id: &str) -> Result<(), DispatchError> {
         let path = self.file(goal_id, "sent");
         fs::remove_file(&path).map_err(|source| {
@@ -72,7 +72,7 @@ impl Journal {
         })
     }
 
-    /// Notes what came of a goal.
+    /// Records a goal's report.
     pub(crate) fn conclude(&self, report: &Report) -> Result<(), DispatchError> {
         let file = self.file(&report.goal_id, "report");
         Ok(lake::write_whole(&file, &report.to_bytes())?)

@@ -1,4 +1,4 @@
-//! Sends accepted motions to a robot cell and keeps what it did with them.
+//! Sends accepted motions to a robot cell and records their outcomes.
 //!
 //! ```toml
 //! [stages.dispatch]
@@ -9,15 +9,13 @@
 //! cell = "simulated"
 //! ```
 //!
-//! The protocol and the simulated cell are in crate `cell`; this stage chooses the motions, asks the
-//! cell, and writes the table `executions` and one recording per motion executed. How often motions succeed
-//! says crate `report-dispatch`.
-//! Crate `planning` makes goals of motions; one that the robot cannot make is refused, and its row in
-//! `executions` says why.
-//! Nothing real moves without `execute = true`. A goal of which nothing is heard, or nothing that can be
-//! believed, ends the run: the next one asks the cell what came of it before it sends another, and never
-//! sends it under another name.
-//! A motion that a person stopped is counted apart and sent again only where that is asked for.
+//! The protocol and the simulated cell are in crate `cell`; this stage selects the motions, sends
+//! them to the cell, and writes the table `executions` and one recording per executed motion. Crate
+//! `report-dispatch` computes success rates. Crate `planning` turns motions into goals; an
+//! infeasible motion is refused, and its row in `executions` says why. No hardware moves without
+//! `execute = true`. A goal without an answer, or with one that fails its checks, ends the run: the
+//! next run queries its outcome before it sends another, and never sends the motion under another
+//! goal id. Motions stopped by a person are counted separately and sent again only on request.
 
 mod cells;
 mod config;

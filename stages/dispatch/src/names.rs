@@ -1,4 +1,4 @@
-//! What joints are called on the wire, where a cell's drivers have names of their own.
+//! Joint names on the wire, where a cell's drivers use other names than the URDF.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -17,7 +17,7 @@ pub(crate) struct JointNames {
 }
 
 impl JointNames {
-    /// Takes the names that differ from those of the hand's URDF.
+    /// Creates the mapping from the names that differ from the hand URDF's.
     pub(crate) fn new(
         named: &BTreeMap<String, String>,
         hand: &RobotModel,
@@ -47,7 +47,7 @@ impl JointNames {
         })
     }
 
-    /// Calls a goal's joints what they are called on the wire.
+    /// Renames a goal's joints to their names on the wire.
     pub(crate) fn to_wire(&self, goal: &mut Goal) {
         let names = goal.hand.joints.iter_mut();
         rename(&self.on_wire, names.chain(&mut goal.grasp.flexion_joints));
@@ -56,12 +56,12 @@ impl JointNames {
         }
     }
 
-    /// Calls joints what the robot's URDF calls them.
+    /// Renames joints to their names in the robot's URDF.
     pub(crate) fn of_hand(&self, joints: &mut [String]) {
         rename(&self.of_hand, joints);
     }
 
-    /// Returns a robot's joints, called what they are called on the wire.
+    /// Returns a robot's joints under their names on the wire.
     pub(crate) fn joints_on_wire(&self, robot: &RobotModel) -> Vec<Joint> {
         let mut joints = robot.joints().to_vec();
         rename(

@@ -28,7 +28,7 @@ pub(crate) struct Setting<'a> {
     pub(crate) object: &'a Object,
     /// The cell's name.
     pub(crate) cell: &'a str,
-    /// How the cell differs from what was planned for.
+    /// Differences of the cell from the planning model.
     pub(crate) gap: &'a str,
     /// Pose of the palm at the grasp, in the object frame.
     pub(crate) object_from_grasp: &'a Isometry3<f64>,
@@ -79,7 +79,7 @@ pub(crate) fn record(
     let path = folder.join(format!("{}.mcap", goal.candidate_id));
     let mut recording = Recording::create(&path, &about(setting, goal, report))?;
     recording.write_scene(&scene)?;
-    // Under the names of the wire: what the cell was told.
+    // Under the names on the wire: the cell's commands.
     recording.write_latched(JOINT_TRAJECTORY, START_NS, &told(&goal.hand))?;
     if let Carrier::Arm(arm) = &goal.carrier {
         recording.write_latched(ARM_TRAJECTORY, START_NS, &told(arm))?;
@@ -92,7 +92,7 @@ pub(crate) fn record(
             &SceneStep {
                 time_s: sample.time_s,
                 table_from_palm: match &setting.robots.arm {
-                    // The arm's foot is the root of its tree.
+                    // The arm's base is the root of its tree.
                     Some(arm) => arm.table_from_base,
                     None => *sample.table_from_palm.isometry(),
                 },
@@ -107,7 +107,7 @@ pub(crate) fn record(
     Ok(())
 }
 
-/// Returns what a controller was told.
+/// Returns a controller's commands.
 fn told(track: &JointTrack) -> JointTrajectory {
     let points = track.points.iter().map(|point| TrajectoryPoint {
         time_s: point.time_s,

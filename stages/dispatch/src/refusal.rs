@@ -2,13 +2,13 @@
 
 use planning::Infeasible;
 
-/// Why a motion is not sent; nothing of it has moved.
+/// Why a motion is not sent; nothing has moved.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(crate) enum Refusal {
-    /// The robot cannot make it.
+    /// The motion is infeasible.
     #[error("not sent: {0}")]
     Infeasible(#[from] Infeasible),
-    /// The cell takes no message that long.
+    /// The goal exceeds the cell's maximum message length.
     #[error("not sent: its goal has {bytes} bytes, more than the {most} that the cell takes")]
     Long { bytes: usize, most: usize },
 }

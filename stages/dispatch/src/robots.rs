@@ -10,7 +10,7 @@ use robot_meshes::LoadedRobot;
 
 use crate::{DispatchConfig, DispatchError};
 
-/// A robot by its descriptions.
+/// A robot's models.
 pub(crate) struct Robots {
     /// The hand alone; its root link is the palm.
     pub(crate) hand: RobotModel,
@@ -28,7 +28,7 @@ pub(crate) struct ArmRobot {
 }
 
 impl Robots {
-    /// Reads the URDFs of the hand and, if the options have an arm, of that, which lies where `arm` says.
+    /// Loads the hand and, if the options have an arm, the arm, whose URDF `arm` finds.
     pub(crate) fn load<'a>(
         config: &'a DispatchConfig,
         hand: &Path,
@@ -51,12 +51,12 @@ impl Robots {
         })
     }
 
-    /// Returns all that moves as one model, arm and hand or the hand alone.
+    /// Returns the model of the whole robot: arm and hand, or the hand alone.
     pub(crate) fn whole(&self) -> &RobotModel {
         self.arm.as_ref().map_or(&self.hand, |arm| &arm.model)
     }
 
-    /// Returns what plans this robot's motions.
+    /// Returns this robot's motion planner.
     pub(crate) fn planner<'a>(
         &'a self,
         config: &'a DispatchConfig,
@@ -81,7 +81,7 @@ impl Robots {
             .map_or(self.hand_urdf.as_str(), |arm| &arm.urdf)
     }
 
-    /// Returns the digest by which the cell makes sure that the same robot is meant.
+    /// Returns the digest that identifies the robot to the cell.
     pub(crate) fn digest(&self) -> String {
         robot_digest(self.urdf())
     }

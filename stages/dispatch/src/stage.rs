@@ -36,32 +36,32 @@ use crate::{
 pub struct Dispatch;
 
 dataflow::metrics! {
-    /// What became of the motions for an object.
+    /// Counts of the motions for an object.
     pub struct DispatchMetrics {
-        /// Number of motions that were looked at.
+        /// Number of motions considered.
         motions_n: Sum,
-        /// Number of those that were sent, now or before.
+        /// Number of those sent, now or before.
         sent_n: Sum,
-        /// Number of those that were not sent because they are infeasible.
+        /// Number of those not sent because they are infeasible.
         refused_n: Sum,
-        /// Number of those that the cell took.
+        /// Number of those that the cell accepted.
         accepted_n: Sum,
         /// Number of those that succeeded.
         succeeded_n: Sum,
-        /// Number of those of which nobody knows what became.
+        /// Number of those with an unknown outcome.
         unknown_n: Sum,
         /// Number of those that a person stopped.
         stopped_n: Sum,
-        /// Number of those that the cell had executed before, and did not again.
+        /// Number of those that the cell had executed before this run.
         known_n: Sum,
-        /// Number of those that would have been sent.
+        /// Number of those that a dry run would have sent.
         dry_n: Sum,
-        /// Number of those that were sent to a simulated cell.
+        /// Number of those sent to a simulated cell.
         simulated_n: Sum,
     }
 }
 
-/// The robot counts as recordings show it.
+/// The form of the robot that recordings show.
 const SHOWN_ROBOT: Form = Form {
     name: "shown robot",
     of: robot::shown_form,
@@ -81,7 +81,7 @@ impl Stage for Dispatch {
         config.faults()
     }
 
-    /// Checks the robot's URDF, and that it can do what the options say.
+    /// Checks the robot's URDF, and that the robot can satisfy the options.
     fn prepare(config: &DispatchConfig) -> Result<(), DispatchError> {
         let robots = Robots::load(config, &config.hand, |arm| Ok(arm.robot.as_path()))?;
         JointNames::new(&config.joint_names, robots.whole())?;
@@ -105,7 +105,7 @@ impl Output for Dispatch {
             Some(arm) => robot_meshes::sources(&arm.robot)?,
             None => Vec::new(),
         };
-        // Both may have a mesh of one name.
+        // Both robots may have a mesh of the same name.
         let of_arm = of_arm.into_iter().map(|mesh| SourceFile {
             name: format!("arm: {}", mesh.name),
             ..mesh
@@ -161,15 +161,15 @@ impl Output for Dispatch {
     }
 }
 
-/// What became of the motions of one object.
+/// Results of the motions for one object.
 #[derive(Default)]
 struct Sent {
     executions: Vec<Execution>,
-    /// Motions that were looked at.
+    /// Motions considered.
     motions_n: usize,
-    /// Motions that the cell had executed before, and did not again.
+    /// Motions that the cell had executed before this run.
     known_n: usize,
-    /// Motions that would have been sent.
+    /// Motions that a dry run would have sent.
     dry_n: usize,
     simulated: bool,
 }
@@ -196,7 +196,7 @@ impl Sent {
     }
 }
 
-/// Sends motions one after another, each when the one before is over.
+/// Sends motions one after another.
 fn send(
     config: &DispatchConfig,
     robots: &Robots,
@@ -207,7 +207,7 @@ fn send(
 ) -> Result<Sent, DispatchError> {
     let planner = robots.planner(config)?;
     let names = JointNames::new(&config.joint_names, robots.whole())?;
-    // What cannot be made is known before anything moves, or a cell is asked.
+    // Find infeasible motions before anything moves or a cell is queried.
     let mut goals: Vec<(&Candidate, Result<Goal, Refusal>)> = Vec::new();
     let mut feasible_n = 0;
     for &candidate in motions {
@@ -240,7 +240,7 @@ fn send(
     let mut feasible = goals.iter().filter_map(|(_, goal)| goal.as_ref().ok());
     let first = feasible.clone().next().ok_or_else(|| missing("motion"))?;
     let connected = cells::connect(config, robots, object, first).map_err(|err| {
-        // Of what a run before this one sent, nobody knows as long as no cell can be asked.
+        // The outcome of an earlier run's motion is unknown until a cell can be queried.
         let is_open = |goal: &&Goal| matches!(journal.past(goal, &joints), Past::Sent(_));
         match feasible.find(is_open) {
             Some(goal) => unknown(&config.cell_name, goal, with_causes(&err)),
@@ -306,32 +306,32 @@ fn send(
     Ok(sent)
 }
 
-/// When a goal was carried out.
+/// Time of a goal's execution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Moved {
-    /// While this process waited.
+    /// During this process.
     Now,
-    /// For this unit, while an earlier process waited for it or nobody did.
+    /// For this unit, during an earlier process or between processes.
     Earlier,
-    /// For somebody else before, and not again.
+    /// For another dispatcher or unit, before.
     Before,
 }
 
-/// Sends goals, each at most once whatever becomes of this process.
+/// Sends goals, each at most once even if this process is killed.
 struct Sender<'a> {
     config: &'a DispatchConfig,
     client: &'a Arc<CellClient>,
     cell: &'a str,
-    /// The name of the cell's own journal.
+    /// The name of the cell's own goal journal.
     cell_journal: &'a str,
-    /// The robot's joints as goals call them.
+    /// The robot's joints under the goals' names.
     joints: &'a [Joint],
     journal: Journal,
 }
 
 impl Sender<'_> {
-    /// As [`Sender::carry_out`]; what a person stopped before this run is sent again, as a goal of its own,
-    /// where the options ask for that. Returns the goal that came to its end.
+    /// As [`Sender::carry_out`]; a motion stopped before this run is sent again as a new goal if
+    /// the options say so. Returns the goal that ended.
     fn carry_out_or_resume(&self, goal: &Goal) -> Result<(Goal, Report, Moved), DispatchError> {
         let mut goal = goal.clone();
         loop {
@@ -354,10 +354,10 @@ impl Sender<'_> {
         }
     }
 
-    /// Has a goal carried out, or finds out what became of it when it was sent before.
+    /// Executes a goal, or queries its outcome if it was sent before.
     ///
-    /// Where nothing is heard of it, or what is heard cannot be believed, the run ends: until somebody has
-    /// looked, nothing more is sent to this robot, and the next run asks the cell again.
+    /// Without an answer, or with one that fails its checks, the run ends: nothing more is sent to
+    /// this robot until a person has looked, and the next run queries the cell again.
     fn carry_out(&self, goal: &Goal) -> Result<(Report, Moved), DispatchError> {
         let id = goal.seal().goal_id;
         if let Past::Over(report) = self.journal.past(goal, self.joints) {
@@ -375,12 +375,12 @@ impl Sender<'_> {
         match self.journal.past(goal, self.joints) {
             Past::Over(report) => return Ok((*report, Moved::Earlier)),
             Past::New => {
-                // A second cell of the name may have come: it would move too.
+                // A second cell of the same name may have started: it would move too.
                 self.client.capabilities(answer)?;
                 self.journal.send(&id, self.cell_journal)?;
             }
             Past::Sent(to) => {
-                // What another cell never took says nothing about the one that it was sent to.
+                // Another cell's `never_taken` says nothing about the cell that received the goal.
                 if to != self.cell_journal {
                     let message = format!(
                         "it was sent to the cell with journal `{to}`, the one that answers has `{}`",
@@ -393,7 +393,7 @@ impl Sender<'_> {
                         self.journal.conclude(&report)?;
                         return Ok((report, Moved::Earlier));
                     }
-                    // Only a goal that the cell never took goes out again, under its own name.
+                    // Only a goal that the cell never accepted is sent again, under its own id.
                     Recovered::NeverTaken => {}
                     Recovered::Unheard(message) => return Err(unknown(message)),
                 }
@@ -423,7 +423,7 @@ impl Sender<'_> {
     }
 }
 
-/// Returns the error of a motion of which nobody knows what came.
+/// Returns the error for a motion with an unknown outcome.
 fn unknown(cell: &str, goal: &Goal, message: String) -> DispatchError {
     DispatchError::Unknown {
         cell: cell.to_owned(),
@@ -433,7 +433,7 @@ fn unknown(cell: &str, goal: &Goal, message: String) -> DispatchError {
     }
 }
 
-/// Whether a refusal says nothing about the motion: later it may be taken.
+/// Whether a refusal is temporary: the motion may be accepted later.
 fn passes(rejection: &Rejection) -> bool {
     matches!(
         rejection.code,
@@ -445,7 +445,7 @@ fn passes(rejection: &Rejection) -> bool {
     )
 }
 
-/// What a row says of the cell.
+/// The cell's columns of a row.
 struct Cell<'a> {
     name: &'a str,
     simulated: bool,
@@ -453,7 +453,7 @@ struct Cell<'a> {
 }
 
 impl Cell<'_> {
-    /// The row of a motion that was sent.
+    /// Returns the row of a motion that was sent.
     fn execution(&self, candidate: &Candidate, report: &Report) -> Execution {
         Execution {
             goal_id: report.goal_id.clone(),
@@ -473,7 +473,7 @@ impl Cell<'_> {
         }
     }
 
-    /// The row of a motion that was not sent.
+    /// Returns the row of a motion that was not sent.
     fn refused(&self, candidate: &Candidate, refusal: &Refusal) -> Execution {
         Execution {
             goal_id: String::new(),
@@ -491,7 +491,7 @@ impl Cell<'_> {
     }
 }
 
-/// Makes sure that a motion's name can be a file's.
+/// Checks that a motion's name is a valid file name.
 fn check_name(candidate: &Candidate) -> Result<(), DispatchError> {
     let mut components = Path::new(&candidate.candidate_id).components();
     match (components.next(), components.next()) {

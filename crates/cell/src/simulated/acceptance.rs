@@ -1,4 +1,4 @@
-//! What a cell checks before it takes a goal.
+//! Checks before a cell accepts a goal.
 
 use motion::{Carrier, JointTrack, PalmPoint, Timed};
 use nalgebra::Vector3;
@@ -16,19 +16,19 @@ use crate::{
 pub(super) const MAX_GOAL_BYTES: usize = 8 * 1024 * 1024;
 /// Fewest points of a controller.
 const MIN_POINTS: usize = 2;
-/// How far beyond the URDF's limits a finger may be told to be, whatever the goal says, in radians (meters
-/// if prismatic): it presses on its stop then.
+/// Largest commanded excess of a finger over the URDF's limits, whatever the goal's tolerance, in
+/// radians (meters if prismatic): it presses on its stop then.
 const MOST_TOLERANCE_RAD: f64 = 0.1;
 /// Longest motion, in seconds.
 const MOST_S: f64 = 600.0;
-/// Relative excess of a joint's speed that is rounding.
+/// Relative excess of a joint's speed attributed to rounding.
 const ROUNDING: f64 = 1e-6;
-/// Relative excess of what a palm does that may be rounding: bounds of angular ones are no closer.
+/// Relative excess of a palm's peaks attributed to rounding: bounds of angular ones are no tighter.
 const PALM_ROUNDING: f64 = 1e-4;
-/// What of a position beyond a limit is rounding, in radians (meters if prismatic).
+/// Excess of a position over a limit attributed to rounding, in radians (meters if prismatic).
 const ROUNDING_RAD: f64 = 1e-6;
-/// What a palm that flies can do: three times and more of what the shipped pipelines ask for, and little
-/// enough that nothing in a room of that size is out of reach.
+/// Limits of a free-flying palm: at least three times what the shipped pipelines need, and small
+/// enough to keep it in a room of the workspace's size.
 pub(super) const PALM: PalmLimits = PalmLimits {
     speed_m_per_s: 3.0,
     acceleration_m_per_s2: 60.0,
@@ -37,7 +37,7 @@ pub(super) const PALM: PalmLimits = PalmLimits {
     workspace_m: [[-2.0, -2.0, -0.5], [2.0, 2.0, 2.0]],
 };
 
-/// Checks a message's length, before anything of it is read.
+/// Checks a message's length before it is parsed.
 pub(super) fn check_length(bytes: &[u8]) -> Result<(), Rejection> {
     if bytes.len() <= MAX_GOAL_BYTES {
         return Ok(());
@@ -48,7 +48,7 @@ pub(super) fn check_length(bytes: &[u8]) -> Result<(), Rejection> {
     )
 }
 
-/// Checks that the robot can carry out a goal: its joints, their limits, times and the object.
+/// Checks that the robot can execute a goal: its joints, their limits, times and the object.
 pub(super) fn check(
     goal: &Goal,
     robot: &Robot,
@@ -103,7 +103,7 @@ pub(super) fn check(
     }
 }
 
-/// Checks what a controller with these joints is told.
+/// Checks the track of a joint controller.
 fn check_track(
     track: &JointTrack,
     controller: &str,
@@ -133,7 +133,7 @@ fn check_track(
     check_limits(track, &ordered, tolerance)
 }
 
-/// Checks how long the parts of a motion last.
+/// Checks the durations of a motion's phases.
 fn check_phases(grasp: &Protocol) -> Result<(), Rejection> {
     let parts = [
         ("reach_s", grasp.reach_s),
@@ -156,7 +156,7 @@ fn check_phases(grasp: &Protocol) -> Result<(), Rejection> {
     Ok(())
 }
 
-/// Checks what a motion is measured by.
+/// Checks a goal's tolerances.
 fn check_tolerances(goal: &Goal) -> Result<(), Rejection> {
     let grasp = &goal.grasp;
     for (name, number) in [
@@ -183,7 +183,7 @@ fn check_tolerances(goal: &Goal) -> Result<(), Rejection> {
     refuse(RejectionCode::Limits, problem)
 }
 
-/// Checks where a palm that flies goes and how fast, at its points and all between them.
+/// Checks the poses and rates of a free-flying palm, at its points and between them.
 fn check_palm(points: &[PalmPoint]) -> Result<(), Rejection> {
     for point in points {
         let (velocity, acceleration) = (&point.velocity, &point.acceleration);
@@ -220,7 +220,7 @@ fn check_palm(points: &[PalmPoint]) -> Result<(), Rejection> {
     Ok(())
 }
 
-/// What a palm that flies must keep to.
+/// Returns the limits of a free-flying palm.
 fn peaks_kept() -> Peaks {
     Peaks {
         speed: PALM.speed_m_per_s,
@@ -230,7 +230,7 @@ fn peaks_kept() -> Peaks {
     }
 }
 
-/// Checks how fast a palm moves at some time and how that changes.
+/// Checks a palm's speeds and accelerations at some time.
 fn check_peaks(found: &Peaks, when: &str) -> Result<(), Rejection> {
     let kept = peaks_kept();
     for (what, number, most, unit) in [
@@ -286,7 +286,7 @@ fn check_times<T: Timed>(controller: &str, points: &[T]) -> Result<(), Rejection
     Ok(())
 }
 
-/// Checks positions and velocities, at the points and all between them.
+/// Checks positions and velocities, at the points and between them.
 fn check_limits(track: &JointTrack, joints: &[&Joint], tolerance: f64) -> Result<(), Rejection> {
     for (from, to) in track.points.iter().zip(track.points.iter().skip(1)) {
         let between = || format!("between {} and {} s", from.time_s, to.time_s);
@@ -352,7 +352,7 @@ mod tests {
     }
 
     proptest! {
-        /// What is taken keeps the limits all the way, and what keeps them all the way is taken.
+        /// Accepted motions keep the limits throughout, and motions that keep them are accepted.
         #[test]
         fn limits_hold_between_two_points(
             from in point(0.0),
@@ -360,7 +360,7 @@ mod tests {
             duration_s in 0.0005..1.0_f64,
             near in 0.0..1.0_f64,
         ) {
-            // As near as the velocities allow, so that many are taken.
+            // As near as the velocities allow, so that many are accepted.
             to.time_s = duration_s;
             let reach = from.q_rad[0] + (near - 0.5) * 3.0 * duration_s;
             to.q_rad[0] = reach.clamp(-1.0, 1.0);

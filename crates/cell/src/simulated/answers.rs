@@ -1,4 +1,4 @@
-//! What a simulated cell answers.
+//! Answers of a simulated cell.
 
 use std::{cell::RefCell, sync::mpsc, time::Instant};
 
@@ -21,14 +21,14 @@ use crate::{
     wire,
 };
 
-/// Returns the number from which on something is asked for: `?from=N`, the first without one.
+/// Returns the first number of a query: `?from=N`, 0 if absent.
 pub(super) fn asked_from(query: &Query) -> u64 {
     let from = query.parameters().get("from").unwrap_or_default();
     from.parse().unwrap_or_default()
 }
 
 impl Shared {
-    /// Answers a question; who asked may be gone, which is theirs to notice.
+    /// Answers a query; errors are ignored because the asker may be gone.
     pub(super) fn reply(&self, query: &Query, body: &[u8]) {
         let bytes = self.key.sign(&Question::of(query), body);
         let _sent = query.reply(query.key_expr(), bytes).wait();
@@ -99,7 +99,7 @@ impl Shared {
         }
     }
 
-    /// Returns an object that lies before the robot, or why it cannot be said whether it does.
+    /// Returns an object on the table, or why the lookup failed.
     pub(super) fn object(&self, name: &str) -> Result<Option<ObjectShape>, String> {
         if let Some(known) = lock(&self.objects).get(name) {
             return Ok(Some(known.clone()));
@@ -114,7 +114,7 @@ impl Shared {
         Ok(found)
     }
 
-    /// Takes or refuses a goal; a goal taken before is known, whatever has changed since.
+    /// Accepts or refuses a goal; a goal accepted before stays known, whatever has changed since.
     fn take(&self, bytes: &[u8]) -> (GoalAnswer, Option<Job>) {
         let came = Instant::now();
         let opened = acceptance::check_length(bytes).and_then(|()| SealedGoal::open(bytes));
@@ -125,7 +125,7 @@ impl Shared {
         }
     }
 
-    /// Notes a goal; returns it if it is to be executed now.
+    /// Journals a goal; returns it if it is to be executed now.
     fn admit(
         &self,
         sealed: SealedGoal,
@@ -135,7 +135,7 @@ impl Shared {
         if lock(&self.journal).knows(&sealed.goal_id) {
             return Ok(None);
         }
-        // Nothing that moves is held up by looking at what will not be taken.
+        // Refuse before the checks, so that they cannot delay a motion.
         lock(&self.journal).is_free()?;
         let unsaid = RefCell::new(None);
         let known = |object: &str| match self.object(object) {
@@ -166,7 +166,7 @@ impl Shared {
         Ok(Some(Job { sealed, goal, came }))
     }
 
-    /// Answers with the report on a goal, now or when it is over.
+    /// Answers with a goal's report, now or when its motion ends.
     pub(super) fn result(&self, query: Query) {
         if self.faults.lasts(Fault::NeverAnswer) {
             lock(&self.unanswered).push(query);
@@ -184,7 +184,7 @@ impl Shared {
         }
     }
 
-    /// Breaks a goal off, and answers when that is done.
+    /// Cancels a goal, and answers when its motion has stopped.
     pub(super) fn cancel(&self, query: Query) {
         let id = goal_id_of(query.key_expr().as_str()).map(ToOwned::to_owned);
         let id = id.unwrap_or_default();
@@ -198,7 +198,7 @@ impl Shared {
         }
     }
 
-    /// Breaks off whatever moves and takes no more goals.
+    /// Aborts the current motion and refuses further goals.
     pub(super) fn stop(&self, query: Query) {
         let journal = lock(&self.journal);
         if let Some(query) = self.control.stop(query, journal.executing()) {

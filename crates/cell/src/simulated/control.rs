@@ -1,4 +1,4 @@
-//! What may break a motion off: a person's word, or silence.
+//! Causes for aborting a motion: a request, or a heartbeat timeout.
 
 use std::{
     sync::{Mutex, MutexGuard},
@@ -10,10 +10,10 @@ use zenoh::query::Query;
 
 use super::lock;
 
-/// Why a motion is broken off.
+/// Why a motion is aborted.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BrokenOff {
-    /// What that makes of it: `stopped` if a person wants it, `aborted` if the cell does.
+    /// The resulting outcome: `stopped` by a person's request, `aborted` by the cell.
     pub outcome: Outcome,
     /// The reason.
     pub message: String,
@@ -28,27 +28,27 @@ impl BrokenOff {
     }
 }
 
-/// What was asked of the motion in execution.
+/// Requests concerning the current motion.
 pub(super) struct Control {
     wish: Mutex<Wish>,
     silence: Option<Duration>,
 }
 
 struct Wish {
-    /// The goal to be broken off.
+    /// The goal to cancel.
     cancel: Option<String>,
-    /// Whether nothing may move until a person says so.
+    /// Whether the cell is stopped until a person resumes it.
     stopped: bool,
-    /// The name in the heartbeats that count: that of the goal in execution.
+    /// The dispatcher of the current goal: only its heartbeats count.
     dispatcher: Option<String>,
-    /// When that dispatcher was last heard.
+    /// Time of its last heartbeat.
     heard: Instant,
-    /// Who wants to know that nothing moves any more.
+    /// Queries to answer when nothing moves any more.
     asking: Vec<Query>,
 }
 
 impl Control {
-    /// Breaks motions off after so much silence, or never.
+    /// Creates a control with a heartbeat timeout, if any.
     pub(super) fn new(silence: Option<Duration>) -> Self {
         Self {
             wish: Mutex::new(Wish {
@@ -62,7 +62,7 @@ impl Control {
         }
     }
 
-    /// A goal was taken: its dispatcher has just been heard.
+    /// Starts a goal's heartbeat timeout.
     pub(super) fn begin(&self, dispatcher: Option<&str>) {
         let mut wish = self.wish();
         wish.cancel = None;
@@ -70,7 +70,7 @@ impl Control {
         wish.heard = Instant::now();
     }
 
-    /// A dispatcher was heard.
+    /// Records a heartbeat.
     pub(super) fn beat(&self, dispatcher: &str) {
         let mut wish = self.wish();
         if wish.dispatcher.as_deref() == Some(dispatcher) {
@@ -78,20 +78,20 @@ impl Control {
         }
     }
 
-    /// Has a goal broken off; `query` is answered when it is.
+    /// Cancels a goal; `query` is answered when its motion has stopped.
     pub(super) fn cancel(&self, goal_id: &str, query: Query) {
         let mut wish = self.wish();
         wish.cancel = Some(goal_id.to_owned());
         wish.asking.push(query);
     }
 
-    /// Has whatever moves broken off and nothing more taken; returns the query to be answered now
-    /// if nothing moves.
+    /// Aborts the current motion and refuses further goals; returns the query to be answered now if
+    /// nothing moves.
     pub(super) fn stop(&self, query: Query, executing: Option<&str>) -> Option<Query> {
         let mut wish = self.wish();
         wish.stopped = true;
         if let Some(goal_id) = executing {
-            // Even if goals are taken again before this one looks.
+            // Holds even if a resume comes before the motion's next check.
             wish.cancel = Some(goal_id.to_owned());
             wish.asking.push(query);
             return None;
@@ -99,17 +99,17 @@ impl Control {
         Some(query)
     }
 
-    /// Has goals taken again.
+    /// Accepts goals again.
     pub(super) fn resume(&self) {
         self.wish().stopped = false;
     }
 
-    /// Returns whether nothing may move.
+    /// Returns whether the cell is stopped.
     pub(super) fn is_stopped(&self) -> bool {
         self.wish().stopped
     }
 
-    /// Returns why a goal is to be broken off now, if it is.
+    /// Returns why a goal must be aborted now, if it must.
     pub(super) fn reason(&self, goal_id: &str) -> Option<BrokenOff> {
         let wish = self.wish();
         if wish.stopped {
@@ -129,7 +129,7 @@ impl Control {
         })
     }
 
-    /// Returns who wants to know that nothing moves any more.
+    /// Takes the queries to answer when nothing moves any more.
     pub(super) fn asking(&self) -> Vec<Query> {
         std::mem::take(&mut self.wish().asking)
     }

@@ -1,4 +1,4 @@
-//! Faults on request: what real cells, routers and networks do to a dispatcher.
+//! Fault injection: failures of real cells, routers and networks.
 
 use std::{
     process,
@@ -14,18 +14,18 @@ use std::{
 use super::lock;
 use crate::Report;
 
-/// What is said instead of an answer.
+/// The bytes of a garbled answer.
 pub(super) const GARBLED: &[u8] = b"?\n";
-/// How far an object has not risen, in meters.
+/// The false rise of a wrong report, in meters.
 const WRONG_LIFT_M: f64 = -5.0;
 
-/// How late an answer is.
+/// Delay of a late answer.
 const LATE: Duration = Duration::from_secs(3);
 
-/// Something that goes wrong at a cell.
+/// A fault of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// The cell's process dies when it has taken a goal, before it answers.
+    /// The cell's process dies after accepting a goal, before it answers.
     DieBeforeAnswer,
     /// It dies right after it has answered.
     DieAfterAnswer,
@@ -39,22 +39,22 @@ pub enum Fault {
     DoubleAnswer,
     /// The first answer to a question for a report is lost.
     LoseResult,
-    /// From this goal on no goal and no question for a report is answered.
+    /// From this goal on, goals and report queries are not answered.
     NeverAnswer,
-    /// The answer to a goal is no answer.
+    /// The answer to a goal is garbled.
     GarbledAnswer,
     /// The report is cut in the middle of a number.
     GarbledReport,
-    /// The report says that the object rose otherwise than it shows.
+    /// The reported rise differs from that of the samples.
     WrongReport,
 }
 
 /// A fault and the goal at which it happens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PlannedFault {
-    /// What goes wrong.
+    /// The fault.
     pub fault: Fault,
-    /// At which of the goals that the cell is sent, from 1.
+    /// Number of the received goal at which it happens, from 1.
     pub at: usize,
 }
 
@@ -77,7 +77,7 @@ impl Fault {
 impl FromStr for PlannedFault {
     type Err = String;
 
-    /// Reads e.g. `die_after_answer@2`; without a number it is the first goal.
+    /// Parses e.g. `die_after_answer@2`; without a number it is the first goal.
     fn from_str(text: &str) -> Result<Self, String> {
         let (name, at) = text.split_once('@').unwrap_or((text, "1"));
         let found = Fault::ALL.iter().find(|(known, _)| *known == name);
@@ -94,7 +94,7 @@ impl FromStr for PlannedFault {
     }
 }
 
-/// The faults that are still to come.
+/// The pending faults.
 pub(super) struct Faults {
     goals_n: AtomicUsize,
     planned: Mutex<Vec<PlannedFault>>,
@@ -113,7 +113,7 @@ impl Faults {
         self.goals_n.fetch_add(1, Ordering::SeqCst);
     }
 
-    /// Returns whether a fault happens now, and that it has.
+    /// Returns whether a fault happens now, and removes it.
     pub(super) fn strikes(&self, fault: Fault) -> bool {
         let at = self.goals_n.load(Ordering::SeqCst);
         let mut planned = lock(&self.planned);
@@ -121,21 +121,21 @@ impl Faults {
         found.map(|idx| planned.remove(idx)).is_some()
     }
 
-    /// Returns whether a fault has begun that does not end.
+    /// Returns whether a permanent fault has begun.
     pub(super) fn lasts(&self, fault: Fault) -> bool {
         let at = self.goals_n.load(Ordering::SeqCst);
         let mut planned = lock(&self.planned).clone().into_iter();
         planned.any(|p| p.fault == fault && p.at <= at)
     }
 
-    /// Ends this process as a crash does, if the fault happens now.
+    /// Ends this process as a crash does, if the fault is due.
     pub(super) fn die(&self, fault: Fault) {
         if self.strikes(fault) {
             process::abort();
         }
     }
 
-    /// Returns a report as it is given.
+    /// Serializes a report, wrong or garbled if such a fault is due.
     pub(super) fn given(&self, mut report: Report) -> Vec<u8> {
         if self.strikes(Fault::WrongReport) {
             report.lift_m = WRONG_LIFT_M;
@@ -147,7 +147,7 @@ impl Faults {
         bytes
     }
 
-    /// Waits, if the answer is to be late.
+    /// Delays the answer, if that fault is due.
     pub(super) fn delay(&self) {
         if self.strikes(Fault::LateAnswer) {
             thread::sleep(LATE);

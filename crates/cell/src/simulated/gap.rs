@@ -1,22 +1,20 @@
-//! How a simulated cell differs from what motions were screened in, beside its scene.
+//! Differences of a simulated cell from the screen, besides its scene.
 
 use simulation::Offset;
 
-/// How a simulated cell differs from what motions were screened in, beside its scene; all of it is
-/// drawn by a goal's digest, so that a goal has one outcome.
+/// Differences of a simulated cell from the screen, besides its scene; all are drawn from a goal's
+/// digest, so that a goal has one outcome.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Gap {
-    /// How wrong the motions are about where the object lies.
+    /// Error of the object's believed pose.
     pub object: ObjectError,
-    /// How long after its time a command takes effect, in seconds.
+    /// Delay until a command takes effect, in seconds.
     pub latency_s: f64,
-    /// Standard deviation of what the joints' encoders add to their positions, in radians; the drives
-    /// see it too.
+    /// Standard deviation of the joint encoders' noise, in radians; the drives see it too.
     pub encoder_noise_rad: f64,
 }
 
-/// Bounds of the error with which the object's pose on the table is known; the error of each goal
-/// is drawn evenly from within them.
+/// Bounds of the error of the object's pose on the table, drawn uniformly for each goal.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ObjectError {
     /// Largest displacement along each of the table's axes, in meters.
@@ -26,7 +24,7 @@ pub struct ObjectError {
 }
 
 impl ObjectError {
-    /// Adds a goal's own error to where the object lies.
+    /// Adds a goal's pose error to the object's offset.
     pub(super) fn misplaced(&self, offset: Offset, digest: &str) -> Offset {
         let mut shares = Shares::of(digest, "pipeline 2026 where the object really lies");
         let mut next = |bound: f64| bound * (2.0 * shares.next() - 1.0);
@@ -38,7 +36,7 @@ impl ObjectError {
     }
 }
 
-/// What encoders add, step by step.
+/// Encoder noise, step by step.
 pub(super) struct EncoderNoise {
     shares: Shares,
     deviation_rad: f64,
@@ -52,12 +50,12 @@ impl EncoderNoise {
         }
     }
 
-    /// Draws the noise of one step of so many joints (Box and Muller, *A Note on the Generation of
+    /// Draws the noise of one step of `dof` joints (Box and Muller, *A Note on the Generation of
     /// Random Normal Deviates*, 1958).
     pub(super) fn step(&mut self, dof: usize) -> Vec<f64> {
         (0..dof)
             .map(|_| {
-                // 1 − a share is never 0.
+                // 1 minus a number in 0..1 is never 0.
                 let radius = (-2.0 * (1.0 - self.shares.next()).ln()).sqrt();
                 let angle = std::f64::consts::TAU * self.shares.next();
                 self.deviation_rad * radius * angle.cos()
@@ -66,7 +64,7 @@ impl EncoderNoise {
     }
 }
 
-/// Numbers drawn evenly from 0..1.
+/// Uniform random numbers in 0..1.
 struct Shares(blake3::OutputReader);
 
 impl Shares {

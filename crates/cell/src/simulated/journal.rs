@@ -1,11 +1,11 @@
-//! What a cell remembers of its goals, so that none is executed twice: not even by the cell that is
-//! started again after this one was killed.
+//! The goal journal: keeps a cell from executing a goal twice, even after it was killed and
+//! restarted.
 //!
-//! In the journal's folder `<goal id>.goal` is the goal as it came, written before the cell answers
-//! that it takes it, and `<goal id>.report` what came of it. A goal without a report was being
-//! executed when the cell went down: nobody knows how far, so its report is `unknown`. `taken` lists
-//! the goals in the order in which they were taken, below the journal's own name. In `key` is the secret
-//! with which the cell signs what it answers; the journal's name is the public key to it.
+//! In the journal's folder, `<goal id>.goal` is the goal as received, written before the cell
+//! acknowledges it, and `<goal id>.report` its report. A goal without a report was executing when
+//! the cell went down: its progress is lost, so its report is `unknown`. `taken` lists the goals in
+//! order of acceptance, below the journal's own name. `key` holds the private key with which the
+//! cell signs its answers; the journal's name is the public key.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -32,14 +32,14 @@ use crate::{
 
 const GOAL: &str = "goal";
 const REPORT: &str = "report";
-/// Held for as long as a cell uses the folder.
+/// Lock file, held while a cell uses the folder.
 const LOCK: &str = "lock";
-/// The list of the goals that were taken.
+/// The list of accepted goals.
 const TAKEN: &str = "taken";
-/// Outcomes in one answer: few enough that reading them keeps no other question waiting.
+/// Outcomes per answer: few enough not to delay other queries.
 const OUTCOMES: usize = 64;
 
-/// Returns a name that no other stream of a cell has.
+/// Returns a unique name for a cell's stream.
 pub(super) fn fresh_name() -> String {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let since = now().duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -54,59 +54,59 @@ pub(super) fn fresh_name() -> String {
 /// Digits of such a name.
 const NAME: usize = 16;
 
-/// A goal that was taken and waits for the robot.
+/// An accepted goal that waits for the robot.
 pub(super) struct Job {
     pub(super) sealed: SealedGoal,
     pub(super) goal: Goal,
-    /// When it came in.
+    /// Time of arrival.
     pub(super) came: Instant,
 }
 
-/// Every goal taken, by id. Ids follow from the content, so that one id is one content.
+/// Every accepted goal, by id. Ids are derived from the content, so one id is one content.
 pub(super) struct Journal {
     key: Arc<JournalKey>,
     entries: BTreeMap<String, Entry>,
-    /// The ids in the order in which they were taken.
+    /// The ids in order of acceptance.
     taken: Vec<String>,
-    /// How goals ended, as far as it was asked.
+    /// Outcomes of goals, as far as they were queried.
     endings: BTreeMap<String, GoalOutcome>,
     folder: Option<Folder>,
 }
 
 struct Folder {
     path: PathBuf,
-    /// The list, to be continued.
+    /// The list, open for appending.
     taken: File,
-    /// Whether the list's last line may be a part of one.
+    /// Whether the list's last line may be incomplete.
     torn: bool,
     _lock: File,
 }
 
-/// What to do about a question for a report.
+/// How to answer a report query.
 pub(super) enum Asked {
-    /// Nothing yet: it is answered when the motion is over.
+    /// Kept: it is answered when the motion ends.
     Kept,
     /// Answer with this report.
     Over(Query, Vec<u8>),
-    /// Answer that no such goal was taken.
+    /// Answer that no such goal was accepted.
     NeverTaken(Query),
 }
 
 enum Entry {
-    /// The robot moves; these want to know the end.
+    /// The robot moves; these queries wait for the end.
     Executing(Vec<Query>),
-    /// The motion is over; this is the report.
+    /// The motion has ended, with this report.
     Done(Vec<u8>),
-    /// The motion is over; the report is in the folder.
+    /// The motion has ended; the report is in the folder.
     Stored,
 }
 
 impl Journal {
-    /// Begins a journal that is forgotten when the cell ends.
+    /// Creates a journal that is kept in memory only.
     ///
     /// # Errors
     ///
-    /// Fails if the system gives no random numbers.
+    /// Fails if the system's random number generator does.
     pub(super) fn forgetful() -> Result<Self, CellError> {
         Ok(Self {
             key: Arc::new(JournalKey::fresh().map_err(CellError::Random)?),
@@ -117,7 +117,7 @@ impl Journal {
         })
     }
 
-    /// Opens the journal in a folder, which is made where it is not there.
+    /// Opens the journal in a folder, creating it if it is missing.
     pub(super) fn open(path: &Path) -> Result<Self, CellError> {
         let failed = |source: io::Error| CellError::Journal {
             path: path.to_owned(),
@@ -163,12 +163,12 @@ impl Journal {
         })
     }
 
-    /// Returns the key with which answers are signed.
+    /// Returns the key that signs answers.
     pub(super) fn key(&self) -> Arc<JournalKey> {
         Arc::clone(&self.key)
     }
 
-    /// Notes a goal; returns whether it is to be executed now (and not known already).
+    /// Records a goal; returns whether it is to be executed now, being new.
     pub(super) fn admit(&mut self, goal: &SealedGoal) -> Result<bool, Rejection> {
         if self.knows(&goal.goal_id) {
             return Ok(false);
@@ -181,8 +181,8 @@ impl Journal {
         if let Some(path) = self.file(&goal.goal_id, GOAL) {
             lake::write_whole(&path, &goal.bytes).map_err(|err| refused(err.to_string()))?;
             if let Err(err) = self.list(&goal.goal_id) {
-                // A goal that is refused was not taken; where not even this can be done, the cell
-                // started after this one will say that nobody knows.
+                // A refused goal was not accepted. If not even the removal succeeds, a restarted
+                // cell reports it as unknown.
                 let _removed = fs::remove_file(path);
                 return Err(refused(err.to_string()));
             }
@@ -193,7 +193,7 @@ impl Journal {
         Ok(true)
     }
 
-    /// Fails while a goal is being executed.
+    /// Fails while a goal is executing.
     pub(super) fn is_free(&self) -> Result<(), Rejection> {
         match self.executing() {
             None => Ok(()),
@@ -204,19 +204,19 @@ impl Journal {
         }
     }
 
-    /// Returns whether the goal was taken before.
+    /// Returns whether the goal was accepted before.
     pub(super) fn knows(&self, goal_id: &str) -> bool {
         self.entries.contains_key(goal_id)
     }
 
-    /// Returns the goal that is being executed.
+    /// Returns the executing goal.
     pub(super) fn executing(&self) -> Option<&str> {
         let mut entries = self.entries.iter();
         let found = entries.find(|(_, entry)| matches!(entry, Entry::Executing(_)));
         found.map(|(id, _)| id.as_str())
     }
 
-    /// Takes a question for a report: keeps it while the robot moves, else says what to answer.
+    /// Handles a report query: keeps it while the robot moves, else returns how to answer.
     pub(super) fn ask(&mut self, goal_id: &str, query: Query) -> Asked {
         let file = self.file(goal_id, REPORT);
         match self.entries.get_mut(goal_id) {
@@ -237,10 +237,10 @@ impl Journal {
         }
     }
 
-    /// Notes a goal's report; returns who waits for it.
+    /// Records a goal's report; returns the queries that wait for it.
     pub(super) fn conclude(&mut self, goal_id: &str, report: Vec<u8>) -> Vec<Query> {
-        // Where it cannot be written it is kept here: this cell can tell, and the one started after
-        // it will say that it does not know.
+        // A report that cannot be written is kept in memory: this cell can answer, a restarted one
+        // will say `unknown`.
         let path = self.file(goal_id, REPORT);
         let stored = path.is_some_and(|path| lake::write_whole(&path, &report).is_ok());
         let entry = if stored {
@@ -254,14 +254,13 @@ impl Journal {
         }
     }
 
-    /// Returns how a goal ended; none if it moves or was not taken.
+    /// Returns the outcome of a goal; none if it is executing or was not accepted.
     pub(super) fn outcome(&mut self, goal_id: &str) -> Option<GoalOutcome> {
         let result_n = self.taken.iter().rposition(|id| id == goal_id)?;
         self.ended(result_n)
     }
 
-    /// Returns how goals ended, in the order in which they were taken, from a number on: as many as
-    /// one answer holds.
+    /// Returns outcomes in order of acceptance, from a number on: at most one answer's worth.
     pub(super) fn outcomes(&mut self, from: u64) -> Outcomes {
         let from = usize::try_from(from).unwrap_or(usize::MAX);
         let until = self.taken.len().min(from.saturating_add(OUTCOMES));
@@ -302,7 +301,7 @@ impl Journal {
         Some(outcome)
     }
 
-    /// Continues the list of what was taken.
+    /// Appends to the list of accepted goals.
     fn list(&mut self, goal_id: &str) -> io::Result<()> {
         let Some(folder) = &mut self.folder else {
             return Ok(());
@@ -315,20 +314,20 @@ impl Journal {
         folder.taken.sync_data()
     }
 
-    /// Returns how many goals are over.
+    /// Returns the number of goals that have ended.
     pub(super) fn executed_n(&self) -> usize {
         let done = |entry: &&Entry| !matches!(entry, Entry::Executing(_));
         self.entries.values().filter(done).count()
     }
 
-    /// Ids are hexadecimal digits: they follow from a digest that was checked.
+    /// Ids are hexadecimal digits: they come from a checked digest.
     fn file(&self, goal_id: &str, ending: &str) -> Option<PathBuf> {
         let folder = self.folder.as_ref()?;
         Some(folder.path.join(format!("{goal_id}.{ending}")))
     }
 }
 
-/// Reads the list of what was taken: each goal that there is, once; those that it does not hold come
+/// Reads the list of accepted goals: each existing goal once; goals missing from the list come
 /// last.
 fn list_of(path: &Path, entries: &BTreeMap<String, Entry>) -> io::Result<Vec<String>> {
     let text = match fs::read_to_string(path) {
@@ -339,8 +338,8 @@ fn list_of(path: &Path, entries: &BTreeMap<String, Entry>) -> io::Result<Vec<Str
     let mut lines = text.lines();
     let _name = lines.next();
     let mut listed = BTreeSet::new();
-    // A line may be a part of one, or name a goal that was refused in the end; of two the later one
-    // was taken.
+    // A line may be incomplete, or name a goal that was refused after all; of two equal lines the
+    // later one counts.
     let mut taken: Vec<String> = lines
         .rev()
         .filter(|id| entries.contains_key(*id) && listed.insert(*id))

@@ -1,4 +1,4 @@
-//! Whether another cell has the name already.
+//! Check for another cell of the same name.
 
 use std::time::{Duration, Instant};
 
@@ -14,12 +14,12 @@ use crate::{
     signature::{Answer, Question},
 };
 
-/// How long another cell gets to say that it is there.
+/// Timeout for another cell's answer.
 const ANSWER: Duration = Duration::from_secs(1);
 
-/// Makes sure that nobody answers for a cell of this name, before another one does.
+/// Checks that no running cell has this name.
 ///
-/// Two cells that start at one moment may both find nobody: dispatchers send nothing to either.
+/// Two cells that start at the same moment may both pass: dispatchers then send nothing to either.
 pub(super) fn refuse(session: &Session, keys: &Keys, endpoint: &str) -> Result<(), CellError> {
     let question = Question::new(&keys.capabilities()).map_err(CellError::Random)?;
     let deadline = Instant::now() + ANSWER;

@@ -1,4 +1,4 @@
-//! One goal carried out in physics.
+//! Execution of one goal in physics.
 
 use motion::JointTrack;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -10,13 +10,13 @@ use spatial::{Pose, Rest};
 use super::{BrokenOff, Robot, SimulatedCellConfig, gap::EncoderNoise, journal::Job, playing};
 use crate::report::{Report, Sample};
 
-/// How long a hand is watched that holds after its motion was broken off, in seconds.
+/// Time for which a hand is simulated after its motion was aborted, in seconds.
 const HOLD_S: f64 = 0.5;
-/// Time between two samples of a report, in seconds, where the control step is not longer.
+/// Sampling period of a report, in seconds, unless the control step is longer.
 const SAMPLE_S: f64 = 0.01;
 
-/// Lays the object down as the goal says, but for the cell's error, and moves; `see` is shown every
-/// control step, and says why the motion is to be broken off, if it is.
+/// Places the object as the goal says, plus the cell's pose error, and moves; `see` is called at
+/// every control step and returns a reason to abort, if any.
 pub(super) fn carry_out(
     job: &Job,
     object: &ObjectShape,
@@ -32,7 +32,7 @@ pub(super) fn carry_out(
     let template = Template::new(&scene, &robot.hand, object, &rest)?;
     let believed = *template.table_from_believed().isometry();
     let table_from_scene = level(goal.table_from_object.isometry(), &believed);
-    // What comes to rest otherwise than it was laid down, as a ball does, takes no palm with it.
+    // An object that settles into another pose, as a ball does, does not carry the palm along.
     let object_from_table = (table_from_scene * believed).inverse();
     let mut steps = playing::steps(
         goal,
@@ -50,7 +50,7 @@ pub(super) fn carry_out(
         table_from_scene,
     );
     for (step, noise) in steps.iter_mut().zip(&encoders.noise) {
-        // A drive that takes a joint to be further than it is drives it less far.
+        // A drive that reads a joint as too far along drives it less far.
         for (q, noise) in step.q.iter_mut().zip(noise) {
             *q -= noise;
         }
@@ -84,7 +84,7 @@ pub(super) fn carry_out(
     };
     let lift_m = match (broken_off.is_some(), samples.first(), samples.last()) {
         (false, Some(_), _) => rollout.lift_m,
-        // The physics looked at it when it was broken off, and it was held for a while then.
+        // The physics measured the object at the abort, and the hand held it for a while after.
         (true, Some(first), Some(last)) => height_m(last) - height_m(first),
         _ => 0.0,
     };
@@ -112,17 +112,17 @@ fn height_m(sample: &Sample) -> f64 {
     sample.table_from_object.isometry().translation.z
 }
 
-/// What the joints' encoders show.
+/// Readings of the joints' encoders.
 struct Encoders {
-    /// What is added at each step of the motion; what comes after it has the last step's.
+    /// Noise of each step of the motion; later steps reuse the last one's.
     noise: Vec<Vec<f64>>,
     seen_n: usize,
-    /// What the arm is told, which it does exactly but late.
+    /// Commands of the arm, which follows them exactly but late.
     arm: Option<JointTrack>,
     latency_s: f64,
-    /// When the arm was told to stand still.
+    /// Time at which the arm was commanded to stand still.
     halted_s: Option<f64>,
-    /// The scene has the object where the simulation puts it, turned as it likes.
+    /// The scene places the object at the simulation's origin, with its own yaw.
     table_from_scene: Isometry3<f64>,
 }
 
@@ -145,14 +145,14 @@ impl Encoders {
         }
     }
 
-    /// From this time on the arm stands still.
+    /// Halts the arm from this time on.
     fn halt(&mut self, time_s: f64) {
         self.halted_s.get_or_insert(time_s);
     }
 
-    /// Returns what is measured at the next step, and what was commanded but for the noise.
+    /// Returns the next step's measurement, and its command without the noise.
     fn read(&mut self, step: &TraceStep) -> Sample {
-        // A goal has one step at least: its start.
+        // A goal has at least one step: its start.
         let noise = &self.noise[self.seen_n.min(self.noise.len() - 1)];
         self.seen_n += 1;
         let add = |q: &[f64]| -> Vec<f64> {
@@ -160,7 +160,7 @@ impl Encoders {
             joints.map(|(joint, q)| q + noise[joint]).collect()
         };
         let (mut q_rad, mut q_command_rad) = (add(&step.q), add(&step.q_command));
-        // It is where it is told to be, as late as the fingers are told.
+        // The arm is where it is commanded to be, with the fingers' latency.
         let told_s = self.halted_s.unwrap_or(step.time_s) - self.latency_s;
         if let Some(arm) = self.arm.as_ref().and_then(|arm| arm.at(told_s)) {
             q_rad.extend(&arm.q_rad);
@@ -176,11 +176,11 @@ impl Encoders {
     }
 }
 
-/// Returns the turn about the vertical and the shift along the table that take an object from where a
-/// scene has it to where it stands.
+/// Returns the yaw and the shift along the table that take an object from its pose in a scene to
+/// its pose on the table.
 fn level(table_from_object: &Isometry3<f64>, scene_from_object: &Isometry3<f64>) -> Isometry3<f64> {
     let turn = table_from_object.rotation * scene_from_object.rotation.inverse();
-    // Of the quaternion, what is about z.
+    // The quaternion's twist about z.
     let yaw = 2.0 * turn.coords.z.atan2(turn.coords.w);
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
     let mut shift =
@@ -189,7 +189,7 @@ fn level(table_from_object: &Isometry3<f64>, scene_from_object: &Isometry3<f64>)
     Isometry3::from_parts(Translation3::from(shift), turn)
 }
 
-/// Returns how a cell calls what physics found.
+/// Returns a cell's outcome for a physics verdict.
 fn outcome(verdict: Verdict) -> Outcome {
     match verdict {
         Verdict::Held => Outcome::Succeeded,

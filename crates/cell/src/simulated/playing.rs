@@ -1,4 +1,4 @@
-//! A goal as the physics plays it: what palm and fingers are told at each control step.
+//! A goal's commands to palm and fingers at each control step.
 
 use motion::{Carrier, JointTrack, PalmPoint};
 use nalgebra::Isometry3;
@@ -7,15 +7,15 @@ use simulation::{Approach, Phase, PlayedStep, Protocol, SimulationError};
 use super::Robot;
 use crate::goal::Goal;
 
-/// Of so small a part of a control step, a phase is not longer.
+/// Rounding of a phase's duration, as a fraction of a control step.
 const ROUNDING: f64 = 1e-6;
 
-/// How far a lift may leave the vertical above the grasp, in meters and radians.
+/// Largest deviation of a lift from the vertical above the grasp, in meters and radians.
 const ASIDE_M: f64 = 1e-3;
 const ASIDE_RAD: f64 = 0.01;
 
-/// Returns the goal's steps, its start first, each told `latency_s` late, for an object that lies where
-/// `object_from_table` says.
+/// Returns the goal's steps, its start first, each delayed by `latency_s`, for an object at
+/// `object_from_table`.
 pub(super) fn steps(
     goal: &Goal,
     robot: &Robot,
@@ -44,7 +44,7 @@ pub(super) fn steps(
         .map(|step| {
             let time_s = (step as f64 * control_s - latency_s).max(0.0);
             let phase = phases.at(time_s);
-            // Once it is there the palm only rises.
+            // After the grasp the palm only rises.
             let now = palm(time_s)?;
             let (table_from_palm, lift_m) = if time_s < phases.arrival_s {
                 (now, 0.0)
@@ -74,7 +74,7 @@ pub(super) fn steps(
         .collect()
 }
 
-/// How far a palm is above the grasp, in meters.
+/// Returns the height of a palm above the grasp, in meters.
 fn rise(grasp: &Isometry3<f64>, now: &Isometry3<f64>) -> f64 {
     now.translation.z - grasp.translation.z
 }
@@ -88,11 +88,11 @@ fn whole(steps: f64) -> usize {
     (steps - ROUNDING).ceil().clamp(1.0, 1e6) as usize
 }
 
-/// Until when which part of a motion lasts, in seconds.
+/// End times of the motion's phases, in seconds.
 #[expect(clippy::struct_field_names, reason = "a unit ends every name")]
 struct Phases {
     reach_s: f64,
-    /// When the palm is where it grasps.
+    /// Arrival of the palm at the grasp.
     arrival_s: f64,
     grasp_s: f64,
     squeezed_s: f64,
@@ -136,7 +136,7 @@ impl Phases {
     }
 }
 
-/// Returns what the arm is told, if there is one, with its joints in its own order.
+/// Returns the arm's track, if there is one, with its joints in its own order.
 pub(super) fn arm_of(goal: &Goal, robot: &Robot) -> Result<Option<JointTrack>, SimulationError> {
     match (&goal.carrier, &robot.arm) {
         (Carrier::Arm(track), Some(arm)) => in_order(track, &arm.joint_names()).map(Some),
@@ -144,7 +144,7 @@ pub(super) fn arm_of(goal: &Goal, robot: &Robot) -> Result<Option<JointTrack>, S
     }
 }
 
-/// Returns a track with its joints in this order.
+/// Returns a track with its joints in the given order.
 fn in_order(track: &JointTrack, joints: &[String]) -> Result<JointTrack, SimulationError> {
     let ordered = track.reordered(joints);
     ordered.map_err(|err| SimulationError::Motion(err.to_string()))

@@ -1,4 +1,4 @@
-//! The robot that a simulated cell has.
+//! The robot of a simulated cell.
 
 use nalgebra::Isometry3;
 use robot::{Chain, Joint, RobotModel};
@@ -11,11 +11,11 @@ use crate::{CellError, Offer, wire};
 /// The arm of a simulated cell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CellArm {
-    /// URDF of the arm with the hand on it; its root link is the arm's foot.
+    /// URDF of the arm with the hand on it; its root link is the arm's base.
     pub urdf: String,
     /// Name of the link that is the palm.
     pub palm: String,
-    /// Pose of the arm's foot in the table's frame.
+    /// Pose of the arm's base in the table's frame.
     pub table_from_base: Isometry3<f64>,
 }
 
@@ -29,14 +29,14 @@ pub(super) struct Robot {
     pub(super) arm: Option<Arm>,
 }
 
-/// An arm that does exactly what it is told.
+/// An arm that follows its commands exactly.
 pub(super) struct Arm {
     chain: Chain,
     table_from_base: Isometry3<f64>,
 }
 
 impl Robot {
-    /// Takes a hand that `urdf` describes, and the arm that carries it.
+    /// Creates the robot from the hand that `urdf` describes, and the arm that carries it.
     pub(super) fn new(
         urdf: &str,
         hand: RobotModel,
@@ -52,7 +52,7 @@ impl Robot {
         })
     }
 
-    /// Returns all joints, the hand's before the arm's: the order of all that is measured.
+    /// Returns all joints, the hand's before the arm's: the order of all measurements.
     pub(super) fn joints(&self) -> impl Iterator<Item = &Joint> {
         let arm = self.arm.iter().flat_map(Arm::joints);
         self.hand.joints().iter().chain(arm)
@@ -63,20 +63,20 @@ impl Robot {
         self.joints().map(|joint| joint.name.clone()).collect()
     }
 
-    /// Returns where the palm is, in the table's frame, with the arm's joints there.
+    /// Returns the palm's pose in the table's frame for these positions of the arm.
     pub(super) fn palm(&self, arm_q: &[f64]) -> Option<Isometry3<f64>> {
         let arm = self.arm.as_ref()?;
         let posture = arm.chain.posture(arm_q).ok()?;
         Some(arm.table_from_base * posture.root_from_end)
     }
 
-    /// Returns where the arm's foot stands.
+    /// Returns the pose of the arm's base.
     pub(super) fn table_from_base(&self) -> Option<[f64; 7]> {
         let arm = self.arm.as_ref()?;
         Some(Pose::<Table, Palm>::new(arm.table_from_base).to_array())
     }
 
-    /// Returns its controllers, each told something once per control step.
+    /// Returns its controllers, each commanded once per control step.
     pub(super) fn controllers(&self, control_s: f64) -> Vec<Offer> {
         let offer = |controller: &str, joints: Vec<String>| Offer {
             controller: controller.to_owned(),
@@ -102,7 +102,7 @@ impl Arm {
         })
     }
 
-    /// Returns its joints, from its foot to the palm.
+    /// Returns its joints, from base to palm.
     pub(super) fn joints(&self) -> &[Joint] {
         self.chain.model().joints()
     }

@@ -1,5 +1,5 @@
-//! What a cell measures, for those who watch: numbered over its whole life, the newest part kept for
-//! whoever joins late or lost some.
+//! The stream of a cell's measurements: numbered over its whole life, the newest part kept for
+//! watchers that join late or lose samples.
 
 use std::{
     collections::VecDeque,
@@ -26,23 +26,23 @@ use crate::{
     wire::{self, StateHeader},
 };
 
-/// Time between two samples.
+/// Sampling period.
 pub(super) const PERIOD: Duration = Duration::from_millis(10);
 
-/// How late the stream may be before what it missed is left out.
+/// Longest delay that the stream catches up.
 const STOOD_STILL: Duration = Duration::from_secs(1);
 
-/// Samples that are kept: thirty seconds of them.
+/// Number of samples kept: thirty seconds of them.
 const KEPT: usize = 3000;
 
-/// Samples in one answer to a question for those before: about 200 kB.
+/// Samples per answer to a history query: about 200 kB.
 const CHUNK: usize = 512;
 
 /// The stream of a cell.
 pub(super) struct Stream {
     epoch: String,
     joints: Vec<String>,
-    /// Whoever watches may lose samples: a motion's are all in its report.
+    /// Watchers may lose samples: a motion's are all in its report.
     publisher: Publisher<'static>,
     shown: Mutex<Shown>,
 }
@@ -50,9 +50,9 @@ pub(super) struct Stream {
 struct Shown {
     /// Number of the next sample.
     seq: u64,
-    /// The goal in execution; empty if nothing moves.
+    /// The executing goal; empty if nothing moves.
     goal_id: String,
-    /// What was measured last, as a row.
+    /// The latest measurement, as a row.
     measured: Vec<f64>,
     kept: VecDeque<Kept>,
 }
@@ -64,7 +64,7 @@ struct Kept {
 }
 
 impl Stream {
-    /// Begins the stream `epoch` of a cell that stands `at_rest`.
+    /// Starts the stream `epoch` of a cell that is `at_rest`.
     pub(super) fn new(
         session: &Session,
         keys: &Keys,
@@ -75,7 +75,8 @@ impl Stream {
         Ok(Self {
             epoch,
             joints,
-            // The next sample is as good as one that would have to wait, and none waits behind bulk data.
+            // Drop a sample that would have to wait: the next one is as good, and none queues
+            // behind bulk data.
             publisher: session
                 .declare_publisher(keys.state())
                 .congestion_control(CongestionControl::Drop)
@@ -90,7 +91,7 @@ impl Stream {
         })
     }
 
-    /// Notes what was measured while a goal was executed.
+    /// Records a measurement during a goal.
     pub(super) fn measure(&self, goal_id: &str, sample: &Sample) {
         let mut shown = lock(&self.shown);
         if shown.goal_id != goal_id {
@@ -99,12 +100,12 @@ impl Stream {
         shown.measured = sample.to_row();
     }
 
-    /// Notes that nothing moves any more.
+    /// Records that nothing moves any more.
     pub(super) fn rest(&self) {
         lock(&self.shown).goal_id.clear();
     }
 
-    /// Publishes what was measured last.
+    /// Publishes the latest measurement.
     pub(super) fn publish(&self) {
         let mut shown = lock(&self.shown);
         let next = Kept {
@@ -118,11 +119,11 @@ impl Stream {
             shown.kept.pop_front();
         }
         shown.kept.push_back(next);
-        // In the order of the numbers, hence with the lock.
+        // Publish under the lock, to keep the order of the numbers.
         let _published = self.publisher.put(bytes).wait();
     }
 
-    /// Publishes what was measured last, at its rate until the cell ends.
+    /// Publishes the latest measurement at the stream's rate until the cell ends.
     pub(super) fn run(&self, ended: &AtomicBool) {
         let mut next = Instant::now();
         while !ended.load(Ordering::Relaxed) {
@@ -130,16 +131,14 @@ impl Stream {
             next += PERIOD;
             let now = Instant::now();
             thread::sleep(next.saturating_duration_since(now));
-            // A machine that is busy catches up, so that numbers tell the time; one that stood still
-            // does not.
+            // A busy machine catches up, so that numbers follow the time; a suspended one does not.
             if now.saturating_duration_since(next) > STOOD_STILL {
                 next = now;
             }
         }
     }
 
-    /// Returns samples from a number on: as many as one answer holds, of one goal; none if there is
-    /// none yet.
+    /// Returns samples of one goal from a number on: at most one answer's worth, possibly none.
     pub(super) fn since(&self, from: u64) -> Vec<u8> {
         let shown = lock(&self.shown);
         let begin = shown.kept.partition_point(|kept| kept.seq < from);
@@ -166,8 +165,8 @@ impl Stream {
     }
 }
 
-/// Returns what is measured before the first motion: the palm is nowhere in particular, and the joints
-/// are at zero or as close to it as they come.
+/// Returns the measurement before the first motion: the palm at the origin, and the joints at zero
+/// or as close to it as their limits allow.
 pub(super) fn at_rest(robot: &Robot) -> Sample {
     let joints = robot.joints();
     let q_rad: Vec<f64> = joints

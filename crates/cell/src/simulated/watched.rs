@@ -1,4 +1,4 @@
-//! A motion in execution, for those who watch or have a word in it.
+//! Monitoring and aborting a motion in execution.
 
 use std::time::Instant;
 
@@ -8,30 +8,30 @@ use crate::{capabilities::Word, pacer::Pacer, report::Sample, ros2::Mirror};
 /// Rounding that a sample's time may have, in seconds.
 const ROUNDING_S: f64 = 1e-6;
 
-/// A step of the loop in which a simulated cell in real time tells its controllers what to do.
+/// A step of the real-time control loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tick {
-    /// When it was due, in seconds since the first step.
+    /// Its scheduled time, in seconds since the first step.
     pub time_s: f64,
-    /// How late it was, in seconds.
+    /// Its lateness, in seconds.
     pub late_s: f64,
-    /// Seconds since the goal came in.
+    /// Seconds since the goal's arrival.
     pub since_goal_s: f64,
 }
 
-/// A motion in execution, as those see it who watch or have a word in it.
+/// A motion in execution, with its watchers and abort requests.
 pub(super) struct Watched<'a> {
     shared: &'a Shared,
     goal_id: &'a str,
     joints: Vec<String>,
     mirror: Option<&'a Mirror>,
-    /// When the goal came in.
+    /// The goal's arrival.
     came: Instant,
     pacer: Pacer,
-    /// Time of the next sample that is published, in seconds of the motion: of a motion that is
-    /// faster than the clock.
+    /// Time of the next published sample, in seconds of the motion: for motions faster than the
+    /// clock.
     due_s: f64,
-    /// Whether it was broken off.
+    /// Whether it was aborted.
     halted: bool,
 }
 
@@ -54,8 +54,8 @@ impl<'a> Watched<'a> {
         }
     }
 
-    /// Shows a sample at its time; returns why the motion is to be broken off now, if it is. Those who
-    /// asked for that are told that the palm stands still.
+    /// Publishes a sample at its time; returns why the motion must be aborted now, if it must.
+    /// Answers the queries that asked for it once the palm stands still.
     pub(super) fn see(&mut self, sample: &Sample) -> Option<BrokenOff> {
         let is_first = self.pacer.is_new();
         let real_time = self.shared.config.service.real_time;

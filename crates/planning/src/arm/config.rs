@@ -8,58 +8,58 @@ use spatial::Pose;
 
 use crate::OptionError;
 
-/// Most turns of the object that are tried.
+/// Most yaw angles of the object that may be tried.
 const MOST_TURNS: usize = 360;
 
-/// The arm that carries the hand: where it stands, and how its joints may move.
+/// The arm that carries the hand: its place and the limits of its joints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct ArmConfig {
-    /// URDF of the arm with the hand on it; its root link is the arm's foot.
+    /// URDF of the arm with the hand on it; its root link is the arm's base.
     #[serde(skip_serializing)]
     pub robot: PathBuf,
     /// The link of `robot` that is the hand's palm.
     pub palm: String,
-    /// Pose of the arm's foot in the table's frame: `x, y, z` (m) and the quaternion `x, y, z, w`. The
-    /// table's top is at z = 0, and z is up.
+    /// Pose of the arm's base in the table's frame: `x, y, z` (m) and the quaternion `x, y, z, w`.
+    /// The table's top is at z = 0, and z is up.
     pub table_from_base: [f64; 7],
-    /// Where on the table the object stands (m): `x, y` of its origin in the table's frame.
+    /// Position of the object on the table (m): `x, y` of its origin in the table's frame.
     pub object_m: [f64; 2],
-    /// How many directions of the object on the table are tried, evenly spread over a turn; with 1
-    /// it stands as it was screened. Every 15°: one of them is nearly always in reach.
+    /// Number of yaw angles of the object that are tried, evenly spread over a turn; with 1 it
+    /// keeps that of the screen. Every 15°: one of them is nearly always in reach.
     #[serde(default = "defaults::turns")]
     pub turns: usize,
-    /// Largest speed of the arm's joints as a share of that of the URDF: all of it, for a motion is
-    /// slowed down only where it must be.
+    /// Largest speed of the arm's joints as a fraction of the URDF's: all of it, because a motion
+    /// is slowed down only where necessary.
     #[serde(default = "defaults::velocity_scale")]
     pub velocity_scale: f64,
     /// Largest acceleration of the arm's joints (rad/s²; m/s² if prismatic): below the 20 rad/s² of
     /// an xArm's.
     #[serde(default = "defaults::acceleration_rad_per_s2")]
     pub acceleration_rad_per_s2: f64,
-    /// How far the arm's links keep from the table, from each other and from the hand (m), at
-    /// least. As far as the URDF's collision shapes tell; the hand alone is judged by `grasp`. Half
-    /// a centimeter: what a calibration is off.
+    /// Least clearance of the arm's links from the table, from each other and from the hand (m), by
+    /// the URDF's collision shapes; `grasp` sets the tolerances of the hand alone. Half a centimeter:
+    /// a typical calibration error.
     #[serde(default = "defaults::clearance_m")]
     pub clearance_m: f64,
-    /// Least singular value of the arm's Jacobian, meters and radians taken as they are: where it
-    /// is less, the arm is too near a singularity, in which joints turn fast while the hand moves
-    /// slowly. At 0.02 a joint turns at 3.14 rad/s for 6 cm/s of the hand.
+    /// Least singular value of the arm's Jacobian, in mixed meters and radians: below it the arm is
+    /// too near a singularity, where joints turn fast while the hand moves slowly. At 0.02 a joint
+    /// turns at 3.14 rad/s for 6 cm/s of the hand.
     #[serde(default = "defaults::least_singular_value")]
     pub least_singular_value: f64,
 }
 
-/// The frame of the arm's foot, the URDF's root link.
+/// The frame of the arm's base, the URDF's root link.
 #[derive(Debug, Clone, Copy)]
 pub enum Base {}
 
 impl ArmConfig {
-    /// Returns the pose of the arm's foot in the table's frame.
+    /// Returns the pose of the arm's base in the table's frame.
     ///
     /// # Errors
     ///
-    /// Fails if the option's numbers are no pose.
+    /// Fails if the option's numbers are not a pose.
     pub fn table_from_base(&self) -> Result<Pose<spatial::Table, Base>, OptionError> {
         Pose::from_array(self.table_from_base).map_err(|err| {
             let problem = err.to_string();
@@ -67,11 +67,11 @@ impl ArmConfig {
         })
     }
 
-    /// Checks what types cannot say.
+    /// Checks the options beyond their types.
     ///
     /// # Errors
     ///
-    /// Fails with the first option that cannot be used.
+    /// Fails with the first invalid option.
     pub fn check(&self) -> Result<(), OptionError> {
         let wrong = |key: &'static str, problem: String| OptionError::new(key, problem);
         let positive = [
