@@ -40,9 +40,10 @@
 //! }
 //! ```
 //!
-//! Invariants: what stands under its final name is whole (written beside, synced, renamed); every file
-//! is named by a digest of its bytes or carries one, and is checked before it is used; two processes
-//! never make the same unit at the same time; a dead process's lock and staging folder are taken over.
+//! Invariants: a file under its final name is complete (written beside, synced, renamed); every
+//! file is named by a digest of its bytes or contains one, and is checked before use; two processes
+//! never make the same unit at the same time; a dead process's lock and staging folder are taken
+//! over.
 
 mod abandon;
 mod again;

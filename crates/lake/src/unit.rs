@@ -1,6 +1,6 @@
-//! What a unit reads and writes, by type.
+//! Typed inputs and outputs of a unit.
 //!
-//! These are methods of `dataflow`'s types, which know nothing of tables: hence traits.
+//! These extend `dataflow`'s types, which know nothing of tables: hence traits.
 
 use std::{fs::File, io::Write};
 
@@ -9,7 +9,7 @@ use schemas::Table;
 
 use crate::{LakeError, atomic::io_error, table};
 
-/// Typed access to what a unit reads.
+/// Typed access to a unit's inputs.
 pub trait ReadInputs {
     /// Returns the only partition of an input, or the first one.
     ///
@@ -73,7 +73,7 @@ impl ReadInputs for Inputs {
     }
 }
 
-/// Typed access to the artifact that a unit makes.
+/// Typed access to a unit's artifact.
 pub trait WriteArtifact {
     /// Writes the artifact's table.
     ///
