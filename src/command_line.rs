@@ -13,7 +13,7 @@ use crate::{
     report,
 };
 
-/// What every command may use.
+/// The context of every command.
 pub(crate) struct Program<'a> {
     /// The kinds of stages that pipeline files may name.
     pub(crate) kinds: &'a [Kind],
@@ -27,14 +27,14 @@ pub(crate) struct Program<'a> {
 fn arguments() -> Result<Cli, clap::Error> {
     let mut command = Cli::command();
     command.build();
-    // It works, and would be a line too many for one screen.
+    // It works, but its line would not fit on one screen.
     let mut command = command.mut_subcommand("help", |help| help.hide(true));
     let mut matches = command.try_get_matches_from_mut(env::args_os())?;
     Cli::from_arg_matches_mut(&mut matches).map_err(|err| err.format(&mut command))
 }
 
-/// Does what the process's arguments ask for, with these kinds of stages, and returns its exit code:
-/// 0 done, 1 failed, 2 wrong command line or pipeline file, 3 done with skipped items, 130 interrupted.
+/// Executes the process's arguments with these kinds of stages, and returns the exit code: 0 done,
+/// 1 failed, 2 wrong command line or pipeline file, 3 done with skipped items, 130 interrupted.
 pub fn command_line(kinds: &[Kind]) -> ExitCode {
     let cli = match arguments() {
         Ok(cli) => cli,

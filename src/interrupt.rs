@@ -1,5 +1,5 @@
-//! Ctrl-C: a motion that a robot makes is canceled, units in flight are dropped, what is kept stays, and the
-//! exit code is 130.
+//! Ctrl-C: cancels a robot's motion, drops units in flight, keeps stored results, and exits with
+//! code 130.
 
 use std::{process, sync::Arc, thread};
 
@@ -16,7 +16,7 @@ use crate::{outcome::CommandError, report};
 /// Exit code of a program that was interrupted.
 pub(crate) const INTERRUPTED: u8 = 130;
 
-/// Drops what is being made in the lake when somebody stops the program.
+/// Drops the units in flight when the program is interrupted.
 pub(crate) fn drop_on_signal(lake: &Arc<Lake>) -> Result<(), CommandError> {
     let mut signals =
         Signals::new([SIGINT, SIGTERM]).map_err(|err| CommandError::failed(err, None))?;
@@ -26,7 +26,7 @@ pub(crate) fn drop_on_signal(lake: &Arc<Lake>) -> Result<(), CommandError> {
         if signals.next().is_some() {
             thread::spawn(move || stop(&lake));
         }
-        // Who asks twice does not want to wait.
+        // A second signal ends the program at once.
         if signals.next().is_some() {
             for motion in stage_dispatch::stop_sending() {
                 report::line(&format!(
@@ -40,7 +40,7 @@ pub(crate) fn drop_on_signal(lake: &Arc<Lake>) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// Has motions broken off, drops what is being made in the lake, says so, and ends the program.
+/// Cancels motions, drops the units in flight, reports both, and ends the program.
 pub(crate) fn stop(lake: &Lake) -> ! {
     let motions = stage_dispatch::stop_sending();
     thread::scope(|scope| {
@@ -60,7 +60,7 @@ pub(crate) fn stop(lake: &Lake) -> ! {
     process::exit(i32::from(INTERRUPTED));
 }
 
-/// Cancels a motion, and says whether the robot stands.
+/// Cancels a motion, and reports whether the robot has stopped.
 fn cancel(motion: &MotionInFlight) {
     let name = name(motion);
     report::line(&format!(

@@ -1,4 +1,4 @@
-//! Times of day as people and programs read them, in UTC: the same wherever a lake is looked at.
+//! Times in UTC for people and programs, so that a lake looks the same everywhere.
 
 use jiff::Timestamp;
 
@@ -15,7 +15,7 @@ pub(crate) fn second(since_1970_ns: u64) -> String {
 fn written(since_1970_ns: u64, format: &str) -> String {
     match Timestamp::from_nanosecond(since_1970_ns.into()) {
         Ok(time) => time.strftime(format).to_string(),
-        // The last one of 64 bits is in 2554.
+        // The largest 64-bit time is in 2554.
         Err(err) => unreachable!("every such number is a time before 9999: {err}"),
     }
 }

@@ -1,9 +1,9 @@
-//! Numbers as people read them.
+//! Numbers for display.
 
-/// Digits of a number that are shown.
+/// Significant digits shown.
 const DIGITS: i32 = 6;
 
-/// A number with six digits that count; very large and small ones with an exponent.
+/// A number with six significant digits; very large and small ones with an exponent.
 pub(crate) fn number(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 || !value.is_finite() {
@@ -25,7 +25,7 @@ pub(crate) fn number(value: f64) -> String {
     without_zeros(&format!("{value:.decimals$}")).to_owned()
 }
 
-/// Digits without the zeros that end a fraction.
+/// Digits without trailing zeros of a fraction.
 fn without_zeros(digits: &str) -> &str {
     if digits.contains('.') {
         digits.trim_end_matches('0').trim_end_matches('.')

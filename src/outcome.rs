@@ -3,23 +3,23 @@
 use dataflow::{Advise, Failure, FileError};
 use lake::LakeError;
 
-/// A command that did what it was asked.
+/// A command that ran to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Outcome {
     /// Everything is done: exit code 0.
     Done,
     /// Done, but items were skipped: exit code 3.
     SkippedItems,
-    /// It failed and has said so on stdout: exit code 1.
+    /// It failed and has reported so on stdout: exit code 1.
     Told,
 }
 
-/// A command that did not.
+/// A command that failed.
 #[derive(Debug)]
 pub(crate) enum CommandError {
     /// The pipeline file is wrong: exit code 2.
     File(FileError),
-    /// The command line asks for something that is not there: exit code 2.
+    /// The command line is invalid: exit code 2.
     Usage {
         message: String,
         hint: Option<String>,

@@ -1,5 +1,5 @@
-//! Units made by processes of their own: `pipeline unit`, with nothing shared but the lake and the
-//! pipeline's file.
+//! Units made in separate processes: `pipeline unit`, which shares only the lake and the pipeline
+//! file.
 
 use std::{
     env,
@@ -10,7 +10,7 @@ use std::{
 
 use dataflow::{Elsewhere, Failure, Forced, Origin, Relay, UnitName};
 
-/// Makes each unit in a process of its own.
+/// Makes each unit in a separate process.
 pub(crate) struct Processes {
     /// The lake's folder.
     pub(crate) lake: PathBuf,
@@ -62,7 +62,7 @@ impl Elsewhere for Processes {
         for line in lines.into_iter().flat_map(BufRead::lines) {
             let relayed = line.map_err(broken).and_then(|line| relay.line(&line));
             if relayed.is_err() {
-                // Nobody listens to it any more; where it cannot be killed, it ends by itself.
+                // It has no listener any more; if it cannot be killed, it ends by itself.
                 let _killed = child.kill();
                 let _ended = child.wait();
                 return relayed;
@@ -82,7 +82,7 @@ impl Elsewhere for Processes {
     }
 }
 
-/// How a process ended, in words.
+/// Description of a process's exit status.
 fn described(status: ExitStatus) -> String {
     use std::os::unix::process::ExitStatusExt;
     match (status.code(), status.signal()) {

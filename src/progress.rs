@@ -1,4 +1,4 @@
-//! Events of a run as people watch it: a bar on a terminal, one line per output everywhere.
+//! Display of a run's events: a bar on a terminal, one line per output everywhere.
 
 use std::{
     collections::BTreeMap,
@@ -12,10 +12,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::report;
 
-/// Units of progress of a bar per unit of work, so that a single long unit moves it too.
+/// Ticks of the bar per unit, so that a single long unit moves it too.
 const TICKS: f64 = 1000.0;
 
-/// Prints the events of a run, or of a unit that is made alone.
+/// Prints the events of a run, or of a single unit.
 pub(crate) struct Screen {
     quiet: Quiet,
     state: Mutex<State>,
@@ -37,10 +37,10 @@ struct State {
     bar: Option<ProgressBar>,
     /// The output whose units are being made.
     output: Option<NodeName>,
-    /// How far the units of it in progress are.
+    /// Progress of its units in flight.
     fractions: BTreeMap<UnitName, f64>,
     n_units_done: usize,
-    /// Lines of outputs that were all in the lake; printed only when something has to be made.
+    /// Lines of cached outputs; printed only if something is made.
     held_back: Vec<String>,
 }
 
@@ -96,7 +96,7 @@ impl State {
                     self.print_short(&format!("skip   {}: {reason}", unit.partition));
                 }
             }
-            // An artifact that was damaged is there again, or the command says why its unit failed.
+            // A rebuilt artifact, or a failure that the command reports.
             Event::UnitDone { .. } | Event::UnitFailed { .. } => {}
             Event::OutputDone {
                 output,
@@ -107,7 +107,7 @@ impl State {
         }
     }
 
-    /// Whether a unit is one of those that the bar counts.
+    /// Whether the bar counts this unit.
     fn is_counted(&self, unit: &UnitName) -> bool {
         self.output.as_ref() == Some(&unit.node)
     }
@@ -128,7 +128,7 @@ impl State {
         self.n_units_done = 0;
     }
 
-    /// Prints the line of an output, or holds it back as long as nothing had to be made.
+    /// Prints the line of an output, or holds it back until something is made.
     fn finish(&mut self, stage: &str, description: &str, n_made_now: usize, seconds: f64) {
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
@@ -164,7 +164,7 @@ impl State {
         }
     }
 
-    /// Prints a line of which the end may be left out on a terminal.
+    /// Prints a line, cut on a narrow terminal.
     fn print_short(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.suspend(|| report::short_line(text)),
@@ -173,13 +173,13 @@ impl State {
     }
 }
 
-/// Characters of a stage's description where nothing limits them.
+/// Width of a stage's description without a terminal.
 const DESCRIPTION: usize = 51;
 
-/// Characters of the time that an output took.
+/// Width of an output's duration.
 const TIME: usize = 8;
 
-/// What became of an output, in one line of a width if there is one: the description is cut, not the time.
+/// The line of an output, cut to a width if there is one: the description is cut, not the time.
 fn stage_line(head: &str, description: &str, time: &str, width: Option<usize>) -> String {
     let taken = head.chars().count() + 1 + TIME.max(time.chars().count());
     let description = match width {
@@ -188,7 +188,7 @@ fn stage_line(head: &str, description: &str, time: &str, width: Option<usize>) -
     };
     let line = format!("{head}{description:<DESCRIPTION$} {time:>TIME$}");
     match width {
-        // Narrower than a description usually is.
+        // Narrower than a usual description.
         Some(width) if line.chars().count() > width => format!("{head}{description} {time:>TIME$}"),
         _ => line,
     }

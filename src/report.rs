@@ -13,13 +13,13 @@ use serde::Serialize;
 
 use crate::{outcome::CommandError, system_errors::in_words};
 
-/// Writes data to stdout. A reader that has gone away is no fault; that nothing can be written is.
+/// Writes data to stdout. A closed pipe is not an error; other write errors are.
 pub(crate) fn data(bytes: &[u8]) -> Result<(), CommandError> {
     let mut stdout = io::stdout().lock();
     checked(stdout.write_all(bytes).and_then(|()| stdout.flush()))
 }
 
-/// What came of writing to stdout.
+/// The result of a write to stdout.
 fn checked(written: io::Result<()>) -> Result<(), CommandError> {
     match written {
         Err(err) if err.kind() != io::ErrorKind::BrokenPipe => Err(CommandError::failed(
@@ -30,7 +30,7 @@ fn checked(written: io::Result<()>) -> Result<(), CommandError> {
     }
 }
 
-/// Writes text for people to stdout, with the words that begin its lines in color where that is shown.
+/// Writes text for people to stdout, with the first word of each line in color if enabled.
 pub(crate) fn text(text: &str) -> Result<(), CommandError> {
     let lines = text.lines().map(|line| painted(line) + "\n");
     let text: String = lines.collect();
@@ -49,7 +49,7 @@ pub(crate) fn json(value: &impl Serialize) -> Result<(), CommandError> {
     data(format!("{json}\n").as_bytes())
 }
 
-/// Writes a line for people to stderr. There is nowhere to say that it could not be written.
+/// Writes a line for people to stderr. A failure cannot be reported anywhere.
 pub(crate) fn line(text: &str) {
     let mut stderr = AutoStream::auto(io::stderr().lock());
     let _gone = writeln!(stderr, "{}", painted(&in_words(text)));
@@ -63,8 +63,8 @@ pub(crate) fn short_line(text: &str) {
     }
 }
 
-/// Returns how many characters a line of what is written to has; none where nobody looks. `COLUMNS`
-/// sets it, also where it is no terminal.
+/// Returns the line width of an output in characters; `None` if it is not a terminal. `COLUMNS`
+/// sets it in any case.
 pub(crate) fn width_of(shown: &(impl IsTerminal + AsFd)) -> Option<usize> {
     let asked = env::var("COLUMNS").ok();
     let asked = asked.and_then(|text| text.trim().parse().ok());
@@ -75,10 +75,10 @@ pub(crate) fn width_of(shown: &(impl IsTerminal + AsFd)) -> Option<usize> {
     asked.or_else(found).filter(|&width| width > 0)
 }
 
-/// What stands for what is left out.
+/// Mark of omitted text.
 pub(crate) const LEFT_OUT: &str = "…";
 
-/// Cuts text to a width, with a mark in place of what is cut.
+/// Cuts text to a width, with a mark at the cut.
 pub(crate) fn cut(text: &str, width: usize) -> String {
     if text.chars().count() <= width {
         return text.to_owned();
@@ -88,7 +88,7 @@ pub(crate) fn cut(text: &str, width: usize) -> String {
     format!("{}{LEFT_OUT}", kept.trim_end())
 }
 
-/// Puts text in lines of a width, broken between words.
+/// Wraps text to a width, between words.
 pub(crate) fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split_whitespace() {
@@ -104,7 +104,7 @@ pub(crate) fn wrapped(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
-/// The color of a word that begins a line.
+/// The color of a line's first word.
 fn color(word: &str) -> Option<Style> {
     let color = match word {
         "error:" | "missing" | "wrong" => AnsiColor::Red,
@@ -122,7 +122,7 @@ fn color(word: &str) -> Option<Style> {
     })
 }
 
-/// A line with the word that begins it, or the carets that end it, in color.
+/// A line with its first word, or its trailing carets, in color.
 fn painted(line: &str) -> String {
     let word = line.split(' ').next().unwrap_or_default();
     if let Some(style) = color(word) {
@@ -138,7 +138,7 @@ fn painted(line: &str) -> String {
     format!("{before}{style}{carets}{style:#}")
 }
 
-/// Says what clap says about the arguments: help to stdout, what is wrong with them to stderr.
+/// Prints clap's output: help to stdout, errors to stderr.
 pub(crate) fn arguments(said: &clap::Error) -> ExitCode {
     let written = said.print().and_then(|()| io::stdout().flush());
     if said.use_stderr() {
@@ -150,7 +150,7 @@ pub(crate) fn arguments(said: &clap::Error) -> ExitCode {
     }
 }
 
-/// Reports why a command did not do what it was asked, and returns its exit code.
+/// Reports why a command failed, and returns its exit code.
 pub(crate) fn trouble(trouble: &CommandError) -> ExitCode {
     match trouble {
         CommandError::File(err) => {
@@ -188,7 +188,7 @@ fn hint(advice: Option<&str>) {
     }
 }
 
-/// An error and its causes on one line; a cause that repeats what was said is left out.
+/// An error and its causes on one line; repeated causes are left out.
 pub(crate) fn chain(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain().map(ToString::to_string) {
@@ -232,7 +232,7 @@ pub(crate) fn columns(rows: &[Vec<String>], right: &[usize]) -> String {
     text
 }
 
-/// A number of bytes as people read it.
+/// A number of bytes for display.
 pub(crate) fn bytes(n_bytes: u64) -> String {
     let mut number = n_bytes as f64;
     for unit in ["bytes", "kB", "MB", "GB"] {
@@ -245,7 +245,7 @@ pub(crate) fn bytes(n_bytes: u64) -> String {
     format!("{number:.1} TB")
 }
 
-/// A duration as people read it.
+/// A duration for display.
 pub(crate) fn duration(seconds: f64) -> String {
     if seconds < 60.0 {
         format!("{seconds:.1} s")

@@ -28,7 +28,7 @@ impl Generator for Sample {
     type Error = SampleError;
 
     fn generate(config: &IngestConfig) -> Result<(), SampleError> {
-        // Its presence marks a dataset that is made, not downloaded.
+        // Its presence marks a generated dataset.
         if !config.root.join(demonstrator::RECIPE_FILE).is_file() {
             return Ok(());
         }

@@ -1,20 +1,20 @@
-//! Errors of the operating system in words.
+//! Descriptions of operating-system errors.
 
 use std::io::{Error, ErrorKind};
 
-/// How the number of an error stands at the end of what the system says about it.
+/// Prefix of the error number at the end of a system message.
 const NUMBER: &str = " (os error ";
 
-/// Error number of a process that has opened as many files as it may.
+/// `EMFILE`: the process has too many open files.
 const TOO_MANY_OPEN_FILES: i32 = 24;
 
-/// Error number of a system on which as many files are open as may be.
+/// `ENFILE`: the system has too many open files.
 const TOO_MANY_OPEN_FILES_IN_ALL: i32 = 23;
 
-/// Error number of a device that does not do what it is told.
+/// `EIO`: input/output error of a device.
 const INPUT_OUTPUT: i32 = 5;
 
-/// Puts words in place of what the system says, and of its error numbers, wherever a message has them.
+/// Replaces the system's messages and error numbers in a text with descriptions.
 pub(crate) fn in_words(message: &str) -> String {
     let mut text = message.to_owned();
     let mut from = 0;
@@ -22,7 +22,7 @@ pub(crate) fn in_words(message: &str) -> String {
         let said = Error::from_raw_os_error(code).to_string();
         let number = format!("{NUMBER}{code})");
         let end = before + number.len();
-        // What stands before the number is the system's own text, unless somebody else wrote it.
+        // The text before the number is usually the system's own.
         let start = text
             .get(..end)
             .filter(|shown| shown.ends_with(&said))
@@ -38,7 +38,7 @@ pub(crate) fn in_words(message: &str) -> String {
     text
 }
 
-/// Finds the next error number from a place on, and where it begins.
+/// Finds the next error number from an offset on, and its position.
 fn next_number(text: &str, from: usize) -> Option<(usize, i32)> {
     let mut from = from;
     loop {
@@ -102,7 +102,7 @@ fn by_kind(kind: ErrorKind) -> Option<&'static str> {
 mod tests {
     use super::*;
 
-    /// The message of an error of the system, as other messages contain it.
+    /// The system's message of an error, as it appears in other messages.
     fn said(code: i32) -> String {
         Error::from_raw_os_error(code).to_string()
     }

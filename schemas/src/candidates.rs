@@ -1,6 +1,7 @@
-//! `candidates`: motions that have not been screened, one partition per object, one row per motion.
+//! `candidates`: unscreened motions, one partition per object, one row per motion.
 //!
-//! Positions of prismatic joints are in meters, and so are their rates and how far they were outside.
+//! Positions of prismatic joints are in meters, and so are their rates (per second) and limit
+//! excess.
 
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
@@ -17,14 +18,14 @@ use crate::{
 pub struct Candidate {
     /// Unique name, e.g. `005_tomato_soup_can-0007`.
     pub candidate_id: String,
-    /// What drew it, e.g. `cgf`.
+    /// Its generator, e.g. `cgf`.
     pub generator: String,
     /// The latent code it came from; empty if there is none.
     pub latent: Vec<f64>,
-    /// How the object lies on the table.
+    /// Pose of the object on the table.
     pub table_from_object: Pose<spatial::Table, Object>,
-    /// Farthest that a joint was drawn outside its limits, before it was put back to them, in radians
-    /// (meters if prismatic); 0 if none was.
+    /// Greatest joint limit excess as drawn, before clamping, in radians (meters if prismatic); 0
+    /// if none.
     pub limit_excess_rad: f64,
     /// The steps in time order; the last one is the grasp.
     pub steps: Vec<Step<Object>>,
@@ -42,11 +43,11 @@ pub struct Candidates {
 }
 
 impl Candidates {
-    /// Returns the motion of one of them.
+    /// Returns the motion of a candidate.
     ///
     /// # Errors
     ///
-    /// Fails if its steps are no motion.
+    /// Fails if its steps are not a valid motion.
     pub fn motion(&self, candidate: &Candidate) -> Result<Motion<Object>, MotionError> {
         Motion::new(&self.joints, candidate.steps.clone())
     }
@@ -105,7 +106,7 @@ impl From<&Candidate> for Row {
 }
 
 impl Row {
-    /// Returns the motion of a hand of `dof` joints, if every step has what it should.
+    /// Returns the motion of a hand of `dof` joints, if every step is complete.
     fn candidate(self, dof: usize) -> Result<Candidate, SchemaError> {
         let steps_n = self.time_s.len();
         let of_joints = |column, numbers: &[f64]| {

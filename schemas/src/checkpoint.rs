@@ -18,7 +18,7 @@ pub struct Files {
     pub description: &'static str,
 }
 
-/// After the epoch with the least loss on held-out motions.
+/// After the epoch with the lowest loss on held-out motions.
 pub const BEST: Files = Files {
     weights: "best.safetensors",
     description: "best.json",

@@ -1,6 +1,6 @@
 //! Declaring a table's columns, each once: name, type, unit and meaning.
 //!
-//! [`columns!`] makes a struct of them, and with it what writes, reads, describes and documents them.
+//! [`columns!`] generates a struct of them with its writer, reader, schema and documentation.
 
 mod cell;
 mod reader;
@@ -15,16 +15,16 @@ pub(crate) use writer::Writer;
 
 use crate::SchemaError;
 
-/// What a row holds in one column or several.
+/// A value stored in one or more columns of a row.
 pub(crate) trait Row: Sized {
     /// Adds the columns of the rows.
     fn write(rows: &[&Self], to: &mut Writer);
 
-    /// Reads the row of this number.
+    /// Reads the row of this index.
     fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError>;
 }
 
-/// A row whose columns are declared by another struct than its own.
+/// A row whose columns are declared by another struct.
 pub(crate) trait Flatten: Sized {
     /// The struct of the columns.
     type Flat: Row;
@@ -32,7 +32,7 @@ pub(crate) trait Flatten: Sized {
     /// Returns the row as it is stored.
     fn flat(&self) -> Self::Flat;
 
-    /// Returns the row that is stored so.
+    /// Returns the row from its stored form.
     fn from_flat(flat: Self::Flat) -> Result<Self, SchemaError>;
 }
 
@@ -56,7 +56,7 @@ impl<T: Flatten> Row for T {
 /// rest: Rest,                                                      a field with columns of its own
 /// ```
 ///
-/// Counts have the unit 1 and words have none, unsaid.
+/// By default counts have the unit 1 and words have none.
 macro_rules! columns {
     (@name $field:ident) => { stringify!($field) };
     (@name $field:ident $column:ident) => { stringify!($column) };

@@ -65,13 +65,13 @@ pub struct Demonstration {
     pub subject: String,
     /// The hand of the landmarks.
     pub hand: Side,
-    /// Whether the other hand was recorded, and everything is its mirror image.
+    /// Whether the other hand was recorded and everything is mirrored.
     pub mirrored: bool,
     /// Why the reach starts where it does.
     pub start_reason: String,
     /// Why the reach ends where it does.
     pub end_reason: String,
-    /// How the object lay.
+    /// The object's resting pose.
     pub rest: Rest,
     /// The steps in time order; the last one is the grasp.
     pub steps: Vec<Step>,
@@ -84,17 +84,17 @@ pub struct Step {
     pub image: u32,
     /// Seconds since the first step.
     pub time_s: f64,
-    /// Cameras whose landmarks agree and were fused; 0 where the step is bridged, or the landmarks
-    /// come from a hand model.
+    /// Number of cameras whose landmarks agree and were fused; 0 if the step is interpolated, or
+    /// the landmarks come from a hand model.
     pub cameras_n: u32,
-    /// Whether no image shows the hand, and the landmarks lie between those before and after.
+    /// Whether no image shows the hand and the landmarks are interpolated.
     pub bridged: bool,
     /// The landmarks in the object frame, in meters.
     pub keypoints_m: [[f64; 3]; KEYPOINTS],
 }
 
 columns! {
-    /// A step with what is the same in all of them.
+    /// A step with the constants of its demonstration.
     struct Row {
         object: String => "name of the grasped object",
         subject: String => "who grasped",

@@ -1,5 +1,5 @@
-//! `distance_fields`: how far the space about an object is from its surface, one partition and one
-//! row per object; the grid itself is the file [`FIELD`] beside the table.
+//! `distance_fields`: signed distances from an object's surface, one partition and one row per
+//! object; the grid itself is the file [`FIELD`] beside the table.
 
 use crate::{columns::columns, table::table};
 
@@ -8,7 +8,7 @@ use crate::{columns::columns, table::table};
 pub const FIELD: &str = "field.bin";
 
 columns! {
-    /// What is known beside the grid.
+    /// Metadata of the grid.
     #[derive(Debug, Clone, PartialEq)]
     pub struct FieldInfo {
         spacing_m: f64 ["m"] => "distance between neighboring nodes of the grid",

@@ -1,10 +1,10 @@
-//! Why a table is not what its schema says.
+//! Why a table violates its schema.
 
 use arrow_schema::ArrowError;
 use nalgebra::{Unit, Vector3};
 use spatial::NotAPose;
 
-/// Why a table is not what its schema says.
+/// Why a table violates its schema.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SchemaError {
@@ -21,7 +21,7 @@ pub enum SchemaError {
     Column {
         /// The column's name.
         column: String,
-        /// The type promised.
+        /// The expected type.
         expected: &'static str,
     },
     /// A number is NaN or infinite.
@@ -48,7 +48,7 @@ pub enum SchemaError {
         /// What is wrong with it.
         message: String,
     },
-    /// A value that should be a pose is none.
+    /// A value is not a valid pose.
     #[error("column `{column}` does not hold a pose")]
     Pose {
         /// The column's name.
@@ -81,7 +81,7 @@ impl SchemaError {
             .ok_or_else(|| Self::invalid(column, format!("{vector:?} is no direction")))
     }
 
-    /// Checks that a list of a column has as many entries as it must: joint positions, for example.
+    /// Checks the length of a column's list, e.g. of joint positions.
     pub(crate) fn check_length<T>(
         column: &str,
         what: &str,

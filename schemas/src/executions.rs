@@ -1,4 +1,4 @@
-//! `executions`: what a robot cell did with the motions sent to it, one partition per object, one row
+//! `executions`: outcomes of the motions sent to a robot cell, one partition per object, one row
 //! per motion.
 
 use crate::{
@@ -7,7 +7,7 @@ use crate::{
 };
 
 columns! {
-    /// What a cell did with one motion.
+    /// The outcome of one motion at a cell.
     #[derive(Debug, Clone, PartialEq)]
     pub struct Execution {
         /// Empty if the motion was refused before anything was sent.
@@ -27,7 +27,7 @@ columns! {
     }
 }
 
-/// What a cell did with the motions for one object.
+/// The outcomes of the motions for one object.
 pub type Executions = Vec<Execution>;
 table! {"executions", 3, rows: Execution}
 
@@ -41,11 +41,11 @@ words! {
         Failed = "failed",
         /// The cell refused the goal; nothing moved.
         Rejected = "rejected",
-        /// The cell broke the motion off.
+        /// The cell aborted the motion.
         Aborted = "aborted",
         /// A person canceled the motion.
         Stopped = "stopped",
-        /// Nobody knows; a person has to look.
+        /// The outcome is unknown; a person has to check.
         Unknown = "unknown",
     }
 }

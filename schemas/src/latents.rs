@@ -1,13 +1,14 @@
-//! `latents`: what a model uses of its latent code, one partition per model, one row per dimension.
+//! `latents`: the use of a model's latent dimensions, one partition per model, one row per
+//! dimension.
 //!
-//! All figures are over the motions that were learned from. A dimension is active if the variance of its
-//! means is more than 0.01 (Burda, Grosse and Salakhutdinov, *Importance Weighted Autoencoders*, 2016,
-//! section 5.2): the others say the same of every motion.
+//! All statistics are over the training motions. A dimension is active if the variance of its means
+//! is more than 0.01 (Burda, Grosse and Salakhutdinov, *Importance Weighted Autoencoders*, 2016,
+//! section 5.2): the others carry no information about the motion.
 
 use crate::{columns::columns, table::table};
 
 columns! {
-    /// What is used of one dimension.
+    /// The use of one dimension.
     #[derive(Debug, Clone, PartialEq)]
     pub struct Row {
         dimension: i64 => "place in the code, from 0",

@@ -11,10 +11,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! A column is declared once, with its name, type, unit and meaning. What writes it, reads it and
-//! documents it follows from that; `snapshots/` has the columns of every version. Numbers are SI and
-//! radians, finite, and poses are `[x, y, z, qx, qy, qz, qw]`; a reader refuses every other version.
-//! This crate does no input or output: `lake` reads and writes.
+//! A column is declared once, with its name, type, unit and meaning; its writer, reader and
+//! documentation are derived from that. `snapshots/` has the columns of every version. Numbers are
+//! SI and radians, finite, and poses are `[x, y, z, qx, qy, qz, qw]`; a reader refuses every other
+//! version. This crate does no I/O: `lake` reads and writes.
 
 pub mod candidates;
 pub mod checkpoint;

@@ -12,13 +12,13 @@ use crate::{
 };
 
 /// Name of the artifact's file that holds the mesh alone, as Wavefront OBJ in the object frame: for
-/// readers that do not depend on how the object was seen to lie.
+/// readers that do not depend on the object's resting poses.
 pub const MESH: &str = "mesh.obj";
 
 /// One object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Object {
-    /// The dataset's name of it, e.g. `005_tomato_soup_can`.
+    /// Its name in the dataset, e.g. `005_tomato_soup_can`.
     pub name: String,
     /// Mass in kilograms.
     pub mass_kg: f64,
@@ -32,7 +32,7 @@ pub struct Object {
     pub normals: Vec<[f64; 3]>,
     /// Whether the mesh is closed.
     pub watertight: bool,
-    /// The plane in which it is most nearly its own mirror image, if one was found.
+    /// The best mirror plane, if one was found.
     pub mirror: Option<Mirror>,
     /// The mesh's vertices, in meters.
     pub vertices_m: Vec<[f64; 3]>,
@@ -40,29 +40,29 @@ pub struct Object {
     pub triangles: Vec<[u32; 3]>,
     /// Vertices of each convex part, in meters.
     pub parts_m: Vec<Vec<[f64; 3]>>,
-    /// How it can lie on a table: orientations seen first, most often seen first.
+    /// Its resting orientations on a table: demonstrated ones first, the most frequent first.
     pub rests: Vec<RestingOrientation>,
 }
 
-/// A plane in which an object is its own mirror image, or nearly so.
+/// A plane of exact or approximate mirror symmetry of an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mirror {
     /// Unit normal of the plane, object frame.
     pub normal: Unit<Vector3<f64>>,
     /// The plane's distance from the object's origin along the normal, in meters.
     pub offset_m: f64,
-    /// How far the mirrored surface is from the surface, in meters.
+    /// Distance between the mirrored surface and the surface, in meters.
     pub error_m: f64,
 }
 
-/// One way in which an object lies on a table.
+/// A resting orientation of an object on a table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RestingOrientation {
     /// Up direction and height.
     pub rest: Rest,
-    /// Number of demonstrations in which it lay so.
+    /// Number of demonstrations with this orientation.
     pub seen_n: u32,
-    /// Share of random drops that end so, estimated from the mesh.
+    /// Share of random drops that end in this orientation, estimated from the mesh.
     pub probability: f64,
 }
 
@@ -115,7 +115,7 @@ impl From<&Object> for Row {
                 .map(|&idx| idx.into())
                 .collect(),
             part_points_m: object.parts_m.concat(),
-            // No count in memory is larger than the largest `i64`.
+            // No count in memory exceeds `i64::MAX`.
             part_sizes: part_sizes
                 .map(|part| i64::try_from(part.len()).unwrap_or(i64::MAX))
                 .collect(),
@@ -201,7 +201,7 @@ impl Row {
     }
 }
 
-/// Takes a count as it is stored.
+/// Converts a stored count.
 fn count<T: TryFrom<i64>>(column: &str, n: i64) -> Result<T, SchemaError> {
     T::try_from(n).map_err(|_no_count| SchemaError::invalid(column, format!("{n} is no count")))
 }

@@ -1,5 +1,5 @@
-//! `reconstruction`: how far a model's motions are from the ones that they were encoded from, one
-//! partition per model, one row per sequence.
+//! `reconstruction`: reconstruction errors of a model's motions, one partition per model, one row
+//! per sequence.
 //!
 //! Each motion is decoded from the mean of its latent code at the times of its steps. Means are over
 //! these steps; the grasp is the last of them. Positions of prismatic joints are in meters.
@@ -13,7 +13,7 @@ use crate::{
 };
 
 columns! {
-    /// How far one motion is from the one that it was encoded from.
+    /// The reconstruction error of one motion.
     #[derive(Debug, Clone, PartialEq)]
     pub struct Row {
         sequence: String => "the recording",
@@ -32,7 +32,7 @@ columns! {
     }
 }
 
-/// How far the motions of one model are from the ones that they were encoded from.
+/// The reconstruction errors of one model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reconstruction {
     /// Names of the hand's joints, in the order of [`Row::joint_errors_rad`].

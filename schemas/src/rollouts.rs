@@ -1,4 +1,5 @@
-//! `rollouts`: what physics did with each candidate, one partition per object, one row per candidate.
+//! `rollouts`: the outcome of each candidate in simulation, one partition per object, one row per
+//! candidate.
 
 use crate::{
     SchemaError,
@@ -7,7 +8,7 @@ use crate::{
 };
 
 columns! {
-    /// What physics did with one candidate.
+    /// The outcome of one candidate in simulation.
     #[derive(Debug, Clone, PartialEq)]
     pub struct Rollout {
         candidate_id: String => "the motion",
@@ -22,7 +23,7 @@ columns! {
         displacement_m: f64 ["m"] => "motion of the object on the table before the squeeze",
         penetration_m: f64 ["m"] => "deepest contact between hand and object while held",
         contacts_n: u32 => "hand links in contact with the object at the end",
-        /// How smooth the candidate itself is.
+        /// Smoothness of the candidate as drawn.
         smoothness: Smoothness,
     }
 }
@@ -37,11 +38,11 @@ words! {
     pub enum Verdict: "verdict" {
         /// Lifted and held to the end.
         Held = "held",
-        /// A joint position outside its limits was asked for.
+        /// A commanded joint position violates its limits.
         Limit = "limit",
-        /// The hand would have to go through the table.
+        /// The motion would pass through the table.
         Table = "table",
-        /// The hand would have to go through the object before the grasp.
+        /// The motion would pass through the object before the grasp.
         EarlyContact = "early_contact",
         /// The object was pushed away or over before the squeeze.
         KnockedOver = "knocked_over",
@@ -56,8 +57,8 @@ words! {
     }
 }
 
-/// How much a motion goes to and fro: its total variation, that of its velocity and that of its
-/// acceleration, all without unit. Less is smoother.
+/// Total variation of a motion, of its velocity and of its acceleration, all dimensionless. Less is
+/// smoother.
 ///
 /// Of a channel x with n steps, taken as equally long: y = (x − x₀)/(xₙ₋₁ − x₀), which goes from 0 to 1;
 /// v its gradient by the time in units of the duration (central differences, one-sided at the ends), a
@@ -73,7 +74,7 @@ pub struct Variation {
     pub acceleration: f64,
 }
 
-/// How smooth a candidate is, by one definition.
+/// Smoothness of a candidate, by one definition.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Variations {
     /// Of the joints.
@@ -82,7 +83,7 @@ pub struct Variations {
     pub cartesian: Variation,
 }
 
-/// How smooth a candidate is as it was drawn, by three definitions.
+/// Smoothness of a candidate as drawn, by three definitions.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Smoothness {
     /// The mean over channels (Ye et al., *Learning Continuous Grasping Function with a Dexterous Hand
@@ -101,7 +102,7 @@ pub struct Smoothness {
     pub robust: Variations,
 }
 
-/// A part of what is measured: its name, its meaning and where it is.
+/// A part of a measure: its name, its meaning and its accessor.
 type Part<Of, Is> = (&'static str, &'static str, fn(&Of) -> &Is);
 
 const DEFINITIONS: [Part<Smoothness, Variations>; 3] = [

@@ -1,4 +1,4 @@
-//! `sampling`: how plausible and how different the motions drawn for an object are, one partition per
+//! `sampling`: plausibility and diversity of the motions drawn for an object, one partition per
 //! object, one row per candidate.
 //!
 //! The hand is its collision shapes, filled with balls; it is measured at the motion's steps.
@@ -9,33 +9,33 @@ use crate::{
     table::table,
 };
 
-/// How far outside its limits a joint may be drawn, in radians, to count as within them: demonstrations
-/// often lie on a limit, and about them something is drawn on either side.
+/// How far outside its limits a joint may be drawn, in radians, to count as within them:
+/// demonstrations often lie on a limit, and draws scatter to both sides of it.
 pub const LIMIT_TOLERANCE_RAD: f64 = 0.05;
 
-/// How plausible a motion is and how far from others.
+/// Plausibility of a motion and its distance from others.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sampled {
     /// The motion's name.
     pub candidate_id: String,
-    /// Farthest that a joint was drawn outside its limits, before it was put back to them, in radians
-    /// (meters if prismatic); 0 if none was.
+    /// Greatest joint limit excess as drawn, before clamping, in radians (meters if prismatic); 0
+    /// if none.
     pub limit_excess_rad: f64,
-    /// Deepest that the hand is in the object before the grasp, in meters; 0 if it never is.
+    /// Greatest depth of the hand in the object before the grasp, in meters; 0 if none.
     pub approach_depth_m: f64,
-    /// When that is, in seconds since the first step; 0 if it never is.
+    /// Time of that depth, in seconds since the first step; 0 if none.
     pub approach_depth_time_s: f64,
-    /// Deepest that the hand is in the object at the grasp, in meters; 0 if it is not.
+    /// Greatest depth of the hand in the object at the grasp, in meters; 0 if none.
     pub grasp_depth_m: f64,
-    /// Deepest that the hand is below the table at any step, in meters; 0 if it never is.
+    /// Greatest depth of the hand below the table at any step, in meters; 0 if none.
     pub table_depth_m: f64,
-    /// The object's demonstration with the nearest grasp, and how far that is.
+    /// The object's demonstration with the nearest grasp, and its distance.
     pub demonstration: Option<(String, GraspDistance)>,
-    /// How far the grasp is from the mean of all motions with the object lying so.
+    /// Distance of the grasp from the mean of all motions with the same resting pose of the object.
     pub from_mean: GraspDistance,
 }
 
-/// How far two grasps of an object are apart.
+/// Distance between two grasps of an object.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct GraspDistance {
     /// Distance of the palms' origins, in meters.
@@ -47,7 +47,7 @@ pub struct GraspDistance {
 }
 
 impl Sampled {
-    /// Says whether no joint was drawn farther outside its limits than [`LIMIT_TOLERANCE_RAD`].
+    /// Returns whether every joint was drawn within [`LIMIT_TOLERANCE_RAD`] of its limits.
     pub fn within_limits(&self) -> bool {
         self.limit_excess_rad <= LIMIT_TOLERANCE_RAD
     }

@@ -1,12 +1,12 @@
-//! `success`: how often the candidates of each object hold, one partition for all objects, one row per
-//! object and generator.
+//! `success`: success rates of the candidates of each object, one partition for all objects, one
+//! row per object and generator.
 //!
-//! A grasp is the last step of a candidate, the palm in the object's frame. Spread is the root mean square
-//! over successful grasps of the distance from their mean: for the palm's origin √(Σ|p − p̄|²/n), for its
-//! orientation √(Σ∠(R, R̄)²/n) with R̄ the rotation of least squared distance as matrices (Markley et al.,
-//! *Averaging Quaternions*, 2007), for dof joints √(Σ|q − q̄|²/(n · dof)). Only grasps of an object that lies in
-//! the same pose share a mean, and one that lies alone is left out: `spread_n` is n, and with 0 of them
-//! every spread is 0.
+//! A grasp is the last step of a candidate, the palm in the object's frame. Spread is the root mean
+//! square over successful grasps of the distance from their mean: for the palm's origin √(Σ|p −
+//! p̄|²/n), for its orientation √(Σ∠(R, R̄)²/n) with R̄ the rotation of least squared distance as
+//! matrices (Markley et al., *Averaging Quaternions*, 2007), for dof joints √(Σ|q − q̄|²/(n ·
+//! dof)). Only grasps with the same resting pose of the object share a mean, and one without others
+//! is left out: `spread_n` is n, and with 0 of them every spread is 0.
 
 use crate::{
     SchemaError,
@@ -16,37 +16,37 @@ use crate::{
     table::table,
 };
 
-/// How often the candidates that one generator drew for one object hold.
+/// The success rate of one generator's candidates for one object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Success {
     /// The object's name.
     pub object: String,
-    /// What drew the candidates, e.g. `cgf`.
+    /// Generator of the candidates, e.g. `cgf`.
     pub generator: String,
-    /// How many candidates ended in each way, in the order of [`Verdict::ALL`].
+    /// Number of candidates per verdict, in the order of [`Verdict::ALL`].
     pub verdicts_n: [i64; Verdict::ALL.len()],
     /// Control steps simulated for all of them.
     pub control_steps_n: i64,
-    /// Root mean square distance of the successful grasps from their mean; 0 if none is compared.
+    /// Root mean square distance of the successful grasps from their mean; 0 if `spread_n` is 0.
     pub spread: GraspDistance,
-    /// Successful grasps that have another one to be compared with.
+    /// Number of successful grasps in the spread: those with another one of the same resting pose.
     pub spread_n: i64,
 }
 
 impl Success {
-    /// Returns how many candidates were screened.
+    /// Returns the number of screened candidates.
     pub fn candidates_n(&self) -> i64 {
         self.verdicts_n.iter().sum()
     }
 
-    /// Returns how many ended so.
+    /// Returns the number of candidates with this verdict.
     pub fn count(&self, verdict: Verdict) -> i64 {
         let mut counts = Verdict::ALL.iter().zip(self.verdicts_n);
         let found = counts.find(|(known, _)| **known == verdict);
         found.map_or(0, |(_, n)| n)
     }
 
-    /// Returns how many held.
+    /// Returns the number of candidates that held.
     pub fn successes_n(&self) -> i64 {
         self.count(Verdict::Held)
     }
@@ -74,9 +74,9 @@ impl Success {
 pub type Successes = Vec<Success>;
 table! {"success", 1, rows: Success}
 
-/// Returns the ends of the 95 % interval of a probability of which `successes` of `n` trials are known
-/// (E. B. Wilson, *Probable Inference, the Law of Succession, and Statistical Inference*, 1927); all of
-/// 0..=1 without a trial.
+/// Returns the 95 % confidence interval of a probability from `successes` in `n` trials (E. B.
+/// Wilson, *Probable Inference, the Law of Succession, and Statistical Inference*, 1927); 0..=1
+/// without a trial.
 ///
 /// # Examples
 ///
@@ -94,7 +94,7 @@ pub fn wilson(successes: f64, n: f64) -> [f64; 2] {
     let z2 = Z * Z;
     let middle = (p + z2 / (2.0 * n)) / (1.0 + z2 / n);
     let half = Z * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt() / (1.0 + z2 / n);
-    // Rounding must not say that what never happened is a little more probable than never.
+    // Rounding must not make the lower bound of zero successes positive.
     let low = if successes == 0.0 { 0.0 } else { middle - half };
     let high = if p < 1.0 { middle + half } else { 1.0 };
     [low, high]

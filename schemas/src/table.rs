@@ -1,4 +1,4 @@
-//! What makes a type an artifact that is a table.
+//! The trait of artifacts that are tables.
 
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
@@ -7,7 +7,8 @@ use crate::SchemaError;
 
 /// One partition of an artifact that is a table.
 ///
-/// `lake` writes it as Parquet and reads it back; the partition's key is its file's place, not a column.
+/// `lake` writes it as Parquet and reads it back; the partition's key is in its file's path, not a
+/// column.
 pub trait Table: Sized {
     /// Name of the artifact, e.g. `candidates`.
     const NAME: &'static str;
@@ -28,7 +29,7 @@ pub trait Table: Sized {
     ///
     /// # Errors
     ///
-    /// Fails if the columns are of another version, or hold what the artifact cannot.
+    /// Fails if the columns are of another version or hold invalid values.
     fn from_batch(key: &str, batch: &RecordBatch) -> Result<Self, SchemaError>;
 }
 

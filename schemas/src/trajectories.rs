@@ -29,9 +29,9 @@ pub struct Trajectory {
     pub joints: Vec<String>,
     /// Names of the landmarks that are followed, in the order of [`Tracking::keypoint_errors_m`].
     pub keypoints: Vec<String>,
-    /// Names of those that are finger tips, in the order of [`Tracking::tip_errors_m`].
+    /// Names of the fingertips among them, in the order of [`Tracking::tip_errors_m`].
     pub tips: Vec<String>,
-    /// How the object lay.
+    /// The object's resting pose.
     pub rest: Rest,
     /// The steps in time order; the last one is the grasp.
     pub steps: Vec<Step>,
@@ -42,11 +42,11 @@ pub struct Trajectory {
 pub struct Step {
     /// The hand.
     pub hand: motion::Step<Object, Rates>,
-    /// How well it follows.
+    /// Its tracking of the demonstration.
     pub tracking: Tracking,
 }
 
-/// How fast the hand moves at a step.
+/// Velocities of the hand at a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rates {
     /// Of the palm, along the object's axes.
@@ -56,7 +56,7 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// Returns the rates of a hand of `dof` joints that does not move.
+    /// Returns the zero rates of a hand of `dof` joints.
     pub fn still(dof: usize) -> Self {
         Self {
             palm_velocity: Twist::zero(),
@@ -65,14 +65,14 @@ impl Rates {
     }
 }
 
-/// How well the hand follows the demonstration at a step, and what it keeps from.
+/// Tracking errors of the hand at a step, and its margins.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Tracking {
     /// Distance of each point of the robot to its landmark, in meters.
     pub keypoint_errors_m: Vec<f64>,
-    /// Those of finger tips.
+    /// Those of fingertips.
     pub tip_errors_m: Vec<f64>,
-    /// Signed distance from the object's surface of each finger tip that should touch it, in meters.
+    /// Signed distance from the object's surface of each fingertip that should touch it, in meters.
     pub contact_gaps_m: Vec<f64>,
     /// Least distance of a joint to one of its limits, in radians.
     pub limit_margin_rad: f64,
@@ -93,14 +93,14 @@ impl Tracking {
         (squares / self.keypoint_errors_m.len().max(1) as f64).sqrt()
     }
 
-    /// Returns the largest distance of a finger tip to its landmark, in meters.
+    /// Returns the greatest distance of a fingertip to its landmark, in meters.
     pub fn fingertip_error_m(&self) -> f64 {
         self.tip_errors_m.iter().copied().fold(0.0, f64::max)
     }
 }
 
 columns! {
-    /// A step with what is the same in all of them.
+    /// A step with the constants of its trajectory.
     struct Row {
         object: String => "name of the grasped object",
         step: i64 => "number of the row, from 0",

@@ -1,4 +1,4 @@
-//! `trials`: how often the motions that a robot cell carried out succeeded, one partition for all objects,
+//! `trials`: success rates of the motions executed by a robot cell, one partition for all objects,
 //! one row per object and cell: the paper's table of real-world results, for any cell.
 
 use crate::{
@@ -9,41 +9,42 @@ use crate::{
     table::table,
 };
 
-/// What one cell made of the motions for one object.
+/// The outcomes of the motions for one object at one cell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trials {
     /// The object's name.
     pub object: String,
     /// The cell's name.
     pub cell: String,
-    /// Whether the cell says that nothing real moves.
+    /// Whether the cell reports that it is simulated.
     pub simulated: bool,
-    /// How the cell differs from what was planned for, as it says.
+    /// How the cell differs from the planned one, as it reports.
     pub gap: String,
-    /// How many motions ended in each way, in the order of [`Outcome::ALL`].
+    /// Number of motions per outcome, in the order of [`Outcome::ALL`].
     pub outcomes_n: [i64; Outcome::ALL.len()],
 }
 
 impl Trials {
-    /// Returns how many motions ended so.
+    /// Returns the number of motions with this outcome.
     pub fn count(&self, outcome: Outcome) -> i64 {
         let mut counts = Outcome::ALL.iter().zip(self.outcomes_n);
         let found = counts.find(|(known, _)| **known == outcome);
         found.map_or(0, |(_, n)| n)
     }
 
-    /// Returns how many motions may have moved anything and were not stopped by a person.
+    /// Returns the number of motions that may have moved anything and were not canceled by a
+    /// person.
     pub fn trials_n(&self) -> i64 {
         let others = [Outcome::Rejected, Outcome::Stopped].map(|outcome| self.count(outcome));
         self.outcomes_n.iter().sum::<i64>() - others.iter().sum::<i64>()
     }
 
-    /// Returns how many succeeded.
+    /// Returns the number of successes.
     pub fn successes_n(&self) -> i64 {
         self.count(Outcome::Succeeded)
     }
 
-    /// Returns the share of the trials that succeeded, in 0..=1; 0 of none.
+    /// Returns the share of the trials that succeeded, in 0..=1; 0 if there are none.
     pub fn rate(&self) -> f64 {
         self.successes_n() as f64 / self.trials_n().max(1) as f64
     }

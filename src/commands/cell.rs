@@ -32,10 +32,10 @@ use crate::{
     report,
 };
 
-/// How often it is looked whether the router is still there.
+/// Interval at which the router's connection is checked.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// What everybody should know who starts a cell without an access file.
+/// Warning for a cell without an access file.
 const UNGUARDED: &str =
     "any program of this machine may drive it: without TLS nobody is asked who they are";
 
@@ -84,7 +84,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Comman
         let hint = err.hint();
         CommandError::failed(err, hint)
     })?;
-    // Before anything is served: whoever stops it may be quick.
+    // Before anything is served, so that an early signal is handled too.
     let mut signals =
         Signals::new([SIGINT, SIGTERM]).map_err(|err| CommandError::failed(err, None))?;
     let served = SimulatedCell::start_with(config, &urdf, hand).map_err(|err| {
@@ -92,7 +92,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Comman
         CommandError::failed(err, hint)
     })?;
     let lake = program.lake.clone();
-    // Said once for each object: a dispatcher may ask for it again and again.
+    // Reported once per object: a dispatcher may request it repeatedly.
     let told = Mutex::new(BTreeSet::new());
     served.find_objects(Box::new(move |object| {
         find(&lake, object).inspect_err(|why| {
@@ -140,7 +140,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Comman
     Ok(Outcome::Done)
 }
 
-/// Says when the router is lost, and when it is there again.
+/// Reports when the router is lost and when it is back.
 fn watch(served: &SimulatedCell, router: &str, ended: &AtomicBool) {
     let mut was = served.router();
     while !ended.load(Ordering::Relaxed) {

@@ -1,4 +1,4 @@
-//! The run and the artifact that a command is about.
+//! The run and the artifact that a command refers to.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ pub(crate) fn run(lake: &Lake, name: Option<&str>) -> Result<Run, CommandError> 
     lake.newest_run()?.ok_or_else(|| no_runs(lake))
 }
 
-/// Says that there is no run at all.
+/// Returns the error of a lake without runs.
 pub(crate) fn no_runs(lake: &Lake) -> CommandError {
     CommandError::usage(
         format!("no run in the lake `{}`", lake.root().display()),
@@ -23,7 +23,7 @@ pub(crate) fn no_runs(lake: &Lake) -> CommandError {
     )
 }
 
-/// How to begin in this folder.
+/// Returns the hint for a first run in this folder.
 pub(crate) fn begin() -> &'static str {
     const FILE: &str = "pipelines/cgf.toml";
     if Path::new(FILE).is_file() {
@@ -33,7 +33,7 @@ pub(crate) fn begin() -> &'static str {
     }
 }
 
-/// Returns a run, and whether its units are still in the lake; if not, it is returned without them.
+/// Returns a run, and whether its units are still in the lake; if not, the run is without them.
 pub(crate) fn run_and_whether_kept(lake: &Lake, number: u64) -> Result<(Run, bool), CommandError> {
     match lake.run(number) {
         Err(LakeError::Lost { .. }) => Ok((lake.run_without_units(number)?, false)),

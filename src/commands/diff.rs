@@ -28,11 +28,11 @@ struct Difference {
     asked: Asked,
     inputs: Vec<InputChange>,
     outputs: Vec<OutputChange>,
-    /// Outputs that only the old run went through.
+    /// Outputs that only the old run visited.
     only_old: Vec<String>,
-    /// Outputs that only the new run went through.
+    /// Outputs that only the new run visited.
     only_new: Vec<String>,
-    /// Units of which nothing more is known, because their records are no longer in the lake.
+    /// Number of units whose records are no longer in the lake.
     n_collected: usize,
 }
 

@@ -24,14 +24,14 @@ struct Check {
     hint: Option<String>,
 }
 
-/// How a check came out.
+/// The status of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     /// It can be used.
     Ok,
-    /// The file needs it, and it is not there.
+    /// It is required and missing.
     Missing,
-    /// It is not there, and a run goes on without it.
+    /// It is optional and missing.
     Unset,
 }
 
@@ -61,7 +61,7 @@ impl Check {
     }
 }
 
-/// Checks that the lake, what a pipeline file names and the robot cell are ready; or a robot alone.
+/// Checks that the lake, a pipeline file's inputs and the robot cell are ready; or only a robot.
 pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<Outcome, CommandError> {
     if let Some(urdf) = &args.robot {
         return robot::check(urdf);

@@ -17,7 +17,7 @@ use crate::{
     report,
 };
 
-/// Removes unreferenced artifacts: those of no run that counts and no pipeline file.
+/// Removes artifacts that no kept run and no pipeline file refers to.
 pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, CommandError> {
     let lake = Lake::open(&program.lake);
     lake.expect_there()?;
@@ -25,7 +25,7 @@ pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, CommandErr
     for pipeline in pipelines(program, args, &lake)? {
         match reached(&pipeline, &lake) {
             Ok(units) => kept.extend(units),
-            // Nothing of a dataset that is not there is used now; what its runs made stays.
+            // A missing dataset references nothing; the artifacts of its runs stay.
             Err(err) => note(program, &pipeline.origin.file, &err.to_string()),
         }
     }
@@ -45,7 +45,7 @@ pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, CommandErr
     Ok(Outcome::Done)
 }
 
-/// The pipeline files that count: the named ones, or those of the lake's runs that are still there.
+/// The pipeline files to keep: the named ones, or the existing ones of the lake's runs.
 fn pipelines(program: &Program, args: &GcArgs, lake: &Lake) -> Result<Vec<Pipeline>, CommandError> {
     let values = ValueArgs::default();
     if !args.files.is_empty() {
@@ -71,7 +71,7 @@ fn pipelines(program: &Program, args: &GcArgs, lake: &Lake) -> Result<Vec<Pipeli
         .collect()
 }
 
-/// Says of which pipeline file nothing is known but what its runs left.
+/// Reports a pipeline file that cannot be read, so that only its runs' artifacts are kept.
 fn note(program: &Program, file: &Path, why: &str) {
     if program.quiet == Quiet::No {
         report::line(&format!(

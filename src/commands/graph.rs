@@ -16,7 +16,7 @@ use crate::{
     report,
 };
 
-/// Draws what a pipeline's stages read and make.
+/// Draws the graph of a pipeline.
 pub(crate) fn graph(program: &Program, args: &GraphArgs) -> Result<Outcome, CommandError> {
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
     let mut n_partitions = BTreeMap::new();
@@ -41,7 +41,7 @@ pub(crate) fn graph(program: &Program, args: &GraphArgs) -> Result<Outcome, Comm
     Ok(Outcome::Done)
 }
 
-/// A pipeline, and how many partitions the lake knows of each of its outputs.
+/// A pipeline, with the number of partitions of each output in the lake.
 struct Graph<'a> {
     pipeline: &'a Pipeline,
     n_partitions: BTreeMap<NodeName, usize>,

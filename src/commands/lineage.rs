@@ -17,17 +17,17 @@ use crate::{
     report,
 };
 
-/// Which of its relatives are shown.
+/// The direction of lineage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Direction {
-    /// What it was made of.
+    /// Ancestors.
     Up,
-    /// What was made of it.
+    /// Descendants.
     Down,
 }
 
-/// A family for programs: the first member is the one that was asked for.
+/// The lineage for programs: its first member is the requested artifact.
 #[derive(Serialize)]
 struct Family<T> {
     run: u64,
@@ -35,7 +35,7 @@ struct Family<T> {
     members: Vec<T>,
 }
 
-/// Shows what an artifact was made of, or what was made of it.
+/// Shows the ancestors or descendants of an artifact.
 pub(crate) fn lineage(program: &Program, args: &LineageArgs) -> Result<Outcome, CommandError> {
     let lake = Lake::open(&program.lake);
     let run = chosen::run(&lake, args.run.as_deref())?;

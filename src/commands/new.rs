@@ -16,10 +16,10 @@ use crate::{
     report,
 };
 
-/// Entries of a folder that are named where it is not empty.
+/// Maximum entries named of a folder that is not empty.
 const NAMED: usize = 3;
 
-/// What stands for the project's name in its README.
+/// Placeholder of the project's name in its README.
 const NAME: &str = "NAME";
 
 /// Files of this repository at the same place in a new project.
@@ -29,7 +29,7 @@ macro_rules! files {
     };
 }
 
-/// Everything that a run in a new project needs, by path.
+/// The files of a new project, by path.
 const FILES: [(&str, &str); 29] = files![
     "data/access/README.md",
     "data/access/certificates/cell.json5",
@@ -68,7 +68,7 @@ pub(crate) fn new(program: &Program, args: &NewArgs) -> Result<Outcome, CommandE
     check_name(name)?;
     let folder = Path::new(name);
     check_empty(folder)?;
-    // Beside its place, then renamed: a project is there whole or not at all.
+    // Written beside its path, then renamed: a project appears whole or not at all.
     let beside = PathBuf::from(format!(".{name}.{}.new", process::id()));
     let written = write(&beside, name)
         .and_then(|()| fs::rename(&beside, folder).map_err(anyhow::Error::from));
@@ -86,7 +86,7 @@ pub(crate) fn new(program: &Program, args: &NewArgs) -> Result<Outcome, CommandE
     Ok(Outcome::Done)
 }
 
-/// Makes sure that a name can be a folder's, on every system and without quotes.
+/// Checks that a name is a valid folder name on every system, without quotes.
 fn check_name(name: &str) -> Result<(), CommandError> {
     let is_word = |letter: char| letter.is_ascii_alphanumeric() || letter == '_' || letter == '-';
     let begins_well = name.starts_with(|letter: char| letter.is_ascii_alphanumeric());
@@ -106,7 +106,7 @@ fn check_name(name: &str) -> Result<(), CommandError> {
     ))
 }
 
-/// Makes sure that nothing is overwritten.
+/// Checks that nothing is overwritten.
 fn check_empty(folder: &Path) -> Result<(), CommandError> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,
@@ -180,7 +180,7 @@ mod tests {
         for folder in ["data/access", "data/hands", "data/robots", "pipelines"] {
             below(folder, &mut there);
         }
-        // What says how to change this repository.
+        // It documents this repository, not a project.
         there.remove("pipelines/README.md");
         let written = FILES.iter().map(|(path, _)| (*path).to_owned());
         assert_eq!(written.collect::<BTreeSet<_>>(), there);

@@ -14,7 +14,7 @@ pub(crate) fn read(kinds: &[Kind], args: &PipelineArgs) -> Result<Pipeline, Comm
     read_with(kinds, &args.file, &args.values)
 }
 
-/// Reads and checks a file with these values in place of its own.
+/// Reads and checks a file with these overrides.
 pub(crate) fn read_with(
     kinds: &[Kind],
     file: &Path,
@@ -23,7 +23,7 @@ pub(crate) fn read_with(
     parse(kinds, file, values, &single(values)?)
 }
 
-/// Returns the lists of values to go through: those of the file, then those that are given.
+/// Returns the sweeps: those of the file, then those of the command line.
 pub(crate) fn sweeps(args: &PipelineArgs) -> Result<Vec<Sweep>, CommandError> {
     let mut sweeps = Sweep::in_file(&args.file, &read_text(&args.file)?)?;
     sweeps.extend(args.values.overrides.iter().cloned());
@@ -83,7 +83,7 @@ fn read_text(path: &Path) -> Result<String, CommandError> {
     })
 }
 
-/// Returns what to run and how.
+/// Returns the options of a run.
 pub(crate) fn options(args: &PipelineArgs, jobs: Option<u16>) -> RunOptions {
     let fresh_all = if args.fresh.iter().any(String::is_empty) {
         FreshAll::MakeAgain

@@ -48,7 +48,7 @@ pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
         return "cached   everything; nothing to run\n".to_owned();
     }
     let outputs = plan.nodes.iter().map(|node| node.node.to_string().len());
-    // The columns before are as wide as their widest words.
+    // The preceding columns have the width of their widest words.
     let room =
         width.map(|width| width.saturating_sub("perhaps".len() + outputs.max().unwrap_or(0) + 4));
     let mut rows: Vec<Vec<String>> = Vec::new();
@@ -98,7 +98,7 @@ pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
     }
 }
 
-/// Groups the units that may run by everything that causes it.
+/// Groups the units that may run by their causes.
 fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(&'static str, String), Vec<&str>> {
     let mut groups: BTreeMap<_, Vec<&str>> = BTreeMap::new();
     for unit in units {
@@ -122,14 +122,14 @@ fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(&'static str, String), Vec<&str>
     groups
 }
 
-/// Says what is waited for.
+/// Describes the awaited outputs.
 fn needs(upstream: &[NodeName]) -> String {
     let upstream: Vec<String> = upstream.iter().map(ToString::to_string).collect();
     format!("needs the new {}", upstream.join(", "))
 }
 
-/// Says the causes; of many files, the first ones and how many more, or only that there are, where
-/// what the listing found out says why: then units with the same cause share a line.
+/// Describes the causes. Of many files, names the first ones and counts the rest, or only mentions
+/// them if a fact gives the reason: then units with the same cause share a line.
 fn said(causes: &[Cause]) -> Vec<String> {
     let is_file = |cause: &&Cause| matches!(cause, Cause::File { .. });
     let (files, others): (Vec<&Cause>, Vec<&Cause>) = causes.iter().partition(is_file);
@@ -146,7 +146,7 @@ fn said(causes: &[Cause]) -> Vec<String> {
     said
 }
 
-/// Names the first partitions before their cause: as many as there is room for.
+/// Names the first partitions before their cause, as many as fit.
 fn named(partitions: &[&str], cause: &str, room: Option<usize>) -> String {
     let with = |n: usize| {
         let names = partitions.iter().take(n);

@@ -20,7 +20,7 @@ pub(crate) fn router(program: &Program, args: &RouterArgs) -> Result<Outcome, Co
         let hint = err.hint();
         CommandError::failed(err, hint)
     };
-    // Before anything is served: whoever stops it may be quick.
+    // Before anything is served, so that an early signal is handled too.
     let mut signals =
         Signals::new([SIGINT, SIGTERM]).map_err(|err| CommandError::failed(err, None))?;
     let access = args.access.as_deref().map(Access::read);

@@ -110,11 +110,11 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     })
 }
 
-/// Returns the run that left an output as this one did: this one itself, or, where it found nothing to
-/// record, the newest that has just these units; `None` if that is no longer kept.
+/// Returns the run to inspect for an output: this one, or, if it recorded nothing, the newest with
+/// exactly these units; `None` if that was collected.
 fn left_by(lake: &Lake, ran: &RunReport, node: &NodeReport) -> Option<u64> {
     let left_alike = |number: &u64| {
-        // A damaged record of a run hides no other.
+        // A damaged record of one run does not hide others.
         lake.run(*number).is_ok_and(|run| {
             let left = run
                 .record

@@ -15,13 +15,13 @@ use crate::{
     report::{self, cut},
 };
 
-/// What stands for what is not known.
+/// Placeholder of an unknown value.
 const UNKNOWN: &str = "-";
 
-/// Characters of a failure's message that are shown.
+/// Maximum characters shown of an error message.
 const MESSAGE: usize = 60;
 
-/// A run as it is listed.
+/// A row of the list of runs.
 #[derive(Serialize)]
 struct Row {
     run: u64,
@@ -39,7 +39,7 @@ struct Row {
     program: String,
     #[serde(flatten)]
     status: RunStatus,
-    /// Seconds it took; `null` if it did not come to its end.
+    /// Seconds it took; `null` if it did not finish.
     seconds: Option<f64>,
     /// Units that it made.
     n_made_now: usize,
@@ -50,7 +50,7 @@ struct Row {
     outputs: Vec<NodeCounts>,
 }
 
-/// What became of an output, in so many units.
+/// The outcome of an output, as counts of units.
 #[derive(Serialize)]
 struct NodeCounts {
     output: String,
@@ -81,7 +81,7 @@ pub(crate) fn runs(program: &Program, args: &RunsArgs) -> Result<Outcome, Comman
                     pipelines.push(name.clone());
                 }
             }
-            // One damaged record hides no other.
+            // A damaged record of one run does not hide others.
             Err(err @ (LakeError::Damaged { .. } | LakeError::Json { .. })) => damaged.push(err),
             // It was collected a moment ago.
             Err(LakeError::NoRun { .. }) => {}
@@ -144,7 +144,7 @@ impl Row {
     }
 
     fn cells(&self) -> Vec<String> {
-        // Of a run that is not at its end, no counts are kept.
+        // An unfinished run has no counts.
         let count = |n: usize| match self.seconds {
             Some(_) => n.to_string(),
             None => UNKNOWN.to_owned(),

@@ -10,7 +10,7 @@ use crate::{
     report,
 };
 
-/// Longest type that has a column; a longer list of names follows what the option is about.
+/// Longest type with a column of its own; a longer list of names follows the option's description.
 const WIDEST_TYPE: usize = 60;
 
 /// Lists the kinds of stages, or the options of one.
@@ -99,7 +99,7 @@ fn options(kind: &Kind, width: Option<usize>) -> String {
     text
 }
 
-/// Options where their table is too wide: what each is about stands below it.
+/// The layout of options if their table is too wide: each description is below its option.
 fn below(rows: &[Vec<String>], width: usize) -> String {
     const INDENT: usize = 4;
     let mut text = String::new();

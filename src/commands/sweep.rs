@@ -1,4 +1,4 @@
-//! Going through the variants that the pipeline file or `--set` asks for.
+//! Running the variants of a sweep from the pipeline file or `--set`.
 
 use std::time::Instant;
 
@@ -13,15 +13,15 @@ use crate::{
     report,
 };
 
-/// What a command did for one variant.
+/// The result of a command for one variant.
 pub(crate) struct Done {
     pub(crate) outcome: Outcome,
-    /// What the last stage says; empty if none has run.
+    /// The last stage's summary; empty if none has run.
     pub(crate) said: String,
 }
 
 impl Done {
-    /// Returns the end of a command that has run no stage.
+    /// Returns the result of a command that ran no stage.
     pub(crate) fn without_words(outcome: Outcome) -> Self {
         Self {
             outcome,
@@ -30,10 +30,10 @@ impl Done {
     }
 }
 
-/// Does the same for every variant, in order, and goes on when one fails.
+/// Runs a command for every variant, in order, and continues after a failure.
 ///
-/// A single variant is done as if there were no such thing. Of several, each is announced, and what
-/// became of them stands in a table at the end.
+/// A single variant runs as without a sweep. Several are announced one by one, and their outcomes
+/// are tabulated at the end.
 pub(crate) fn each(
     program: &Program,
     args: &PipelineArgs,
@@ -58,7 +58,7 @@ pub(crate) fn each(
     {
         return command(only).map(|done| done.outcome);
     }
-    // A value that cannot be is found before the first variant takes its time.
+    // An invalid value is reported before the first variant runs.
     for (_, args) in &variants {
         pipeline_file::read(program.kinds, args)?;
     }

@@ -10,7 +10,7 @@ use crate::{
     report,
 };
 
-/// Names a run.
+/// Tags a run.
 pub(crate) fn tag(program: &Program, args: &TagArgs) -> Result<Outcome, CommandError> {
     let lake = Lake::open(&program.lake);
     let run = lake.find_run(&args.run)?;
@@ -23,7 +23,7 @@ pub(crate) fn tag(program: &Program, args: &TagArgs) -> Result<Outcome, CommandE
     Ok(Outcome::Done)
 }
 
-/// Takes a name away from its run.
+/// Removes a tag from its run.
 pub(crate) fn untag(program: &Program, args: &UntagArgs) -> Result<Outcome, CommandError> {
     Lake::open(&program.lake).untag(&args.name)?;
     say(program, &format!("no run is tagged `{}` now", args.name));

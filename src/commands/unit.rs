@@ -86,7 +86,7 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Comman
     lines.finish().map(|()| outcome)
 }
 
-/// Ends this process as soon as its stdin closes: then the process that started it is gone.
+/// Ends this process when its stdin closes, since then its parent process has ended.
 fn stop_with_parent(lake: &Arc<Lake>) {
     let lake = Arc::clone(lake);
     thread::spawn(move || {
@@ -99,7 +99,7 @@ fn stop_with_parent(lake: &Arc<Lake>) {
 /// Events written to stdout as lines of JSON.
 #[derive(Default)]
 struct Lines {
-    /// Why the first line that could not be written was not.
+    /// The first write error.
     failed: Mutex<Option<CommandError>>,
 }
 

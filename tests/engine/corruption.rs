@@ -1,5 +1,5 @@
 //! Damaged files in a lake: a byte flipped behind an unchanged size and time, half a file, an empty
-//! one. `PIPELINE_FLIPS` asks for another number of them.
+//! one. `PIPELINE_FLIPS` sets their number.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

@@ -75,7 +75,7 @@ fn kill_at_random(flags: &[&str], time: Duration, test: &str) {
     );
 }
 
-/// How long a run takes that nobody disturbs.
+/// Duration of an undisturbed run.
 fn undisturbed_time(place: &Place, flags: &[&str]) -> Duration {
     let lake = place.path("lake_undisturbed");
     let started = Instant::now();
@@ -85,8 +85,8 @@ fn undisturbed_time(place: &Place, flags: &[&str]) -> Duration {
     took
 }
 
-/// Starts a run, reads what it shows while it goes on, and kills it, or one of its processes. Returns
-/// whether it was still running.
+/// Starts a run, reads its published files meanwhile, and kills it, or one of its processes.
+/// Returns whether it was still running.
 fn kill_after(
     place: &Place,
     lake: &Path,
@@ -108,7 +108,7 @@ fn kill_after(
     }
     let is_running = run.try_wait().unwrap().is_none();
     if let Some(unit) = a_child(&run, rng) {
-        // The unit's process dies, its run goes on or ends as it likes.
+        // The unit's process dies; its run may continue or fail.
         let mut kill = Command::new("kill");
         kill.args(["-KILL", &unit.to_string()]);
         kill.stderr(Stdio::null()).status().unwrap();

@@ -1,4 +1,4 @@
-//! What counts is a value, not whether the pipeline file or the code says it.
+//! Only an option's value counts, not whether it is set in the pipeline file or is the default.
 
 use dataflow::{
     Cause, Code, Context, Inputs, Kind, Labels, Outcome, Output, Outputs, OwnLine, Pipeline,

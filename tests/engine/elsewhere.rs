@@ -1,4 +1,4 @@
-//! Units made in processes of their own, with nothing shared but the lake and the pipeline's file.
+//! Units made in separate processes that share only the lake and the pipeline file.
 
 use crate::place::{CHAIN, Place, assert_same, published, well};
 

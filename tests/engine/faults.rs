@@ -1,5 +1,5 @@
-//! Faults of whole files anywhere in a lake: deleted, emptied, exchanged, replaced, foreign, or a bit
-//! flipped behind an unchanged size and time. `PIPELINE_FAULTS` asks for another number of them.
+//! Faults of whole files anywhere in a lake: deleted, emptied, exchanged, replaced, foreign, or a
+//! bit flipped behind an unchanged size and time. `PIPELINE_FAULTS` sets their number.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -47,7 +47,7 @@ const QUESTIONS: [(&str, &[&str]); 6] = [
     ),
 ];
 
-/// Folders of what people see.
+/// Folders of published files.
 const SHOWN: [&str; 4] = ["tables", "files", "reports", "every"];
 
 /// Caches: without one the next run only takes longer.
@@ -162,7 +162,7 @@ fn files_by_folder(lake: &Path) -> Vec<Vec<PathBuf>> {
             continue;
         }
         let mut folders = name.parent().unwrap().iter();
-        // Tables of runs and of artifacts, and what is kept twice, are each a folder of their own.
+        // Tables of runs and of artifacts, and files with copies, are each a separate folder.
         let folder = folders.next().map(|first| match folders.next() {
             Some(second) if first == "tables" || first == "copies" => Path::new(first).join(second),
             _ => PathBuf::from(first),
@@ -278,7 +278,7 @@ fn shown(lake: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     shown
 }
 
-/// What differs between what was shown and what is; rows of later runs may be added.
+/// Differences between the published files before and now; rows of later runs may be added.
 fn differences(
     before: &BTreeMap<PathBuf, Vec<u8>>,
     after: &BTreeMap<PathBuf, Vec<u8>>,
@@ -345,7 +345,7 @@ fn any_fault_of_a_file_is_found_answers_nothing_wrong_and_is_mended() {
             report(format!("after a run differ: {}", differ.join(", ")));
         }
         if !fault.is_final {
-            // A blob or a record that nobody refers to, or a list, is left for who asks to drop it.
+            // An unreferenced blob or record, or a list, is only removed on request.
             let verified = place.bare(&lake, "verify").output().unwrap();
             if fault.what != What::Foreign && verified.status.code() != Some(0) {
                 report(format!("verify after a run: {}", stdout(&verified)));

@@ -47,7 +47,7 @@ fn with_variables(mut shell: Command, place: &Place) -> Command {
     shell
 }
 
-/// A run failed as it should: it says what it could not write, and does not break off.
+/// A run failed as it should: it names the file that it could not write, and does not panic.
 fn assert_clear(output: &Output, reason: &str) {
     let said = stderr(output);
     assert_eq!(output.status.code(), Some(1), "{said}");

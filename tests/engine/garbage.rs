@@ -1,4 +1,4 @@
-//! `gc`: what nothing refers to goes, what counts stays, beside runs that go on.
+//! `gc` removes unreferenced artifacts and keeps the others, beside concurrent runs.
 
 use std::{fs, process::Command};
 
@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::place::{CHAIN, Place, Running, assert_same, files_below, stderr, stdout, well};
 
-/// The pipeline with another value, so that every unit of `first` and what follows is another.
+/// The pipeline with another value, which changes every unit of `first` and downstream.
 const OTHER: [&str; 2] = ["--set", "first.add=9"];
 
 /// Bytes of the blobs that a lake holds.
@@ -59,7 +59,7 @@ fn a_dry_run_says_what_goes_and_exactly_that_goes() {
     assert_eq!(Some(freed), said["n_bytes"].as_u64());
     assert_whole(&place);
     assert_eq!(n_units(&gc(&place, &[])), 0, "nothing is left to go");
-    // What counts is still there, and what went is made again like anything that was never made.
+    // Kept artifacts still exist, and removed ones are made like new ones.
     place.run_well(&[]);
     assert!(place.take_log().is_empty());
     assert_same(&place.published(), &shown, "");
@@ -75,7 +75,7 @@ fn gc_keeps_tagged_runs_and_current_results() {
     tag(&place, "tag", &["1", "good"]);
     place.run_well(&["--set", "first.add=11"]);
     place.run_well(&["--set", "first.add=12"]);
-    // The file itself was never run to the end, but what it reaches of `split` counts.
+    // The file was never run to completion, but the units of `split` that it reaches are kept.
     place.take_log();
     let gone = gc(&place, &[]);
     assert!(n_units(&gone) > 0, "{gone}");
@@ -117,7 +117,7 @@ fn a_run_that_goes_on_loses_nothing() {
         1,
         "what is in the making stays"
     );
-    // Without a gate everything goes on.
+    // Without a gate all units proceed.
     fs::remove_dir_all(place.path("gate")).unwrap();
     let (code, said) = run.finish();
     assert_eq!(code, Some(0), "{said}");

@@ -1,4 +1,4 @@
-//! The stage of `own_stages/logged.rs`, which is all that a lab would write, does all that a stage does.
+//! The stage of `own_stages/logged.rs`, written as a lab would, works as every other stage.
 
 use std::collections::BTreeMap;
 

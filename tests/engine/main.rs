@@ -1,8 +1,9 @@
-//! The engine, driven by stages that cost nothing: `own_stages`, a program with stages of its own.
+//! The engine, driven by trivial stages: `own_stages`, a program with its own stages.
 //!
-//! The tests look at the program's outputs, at what a lake shows under `tables` and `files`, and at a
-//! log that the stages write; how a lake keeps things is its own affair. Longer versions are the same
-//! tests with larger counts: `PIPELINE_EDITS`, `PIPELINE_KILLS`, `PIPELINE_FLIPS` and `PIPELINE_FAULTS`; `PIPELINE_SEED` draws others.
+//! The tests check the program's output, the lake's published `tables` and `files`, and a log that
+//! the stages write; the lake's internal storage is not checked. Longer versions are the same tests
+//! with larger counts: `PIPELINE_EDITS`, `PIPELINE_KILLS`, `PIPELINE_FLIPS` and `PIPELINE_FAULTS`;
+//! `PIPELINE_SEED` changes the random draws.
 
 #[path = "../own_stages/stages.rs"]
 mod own_stages;

@@ -1,4 +1,4 @@
-//! What changes while a run goes on.
+//! Changes during a run.
 
 use std::fs;
 

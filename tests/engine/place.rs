@@ -1,4 +1,4 @@
-//! A place of its own for each test: input files, a pipeline file, a lake, and the program on them.
+//! An isolated folder for each test: input files, a pipeline file, a lake, and the program on them.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -150,7 +150,7 @@ impl Place {
         well(self.command("run", arguments))
     }
 
-    /// Returns what the stages noted since this was last asked for.
+    /// Returns the stages' log entries since the last call.
     pub(crate) fn take_log(&self) -> Vec<Execution> {
         let executions = self.log();
         if self.log_file().exists() {
@@ -159,7 +159,7 @@ impl Place {
         executions
     }
 
-    /// Returns what the stages noted.
+    /// Returns the stages' log entries.
     pub(crate) fn log(&self) -> Vec<Execution> {
         let text = fs::read_to_string(self.log_file()).unwrap_or_default();
         text.lines().map(execution).collect()
@@ -254,7 +254,7 @@ pub(crate) fn well(mut command: Command) -> Output {
     output
 }
 
-/// A running program and what it says on stderr, line by line.
+/// A running program and its stderr, line by line.
 pub(crate) struct Running {
     pub(crate) child: Child,
     lines: mpsc::Receiver<String>,
@@ -354,7 +354,7 @@ pub(crate) fn published(lake: &Path) -> BTreeMap<String, String> {
     digests
 }
 
-/// What is shown is what is expected; says which files differ.
+/// Asserts that the published files are as expected; names those that differ.
 pub(crate) fn assert_same(
     shown: &BTreeMap<String, String>,
     expected: &BTreeMap<String, String>,

@@ -1,4 +1,4 @@
-//! What `plan` says is what `run` does, over random edits of everything that a result depends on.
+//! `plan` predicts what `run` does, over random edits of everything that a result depends on.
 //!
 //! A model of a few lines computes what must be made and why; the plan, the run and the published
 //! files are compared with it after every edit.
@@ -124,8 +124,8 @@ fn check(place: &Place, world: &mut World, model: &mut Model, step: &Step) -> Ve
     faults
 }
 
-/// A stage alone cannot be gone through while something that it reads was never made: plan and run
-/// say so alike.
+/// A single stage cannot run while one of its inputs was never made: plan and run fail with the
+/// same error.
 fn compare_refused(lacking: &Unit, planned: Option<Failure>, ran: Option<Failure>) -> Vec<String> {
     let mut faults = Vec::new();
     for (what, failure) in [("plan", planned), ("run", ran)] {
@@ -136,7 +136,7 @@ fn compare_refused(lacking: &Unit, planned: Option<Failure>, ran: Option<Failure
     faults
 }
 
-/// The part of a plan about the stages gone through; the others are taken as they are.
+/// The part of a plan about the selected stages; the others are only recalled.
 fn without_recalled(mut planned: Plan, only: Option<&str>, faults: &mut Vec<String>) -> Plan {
     let Some(only) = only else {
         return planned;
@@ -256,7 +256,7 @@ fn compare_planned(
     }
 }
 
-/// Whether what a unit reads is not known before something else has run.
+/// Whether a unit's inputs are unknown until other units have run.
 fn waits(
     world: &World,
     expected: &BTreeMap<Unit, Expected>,
@@ -319,7 +319,7 @@ fn named(cause: &Cause) -> String {
     }
 }
 
-/// What is shown of the stages come to is what the model says, byte for byte.
+/// The published files of the visited stages equal the model's, byte for byte.
 fn compare_published(
     lake: &Path,
     visited: &BTreeSet<String>,

@@ -1,4 +1,4 @@
-//! No more is made than what a change reaches.
+//! A change reruns only what depends on it.
 
 use std::{
     collections::BTreeMap,

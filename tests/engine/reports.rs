@@ -1,4 +1,4 @@
-//! Charts lie where people look for them.
+//! Charts are published in `reports/`.
 
 use std::{collections::BTreeSet, fs};
 
@@ -58,7 +58,7 @@ fn charts_of_the_newest_partitions_are_shown_and_mentioned() {
             .all(|path| path.extension().unwrap() != "svg")
     );
 
-    // What is no longer there is no longer shown, and what changed is shown anew.
+    // A removed partition is unpublished, and a changed one is updated.
     fs::remove_file(place.inputs().join("p001.txt")).unwrap();
     place.input("p000", b"another text");
     place.run_well(&[]);

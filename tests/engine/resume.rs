@@ -1,4 +1,4 @@
-//! A unit that is interrupted goes on from what it left.
+//! An interrupted unit resumes from its saved state.
 
 use std::{
     fs::{self, File},
@@ -132,7 +132,7 @@ fn stale_resume_state_is_collected() {
     set_age(&place, now - 8 * DAY);
     assert_eq!(n_leftovers(&place, &["--dry-run"]), 1);
     assert_eq!(left(&place).len(), 2, "only counted");
-    // A run that goes on owns it, however old it is.
+    // A live run owns it, however old it is.
     take_steps(&place);
     let mut run = Running::start(place.held(&[]));
     run.wait_for_log(&place, "step3", |made| made.kind == "step3");

@@ -1,4 +1,4 @@
-//! What tests may ask of these stages by environment variables; stages for work need none of it.
+//! Test hooks of these stages, set by environment variables; real stages need none.
 
 use std::{env, fs::File, io::Write, path::Path, process, thread, time::Duration};
 

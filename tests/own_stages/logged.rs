@@ -1,5 +1,5 @@
-//! `logged`: a whole stage in one file, as a lab would add it: trials that a person wrote down become the
-//! table `trials`, a row per object. A crate writes `dataflow::code!()` where this names a version.
+//! `logged`: a whole stage in one file, as a lab would add it: hand-logged trials become the table
+//! `trials`, a row per object. A crate writes `dataflow::code!()` where this names a version.
 
 use std::collections::BTreeMap;
 

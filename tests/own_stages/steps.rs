@@ -1,4 +1,4 @@
-//! `steps`: many steps, each from the one before, that go on where they were interrupted.
+//! `steps`: many steps, each from the one before, resumable after an interrupt.
 
 use std::{fs, io, path::Path};
 

@@ -1,4 +1,4 @@
-//! A hand on an arm, from the motions that were accepted to what the simulated cell did.
+//! A hand on an arm, from the accepted motions to their execution by the simulated cell.
 
 use std::{collections::BTreeSet, fs};
 
@@ -37,7 +37,7 @@ fn an_arm_carries_the_hand_or_the_row_says_why_not() {
         assert_eq!(text(row, "outcome"), "rejected");
         assert!(text(row, "message").starts_with("not sent: "), "{row}");
     }
-    // The cell checks what it is told again, and finds nothing.
+    // The cell repeats the checks of its commands, and finds no fault.
     let outcomes: BTreeSet<String> = sent.iter().map(|row| text(row, "outcome")).collect();
     assert!(outcomes.contains("succeeded"), "{done:#?}");
     assert!(!outcomes.contains("rejected"), "{done:#?}");

@@ -1,4 +1,4 @@
-//! A place of its own for each test: a sample, a lake, and the program on both.
+//! An isolated folder for each test: a sample, a lake, and the program on both.
 
 use std::{
     collections::BTreeMap,

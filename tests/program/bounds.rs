@@ -1,4 +1,4 @@
-//! A number that cannot be is refused when the pipeline file is read, before anything runs.
+//! An out-of-range number is refused when the pipeline file is read, before anything runs.
 
 use std::path::Path;
 
@@ -49,7 +49,7 @@ fn every_count_has_bounds_and_says_why_they_are_there() {
                 faults.push(format!("{option} can be {value}"));
                 continue;
             };
-            // A value that the option's type cannot hold is told as such.
+            // A value that overflows the option's type is reported as such.
             let key = option.split_once('.').unwrap().1;
             let said = err.to_string();
             if value != "9223372036854775807"
@@ -98,7 +98,7 @@ fn no_pipeline_is_out_of_bounds() {
     assert!(n >= 4);
 }
 
-/// Plans with these values, and returns what is said; nothing may be left of it.
+/// Plans with these values, and returns the error; nothing may be written.
 fn refused(values: &[&str]) -> String {
     let bench = Bench::new();
     let sets = values.iter().flat_map(|value| ["--set", value]);

@@ -1,5 +1,5 @@
-//! Dispatcher and cell as two programs over a real socket, of which each may die at any moment: no
-//! motion is executed twice, and none is said to be done that is not.
+//! Dispatcher and cell as two programs over a real socket, each of which may die at any moment: no
+//! motion is executed twice, and none is reported as done that is not.
 
 use std::{
     fs,
@@ -21,7 +21,7 @@ fn remote_cell_executes_accepted_motions_and_remembers_them() {
     let ran = lab.dispatch().output().unwrap();
     assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
     let taken = lab.taken();
-    // Asked anew, the cell tells what it did, and does nothing.
+    // At a second request, the cell reports its results and moves nothing.
     let again = lab
         .dispatch()
         .args(["--fresh", "dispatch"])
@@ -165,7 +165,7 @@ fn unreadable_or_contradictory_report_leaves_the_motion_unknown() {
             assert!(text.contains(part), "{fault}: {text}");
         }
         assert_eq!(lab.taken(), 2, "{fault}: nothing more is sent");
-        // Nothing was kept as done; when somebody has looked, the same command goes on.
+        // Nothing was stored as done; after a person has checked, the same command continues.
         let ran = lab.dispatch().output().unwrap();
         assert_eq!(ran.status.code(), Some(0), "{fault}: {}", stderr(&ran));
         let taken = lab.taken();
@@ -266,10 +266,10 @@ fn cell_with_a_full_disk_rejects_goals_with_the_reason() {
     assert!(said.contains("cannot write down"), "{said}");
     assert!(said.contains("nothing of it has moved"), "{said}");
     lab.end(cell);
-    // What was taken was carried out and told, though its report could not be kept.
+    // The accepted motion was executed and reported, though its report could not be stored.
     let before = lab.over.len();
     assert!(before > 0);
-    // The next run goes on from there, and sends nothing again.
+    // The next run continues from there, and resends nothing.
     let cell = lab.cell(&["--fast"]);
     let ran = lab.dispatch().output().unwrap();
     assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
@@ -358,7 +358,7 @@ fn a_port_that_is_taken_is_named_with_the_way_out() {
         assert!(said.contains(&told), "{command}: {said}");
         assert!(said.contains("`--listen tcp/127.0.0.1:0`"), "{said}");
     }
-    // A run whose cell is told to listen there says how to have any other.
+    // A run whose cell is asked to listen there says how to use another address.
     let bench = Bench::new();
     let listen = format!("dispatch.listen={endpoint}");
     let refused = bench.run(&["--set", &listen]);

@@ -1,4 +1,4 @@
-//! A robot cell, perhaps a router, and a dispatcher, each a program of its own.
+//! A robot cell, optionally a router, and a dispatcher, each a separate program.
 
 use std::{
     collections::BTreeMap,
@@ -21,7 +21,7 @@ use crate::{
 /// How everybody shows who they are.
 const WAY: &str = "certificates";
 
-/// A lake in which everything is made but what a cell does.
+/// A lake with everything made but the executions.
 pub(crate) struct Lab {
     pub(crate) bench: Bench,
     /// Where the cell or its router listens, now and after it was started again.
@@ -146,7 +146,7 @@ impl Lab {
         }
     }
 
-    /// As [`Lab::dispatch`], as somebody who has to say who they are.
+    /// As [`Lab::dispatch`], as an authenticated user.
     pub(crate) fn dispatch_as(&self, who: &str) -> Command {
         let mut command = self.dispatch();
         if let Some(papers) = &self.papers {
@@ -192,8 +192,8 @@ impl Lab {
         )
     }
 
-    /// Runs the last stage, and expects that the cell has done everything that it took once, and that
-    /// all of it is told.
+    /// Runs the last stage, and expects that the cell has executed every accepted goal once, and
+    /// that all of them are reported.
     pub(crate) fn dispatch_to_the_end(&mut self, cell: Served) {
         let ran = self.dispatch().output().unwrap();
         assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
@@ -205,12 +205,12 @@ impl Lab {
         assert_eq!(self.over.len(), taken);
     }
 
-    /// Ends a cell and keeps what it said.
+    /// Ends a cell and keeps its output.
     pub(crate) fn end(&mut self, cell: Served) {
         self.hear(&cell.end());
     }
 
-    /// Keeps what a cell said of goals that are over.
+    /// Keeps a cell's reports of finished goals.
     pub(crate) fn hear(&mut self, said: &str) {
         let over = said.lines().filter(|line| line.starts_with("goal"));
         self.over.extend(over.map(str::to_owned));
@@ -289,7 +289,7 @@ impl Served {
         drop(self);
     }
 
-    /// Ends the process and returns what it said.
+    /// Ends the process and returns its output.
     pub(crate) fn end(mut self) -> String {
         // What it says about the last goal may be under way.
         thread::sleep(Duration::from_millis(200));

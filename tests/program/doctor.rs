@@ -34,7 +34,7 @@ fn doctor_finds_everything_ready_and_leaves_nothing_behind() {
     }
 }
 
-/// The report of a doctor that is not content, and what it says to people.
+/// The report of a failed `doctor`, and its stderr.
 fn missing(arguments: &[&str]) -> (String, String) {
     let output = Bench::new().command("doctor", arguments).output().unwrap();
     assert_eq!(output.status.code(), Some(1), "{}", stdout(&output));
@@ -273,7 +273,7 @@ fn doctor_finds_the_side_of_published_hands() {
         let path = entry.unwrap().path();
         let output = pipeline(&["doctor", "--robot", path.to_str().unwrap()]);
         let report = stderr(&output);
-        // With its meshes or without them, what can be told of it is told.
+        // With or without its meshes, the available facts are reported.
         let is_missing = report.lines().any(|line| line.starts_with("missing "));
         let is_wrong = report.lines().any(|line| line.starts_with("wrong "));
         let expected = i32::from(is_missing || is_wrong);

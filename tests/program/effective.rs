@@ -1,8 +1,9 @@
-//! What every shipped pipeline file comes to: the effective value of every option that counts for a result,
-//! defaults, extended files and shared values included.
+//! The effective values of every shipped pipeline file: of every option that affects a result, with
+//! defaults, extended files and shared values.
 //!
-//! `effective/cgf.txt` has them all, the other files what differs from it. A default that changes in the code
-//! shows there; `PIPELINE_WRITE_EFFECTIVE=1 cargo test --test program effective` writes them anew.
+//! `effective/cgf.txt` has them all, the other files their differences from it. A default changed
+//! in the code shows there; `PIPELINE_WRITE_EFFECTIVE=1 cargo test --test program effective`
+//! rewrites them.
 
 use std::{collections::BTreeMap, env, fs, path::Path};
 

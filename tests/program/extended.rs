@@ -1,4 +1,5 @@
-//! A pipeline file that extends another says only what differs, and a value of several stages is said once.
+//! A pipeline file that extends another holds only the differences, and a value shared by several
+//! stages is written once.
 
 use std::{fs, path::Path, process::Command};
 
@@ -198,7 +199,7 @@ fn a_shared_value_is_said_once_and_given_once() {
         assert_eq!(code, 2, "{text}");
         text
     };
-    // Both stages that take it are told, where it is given.
+    // Both stages that use it are named, at the location of the value.
     let text = says("shared.grasp.reach_s=soon");
     for stage in [
         "`protocol.reach_s` in stage `screen`",

@@ -1,4 +1,4 @@
-//! What was run can be listed, named, compared, traced and asked for.
+//! Runs can be listed, tagged, compared, traced and queried.
 
 use std::{collections::BTreeSet, fs, process::Output, sync::OnceLock};
 
@@ -111,7 +111,7 @@ fn a_tag_names_a_run_until_it_is_taken_away() {
 #[test]
 fn newest_counts_finished_runs_only() {
     let run_of = |name: &str| json_of(lake(), &["diff", "1", name])["new"].clone();
-    // The first one was gone through again after the second, and is not recorded anew.
+    // The first one was repeated after the second, and is not recorded again.
     assert_eq!(run_of("newest"), 1);
     assert_eq!(run_of("newest~1"), 2);
     for name in ["newest~2", "newest~x", "99"] {
@@ -194,7 +194,7 @@ fn changed_and_missing_files_are_named_and_equal_bytes_are_no_difference() {
     let removed = removed.map(|output| output["removed"].as_array().unwrap().len());
     assert_eq!(removed.collect::<Vec<_>>(), [1, 1, 1]);
 
-    // Without records, what runs did is still compared.
+    // Without records, the runs' metrics are still compared.
     fs::remove_dir_all(bench.lake().join("units")).unwrap();
     let output = bench.ask(&["diff", "2", "3"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));

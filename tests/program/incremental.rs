@@ -1,4 +1,4 @@
-//! Nothing runs twice, and what changed runs: no more and no less.
+//! Exactly the changed units rerun.
 
 use std::{collections::BTreeMap, fs};
 
@@ -214,7 +214,7 @@ fn the_parsed_hand_decides_and_not_its_bytes() {
     put(&folder.join("ours.urdf"), &commented);
     put(&folder.join("ours.toml"), &format!("# ours\n{table}"));
     assert_eq!(plan("ours.urdf", "ours.toml"), NOTHING);
-    // What is made anew of the other file has the same bytes, recordings too.
+    // The results rebuilt from the other file have the same bytes, recordings too.
     with("ours.urdf", "ours.toml", &|all| {
         let fresh = [all, &["--fresh", "retarget"]].concat();
         stderr(&bench.run_well(&fresh))

@@ -1,5 +1,5 @@
-//! What `pipelines/interpolation.toml` promises, on the recordings of the bundled sample: motions along a
-//! path between two demonstrations, side by side in one recording.
+//! Claims of `pipelines/interpolation.toml`, on the recordings of the bundled sample: motions along
+//! a path between two demonstrations, side by side in one recording.
 
 use std::{collections::BTreeMap, fs, process::Command};
 

@@ -1,4 +1,4 @@
-//! Mistakes in values are told in words: which key, what it must be, what was found, and where it stands.
+//! Errors in values name the key, the expected and the found value, and the location.
 
 use std::{fs, path::Path, process::Command};
 

@@ -1,4 +1,4 @@
-//! Data that cannot be written to stdout is an error; a reader that has gone away is none.
+//! A failed write to stdout is an error; a closed pipe is not.
 
 use std::{
     fs::File,

@@ -1,4 +1,4 @@
-//! The program works wherever it is installed: a new project has all that it needs.
+//! The program works wherever it is installed: a new project is complete.
 
 use std::{
     fs,

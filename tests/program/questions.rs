@@ -1,4 +1,4 @@
-//! Questions in SQL: every format, what fits, and what is wrong with a question.
+//! SQL queries: every format, fitting to the screen, and errors.
 
 use std::{process::Output, sync::OnceLock};
 

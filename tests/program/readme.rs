@@ -1,4 +1,4 @@
-//! Every `$` line of a README prints what stands below it.
+//! Every `$` line of a README prints the output below it.
 //!
 //! A line `…` stands for any lines. Times, and figures that are no whole numbers, may be any:
 //! they depend on the machine. Whole numbers may differ by a tenth, since other processors round otherwise
@@ -12,7 +12,7 @@ use std::{
 
 use crate::bench::{stderr, stdout};
 
-/// A command of a README with what it prints.
+/// A command of a README with its output.
 #[derive(Debug)]
 struct Shown {
     /// File and number of its line.

@@ -66,7 +66,7 @@ fn a_killed_run_continues_to_the_same_bytes() {
     assert_eq!(count_units(&bench), n_units);
 }
 
-/// Seconds after which a training has surely saved its state anew: it does so once a second.
+/// Seconds after which training has surely saved its state again: it does so once a second.
 const SAVED_S: f64 = 1.5;
 
 #[test]
@@ -142,7 +142,7 @@ fn trained(bench: &Bench) -> BTreeMap<String, String> {
     shown
 }
 
-/// When the state that an interrupted training goes on from was saved, if there is one.
+/// When the resume state of an interrupted training was saved, if there is one.
 fn state(bench: &Bench) -> Option<SystemTime> {
     let units = fs::read_dir(bench.lake().join("resume")).ok()?;
     let states = units.map(|unit| unit.unwrap().path().join("state.safetensors"));

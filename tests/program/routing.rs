@@ -1,4 +1,4 @@
-//! Dispatcher and cell as two programs that meet at a third, a router, which may go away at any moment.
+//! Dispatcher and cell as two programs connected by a third, a router, which may die at any moment.
 
 use std::{
     env, fs,
@@ -140,7 +140,7 @@ fn only_a_dispatcher_with_a_certificate_moves_a_networked_cell() {
     assert_eq!(again.status.code(), Some(0), "{}", stderr(&again));
 }
 
-/// Watches until it is told that all is over and nothing more comes.
+/// Watches until all goals are over and no more messages come.
 fn watch(endpoint: &str, over: &AtomicBool) -> (Vec<GoalOutcome>, Counts) {
     let wait = Duration::from_secs(20);
     let mut watcher = Watcher::start(None, endpoint, "simulated", wait).unwrap();
@@ -196,7 +196,7 @@ fn watcher_misses_no_result_when_the_router_is_killed() {
             router = lab.router();
         }
         println!("{}", sending.join().unwrap());
-        // The motion that nobody waits for any more is broken off, held for a while and told.
+        // The motion without a waiting client is aborted, held for a while and reported.
         thread::sleep(Duration::from_secs(3));
         over.store(true, Ordering::Relaxed);
         (early.join().unwrap(), late.join().unwrap())

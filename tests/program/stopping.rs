@@ -1,5 +1,5 @@
-//! Somebody stops the program while a robot moves: the robot is not left to itself, and what was stopped is
-//! neither counted as a failure nor moved again without being asked for.
+//! An interrupt while a robot moves: its motion is canceled, and the canceled motion is neither
+//! counted as a failure nor repeated without a request.
 
 use std::{
     io::{BufRead, BufReader},
@@ -74,7 +74,7 @@ fn interrupted_motion_is_canceled_reported_and_resent_only_on_request() {
         let sql = "select sum(trials_n) as n from trials";
         assert_eq!(number(&lab, sql), i64::try_from(taken).unwrap() - 1);
 
-        // Asked anew, it is left alone as long as nobody says otherwise.
+        // At a rerun it is not repeated without a request.
         let fresh = || {
             let mut run = lab.dispatch();
             run.args(["--fresh", "dispatch"]);

@@ -1,5 +1,5 @@
-//! What `pipelines/feedforward.toml` and `pipelines/noise.toml` promise: every variant is screened over
-//! shared stages, and one question in SQL, as the screen's README asks it, makes the table.
+//! Claims of `pipelines/feedforward.toml` and `pipelines/noise.toml`: every variant is screened
+//! over shared stages, and the SQL query in the screen's README makes the table.
 
 use std::{fs, process::Command};
 

@@ -1,4 +1,4 @@
-//! Lists of values: every variant runs, and what they share is made once.
+//! Sweeps: every variant runs, and shared results are made once.
 
 use serde_json::Deserializer;
 

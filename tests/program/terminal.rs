@@ -1,4 +1,4 @@
-//! What is written fits a terminal of 80 columns, and is in color only where colors are shown.
+//! Output fits a terminal of 80 columns, and is colored only where color is supported.
 
 use std::process::{Command, Output};
 

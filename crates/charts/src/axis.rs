@@ -1,13 +1,13 @@
-//! Axes: which range of numbers they show, and which of them are named.
+//! Axes: their ranges and tick labels.
 
 use crate::style::{TICK_SIZE, text_width};
 
 /// How numbers are laid out along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
-    /// Equal steps are equally long.
+    /// Equal differences have equal lengths.
     Linear,
-    /// Equal factors are equally long; only positive numbers have a place.
+    /// Equal ratios have equal lengths; only positive numbers have a position.
     Log,
 }
 
@@ -31,7 +31,7 @@ enum Count {
     Any,
 }
 
-/// A place on an axis that has a line, and a name if it is not empty.
+/// A tick: a position with a grid line, and a label unless it is empty.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Tick {
     /// In 0..=1 along the axis.
@@ -49,15 +49,15 @@ pub(crate) struct Axis {
     pub(crate) ticks: Vec<Tick>,
 }
 
-/// Numbers beyond this have no place: their differences might be infinite. On a logarithmic axis
-/// neither have those below its inverse.
+/// Numbers beyond this have no position: their differences might be infinite. On a logarithmic axis
+/// neither do those below its inverse.
 const LARGEST: f64 = 1e300;
 
-/// Numbers closer together than this, relative to their size, are one number.
+/// Relative difference below which two numbers count as equal.
 const RESOLUTION: f64 = 1e-9;
 
 impl Scale {
-    /// Where a number stands, before the ends of the axis are known.
+    /// Position of a number before the ends of the axis are known.
     fn position(self, value: f64) -> Option<f64> {
         let is_number = value.is_finite() && value.abs() <= LARGEST;
         match self {
@@ -68,7 +68,8 @@ impl Scale {
 }
 
 impl Axis {
-    /// An axis for these numbers with about `n_ticks` names, or `None` if none of them has a place.
+    /// Returns an axis for these numbers with about `n_ticks` labels, or `None` if none has a
+    /// position.
     pub(crate) fn new(
         scale: Scale,
         ends: Ends,

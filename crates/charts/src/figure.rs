@@ -1,4 +1,4 @@
-//! What all charts have in common: the area for data, its grid, its captions, its legend.
+//! The frame of all charts: plot area, grid, captions, legend.
 
 use crate::{
     axis::{Axis, Tick},
@@ -18,7 +18,7 @@ pub(crate) enum Mark {
     Area,
 }
 
-/// What goes up beside the data.
+/// The vertical axis.
 pub(crate) enum Side<'a> {
     /// Numbers, with lines through the data.
     Axis(&'a Axis),
@@ -26,7 +26,7 @@ pub(crate) enum Side<'a> {
     Names(&'a [String]),
 }
 
-/// A picture whose surroundings are drawn.
+/// A picture with its frame drawn.
 pub(crate) struct Figure {
     pub(crate) canvas: Canvas,
     left: f64,
@@ -36,11 +36,11 @@ pub(crate) struct Figure {
 
 /// Width of the mark of a series in a legend.
 const MARK_WIDTH: f64 = 22.0;
-/// From one row of a legend to the next.
+/// Row height of a legend.
 const ROW: f64 = TEXT_SIZE * 1.6;
 
 impl Figure {
-    /// Draws what stands around the data and behind it. A legend is drawn for more than one name.
+    /// Draws the frame and the grid. A legend is drawn for more than one name.
     pub(crate) fn new(
         captions: &Captions,
         height: f64,
@@ -96,7 +96,7 @@ impl Figure {
             color: FAINT_INK,
             ..Text::new(TICK_SIZE, anchor)
         };
-        // Lines with names over lines without.
+        // Labeled lines over unlabeled ones.
         let ordered = |ticks: &[Tick]| {
             let (faint, named): (Vec<Tick>, Vec<Tick>) =
                 ticks.iter().cloned().partition(|tick| tick.text.is_empty());

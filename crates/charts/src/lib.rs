@@ -18,14 +18,13 @@
 //! ```
 //!
 //! Invariants: equal arguments give equal bytes, with no clock, no fonts of the system and no
-//! randomness; numbers that are not finite, and on a logarithmic axis those that are not positive, are
-//! left out, so that a line breaks there; a chart with nothing left to draw is an error and no empty
-//! picture. The area for data keeps its size whatever stands beside it: the legend is to the right of
-//! it and makes the picture wider. Colors are told apart by people who see few of them (Okabe and Ito,
-//! *Color universal design*, 2008), and dashes tell lines apart beyond that.
+//! randomness; numbers that are not finite, and on a logarithmic axis those that are not positive,
+//! are left out, so that a line breaks there; a chart with nothing left to draw is an error, not an
+//! empty picture. The plot area has a fixed size: the legend is to the right of it and widens the
+//! picture. Colors are distinguishable for color-blind readers (Okabe and Ito, *Color universal
+//! design*, 2008), and dashes distinguish further lines.
 //!
-//! The text of a picture is text in a common sans-serif font of the reader's: its width is only
-//! estimated here.
+//! Text uses the viewer's common sans-serif font, so its width is only estimated here.
 
 mod axis;
 mod bars;

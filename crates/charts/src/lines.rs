@@ -46,7 +46,7 @@ pub fn lines(captions: &Captions, scale: Scale, series: &[Series]) -> Result<Str
         for piece in places.split(Option::is_none) {
             let piece: Vec<[f64; 2]> = piece.iter().flatten().copied().collect();
             figure.canvas.path(&piece, stroke);
-            // A point on its own would not be seen otherwise.
+            // An isolated point would be invisible otherwise.
             for place in piece.iter().filter(|_| has_dots || piece.len() == 1) {
                 figure.canvas.dot(*place, 3.0, color(idx), 1.0);
             }

@@ -8,15 +8,15 @@ const COLORS: [&str; 7] = [
 /// Dashes of lines, one more for each time that the colors begin again.
 const DASHES: [&str; 4] = ["", "6 3", "2 3", "8 3 2 3"];
 
-/// Text that matters.
+/// Primary text.
 pub(crate) const INK: &str = "#222222";
-/// Text beside it.
+/// Secondary text.
 pub(crate) const FAINT_INK: &str = "#555555";
 /// Lines behind the data.
 pub(crate) const GRID: &str = "#e6e6e6";
-/// Lines behind the data between the ones that are named.
+/// Minor grid lines.
 pub(crate) const FAINT_GRID: &str = "#f3f3f3";
-/// The line on which the data stands.
+/// The base line.
 pub(crate) const BASE: &str = "#888888";
 
 /// Width of the area for data.
@@ -35,7 +35,7 @@ pub(crate) const GAP: f64 = 10.0;
 /// Mean width of a character of a sans-serif font over its height; names in lower case are narrower.
 const CHARACTER: f64 = 0.58;
 
-/// Estimates how wide a text is.
+/// Estimates the width of a text.
 pub(crate) fn text_width(text: &str, size: f64) -> f64 {
     text.chars().count() as f64 * size * CHARACTER
 }

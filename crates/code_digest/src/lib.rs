@@ -1,17 +1,17 @@
-//! Digests of the sources that decide what a crate computes, for its build script.
+//! Digests of the sources that a crate's results depend on, for its build script.
 //!
 //! A crate's `build.rs` is one call: [`emit`].
 //!
 //! The digest covers, crate by crate, `Cargo.toml` and every file below `src/` of the crate itself
 //! and of the workspace crates that it depends on, and the locked versions of everything else that
-//! those depend on. A crate of which only some files decide what a stage computes (the engine, the
-//! lake) names them in its manifest: `[package.metadata.code] decides = ["src/table.rs"]`.
-//! Nobody bumps a number by hand: editing a source changes the digest of that crate alone, and what
-//! does not link it keeps its results.
+//! those depend on. A crate with only some files that affect results (the engine, the lake) names
+//! them in its manifest: `[package.metadata.code] decides = ["src/table.rs"]`. No version number is
+//! bumped by hand: editing a source changes only that crate's digest, and crates that do not link
+//! it keep their results.
 //!
-//! A crate cannot compute with what it does not link, so the boundary of a crate is the boundary of
-//! its code: a stage's reports are a crate of their own (`stages/STAGE/report`) that links the stage,
-//! and no edit of them, or of the charts that they draw, is in the digest of the stage's results.
+//! A crate's results cannot depend on code that it does not link. A stage's reports are therefore a
+//! separate crate (`stages/STAGE/report`) that links the stage, so that editing them, or their
+//! charts, does not change the digest of the stage's results.
 //!
 //! What it deliberately leaves out: documentation, tests and benches outside `src/`, development
 //! dependencies, and the compiler.
@@ -21,7 +21,7 @@ mod workspace;
 
 pub use workspace::{CodeError, Part, parts};
 
-/// Name of the environment variable in which the crate being built finds its digests.
+/// Name of the environment variable that passes the digests to the crate being built.
 const VARIABLE: &str = "PIPELINE_CODE";
 
 /// Writes the digests of the crate whose build script calls this to `PIPELINE_CODE`, and asks cargo

@@ -1,4 +1,4 @@
-//! The locked versions of what a crate computes with.
+//! The locked versions of a crate's dependencies.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,4 +1,4 @@
-//! The workspace crates that a crate is made of, and their sources.
+//! The workspace crates that a crate links, and their sources.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -43,7 +43,7 @@ pub struct Part {
     pub name: String,
     /// 16 hexadecimal digits of BLAKE3.
     pub digest: String,
-    /// Files and folders that it was made of.
+    /// Files and folders that it covers.
     pub watched: Vec<PathBuf>,
 }
 
@@ -90,7 +90,7 @@ pub fn parts(folder: &Path) -> Result<Vec<Part>, CodeError> {
     Ok(parts)
 }
 
-/// Where the workspace's own crates lie, by the name under which others depend on them.
+/// Folders of the workspace's crates, by dependency name.
 struct Members {
     folders: BTreeMap<String, PathBuf>,
     root: DocumentMut,
@@ -130,8 +130,7 @@ impl Members {
         chosen.chain([profile]).collect()
     }
 
-    /// Where a dependency of the crate in `dependent` lies, if it is one of the workspace's own or
-    /// another crate on this machine.
+    /// The folder of a dependency of the crate in `dependent`, if it is a path dependency.
     fn folder(&self, dependent: &Path, name: &str, item: &Item) -> Option<PathBuf> {
         let folder = match item.get("path").and_then(Item::as_str) {
             Some(path) => dependent.join(path),
@@ -161,7 +160,7 @@ fn read_toml(path: &Path) -> Result<DocumentMut, CodeError> {
         .map_err(|err| CodeError::Parse(path.to_owned(), err))
 }
 
-/// The tables of dependencies that end up in the program; `[target.….dependencies]` included.
+/// The tables of dependencies that are linked into the program; `[target.….dependencies]` included.
 fn dependency_tables(manifest: &DocumentMut) -> Vec<&dyn TableLike> {
     let own = manifest.get("dependencies");
     let per_target = manifest
@@ -208,8 +207,8 @@ fn source_part(folder: &Path, manifest: &DocumentMut) -> Result<Part, CodeError>
     })
 }
 
-/// The only files of a crate that decide what stages compute, where its manifest names them:
-/// `package.metadata.code.decides`. Every file below `src/` where it does not.
+/// The files of a crate that affect results, if its manifest names them in
+/// `package.metadata.code.decides`; else every file below `src/`.
 fn deciding_files(manifest: &DocumentMut) -> Option<Vec<&str>> {
     let mut table = manifest.as_item();
     for key in ["package", "metadata", "code", "decides"] {
@@ -237,7 +236,7 @@ fn list_files(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), CodeError> 
     Ok(())
 }
 
-/// The first 16 hexadecimal digits of a digest: enough to tell versions apart.
+/// The first 16 hexadecimal digits of a digest: enough to distinguish versions.
 pub(crate) fn short(hasher: &Hasher) -> String {
     hasher.finalize().to_hex()[..16].to_owned()
 }

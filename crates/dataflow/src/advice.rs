@@ -1,4 +1,4 @@
-//! Errors that say what to do next.
+//! Errors with a hint.
 
 use std::{error::Error, fmt};
 
@@ -7,14 +7,14 @@ pub trait Advise: Error + Send + Sync + 'static {
     /// The next action: an edit or a command that can be pasted.
     fn hint(&self) -> Option<String>;
 
-    /// The stage's input of which too little is there, if that is what is wrong: the hint then goes
-    /// on with the command that lists what was left out of it.
+    /// Returns the stage's input that has too few partitions, if that is the fault: the hint then
+    /// adds the command that lists the skipped items of that input.
     fn lacks(&self) -> Option<&'static str> {
         None
     }
 }
 
-/// An error of any kind that can say what to do next.
+/// An error of any kind with its hint.
 #[derive(Debug)]
 pub struct Advised(pub Box<dyn Advise>);
 

@@ -1,7 +1,7 @@
 //! The code part of a fingerprint: digests of the sources that decide an output.
 
-/// Digests of the sources of a stage or of its report, by workspace crate that it links, and of the
-/// locked versions it computes with.
+/// Digests of the sources of a stage or of its report, one per linked workspace crate, and of its
+/// locked dependency versions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Code {
     /// `crate=digest` pairs separated by `;`, ordered by name, as the build script wrote them.
@@ -9,7 +9,7 @@ pub struct Code {
 }
 
 impl Code {
-    /// Iterates over the crates and their digests; a part that is no pair counts as it stands.
+    /// Iterates over the crates and their digests; a part that is not a pair is kept as it is.
     pub fn iter(self) -> impl Iterator<Item = (&'static str, &'static str)> {
         let parts = self.parts.split(';').filter(|part| !part.is_empty());
         parts.map(|part| part.split_once('=').unwrap_or((part, "")))

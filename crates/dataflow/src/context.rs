@@ -8,10 +8,10 @@ use std::{
 
 use crate::source_file::SourceFile;
 
-/// Reports how far a unit is: a fraction in 0..=1 and what it is doing.
+/// Reports a unit's progress: a fraction in 0..=1 and a message.
 pub(crate) type Progress<'a> = dyn Fn(f64, &str) + Send + Sync + 'a;
 
-/// The surroundings of one unit.
+/// The execution context of one unit.
 pub struct Context<'a> {
     /// The partition being made.
     pub(crate) partition: String,
@@ -19,15 +19,16 @@ pub struct Context<'a> {
     pub(crate) seed: u64,
     /// Empty folder for this unit's files.
     pub(crate) folder: PathBuf,
-    /// Folder for what an interrupted unit goes on from; it may not be there yet.
+    /// Folder for the resume state of an interrupted unit; it may not exist yet.
     pub(crate) resume_folder: PathBuf,
     /// Where progress goes.
     pub(crate) progress: &'a Progress<'a>,
 }
 
 impl Context<'_> {
-    /// Returns a context for trying an output outside a run, as tests do. Its folder to resume from is
-    /// `resume` in `folder`: a second context of the same folder goes on where the first one stopped.
+    /// Returns a context for making an output outside a run, as tests do. Its resume folder is
+    /// `resume` in `folder`: a second context of the same folder continues where the first one
+    /// stopped.
     pub fn detached(partition: &str, seed: u64, folder: &Path) -> Self {
         Self {
             partition: partition.to_owned(),
@@ -43,31 +44,31 @@ impl Context<'_> {
         &self.partition
     }
 
-    /// A seed that depends on the pipeline's seed, the stage's name and the partition alone.
+    /// A seed that depends only on the pipeline's seed, the stage's name and the partition.
     pub fn seed(&self) -> u64 {
         self.seed
     }
 
-    /// An empty folder: every file that lies in it at the end belongs to the artifact.
+    /// An empty folder: every file in it at the end belongs to the artifact.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// A folder that outlives this attempt: what a stage leaves in it is there again when the same
-    /// unit, of the same fingerprint, is made after it failed, was interrupted or was killed.
+    /// A folder that outlives this attempt: it is kept for the next attempt at the same unit, with
+    /// the same fingerprint, after a failure, an interrupt or a kill.
     ///
-    /// It is empty at the first attempt, nobody else uses it meanwhile, nothing in it belongs to the
-    /// artifact, and it is gone when the unit's result is kept or is asked for anew (`--fresh`). A
-    /// program may be killed between any two writes: write files whole (`lake::write_whole`), and
-    /// check what is read back. The result must not depend on how often the unit was interrupted.
+    /// It is empty at the first attempt, not shared, and not part of the artifact. It is removed
+    /// when the unit's result is stored or a rerun is requested (`--fresh`). The process may be
+    /// killed between any two writes: write files whole (`lake::write_whole`), and check what is
+    /// read back. The result must not depend on how often the unit was interrupted.
     pub fn resume_folder(&self) -> &Path {
-        // Made here, so that units that never ask leave nothing behind. Where it cannot be made, the
-        // first write to it fails and says so.
+        // Created on request, so that units without resume state leave no folder. If this fails,
+        // the first write to it fails and says so.
         let _made = fs::create_dir_all(&self.resume_folder);
         &self.resume_folder
     }
 
-    /// Shows how far the unit is, as a fraction in 0..=1, and what it is doing.
+    /// Reports the unit's progress: a fraction in 0..=1 and a message.
     pub fn progress(&self, fraction: f64, message: &str) {
         (self.progress)(fraction, message);
     }
@@ -82,7 +83,7 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Gathers what a unit reads.
+    /// Collects the inputs of a unit.
     pub fn new(artifacts: BTreeMap<String, Vec<Artifact>>, files: Vec<SourceFile>) -> Self {
         Self {
             artifacts,
@@ -91,7 +92,7 @@ impl Inputs {
         }
     }
 
-    /// Adds what was found out while the unit was listed.
+    /// Adds the facts found while the unit was listed.
     #[must_use]
     pub fn with_facts(self, facts: BTreeMap<String, String>) -> Self {
         Self { facts, ..self }

@@ -59,7 +59,7 @@ impl FromStr for Digest {
     }
 }
 
-/// Digits as they stand in a file.
+/// Digits as written in a file.
 #[derive(Deserialize)]
 struct Hex<'a>(#[serde(borrow)] std::borrow::Cow<'a, str>);
 
@@ -89,8 +89,8 @@ impl fmt::Debug for Digest {
     }
 }
 
-/// Digests fields one after the other, each with its length, so that no two lists of fields give
-/// the same bytes.
+/// Digests fields one after the other, each with its length, so that different lists of fields
+/// never give the same bytes.
 pub(crate) struct Fields(blake3::Hasher);
 
 impl Fields {

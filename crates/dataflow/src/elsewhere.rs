@@ -9,11 +9,11 @@ use crate::{
     name::{NodeName, UnitName},
 };
 
-/// Someone who makes units in other processes, perhaps on other machines, that share the store and
-/// the pipeline's file with this one and nothing else.
+/// Makes units in other processes, possibly on other machines, which share only the store and the
+/// pipeline file with this one.
 pub trait Elsewhere: Sync {
-    /// Makes one unit, hands every event to the relay, and returns when the unit's process has ended.
-    /// `forced` makes it although a result is in the store.
+    /// Makes one unit, passes every event to the relay, and returns when the unit's process has
+    /// ended. `forced` makes it even if its result is in the store.
     ///
     /// # Errors
     ///
@@ -21,29 +21,29 @@ pub trait Elsewhere: Sync {
     fn make(&self, unit: &UnitName, forced: Forced, relay: &mut Relay) -> Result<(), Failure>;
 }
 
-/// Whether a unit is made although its result is in the store.
+/// Whether a unit is made even if its result is in the store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Forced {
-    /// It is made all the same.
+    /// The unit is made again.
     Yes,
-    /// The result in the store is taken.
+    /// The stored result is used.
     No,
 }
 
 /// Characters of a refused line that its error quotes.
 const QUOTED: usize = 200;
 
-/// Checks the events of a unit that is made elsewhere and passes them on.
+/// Checks the events of a unit made in another process and forwards them.
 pub struct Relay<'a> {
     unit: &'a UnitName,
-    /// Outputs that the unit depends on: their artifacts may turn out to be damaged.
+    /// Outputs that the unit depends on: their artifacts may be reported as damaged.
     upstream: BTreeSet<&'a NodeName>,
     events: &'a Events<'a>,
     mended: BTreeSet<UnitName>,
     end: Option<Result<Done, Failure>>,
 }
 
-/// What a process says of a unit whose result it has put into the store.
+/// A process's report of a unit whose result it has stored.
 pub(crate) struct Done {
     pub(crate) fingerprint: Digest,
     pub(crate) made_now: bool,
@@ -64,11 +64,11 @@ impl<'a> Relay<'a> {
         }
     }
 
-    /// Takes an event as a line of JSON.
+    /// Accepts an event as a line of JSON.
     ///
     /// # Errors
     ///
-    /// Fails if the line is no event, or one that cannot come from this unit.
+    /// Fails if the line is not an event, or not one that this unit can send.
     pub fn line(&mut self, line: &str) -> Result<(), Failure> {
         let event = serde_json::from_str(line)
             .map_err(|err| self.refuse(line, &format!("is no event: {err}")))?;
@@ -119,8 +119,8 @@ impl<'a> Relay<'a> {
         self.end.is_some()
     }
 
-    /// Returns the outputs of which a damaged artifact was made again, and the end of the unit if one
-    /// was reported.
+    /// Returns the upstream units whose damaged artifacts were rebuilt, and the end of this unit if
+    /// one was reported.
     pub(crate) fn finish(self) -> (BTreeSet<UnitName>, Option<Result<Done, Failure>>) {
         (self.mended, self.end)
     }
@@ -170,8 +170,8 @@ mod tests {
         serde_json::to_string(event).unwrap()
     }
 
-    /// Relays lines about a unit of `b`, which reads what `a` made: what is passed on, and why the first
-    /// line that is refused is.
+    /// Relays lines about a unit of `b`, which reads `a`: returns the forwarded events and the
+    /// error of the first refused line.
     fn relayed(lines: &[String]) -> (Vec<Event>, Option<String>) {
         let (asked, source) = (unit("b"), unit("a").node);
         let passed = Mutex::new(Vec::new());

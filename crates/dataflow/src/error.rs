@@ -1,4 +1,4 @@
-//! What can go wrong with a pipeline file, a plan or a run.
+//! Errors of a pipeline file, a plan or a run.
 
 use std::{error::Error, fmt, io, path::PathBuf};
 
@@ -12,7 +12,7 @@ use crate::{
 /// Everything that is wrong with a pipeline file.
 #[derive(Debug)]
 pub struct FileError {
-    /// The faults, in the order in which they stand in the file; at least one.
+    /// The faults, in file order; at least one.
     pub problems: Vec<Problem>,
 }
 
@@ -21,7 +21,7 @@ pub struct FileError {
 pub struct Problem {
     /// What is wrong.
     pub message: String,
-    /// Where, if it is at one place.
+    /// Where, if it has one location.
     pub location: Option<Location>,
     /// What to do.
     pub hint: Option<String>,
@@ -73,29 +73,29 @@ impl Error for FileError {}
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Failure {
-    /// A stage refused to go on.
+    /// A stage failed.
     #[error("stage `{stage}` failed{}", Partition(partition.as_deref()))]
     Stage {
         /// The stage's name.
         stage: String,
-        /// The partition being made, if it was one.
+        /// The partition being made, if there was one.
         partition: Option<String>,
-        /// The output of which too little came to the stage, if that is why.
+        /// The upstream output that left out too many items, if that is why.
         left_out: Option<Box<LeftOut>>,
         /// The stage's own error.
         source: Advised,
     },
-    /// A stage broke one of its own rules.
+    /// A stage panicked.
     #[error("stage `{stage}` panicked while making `{partition}`: {message}")]
     Panic {
         /// The stage's name.
         stage: String,
         /// The partition being made.
         partition: String,
-        /// What it said.
+        /// The panic message.
         message: String,
     },
-    /// A stage promised to read a partition that is not there.
+    /// A stage listed a partition that does not exist among its inputs.
     #[error("stage `{stage}` wants to read `{input}` partition `{partition}`, which was not made")]
     MissingInput {
         /// The stage's name.
@@ -119,7 +119,7 @@ pub enum Failure {
         /// The first item and its reason.
         first: String,
     },
-    /// A damaged artifact could not be made again.
+    /// A damaged artifact could not be rebuilt.
     #[error("`{node}` partition `{partition}` is damaged and did not come out the same again")]
     Damaged {
         /// The stage and output.
@@ -127,10 +127,10 @@ pub enum Failure {
         /// The partition's key.
         partition: String,
     },
-    /// A unit is to be made of something that is not made yet.
+    /// An input of the unit is not made yet.
     #[error("`{node}` partition `{partition}` is not made yet")]
     NotMade {
-        /// The output that is lacking.
+        /// The missing output.
         node: NodeName,
         /// Its partition.
         partition: String,
@@ -148,14 +148,14 @@ pub enum Failure {
     /// A unit failed in another process.
     #[error("{message}")]
     Elsewhere {
-        /// What that process said.
+        /// The error that the process reported.
         message: String,
-        /// What it said to do.
+        /// The hint that it reported.
         hint: Option<String>,
-        /// The output of which too little came to its stage, if that is why.
+        /// The upstream output that left out too many items, if that is why.
         left_out: Option<Box<LeftOut>>,
     },
-    /// The process that made a unit reported what it cannot.
+    /// The process that made a unit broke the protocol.
     #[error("the process that made `{}` at `{}` broke the protocol: {message}", unit.node, unit.partition)]
     Protocol {
         /// The unit.
@@ -196,7 +196,7 @@ pub enum Failure {
     Nothing {
         /// The stage and output.
         node: NodeName,
-        /// The nearest output before it that left items out, if one did.
+        /// The nearest upstream output that left items out, if any.
         left_out: Option<Box<LeftOut>>,
     },
     /// A file outside the lake was written to while a unit read it.
@@ -209,12 +209,12 @@ pub enum Failure {
         /// The file.
         path: PathBuf,
     },
-    /// A stored result is not as its output says.
+    /// A stored result lacks a metric that its output declares.
     #[error("a result of `{node}` in the lake cannot be summed up")]
     Figures {
         /// The output.
         node: NodeName,
-        /// What it lacks.
+        /// The missing metric.
         source: MissingFigure,
     },
     /// Two units of an output have the same key, or two files of a unit the same name.
@@ -251,7 +251,7 @@ pub enum Failure {
     Threads(#[source] rayon::ThreadPoolBuildError),
 }
 
-/// Names what may have been meant, or the first of what there is.
+/// Suggests the nearest known name, or lists the first known ones.
 fn offer(what: &str, name: &str, known: &[String]) -> String {
     const NAMED: usize = 12;
     crate::near::nearest(name, known.iter().map(String::as_str)).map_or_else(
@@ -264,7 +264,7 @@ fn offer(what: &str, name: &str, known: &[String]) -> String {
     )
 }
 
-/// Goes on from what to do to what was left out.
+/// Joins the hint with the advice to look at the skipped items.
 fn join(hint: Option<String>, left_out: Option<&LeftOut>) -> Option<String> {
     let Some(left_out) = left_out else {
         return hint;
@@ -275,12 +275,12 @@ fn join(hint: Option<String>, left_out: Option<&LeftOut>) -> Option<String> {
     ))
 }
 
-/// An output that left items out; shown as the advice to look at them.
+/// An output that left items out; displayed as the advice to inspect them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
     /// The output.
     pub node: NodeName,
-    /// The run that left them out; `None` where none is recorded, as while planning.
+    /// The run that left them out; `None` if none is recorded, as while planning.
     pub run: Option<u64>,
 }
 
@@ -309,7 +309,8 @@ impl fmt::Display for LeftOut {
 }
 
 impl Failure {
-    /// Says which run it ended, so that hints show what that run left out, whatever ran since.
+    /// Attaches the failed run, so that hints show the items that this run left out, not a later
+    /// one.
     pub(crate) fn of_run(mut self, number: u64) -> Self {
         if let Self::TooManySkipped {
             skipped: left_out, ..
@@ -332,7 +333,7 @@ impl Failure {
         self
     }
 
-    /// Splits the hint: what to do, and the output of which to see what it left out.
+    /// Splits the hint into the action and the output whose skipped items to inspect.
     pub fn advice(&self) -> (Option<String>, Option<&NodeName>) {
         if let Self::Stage {
             left_out: Some(left_out),

@@ -1,4 +1,4 @@
-//! What happens in a run: one stream of events, whoever makes the units.
+//! The event stream of a run, for units made in threads or in other processes.
 //!
 //! Threads pass events on directly; a process that makes a unit writes them to its stdout, one JSON
 //! object per line.
@@ -22,30 +22,30 @@ pub enum Event {
         /// Number of outputs that it goes through.
         n_outputs: usize,
     },
-    /// Units of an output have to be made.
+    /// An output has units to make.
     OutputStarted {
         /// The output.
         output: NodeName,
-        /// Number of its units, whether they have to be made or not.
+        /// Number of its units, cached ones included.
         n_units: usize,
     },
     /// Another process is making a unit; this one waits for it.
     UnitWaiting {
         /// The unit.
         unit: UnitName,
-        /// Who makes it, in words.
+        /// Description of the lock's holder.
         holder: String,
     },
     /// A unit is in progress.
     UnitProgress {
         /// The unit.
         unit: UnitName,
-        /// How far it is.
+        /// Completed fraction.
         fraction: Fraction,
-        /// What it is doing.
+        /// Current activity.
         message: String,
     },
-    /// The artifact of a unit is damaged and is made again.
+    /// The artifact of a unit is damaged and is rebuilt.
     UnitDamaged {
         /// The unit.
         unit: UnitName,
@@ -69,7 +69,7 @@ pub enum Event {
         message: String,
         /// What to do.
         hint: Option<String>,
-        /// The output that left out too much for the unit's stage, if that is why.
+        /// The upstream output that left out too many items, if that is why.
         left_out: Option<NodeName>,
     },
     /// Every unit of an output is done.
@@ -85,7 +85,7 @@ pub enum Event {
     },
 }
 
-/// How far something is, in 0..=1.
+/// A progress fraction in 0..=1.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, Deserialize)]
 #[serde(try_from = "f64", into = "f64")]
 pub struct Fraction(f64);

@@ -1,4 +1,4 @@
-//! A pipeline file, with the values of the files that it extends.
+//! A pipeline file merged with the files that it extends.
 
 use std::{
     collections::BTreeSet,
@@ -16,26 +16,26 @@ use crate::{
     texts::Texts,
 };
 
-/// The key that names the file of which a file says only what differs.
+/// The key that names the extended file.
 pub(crate) const EXTENDS: &str = "extends";
-/// The key that lists the stages of that file which are left out.
+/// The key that lists the stages of the extended file to remove.
 pub(crate) const WITHOUT: &str = "without";
 
-/// A pipeline file, with the values of the files that it extends in place of those that it lacks.
+/// A pipeline file whose missing values come from the files that it extends.
 #[derive(Debug, Default)]
 pub(crate) struct Extended {
     /// All values, each with its span among [`Self::texts`].
     pub(crate) root: InlineTable,
-    /// Where the values stand.
+    /// The texts that the spans point into.
     pub(crate) texts: Texts,
-    /// Shared values of stages that are left out: nobody else needs to take them.
+    /// Shared values of removed stages: they need no other user.
     pub(crate) taken: BTreeSet<String>,
-    /// What is wrong with what is read of other files; if anything is, the values are not to be used.
+    /// Faults in the extended files; if there are any, the values must not be used.
     pub(crate) problems: Vec<Problem>,
 }
 
 impl Extended {
-    /// Reads the text of a file, and the files that it extends.
+    /// Reads a file's text and the files that it extends.
     pub(crate) fn read(path: &Path, text: &str) -> Self {
         let mut extended = Self::default();
         if let Some(root) = extended.load(path, text, &[]) {
@@ -82,7 +82,7 @@ impl Extended {
         Some(base)
     }
 
-    /// Returns the file that is named, and its text.
+    /// Returns the extended file and its text.
     fn target(
         &mut self,
         path: &Path,
@@ -132,7 +132,7 @@ impl Extended {
         }
     }
 
-    /// Takes stages away, with what profiles change in them.
+    /// Removes stages, and their values in profiles.
     fn leave_out(&mut self, base: &mut InlineTable, without: &Value) {
         let list = "write, e.g., `without = [\"dispatch\"]`";
         let Some(names) = without.as_array() else {

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::digest::{Digest, Fields};
 
-/// What all units of one output of a stage have in common.
+/// The part of a fingerprint that all units of one output share.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Recipe {
     /// The stage's kind: another kind computes something else.
@@ -23,14 +23,14 @@ pub struct Recipe {
 }
 
 impl Recipe {
-    /// Returns the digest by which the recipe is found.
+    /// Returns the digest under which the recipe is stored.
     pub fn digest(&self) -> Digest {
         Digest::of_json(&self.to_json())
     }
 
-    /// Returns the recipe as it is written. All its parts are texts and JSON: nothing can fail.
+    /// Returns the recipe as it is written. All its parts are texts and JSON, so this cannot fail.
     fn to_json(&self) -> Value {
-        // A field that is added cannot be forgotten here.
+        // Destructured, so that a new field cannot be forgotten here.
         let Self {
             kind,
             output,
@@ -62,10 +62,10 @@ impl Recipe {
 /// It is stored with the result, so that "why does this run" is a field-by-field answer.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Fingerprint {
-    /// What it has in common with the other partitions of its output.
+    /// The part shared with the other partitions of its output.
     #[serde(flatten)]
     pub recipe: Arc<Recipe>,
-    /// The stage's name in the pipeline file, of which its seed depends.
+    /// The stage's name in the pipeline file, on which its seed depends.
     pub stage: String,
     /// The partition's key, which stages may use.
     pub partition: String,
@@ -73,7 +73,7 @@ pub struct Fingerprint {
     pub inputs: BTreeMap<String, BTreeMap<String, Digest>>,
     /// Digests of the files read outside the lake, by name.
     pub files: BTreeMap<String, Digest>,
-    /// What its listing found out, by name.
+    /// Facts found while it was listed, by name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub facts: BTreeMap<String, String>,
     /// The pipeline's seed.
@@ -86,7 +86,7 @@ pub struct Fingerprint {
 pub enum Cause {
     /// It was never made.
     New,
-    /// It was made, but its files are no longer whole in the lake.
+    /// It was made, but files in the lake are missing or damaged.
     Lost,
     /// `--fresh` asked for it.
     Forced,
@@ -132,13 +132,13 @@ pub enum Cause {
         /// Its digest now; `null` if it is not read.
         new: Option<Digest>,
     },
-    /// Something that was found out while the unit was listed.
+    /// A fact found while the unit was listed.
     Fact {
         /// Its name.
         fact: String,
-        /// What was found last time; `null` if nothing was.
+        /// Its value last time; `null` if there was none.
         old: Option<String>,
-        /// What was found now; `null` if nothing was.
+        /// Its value now; `null` if there is none.
         new: Option<String>,
     },
     /// The schema's version.
@@ -155,7 +155,7 @@ pub enum Cause {
         /// The seed now.
         new: u64,
     },
-    /// The stage's name, of which its seed depends.
+    /// The stage's name, on which its seed depends.
     Renamed {
         /// The name last time.
         old: String,
@@ -171,7 +171,7 @@ pub enum Cause {
     },
 }
 
-/// What happened to something that a unit reads.
+/// How an input of a unit changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Change {
@@ -184,7 +184,7 @@ pub enum Change {
 }
 
 impl Fingerprint {
-    /// Returns the digest by which the result is found.
+    /// Returns the digest under which the result is stored.
     pub fn digest(&self) -> Digest {
         self.digest_with(&self.recipe.digest())
     }
@@ -202,7 +202,7 @@ impl Fingerprint {
         fields.finish()
     }
 
-    /// Digests what is neither the recipe nor read of other stages.
+    /// Digests everything but the recipe and the inputs from other stages.
     fn digest_own(&self, fields: &mut Fields) {
         fields.text(&self.stage);
         fields.text(&self.partition);
@@ -215,8 +215,8 @@ impl Fingerprint {
         fields.number(self.seed);
     }
 
-    /// Returns the digest of everything but what is read of other stages, given the recipe's: units of
-    /// which it differs are never the same, whatever these make.
+    /// Returns the digest of everything but the inputs from other stages, given the recipe's
+    /// digest: units with different own digests differ whatever their inputs are.
     pub fn own_digest(&self, recipe: &Digest) -> Digest {
         let mut fields = Fields::new("own");
         fields.digest(recipe);
@@ -246,7 +246,7 @@ impl Fingerprint {
         causes
     }
 
-    /// Lists the parts that differ from `old`, but for what is read of other stages.
+    /// Lists the parts that differ from `old`, without inputs from other stages.
     pub(crate) fn own_differences(&self, old: &Self) -> Vec<Cause> {
         let mut causes = self.recipe.differences(&old.recipe);
         if self.stage != old.stage {
@@ -425,7 +425,7 @@ impl fmt::Display for Cause {
     }
 }
 
-/// Adds the old and the new value where there are both.
+/// Writes the old and the new value if both exist.
 fn from_to(f: &mut fmt::Formatter<'_>, old: Option<String>, new: Option<String>) -> fmt::Result {
     match (old, new) {
         (Some(old), Some(new)) => write!(f, " from {old} to {new}"),
@@ -433,7 +433,7 @@ fn from_to(f: &mut fmt::Formatter<'_>, old: Option<String>, new: Option<String>)
     }
 }
 
-/// The digits of a digest that people compare.
+/// The leading digits of a digest, for display.
 fn first_digits(digest: &str) -> String {
     digest.chars().take(12).collect()
 }

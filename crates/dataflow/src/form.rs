@@ -1,22 +1,21 @@
-//! What of a file's content decides.
+//! Canonical forms of files.
 
 use std::fmt;
 
 use crate::digest::{Digest, Fields};
 
-/// What of a file's content decides, where that is less than every byte: two files of equal form are
-/// the same to who reads them, whatever their comments and spaces.
+/// A canonical form of a file's content, digested in place of its bytes: files of equal form are
+/// equivalent to their reader, whatever their comments and spaces.
 #[derive(Clone, Copy)]
 pub struct Form {
-    /// What the file is read as, e.g. `robot`; no two forms have the same name.
+    /// The form's unique name, e.g. `robot`.
     pub name: &'static str,
-    /// Writes down everything that is read of the bytes; `None` if they cannot be read, so that every
-    /// byte counts.
+    /// Canonicalizes the bytes; `None` if they cannot be parsed, so that every byte counts.
     pub of: fn(&[u8]) -> Option<Vec<u8>>,
 }
 
 impl Form {
-    /// Returns the digest by which a file's content counts.
+    /// Returns the digest of a file's canonical form.
     pub(crate) fn digest(self, bytes: &[u8]) -> Digest {
         let Some(form) = (self.of)(bytes) else {
             return Digest::of_bytes(bytes);

@@ -1,4 +1,4 @@
-//! Stage kinds without their types, so that a pipeline can hold stages of every kind.
+//! Type-erased stage kinds, so that a pipeline can hold stages of every kind.
 
 use std::{any::Any, marker::PhantomData, ops::Range};
 
@@ -21,7 +21,7 @@ use crate::{
     unit::Unit,
 };
 
-/// One kind of stage: what `kind = "…"` in a pipeline file can name.
+/// One kind of stage, as named by `kind = "…"` in a pipeline file.
 #[derive(Clone, Copy)]
 pub struct Kind {
     /// The value of `kind`.
@@ -52,7 +52,7 @@ pub struct OptionInfo {
 
 /// A stage with its configuration.
 pub(crate) trait Configured: Send + Sync {
-    /// The configuration as the stage has it.
+    /// The typed configuration.
     fn options(&self) -> &dyn Any;
     /// The configuration without the paths of files that its units read.
     fn config(&self) -> Value;
@@ -65,7 +65,7 @@ pub(crate) trait Configured: Send + Sync {
     fn tell(&self, output_idx: usize, outcomes: &[&RecordOutcome]) -> Result<Told, MissingFigure>;
 }
 
-/// What is wrong with a stage's table.
+/// A fault in a stage's table.
 pub(crate) struct ConfigFault {
     pub(crate) message: String,
     pub(crate) span: Option<Range<usize>>,
@@ -74,7 +74,7 @@ pub(crate) struct ConfigFault {
 /// A configured stage with the outputs of it and of its report, and its generator.
 struct Whole<R: Report, G> {
     options: Config<R>,
-    /// The options as they count for fingerprints: written once, where that can fail.
+    /// The options as fingerprints hold them: serialized once, where that can fail.
     config: Value,
     outputs: Vec<Listed<R::Stage>>,
     generator: PhantomData<fn() -> G>,
@@ -110,9 +110,9 @@ fn outputs<R: Report>() -> Vec<Listed<R::Stage>> {
 }
 
 impl<R: Report, G> Whole<R, G> {
-    /// Takes the options of a stage's table.
+    /// Parses the options of a stage's table.
     fn read(table: InlineTable) -> Result<Self, ConfigFault> {
-        // As JSON every such number is `null`, and two recipes with different ones would be equal.
+        // Every such number is `null` in JSON, so that recipes with different ones would be equal.
         if let Some(fault) = not_finite(&table) {
             return Err(fault);
         }
@@ -207,12 +207,12 @@ impl Kind {
         Self::generated::<R, Recorded<R::Stage>>()
     }
 
-    /// Returns the kind of a stage with its report, of which a dataset can be generated.
+    /// Returns the kind of a stage with its report and the generator of its dataset.
     ///
     /// # Panics
     ///
-    /// Panics where an output of the stage or its report has no line or two, or
-    /// [`Output::OPTIONS`](crate::Output::OPTIONS) names what is no option.
+    /// Panics if an output of the stage or its report has no line or two, or
+    /// [`Output::OPTIONS`](crate::Output::OPTIONS) names an unknown option.
     pub fn generated<R: Report, G: Generator<Stage = R::Stage>>() -> Self {
         let kind = Self {
             name: R::Stage::KIND,
@@ -229,7 +229,7 @@ impl Kind {
         kind
     }
 
-    /// Makes sure that outputs name options that there are.
+    /// Checks that outputs name existing options.
     fn check_declared(&self) {
         let outputs = self.outputs();
         if outputs
@@ -302,7 +302,7 @@ fn collect_options(root: &Value, schema: &Value, prefix: &str, options: &mut Vec
             key: key.clone(),
             value: type_name(target),
             about: about.split_whitespace().collect::<Vec<_>>().join(" "),
-            // A table's is that of the options in it.
+            // A table has the defaults of its options.
             default: property
                 .get("default")
                 .filter(|_| target.get("properties").is_none())
@@ -355,7 +355,7 @@ mod tests {
         stage::{Output, Outputs, OwnLine},
     };
 
-    /// A stage with an option that cannot always be written.
+    /// A stage with an option that cannot always be serialized.
     enum Fixture {}
 
     #[derive(Debug, Deserialize, serde::Serialize, schemars::JsonSchema)]
@@ -392,7 +392,7 @@ mod tests {
         const OUTPUTS: Outputs<Self> = &[];
     }
 
-    /// A stage with one output: as it should be, with an option that there is not, without a line.
+    /// A stage with one output: valid, with an unknown option, or without a line.
     struct Declared<const FAULT: u8>;
 
     impl<const FAULT: u8> Stage for Declared<FAULT> {

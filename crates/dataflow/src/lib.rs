@@ -1,20 +1,20 @@
 //! Pipeline files, stages, units, fingerprints, plans and their execution.
 //!
-//! A pipeline file wires stages, and says of their options what differs from the defaults or from the file that
-//! it extends; a stage makes its outputs one partition at a time; each partition is
-//! a *unit* with a [`Fingerprint`] that holds everything its bytes depend on. A unit whose
-//! fingerprint the [`Store`] already knows is not made again; `plan` compares fingerprints field by
-//! field and so names the cause of every rerun.
+//! A pipeline file wires stages and overrides their default options, or those of the file that it
+//! extends. A stage makes its outputs one partition at a time; each partition is a *unit* with a
+//! [`Fingerprint`] that holds everything its bytes depend on. A unit whose fingerprint is in the
+//! [`Store`] is cached; `plan` compares fingerprints field by field and so names the cause of every
+//! rerun.
 //!
-//! A [`Stage`] is a list of [`Output`]s, each a type that says what it reads, what decides it, how it is
-//! made and what is said of it; the figures of its partitions are a type too, whose fields say how they
-//! gather ([`metrics!`]). A stage makes results; its [`Report`], in a crate of its own, has outputs that
-//! show them and lines that sum them up, so that what is said about a result is no part of its
-//! fingerprint. Neither is a [`Generator`], which makes
-//! the files that a stage reads.
+//! A [`Stage`] is a list of [`Output`]s, each a type that declares its inputs, the options it
+//! depends on, how it is made and how it is summarized. The metrics of its partitions are a type
+//! too, whose fields say how they aggregate ([`metrics!`]). A stage makes results; its [`Report`],
+//! in a separate crate, has outputs that show them and lines that summarize them, so that
+//! presentation is no part of a result's fingerprint. Neither is a [`Generator`], which makes the
+//! files that a stage reads.
 //!
 //! Invariants: equal fingerprints give equal bytes on any number of threads; an artifact appears
-//! whole or not at all; what a unit reads is checked against its digest before the unit starts.
+//! whole or not at all; the inputs of a unit are checked against their digests before it starts.
 //!
 //! What this crate deliberately does not know: hands, robots, Arrow, MCAP, terminals. It defines the
 //! [`Store`] that `lake` implements and the stream of [`Event`]s that the command line shows.

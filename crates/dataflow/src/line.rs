@@ -1,4 +1,4 @@
-//! The lines of `run`: what became of an output, in the user's terms.
+//! The lines of `run`: the outcome of an output, in the user's terms.
 
 use std::any::TypeId;
 
@@ -7,7 +7,7 @@ use crate::{
     summary::{Summary, Telling, telling},
 };
 
-/// How a report sums up one output of its stage, e.g. `24 recordings → 23 demonstrations`.
+/// How a report summarizes one output of its stage, e.g. `24 recordings → 23 demonstrations`.
 pub struct Line<O: Output>(pub fn(&Summary<O::Metrics>) -> String);
 
 /// The lines of a stage's outputs, one each.
@@ -15,9 +15,9 @@ pub type Lines<S> = &'static [&'static dyn LineOf<S>];
 
 /// A [`Line`] of an output of a stage without its type.
 pub trait LineOf<S: Stage>: Sync {
-    /// The output that it sums up.
+    /// The output that it summarizes.
     fn output(&self) -> TypeId;
-    /// Returns what sums up stored results.
+    /// Returns the function that summarizes stored results.
     fn telling(&self) -> Telling;
 }
 

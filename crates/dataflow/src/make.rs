@@ -25,7 +25,7 @@ use crate::{
     unit::Unit,
 };
 
-/// What became of one unit.
+/// The outcome of one unit.
 #[derive(Debug, Clone)]
 pub struct UnitReport {
     /// The partition's key.
@@ -39,7 +39,7 @@ pub struct UnitReport {
 }
 
 impl UnitReport {
-    /// Returns the event that says so.
+    /// Returns the event that reports it.
     pub(crate) fn event(&self, node: &NodeName) -> Event {
         Event::UnitDone {
             unit: UnitName::new(node, &self.partition),
@@ -53,16 +53,16 @@ impl UnitReport {
     }
 }
 
-/// Makes units in this process, or has them made.
+/// Makes units in this process or in others.
 pub(crate) struct Maker<'a> {
     pipeline: &'a Pipeline,
     store: &'a dyn Store,
     events: &'a Events<'a>,
     /// Number of units made at once; 0 for one per core.
     jobs: usize,
-    /// Where stages compute; the units themselves are gone through by threads of their own.
+    /// Threads in which stages compute; units are scheduled on separate threads.
     pool: OnceLock<rayon::ThreadPool>,
-    /// Outputs of which a damaged partition was made again after they were shown.
+    /// Outputs of which a damaged partition was rebuilt after they were published.
     mended: Mutex<BTreeSet<NodeName>>,
 }
 
@@ -83,7 +83,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Number of units that are made at once.
+    /// Number of units made at once.
     pub(crate) fn n_workers(&self) -> usize {
         match self.jobs {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
@@ -91,12 +91,12 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Outputs of which a partition was made again because its bytes were damaged.
+    /// Outputs of which a damaged partition was rebuilt.
     pub(crate) fn mended(&self) -> MutexGuard<'_, BTreeSet<NodeName>> {
         self.mended.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Makes a unit of which every input is made, and reports it.
+    /// Makes a unit whose inputs are all made, and reports it.
     pub(crate) fn make(
         &self,
         known: &State,
@@ -133,7 +133,7 @@ impl<'a> Maker<'a> {
             });
         };
         let making = self.store.begin(&digest, &name.to_string(), &waiting)?;
-        // Another process may have made it while this one waited for its turn.
+        // Another process may have made it while this one waited for the lock.
         if forced == Forced::No
             && let Some(outcome) = self.store.lookup(&digest)?
         {
@@ -172,7 +172,7 @@ impl<'a> Maker<'a> {
             })?
             .map_err(|source| stage.failure(Some(&unit.partition), source))?;
         if let Err(err) = self.check_unchanged(unit, &fingerprint) {
-            // What was left to go on from may come of the changed files.
+            // The resume state may derive from the changed files.
             making.start_over()?;
             return Err(err);
         }
@@ -188,7 +188,7 @@ impl<'a> Maker<'a> {
         })
     }
 
-    /// Makes sure that what the stage has read is what the fingerprint says that it has read.
+    /// Checks that the files have not changed since they were fingerprinted.
     fn check_unchanged(&self, unit: &Unit, fingerprint: &Fingerprint) -> Result<(), Failure> {
         for file in &unit.files {
             let form = unit.forms.get(&file.name).copied();
@@ -205,7 +205,7 @@ impl<'a> Maker<'a> {
         Ok(())
     }
 
-    /// Has a unit made by another process, finds its result in the store and reports it.
+    /// Has another process make a unit, looks up its result in the store and reports it.
     pub(crate) fn make_elsewhere(
         &self,
         state: &State,
@@ -235,7 +235,7 @@ impl<'a> Maker<'a> {
         let report = UnitReport {
             partition: unit.partition.clone(),
             fingerprint: digest,
-            // The record itself: what this process remembers may be older.
+            // The record itself: this process's cache may be older.
             outcome: Arc::new(self.store.remembered(&digest)?.ok_or_else(lost)?.outcome),
             made_now: done.made_now,
         };
@@ -255,7 +255,7 @@ impl<'a> Maker<'a> {
         Ok(self.pool.get_or_init(|| pool))
     }
 
-    /// Opens what a unit reads; a damaged artifact is made again first.
+    /// Opens the inputs of a unit; a damaged artifact is rebuilt first.
     fn inputs(&self, state: &State, node: &Node, unit: &Unit) -> Result<Inputs, Failure> {
         let mut artifacts = BTreeMap::new();
         for (input, keys) in &unit.reads {
@@ -292,7 +292,7 @@ impl<'a> Maker<'a> {
         Ok(Inputs::new(artifacts, unit.files.clone()).with_facts(unit.facts.clone()))
     }
 
-    /// Makes a damaged artifact again from what it was made of; equal fingerprints give equal bytes.
+    /// Rebuilds a damaged artifact from its inputs; equal fingerprints give equal bytes.
     fn make_again(
         &self,
         state: &State,
@@ -320,12 +320,12 @@ impl<'a> Maker<'a> {
     }
 }
 
-/// Makes one unit of a pipeline of which everything that it reads is in the store, as a process does
-/// that shares nothing with the run but the store and the pipeline's file.
+/// Makes one unit of a pipeline whose inputs are all in the store, in a process that shares only
+/// the store and the pipeline file with the run.
 ///
 /// # Errors
 ///
-/// Fails if there is no such unit, if something that it reads is not made yet, or if its stage fails.
+/// Fails if there is no such unit, if one of its inputs is not made yet, or if its stage fails.
 pub fn make_one(
     pipeline: &Pipeline,
     store: &dyn Store,
@@ -366,7 +366,7 @@ pub fn make_one(
             partition: partition.to_owned(),
             known: units.iter().map(|unit| unit.partition.clone()).collect(),
         })?;
-    // What is yet to be made may change what the unit reads.
+    // Inputs that are not made yet may change what the unit reads.
     if sure != Sure::Whole
         && let Some(open) = state.first_open(node)
     {

@@ -1,33 +1,33 @@
-//! Figures about partitions, and how they gather over the partitions of an output.
+//! Metrics of partitions, and their aggregation over the partitions of an output.
 
 use std::{collections::BTreeMap, marker::PhantomData};
 
-/// Figures by name, as they are stored.
+/// Metrics by name, as they are stored.
 pub type Figures = BTreeMap<String, f64>;
 
-/// A stored partition lacks a figure that its output promises.
+/// A stored partition lacks a metric that its output declares.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("it has no figure `{0}`")]
 pub struct MissingFigure(pub String);
 
-/// The figures of one partition, or of all partitions of an output together.
+/// The metrics of one partition, or of all partitions of an output together.
 ///
 /// [`metrics!`](crate::metrics!) declares a struct of them.
 pub trait Metrics: Sized + 'static {
-    /// Adds every figure under its name.
+    /// Adds every metric under its name.
     fn write(&self, figures: &mut Figures);
 
     /// Reads what [`Metrics::write`] wrote.
     ///
     /// # Errors
     ///
-    /// Fails if a figure that every partition has is missing.
+    /// Fails if a required metric is missing.
     fn read(figures: &Figures) -> Result<Self, MissingFigure>;
 
-    /// Gathers the figures of partitions, in their order.
+    /// Aggregates the metrics of partitions, in their order.
     fn gather(partitions: &[Self]) -> Self;
 
-    /// Returns every figure by name.
+    /// Returns every metric by name.
     fn figures(&self) -> Figures {
         let mut figures = Figures::new();
         self.write(&mut figures);
@@ -35,7 +35,7 @@ pub trait Metrics: Sized + 'static {
     }
 }
 
-/// An output about which no figure is said.
+/// An output without metrics.
 impl Metrics for () {
     fn write(&self, _figures: &mut Figures) {}
 
@@ -46,48 +46,48 @@ impl Metrics for () {
     fn gather(_partitions: &[Self]) -> Self {}
 }
 
-/// What a field of [`metrics!`](crate::metrics!) holds, and how it gathers over partitions.
+/// The type of a field of [`metrics!`](crate::metrics!), and its aggregation over partitions.
 pub trait Gather {
     /// The field's type.
     type Value;
 
-    /// Adds the field's figures, which are named by the field.
+    /// Adds the field's metrics, which are named by the field.
     fn write(field: &str, value: &Self::Value, figures: &mut Figures);
 
     /// Reads what [`Gather::write`] wrote.
     ///
     /// # Errors
     ///
-    /// Fails if a figure that every partition has is missing.
+    /// Fails if a required metric is missing.
     fn read(field: &str, figures: &Figures) -> Result<Self::Value, MissingFigure>;
 
-    /// Gathers the values of partitions, in their order.
+    /// Aggregates the values of partitions, in their order.
     fn gather<'a>(values: impl Iterator<Item = &'a Self::Value>) -> Self::Value
     where
         Self::Value: 'a;
 }
 
-/// One number per partition that gathers into one number.
+/// One number per partition that aggregates into one number.
 pub trait Figure {
-    /// Gathers the numbers of partitions, in their order; 0 of none.
+    /// Aggregates the numbers of partitions, in their order; 0 for none.
     fn of(numbers: impl Iterator<Item = f64>) -> f64;
 }
 
-/// Adds up: counts, and what is counted in a unit.
+/// Sum, for counts and other additive quantities.
 #[derive(Debug, Clone, Copy)]
 pub enum Sum {}
 
-/// Takes the mean over the partitions.
+/// Mean over the partitions.
 #[derive(Debug, Clone, Copy)]
 pub enum Mean {}
 
-/// Takes the largest.
+/// Maximum.
 #[derive(Debug, Clone, Copy)]
 pub enum Max {}
 
 impl Figure for Sum {
     fn of(numbers: impl Iterator<Item = f64>) -> f64 {
-        // Not `Iterator::sum`, which is -0 of nothing.
+        // Not `Iterator::sum`, which is -0 for no numbers.
         numbers.fold(0.0, |sum, number| sum + number)
     }
 }
@@ -105,7 +105,7 @@ impl Figure for Max {
     }
 }
 
-/// A figure that every partition has.
+/// A required metric.
 impl<F: Figure> Gather for F {
     type Value = f64;
 
@@ -123,7 +123,7 @@ impl<F: Figure> Gather for F {
     }
 }
 
-/// A figure that some partitions have: it gathers over these, and is absent where none has it.
+/// An optional metric: aggregated over the partitions that have it, absent if none does.
 impl<F: Figure> Gather for Option<F> {
     type Value = Option<f64>;
 
@@ -142,7 +142,7 @@ impl<F: Figure> Gather for Option<F> {
     }
 }
 
-/// The figures of another struct, under their own names.
+/// The metrics of another struct, under their own names.
 pub struct With<M>(PhantomData<M>);
 
 impl<M: Metrics + Clone> Gather for With<M> {
@@ -161,12 +161,12 @@ impl<M: Metrics + Clone> Gather for With<M> {
     }
 }
 
-/// Declares the figures of an output: each field with how it gathers over partitions, a [`Gather`]
-/// such as [`Sum`], [`Mean`], [`Max`], `Option` of one for a figure that some partitions lack, or
+/// Declares the metrics of an output: each field with its aggregation over partitions, a [`Gather`]
+/// such as [`Sum`], [`Mean`], [`Max`], `Option` of one for a metric that some partitions lack, or
 /// [`With`].
 ///
-/// What follows from other figures, as a rate from two counts, is `derived`: it is stored beside them,
-/// and computed again from what they gather to.
+/// A metric computed from others, such as a rate from two counts, is `derived`: it is stored beside
+/// them, and recomputed from their aggregates.
 ///
 /// # Examples
 ///
@@ -243,7 +243,7 @@ mod tests {
     use super::*;
 
     crate::metrics! {
-        /// One figure of each kind.
+        /// One metric of each kind.
         struct Fixture {
             n: Sum,
             error_m: Mean,

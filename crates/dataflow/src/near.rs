@@ -1,9 +1,9 @@
-//! "Did you mean": the nearest of some names, and of the files that are there.
+//! "Did you mean": the nearest known name or existing file.
 
 use std::{env, fs, path::Path};
 
-/// Returns what to do about a file or folder that is not there: the near name in its folder, if there is
-/// one, and which folder the path was taken relative to.
+/// Returns the hint for a missing file or folder: a near name in its folder, if there is one, and
+/// the folder that the path is relative to.
 pub fn missing(path: &Path) -> String {
     let near = near_path(path).map_or_else(String::new, |near| format!("did you mean `{near}`? "));
     if path.is_absolute() {
@@ -17,7 +17,7 @@ pub fn missing(path: &Path) -> String {
     format!("{near}the path is taken relative to {here}")
 }
 
-/// Returns the path with the first part that is not there replaced by a near name that is.
+/// Returns the path with its first missing component replaced by a near existing name.
 fn near_path(path: &Path) -> Option<String> {
     if path.exists() {
         return None;

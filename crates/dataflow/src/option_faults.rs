@@ -1,11 +1,11 @@
-//! What is wrong with a stage's options beyond their types.
+//! Faults of a stage's options beyond their types.
 
 use std::{
     fmt::{Debug, Display},
     ops::RangeInclusive,
 };
 
-/// What is wrong with one option of a stage.
+/// A fault of one option of a stage.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OptionFault {
     /// Dotted key in the stage's table, e.g. `training.epochs`.
@@ -14,7 +14,7 @@ pub struct OptionFault {
     pub problem: String,
 }
 
-/// Goes over a stage's options and gathers what is wrong with them.
+/// Checks a stage's options and collects their faults.
 ///
 /// ```
 /// let mut faults = dataflow::OptionFaults::default();
@@ -33,8 +33,8 @@ pub struct OptionFaults {
 }
 
 impl OptionFaults {
-    /// Notes an option that is not within these bounds, and `why` they are where they are. What is no
-    /// number is within none.
+    /// Reports an option outside these bounds, and `why` the bounds are what they are. NaN is
+    /// outside all bounds.
     pub fn within<N: PartialOrd + Copy + Debug + Display>(
         &mut self,
         key: &str,
@@ -49,7 +49,7 @@ impl OptionFaults {
         }
     }
 
-    /// Notes a number that is not more than `bound` and at most `most`, and `why`.
+    /// Reports a number outside (`bound`, `most`], and `why`.
     pub fn above(&mut self, key: &str, value: f64, bound: f64, most: f64, why: &str) {
         if !(value > bound && value <= most) {
             let problem =
@@ -58,7 +58,7 @@ impl OptionFaults {
         }
     }
 
-    /// Notes that something is wrong with an option.
+    /// Reports a fault of an option.
     pub fn note(&mut self, key: &str, problem: impl Into<String>) {
         self.found.push(OptionFault {
             key: key.to_owned(),
@@ -66,7 +66,7 @@ impl OptionFaults {
         });
     }
 
-    /// Adds what is wrong with the options of a table inside the stage's, e.g. `training`.
+    /// Adds the faults of a table inside the stage's, e.g. `training`.
     pub fn of_table(&mut self, table: &str, found: Vec<OptionFault>) {
         self.found
             .extend(found.into_iter().map(|fault| OptionFault {
@@ -75,7 +75,7 @@ impl OptionFaults {
             }));
     }
 
-    /// Returns what was noted.
+    /// Returns the faults reported so far.
     pub fn found(self) -> Vec<OptionFault> {
         self.found
     }

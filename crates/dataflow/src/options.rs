@@ -7,29 +7,29 @@ use crate::{error::Failure, graph::Node, pipeline::Pipeline};
 pub struct RunOptions {
     /// Stop after this stage.
     pub until: Option<String>,
-    /// Go through this stage alone; what it reads must be in the store.
+    /// Run only this stage; its inputs must be in the store.
     pub only: Option<String>,
-    /// Make the units of these stages again, even if their results are in the store.
+    /// Rerun these stages, even if their results are in the store.
     pub fresh: Vec<String>,
-    /// Make every unit again.
+    /// Rerun every stage.
     pub fresh_all: FreshAll,
     /// Number of worker threads; 0 for one per core.
     pub jobs: usize,
 }
 
-/// Whether results that are in the store count.
+/// Whether stored results are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FreshAll {
-    /// They are used.
+    /// Stored results are used.
     #[default]
     UseStore,
-    /// Everything is made again.
+    /// Everything is rerun.
     MakeAgain,
 }
 
 impl RunOptions {
-    /// Returns the outputs to go through: with `only`, also those that its stage depends on, which
-    /// are recalled and not made.
+    /// Returns the outputs to visit: with `only`, also those that its stage depends on, which are
+    /// recalled and not made.
     pub(crate) fn nodes<'p>(&self, pipeline: &'p Pipeline) -> Result<Vec<&'p Node>, Failure> {
         for name in self.until.iter().chain(&self.only).chain(&self.fresh) {
             if pipeline.find(name).is_none() {
@@ -62,7 +62,7 @@ impl RunOptions {
         self.only.as_ref().is_some_and(|only| only != stage)
     }
 
-    /// Whether a stage's units are made although their results are in the store.
+    /// Whether a stage's units are made even if their results are in the store.
     pub(crate) fn is_forced(&self, stage: &str) -> bool {
         let named = self.fresh.iter().any(|fresh| fresh == stage);
         (named || self.fresh_all == FreshAll::MakeAgain) && !self.only_recalls(stage)

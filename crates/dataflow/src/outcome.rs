@@ -1,4 +1,4 @@
-//! What became of one partition.
+//! The outcome of one partition.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +14,7 @@ pub fn labels<const N: usize>(labels: [(&str, &str); N]) -> Labels {
         .into()
 }
 
-/// What became of one partition.
+/// The outcome of one partition.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome<M = Figures> {
     /// The files in [`Context::folder`](crate::Context::folder) are the artifact.
@@ -24,37 +24,37 @@ pub enum Outcome<M = Figures> {
         /// Why, as one sentence without a final period.
         reason: String,
     },
-    /// The configuration asks to leave this item out; listed, and no fault.
+    /// The configuration excludes this item; listed, but not a fault.
     Filtered {
         /// Why, as one sentence without a final period.
         reason: String,
     },
 }
 
-/// What is said about a partition beside its files.
+/// Labels and metrics of a partition, beside its files.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Made<M = Figures> {
-    /// Facts by which later stages choose partitions, as
-    /// [`Output::labels`](crate::Output::labels) foretells them.
+    /// Facts by which later stages choose partitions, as predicted by
+    /// [`Output::labels`](crate::Output::labels).
     pub labels: Labels,
-    /// Figures for the output's line and for comparing runs.
+    /// Metrics for the output's line and for comparing runs.
     pub metrics: M,
 }
 
 impl<M> Outcome<M> {
-    /// Returns that the files are the artifact, and what is said about it.
+    /// Returns a made outcome with its labels and metrics.
     pub fn made(labels: Labels, metrics: M) -> Self {
         Self::Made(Made { labels, metrics })
     }
 
-    /// Returns that an item cannot be used, and why.
+    /// Returns a skipped outcome with its reason.
     pub fn skipped(reason: impl Into<String>) -> Self {
         Self::Skipped {
             reason: reason.into(),
         }
     }
 
-    /// Returns that the configuration leaves an item out, and why.
+    /// Returns a filtered outcome with its reason.
     pub fn filtered(reason: impl Into<String>) -> Self {
         Self::Filtered {
             reason: reason.into(),
@@ -63,7 +63,7 @@ impl<M> Outcome<M> {
 }
 
 impl<M: Metrics> Outcome<M> {
-    /// Returns the outcome with its figures as they are stored.
+    /// Returns the outcome with its metrics as they are stored.
     pub fn stored(self) -> Outcome {
         match self {
             Self::Made(made) => Outcome::made(made.labels, made.metrics.figures()),

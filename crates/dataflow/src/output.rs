@@ -1,17 +1,17 @@
-//! What is said of an output: its names, its code, the options that decide it.
+//! Metadata of an output: its names, its code, the options it depends on.
 
 use crate::code::Code;
 
-/// Whether units of an output may be made at the same time.
+/// Whether units of an output may run concurrently.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Execution {
     /// As many at once as there are workers.
     Parallel,
-    /// One after the other, and none after a failure: units that move a robot.
+    /// One after the other, and none after a failure, for units that move a robot.
     OneByOne,
 }
 
-/// The options of a stage that decide an output, by their names in its table.
+/// The options of a stage that an output depends on, by their names in its table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Options {
     /// All of them.
@@ -23,10 +23,10 @@ pub enum Options {
 }
 
 impl Options {
-    /// None of them: what an output goes by that shows others, as a report does.
+    /// None of them: for an output that only shows others, such as a report.
     pub const NONE: Self = Self::Only(&[]);
 
-    /// Whether an option is one of them.
+    /// Whether an option is among them.
     pub(crate) fn contain(self, option: &str) -> bool {
         match self {
             Self::All => true,
@@ -35,7 +35,7 @@ impl Options {
         }
     }
 
-    /// The options that are named.
+    /// The named options.
     pub(crate) fn named(self) -> &'static [&'static str] {
         match self {
             Self::All => &[],
@@ -44,7 +44,7 @@ impl Options {
     }
 }
 
-/// An output, for whoever goes through the graph.
+/// The metadata of an output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OutputInfo {
     /// The artifact's name.
@@ -53,10 +53,10 @@ pub struct OutputInfo {
     pub schema: &'static str,
     /// What one partition stands for.
     pub partition: &'static str,
-    /// Whether its units may be made at the same time.
+    /// Whether its units may run concurrently.
     pub execution: Execution,
-    /// The sources that decide it.
+    /// The sources it depends on.
     pub code: Code,
-    /// The options that decide it.
+    /// The options it depends on.
     pub options: Options,
 }

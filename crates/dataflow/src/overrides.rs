@@ -1,10 +1,10 @@
-//! Values given on the command line: `--set stage.key=value`, or several to go through.
+//! Values given on the command line: `--set stage.key=value`, or several to sweep over.
 
 use std::{fmt, str::FromStr};
 
 use toml_edit::Value;
 
-/// One value that replaces what the pipeline file says.
+/// One value that overrides the pipeline file.
 #[derive(Debug, Clone)]
 pub struct Override {
     /// The stage, or `None` for a key at the top of the file, e.g. `seed`.
@@ -14,14 +14,14 @@ pub struct Override {
     pub(crate) value: Value,
 }
 
-/// Text that is no override.
+/// Text that is not an override.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OverrideError {
     /// No path of keys, or no value.
     #[error("`{0}` is not of the form `stage.key=value`")]
     Malformed(String),
-    /// A list of values with nothing between two commas or at an end.
+    /// A list with an empty value.
     #[error("`{0}` has an empty value in its list")]
     EmptyValue(String),
 }
@@ -29,7 +29,7 @@ pub enum OverrideError {
 impl FromStr for Override {
     type Err = OverrideError;
 
-    /// Reads `stage.key=value`; a value that is no TOML is taken as text, so that paths need no
+    /// Reads `stage.key=value`; a value that is not TOML is taken as text, so that paths need no
     /// quotes.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let (path, value) = split(text)?;
@@ -48,7 +48,7 @@ impl Override {
             .collect();
         let keys = keys.join(".");
         let value = match &self.value {
-            // Quotes are only needed by text that would be something else without them.
+            // Only text that would parse as another type needs quotes.
             Value::String(text) if parse_value(text.value()).is_none() => text.value().clone(),
             other => other.to_string().trim().to_owned(),
         };
@@ -70,7 +70,7 @@ impl fmt::Display for Override {
     }
 }
 
-/// Where a value goes.
+/// The target of a value.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct KeyPath {
     pub(crate) stage: Option<String>,
@@ -87,7 +87,7 @@ impl KeyPath {
     }
 }
 
-/// Splits `stage.key=value` into where and what.
+/// Splits `stage.key=value` into path and value.
 pub(crate) fn split(text: &str) -> Result<(KeyPath, &str), OverrideError> {
     let malformed = || OverrideError::Malformed(text.to_owned());
     let (path, value) = text.split_once('=').ok_or_else(malformed)?;

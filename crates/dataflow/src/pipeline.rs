@@ -24,7 +24,7 @@ use crate::{
 
 /// A pipeline file, parsed and checked.
 pub struct Pipeline {
-    /// The file's name without its ending: names the pipeline in the lake.
+    /// The file's stem: names the pipeline in the lake.
     pub name: String,
     /// Seed of everything random.
     pub seed: u64,
@@ -50,7 +50,7 @@ pub struct StageEntry {
 }
 
 impl StageEntry {
-    /// Makes ready what lies outside the lake.
+    /// Prepares resources outside the lake.
     pub(crate) fn prepare(&self) -> Result<(), Failure> {
         let prepared = self.configured.prepare();
         prepared.map_err(|source| self.failure(None, source))
@@ -62,7 +62,7 @@ impl StageEntry {
         units.map_err(|source| self.failure(None, source))
     }
 
-    /// Says that the stage refused to go on, at a partition or before all of them.
+    /// Returns the failure of the stage, at a partition or before all of them.
     pub(crate) fn failure(&self, partition: Option<&str>, source: Advised) -> Failure {
         let lacking = source.0.lacks().and_then(|input| self.inputs.get(input));
         Failure::Stage {
@@ -73,8 +73,7 @@ impl StageEntry {
         }
     }
 
-    /// Returns the configuration of a stage of kind `S`, with all that the file says; `None` for a stage of
-    /// another kind.
+    /// Returns the full configuration of a stage of kind `S`; `None` for another kind.
     pub fn options<S: Stage>(&self) -> Option<&S::Config> {
         let is_one = self.kind.name == S::KIND;
         let options = self.configured.options();
@@ -86,7 +85,7 @@ impl StageEntry {
         self.configured.config()
     }
 
-    /// Returns these of its options as they count for fingerprints.
+    /// Returns the given options as fingerprints hold them.
     pub(crate) fn config_of(&self, options: Options) -> serde_json::Value {
         let mut config = self.config();
         if let serde_json::Value::Object(known) = &mut config {
@@ -130,7 +129,7 @@ impl Pipeline {
         nodes.filter(|node| wanted.contains(&node.name)).collect()
     }
 
-    /// Has each stage of these nodes look at what it needs beside its inputs.
+    /// Has each stage of these nodes prepare its resources outside the lake.
     pub(crate) fn prepare(&self, nodes: &[&Node]) -> Result<(), Failure> {
         for stage in &self.stages {
             if nodes.iter().any(|node| node.name.stage == stage.name) {

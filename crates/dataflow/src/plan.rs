@@ -1,11 +1,11 @@
 //! What a run would do, and why.
 //!
-//! A unit whose fingerprint is known either is in the store or runs. A unit that reads something yet
-//! to be made has no fingerprint yet: it runs perhaps, since equal bytes stop a rerun. And where
-//! open partitions decide which units there are (they may be skipped, or their labels may change),
-//! every unit that depends on it runs perhaps, too. A unit that is there in any case and of which
-//! something of its own differs from all that was ever made, as a file that it reads, runs whatever it
-//! waits for gives. So a run makes exactly what is certain here, and some of what is possible.
+//! A unit whose fingerprint is known is either cached or runs. A unit with an input that is not
+//! made yet has no fingerprint: it may run, since a rerun of equal bytes stops there. If open
+//! partitions decide which units exist (they may be skipped, or their labels may change), every
+//! unit that depends on them may run, too. A unit that exists in any case, and of which its own
+//! part (such as a file that it reads) matches no stored unit, runs whatever its inputs turn out to
+//! be. So a run makes every unit that is certain here, and some of those that are possible.
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
@@ -41,10 +41,9 @@ pub struct Plan {
 pub struct PlannedNode {
     /// The output.
     pub node: NodeName,
-    /// Its units; `None` if they are only known when what it reads has been made.
+    /// Its units; `None` if they are only known once its inputs are made.
     pub units: Option<Vec<PlannedUnit>>,
-    /// Whether units that are not listed may turn up, because labels by which they are chosen may
-    /// change.
+    /// Whether unlisted units may be added, because the labels that select them may change.
     pub may_grow: bool,
 }
 
@@ -66,18 +65,17 @@ pub enum UnitState {
     Cached,
     /// It would run.
     Run {
-        /// Everything that differs from the last time; where it waits for something, everything that
-        /// differs already.
+        /// Every difference from the last time; while it waits, those known so far.
         causes: Vec<Cause>,
         /// The outputs it waits for.
         #[serde(skip_serializing_if = "Vec::is_empty")]
         upstream: Vec<NodeName>,
     },
-    /// It would run unless what it depends on comes out as before.
+    /// It would run unless its inputs come out unchanged.
     Perhaps {
         /// The outputs it waits for.
         upstream: Vec<NodeName>,
-        /// What differs from the last time already.
+        /// Differences from the last time that are known so far.
         causes: Vec<Cause>,
     },
 }
@@ -93,7 +91,7 @@ impl Plan {
     }
 }
 
-/// Finds out what a run would do, and makes nothing.
+/// Predicts what a run would do, and makes nothing.
 ///
 /// # Errors
 ///
@@ -131,7 +129,7 @@ struct Planner<'a> {
     /// The names of the pipeline's stages.
     stages: BTreeSet<&'a str>,
     state: State<'a>,
-    /// Outputs whose partitions are not known before something else has run.
+    /// Outputs whose partitions are unknown until others have run.
     unknown: Vec<NodeName>,
 }
 
@@ -211,7 +209,7 @@ impl Planner<'_> {
         })
     }
 
-    /// Says whether a unit would run, and what it gave if it is in the store.
+    /// Returns whether a unit would run, and its result if it is in the store.
     fn unit(
         &self,
         node: &Node,
@@ -267,7 +265,7 @@ impl Planner<'_> {
         self.last.get(&node.name)?.get(partition)
     }
 
-    /// What differs from the last time; a unit of which nothing differs has lost its files.
+    /// The differences from the last time; a unit without differences has lost its files.
     fn causes(&self, node: &Node, fingerprint: &Fingerprint) -> Result<Vec<Cause>, Failure> {
         let Some(last) = self.last(node, &fingerprint.partition) else {
             let renamed = self.renamed(node, fingerprint)?;
@@ -287,8 +285,8 @@ impl Planner<'_> {
         })
     }
 
-    /// What differs from the last time in a unit of which not everything is known yet, and whether that
-    /// alone makes it another unit than any in the store.
+    /// The known differences from the last time of a unit whose fingerprint is incomplete, and
+    /// whether they alone tell it from every stored unit.
     fn causes_so_far(&self, node: &Node, unit: &Unit) -> Result<(Vec<Cause>, bool), Failure> {
         let Some((own, _)) = self.state.own_fingerprint(node, unit)? else {
             return Ok((Vec::new(), false));
@@ -306,8 +304,8 @@ impl Planner<'_> {
         Ok((causes, is_new))
     }
 
-    /// Finds the unit of a stage that is no longer in the pipeline and differs from this one by its
-    /// name and by what it read alone; of several the one that differs least.
+    /// Finds the unit of a removed stage that differs from this one only by name and inputs; of
+    /// several, the one that differs least.
     fn renamed(&self, node: &Node, unit: &Fingerprint) -> Result<Option<Fingerprint>, Failure> {
         let mut found: Option<(usize, Fingerprint)> = None;
         for (name, units) in &self.last {
@@ -341,7 +339,7 @@ impl Planner<'_> {
         Ok(outcome.map_or_else(Labels::new, |outcome| outcome.labels()))
     }
 
-    /// The outputs of which a unit reads a partition that is yet to be made.
+    /// The outputs of which a unit reads a partition that is not made yet.
     fn waits_for(&self, node: &Node, unit: &Unit) -> Vec<NodeName> {
         let is_open = |source: &NodeName, key: &String| {
             matches!(self.state.known(source, key), Some(Known::Open { .. }))
@@ -356,7 +354,7 @@ impl Planner<'_> {
             .collect()
     }
 
-    /// The outputs that a node reads and that are not all made.
+    /// The incomplete outputs among a node's inputs.
     fn open_inputs(&self, node: &Node) -> Vec<NodeName> {
         let sources = node.reads.values();
         sources

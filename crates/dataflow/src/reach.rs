@@ -1,4 +1,4 @@
-//! What a pipeline file, as it stands, still uses.
+//! The units reachable from a pipeline file.
 
 use crate::{
     digest::Digest,

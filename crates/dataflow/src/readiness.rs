@@ -1,4 +1,4 @@
-//! Whether the stages of a pipeline can begin: their options, and what they read outside the lake.
+//! Readiness of a pipeline's stages: their options and their files outside the lake.
 
 use std::{collections::BTreeSet, fs, path::Path};
 
@@ -13,24 +13,24 @@ use crate::{
 pub struct Readiness {
     /// The stage's name.
     pub stage: String,
-    /// What it finds outside the lake, or why it cannot begin.
+    /// Its resources outside the lake, or why it cannot begin.
     pub found: Result<Outside, Failure>,
 }
 
-/// What a stage finds outside the lake.
+/// A stage's resources outside the lake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Outside {
-    /// Units of the output that has the most of them, and what one of them stands for; `None` for a
-    /// stage that reads other stages, whose units are only known when those have run.
+    /// Number of units of the stage's largest output, and what one of them stands for; `None` for a
+    /// stage with inputs, whose units are only known once those are made.
     pub units: Option<(usize, &'static str)>,
-    /// Files that the units of all its outputs read.
+    /// Number of files that the units of all its outputs read.
     pub n_files: usize,
 }
 
-/// Tells for each stage, in the order of the file, whether it can begin.
+/// Returns for each stage, in file order, whether it can begin.
 ///
-/// Every stage makes ready what lies outside the lake, as it does before a plan. A stage without
-/// inputs lists its units too, and every file that they read must be there.
+/// Every stage prepares its resources outside the lake, as before a plan. A stage without inputs
+/// lists its units too, and every file that they read must exist.
 pub fn readiness(pipeline: &Pipeline) -> Vec<Readiness> {
     pipeline
         .stages

@@ -1,4 +1,4 @@
-//! Results of units, as they are kept.
+//! Stored results of units.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use crate::{
     outcome::Labels,
 };
 
-/// One file of an artifact: its bytes are found by their digest.
+/// One file of an artifact, stored under its digest.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileRef {
     /// Digest of the bytes.
@@ -20,7 +20,7 @@ pub struct FileRef {
     pub size: u64,
 }
 
-/// What became of a unit, kept under its fingerprint.
+/// The outcome of a unit, stored under its fingerprint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Record {
     /// Everything that the result depends on.
@@ -39,7 +39,7 @@ pub enum RecordOutcome {
         files: BTreeMap<String, FileRef>,
         /// Facts by which later stages choose partitions.
         labels: Labels,
-        /// Counts and figures.
+        /// Counts and other metrics.
         metrics: Figures,
     },
     /// The item could not be used.
@@ -47,7 +47,7 @@ pub enum RecordOutcome {
         /// Why.
         reason: String,
     },
-    /// The configuration leaves the item out.
+    /// The configuration excludes the item.
     Filtered {
         /// Why.
         reason: String,
@@ -60,7 +60,7 @@ impl RecordOutcome {
         matches!(self, Self::Made { .. })
     }
 
-    /// Returns what became of the item: `made`, `skipped` or `filtered`.
+    /// Returns the outcome in one word: `made`, `skipped` or `filtered`.
     pub fn word(&self) -> &'static str {
         match self {
             Self::Made { .. } => "made",

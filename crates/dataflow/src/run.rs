@@ -1,4 +1,4 @@
-//! Running a pipeline: units that are not in the store are made.
+//! Running a pipeline: makes the units that are not in the store.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -32,7 +32,8 @@ use crate::{
 /// What a run did.
 #[derive(Debug, Clone)]
 pub struct RunReport {
-    /// The run's number in the store; `None` if it found everything as an earlier run had left it.
+    /// The run's number in the store; `None` if everything was cached and unchanged since an
+    /// earlier run.
     pub run: Option<u64>,
     /// Every output.
     pub nodes: Vec<NodeReport>,
@@ -52,7 +53,7 @@ impl RunReport {
     }
 }
 
-/// What became of one output.
+/// The outcome of one output.
 #[derive(Debug, Clone)]
 pub struct NodeReport {
     /// The output.
@@ -61,7 +62,7 @@ pub struct NodeReport {
     pub summary: Summary,
     /// The stage's own line about it.
     pub description: String,
-    /// Whether people see its partitions: they do not where the run failed in it.
+    /// Whether its partitions are published: not if the run failed in it.
     pub shown: bool,
     /// Units that this run made.
     pub n_made_now: usize,
@@ -71,11 +72,11 @@ pub struct NodeReport {
     pub seconds: f64,
 }
 
-/// Runs a pipeline; `elsewhere` makes its units, or, where there is none, the threads of this process.
+/// Runs a pipeline; `elsewhere` makes its units, or the threads of this process if there is none.
 ///
 /// # Errors
 ///
-/// Fails if a stage fails or the store cannot be used; what was made before stays in the store.
+/// Fails if a stage fails or the store cannot be used; results stored before the failure stay.
 pub fn run(
     pipeline: &Pipeline,
     store: &dyn Store,
@@ -115,13 +116,13 @@ struct Runner<'a> {
     maker: Maker<'a>,
     state: State<'a>,
     reports: Vec<NodeReport>,
-    /// The run's number, from the moment in which it first makes something.
+    /// The run's number, assigned when it first makes something.
     number: Option<u64>,
 }
 
 impl Runner<'_> {
     fn go_through(&mut self, nodes: &[&Node]) -> Result<(), Failure> {
-        // What the last stage cannot do is said before the first one works for an hour.
+        // A fault of the last stage is reported before the first one works for an hour.
         self.pipeline.prepare(nodes)?;
         for node in nodes {
             let stage = self.pipeline.stage(node);
@@ -135,7 +136,7 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Shows what was mended, and stops showing what the pipeline no longer makes.
+    /// Publishes rebuilt outputs, and unpublishes those no longer in the pipeline.
     fn tidy(&self) -> Result<(), Failure> {
         let mended = self.maker.mended().clone();
         for report in &self.reports {
@@ -230,7 +231,7 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Returns a unit's result if it is in the store and counts.
+    /// Returns a unit's stored result, unless a rerun is forced.
     fn found(&self, node: &Node, unit: &Unit) -> Result<Option<UnitReport>, Failure> {
         if self.options.is_forced(&node.name.stage) {
             return Ok(None);
@@ -247,14 +248,14 @@ impl Runner<'_> {
         }))
     }
 
-    /// Makes units, as many at once as there are workers; after a failure none is started.
+    /// Makes units on all workers; starts none after a failure.
     fn make(
         &self,
         node: &Node,
         stage: &StageEntry,
         units: &[&Unit],
     ) -> Vec<Result<UnitReport, Failure>> {
-        // What moves a robot is done one after the other, and does not go on after a failure.
+        // Units that move a robot run one after the other, and stop at a failure.
         let n_workers = match node.output.execution {
             Execution::Parallel => self.maker.n_workers(),
             Execution::OneByOne => 1,
@@ -273,7 +274,7 @@ impl Runner<'_> {
         })
     }
 
-    /// Notes in the store, once, that this run makes something.
+    /// Registers the run in the store, once, when it first makes something.
     fn begin(&mut self) -> Result<(), Failure> {
         if self.number.is_none() {
             self.number = Some(self.store.begin_run(&self.record(RunStatus::Running))?);
@@ -281,7 +282,7 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Keeps what the run did, unless it found everything as an earlier run had left it.
+    /// Records the run, unless everything was cached and unchanged since an earlier run.
     fn finish(self, outcome: Result<(), Failure>) -> Result<RunReport, Failure> {
         let name = &self.pipeline.name;
         let is_unchanged = outcome.is_ok()
@@ -298,7 +299,7 @@ impl Runner<'_> {
                 }
             }
         };
-        // Why the run failed says more than why it could not be recorded.
+        // The failure of the run matters more than a failure to record it.
         outcome.map_err(|err| match recorded {
             Ok(Some(number)) => err.of_run(number),
             Ok(None) | Err(_) => err,
@@ -310,7 +311,7 @@ impl Runner<'_> {
         })
     }
 
-    /// Keeps what the run did, unless it made nothing and an earlier run found the same.
+    /// Records the run, unless it made nothing and an earlier run found the same.
     fn keep_or_find(&self) -> Result<Option<u64>, Advised> {
         let record = self.record(RunStatus::Finished);
         if self.number.is_none() && self.store.find_run(&record)?.is_some() {
@@ -391,7 +392,7 @@ impl NodeReport {
     }
 }
 
-/// Whether a run that made nothing found exactly the units that the newest runs left.
+/// Whether a run that made nothing found exactly the units of the newest runs.
 fn is_unchanged(reports: &[NodeReport], newest: &[NewestUnit]) -> bool {
     let nodes: BTreeSet<&NodeName> = reports.iter().map(|report| &report.node).collect();
     let mut left: BTreeMap<(&NodeName, &str), &Digest> = newest
@@ -408,14 +409,14 @@ fn is_unchanged(reports: &[NodeReport], newest: &[NewestUnit]) -> bool {
     found.all(|(unit, fingerprint)| left.remove(&unit) == Some(fingerprint)) && left.is_empty()
 }
 
-/// Says what became of an output.
+/// Returns the report of an output.
 fn report(
     node: &Node,
     stage: &StageEntry,
     mut units: Vec<UnitReport>,
     started: Instant,
 ) -> Result<NodeReport, Failure> {
-    // Units end in any order, and sums of rounded numbers depend on it.
+    // Units end in any order, and floating-point sums depend on it.
     units.sort_by(|a, b| a.partition.cmp(&b.partition));
     let outcomes: Vec<&RecordOutcome> = units.iter().map(|unit| &*unit.outcome).collect();
     let told = stage.configured.tell(node.output_idx, &outcomes);

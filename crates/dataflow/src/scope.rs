@@ -1,4 +1,4 @@
-//! What a stage may look at to list its units: the partitions of what it reads.
+//! The input partitions from which a stage lists its units.
 
 use std::{
     collections::BTreeMap,
@@ -10,7 +10,7 @@ use std::{
 
 use crate::{outcome::Labels, record::RecordOutcome};
 
-/// What a stage may look at to list its units: the partitions that its inputs have.
+/// The input partitions from which a stage lists its units.
 #[derive(Debug, Clone, Default)]
 pub struct Scope {
     partitions: BTreeMap<String, Vec<Partition>>,
@@ -35,7 +35,7 @@ pub struct Partition {
     /// The partition's key, e.g. the sequence's name.
     pub key: String,
     labels: LabelsOf,
-    /// Set as soon as somebody asks for a label that may still change.
+    /// Set when a label that may still change is read.
     asked: Option<Arc<AtomicBool>>,
 }
 
@@ -43,12 +43,12 @@ pub struct Partition {
 #[derive(Debug, Clone)]
 enum LabelsOf {
     Own(Labels),
-    /// In the result that has them, of which there may be many.
+    /// In the made result, shared because there may be many.
     Made(Arc<RecordOutcome>),
 }
 
 impl Partition {
-    /// Returns the partition of this key, about which its maker said this.
+    /// Returns the partition of this key with these labels.
     pub fn new(key: impl Into<String>, labels: Labels) -> Self {
         Self {
             key: key.into(),
@@ -66,7 +66,7 @@ impl Partition {
         }
     }
 
-    /// Returns a partition whose labels may come out differently; `asked` is set if one is read.
+    /// Returns a partition whose labels may still change; `asked` is set if one is read.
     pub(crate) fn uncertain(key: &str, labels: Labels, asked: &Arc<AtomicBool>) -> Self {
         Self {
             key: key.to_owned(),

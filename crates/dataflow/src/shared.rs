@@ -1,16 +1,16 @@
-//! Values that several stages take: each stands once, under `[shared]`, and a stage names it in its table,
-//! `shared.OPTION = "NAME"`.
+//! Values shared by several stages: each is written once, under `[shared]`, and referred to in a
+//! stage's table as `shared.OPTION = "NAME"`.
 
 use toml_edit::{InlineTable, Key, Value};
 
-/// The table of the shared values, and of a stage's options that take one.
+/// The table of the shared values, and of a stage's references to them.
 pub(crate) const SHARED: &str = "shared";
 
-/// One option of a stage that takes a shared value.
+/// One option of a stage that uses a shared value.
 pub(crate) struct Taken {
     /// The keys that lead to the option.
     pub(crate) path: Vec<Key>,
-    /// What the stage says: the name of the shared value.
+    /// The name of the shared value, as the stage gives it.
     pub(crate) name: Value,
 }
 
@@ -20,20 +20,20 @@ impl Taken {
         self.path.iter().map(|key| key.get().to_owned()).collect()
     }
 
-    /// Puts a value at the option, with the places of its keys.
+    /// Sets the option's value, with the spans of its keys.
     pub(crate) fn put(&self, table: &mut InlineTable, value: Value) {
         put(table, &self.path, value);
     }
 }
 
-/// Lists the options below a stage's `shared` that take a shared value.
+/// Lists the options below a stage's `shared`.
 pub(crate) fn taken(wires: &InlineTable) -> Vec<Taken> {
     let mut all = Vec::new();
     collect(wires, &[], &mut all);
     all
 }
 
-/// Returns the names of the shared values that a stage takes.
+/// Returns the names of the shared values that a stage uses.
 pub(crate) fn names(stage: &Value) -> Vec<String> {
     let table = stage.as_inline_table();
     let wires = table.and_then(|table| table.get(SHARED)?.as_inline_table());

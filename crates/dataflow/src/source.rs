@@ -1,11 +1,11 @@
-//! Places in a pipeline file and in the arguments beside it.
+//! Locations in a pipeline file and in command-line overrides.
 
 use std::{fmt, ops::Range, path::PathBuf};
 
-/// A place that can be shown with its line and a caret.
+/// A location that can be displayed with its line and carets.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Location {
-    /// Where the line stands.
+    /// The line's file, or the command line.
     pub source: Source,
     /// Column, from 1.
     pub column: usize,
@@ -15,7 +15,7 @@ pub struct Location {
     pub width: usize,
 }
 
-/// Where a line stands.
+/// The file of a line, or the command line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Source {
     /// In a pipeline file.
@@ -70,7 +70,7 @@ impl Location {
 }
 
 impl fmt::Display for Location {
-    /// Writes the place as compilers do: arrow, line number, text, carets.
+    /// Writes the location as compilers do: arrow, line number, text, carets.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (gutter, place) = match &self.source {
             Source::File { path, line } => {

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 /// A file outside the lake that a unit reads.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct SourceFile {
-    /// Its name in the fingerprint: relative to the dataset, never a path of this machine.
+    /// Its name in the fingerprint: relative to the dataset, never an absolute path.
     pub name: String,
-    /// Where it lies.
+    /// Its path.
     pub path: PathBuf,
 }
 
@@ -23,8 +23,8 @@ impl SourceFile {
         }
     }
 
-    /// Names `path` by what it is to the stage, e.g. by the option that says where it lies: then its
-    /// own name makes no difference.
+    /// Names `path` by its role in the stage, e.g. by the option that holds the path: then its own
+    /// name does not matter.
     pub fn named(name: &str, path: &Path) -> Self {
         Self {
             name: name.to_owned(),

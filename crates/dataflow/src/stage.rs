@@ -20,7 +20,7 @@ use crate::{
 
 /// One kind of step of a pipeline: artifacts in, artifacts out, and nothing else.
 ///
-/// It is a list of [`Output`]s, with what they have in common.
+/// It is a list of [`Output`]s and their shared configuration.
 pub trait Stage: Sized + 'static {
     /// The stage's table in the pipeline file.
     ///
@@ -28,14 +28,14 @@ pub trait Stage: Sized + 'static {
     /// among the unit's [`Unit::files`] is left out of it with
     /// `#[serde(skip_serializing)]`.
     type Config: DeserializeOwned + Serialize + JsonSchema + Send + Sync;
-    /// Why the stage could not be made ready.
+    /// Why the stage could not be prepared.
     type Error: Advise;
 
     /// The value of `kind` in the pipeline file.
     const KIND: &'static str;
     /// What it does, in one sentence for the list of stages.
     const ABOUT: &'static str;
-    /// The sources that decide the outputs, made at build time by `dataflow::code!()`.
+    /// The sources that the outputs depend on, digested at build time by `dataflow::code!()`.
     const CODE: Code;
     /// The artifacts it reads: keys under `inputs`, at each of which an artifact of this name must be
     /// wired.
@@ -43,20 +43,19 @@ pub trait Stage: Sized + 'static {
     /// The artifacts it makes, in the order in which they are made: each may read those before it.
     const OUTPUTS: Outputs<Self>;
 
-    /// Says what is wrong with the options beyond their types, by the options alone: it is asked
+    /// Returns the faults of the options beyond their types, from the options alone; called
     /// whenever a pipeline file is read.
     ///
-    /// An option that decides how much memory or time something takes has bounds here, each with
-    /// the reason why it is where it is.
+    /// An option that determines memory or time has bounds here, each with its reason.
     fn check(_config: &Self::Config) -> Vec<OptionFault> {
         Vec::new()
     }
 
-    /// Makes ready what lies outside the lake, before anything is planned.
+    /// Prepares resources outside the lake, before anything is planned.
     ///
     /// # Errors
     ///
-    /// Fails if the outside cannot be used at all.
+    /// Fails if those resources cannot be used at all.
     fn prepare(_config: &Self::Config) -> Result<(), Self::Error> {
         Ok(())
     }
@@ -64,12 +63,12 @@ pub trait Stage: Sized + 'static {
 
 /// One artifact that a stage, or its report, makes: one partition at a time.
 ///
-/// A partition is a pure function of the configuration, what it reads and [`Context::seed`]. Equal
+/// A partition is a pure function of the configuration, its inputs and [`Context::seed`]. Equal
 /// arguments must give equal bytes, on any number of threads.
 pub trait Output: Sync + 'static {
     /// The stage of which it is an output.
     type Stage: Stage;
-    /// Figures about a partition; `()` for none.
+    /// Metrics of a partition; `()` for none.
     type Metrics: Metrics;
     /// Why a unit could not be made.
     type Error: Advise;
@@ -80,18 +79,17 @@ pub trait Output: Sync + 'static {
     const SCHEMA: &'static str;
     /// What one partition stands for, e.g. `sequence`: the name of the Hive partition column.
     const PARTITION: &'static str;
-    /// Whether a unit may be made beside another of the same output.
+    /// Whether units of this output may run concurrently.
     const EXECUTION: Execution = Execution::Parallel;
-    /// The options that decide what [`Output::make`] makes of a listed unit: a change of another makes
-    /// no unit run again.
+    /// The options that [`Output::make`] depends on: a change of any other reruns no unit.
     ///
-    /// An option that only chooses units or files, or is told to the unit as one of its
-    /// [`Unit::facts`], decides nothing more.
+    /// Options that only select units or files, or reach the unit as one of its [`Unit::facts`],
+    /// are not among them.
     const OPTIONS: Options = Options::All;
-    /// Sums up all partitions in the user's terms, e.g. `24 recordings → 23 demonstrations`.
+    /// Summarizes all partitions in the user's terms, e.g. `24 recordings → 23 demonstrations`.
     ///
-    /// Its text is in the code part of the output: where results are costly, a
-    /// [`Line`](crate::Line) of the stage's report does this instead.
+    /// Its source counts in the output's code digest: for costly results, use a
+    /// [`Line`](crate::Line) of the stage's report instead.
     const LINE: OwnLine<Self::Metrics> = None;
 
     /// Lists the partitions and what each of them reads.
@@ -101,10 +99,10 @@ pub trait Output: Sync + 'static {
     /// Fails if there is nothing to work on.
     fn units(config: &ConfigOf<Self>, scope: &Scope) -> Result<Vec<Unit>, Self::Error>;
 
-    /// Foretells the labels that a unit will have if it comes out as made.
+    /// Predicts the labels of a unit if its outcome is made.
     ///
-    /// A plan asks it about units that are yet to be made, so that it need not assume that what
-    /// later stages choose by may change. `None` where the labels are only known afterwards.
+    /// A plan calls it for units that are not made yet, so that it need not assume that the labels
+    /// that later stages select by may change. `None` if the labels are only known afterwards.
     fn labels(_config: &ConfigOf<Self>, _unit: &Unit, _scope: &Scope) -> Option<Labels> {
         None
     }
@@ -113,7 +111,7 @@ pub trait Output: Sync + 'static {
     ///
     /// # Errors
     ///
-    /// Fails if the whole stage cannot go on. One bad item is [`Outcome::Skipped`] instead.
+    /// Fails if the whole stage cannot continue. One bad item is [`Outcome::Skipped`] instead.
     fn make(
         config: &ConfigOf<Self>,
         inputs: &Inputs,
@@ -121,7 +119,7 @@ pub trait Output: Sync + 'static {
     ) -> Result<Outcome<Self::Metrics>, Self::Error>;
 }
 
-/// What sums up an output with these figures, if it tells itself.
+/// The summary line of an output with these metrics, if it has its own.
 pub type OwnLine<M> = Option<fn(&Summary<M>) -> String>;
 
 /// The configuration of an output's stage.
@@ -132,9 +130,9 @@ pub type Outputs<S> = &'static [&'static dyn OutputOf<S>];
 
 /// An [`Output`] of a stage without its type; every output is one.
 pub trait OutputOf<S: Stage>: Sync {
-    /// Tells outputs apart.
+    /// Identifies the output.
     fn id(&self) -> TypeId;
-    /// Describes it; the code is that of the list in which it stands.
+    /// Returns its metadata; the code is that of its stage or report.
     fn info(&self, code: Code) -> OutputInfo;
     /// As [`Output::LINE`].
     fn line(&self) -> Option<Telling>;

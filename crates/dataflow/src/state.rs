@@ -1,4 +1,4 @@
-//! What is known of every partition while a plan or a run goes through the graph.
+//! The state of every partition while a plan or a run traverses the graph.
 
 use std::{
     collections::{BTreeMap, HashMap},
@@ -27,22 +27,22 @@ use crate::{
     unit::Unit,
 };
 
-/// What is known of a partition.
+/// The state of a partition.
 #[derive(Debug, Clone)]
 pub(crate) enum Known {
     /// Its bytes.
     Made(Arc<RecordOutcome>),
-    /// It is to be made, or may be: its bytes are not known, and it may not come out at all.
+    /// Not made yet: its bytes are unknown, and it may be skipped or filtered.
     Open {
         /// The labels that it will or may have.
         labels: Labels,
-        /// Whether its stage has promised them.
+        /// Whether its stage has predicted them.
         foretold: LabelsPredicted,
     },
 }
 
 impl Known {
-    /// What is known of a partition that gave this; `None` if it was left out.
+    /// Returns the state of a partition with this outcome; `None` if it was skipped or filtered.
     pub(crate) fn of(outcome: Arc<RecordOutcome>) -> Option<Self> {
         outcome.is_made().then_some(Self::Made(outcome))
     }
@@ -55,26 +55,26 @@ pub(crate) enum LabelsPredicted {
     No,
 }
 
-/// What a node's stage would make, given what is known of its inputs.
+/// The units that a node's stage would make, given the state of its inputs.
 pub(crate) struct Listing {
     /// The units in the order of their keys.
     pub(crate) units: Vec<Unit>,
-    /// What of each unit holds whatever becomes of open partitions.
+    /// How much of each unit is certain whatever the outcome of open partitions.
     pub(crate) sure: Vec<Sure>,
-    /// Whether units that are not listed may turn up.
+    /// Whether unlisted units may be added.
     pub(crate) may_grow: bool,
 }
 
-/// What of a unit is certain before everything that its node reads is made; more is greater.
+/// How much of a unit is certain before all inputs of its node are made; more is greater.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Sure {
-    /// Nothing: it may not be there.
+    /// Nothing: it may not exist.
     No,
-    /// It is there, but may read something else.
+    /// It exists, but its inputs, files and facts may change.
     Present,
-    /// It is there with its own files and facts, but may read other partitions.
+    /// It exists with these files and facts, but its input partitions may change.
     Own,
-    /// It is there and reads what it says.
+    /// It exists with exactly these inputs.
     Whole,
 }
 
@@ -83,9 +83,9 @@ pub(crate) struct State<'a> {
     pipeline: &'a Pipeline,
     store: &'a dyn Store,
     made: BTreeMap<NodeName, BTreeMap<String, Known>>,
-    /// Nodes of which more partitions may turn up than are known.
+    /// Nodes that may get more partitions than are known.
     growing: Vec<NodeName>,
-    /// What the units of a node have in common, with its digest.
+    /// The recipe of each node, with its digest.
     recipes: HashMap<NodeName, (Arc<Recipe>, Digest)>,
     /// Digests of files outside the lake, each computed at most once.
     sources: Mutex<HashMap<(PathBuf, Option<&'static str>), Digest>>,
@@ -119,17 +119,17 @@ impl<'a> State<'a> {
         self.made.insert(node.clone(), partitions);
     }
 
-    /// Says that more partitions of a node may turn up than are known.
+    /// Marks a node that may get more partitions than are known.
     pub(crate) fn grows(&mut self, node: &NodeName) {
         self.growing.push(node.clone());
     }
 
-    /// Returns what is known of a partition that a node reads.
+    /// Returns the state of a partition that a node reads.
     pub(crate) fn known(&self, node: &NodeName, partition: &str) -> Option<&Known> {
         self.made.get(node)?.get(partition)
     }
 
-    /// Whether a node has partitions that are yet to be made, or may get more than are known.
+    /// Whether a node has open partitions, or may get more than are known.
     pub(crate) fn is_open(&self, node: &NodeName) -> bool {
         let mut partitions = self.made.get(node).into_iter().flatten();
         self.growing.contains(node)
@@ -142,8 +142,7 @@ impl<'a> State<'a> {
         self.list(node, &self.scope(node, Presence::Assumed, &asked))
     }
 
-    /// Takes the units of a node as they are in the store, where `find` looks them up; fails if one
-    /// is not there.
+    /// Recalls the units of a node from the store through `find`; fails if one is missing.
     pub(crate) fn recall(
         &mut self,
         node: &Node,
@@ -166,8 +165,8 @@ impl<'a> State<'a> {
         Ok(units)
     }
 
-    /// Takes those units of a node that are in the store and at least so certain; the others are
-    /// open.
+    /// Recalls those units of a node that are in the store and at least this certain; the others
+    /// are open.
     pub(crate) fn recall_some(
         &mut self,
         node: &Node,
@@ -200,7 +199,7 @@ impl<'a> State<'a> {
         Ok(())
     }
 
-    /// Returns a partition that a node may read and that is yet to be made.
+    /// Returns the first open partition that a node may read.
     pub(crate) fn first_open(&self, node: &Node) -> Option<(NodeName, String)> {
         node.reads.values().find_map(|source| {
             let mut partitions = self.made.get(source)?.iter();
@@ -209,7 +208,7 @@ impl<'a> State<'a> {
         })
     }
 
-    /// Lists the units of a node of which inputs are yet to be made; `None` if that cannot be said.
+    /// Lists the units of a node with open inputs; `None` if they cannot be determined.
     pub(crate) fn listing(&self, node: &Node) -> Result<Option<Listing>, Failure> {
         if !node.reads.values().any(|source| self.is_open(source)) {
             let units = self.units(node)?;
@@ -221,7 +220,7 @@ impl<'a> State<'a> {
             }));
         }
         let asked = Arc::default();
-        // What does not come out all the same says nothing about what a run will find.
+        // A failure to list with open inputs says nothing about what a run will find.
         let Ok(units) = self.list(node, &self.scope(node, Presence::Assumed, &asked)) else {
             return Ok(None);
         };
@@ -242,7 +241,7 @@ impl<'a> State<'a> {
         }))
     }
 
-    /// Says what of each unit is certain, whichever open partitions come out.
+    /// Returns how much of each unit is certain, whichever open partitions are made.
     fn sure(&self, node: &Node, units: &[Unit]) -> Vec<Sure> {
         let asked = Arc::default();
         let without = self.list(node, &self.scope(node, Presence::Denied(None), &asked));
@@ -256,8 +255,8 @@ impl<'a> State<'a> {
             });
             return sure.collect();
         }
-        // With nothing to read the stage does not go on at all, so some of it will be there: a unit
-        // that is listed whichever it is, is certain.
+        // A stage without any input partition fails, so at least one will be made: a unit that is
+        // listed for each choice of that one is certain.
         let mut sure = vec![Sure::Own; units.len()];
         for source in node.reads.values() {
             let open = self.made.get(source).into_iter().flatten();
@@ -288,7 +287,7 @@ impl<'a> State<'a> {
         let foretold = units.iter().map(|unit| {
             asked.store(false, Ordering::Relaxed);
             let labels = stage.configured.labels(node.output_idx, unit, &scope)?;
-            // A promise made of labels that may change is none.
+            // A prediction from labels that may change does not count.
             (!asked.load(Ordering::Relaxed)).then_some(labels)
         });
         foretold.collect()
@@ -319,7 +318,7 @@ impl<'a> State<'a> {
         Ok(units)
     }
 
-    /// What a node's stage may look at; `asked` is set when it asks for labels that may change.
+    /// The scope of a node's stage; `asked` is set when it reads labels that may change.
     fn scope(&self, node: &Node, open: Presence<'_>, asked: &Arc<AtomicBool>) -> Scope {
         let is_denied = |source: &NodeName, key: &str| match open {
             Presence::Assumed => false,
@@ -343,8 +342,7 @@ impl<'a> State<'a> {
         Scope::new(inputs.collect())
     }
 
-    /// Returns the fingerprint of a unit and its digest, or `None` if it reads something that is
-    /// yet to be made.
+    /// Returns the fingerprint of a unit and its digest, or `None` if an input is not made yet.
     pub(crate) fn fingerprint(
         &self,
         node: &Node,
@@ -360,7 +358,7 @@ impl<'a> State<'a> {
                 let digest = match known {
                     Some(Known::Made(outcome)) => outcome.digest_of(unit.parts.get(input)),
                     Some(Known::Open { .. }) => None,
-                    // What a stage lists by labels that may change, it may list wrongly.
+                    // A listing from labels that may change may be wrong.
                     None if node.reads.values().any(|source| self.is_open(source)) => None,
                     None => {
                         return Err(Failure::MissingInput {
@@ -385,8 +383,7 @@ impl<'a> State<'a> {
         Ok(Some((fingerprint, digest)))
     }
 
-    /// Returns what is known of a unit's fingerprint before what it reads of other stages is made, and
-    /// the recipe's digest.
+    /// Returns a unit's fingerprint without its inputs from other stages, and the recipe's digest.
     pub(crate) fn own_fingerprint(
         &self,
         node: &Node,
@@ -436,7 +433,7 @@ impl<'a> State<'a> {
     }
 }
 
-/// Digests what of a file outside the lake decides, as it is now.
+/// Digests the current content of a file outside the lake, in its canonical form if it has one.
 pub(crate) fn digest_source(
     store: &dyn Store,
     path: &Path,
@@ -448,16 +445,16 @@ pub(crate) fn digest_source(
     }
 }
 
-/// Whether open partitions are taken to come out.
+/// Which open partitions are assumed to be made.
 #[derive(Debug, Clone, Copy)]
 enum Presence<'a> {
     /// All of them.
     Assumed,
-    /// None of them; or, of one node, none but this one, and all of the others'.
+    /// None of them; or only this one of one node, and all of the other nodes'.
     Denied(Option<(&'a NodeName, Option<&'a str>)>),
 }
 
-/// Says what is certain of a unit that another listing gives so.
+/// Returns how much of a unit is certain, given its counterpart in another listing.
 fn present(unit: &Unit, other: Option<&Unit>) -> Sure {
     match other {
         None => Sure::No,

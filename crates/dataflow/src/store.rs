@@ -1,4 +1,4 @@
-//! What a run needs of the place where artifacts are kept; `lake` implements it.
+//! The store interface that a run needs; `lake` implements it.
 
 use std::{
     collections::BTreeMap,
@@ -19,36 +19,36 @@ use crate::{
     record::{FileRef, Record, RecordOutcome},
 };
 
-/// A unit that is being made: nobody else makes it, and its folder is empty.
+/// A unit in progress: locked, with an empty folder.
 pub trait Making {
     /// Where the unit's files go.
     fn folder(&self) -> &Path;
 
-    /// Where the unit leaves what it goes on from if it is interrupted: kept until the unit's result
-    /// is kept. Made by who writes to it.
+    /// Folder for the unit's resume state: kept until the unit's result is stored. Created by the
+    /// first writer.
     fn resume_folder(&self) -> &Path;
 
-    /// Removes what an earlier attempt left to go on from.
+    /// Removes the resume state of earlier attempts.
     ///
     /// # Errors
     ///
     /// Fails if it cannot be removed.
     fn start_over(&self) -> Result<(), Advised>;
 
-    /// Keeps the files of the folder and the result, whole or not at all.
+    /// Stores the files of the folder and the result, whole or not at all.
     ///
     /// # Errors
     ///
-    /// Fails if the result cannot be kept; then nothing of it can be seen.
+    /// Fails if the result cannot be stored; then nothing of it is visible.
     fn commit(self: Box<Self>, result: PendingResult) -> Result<Record, Advised>;
 }
 
-/// A result that is not kept yet.
+/// A result that is not stored yet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PendingResult {
     /// Everything that it depends on.
     pub fingerprint: Fingerprint,
-    /// What the stage said.
+    /// The stage's outcome.
     pub outcome: Outcome,
 }
 
@@ -65,7 +65,7 @@ pub struct UnitRef {
     pub made_now: bool,
 }
 
-/// A made artifact to be shown to people.
+/// A made artifact to publish.
 #[derive(Debug, Clone, Copy)]
 pub struct Showing<'a> {
     /// The partition's key.
@@ -76,7 +76,7 @@ pub struct Showing<'a> {
     pub outcome: &'a RecordOutcome,
 }
 
-/// The last that is known of a unit of a pipeline.
+/// The newest state of a unit of a pipeline.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NewestUnit {
     /// The node.
@@ -85,11 +85,11 @@ pub struct NewestUnit {
     pub partition: String,
     /// Digest of its newest fingerprint.
     pub fingerprint: Digest,
-    /// Whether the newest run that went through the node still had it.
+    /// Whether the newest run of the node still had it.
     pub current: bool,
 }
 
-/// What a run did.
+/// The record of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunRecord {
     /// The pipeline's name.
@@ -100,10 +100,10 @@ pub struct RunRecord {
     pub seed: u64,
     /// Its stages, by name.
     pub stages: BTreeMap<String, StageRecord>,
-    /// What the pipeline makes, whether the run came to it or not, in the order of the graph.
+    /// The pipeline's outputs, reached by the run or not, in the order of the graph.
     #[serde(default)]
     pub outputs: Vec<OutputRecord>,
-    /// What became of each output, in the order of the graph.
+    /// The outcome of each output, in the order of the graph.
     pub nodes: Vec<NodeRecord>,
     /// Every unit, in the order of the graph.
     pub units: Vec<UnitRef>,
@@ -113,7 +113,7 @@ pub struct RunRecord {
     pub seconds: f64,
 }
 
-/// Where a pipeline comes from: enough to say how to run it again.
+/// The origin of a pipeline: enough to run it again.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origin {
     /// The pipeline file, as the user named it.
@@ -124,12 +124,12 @@ pub struct Origin {
     pub overrides: Vec<String>,
 }
 
-/// What a run knew of a stage.
+/// A stage as a run recorded it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageRecord {
     /// Its kind.
     pub kind: String,
-    /// Its configuration, as it counts for fingerprints.
+    /// Its configuration, as fingerprints hold it.
     pub config: serde_json::Value,
     /// Where each input came from, by input name.
     pub inputs: BTreeMap<String, NodeName>,
@@ -144,25 +144,25 @@ pub struct OutputRecord {
     pub partition: String,
 }
 
-/// What became of one output in a run.
+/// The outcome of one output in a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NodeRecord {
     /// The output.
     pub node: NodeName,
     /// The stage's own line about it.
     pub description: String,
-    /// Whether the run let people see its partitions: it does not where it failed in it.
+    /// Whether the run published its partitions: not if it failed in it.
     #[serde(default)]
     pub shown: bool,
     /// Units that this run made.
     pub n_made_now: usize,
-    /// Partitions there are, made now or before.
+    /// Number of partitions, made now or before.
     pub n_made: usize,
     /// Items skipped as unusable.
     pub n_skipped: usize,
     /// Items left out by configuration.
     pub n_filtered: usize,
-    /// The figures, gathered over the partitions.
+    /// The metrics, aggregated over the partitions.
     #[serde(rename = "totals")]
     pub metrics: Figures,
     /// Seconds it took.
@@ -175,58 +175,58 @@ pub struct NodeRecord {
 pub enum RunStatus {
     /// It has not ended, or its process died.
     Running,
-    /// Every stage came to its end.
+    /// Every stage finished.
     Finished,
     /// Something failed.
     Failed {
-        /// What.
+        /// The error.
         message: String,
     },
-    /// Somebody stopped it.
+    /// It was interrupted.
     Interrupted,
 }
 
-/// Where artifacts are kept.
+/// A store of artifacts.
 ///
 /// Every method may be called from several threads at once.
 pub trait Store: Sync {
-    /// Gets ready to be asked about a pipeline.
+    /// Loads the state of a pipeline.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be read.
     fn enter(&self, pipeline: &str) -> Result<(), Advised>;
 
-    /// Returns the result kept under a fingerprint's digest if its artifact is whole.
+    /// Returns the result stored under a fingerprint's digest if its artifact is whole.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be read.
     fn lookup(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>;
 
-    /// Returns the result kept under a fingerprint's digest without a look at its files.
+    /// Returns the result stored under a fingerprint's digest without checking its files.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be read.
     fn recall(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>;
 
-    /// Returns the whole record of a fingerprint, to say what differs from it.
+    /// Returns the whole record of a fingerprint, to list differences from it.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be read.
     fn remembered(&self, fingerprint: &Digest) -> Result<Option<Record>, Advised>;
 
-    /// Whether the store may hold a unit that differs from this one by nothing but what it reads of
-    /// other stages.
+    /// Whether the store may hold a unit that differs from this one only by its inputs from other
+    /// stages.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be read.
     fn may_hold(&self, unit: &Fingerprint) -> Result<bool, Advised>;
 
-    /// Returns the units of a pipeline's runs, each as the newest run that came to it left it.
+    /// Returns the units of a pipeline's runs, each as of the newest run that reached it.
     ///
     /// # Errors
     ///
@@ -240,8 +240,8 @@ pub trait Store: Sync {
     /// Fails if the file cannot be read.
     fn source_digest(&self, path: &Path) -> Result<Digest, std::io::Error>;
 
-    /// Starts to make a unit. While another process makes it, `waiting` is told once who that is,
-    /// and this call waits.
+    /// Starts to make a unit. If another process is making it, calls `waiting` once with the lock's
+    /// holder, then waits.
     ///
     /// # Errors
     ///
@@ -253,8 +253,8 @@ pub trait Store: Sync {
         waiting: &dyn Fn(&str),
     ) -> Result<Box<dyn Making + '_>, Advised>;
 
-    /// Returns where the files of an artifact lie after checking their bytes, or `None` if a file is
-    /// missing or damaged; a damaged file is dropped, so that its unit is made again.
+    /// Returns the paths of an artifact's files after checking their bytes, or `None` if a file is
+    /// missing or damaged; a damaged file is dropped, so that its unit is rebuilt.
     ///
     /// # Errors
     ///
@@ -264,35 +264,35 @@ pub trait Store: Sync {
         files: &BTreeMap<String, FileRef>,
     ) -> Result<Option<BTreeMap<String, PathBuf>>, Advised>;
 
-    /// Lets people see the artifacts of a node: exactly these partitions.
+    /// Publishes the artifacts of a node: exactly these partitions.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be written.
     fn publish(&self, pipeline: &str, node: &Node, made: &[Showing]) -> Result<(), Advised>;
 
-    /// Stops showing what stages made that the pipeline no longer has.
+    /// Unpublishes the artifacts of stages no longer in the pipeline.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be written.
     fn retire(&self, pipeline: &str, kept: &[Node]) -> Result<(), Advised>;
 
-    /// Notes that a run makes something, and returns the run's number.
+    /// Registers a run that makes something, and returns its number.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be written.
     fn begin_run(&self, run: &RunRecord) -> Result<u64, Advised>;
 
-    /// Keeps what a run has shown so far, for whoever asks before its end.
+    /// Records the outputs that a run has published so far, for readers before its end.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be written.
     fn keep_progress(&self, number: u64, run: &RunRecord) -> Result<(), Advised>;
 
-    /// Keeps what a run did, with the results of its units.
+    /// Records a finished run, with the results of its units.
     ///
     /// # Errors
     ///
@@ -304,16 +304,16 @@ pub trait Store: Sync {
         units: &[(UnitRef, Arc<RecordOutcome>)],
     ) -> Result<(), Advised>;
 
-    /// Returns the number of a finished run that found exactly what this one found, which made
-    /// nothing; that run counts as the newest from now on.
+    /// Returns the number of a finished run with exactly the units of this one, which made nothing;
+    /// that run counts as the newest from now on.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be read or written.
     fn find_run(&self, run: &RunRecord) -> Result<Option<u64>, Advised>;
 
-    /// Keeps what was learned about the pipeline: the newest state of the units of the nodes that
-    /// were gone through, or nothing new about them.
+    /// Saves what was learned about the pipeline: the newest state of the units of the visited
+    /// nodes, if it changed.
     ///
     /// # Errors
     ///

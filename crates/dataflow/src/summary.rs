@@ -1,11 +1,11 @@
-//! What became of all partitions of an output, in figures and in a line.
+//! The outcome of all partitions of an output: metrics and a line.
 
 use crate::{
     metrics::{Figures, Metrics, MissingFigure},
     record::RecordOutcome,
 };
 
-/// What became of all units of one output, for its line in the report.
+/// The outcome of all units of one output, for its line in the report.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Summary<M = Figures> {
     /// Partitions made or taken from the lake.
@@ -14,19 +14,19 @@ pub struct Summary<M = Figures> {
     pub n_skipped: usize,
     /// Items left out by configuration.
     pub n_filtered: usize,
-    /// The figures, gathered over the partitions.
+    /// The metrics, aggregated over the partitions.
     pub metrics: M,
 }
 
 impl<M> Summary<M> {
-    /// Number of items, whatever became of them.
+    /// Number of items, whatever their outcome.
     pub fn n_items(&self) -> usize {
         self.n_made + self.n_skipped + self.n_filtered
     }
 }
 
 impl<M: Metrics> Summary<M> {
-    /// Sums up partitions that all were made.
+    /// Summarizes partitions that were all made.
     pub fn made(partitions: &[M]) -> Self {
         Self {
             n_made: partitions.len(),
@@ -36,11 +36,11 @@ impl<M: Metrics> Summary<M> {
         }
     }
 
-    /// Sums up results, in the order of their partitions.
+    /// Summarizes results, in the order of their partitions.
     ///
     /// # Errors
     ///
-    /// Fails if a stored result lacks a figure that every partition has.
+    /// Fails if a stored result lacks a required metric.
     pub(crate) fn of(outcomes: &[&RecordOutcome]) -> Result<Self, MissingFigure> {
         let (mut n_skipped, mut n_filtered) = (0, 0);
         let mut partitions = Vec::with_capacity(outcomes.len());
@@ -58,7 +58,7 @@ impl<M: Metrics> Summary<M> {
         })
     }
 
-    /// Returns the summary with its figures as they are stored.
+    /// Returns the summary with its metrics as they are stored.
     pub(crate) fn stored(&self) -> Summary {
         Summary {
             n_made: self.n_made,
@@ -69,19 +69,20 @@ impl<M: Metrics> Summary<M> {
     }
 }
 
-/// An output, summed up.
+/// The summary of an output and its line.
 #[derive(Debug)]
 pub struct Told {
-    /// Counts and figures.
+    /// Counts and metrics.
     pub(crate) summary: Summary,
     /// The line.
     pub(crate) line: String,
 }
 
-/// Sums up the stored results of an output, in the order of their partitions.
+/// Summarizes the stored results of an output, in the order of their partitions.
 pub type Telling = Box<dyn Fn(&[&RecordOutcome]) -> Result<Told, MissingFigure> + Send + Sync>;
 
-/// Returns what reads stored results as typed figures, gathers them and tells them.
+/// Returns a function that reads stored results as typed metrics, aggregates them and writes the
+/// line.
 pub(crate) fn telling<M: Metrics>(line: fn(&Summary<M>) -> String) -> Telling {
     Box::new(move |outcomes| {
         let summary = Summary::<M>::of(outcomes)?;

@@ -1,4 +1,4 @@
-//! Several values for one key, and the variants that they make together.
+//! Parameter sweeps: several values per key, and the variants that they combine to.
 
 use std::{ops::Range, path::Path, str::FromStr};
 
@@ -10,7 +10,7 @@ use crate::{
     overrides::{KeyPath, Override, OverrideError, parse_value, split},
 };
 
-/// What the tables are called in a pipeline file.
+/// Name of the tables in a pipeline file.
 const TABLES: &str = "sweep";
 /// How they are written.
 const HINT: &str = "write, e.g., `[[sweep]]` and below it `\"train.training.epochs\" = [50, 100]`";
@@ -22,14 +22,15 @@ const HINT: &str = "write, e.g., `[[sweep]]` and below it `\"train.training.epoc
 /// cut at the commas that are in neither quotes nor brackets.
 #[derive(Debug, Clone)]
 pub struct Sweep {
-    /// Each with its values, of which there are as many for every key.
+    /// Each key with its values, equally many for every key.
     keys: Vec<(KeyPath, Vec<Value>)>,
 }
 
-/// One value for every key that was given.
+/// One combination: a value for every key.
 #[derive(Debug, Clone)]
 pub struct Variant {
-    /// What sets it apart, e.g. `train.training.kl_weight=0.001`; empty if it is the only one.
+    /// The values that distinguish it, e.g. `train.training.kl_weight=0.001`; empty if it is the
+    /// only one.
     pub label: String,
     /// The values.
     pub overrides: Vec<Override>,
@@ -71,18 +72,18 @@ impl FromStr for Sweep {
 }
 
 impl Sweep {
-    /// Reads the `[[sweep]]` tables of a pipeline file, or else of the file that it extends, in their order:
-    /// none if it has none, or is no TOML.
+    /// Reads the `[[sweep]]` tables of a pipeline file, or else of the file that it extends, in
+    /// their order: none if it has none, or is not TOML.
     ///
     /// Each key of a table is a path as in `--set`, each value a list. The keys of one table change
     /// together; several tables make every combination.
     ///
     /// # Errors
     ///
-    /// Fails with everything that is wrong in these tables, each fault with its place and a hint.
+    /// Fails with every fault in these tables, each with its location and a hint.
     pub fn in_file(path: &Path, source: &str) -> Result<Vec<Self>, FileError> {
         let file = Extended::read(path, source);
-        // What is wrong with what is read of other files, the file's reader says.
+        // Faults of the extended files are reported by the file's reader.
         let Some(item) = file.root.get(TABLES) else {
             return Ok(Vec::new());
         };
@@ -131,8 +132,8 @@ impl Sweep {
         }
     }
 
-    /// Returns every combination of the values, at least one; the last key varies fastest. Of two
-    /// that name the same key, the later counts.
+    /// Returns every combination of the values, at least one; the last key varies fastest. If two
+    /// name the same key, the later one wins.
     pub fn variants(given: &[Self]) -> Vec<Variant> {
         let mut variants = vec![Variant {
             label: String::new(),
@@ -180,7 +181,7 @@ fn extend(variant: &Variant, keys: &[&(KeyPath, Vec<Value>)], number: usize) -> 
     extended
 }
 
-/// A value as a label names it.
+/// A value as labels show it.
 fn shown(value: &Value) -> String {
     match value {
         Value::String(text) => text.value().clone(),
@@ -305,7 +306,7 @@ mod tests {
                 "a.x=0.5, b.y=blue, a.z.w=2",
             ]
         );
-        // What is given later takes a key out of its table.
+        // A later sweep takes a key out of its table.
         let set = |text: &str| text.parse::<Sweep>().unwrap();
         let given = [read(), vec![set("a.x=7"), set("a.z.w=3")]].concat();
         assert_eq!(labels(given), ["b.y=red", "b.y=blue"]);

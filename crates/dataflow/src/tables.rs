@@ -1,8 +1,8 @@
-//! Tables of a pipeline file: copied with the places of their values, merged and changed.
+//! Tables of a pipeline file: copied with the spans of their values, merged and changed.
 
 use toml_edit::{InlineTable, Item, Value};
 
-/// Copies a table with the places of its values, so that errors can point at them.
+/// Copies a table with the spans of its values, so that errors can point at them.
 pub(crate) fn copy_table(from: &dyn toml_edit::TableLike, to: &mut InlineTable) {
     for (name, item) in from.iter() {
         let value = match item {
@@ -35,7 +35,7 @@ pub(crate) fn copy_table(from: &dyn toml_edit::TableLike, to: &mut InlineTable) 
     }
 }
 
-/// Replaces the values of a table by those of another, key by key, with the places of the keys.
+/// Overwrites the values of a table with those of another, key by key, with the spans of the keys.
 pub(crate) fn merge_values(table: &mut InlineTable, changes: &InlineTable) {
     for (name, value) in changes.clone() {
         match (table.get_mut(&name), value) {
@@ -54,7 +54,7 @@ pub(crate) fn merge_values(table: &mut InlineTable, changes: &InlineTable) {
     }
 }
 
-/// Replaces one value, making the tables on the way to it.
+/// Sets one value, creating the tables on its path.
 pub(crate) fn set_value(table: &mut InlineTable, keys: &[String], value: &Value) {
     match keys {
         [] => {}
@@ -72,7 +72,7 @@ pub(crate) fn set_value(table: &mut InlineTable, keys: &[String], value: &Value)
     }
 }
 
-/// What a value is, in words.
+/// The type of a value, in words.
 pub(crate) fn found(value: &Value) -> String {
     match value {
         Value::String(text) => format!("the text \"{}\"", text.value()),

@@ -1,4 +1,4 @@
-//! The texts of a pipeline file and of those that it extends, as one line of bytes.
+//! The texts of a pipeline file and of those that it extends, in one range of bytes.
 
 use std::{
     ops::Range,
@@ -22,8 +22,8 @@ struct File {
 }
 
 impl Texts {
-    /// Adds a file's text, and returns it as a parser is to read it: after as many blanks as the texts before
-    /// it have bytes, so that the parser's spans are those of all texts.
+    /// Adds a file's text, and returns it padded with as many blanks as the texts before it have
+    /// bytes, so that the parser's spans are unique among all texts.
     pub(crate) fn add(&mut self, path: &Path, text: &str) -> String {
         let last = self.all.last();
         // One more, so that the end of a text is not the start of the next.
@@ -36,7 +36,7 @@ impl Texts {
         " ".repeat(start) + text
     }
 
-    /// Returns the place of a span.
+    /// Returns the location of a span.
     pub(crate) fn location(&self, span: Range<usize>) -> Location {
         let after = self.all.partition_point(|file| file.start <= span.start);
         let found = after.checked_sub(1).and_then(|idx| self.all.get(idx));

@@ -11,15 +11,15 @@ pub struct Unit {
     pub partition: String,
     /// Keys of the partitions read, by input name (or by an earlier output of the same stage).
     pub reads: BTreeMap<String, Vec<String>>,
-    /// Names of the only files that it reads of an input's partitions; every file where none are
-    /// named. A change of the others does not make it run again.
+    /// Names of the files that it reads from an input's partitions; all files if none are named. A
+    /// change of other files does not rerun it.
     pub parts: BTreeMap<String, Vec<String>>,
     /// Files outside the lake that it reads.
     pub files: Vec<SourceFile>,
-    /// What of these files decides, by their names; every byte of those that are not named.
+    /// Canonical forms of these files, by name; other files count by every byte.
     pub forms: BTreeMap<String, Form>,
-    /// What its listing found out and [`crate::Output::make`] goes by, by name. A change makes it run
-    /// again, where an option that only chooses among units need not.
+    /// Facts found while it was listed that [`crate::Output::make`] depends on, by name. A changed
+    /// fact reruns the unit, unlike an option that only selects units.
     pub facts: BTreeMap<String, String>,
 }
 
@@ -46,7 +46,7 @@ impl Unit {
         self
     }
 
-    /// Says that of an input's partitions only these files are read.
+    /// Restricts the files read from an input's partitions to these.
     #[must_use]
     pub fn only_files<K: Into<String>>(
         mut self,
@@ -58,14 +58,14 @@ impl Unit {
         self
     }
 
-    /// Adds something that was found out while listing.
+    /// Adds a fact found while listing.
     #[must_use]
     pub fn with_fact(mut self, name: &str, value: impl Into<String>) -> Self {
         self.facts.insert(name.to_owned(), value.into());
         self
     }
 
-    /// Adds a file outside the lake of which only its form decides.
+    /// Adds a file outside the lake that counts by its canonical form.
     #[must_use]
     pub fn with_file_of_form(mut self, file: SourceFile, form: Form) -> Self {
         self.forms.insert(file.name.clone(), form);

@@ -1,15 +1,15 @@
-//! Going through the units of an output on several threads.
+//! Running the units of an output on several threads.
 
 use std::sync::{
     Mutex, PoisonError,
     atomic::{AtomicBool, AtomicUsize, Ordering},
 };
 
-/// Does `work` on every item on up to `n_workers` threads and returns the results in the items'
-/// order. After the first failure no further item is started, so the results may be fewer.
+/// Runs `work` on every item on up to `n_workers` threads and returns the results in the items'
+/// order. No item is started after the first failure, so there may be fewer results.
 ///
-/// These are threads of their own, not the pool in which stages compute: a thread that holds a
-/// unit's lock must never be given another unit before it is done.
+/// These threads are not the pool in which stages compute: a thread that holds a unit's lock must
+/// not start another unit before it is done.
 pub(crate) fn in_order<T: Sync, R: Send, E: Send>(
     items: &[T],
     n_workers: usize,

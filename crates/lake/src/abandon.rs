@@ -1,4 +1,4 @@
-//! Ending a process that makes something: what is kept stays, and its run is marked as interrupted.
+//! Aborting a process: stored results stay, and its run is marked as interrupted.
 
 use std::fs;
 
@@ -7,8 +7,8 @@ use dataflow::RunStatus;
 use crate::{LakeError, atomic, folder::names_in, history, lake::Lake, register::Run, views};
 
 impl Lake {
-    /// Drops what this process is making, and notes that its run was interrupted; nothing is kept
-    /// after that. Returns the number of units dropped, and the guard that keeps it so.
+    /// Drops the units in flight and marks the run as interrupted. Returns the number of units
+    /// dropped, and a guard: nothing is stored while it lives.
     pub fn abandon(&self) -> (impl Sized + '_, usize) {
         let (guard, n_dropped) = self.flight.drop_all();
         let mine = atomic::process_name();
@@ -20,14 +20,14 @@ impl Lake {
         }
         let run = self.register.current().take();
         if let Some(run) = run {
-            // Where this fails, the run's process is gone in a moment, which says the same.
+            // If this fails, the imminent death of the run's process marks it as interrupted too.
             let _noted = self.note_interrupted(run);
         }
         self.leave();
         (guard, n_dropped)
     }
 
-    /// Keeps what an interrupted run has done.
+    /// Records an interrupted run.
     fn note_interrupted(&self, run: Run) -> Result<(), LakeError> {
         let mut record = run.record.clone();
         record.status = RunStatus::Interrupted;

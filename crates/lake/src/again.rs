@@ -1,5 +1,5 @@
-//! Runs that a later one went through again without making anything: they count as the newest then,
-//! and are not recorded a second time.
+//! Runs repeated by a later one that made nothing: they then count as the newest, and are not
+//! recorded a second time.
 
 use std::path::Path;
 
@@ -8,17 +8,17 @@ use serde::{Deserialize, Serialize};
 
 use crate::{LakeError, folder::Folder, register::Register, sealed, twice};
 
-/// The run that was gone through again last.
+/// The most recently repeated run.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Again {
     /// Its number.
     run: u64,
-    /// The greatest number at that time: a run that begins later is newer.
+    /// The highest run number at that time: a run that begins later is newer.
     newest: u64,
 }
 
-/// Returns the run that a file's bytes name.
+/// Parses the file's bytes.
 pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Again, LakeError> {
     sealed::parse(path, bytes)
 }
@@ -32,8 +32,8 @@ impl Again {
 }
 
 impl Register {
-    /// Returns the number of the newest finished run that found exactly these units; with it what is to
-    /// be kept for it to count as the newest of all, unless it does.
+    /// Returns the number of the newest finished run with exactly these units, and, unless it
+    /// already counts as the newest of all, the mark to store so that it does.
     pub(crate) fn find_again(
         &self,
         record: &RunRecord,
@@ -41,7 +41,7 @@ impl Register {
         let numbers = self.numbers()?;
         let (_, manifest) = self.manifest_of(&record.units)?;
         for &number in numbers.iter().rev() {
-            // A damaged record of a run is no run that could be meant.
+            // A run with a damaged record cannot match.
             let Ok(run) = self.read(number) else {
                 continue;
             };
@@ -63,7 +63,7 @@ impl Register {
         Ok(None)
     }
 
-    /// Numbers of all runs, the newest last: in their order, but for one that was gone through again.
+    /// Numbers of all runs, the newest last: in order, except for a repeated one.
     pub(crate) fn ordered(&self) -> Result<Vec<u64>, LakeError> {
         let mut numbers = self.numbers()?;
         let folder = self.folder();

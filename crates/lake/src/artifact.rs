@@ -6,9 +6,10 @@ use dataflow::Artifact;
 
 use crate::{LakeError, atomic::io_error};
 
-/// Access to the files that an artifact must have. A trait, since `dataflow` knows no lake.
+/// Access to the files that an artifact must have. A trait, since the type belongs to `dataflow`,
+/// which does not know the lake.
 pub trait ReadArtifact {
-    /// Returns where the file of this name lies.
+    /// Returns the path of the file of this name.
     ///
     /// # Errors
     ///

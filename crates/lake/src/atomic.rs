@@ -13,21 +13,21 @@ use std::{
 
 use crate::{LakeError, clock::now};
 
-/// Tells apart the temporary files of one process.
+/// Makes the names of one process's temporary files unique.
 static COUNTER: AtomicU64 = AtomicU64::new(0);
 
-/// Tells apart processes that have had the same number: the time at which this one first asked.
+/// Distinguishes processes with the same number: the time at which this one first needed a name.
 static STARTED: LazyLock<u128> = LazyLock::new(|| {
     let since = now().duration_since(UNIX_EPOCH);
     since.unwrap_or_default().as_nanos()
 });
 
-/// Writes a file whole or not at all: beside it, synced, then renamed. Whoever reads it, also after
-/// the program or the machine died, finds the old bytes or the new ones. Makes the folders above it.
+/// Writes a file whole or not at all: beside it, synced, then renamed. A reader finds the old bytes
+/// or the new ones, even after a crash of the program or the machine. Creates parent folders.
 ///
 /// # Errors
 ///
-/// Fails if the file cannot be written; then what was there before is still there.
+/// Fails if the file cannot be written; the old file then remains.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), LakeError> {
     make_parent(path)?;
     let folder = path.parent().unwrap_or(path);
@@ -51,19 +51,19 @@ pub(crate) fn write(staging: &Path, path: &Path, bytes: &[u8]) -> Result<(), Lak
     written
 }
 
-/// A name in `staging` that nobody else uses.
+/// A unique name in `staging`.
 pub(crate) fn temporary_name(staging: &Path) -> PathBuf {
     let number = COUNTER.fetch_add(1, Ordering::Relaxed);
     staging.join(format!("{}-{number}.new", process_name()))
 }
 
-/// A name for this process that no other has had.
+/// A name for this process that is never reused.
 pub(crate) fn process_name() -> String {
     format!("{}-{}", std::process::id(), *STARTED)
 }
 
-/// Moves a file to its final name, making the folders above it. Where that lies on another file
-/// system, the file is copied beside it first, under a name that no table's pattern matches.
+/// Moves a file to its final name, creating parent folders. Across file systems, the file is first
+/// copied beside the final name, under a name that no table's pattern matches.
 pub(crate) fn rename(from: &Path, to: &Path) -> Result<(), LakeError> {
     make_parent(to)?;
     match fs::rename(from, to) {
@@ -82,7 +82,7 @@ pub(crate) fn rename(from: &Path, to: &Path) -> Result<(), LakeError> {
     }
 }
 
-/// Removes a file that may be gone already.
+/// Removes a file, if it exists.
 pub(crate) fn remove_if_there(path: &Path) -> Result<(), LakeError> {
     match fs::remove_file(path) {
         Err(err) if err.kind() != io::ErrorKind::NotFound => Err(io_error("remove", path)(err)),
@@ -90,7 +90,7 @@ pub(crate) fn remove_if_there(path: &Path) -> Result<(), LakeError> {
     }
 }
 
-/// Makes the folder in which `path` lies.
+/// Creates the parent folder of `path`.
 pub(crate) fn make_parent(path: &Path) -> Result<(), LakeError> {
     match path.parent() {
         Some(parent) => fs::create_dir_all(parent).map_err(io_error("create", parent)),
@@ -98,7 +98,7 @@ pub(crate) fn make_parent(path: &Path) -> Result<(), LakeError> {
     }
 }
 
-/// Reads a file that may not be there.
+/// Reads a file, if it exists.
 pub(crate) fn read_if_there(path: &Path) -> Result<Option<Vec<u8>>, LakeError> {
     match fs::read(path) {
         Ok(bytes) => Ok(Some(bytes)),
@@ -107,7 +107,7 @@ pub(crate) fn read_if_there(path: &Path) -> Result<Option<Vec<u8>>, LakeError> {
     }
 }
 
-/// Returns a function that says what was tried, and where.
+/// Returns a function that adds the action and the path to an I/O error.
 pub(crate) fn io_error(
     action: &'static str,
     path: &Path,

@@ -25,7 +25,7 @@ pub(crate) struct Blobs {
     folder: Folder,
     /// Stamps of whole blobs.
     pub(crate) stamps: Stamps,
-    /// Blobs whose stamps this process itself moves on, by linking and unlinking them.
+    /// Blobs whose stamps this process itself changes, by linking and unlinking them.
     touched: Mutex<BTreeSet<Digest>>,
 }
 
@@ -38,7 +38,7 @@ impl Blobs {
         }
     }
 
-    /// Where the bytes of a digest lie.
+    /// Path of the blob with this digest.
     pub(crate) fn path(&self, digest: &Digest) -> PathBuf {
         let name = digest.to_hex();
         let folder = self.folder.blobs().join(name.get(..2).unwrap_or_default());
@@ -58,7 +58,7 @@ impl Blobs {
             size: metadata.len(),
         };
         if self.is_whole(&kept)? {
-            // Bytes that are there already are used again: the newer time keeps them.
+            // Existing bytes are reused: their newer time protects them from collection.
             let path = self.path(&digest);
             File::open(&path)
                 .and_then(|blob| blob.set_modified(now()))
@@ -78,8 +78,8 @@ impl Blobs {
         Ok(kept)
     }
 
-    /// Whether a file's bytes are the ones that its name promises. They are read only if the file's
-    /// stamp is not the one that it had when they were last seen to be right.
+    /// Whether a file's bytes match its name. They are read only if the file's stamp has changed
+    /// since they were last verified.
     pub(crate) fn is_unchanged(&self, file: &FileRef) -> Result<bool, LakeError> {
         let path = self.path(&file.digest);
         let stamp = match Stamp::read(&path) {
@@ -100,7 +100,7 @@ impl Blobs {
         Ok(is_whole)
     }
 
-    /// Whether a file's bytes are the ones that its name promises, by reading them.
+    /// Whether a file's bytes match its name, by reading them.
     pub(crate) fn is_whole(&self, file: &FileRef) -> Result<bool, LakeError> {
         let path = self.path(&file.digest);
         match digest_file(&path) {
@@ -110,7 +110,7 @@ impl Blobs {
         }
     }
 
-    /// Puts a lost or damaged blob back from where its bytes are shown.
+    /// Restores a missing or damaged blob from its published file.
     pub(crate) fn put_back(&self, shown: &Path, file: &FileRef) -> Result<(), LakeError> {
         let path = self.path(&file.digest);
         let beside = atomic::temporary_name(&self.folder.staging());
@@ -124,7 +124,7 @@ impl Blobs {
         put
     }
 
-    /// Removes a damaged file, unless somebody has made it again meanwhile.
+    /// Removes a damaged file, unless another process has rebuilt it meanwhile.
     pub(crate) fn drop(&self, file: &FileRef) -> Result<(), LakeError> {
         self.stamps.forget(&file.digest);
         if self.is_whole(file)? {
@@ -139,7 +139,7 @@ impl Blobs {
         }
     }
 
-    /// Remembers the stamp of a blob whose bytes are right.
+    /// Records the stamp of a verified blob.
     fn remember(&self, digest: &Digest) -> Result<(), LakeError> {
         let path = self.path(digest);
         let stamp = Stamp::read(&path).map_err(io_error("read", &path))?;
@@ -147,19 +147,19 @@ impl Blobs {
         Ok(())
     }
 
-    /// Says that this process has linked or unlinked a blob, which moves its stamp.
+    /// Notes that this process has linked or unlinked a blob, which changes its stamp.
     pub(crate) fn touch(&self, digest: &Digest) {
         self.touched().insert(*digest);
     }
 
-    /// Takes the stamps of blobs that this process has linked or unlinked anew, and returns those
+    /// Refreshes the stamps of blobs that this process has linked or unlinked, and returns those
     /// blobs.
     pub(crate) fn settle(&self) -> BTreeSet<Digest> {
         let touched = std::mem::take(&mut *self.touched());
         for digest in &touched {
             if let Some(before) = self.stamps.get(digest) {
                 match Stamp::read(&self.path(digest)) {
-                    // What else has moved was somebody else's doing: the bytes are read next time.
+                    // Any other change came from another process: the bytes are read next time.
                     Ok(stamp) if stamp.differs_by_links_alone(before) => {
                         self.stamps.learn(digest, stamp);
                     }

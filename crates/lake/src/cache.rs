@@ -1,4 +1,4 @@
-//! The newest states of pipelines, as this process knows them.
+//! The newest states of pipelines, cached by this process.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -18,7 +18,7 @@ use crate::{
     stamps::Stamps,
 };
 
-/// The newest states of the pipelines that were asked about.
+/// The newest states of the loaded pipelines.
 pub(crate) struct Cache {
     folder: Folder,
     known: Mutex<BTreeMap<String, Newest>>,
@@ -36,7 +36,7 @@ impl Cache {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Reads the newest state of a pipeline, with what it says of records and blobs.
+    /// Reads the newest state of a pipeline, with its stamps of records and blobs.
     pub(crate) fn enter(
         &self,
         pipeline: &str,
@@ -50,44 +50,45 @@ impl Cache {
         Ok(())
     }
 
-    /// Lists the units of a pipeline that was entered.
+    /// Lists the units of a loaded pipeline.
     pub(crate) fn units(&self, pipeline: &str) -> Vec<NewestUnit> {
         let known = self.known();
         known.get(pipeline).map(Newest::list).unwrap_or_default()
     }
 
-    /// Returns the result of a unit that is or was newest in a pipeline that was entered.
+    /// Returns the result of a unit that is or was newest in a loaded pipeline.
     pub(crate) fn outcome(&self, fingerprint: &Digest) -> Option<Arc<RecordOutcome>> {
         let known = self.known();
         let mut known = known.values();
         known.find_map(|newest| newest.outcome(fingerprint).cloned())
     }
 
-    /// Returns the result of a unit that nobody collects, because a pipeline's newest runs had it.
+    /// Returns the result of a unit that is safe from collection, because a pipeline's newest runs
+    /// had it.
     pub(crate) fn current_outcome(&self, fingerprint: &Digest) -> Option<Arc<RecordOutcome>> {
         let known = self.known();
         let mut known = known.values();
         known.find_map(|newest| newest.current_outcome(fingerprint).cloned())
     }
 
-    /// Whether this process has changed what a pipeline shows.
+    /// Whether this process has changed the published files of a pipeline.
     pub(crate) fn is_changed(&self, pipeline: &str) -> bool {
         self.known().get(pipeline).is_some_and(Newest::is_changed)
     }
 
-    /// Returns the files that a node shows, as far as is known.
+    /// Returns the published files of a node, as far as known.
     pub(crate) fn shown(&self, pipeline: &str, node: &NodeName) -> Option<Shown> {
         self.known().get(pipeline)?.shown(node).cloned()
     }
 
-    /// Says what a node shows from now on.
+    /// Sets the published files of a node.
     pub(crate) fn show(&self, pipeline: &str, node: &NodeName, shown: Shown) {
         let mut known = self.known();
         let newest = known.entry(pipeline.to_owned()).or_default();
         newest.show(node, shown);
     }
 
-    /// Returns the files that nodes show which a pipeline no longer has, as far as is known.
+    /// Returns the published files of nodes no longer in the pipeline, as far as known.
     pub(crate) fn shown_by_others(
         &self,
         pipeline: &str,
@@ -99,14 +100,14 @@ impl Cache {
         old.flat_map(|(_, shown)| shown.clone()).collect()
     }
 
-    /// Stops counting nodes as current that a pipeline no longer has.
+    /// Marks the nodes no longer in the pipeline as not current.
     pub(crate) fn retire(&self, pipeline: &str, is_kept: impl Fn(&NodeName) -> bool) {
         let mut known = self.known();
         let newest = known.entry(pipeline.to_owned()).or_default();
         newest.retire(is_kept);
     }
 
-    /// Keeps the newest state of a pipeline, with what other processes have kept meanwhile.
+    /// Saves the newest state of a pipeline, merged with what other processes saved meanwhile.
     pub(crate) fn keep(
         &self,
         pipeline: &str,
@@ -158,7 +159,7 @@ impl Cache {
         Ok(current)
     }
 
-    /// Forgets collected units in the newest states of all pipelines.
+    /// Removes collected units from the newest states of all pipelines.
     pub(crate) fn forget(&self, gone: &BTreeSet<Digest>, locks: &Locks) -> Result<(), LakeError> {
         for name in names_in(&self.folder.newest())? {
             let pipeline = newest::pipeline_of(&name);

@@ -1,8 +1,8 @@
-//! Marks of pipelines whose tables and files are being changed for people to see.
+//! Marks of pipelines whose published tables and files are being changed.
 //!
-//! Until the run that changes them is recorded, what is shown is neither what the newest record says
-//! nor damaged. A mark is an empty file `changing/PIPELINE.PROCESS`: it outlives its process, and is
-//! removed when a later run has shown everything that the pipeline makes.
+//! Until the run that changes them is recorded, the published files differ from the newest record
+//! without being damaged. A mark is an empty file `changing/PIPELINE.PROCESS`: it outlives its
+//! process, and is removed when a later run has published all of the pipeline's outputs.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -17,7 +17,7 @@ use crate::{
     lock::Locks,
 };
 
-/// What this process shows, by pipeline, and the marks of all processes.
+/// The publications of this process, by pipeline, and the marks of all processes.
 pub(crate) struct Changing {
     folder: Folder,
     known: Mutex<BTreeMap<String, Progress>>,
@@ -25,11 +25,11 @@ pub(crate) struct Changing {
 
 #[derive(Default)]
 struct Progress {
-    /// Nodes of which exactly the right files are shown.
+    /// Nodes whose published files are up to date.
     shown: BTreeSet<NodeName>,
-    /// Whether something was begun to be shown and not brought to its end.
+    /// Whether a publication was begun and not finished.
     failed: bool,
-    /// Whether nothing of the pipeline is left to be shown.
+    /// Whether the whole pipeline is published.
     whole: bool,
 }
 
@@ -51,7 +51,7 @@ impl Changing {
             .insert(pipeline.to_owned(), Progress::default());
     }
 
-    /// Notes that showing something came to its end, or did not.
+    /// Notes whether a publication succeeded.
     pub(crate) fn note<T>(
         &self,
         pipeline: &str,
@@ -72,7 +72,7 @@ impl Changing {
         progress.whole = !progress.failed && nodes.all(|node| progress.shown.contains(node));
     }
 
-    /// Marks a pipeline before something that it shows is changed.
+    /// Marks a pipeline before its published files change.
     pub(crate) fn mark(&self, pipeline: &str) -> Result<(), LakeError> {
         let path = self.folder.changing().join(mine(pipeline));
         if path.exists() {
@@ -81,8 +81,8 @@ impl Changing {
         self.folder.write(&path, b"")
     }
 
-    /// Removes this process's mark when what a pipeline shows is recorded, and those of dead processes
-    /// when nothing is left of what they began.
+    /// Removes this process's mark once the publication is recorded, and those of dead processes
+    /// once their unfinished publications are replaced.
     pub(crate) fn unmark(&self, pipeline: &str, locks: &Locks) -> Result<(), LakeError> {
         let folder = self.folder.changing();
         let known = self.known();
@@ -102,7 +102,7 @@ impl Changing {
         Ok(())
     }
 
-    /// The pipelines that are marked.
+    /// The marked pipelines.
     pub(crate) fn pipelines(&self) -> Result<BTreeSet<String>, LakeError> {
         let marks = self.marks()?;
         let pipelines = marks.iter().filter_map(|name| name.rsplit_once('.'));

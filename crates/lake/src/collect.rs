@@ -1,9 +1,9 @@
-//! Collecting garbage: unreferenced artifacts, those of no run that counts.
+//! Garbage collection of unreferenced artifacts.
 //!
-//! Kept are the units of tagged runs, of the newest runs of every pipeline, everything that a
-//! pipeline's newest state shows, what the caller names, and everything that was made or taken into
-//! use since the oldest living process began. Records of runs and their tables always stay. So does
-//! what an interrupted unit goes on from, until nobody has come back to it for a while.
+//! Kept are the units of tagged runs, of the newest runs of every pipeline and of its newest state,
+//! those named by the caller, and all made or used since the oldest living process began. Records
+//! of runs and their tables always stay. So does the resume state of interrupted units, until it
+//! expires.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -26,10 +26,10 @@ use crate::{
     sealed, twice,
 };
 
-/// How long what an interrupted unit goes on from waits for it.
+/// Expiry of the resume state of an interrupted unit.
 const RESUMED_WITHIN: Duration = Duration::from_hours(7 * 24);
 
-/// What is collected, and whether it is done or only said.
+/// Whether garbage is removed or only counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Collecting {
     /// It is removed.
@@ -38,22 +38,22 @@ pub enum Collecting {
     Count,
 }
 
-/// What went, or would go.
+/// The garbage that was removed, or would be.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Collected {
     /// Units by `stage.artifact`, with the bytes that only they refer to.
     pub units: BTreeMap<String, CollectedUnits>,
-    /// Blobs to which nothing refers.
+    /// Number of unreferenced blobs.
     pub n_blobs: usize,
     /// Their bytes.
     pub n_bytes: u64,
-    /// Folders and files that dead processes left behind.
+    /// Stale folders and files of dead processes.
     pub n_leftovers: usize,
-    /// Units that stay.
+    /// Number of kept units.
     pub n_kept: usize,
 }
 
-/// Units of one output that went, or would go.
+/// Units of one output that were removed, or would be.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct CollectedUnits {
     /// How many.
@@ -63,13 +63,13 @@ pub struct CollectedUnits {
 }
 
 impl Lake {
-    /// Removes what nothing refers to, or counts it. `reached` are fingerprints that count beside
-    /// what the lake itself knows; of each pipeline, the newest `n_runs` finished runs count.
+    /// Removes or counts unreferenced artifacts. `reached` are fingerprints to keep beside those
+    /// that the lake refers to; of each pipeline, the newest `n_runs` finished runs are kept.
     ///
     /// # Errors
     ///
-    /// Fails if there is no lake, if a record or list of units that counts is damaged, or if something
-    /// cannot be removed.
+    /// Fails if there is no lake, if a record or list of kept units is damaged, or if a file cannot
+    /// be removed.
     pub fn collect(
         &self,
         reached: &[Digest],
@@ -78,9 +78,9 @@ impl Lake {
     ) -> Result<Collected, LakeError> {
         self.expect_there()?;
         self.prepare()?;
-        // Nobody takes what goes for what was lost.
+        // Holding the lock, so that no process restores the removed files as lost.
         let _turn = self.locks.turn_to_mend()?;
-        // Nobody keeps a unit or takes an old one into use while this goes on.
+        // No process stores a unit or takes an old one into use meanwhile.
         let _alone = self.locks.collect_alone()?;
         let since = self.oldest_process()?;
         let mut kept: BTreeSet<Digest> = reached.iter().copied().collect();
@@ -156,7 +156,8 @@ impl Lake {
             let is_tagged = tagged.contains(&number);
             let run = match self.register.read(number) {
                 Ok(run) => run,
-                // A damaged record says nothing about what to keep, unless somebody asked for it.
+                // A damaged record cannot say what to keep; it is an error only if the run is
+                // tagged.
                 Err(err) if is_tagged => return Err(err),
                 Err(_) => continue,
             };
@@ -181,7 +182,7 @@ impl Lake {
         Ok(format!("{}.{}", stored.stage, output.unwrap_or_default()))
     }
 
-    /// Removes the tables of units that are gone.
+    /// Removes the tables of removed units.
     fn collect_tables(
         &self,
         gone: &BTreeSet<Digest>,
@@ -233,7 +234,7 @@ impl Lake {
         Ok(())
     }
 
-    /// Removes what dead processes left in staging, and their locks.
+    /// Removes stale staging folders and locks of dead processes.
     fn collect_leftovers(
         &self,
         collecting: Collecting,
@@ -243,14 +244,14 @@ impl Lake {
         for name in self.locks.left()? {
             collected.n_leftovers += 1;
             if collecting == Collecting::Remove {
-                // A lock is removed by letting go of it.
+                // Releasing a lock removes it.
                 drop(self.locks.try_take(&name, "nothing")?);
             }
         }
         Ok(())
     }
 
-    /// Removes what dead processes left in staging; returns how much.
+    /// Removes stale staging folders of dead processes; returns how many.
     pub(crate) fn collect_staging(&self, collecting: Collecting) -> Result<usize, LakeError> {
         let mut n_leftovers = 0;
         let staging = self.folder.staging();
@@ -264,7 +265,7 @@ impl Lake {
                 continue;
             }
             if collecting == Collecting::Remove {
-                // Nobody begins to make the unit meanwhile.
+                // No process starts to make the unit meanwhile.
                 let Some(_lock) = self.locks.try_take(&name, "nothing")? else {
                     continue;
                 };
@@ -285,8 +286,7 @@ impl Lake {
         Ok(n_leftovers)
     }
 
-    /// Removes what interrupted units would go on from that are kept by now, or that nobody has come
-    /// back to for long.
+    /// Removes the resume state of units that are stored by now, and expired resume state.
     fn collect_resumable(
         &self,
         collecting: Collecting,
@@ -304,7 +304,7 @@ impl Lake {
                 continue;
             }
             if collecting == Collecting::Remove {
-                // Nobody begins to make the unit meanwhile.
+                // No process starts to make the unit meanwhile.
                 let Some(_lock) = self.locks.try_take(&name, "nothing")? else {
                     continue;
                 };

@@ -1,4 +1,4 @@
-//! Large caches in few bytes: numbers, texts and digests one after the other, sealed.
+//! A compact encoding of large caches: a sequence of numbers, texts and digests, sealed.
 
 use std::path::Path;
 
@@ -8,22 +8,22 @@ use crate::{LakeError, folder::Folder, sealed::LINE, stamp::Stamp};
 
 const DIGEST: usize = 32;
 
-/// What is written.
+/// The bytes written so far.
 pub(crate) struct Writer(Vec<u8>);
 
-/// What is left to be read. Everything read is `None` where the bytes do not say it, as those of
-/// another version of the program may not.
+/// The bytes left to read. A read returns `None` if the bytes do not encode the value, as in a file
+/// of another version.
 pub(crate) struct Reader<'a>(&'a [u8]);
 
 impl Writer {
-    /// Begins a file of this version, which changes with the form.
+    /// Begins a file of this format version.
     pub(crate) fn new(version: u64) -> Self {
         let mut writer = Self(LINE.begin());
         writer.number(version);
         writer
     }
 
-    /// Seven bits to a byte, the lowest first.
+    /// Seven bits per byte, lowest first (LEB128).
     pub(crate) fn number(&mut self, mut number: u64) {
         while number > 0x7f {
             self.0.push(number.to_le_bytes()[0] | 0x80);
@@ -54,7 +54,7 @@ impl Writer {
 }
 
 impl<'a> Reader<'a> {
-    /// Begins to read a file, if no byte of it is other than it was written and it is of this version.
+    /// Begins to read a file, if it is undamaged and of this version.
     pub(crate) fn of(bytes: &'a [u8], version: u64) -> Option<Self> {
         let mut reader = Self(LINE.body(bytes)?);
         (reader.number()? == version).then_some(reader)
@@ -96,7 +96,7 @@ impl<'a> Reader<'a> {
         Some(Stamp::from(numbers))
     }
 
-    /// Reads a number of things and then each of them.
+    /// Reads a count and then that many items.
     pub(crate) fn each<T, C: FromIterator<T>>(
         &mut self,
         mut one: impl FnMut(&mut Self) -> Option<T>,

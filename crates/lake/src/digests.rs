@@ -1,4 +1,4 @@
-//! Digests of files, and files of which they are known.
+//! Digests of files, and checks of files against them.
 
 use std::{
     fs::{self, File},
@@ -12,7 +12,7 @@ use std::{
 
 use dataflow::Digest;
 
-/// Told how many bytes of how many are read.
+/// Progress callback: bytes read, bytes in all.
 pub type OnBytes<'a> = dyn Fn(u64, u64) + Sync + 'a;
 
 /// Digests a file without holding it in memory.
@@ -22,7 +22,7 @@ pub(crate) fn digest_file(path: &Path) -> io::Result<Digest> {
     Ok(Digest::from(*hasher.finalize().as_bytes()))
 }
 
-/// Reads files on all cores and returns, ordered, what is said of those that have other digests.
+/// Reads files on all cores and returns, ordered, the faults of those whose digests differ.
 pub(crate) fn check_digests<F: Ord + Send>(
     files: &[(PathBuf, Digest)],
     on_bytes: &OnBytes,

@@ -39,7 +39,7 @@ pub enum LakeError {
         /// Why it failed.
         source: mcap::McapError,
     },
-    /// A record of the lake is not as it was written.
+    /// A record of the lake is damaged.
     #[error("`{}` is damaged: its bytes are not the ones that were written", path.display())]
     Damaged {
         /// Where.
@@ -54,27 +54,27 @@ pub enum LakeError {
     /// There is no lake.
     #[error("no lake in `{}`", path.display())]
     NoLake {
-        /// Where it was looked for.
+        /// The path searched.
         path: PathBuf,
     },
     /// No run of this name is in the lake.
     #[error("no run `{name}` in the lake")]
     NoRun {
-        /// What was asked for.
+        /// The name given.
         name: String,
     },
     /// No run has this tag.
     #[error("no run is tagged `{name}`")]
     NoTag {
-        /// What was asked for.
+        /// The name given.
         name: String,
-        /// The tag that may have been meant.
+        /// The nearest tag.
         near: Option<String>,
     },
     /// A tag cannot be set.
     #[error("`{name}` is no name for a tag")]
     NotATag {
-        /// What was asked for.
+        /// The name given.
         name: String,
     },
     /// A record of the lake is not valid JSON of the expected form.
@@ -85,7 +85,7 @@ pub enum LakeError {
         /// Why it failed.
         source: serde_json::Error,
     },
-    /// A table has other columns than its schema, or values that it cannot have.
+    /// A table's columns or values violate its schema.
     #[error("the table of `{key}` does not follow the schema of `{table}`")]
     Schema {
         /// The artifact that it should be.
@@ -95,7 +95,7 @@ pub enum LakeError {
         /// How it differs.
         source: SchemaError,
     },
-    /// What a stage made cannot be a table.
+    /// A stage's result cannot be written as a table.
     #[error("cannot make the table `{table}`")]
     Rows {
         /// The artifact.
@@ -111,7 +111,7 @@ pub enum LakeError {
         /// Partitions given.
         found: usize,
     },
-    /// A unit was given less than it reads: the plan is not its stage's.
+    /// A unit lacks an input: the plan is not its stage's.
     #[error("the unit reads no {what}")]
     MissingInput {
         /// What is missing, e.g. `candidates`.
@@ -125,7 +125,7 @@ pub enum LakeError {
         /// What it is.
         value: f64,
     },
-    /// An artifact lacks a file that its kind promises.
+    /// An artifact lacks a file that its kind requires.
     #[error("artifact `{key}` has no file `{file}`")]
     MissingFile {
         /// The partition's key.

@@ -1,4 +1,4 @@
-//! What this process is making, so that it can be dropped cleanly when somebody stops the program.
+//! The units in flight of this process, dropped cleanly at an interrupt.
 
 use std::{
     collections::BTreeSet,
@@ -9,15 +9,15 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// How long a stopped program lets what is being kept come to its end.
+/// Grace period for pending writes at an interrupt.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// The units in flight.
 #[derive(Default)]
 pub(crate) struct Flight {
     folders: Mutex<BTreeSet<PathBuf>>,
-    /// Held for reading while something is written under its final name; held for writing from the
-    /// moment in which nothing may be written any more.
+    /// Read-locked while a file is written under its final name; write-locked to stop all further
+    /// writes.
     gate: RwLock<()>,
 }
 
@@ -32,20 +32,20 @@ impl Flight {
         folders.remove(folder);
     }
 
-    /// Lets something be kept; waits for ever once the flight is dropped.
+    /// Permits a commit; blocks forever once the flight is dropped.
     pub(crate) fn land(&self) -> RwLockReadGuard<'_, ()> {
         self.gate.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits until nothing is being kept, lets nothing be kept any more while the guard lives, and
-    /// removes what is in the making. Returns the number of units dropped. What waits for another
-    /// process meanwhile is not waited for: it has written nothing.
+    /// Waits for pending commits, blocks further ones while the guard lives, and removes the units
+    /// in flight. Returns the number of units dropped. Does not wait for units that wait for
+    /// another process: they have written nothing.
     pub(crate) fn drop_all(&self) -> (Option<RwLockWriteGuard<'_, ()>>, usize) {
         let gate = self.close();
         let folders = self.folders.lock().unwrap_or_else(PoisonError::into_inner);
         for folder in folders.iter() {
-            // A stage may write into it at this very moment, so a second try may be needed; what is
-            // left all the same is removed by whoever makes the unit next.
+            // A stage may still be writing into it, so a second try may be needed; leftovers are
+            // removed by the next process that makes the unit.
             let _left = fs::remove_dir_all(folder).or_else(|_| fs::remove_dir_all(folder));
         }
         (gate, folders.len())

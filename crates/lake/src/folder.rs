@@ -1,4 +1,4 @@
-//! What lies where in a lake.
+//! The folder layout of a lake.
 
 use std::{
     borrow::Cow,
@@ -17,7 +17,7 @@ use crate::{
 /// Folder of the tables, below the lake.
 pub(crate) const TABLES: &str = "tables";
 
-/// Folder of everything that is neither table nor chart, below the lake.
+/// Folder of published files that are neither tables nor charts, below the lake.
 pub(crate) const FILES: &str = "files";
 
 /// Folder of charts, below the lake.
@@ -26,16 +26,16 @@ pub(crate) const REPORTS: &str = "reports";
 /// Folder of every table ever made, by the unit that made it, below the lake.
 pub(crate) const EVERY: &str = "every";
 
-/// Folder of the copies of what is kept twice, below the lake.
+/// Folder of backup copies, below the lake.
 const COPIES: &str = "copies";
 
 /// Ending of a chart's name.
 const CHART: &str = ".svg";
 
-/// What stands before the number of a run in the name of the folder of its table.
+/// Prefix of a run's table folder, before its number.
 const RUN: &str = "run=";
 
-/// What stands before the digits of a unit in the name of the folder of its table among all.
+/// Prefix of a unit's table folder below [`EVERY`], before its digits.
 const FINGERPRINT: &str = "fingerprint=";
 
 /// The tables of what runs did, in the order in which they are documented.
@@ -72,7 +72,7 @@ impl Folder {
         self.below(path).to_string_lossy()
     }
 
-    /// Returns a path from the lake on.
+    /// Returns a path relative to the lake.
     pub(crate) fn below<'p>(&self, path: &'p Path) -> &'p Path {
         path.strip_prefix(&self.0).unwrap_or(path)
     }
@@ -85,7 +85,7 @@ impl Folder {
         self.join("locks")
     }
 
-    /// Where units leave what they go on from when they are interrupted, by fingerprint.
+    /// Resume state of interrupted units, by fingerprint.
     pub(crate) fn resume(&self) -> PathBuf {
         self.join("resume")
     }
@@ -116,7 +116,7 @@ impl Folder {
         self.join("tags")
     }
 
-    /// The run that was gone through again last.
+    /// The most recently repeated run.
     pub(crate) fn again(&self) -> PathBuf {
         self.join("again.json")
     }
@@ -130,7 +130,7 @@ impl Folder {
         self.join("sources.json")
     }
 
-    /// What everything that people see looked like when it was right.
+    /// Stamps of published files when they were last verified.
     pub(crate) fn seen(&self) -> PathBuf {
         self.join("seen.cache")
     }
@@ -153,7 +153,7 @@ impl Folder {
         self.join(EVERY)
     }
 
-    /// Lists the tables of artifacts that are shown, by name.
+    /// Lists the published tables of artifacts, by name.
     pub(crate) fn artifact_tables(&self) -> Result<Vec<String>, LakeError> {
         let mut names = names_in(&self.tables())?;
         names.retain(|name| !HISTORY.contains(&name.as_str()));
@@ -165,13 +165,13 @@ impl Folder {
         self.join(shown_table(table, pipeline))
     }
 
-    /// Returns where a table of a run lies.
+    /// Returns the path of a table of a run.
     pub(crate) fn run_table(&self, name: &str, run: u64) -> PathBuf {
         let folder = self.tables().join(name).join(format!("{RUN}{run}"));
         folder.join(table::FILE)
     }
 
-    /// Lists the tables of runs that are there.
+    /// Lists the existing tables of runs.
     pub(crate) fn run_tables(&self) -> Result<Vec<PathBuf>, LakeError> {
         let mut tables = Vec::new();
         for name in HISTORY {
@@ -180,7 +180,7 @@ impl Folder {
         Ok(tables)
     }
 
-    /// Returns where the table of a unit lies, whatever is newest.
+    /// Returns the path of a unit's table below [`EVERY`].
     pub(crate) fn every_table(
         &self,
         artifact: &str,
@@ -195,7 +195,7 @@ impl Folder {
             .join(table::FILE)
     }
 
-    /// Returns the copy of a file that is kept twice.
+    /// Returns the path of a file's backup copy.
     pub(crate) fn copy_of(&self, path: &Path) -> PathBuf {
         self.join(COPIES).join(self.below(path))
     }
@@ -206,7 +206,7 @@ impl Folder {
     }
 }
 
-/// The folders, below the lake, in which what a node made is shown.
+/// The folders, below the lake, in which a node's artifacts are published.
 pub(crate) struct ShownFolders {
     tables: PathBuf,
     files: PathBuf,
@@ -228,7 +228,7 @@ impl ShownFolders {
         }
     }
 
-    /// Where a file of a partition is shown.
+    /// Path at which a file of a partition is published.
     pub(crate) fn path(&self, column: &str, partition: &str, name: &str) -> String {
         let folder = if name == table::FILE {
             self.tables.join(format!("{column}={partition}"))
@@ -251,13 +251,13 @@ fn shown_table(table: &str, pipeline: &str) -> PathBuf {
         .join(format!("pipeline={pipeline}"))
 }
 
-/// Returns the number of the run whose table lies here.
+/// Returns the number of the run to which this table belongs.
 pub(crate) fn run_of(path: &Path) -> Option<u64> {
     let folder = path.parent()?.file_name()?.to_str()?;
     folder.strip_prefix(RUN)?.parse().ok()
 }
 
-/// Returns the partition and the unit whose table lies here.
+/// Returns the partition and the unit to which this table belongs.
 pub(crate) fn unit_of(path: &Path) -> Option<(&str, Digest)> {
     let mut folders = path.parent()?.iter().rev();
     let unit = folders.next()?.to_str()?.strip_prefix(FINGERPRINT)?;
@@ -265,12 +265,12 @@ pub(crate) fn unit_of(path: &Path) -> Option<(&str, Digest)> {
     Some((partition, unit.parse().ok()?))
 }
 
-/// Returns the digest that a file's name is, without its ending.
+/// Returns the digest in a file's name, without its extension.
 pub(crate) fn digest_named(path: &Path) -> Option<Digest> {
     path.file_stem()?.to_str()?.parse().ok()
 }
 
-/// Lists the names in a folder, ordered; none if the folder is not there.
+/// Lists the names in a folder, ordered; none if the folder does not exist.
 pub(crate) fn names_in(folder: &Path) -> Result<Vec<String>, LakeError> {
     let entries = entries(folder)?.into_iter();
     let names = entries.filter_map(|(path, _)| {
@@ -296,7 +296,7 @@ pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, LakeError> {
     Ok(files)
 }
 
-/// Lists what is in a folder, and whether each is a folder; nothing if it is not there.
+/// Lists the entries of a folder, and whether each is a folder; none if it does not exist.
 pub(crate) fn entries(folder: &Path) -> Result<Vec<(PathBuf, bool)>, LakeError> {
     let entries = match fs::read_dir(folder) {
         Err(err) if err.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),

@@ -1,4 +1,5 @@
-//! What runs did, as tables: `runs`, `settings`, `units`, `artifacts` and `metrics`, one partition per run.
+//! The history of runs as tables: `runs`, `settings`, `units`, `artifacts` and `metrics`, one
+//! partition per run.
 
 use std::{collections::BTreeMap, fs, path::PathBuf, sync::Arc};
 
@@ -14,7 +15,7 @@ use crate::{
     LakeError, atomic::io_error, folder::HISTORY, lake::Lake, published, register::Run, table,
 };
 
-/// Writes the tables of a run that ended, and returns their files by table.
+/// Writes the tables of a finished run, and returns their files by table.
 pub(crate) fn keep(
     lake: &Lake,
     run: &Run,
@@ -40,14 +41,14 @@ pub(crate) fn keep(
         })?;
         table::write_batch(folder, &batch)?;
         let file = lake.blobs.take(&folder.join(table::FILE))?;
-        // A copy: what nothing could make again is there twice.
+        // A copy, not a link: irreplaceable files are stored twice.
         published::show_copy(lake, &lake.file(&file), &path)?;
         kept.insert(name.to_owned(), file);
     }
     Ok(kept)
 }
 
-/// The folder in which tables are written, removed when they are kept or cannot be.
+/// The temporary folder of the tables being written, removed on drop.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -61,14 +62,14 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // What cannot be removed now is removed by a later run.
+        // Leftovers are removed by a later run.
         let _left = fs::remove_dir_all(&self.0);
     }
 }
 
-/// Makes the tables of a run again from its record and those of its units; returns the run with them.
+/// Rebuilds the tables of a run from its record and those of its units; returns the run with them.
 pub(crate) fn make_again(lake: &Lake, mut run: Run) -> Result<Run, LakeError> {
-    // Without the list of its units nothing can be said about them.
+    // Without the list of its units, its tables cannot be rebuilt.
     let Ok(refs) = lake.register.units(&run) else {
         return Ok(run);
     };
@@ -79,7 +80,7 @@ pub(crate) fn make_again(lake: &Lake, mut run: Run) -> Result<Run, LakeError> {
     Ok(run)
 }
 
-/// Units with what their records say became of them; those that were collected are left out.
+/// Units with their recorded outcomes; collected ones are left out.
 pub(crate) fn with_outcomes(
     lake: &Lake,
     refs: Vec<UnitRef>,
@@ -275,7 +276,7 @@ fn names<'a>(units: &(impl Iterator<Item = &'a UnitRef> + Clone)) -> [(&'static 
     ]
 }
 
-/// The artifacts that units made, one item per entry of a map of theirs.
+/// The artifacts of units, one item per entry of one of their maps.
 fn entries<'a, V>(
     units: &'a [(UnitRef, Arc<RecordOutcome>)],
     of: impl Fn(&'a RecordOutcome) -> Option<&'a BTreeMap<String, V>>,

@@ -1,4 +1,4 @@
-//! A lake: its folder, and the parts that look after it.
+//! A lake: its folder, and the components that manage it.
 
 use std::{
     fs,
@@ -35,7 +35,7 @@ pub struct Lake {
 }
 
 impl Lake {
-    /// Opens a lake; the folder is made when something is first written to it.
+    /// Opens a lake; the folder is created at the first write.
     pub fn open(root: &Path) -> Self {
         let folder = Folder::new(root);
         Self {
@@ -56,19 +56,19 @@ impl Lake {
         self.folder.root()
     }
 
-    /// Makes ready to write.
+    /// Prepares for writing.
     pub(crate) fn prepare(&self) -> Result<(), LakeError> {
         let staging = self.folder.staging();
         fs::create_dir_all(&staging).map_err(io_error("create", &staging))?;
         self.locks.enter()
     }
 
-    /// Says that this process writes no more to the lake.
+    /// Ends this process's writing to the lake.
     pub fn leave(&self) {
         self.locks.leave();
     }
 
-    /// Makes sure that there is a lake: a folder with something in it that a lake has.
+    /// Checks that there is a lake: a folder with something in it that a lake has.
     ///
     /// # Errors
     ///
@@ -103,7 +103,7 @@ impl Lake {
         HISTORY
     }
 
-    /// Returns the folder of a pipeline's charts, if it shows any.
+    /// Returns the folder of a pipeline's charts, if it has any.
     pub fn report_folder(&self, pipeline: &str) -> Option<PathBuf> {
         let folder = self.folder.join(REPORTS).join(pipeline);
         let is_empty = files_below(&folder).is_ok_and(|files| files.is_empty());
@@ -139,8 +139,8 @@ impl Lake {
         self.register.read_with_end(number, &self.locks)
     }
 
-    /// Returns the newest run of any pipeline that came to its end, or else the newest of all. A run that
-    /// was gone through again is newer than those before.
+    /// Returns the newest finished run of any pipeline, or else the newest of all. A repeated run
+    /// counts as newer than those before the repetition.
     ///
     /// # Errors
     ///
@@ -183,7 +183,7 @@ impl Lake {
         Ok(record.map(|record| (record, provenance)))
     }
 
-    /// Returns where the bytes of a file of an artifact lie.
+    /// Returns the path of an artifact's file.
     pub fn file(&self, file: &FileRef) -> PathBuf {
         self.blobs.path(&file.digest)
     }

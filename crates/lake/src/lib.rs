@@ -4,14 +4,14 @@
 //!
 //! ```text
 //! blobs/ab/abcd…           bytes of artifacts, named by their BLAKE3 digest, read-only
-//! recipes/abcd….json       what units of one output have in common: kind, code, configuration, schema
-//! units/ab/abcd….json      what each unit depended on and gave, named by its fingerprint's digest,
+//! recipes/abcd….json       shared by the units of one output: kind, code, configuration, schema
+//! units/ab/abcd….json      fingerprint and outcome of each unit, named by the fingerprint's digest,
 //!                          with when and where it was made (never part of an artifact)
 //! manifests/abcd….json     lists of the units of runs, named by their digest
-//! runs/000012.json         what each run did, with which values
-//! again.json               which older run was gone through again last, and so is the newest
+//! runs/000012.json         record of each run, with its values
+//! again.json               the most recently repeated run, which counts as the newest
 //! tags/NAME.json           names for runs, which keep them
-//! copies/…                 recipes, manifests, runs and tags once more: nothing could make them again
+//! copies/…                 backup of recipes, manifests, runs and tags, which are irreplaceable
 //! tables/…                 Hive-partitioned Parquet: the newest partitions of every artifact, and what
 //!                          runs did (`runs`, `settings`, `units`, `artifacts`, `metrics`)
 //! every/…                  Hive-partitioned Parquet: every partition that any unit made
@@ -19,11 +19,11 @@
 //! reports/PIPELINE/STAGE/… charts of the newest partitions
 //! views.sql                the tables as views for DuckDB
 //! newest/PIPELINE.cache    a cache: the newest state of every unit of a pipeline
-//! seen.cache               a cache: what everything that people see looked like when it was right
-//! changing/PIPELINE.…      whose tables and files are being changed
+//! seen.cache               a cache: stamps of the published files when last verified
+//! changing/PIPELINE.…      marks of pipelines whose tables and files are being changed
 //! sources.json             a cache: digests of files outside, by size, times and inode
-//! staging/, locks/         units in the making
-//! resume/abcd…/            what a unit goes on from that was interrupted, until its result is kept
+//! staging/, locks/         units in progress
+//! resume/abcd…/            resume state of an interrupted unit, until its result is stored
 //! ```
 //!
 //! A stage reads and writes by type, and every error in it is a [`LakeError`]:
@@ -40,9 +40,10 @@
 //! }
 //! ```
 //!
-//! Invariants: what stands under its final name is whole (written beside, synced, renamed); every file
-//! is named by a digest of its bytes or carries one, and is checked before it is used; two processes
-//! never make the same unit at the same time; a dead process's lock and staging folder are taken over.
+//! Invariants: a file under its final name is complete (written beside, synced, renamed); every
+//! file is named by a digest of its bytes or contains one, and is checked before use; two processes
+//! never make the same unit at the same time; a dead process's lock and staging folder are taken
+//! over.
 
 mod abandon;
 mod again;

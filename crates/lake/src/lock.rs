@@ -1,7 +1,8 @@
 //! Locks between processes that use one lake.
 //!
-//! A lock is a file that its holder has locked; the system lets go of it when the holder dies, so a
-//! dead owner's lock is taken over at once. The file says who holds it. The last holder removes it.
+//! A lock is a file that its holder has locked; the system releases it when the holder dies, so a
+//! dead owner's lock is taken over at once. The file describes the holder. The last holder removes
+//! it.
 
 use std::{
     fs::{self, File, TryLockError},
@@ -21,13 +22,13 @@ use crate::{
     folder::names_in,
 };
 
-/// A lock, let go of and removed when it is dropped.
+/// A lock, released and removed on drop.
 pub(crate) struct Lock {
     path: PathBuf,
     file: File,
 }
 
-/// Who holds a lock.
+/// The holder of a lock.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Holder {
     pid: u32,
@@ -36,7 +37,7 @@ pub(crate) struct Holder {
 }
 
 impl Holder {
-    /// This process, doing this.
+    /// This process, with its activity.
     fn this(what: &str) -> Self {
         Self {
             pid: std::process::id(),
@@ -45,7 +46,7 @@ impl Holder {
         }
     }
 
-    /// Who it is, in words.
+    /// The holder, in words.
     fn describe(&self) -> String {
         if self.host == clock::host() {
             format!("process {}, which makes {}", self.pid, self.what)
@@ -61,17 +62,17 @@ impl Holder {
 /// The locks of a lake, each a file of its folder.
 pub(crate) struct Locks {
     folder: PathBuf,
-    /// Held as long as this process writes to the lake, so that others know that it lives.
+    /// Held while this process writes to the lake, so that others know that it is alive.
     alive: Mutex<Option<Lock>>,
 }
 
-/// The lock under which records are taken into use, and collected.
+/// The lock between taking records into use (shared) and collecting them (exclusive).
 const COLLECTING: &str = "collecting";
 
-/// What stands before a process's name in that of the lock that it holds as long as it lives.
+/// Prefix, before a process's name, of the lock that it holds while it is alive.
 const PROCESS: &str = "process-";
 
-/// What is said to a process that waits for another one.
+/// Callback with the lock's holder for a process that waits.
 pub(crate) type Waiting<'a> = dyn Fn(&str) + 'a;
 
 impl Locks {
@@ -82,7 +83,7 @@ impl Locks {
         }
     }
 
-    /// Says that this process writes to the lake.
+    /// Announces that this process writes to the lake.
     pub(crate) fn enter(&self) -> Result<(), LakeError> {
         let mut alive = self.alive();
         if alive.is_none() {
@@ -92,7 +93,7 @@ impl Locks {
         Ok(())
     }
 
-    /// Says that this process writes no more to the lake.
+    /// Announces that this process no longer writes to the lake.
     pub(crate) fn leave(&self) {
         self.alive().take();
     }
@@ -101,7 +102,7 @@ impl Locks {
         self.alive.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether a process that wrote to the lake is still there.
+    /// Whether a process that wrote to the lake is still alive.
     pub(crate) fn is_alive(&self, process: &str) -> bool {
         self.is_held(&format!("{PROCESS}{process}"))
     }
@@ -115,7 +116,8 @@ impl Locks {
         Ok(others.map(str::to_owned).collect())
     }
 
-    /// Waits until nobody else makes this unit; if somebody does, `waiting` is told once who.
+    /// Waits for the lock of this unit; if another process holds it, calls `waiting` once with the
+    /// holder.
     pub(crate) fn unit(
         &self,
         fingerprint: &Digest,
@@ -125,38 +127,38 @@ impl Locks {
         self.wait_for(&fingerprint.to_hex(), unit, waiting)
     }
 
-    /// Lets one process at a time mend, and change what is mended.
+    /// Locks repairs, and changes of repaired files.
     pub(crate) fn turn_to_mend(&self) -> Result<Lock, LakeError> {
         self.wait_for("mending", "what was lost anew", &|_| {})
     }
 
-    /// Lets one process at a time change what a pipeline shows.
+    /// Locks the published files of a pipeline.
     pub(crate) fn turn_to_show(&self, pipeline: &str) -> Result<Lock, LakeError> {
         let name = format!("published-{pipeline}");
         self.wait_for(&name, "what the pipeline shows", &|_| {})
     }
 
-    /// Lets one process at a time number a run.
+    /// Locks the numbering of runs.
     pub(crate) fn turn_to_number(&self) -> Result<Lock, LakeError> {
         self.wait_for("runs", "a record of its run", &|_| {})
     }
 
-    /// Lets one process at a time keep what it knows of files outside the lake.
+    /// Locks the cache of digests of files outside the lake.
     pub(crate) fn turn_to_know(&self) -> Result<Lock, LakeError> {
         self.wait_for("sources", "what it knows of files outside", &|_| {})
     }
 
-    /// Waits until nobody collects, and keeps others from it.
+    /// Waits for garbage collection to end, and blocks it.
     pub(crate) fn keep_all(&self) -> Result<File, LakeError> {
         self.stay(COLLECTING, File::lock_shared)
     }
 
-    /// Waits until nobody keeps anything or takes it into use, and keeps others from it.
+    /// Waits until no process stores or takes anything into use, and blocks both.
     pub(crate) fn collect_alone(&self) -> Result<File, LakeError> {
         self.stay(COLLECTING, File::lock)
     }
 
-    /// Names of the locks that dead processes left behind.
+    /// Names of the stale locks of dead processes.
     pub(crate) fn left(&self) -> Result<Vec<String>, LakeError> {
         let mut names = names_in(&self.folder)?;
         names.retain(|name| name != COLLECTING && !self.is_held(name));
@@ -181,7 +183,7 @@ impl Locks {
         }
     }
 
-    /// Takes the lock of this name if nobody has it.
+    /// Takes the lock of this name if it is free.
     pub(crate) fn try_take(&self, name: &str, what: &str) -> Result<Option<Lock>, LakeError> {
         let path = self.folder.join(name);
         loop {
@@ -195,7 +197,7 @@ impl Locks {
         }
     }
 
-    /// Locks a file that nobody removes, and makes sure that nobody did.
+    /// Locks a permanent file, and checks that it was not removed meanwhile.
     fn stay(&self, name: &str, lock: impl Fn(&File) -> io::Result<()>) -> Result<File, LakeError> {
         let path = self.folder.join(name);
         loop {
@@ -207,14 +209,14 @@ impl Locks {
         }
     }
 
-    /// Whether somebody has the lock of this name.
+    /// Whether the lock of this name is held.
     pub(crate) fn is_held(&self, name: &str) -> bool {
         let file = File::open(self.folder.join(name));
         file.is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))
     }
 }
 
-/// Locks a file if nobody has; returns whether it is locked now.
+/// Locks a file if it is free; returns whether it is locked now.
 fn lock_now(path: &Path, file: &File) -> Result<bool, LakeError> {
     match file.try_lock() {
         Ok(()) => Ok(true),
@@ -247,7 +249,7 @@ fn open(path: &Path) -> Result<File, LakeError> {
     }
 }
 
-/// Makes sure that the file locked is the one that others will find, and writes into it who has it.
+/// Checks that the locked file is still at its path, and writes the holder into it.
 fn confirm(path: &Path, mut file: File, what: &str) -> Result<Option<Lock>, LakeError> {
     if !is_at(path, &file)? {
         return Ok(None);
@@ -263,7 +265,7 @@ fn confirm(path: &Path, mut file: File, what: &str) -> Result<Option<Lock>, Lake
     }))
 }
 
-/// Who holds a lock, in words.
+/// Description of a lock's holder.
 fn holder(path: &Path) -> String {
     let text = fs::read(path).unwrap_or_default();
     serde_json::from_slice::<Holder>(&text).map_or_else(
@@ -274,7 +276,7 @@ fn holder(path: &Path) -> String {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Removed while it is still locked: who waits for it finds that it is gone and begins anew.
+        // Removed while still locked: waiting processes see that it is gone and retry.
         if is_at(&self.path, &self.file).unwrap_or(false) {
             let _gone = fs::remove_file(&self.path);
         }

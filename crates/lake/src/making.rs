@@ -24,12 +24,12 @@ pub(crate) struct UnitInTheMaking<'a> {
     folder: PathBuf,
     resume_folder: PathBuf,
     started: SystemTime,
-    /// Held until the unit is kept or given up.
+    /// Held until the unit is stored or abandoned.
     _lock: Lock,
 }
 
 impl<'a> UnitInTheMaking<'a> {
-    /// Waits for the unit's lock and clears what a dead owner left behind.
+    /// Waits for the unit's lock and clears the leftovers of a dead owner.
     pub(crate) fn begin(
         lake: &'a Lake,
         fingerprint: &Digest,
@@ -54,9 +54,9 @@ impl<'a> UnitInTheMaking<'a> {
     }
 
     fn keep(&self, pending: PendingResult) -> Result<Record, LakeError> {
-        // Nobody collects bytes that this unit is about to need.
+        // Bytes that this unit is about to need are not collected meanwhile.
         let _shared = self.lake.locks.keep_all()?;
-        // From here on the unit is kept even if somebody stops the program.
+        // From here on the unit is stored even at an interrupt.
         let _landing = self.lake.flight.land();
         let outcome = match pending.outcome {
             Outcome::Made(made) => {
@@ -98,7 +98,7 @@ impl<'a> UnitInTheMaking<'a> {
             threads: std::thread::available_parallelism().map_or(0, usize::from),
         };
         self.lake.records.keep(&record, provenance)?;
-        // What is left all the same goes with the next collection.
+        // Leftovers are removed by the next garbage collection.
         let _left = self.remove_resume_folder();
         Ok(record)
     }
@@ -145,7 +145,7 @@ impl Making for UnitInTheMaking<'_> {
 
 impl Drop for UnitInTheMaking<'_> {
     fn drop(&mut self) {
-        // What cannot be removed now is removed by whoever makes the unit next.
+        // Leftovers are removed by the next process that makes the unit.
         let _left = fs::remove_dir_all(&self.folder);
         self.lake.flight.end(&self.folder);
     }

@@ -1,8 +1,8 @@
-//! Putting back what people see and what nothing could make again, whatever happened to it: records
-//! of runs and their tables, every table that runs refer to, and the views.
+//! Repair of published and irreplaceable files: records of runs and their tables, every table that
+//! runs refer to, and the views.
 //!
-//! A run that ends looks at sizes, times and inodes alone. Only if a file has come, gone or changed since
-//! somebody last looked at all of them, records are read, and files that are new or other.
+//! A finishing run checks only sizes, times and inodes. Records, and new or changed files, are read
+//! only if a file was added, removed or changed since the last full check.
 
 use std::{
     collections::BTreeSet,
@@ -23,7 +23,7 @@ use crate::{
     table, tags, twice, views,
 };
 
-/// Puts back what is lost, damaged or exchanged, and removes what nobody made.
+/// Restores lost, damaged or exchanged files, and removes foreign ones.
 pub(crate) fn mend(lake: &Lake) -> Result<(), LakeError> {
     let folder = &lake.folder;
     let seen = Seen::read(folder)?;
@@ -35,14 +35,14 @@ pub(crate) fn mend(lake: &Lake) -> Result<(), LakeError> {
         if let Some(seen) = seen.in_folders_of(watched)
             && lake.prepare().is_ok()
         {
-            // Where it cannot be kept, as in a lake that is only read, they are listed each time.
+            // If this fails, as in a read-only lake, they are listed each time.
             let _kept = seen.write(folder);
         }
         return Ok(());
     }
     lake.prepare()?;
     let _turn = lake.locks.turn_to_mend()?;
-    // Nobody collects what is about to be shown.
+    // Files about to be published are not collected meanwhile.
     let _shared = lake.locks.keep_all()?;
     let mut mender = Mender {
         lake,
@@ -60,24 +60,24 @@ pub(crate) fn mend(lake: &Lake) -> Result<(), LakeError> {
 struct Mender<'a> {
     lake: &'a Lake,
     seen: Seen,
-    /// Files that are not right and cannot be put back.
+    /// Wrong files that cannot be restored.
     wrong: BTreeSet<PathBuf>,
-    /// Blobs whose stamps are kept.
+    /// Blobs whose stamps are recorded.
     watched: BTreeSet<PathBuf>,
 }
 
 impl Mender<'_> {
-    /// Whether a file looks as it did when its bytes were last seen to be right.
+    /// Whether a file's stamp is unchanged since its bytes were last verified.
     fn is_known(&self, path: &Path) -> bool {
         self.seen.is_right(&self.lake.folder, path)
     }
 
-    /// Whether a file holds these bytes; it is read if it does not look as it did.
+    /// Whether a file holds these bytes; it is read only if its stamp has changed.
     fn holds(&self, path: &Path, digest: &Digest) -> bool {
         self.is_known(path) || digest_file(path).is_ok_and(|there| there == *digest)
     }
 
-    /// Files that are kept twice.
+    /// Files with backup copies.
     fn twice(&mut self) -> Result<(), LakeError> {
         let lake = self.lake;
         let folder = &lake.folder;
@@ -122,15 +122,14 @@ impl Mender<'_> {
         Ok(())
     }
 
-    /// Tables of runs: each run's are there as a blob and as a copy, and made again where both are
-    /// lost.
+    /// Tables of runs: stored as a blob and as a copy, and rebuilt if both are lost.
     fn history(&mut self) -> Result<(), LakeError> {
         let folder = &self.lake.folder;
         let there = folder.run_tables()?;
         let mut shown = BTreeSet::new();
         let mut running = BTreeSet::new();
         for number in self.lake.register.numbers()? {
-            // A damaged record of a run hides no table of another.
+            // A damaged record of one run does not hide the tables of others.
             let Ok(run) = self.lake.run_without_units(number) else {
                 running.insert(number);
                 continue;
@@ -159,8 +158,8 @@ impl Mender<'_> {
         Ok(())
     }
 
-    /// Puts back the table of a run from its blob, or the blob from the table. Returns whether one of
-    /// them was there.
+    /// Restores the table of a run from its blob, or the blob from the table. Returns whether one
+    /// of them was intact.
     fn of_run(&mut self, path: &Path, file: &FileRef) -> Result<bool, LakeError> {
         let blob = self.lake.file(file);
         match (
@@ -192,7 +191,7 @@ impl Mender<'_> {
         Ok(())
     }
 
-    /// Shows the table of a unit where it should be, if the unit was not collected.
+    /// Publishes the table of a unit at its path, if the unit was not collected.
     fn of_unit(&mut self, path: &Path, unit: &Digest) -> Result<(), LakeError> {
         let Some(stored) = self.lake.records.read(unit)? else {
             return Ok(());
@@ -211,7 +210,7 @@ impl Mender<'_> {
         Ok(())
     }
 
-    /// Whether a table among all is that of a unit, though no run that ended refers to it.
+    /// Whether a table below `every/` belongs to a unit, though no finished run refers to it.
     fn may_be_shown(&self, path: &Path) -> Result<bool, LakeError> {
         let Some((partition, fingerprint)) = unit_of(path) else {
             return Ok(false);
@@ -225,7 +224,7 @@ impl Mender<'_> {
         let tables = [self.lake.folder.tables(), self.lake.folder.every()];
         let folders = path.ancestors().skip(1);
         for folder in folders.take_while(|folder| !tables.iter().any(|table| table == folder)) {
-            // Fails, as it should, if something is left in it.
+            // Fails, as intended, if the folder is not empty.
             if fs::remove_dir(folder).is_err() {
                 break;
             }
@@ -233,7 +232,7 @@ impl Mender<'_> {
         Ok(())
     }
 
-    /// Keeps what everything looks like now.
+    /// Records the current stamps of all files.
     fn look_again(self) -> Result<(), LakeError> {
         let folder = &self.lake.folder;
         let seen = Seen::look(folder, &self.watched, &self.wrong)?;

@@ -1,7 +1,7 @@
-//! What is newest of a pipeline: one small file that answers for all its units at once.
+//! The newest state of a pipeline: one small file for all its units.
 //!
-//! It is a cache: everything in it can be found out again from records, blobs and the files shown,
-//! at the price of reading them.
+//! It is a cache: all of it can be recomputed from records, blobs and published files, at the price
+//! of reading them.
 
 mod stored;
 
@@ -15,7 +15,7 @@ use dataflow::{Digest, NewestUnit, NodeName, RecordOutcome, UnitRef};
 
 use crate::{folder::Folder, stamp::Stamp};
 
-/// How the names of the files in it end.
+/// Extension of the files in it.
 const ENDING: &str = ".cache";
 
 /// The newest state of a pipeline.
@@ -26,9 +26,9 @@ pub(crate) struct Newest {
     /// Fingerprints of units that the newest runs still had, when this was read.
     current: HashSet<Digest>,
     shown: BTreeMap<NodeName, Shown>,
-    /// Nodes of which this process has changed what they show.
+    /// Nodes whose published files this process has changed.
     shown_now: BTreeSet<NodeName>,
-    /// Nodes that the pipeline no longer has.
+    /// Nodes no longer in the pipeline.
     retired: BTreeSet<NodeName>,
     /// Stamps of whole blobs, as they were read.
     pub(crate) stamps: Vec<(Digest, Stamp)>,
@@ -43,24 +43,24 @@ struct NewestOf {
     current: bool,
 }
 
-/// The files that a node shows, by path below the lake.
+/// The published files of a node, by path below the lake.
 pub(crate) type Shown = BTreeMap<String, ShownFile>;
 
-/// A file that people see.
+/// A published file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ShownFile {
     pub(crate) digest: Digest,
-    /// The unit that made it: equal bytes of another are shown among every table as well.
+    /// The unit that made it: another unit's equal bytes are a separate file below `every/`.
     pub(crate) fingerprint: Digest,
     pub(crate) stamp: Stamp,
 }
 
-/// Where the newest state of a pipeline lies.
+/// Path of the newest state of a pipeline.
 pub(crate) fn path(folder: &Folder, pipeline: &str) -> PathBuf {
     folder.newest().join(format!("{pipeline}{ENDING}"))
 }
 
-/// The pipeline whose newest state lies in a file of this name.
+/// The pipeline of the state file of this name.
 pub(crate) fn pipeline_of(name: &str) -> &str {
     name.strip_suffix(ENDING).unwrap_or(name)
 }
@@ -89,18 +89,18 @@ impl Newest {
         &mut self.shown
     }
 
-    /// Says what a node shows from now on.
+    /// Sets the published files of a node.
     pub(crate) fn show(&mut self, node: &NodeName, shown: Shown) {
         self.shown_now.insert(node.clone());
         self.shown.insert(node.clone(), shown);
     }
 
-    /// Whether this process has shown or retired something since it was read.
+    /// Whether this process has published or retired anything since it was read.
     pub(crate) fn is_changed(&self) -> bool {
         !self.shown_now.is_empty() || !self.retired.is_empty()
     }
 
-    /// Lists the units, each as the newest run that came to it left it.
+    /// Lists the units, each as of the newest run that reached it.
     pub(crate) fn list(&self) -> Vec<NewestUnit> {
         let units = self.units.iter().flat_map(|(node, units)| {
             units.iter().map(|(partition, unit)| NewestUnit {
@@ -113,7 +113,7 @@ impl Newest {
         units.collect()
     }
 
-    /// Takes over what a run found or made in the nodes that it went through.
+    /// Merges the units that a run found or made in the nodes that it visited.
     pub(crate) fn take_over(&mut self, units: &[(UnitRef, Arc<RecordOutcome>)]) {
         let nodes: BTreeSet<_> = units.iter().map(|(unit, _)| &unit.node).collect();
         for node in nodes {
@@ -132,7 +132,7 @@ impl Newest {
         }
     }
 
-    /// Stops counting nodes as current that the pipeline no longer has.
+    /// Marks the nodes no longer in the pipeline as not current.
     pub(crate) fn retire(&mut self, is_kept: impl Fn(&NodeName) -> bool) {
         for (node, units) in &mut self.units {
             let is_current = units.values().any(|unit| unit.current);
@@ -147,7 +147,7 @@ impl Newest {
         self.shown.retain(|node, _| is_kept(node));
     }
 
-    /// Takes over what this process has shown and retired since it read what there was before.
+    /// Merges what this process has published and retired since it read the state.
     pub(crate) fn take_over_shown(&mut self, mine: &mut Self) {
         self.retire(|node| !mine.retired.contains(node));
         self.retired.clear();

@@ -1,4 +1,4 @@
-//! The newest partitions as people see them: tables, files, and every table ever made.
+//! Publication of the newest partitions: tables, files, and every table ever made.
 
 use std::{
     collections::BTreeMap,
@@ -20,11 +20,11 @@ use crate::{
     table,
 };
 
-/// How often a blob is linked that another process replaces with the same bytes at that moment: what
-/// was found by its name has no name any more, and the system refuses to link it.
+/// Tries to link a blob while another process replaces it with the same bytes: the opened file then
+/// has no name any more, and the system refuses to link it.
 const LINK_TRIES: u32 = 100;
 
-/// A file to be shown.
+/// A file to publish.
 struct Wanted<'a> {
     digest: Digest,
     fingerprint: &'a Digest,
@@ -32,8 +32,9 @@ struct Wanted<'a> {
     is_table: bool,
 }
 
-/// Shows exactly these partitions of a node: tables as Hive partitions, charts and other files by name.
-/// Returns what is shown now, or `None` if that is what `before` says and the file system confirms.
+/// Publishes exactly these partitions of a node: tables as Hive partitions, charts and other files
+/// by name. Returns the published files, or `None` if they equal `before` and the file system
+/// confirms it.
 pub(crate) fn publish(
     lake: &Lake,
     pipeline: &str,
@@ -97,7 +98,7 @@ fn wanted<'a>(pipeline: &str, node: &Node, made: &[Showing<'a>]) -> BTreeMap<Str
     wanted
 }
 
-/// Whether exactly the wanted files are shown, each untouched since.
+/// Whether exactly the wanted files are published and unmodified.
 fn is_shown(lake: &Lake, before: &Shown, wanted: &BTreeMap<String, Wanted>) -> bool {
     before.len() == wanted.len()
         && before
@@ -108,13 +109,13 @@ fn is_shown(lake: &Lake, before: &Shown, wanted: &BTreeMap<String, Wanted>) -> b
                     && shown.digest == file.digest
                     && shown.fingerprint == *file.fingerprint
                     && Stamp::read(&lake.folder.join(path)).is_ok_and(|stamp| {
-                        // Another unit that made the same bytes has taken their blob into use.
+                        // Another unit with the same bytes has taken their blob into use.
                         stamp == shown.stamp || lake.blobs.stamps.get(&shown.digest) == Some(stamp)
                     })
             })
 }
 
-/// Whether nothing but these files lies in the folders.
+/// Whether the folders hold only these files.
 fn is_all(lake: &Lake, folders: &[PathBuf], shown: &Shown) -> Result<bool, LakeError> {
     for folder in folders {
         for path in files_below(&lake.folder.join(folder))? {
@@ -126,7 +127,7 @@ fn is_all(lake: &Lake, folders: &[PathBuf], shown: &Shown) -> Result<bool, LakeE
     Ok(true)
 }
 
-/// Removes what stages that are no longer in the pipeline have shown: `before`, as far as is known.
+/// Unpublishes stages that are no longer in the pipeline: the files in `before`, as far as known.
 pub(crate) fn retire(
     lake: &Lake,
     pipeline: &str,
@@ -167,7 +168,7 @@ pub(crate) fn retire(
     Ok(())
 }
 
-/// Makes `path` the same file as the blob, or a copy where the file system has no hard links.
+/// Hard-links the blob at `path`, or copies it if the file system has no hard links.
 pub(crate) fn show(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), LakeError> {
     let blob = lake.blobs.path(digest);
     let same = fs::metadata(path).is_ok_and(|shown| {
@@ -184,7 +185,7 @@ pub(crate) fn show(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), Lake
             match fs::hard_link(&blob, beside) {
                 Ok(()) => return Ok(()),
                 Err(err) if has_no_links(&err) => return copy(&blob, beside),
-                // Another process has just put the same bytes in place of those that were found.
+                // Another process has just replaced the blob with the same bytes.
                 Err(err) if err.kind() == io::ErrorKind::NotFound && tries > 0 && blob.exists() => {
                 }
                 Err(err) => return Err(io_error("link", &blob)(err)),
@@ -193,19 +194,20 @@ pub(crate) fn show(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), Lake
     })
 }
 
-/// Puts a copy of a file at `path`: what happens to one does not happen to the other.
+/// Copies a file to `path`, so that damage to one does not affect the other.
 pub(crate) fn show_copy(lake: &Lake, from: &Path, path: &Path) -> Result<(), LakeError> {
     by_way_of(lake, path, |beside| copy(from, beside))
 }
 
-/// Copies a file, synced, under a name that nobody looks at.
+/// Copies a file, synced, under a temporary name.
 fn copy(from: &Path, to: &Path) -> Result<(), LakeError> {
     fs::copy(from, to)
         .and_then(|_| File::open(to)?.sync_all())
         .map_err(io_error("copy", from))
 }
 
-/// Puts at `path` what `make` puts elsewhere first. Nothing is left of what cannot be put there.
+/// Renames to `path` the file that `make` creates under a temporary name, which is removed on
+/// failure.
 fn by_way_of(
     lake: &Lake,
     path: &Path,
@@ -219,7 +221,7 @@ fn by_way_of(
     put
 }
 
-/// Whether the file system refuses hard links as such.
+/// Whether the file system does not support hard links.
 fn has_no_links(err: &io::Error) -> bool {
     use io::ErrorKind::{CrossesDevices, PermissionDenied, TooManyLinks, Unsupported};
     matches!(
@@ -228,7 +230,7 @@ fn has_no_links(err: &io::Error) -> bool {
     )
 }
 
-/// Removes every file below `folder` that is not shown, and folders left empty.
+/// Removes every unpublished file below `folder`, and empty folders.
 fn hide_others(
     lake: &Lake,
     folder: &Path,

@@ -1,7 +1,8 @@
-//! What the records say: which unit made each newest partition, and which bytes its files have.
+//! Tables according to the records: which unit made each newest partition, and the digests of its
+//! files.
 //!
-//! What people see below `tables/` and `every/` is made of this, and can be lost, exchanged or added
-//! to; a question is answered from here.
+//! The published files below `tables/` and `every/` derive from this, and can be lost, exchanged or
+//! added to; queries are answered from the records.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -14,7 +15,7 @@ use crate::{
     LakeError, digests::check_digests, folder::ShownFolders, lake::Lake, register::Run, table,
 };
 
-/// The newest partitions of a node, as the newest run that showed them left them.
+/// The newest partitions of a node, as published by the newest run that reached it.
 pub(crate) struct ShownNode {
     pub(crate) node: NodeName,
     /// The column of partitions' keys.
@@ -22,7 +23,7 @@ pub(crate) struct ShownNode {
     pub(crate) units: Vec<UnitRef>,
 }
 
-/// Partitions of a table that one stage of one pipeline made. Their bytes have been checked.
+/// The partitions of a table from one stage of one pipeline. Their bytes have been checked.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StageTable {
     /// The pipeline.
@@ -36,21 +37,21 @@ pub struct StageTable {
     pub files: BTreeMap<String, PathBuf>,
 }
 
-/// A table, or what is left of it.
+/// The remaining partitions of a table.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct TableFiles {
     /// Its partitions by stage.
     pub stages: Vec<StageTable>,
-    /// Number of partitions that are no longer in the lake: somebody collected them.
+    /// Number of partitions removed by garbage collection.
     pub n_collected: usize,
 }
 
-/// A file and what it must hold.
+/// A file and its expected digest.
 pub(crate) type Promised = (PathBuf, Digest);
 
 impl Lake {
-    /// Returns the newest partitions of a table: of the pipeline whose newest run is the newest of
-    /// those that show the table.
+    /// Returns the newest partitions of a table: of the pipeline with the newest run among those
+    /// that publish the table.
     ///
     /// # Errors
     ///
@@ -87,7 +88,7 @@ impl Lake {
         Ok(TableFiles::default())
     }
 
-    /// Returns the newest partitions of a table by key, each with the table's file alone.
+    /// Returns the newest partitions of a table by key, each with only the table's file.
     ///
     /// # Errors
     ///
@@ -143,7 +144,7 @@ impl Lake {
         Ok(all)
     }
 
-    /// Lists the partitions of a table that a run had, and what their files must hold.
+    /// Lists the partitions of a table that a run had, and the expected digests of their files.
     fn table_had_by(
         &self,
         table: &str,
@@ -159,7 +160,7 @@ impl Lake {
             for unit in run.record.units.iter().filter(|unit| unit.node == *node) {
                 let path = self.every_path(column, unit);
                 let Some(stored) = self.records.read(&unit.fingerprint)? else {
-                    // Whoever collects a unit leaves nothing of it.
+                    // Garbage collection removes a unit completely.
                     if path.exists() || self.records.path(&unit.fingerprint).exists() {
                         return Err(self.lost_record(&unit.fingerprint));
                     }
@@ -197,14 +198,14 @@ impl Lake {
         Ok(files)
     }
 
-    /// Where the table of a unit lies, whatever is newest.
+    /// Path of a unit's table below `every/`.
     fn every_path(&self, column: &str, unit: &UnitRef) -> PathBuf {
         let artifact = &unit.node.artifact;
         self.folder
             .every_table(artifact, column, &unit.partition, &unit.fingerprint)
     }
 
-    /// Where the tables of units are that runs have shown, by unit; some of the units made none.
+    /// Paths of the tables of units that runs have published; some of the units made none.
     pub(crate) fn every_promised(&self) -> Result<BTreeMap<PathBuf, Digest>, LakeError> {
         let mut promised = BTreeMap::new();
         let mut lists = BTreeSet::new();
@@ -227,7 +228,7 @@ impl Lake {
         Ok(promised)
     }
 
-    /// What became of a unit that is newest: its record must be there.
+    /// The outcome of a newest unit, whose record must exist.
     fn outcome_of(&self, fingerprint: &Digest) -> Result<RecordOutcome, LakeError> {
         let stored = self.records.read(fingerprint)?;
         let stored = stored.ok_or_else(|| self.lost_record(fingerprint))?;
@@ -243,8 +244,8 @@ impl Lake {
         }
     }
 
-    /// What a pipeline shows, by path below the lake, and what it must hold. Units whose records are
-    /// lost are returned beside it.
+    /// The published files of a pipeline, by path below the lake, with their expected digests, and
+    /// the units whose records are lost.
     pub(crate) fn promised_by(
         &self,
         pipeline: &str,
@@ -266,7 +267,7 @@ impl Lake {
         Ok((promised, lost))
     }
 
-    /// Units that the newest partitions of every pipeline come from.
+    /// Units of the newest partitions of every pipeline.
     pub(crate) fn newest_shown_units(&self) -> Result<BTreeSet<Digest>, LakeError> {
         let mut recorded = Recorded::of(self)?;
         let mut units = BTreeSet::new();
@@ -278,7 +279,7 @@ impl Lake {
         Ok(units)
     }
 
-    /// Pipelines of which there is a record of a run, the one with the newest run first.
+    /// Pipelines with recorded runs, the one with the newest run first.
     pub(crate) fn recorded_pipelines(&self) -> Result<Vec<String>, LakeError> {
         Recorded::of(self)?.pipelines()
     }
@@ -297,7 +298,7 @@ impl TableFiles {
     }
 }
 
-/// The runs of a lake, the newest or last gone through first, each read when it is first asked for.
+/// The runs of a lake, the newest or most recently repeated first, each read on first use.
 struct Recorded<'a> {
     lake: &'a Lake,
     /// Numbers of the runs that are not read yet, in order.
@@ -337,15 +338,15 @@ impl<'a> Recorded<'a> {
         Ok(pipelines)
     }
 
-    /// Returns what a pipeline shows of these nodes: of each what the newest run that showed it left,
-    /// without nodes that the pipeline no longer had when a run of it last came to its end.
+    /// Returns the published partitions of these nodes, each as of the newest run that published
+    /// it, without nodes that were no longer in the pipeline at its last finished run.
     fn shown_nodes(
         &mut self,
         pipeline: &str,
         is_asked: impl Fn(&NodeName) -> bool,
     ) -> Result<Vec<ShownNode>, LakeError> {
         let mut found: BTreeMap<NodeName, ShownNode> = BTreeMap::new();
-        // Known once a run that came to its end is seen: what runs after it have failed in stays.
+        // Known once a finished run is seen: nodes in which later runs failed stay.
         let mut left: Option<BTreeSet<NodeName>> = None;
         let mut idx = 0;
         while left.as_ref().is_none_or(|left| !left.is_empty()) {
@@ -390,7 +391,7 @@ impl<'a> Recorded<'a> {
     }
 }
 
-/// Reads files and makes sure that each holds what it must.
+/// Checks files against their expected digests.
 fn check(promised: &[Promised]) -> Result<(), LakeError> {
     let (wrong, _) = check_digests(promised, &|_, _| {}, Path::to_owned);
     match wrong.into_iter().next() {

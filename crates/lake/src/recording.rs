@@ -43,7 +43,7 @@ struct Channel {
     n_messages: u32,
 }
 
-/// Whether those who subscribe late are to be given the topic's last message.
+/// Whether late subscribers get the topic's last message.
 #[derive(Clone, Copy)]
 enum Durability {
     Volatile,
@@ -51,7 +51,7 @@ enum Durability {
 }
 
 impl Recording {
-    /// Starts a recording at `path`; `about` says what it shows, e.g. `object = 003_cracker_box`.
+    /// Starts a recording at `path`; `about` is its metadata, e.g. `object = 003_cracker_box`.
     ///
     /// # Errors
     ///
@@ -66,7 +66,7 @@ impl Recording {
             .profile("ros2")
             .library("pipeline")
             .compression(Some(Compression::Zstd))
-            // Frames made by several threads depend on their timing.
+            // Compressed frames of several threads depend on timing.
             .compression_threads(0)
             .chunk_size(Some(CHUNK_BYTES))
             .create(BufWriter::new(file))
@@ -102,8 +102,8 @@ impl Recording {
         self.write_with(topic, time_ns, message, Durability::Volatile)
     }
 
-    /// Writes a message that stays true, such as a robot's description: players hand it to those
-    /// who subscribe later.
+    /// Writes a latched message, such as a robot's description: players send it to late
+    /// subscribers.
     ///
     /// # Errors
     ///
@@ -172,7 +172,7 @@ impl Recording {
         self.writer.add_channel(schema, topic, "cdr", &about)
     }
 
-    /// Writes what does not move: the hand's description, its fixed links and the object's mesh.
+    /// Writes the static scene: the hand's description, its fixed links and the object's mesh.
     ///
     /// # Errors
     ///
@@ -245,10 +245,10 @@ fn qos(durability: Durability) -> String {
     )
 }
 
-/// What a recording holds.
+/// The contents of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Contents {
-    /// What was said at [`Recording::create`].
+    /// The metadata given to [`Recording::create`].
     pub about: BTreeMap<String, String>,
     /// The messages in the order in which they were written.
     pub messages: Vec<RecordedMessage>,

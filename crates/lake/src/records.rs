@@ -1,4 +1,4 @@
-//! Records of units: what each depended on and gave, by its fingerprint's digest.
+//! Records of units: fingerprint and outcome, by the fingerprint's digest.
 
 use std::{
     collections::{BTreeMap, HashSet},
@@ -35,7 +35,7 @@ pub struct Provenance {
     pub threads: usize,
 }
 
-/// A record as it lies in the lake.
+/// A record as stored in the lake.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct Stored {
     pub(crate) fingerprint: Digest,
@@ -65,7 +65,7 @@ impl Stored {
     }
 }
 
-/// Returns the recipe that a file's bytes hold, if it is the one that the file's name promises.
+/// Parses a recipe from a file's bytes, if it matches the file's name.
 pub(crate) fn parse_recipe(path: &Path, bytes: &[u8]) -> Result<Recipe, LakeError> {
     let recipe: Recipe = sealed::parse(path, bytes)?;
     if digest_named(path) == Some(recipe.digest()) {
@@ -82,7 +82,7 @@ pub(crate) struct Records {
     folder: Folder,
     /// Stamps of whole records.
     pub(crate) stamps: Stamps,
-    /// What every record has of its own, without what its unit read of other stages, by digest.
+    /// Own digests of all records: without the inputs from other stages.
     own: Mutex<Option<HashSet<Digest>>>,
 }
 
@@ -95,15 +95,15 @@ impl Records {
         }
     }
 
-    /// Remembers the stamp of a record that was just written, or read and found whole.
+    /// Records the stamp of a record that was just written or verified.
     fn remember(&self, fingerprint: &Digest) {
         if let Ok(stamp) = Stamp::read(&self.path(fingerprint)) {
             self.stamps.learn(fingerprint, stamp);
         }
     }
 
-    /// Whether a record is there with its recipe. It is read only if its stamp is not the one that it
-    /// had when it was last seen to be whole.
+    /// Whether a record exists with its recipe. It is read only if its stamp has changed since it
+    /// was last verified.
     pub(crate) fn is_whole(&self, fingerprint: &Digest) -> Result<bool, LakeError> {
         let stamp = Stamp::read(&self.path(fingerprint)).ok();
         if stamp.is_some() && stamp == self.stamps.get(fingerprint) {
@@ -119,7 +119,7 @@ impl Records {
         Ok(is_whole)
     }
 
-    /// Where a record lies.
+    /// Path of a record.
     pub(crate) fn path(&self, fingerprint: &Digest) -> PathBuf {
         let name = fingerprint.to_hex();
         let folder = self.folder.units().join(name.get(..2).unwrap_or_default());
@@ -130,7 +130,7 @@ impl Records {
         self.folder.recipes().join(format!("{digest}.json"))
     }
 
-    /// Keeps a record and the recipe that it shares with others.
+    /// Stores a record and its shared recipe.
     pub(crate) fn keep(&self, record: &Record, provenance: Provenance) -> Result<(), LakeError> {
         let fingerprint = &record.fingerprint;
         let recipe = fingerprint.recipe.digest();
@@ -157,13 +157,13 @@ impl Records {
         Ok(())
     }
 
-    /// Reads the record of a fingerprint; a damaged one is as good as none: the unit is made again.
+    /// Reads the record of a fingerprint; a damaged one counts as missing: the unit is rebuilt.
     pub(crate) fn read(&self, fingerprint: &Digest) -> Result<Option<Stored>, LakeError> {
         let stored: Option<Stored> = sealed::read_if_whole(&self.path(fingerprint))?;
         Ok(stored.filter(|stored| stored.fingerprint == *fingerprint))
     }
 
-    /// Reads a recipe; one that is damaged, and whose copy is too, is as good as none.
+    /// Reads a recipe; if it and its copy are damaged, it counts as missing.
     fn recipe(&self, digest: &Digest) -> Result<Option<Recipe>, LakeError> {
         match twice::read(&self.folder, &self.recipe_path(digest), parse_recipe) {
             Err(LakeError::Damaged { .. } | LakeError::Json { .. }) => Ok(None),
@@ -171,7 +171,7 @@ impl Records {
         }
     }
 
-    /// Puts a record and its recipe together; `None` if the recipe is lost.
+    /// Joins a record with its recipe; `None` if the recipe is lost.
     pub(crate) fn whole(&self, stored: Stored) -> Result<Option<Record>, LakeError> {
         let Some(recipe) = self.recipe(&stored.recipe)? else {
             return Ok(None);
@@ -183,8 +183,8 @@ impl Records {
         }))
     }
 
-    /// Whether there is a record of a unit that differs from this one by nothing but what it reads of
-    /// other stages. All records are read, once, where the recipe is not new.
+    /// Whether there is a record of a unit that differs from this one only by its inputs from other
+    /// stages. Reads all records, once, unless the recipe is new.
     pub(crate) fn may_hold(&self, unit: &Fingerprint) -> Result<bool, LakeError> {
         let recipe = unit.recipe.digest();
         if self.recipe(&recipe)?.is_none() {
@@ -198,7 +198,7 @@ impl Records {
         Ok(own.contains(&unit.own_digest(&recipe)))
     }
 
-    /// Forgets what records there were, of which others may have been made since.
+    /// Invalidates the list of records, since others may have been added.
     pub(crate) fn look_again(&self) {
         self.own().take();
     }
@@ -213,22 +213,22 @@ impl Records {
             let stored: Option<Stored> = sealed::read_if_whole(&path)?;
             if let Some(stored) = stored {
                 let recipe = stored.recipe;
-                // The digest that is given counts, not the recipe itself.
+                // Only the given digest counts, not the recipe itself.
                 own.insert(stored.fingerprint(Arc::clone(any)).own_digest(&recipe));
             }
         }
         Ok(own)
     }
 
-    /// The artifact that a record's unit makes; `None` if its recipe is lost.
+    /// The artifact of a record's unit; `None` if its recipe is lost.
     pub(crate) fn output(&self, stored: &Stored) -> Result<Option<String>, LakeError> {
         let recipe = self.recipe(&stored.recipe)?;
         Ok(recipe.map(|recipe| recipe.output))
     }
 
-    /// Notes that a record is in use, so that nobody collects it.
+    /// Marks a record as used, so that it is not collected.
     pub(crate) fn mark_used(&self, fingerprint: &Digest) {
-        // A lake that cannot be written is not collected either.
+        // A read-only lake is not collected either.
         let _marked = File::open(self.path(fingerprint)).and_then(|file| file.set_modified(now()));
     }
 }

@@ -18,7 +18,7 @@ use crate::{
     sealed, twice,
 };
 
-/// How the names of runs' files end.
+/// Extension of runs' files.
 const ENDING: &str = ".json";
 
 /// A run in the lake.
@@ -30,13 +30,13 @@ pub struct Run {
     pub started_ns: u64,
     /// The machine's name.
     pub host: String,
-    /// The folder in which it was run: relative paths of its record are meant from there.
+    /// The working directory: the base of relative paths in its record.
     pub folder: PathBuf,
     /// The process's name, under which it holds a lock while it runs.
     pub(crate) process: String,
     /// The program and its version.
     pub program: String,
-    /// What it did. The units are kept apart and read with [`crate::Lake::run`].
+    /// Its record. The units are stored separately and read with [`crate::Lake::run`].
     pub record: RunRecord,
     /// Digest of the list of its units.
     pub(crate) manifest: Option<Digest>,
@@ -68,7 +68,7 @@ impl Run {
         }
     }
 
-    /// The nodes that it has shown.
+    /// The nodes that it has published.
     pub(crate) fn shown(&self) -> impl Iterator<Item = &NodeName> {
         let nodes = self.record.nodes.iter().filter(|node| node.shown);
         nodes.map(|node| &node.node)
@@ -85,7 +85,7 @@ impl Run {
 /// The runs of a lake.
 pub(crate) struct Register {
     folder: Folder,
-    /// The run that this process makes things for.
+    /// The run of this process.
     current: Mutex<Option<Run>>,
 }
 
@@ -101,18 +101,18 @@ impl Register {
         &self.folder
     }
 
-    /// The run that this process makes things for.
+    /// The run of this process.
     pub(crate) fn current(&self) -> MutexGuard<'_, Option<Run>> {
         self.current.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Where a run's record lies.
+    /// Path of a run's record.
     pub(crate) fn path(&self, number: u64) -> PathBuf {
         self.folder.runs().join(Run::file(number))
     }
 
-    /// Numbers of all runs, in order. A record that is there only once counts if it is that of a run:
-    /// one that was lost elsewhere, and not a file that somebody put here.
+    /// Numbers of all runs, in order. A record without its copy counts only if it parses as a
+    /// run's: then the copy was lost, and the file is not foreign.
     pub(crate) fn numbers(&self) -> Result<Vec<u64>, LakeError> {
         let folder = self.folder.runs();
         let number = |name: &String| name.strip_suffix(ENDING)?.parse().ok();
@@ -147,7 +147,7 @@ impl Register {
         Ok(run)
     }
 
-    /// Returns the run that a file's bytes hold, if it is the one that the file's name promises.
+    /// Parses a run from a file's bytes, if it matches the file's name.
     pub(crate) fn parse(&self, at: &Path, bytes: &[u8]) -> Result<Run, LakeError> {
         let run: Run = sealed::parse(at, bytes)?;
         let path = self.path(run.number);
@@ -182,7 +182,7 @@ impl Register {
         Ok(units)
     }
 
-    /// Keeps the record of a run that begins, under the next number; returns that.
+    /// Stores the record of a new run under the next number, and returns the number.
     pub(crate) fn begin(&self, record: &RunRecord, locks: &Locks) -> Result<u64, LakeError> {
         let _turn = locks.turn_to_number()?;
         let number = self.numbers()?.last().copied().unwrap_or(0) + 1;
@@ -192,7 +192,7 @@ impl Register {
         Ok(number)
     }
 
-    /// Keeps what a run has done so far.
+    /// Updates the record of a running run.
     pub(crate) fn keep_progress(
         &self,
         run: &mut Run,
@@ -213,7 +213,7 @@ impl Register {
         self.keep(run)
     }
 
-    /// Keeps the record of a run that ends.
+    /// Stores the final record of a run.
     pub(crate) fn end(
         &self,
         mut run: Run,
@@ -230,7 +230,7 @@ impl Register {
         twice::write(&self.folder, &path, &sealed::seal(&path, run)?)
     }
 
-    /// Returns a list of units, none of them made now, as it is kept, and its digest.
+    /// Returns the stored form of a list of units, with `made_now` cleared, and its digest.
     pub(crate) fn manifest_of(&self, units: &[UnitRef]) -> Result<(Vec<u8>, Digest), LakeError> {
         let bytes = serde_json::to_vec(units).map_err(|source| LakeError::Json {
             path: self.folder.manifests(),
@@ -258,7 +258,7 @@ impl Register {
     }
 }
 
-/// Makes sure that bytes are the list of units that their file's name promises.
+/// Checks that bytes are the list of units that the file is named after.
 pub(crate) fn check_manifest(path: &Path, bytes: &[u8]) -> Result<(), LakeError> {
     if digest_named(path) == Some(Digest::of_bytes(bytes)) {
         Ok(())

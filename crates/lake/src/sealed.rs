@@ -12,7 +12,7 @@ use serde::{Serialize, de::DeserializeOwned};
 
 use crate::{LakeError, atomic};
 
-/// How the digest of a body stands before and around it.
+/// The framing of a body and its digest.
 pub(crate) struct Seal {
     before: &'static [u8],
     between: &'static [u8],
@@ -36,13 +36,13 @@ pub(crate) const LINE: Seal = Seal {
 const DIGITS: usize = 64;
 
 impl Seal {
-    /// Returns the bytes before a body, which is to be written in its place and never copied: one such
-    /// file may have 100 MB.
+    /// Returns the header; the caller appends the body in place, without a copy: such a file may
+    /// have 100 MB.
     pub(crate) fn begin(&self) -> Vec<u8> {
         [self.before, &[b'0'; DIGITS], self.between].concat()
     }
 
-    /// Ends what was begun, with the digest of the body.
+    /// Completes the file with the digest of the body.
     pub(crate) fn end(&self, mut bytes: Vec<u8>) -> Vec<u8> {
         let digits = self.before.len()..self.before.len() + DIGITS;
         let body = digits.end + self.between.len();
@@ -52,7 +52,7 @@ impl Seal {
         bytes
     }
 
-    /// Returns the body, or `None` if a byte of the file is not as it was written.
+    /// Returns the body, or `None` if the file is damaged.
     pub(crate) fn body<'b>(&self, bytes: &'b [u8]) -> Option<&'b [u8]> {
         let rest = bytes.strip_prefix(self.before)?;
         let (digits, rest) = rest.split_at_checked(DIGITS)?;
@@ -76,11 +76,11 @@ pub(crate) fn write<T: Serialize>(staging: &Path, path: &Path, value: &T) -> Res
     atomic::write(staging, path, &seal(path, value)?)
 }
 
-/// Reads a sealed file that may not be there.
+/// Reads a sealed file, if it exists.
 ///
 /// # Errors
 ///
-/// Fails with [`LakeError::Damaged`] if its bytes are not as they were written.
+/// Fails with [`LakeError::Damaged`] if its bytes do not match its digest.
 pub(crate) fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, LakeError> {
     match atomic::read_if_there(path)? {
         Some(bytes) => parse(path, &bytes).map(Some),
@@ -88,24 +88,24 @@ pub(crate) fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, LakeEr
     }
 }
 
-/// Returns what the bytes of a sealed file say.
+/// Parses the bytes of a sealed file.
 ///
 /// # Errors
 ///
-/// Fails with [`LakeError::Damaged`] if they are not as they were written.
+/// Fails with [`LakeError::Damaged`] if they do not match their digest.
 pub(crate) fn parse<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T, LakeError> {
     let damaged = || LakeError::Damaged {
         path: path.to_owned(),
     };
     let body = JSON.body(bytes).ok_or_else(damaged)?;
-    // Whole bytes that do not parse were written by another version of the program.
+    // Undamaged bytes that do not parse come from another version of the program.
     serde_json::from_slice(body).map_err(|source| LakeError::Json {
         path: path.to_owned(),
         source,
     })
 }
 
-/// Reads a sealed file of which nothing depends; one that cannot be used is as good as none.
+/// Reads a dispensable sealed file; an unusable one counts as missing.
 pub(crate) fn read_if_whole<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, LakeError> {
     match read(path) {
         Err(LakeError::Damaged { .. } | LakeError::Json { .. }) => Ok(None),

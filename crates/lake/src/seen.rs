@@ -1,5 +1,5 @@
-//! What everything that is kept in view looked like when somebody last looked at all of it: sizes, times
-//! and inodes, so that a run that ends need read no file and list no folder that has not changed.
+//! Stamps of all watched files and folders at the last full check (sizes, times and inodes), so
+//! that a finishing run need not read or list anything unchanged.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -15,33 +15,33 @@ use crate::{
     stamp::Stamp,
 };
 
-/// Changes with the form of the file.
+/// Format version of the file.
 const VERSION: u64 = 2;
 
-/// What was seen when somebody last looked at everything: a cache.
+/// The stamps of the last full check: a cache.
 #[derive(Default, PartialEq, Eq)]
 pub(crate) struct Seen {
     files: BTreeMap<String, SeenFile>,
-    /// Folders that hold these files and nothing else as long as their stamps stay; empty if they had
-    /// changed too shortly before they were listed.
+    /// Folders that hold only these files while their stamps are unchanged; empty if a folder had
+    /// changed too shortly before it was listed.
     folders: BTreeMap<String, Option<Stamp>>,
 }
 
-/// A file that was seen.
+/// A checked file.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct SeenFile {
     stamp: Stamp,
-    /// Whether its bytes were right.
+    /// Whether its bytes were verified.
     is_right: bool,
 }
 
-/// What is kept in view, beside blobs of tables of runs.
+/// The watched files and folders, without the blobs of runs' tables.
 pub(crate) struct Watched {
     /// In order.
     files: Vec<PathBuf>,
-    /// Every folder that was listed, with its stamp before that; `None` if it is not there.
+    /// Every listed folder, with its stamp before the listing; `None` if it does not exist.
     folders: BTreeMap<String, Option<Stamp>>,
-    /// When the first stamp was about to be read.
+    /// Time before the first stamp was read.
     began: SystemTime,
 }
 
@@ -75,7 +75,7 @@ impl Watched {
         })
     }
 
-    /// The folders, if a file that comes or goes from now on leaves another stamp of each; else none.
+    /// The folders, if any file added or removed from now on changes their stamps; else none.
     fn settled_folders(self) -> BTreeMap<String, Option<Stamp>> {
         let mut stamps = self.folders.values().flatten();
         if stamps.all(|stamp| stamp.is_settled(self.began)) {
@@ -86,13 +86,13 @@ impl Watched {
     }
 }
 
-/// Files that are kept in view by themselves.
+/// Individually watched files.
 fn single_files(folder: &Folder) -> [PathBuf; 2] {
     [folder.views(), folder.again()]
 }
 
 impl Seen {
-    /// Looks at everything, and at these blobs beside; `wrong` files are not right.
+    /// Records the stamps of all watched files and these blobs; `wrong` files count as unverified.
     pub(crate) fn look(
         folder: &Folder,
         blobs: &BTreeSet<PathBuf>,
@@ -137,15 +137,15 @@ impl Seen {
         writer.write(folder, &folder.seen())
     }
 
-    /// The same files in folders that need not be listed as long as they stay as they are; `None` if
-    /// some have changed too shortly before.
+    /// The same files with the stamps of these folders, which need not be listed while unchanged;
+    /// `None` if some changed too recently.
     pub(crate) fn in_folders_of(self, watched: Watched) -> Option<Self> {
         let folders = watched.settled_folders();
         let files = self.files;
         (!folders.is_empty()).then_some(Self { files, folders })
     }
 
-    /// Whether a file looks as it did when its bytes were last seen to be right.
+    /// Whether a file's stamp is unchanged since its bytes were last verified.
     pub(crate) fn is_right(&self, folder: &Folder, path: &Path) -> bool {
         let seen = self.files.get(&*folder.name_of(path));
         seen.is_some_and(|seen| {
@@ -153,7 +153,7 @@ impl Seen {
         })
     }
 
-    /// Whether every folder and every file that was seen is there as it was, so that no other is.
+    /// Whether every folder and file is unchanged, so that there are no others.
     pub(crate) fn is_unchanged(&self, folder: &Folder) -> bool {
         let is_same =
             |name: &String, stamp: Option<Stamp>| match (Stamp::read(&folder.join(name)), stamp) {
@@ -173,7 +173,7 @@ impl Seen {
             && files.all(|(name, file)| is_same(name, Some(file.stamp)))
     }
 
-    /// Whether every file that was seen is there as it was, and no other of those that are watched.
+    /// Whether every file is unchanged, and the watched files are exactly these.
     pub(crate) fn is_all_there_is(&self, folder: &Folder, watched: &Watched) -> bool {
         let mut n_seen = 0;
         for path in &watched.files {
@@ -194,7 +194,7 @@ impl Seen {
     }
 }
 
-/// Whether bytes are those of what was seen.
+/// Whether bytes are an intact file of this format.
 pub(crate) fn is_whole(bytes: &[u8]) -> bool {
     parse(bytes).is_some()
 }

@@ -1,4 +1,4 @@
-//! Digests of files outside the lake, remembered as long as their stamps stay the same.
+//! Digests of files outside the lake, cached while their stamps are unchanged.
 
 use std::{
     collections::{BTreeMap, HashMap},
@@ -14,11 +14,11 @@ use crate::{
     LakeError, clock::now, digests::digest_file, folder::Folder, lock::Locks, sealed, stamp::Stamp,
 };
 
-/// The remembered digests.
+/// The cached digests.
 pub(crate) struct Sources {
     folder: Folder,
     known: OnceLock<Mutex<Known>>,
-    /// The folder from which relative paths are meant.
+    /// The base of relative paths.
     here: OnceLock<PathBuf>,
 }
 
@@ -26,11 +26,11 @@ pub(crate) struct Sources {
 pub(crate) struct Known {
     /// By absolute path.
     pub(crate) entries: HashMap<String, Entry>,
-    /// What this process has learned, or forgotten where there is no entry.
+    /// Changes by this process: new entries, or `None` for removed ones.
     learned: BTreeMap<String, Option<Entry>>,
 }
 
-/// What is remembered of a file.
+/// The cached stamp and digest of a file.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct Entry {
     pub(crate) stamp: Stamp,
@@ -46,8 +46,7 @@ impl Sources {
         }
     }
 
-    /// What was remembered, read when it is first asked for; a file that cannot be used only costs
-    /// time.
+    /// The cache, read on first use; an unusable cache file only costs time.
     pub(crate) fn known(&self) -> MutexGuard<'_, Known> {
         let known = self.known.get_or_init(|| {
             let entries = sealed::read_if_whole(&self.folder.sources()).ok().flatten();
@@ -70,7 +69,7 @@ impl Sources {
         }
         let asked = now();
         let digest = digest_file(path)?;
-        // A file that was written to a moment ago, or while it was read, is read again next time.
+        // A file that was written a moment ago, or while it was read, is read again next time.
         if let Some(key) = key
             && stamp.is_settled(asked)
             && Stamp::read(path)? == stamp
@@ -83,7 +82,7 @@ impl Sources {
         Ok(digest)
     }
 
-    /// The absolute path under which a file is remembered; `None` for one that is no text.
+    /// The absolute path of a file, its cache key; `None` if it is not UTF-8.
     fn key(&self, path: &Path) -> Option<String> {
         if path.is_absolute() {
             return path.to_str().map(str::to_owned);
@@ -94,7 +93,7 @@ impl Sources {
         here.join(path).into_os_string().into_string().ok()
     }
 
-    /// Forgets a file, so that it is read the next time.
+    /// Removes a file from the cache, so that it is read the next time.
     pub(crate) fn forget(&self, path: &str) {
         let mut known = self.known();
         if known.entries.remove(path).is_some() {
@@ -102,7 +101,7 @@ impl Sources {
         }
     }
 
-    /// Keeps what was learned, beside what other processes have kept meanwhile.
+    /// Saves the changes, merged with those that other processes saved meanwhile.
     pub(crate) fn save(&self, locks: &Locks) -> Result<(), LakeError> {
         let mut known = self.known();
         if known.learned.is_empty() {
@@ -111,7 +110,7 @@ impl Sources {
         let _turn = locks.turn_to_know()?;
         let file = self.folder.sources();
         let there: Option<HashMap<String, Entry>> = sealed::read_if_whole(&file)?;
-        // What is there has it too: of a large dataset nothing is held twice.
+        // The file has these entries too: nothing of a large dataset is held twice.
         known.entries = HashMap::new();
         let mut entries = there.unwrap_or_default();
         for (path, entry) in std::mem::take(&mut known.learned) {
@@ -139,7 +138,7 @@ mod tests {
         }
     }
 
-    /// A lake's folder that can be written to, with its locks.
+    /// A writable lake folder, with its locks.
     fn lake(folder: &Path) -> (Folder, Locks) {
         let folder = Folder::new(folder);
         std::fs::create_dir(folder.staging()).unwrap();
@@ -162,7 +161,7 @@ mod tests {
         File::open(&path).unwrap().set_modified(long_ago).unwrap();
         settle(&path);
         assert_eq!(sources.digest(&path).unwrap(), empty);
-        // What is remembered now is believed without a look at the bytes, also by the next process.
+        // The cached digest is trusted without reading the bytes, also by the next process.
         let key = path.to_str().unwrap();
         let stamp = Stamp::read(&path).unwrap();
         assert_eq!(sources.known().entries[key].stamp, stamp);

@@ -1,4 +1,4 @@
-//! What the file system says about a file without reading it.
+//! File metadata, read without the file's content.
 
 use std::{
     fs::{self, Metadata},
@@ -10,16 +10,16 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-/// Size, times and inode of a file. As long as they stay the same, nobody has written to it by way
-/// of this file system: the time of change moves even when the time of modification is set back.
+/// Size, times and inode of a file. While they are unchanged, nothing has written to it through
+/// this file system: `ctime` moves even when `mtime` is set back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(from = "[i64; 6]", into = "[i64; 6]")]
 pub(crate) struct Stamp([i64; 6]);
 
-/// Two writes within one tick of the file system's clock leave the same times.
+/// Tick of the file system's clock: two writes within one leave the same times.
 const TICK: Duration = Duration::from_millis(20);
 
-/// The same, where the file system keeps whole seconds.
+/// The same, for file systems with whole seconds.
 const COARSE_TICK: Duration = Duration::from_secs(2);
 
 impl Stamp {
@@ -47,12 +47,12 @@ impl Stamp {
         self.0[0].cast_unsigned()
     }
 
-    /// Whether nothing but the time of change differs, as after the file was linked or unlinked.
+    /// Whether only `ctime` differs, as after the file was linked or unlinked.
     pub(crate) fn differs_by_links_alone(self, other: Self) -> bool {
         self.0[..4] == other.0[..4]
     }
 
-    /// Whether a later write would have left another stamp: the last one is longer ago than a tick.
+    /// Whether a later write would change the stamp: the last one is longer ago than a tick.
     pub(crate) fn is_settled(self, now: SystemTime) -> bool {
         let [_, _, modified, modified_ns, changed, changed_ns] = self.0;
         let is_fine = modified_ns != 0 || changed_ns != 0;

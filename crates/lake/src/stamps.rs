@@ -1,4 +1,4 @@
-//! Stamps of files whose bytes were seen to be right, so that they need not be read again.
+//! Stamps of verified files, so that they need not be read again.
 
 use std::{
     collections::HashMap,
@@ -9,7 +9,7 @@ use dataflow::Digest;
 
 use crate::stamp::Stamp;
 
-/// The stamps that files had when their bytes were last seen to be right, by digest.
+/// The stamps of files when their bytes were last verified, by digest.
 #[derive(Default)]
 pub(crate) struct Stamps(Mutex<Known>);
 
@@ -24,12 +24,12 @@ impl Stamps {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the stamp of a file, if its bytes were seen to be right.
+    /// Returns the stamp of a file, if it was verified.
     pub(crate) fn get(&self, digest: &Digest) -> Option<Stamp> {
         self.known().stamps.get(digest).copied()
     }
 
-    /// Recalls what another process saw, without what this one has seen itself.
+    /// Loads the stamps of other processes; this process's own take precedence.
     pub(crate) fn recall(&self, stamps: impl IntoIterator<Item = (Digest, Stamp)>) {
         let mut known = self.known();
         for (digest, stamp) in stamps {
@@ -37,19 +37,19 @@ impl Stamps {
         }
     }
 
-    /// Remembers the stamp of a file whose bytes were just seen to be right.
+    /// Records the stamp of a file that was just verified.
     pub(crate) fn learn(&self, digest: &Digest, stamp: Stamp) {
         let mut known = self.known();
         known.learned |= known.stamps.insert(*digest, stamp) != Some(stamp);
     }
 
-    /// Forgets a file, so that it is read the next time.
+    /// Removes a file, so that it is read the next time.
     pub(crate) fn forget(&self, digest: &Digest) {
         let mut known = self.known();
         known.learned |= known.stamps.remove(digest).is_some();
     }
 
-    /// Whether anything was learned or forgotten.
+    /// Whether anything was recorded or removed.
     pub(crate) fn learned(&self) -> bool {
         self.known().learned
     }

@@ -1,4 +1,4 @@
-//! The lake as the store that a run needs.
+//! The lake's implementation of [`Store`].
 
 use std::{
     collections::BTreeMap,
@@ -15,7 +15,7 @@ use dataflow::{
 use crate::{Collecting, LakeError, history, lake::Lake, making::UnitInTheMaking, mend, published};
 
 impl Lake {
-    /// Whether every file of a result is there, unchanged.
+    /// Whether every file of a result exists, unchanged.
     fn is_whole(&self, outcome: &RecordOutcome) -> Result<bool, LakeError> {
         for file in outcome.files().into_iter().flat_map(BTreeMap::values) {
             if !self.blobs.is_unchanged(file)? {
@@ -31,16 +31,15 @@ impl Lake {
         Ok(stored.map(|stored| Arc::new(stored.outcome)))
     }
 
-    /// Takes an old record into use: whoever collects what is not used leaves it.
+    /// Marks an old record as used, so that it is not collected.
     fn use_old(&self, fingerprint: &Digest) {
-        // A lake that cannot be written is not collected either.
+        // A read-only lake is not collected either.
         if let Ok(_shared) = self.locks.keep_all() {
             self.records.mark_used(fingerprint);
         }
     }
 
-    /// What was learned by reading is a convenience: a lake that cannot be written to is no fault of a
-    /// run that makes nothing.
+    /// Caches are optional: a read-only lake must not fail a run that makes nothing.
     fn unless_read_only(
         units: Option<&[(UnitRef, Arc<RecordOutcome>)]>,
         kept: Result<(), LakeError>,
@@ -57,7 +56,7 @@ impl Lake {
         }
     }
 
-    /// Returns a whole result: one of the newest runs', or an older one, which is taken into use.
+    /// Returns an intact result: of the newest runs, or an older one, which is marked as used.
     fn find(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, LakeError> {
         if let Some(outcome) = self.cache.current_outcome(fingerprint)
             && self.records.is_whole(fingerprint)?
@@ -90,7 +89,7 @@ impl Store for Lake {
     }
 
     fn recall(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised> {
-        // The record comes first: what is remembered of the newest state may be older.
+        // The record comes first: the cached newest state may be older.
         match self.recall_old(fingerprint)? {
             Some(outcome) => Ok(Some(outcome)),
             None => Ok(self.cache.outcome(fingerprint)),
@@ -228,7 +227,7 @@ impl Store for Lake {
                 .and_then(|()| self.cache.keep(pipeline, units, parts, &self.locks));
             Self::unless_read_only(units, kept)?;
         }
-        // What a run is about to record is not all there yet.
+        // The files of a run in progress are incomplete.
         if self.register.current().is_none() {
             let mended = self
                 .collect_staging(Collecting::Remove)

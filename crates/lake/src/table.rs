@@ -21,8 +21,8 @@ pub const FILE: &str = "part.parquet";
 /// Rows per row group: memory of a reader grows with this, not with the file.
 const ROW_GROUP_ROWS: usize = 131_072;
 
-/// Tables of fewer bytes are written as they are: to start and stop a compressor for each of their
-/// columns, or to look for values that repeat, takes longer than all else that is done with them.
+/// Tables of fewer bytes are neither compressed nor dictionary-encoded: starting a compressor per
+/// column, or looking for repeated values, takes longer than everything else done with them.
 const COMPRESSED_BYTES: usize = 1 << 16;
 
 /// Writes the table of the artifact in `folder`.
@@ -38,7 +38,7 @@ pub fn write<T: Table>(folder: &Path, table: &T) -> Result<(), LakeError> {
     write_batch(folder, &batch)
 }
 
-/// Writes columns that no schema declares as the table of the artifact in `folder`.
+/// Writes columns without a schema as the table of the artifact in `folder`.
 ///
 /// # Errors
 ///
@@ -68,7 +68,7 @@ pub fn write_batch(folder: &Path, batch: &RecordBatch) -> Result<(), LakeError> 
     Ok(())
 }
 
-/// Says whether a table is small, by its content alone.
+/// Returns whether a table is small, from its content alone.
 fn is_small(batch: &RecordBatch) -> bool {
     let columns = batch.columns().iter();
     let bytes: usize = columns
@@ -117,7 +117,7 @@ pub fn read_batch(artifact: &Artifact) -> Result<RecordBatch, LakeError> {
     concat_batches(&schema, &batches).map_err(|err| parquet(err.into()))
 }
 
-/// What a table's file says about itself.
+/// Metadata of a table's file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Description {
     /// Number of rows.
@@ -126,7 +126,7 @@ pub struct Description {
     pub columns: Vec<ColumnDescription>,
 }
 
-/// What a table's file says about a column.
+/// Metadata of a column.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ColumnDescription {
     /// Its name.
@@ -139,7 +139,7 @@ pub struct ColumnDescription {
     pub description: String,
 }
 
-/// Reads what a table says about itself, without its rows.
+/// Reads a table's metadata, without its rows.
 ///
 /// # Errors
 ///

@@ -11,20 +11,20 @@ use serde::{Deserialize, Serialize};
 
 use crate::{LakeError, lake::Lake, sealed, twice};
 
-/// The name of the newest run that came to its end.
+/// The name of the newest finished run.
 const NEWEST: &str = "newest";
 
-/// Stands between [`NEWEST`] and how many runs before it are meant.
+/// Separates [`NEWEST`] from the number of runs to count back.
 const BEFORE: char = '~';
 
-/// A tag as it lies in the lake.
+/// A tag as stored in the lake.
 #[derive(Serialize, Deserialize)]
 struct Tag {
     name: String,
     run: u64,
 }
 
-/// Returns the run that a tag's file names, if it is the tag that the file's name promises.
+/// Parses the run from a tag's file, if the tag matches the file's name.
 pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<u64, LakeError> {
     let tag: Tag = sealed::parse(path, bytes)?;
     if path.file_stem().and_then(OsStr::to_str) == Some(&tag.name) {
@@ -36,7 +36,7 @@ pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<u64, LakeError> {
     }
 }
 
-/// Whether a tag may have this name: one that is no number, no path and no option.
+/// Whether a tag may have this name: not a number, a path or an option.
 fn is_name(name: &str) -> bool {
     let is_letter = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
     name != NEWEST
@@ -80,13 +80,13 @@ impl Lake {
                 name: name.to_owned(),
             });
         }
-        // Asked for before anything is written: a run that is not there makes no folder.
+        // Checked before anything is written: an unknown run creates no folder.
         self.run_without_units(run)?;
         self.prepare()?;
         let _shared = self.locks.keep_all()?;
         self.run_without_units(run)?;
         let path = self.tag_path(name);
-        // A damaged tag can be set again.
+        // A damaged tag can be overwritten.
         let before = twice::read(&self.folder, &path, parse).ok().flatten();
         let tag = Tag {
             name: name.to_owned(),
@@ -96,20 +96,20 @@ impl Lake {
         Ok(before)
     }
 
-    /// Takes a name away from its run.
+    /// Removes a tag.
     ///
     /// # Errors
     ///
     /// Fails if there is no such tag, or the lake cannot be written.
     pub fn untag(&self, name: &str) -> Result<(), LakeError> {
-        // A damaged tag can be taken away too.
+        // A damaged tag can be removed too.
         let files = twice::names(&self.folder, &self.folder.tags())?;
         let mut names = files.iter().filter_map(|file| file.strip_suffix(".json"));
         if !names.any(|there| there == name) {
             return Err(self.no_tag(name)?);
         }
         self.prepare()?;
-        // Nobody takes the one file for a copy of the other that was lost.
+        // Holding the lock, so that no process restores one file from the other.
         let _turn = self.locks.turn_to_mend()?;
         twice::remove(&self.folder, &self.tag_path(name))
     }
@@ -123,12 +123,12 @@ impl Lake {
         })
     }
 
-    /// Returns the number of the run that is meant by a number, a tag, `newest` or, e.g.,
-    /// `newest~2`: the second before the newest. Only runs that came to their end are counted back.
+    /// Resolves a number, a tag, `newest` or, e.g., `newest~2` (the second before the newest) to a
+    /// run's number. Only finished runs are counted back.
     ///
     /// # Errors
     ///
-    /// Fails if no run is meant by it, or a run's record cannot be read.
+    /// Fails if there is no such run, or a run's record cannot be read.
     pub fn find_run(&self, name: &str) -> Result<u64, LakeError> {
         let no_run = || LakeError::NoRun {
             name: name.to_owned(),
@@ -152,7 +152,7 @@ impl Lake {
         }
     }
 
-    /// The number of the finished run that so many others follow.
+    /// The number of the finished run this many before the newest.
     fn finished(&self, n_back: usize) -> Result<Option<u64>, LakeError> {
         let mut n_left = n_back;
         for number in self.register.ordered()?.into_iter().rev() {

@@ -1,7 +1,7 @@
-//! Small files that nothing could make again are kept twice: where they belong, and below `copies/`.
+//! Small irreplaceable files are stored twice: in place, and below `copies/`.
 //!
-//! The file itself comes first and counts; its copy stands in where it is lost or damaged, until the
-//! next run puts it back.
+//! The file itself has precedence; its copy is read if it is lost or damaged, until the next run
+//! restores it.
 
 use std::path::Path;
 
@@ -16,12 +16,11 @@ pub(crate) fn write(folder: &Folder, path: &Path, bytes: &[u8]) -> Result<(), La
     folder.write(&folder.copy_of(path), bytes)
 }
 
-/// Reads a file, or its copy where it is lost or `parse` refuses it. Returns `None` if neither is
-/// there.
+/// Reads a file, or its copy if it is lost or `parse` refuses it. Returns `None` if neither exists.
 ///
 /// # Errors
 ///
-/// Fails with what `parse` says of the file, or of the copy where only that is there.
+/// Fails with the error of `parse` for the file, or for the copy if only that exists.
 pub(crate) fn read<T>(
     folder: &Folder,
     path: &Path,
@@ -42,7 +41,7 @@ pub(crate) fn read<T>(
     }
 }
 
-/// Names of the files of a folder that are there, or whose copies are, in order.
+/// Names of the files of a folder that exist in place or as copies, in order.
 pub(crate) fn names(folder: &Folder, path: &Path) -> Result<Vec<String>, LakeError> {
     let mut names = names_in(path)?;
     names.extend(names_in(&folder.copy_of(path))?);
@@ -57,8 +56,8 @@ pub(crate) fn remove(folder: &Folder, path: &Path) -> Result<(), LakeError> {
     atomic::remove_if_there(&folder.copy_of(path))
 }
 
-/// Puts a lost or damaged file back from its copy, and its copy from the file. Returns whether one of
-/// them was right.
+/// Restores a lost or damaged file from its copy, or the copy from the file. Returns whether one of
+/// them was intact.
 pub(crate) fn mend(
     folder: &Folder,
     path: &Path,

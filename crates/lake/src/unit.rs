@@ -1,6 +1,6 @@
-//! What a unit reads and writes, by type.
+//! Typed inputs and outputs of a unit.
 //!
-//! These are methods of `dataflow`'s types, which know nothing of tables: hence traits.
+//! These extend `dataflow`'s types, which know nothing of tables: hence traits.
 
 use std::{fs::File, io::Write};
 
@@ -9,7 +9,7 @@ use schemas::Table;
 
 use crate::{LakeError, atomic::io_error, table};
 
-/// Typed access to what a unit reads.
+/// Typed access to a unit's inputs.
 pub trait ReadInputs {
     /// Returns the only partition of an input.
     ///
@@ -85,7 +85,7 @@ fn at_most_one<'a>(
     }
 }
 
-/// Typed access to the artifact that a unit makes.
+/// Typed access to a unit's artifact.
 pub trait WriteArtifact {
     /// Writes the artifact's table.
     ///

@@ -1,4 +1,4 @@
-//! Checking the whole lake: every byte against the digest that it was stored with.
+//! Verification of the whole lake: every byte against its stored digest.
 
 mod shown;
 
@@ -26,44 +26,44 @@ use crate::{
     tags, twice,
 };
 
-/// Something in the lake that is not as it was stored.
+/// A fault in the lake.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct Fault {
     /// The file, below the lake, or a file outside.
     pub path: PathBuf,
     /// What is wrong with it.
     pub what: String,
-    /// Whether the file is of no use to anybody, so that it can be dropped and made again.
+    /// Whether the file is useless, so that it can be dropped and rebuilt.
     #[serde(skip)]
     pub can_drop: bool,
 }
 
-/// What was checked.
+/// The result of a verification.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Verified {
     /// Number of files checked.
     pub n_files: usize,
     /// Bytes read.
     pub n_bytes: u64,
-    /// What is wrong, ordered by path.
+    /// The faults, ordered by path.
     pub faults: Vec<Fault>,
 }
 
 impl Lake {
-    /// Checks everything that lies in the lake: that every file holds what was stored, and that what
-    /// people see is what the records say, all of it and nothing else.
+    /// Checks the whole lake: that every file holds what was stored, and that the published files
+    /// are exactly those in the records.
     ///
     /// # Errors
     ///
     /// Fails if there is no lake or a folder cannot be read; a file that cannot is a fault.
     pub fn verify(&self, on_bytes: &OnBytes) -> Result<Verified, LakeError> {
         self.expect_there()?;
-        // What goes meanwhile is no fault. In a lake that cannot be written to nobody collects.
+        // Files collected meanwhile are no fault. A read-only lake has no garbage collection.
         let _shared = self.locks.keep_all().ok();
         self.verify_alone(on_bytes)
     }
 
-    /// Checks everything while nobody collects.
+    /// Checks everything while garbage collection is blocked.
     fn verify_alone(&self, on_bytes: &OnBytes) -> Result<Verified, LakeError> {
         let mut verifier = Verifier {
             lake: self,
@@ -80,9 +80,9 @@ impl Lake {
         Ok(verifier.verified)
     }
 
-    /// Checks the files outside the lake that look as they did when they were read: finds those that
-    /// were changed behind an unchanged size, time and inode, and forgets what was remembered of
-    /// them, so that the next run sees the change.
+    /// Checks the files outside the lake with unchanged stamps: finds those whose content changed
+    /// behind an unchanged size, time and inode, and drops their cached digests, so that the next
+    /// run sees the change.
     ///
     /// # Errors
     ///
@@ -97,7 +97,7 @@ impl Lake {
             entries.sort_by(|a, b| a.0.cmp(&b.0));
             entries
         };
-        // What looks different is read by the next run anyway, and what is gone is missed by it.
+        // The next run reads files with changed stamps anyway, and reports missing ones.
         let unchanged: Vec<(PathBuf, Digest)> = entries
             .into_iter()
             .filter(|(path, stamp, _)| Stamp::read(path).is_ok_and(|now| now == *stamp))
@@ -123,9 +123,9 @@ impl Lake {
         Ok(verified)
     }
 
-    /// Removes damaged files, so that the next run that needs them makes them again, and puts back what
-    /// can be put back. Everything is checked once more while nobody keeps a unit: what was mended
-    /// meanwhile stays. Returns the number of files removed.
+    /// Removes damaged files, so that the next run that needs them rebuilds them, and restores
+    /// those with copies. Everything is checked once more while commits are blocked: files repaired
+    /// meanwhile stay. Returns the number of files removed.
     ///
     /// # Errors
     ///
@@ -146,7 +146,7 @@ impl Lake {
                 atomic::remove_if_there(path)?;
             }
             n_dropped += droppable.len();
-            // What is dropped may be what a record is about.
+            // The dropped files may be those of a record.
             if droppable.is_empty() {
                 break;
             }
@@ -159,7 +159,7 @@ impl Lake {
 struct Verifier<'a> {
     lake: &'a Lake,
     verified: Verified,
-    /// The blobs that are there, by device and inode.
+    /// The existing blobs, by device and inode.
     inodes: HashMap<(u64, u64), Digest>,
 }
 
@@ -228,7 +228,7 @@ impl Verifier<'_> {
         Ok(())
     }
 
-    /// Says which file of a result is not in the lake.
+    /// Returns the file of a result that is not in the lake.
     fn lacking(&self, outcome: &RecordOutcome) -> Option<String> {
         outcome.files()?.iter().find_map(|(name, file)| {
             let path = self.lake.file(file);
@@ -237,7 +237,7 @@ impl Verifier<'_> {
         })
     }
 
-    /// Checks what is kept twice, both files of each.
+    /// Checks the files with backup copies, and the copies.
     fn kept_twice(&mut self) -> Result<(), LakeError> {
         let lake = self.lake;
         let folder = &lake.folder;
@@ -283,7 +283,7 @@ impl Verifier<'_> {
             self.verified.n_bytes += bytes.len() as u64;
             self.expect(path, check(path, &bytes));
         }
-        // The copy is written second, so that it may not be there yet.
+        // The copy is written second, so that it may not exist yet.
         if !path.exists() && copy.exists() {
             self.fault(path, "is missing; its copy is there");
         }
@@ -310,14 +310,14 @@ impl Verifier<'_> {
         Ok(())
     }
 
-    /// Checks a sealed file that may not be there.
+    /// Checks a sealed file, if it exists.
     fn sealed(&mut self, path: &Path) {
         if path.exists() {
             let _value: Option<IgnoredAny> = self.sealed_as(path);
         }
     }
 
-    /// Reads a sealed file, or reports what is wrong with it.
+    /// Reads a sealed file, or reports its fault.
     fn sealed_as<T: for<'de> Deserialize<'de>>(&mut self, path: &Path) -> Option<T> {
         self.verified.n_files += 1;
         let read = fs::metadata(path).map(|metadata| self.verified.n_bytes += metadata.len());
@@ -331,7 +331,7 @@ impl Verifier<'_> {
         }
     }
 
-    /// Reports what is wrong with a file that was read.
+    /// Reports the fault of a file that was read.
     fn expect(&mut self, path: &Path, read: Result<(), LakeError>) {
         match read {
             Ok(()) => {}
@@ -368,7 +368,7 @@ mod tests {
         let input = folder.path().join("recording");
         let lake = Lake::open(&folder.path().join("lake"));
         put(&input, "new bytes");
-        // No file system lets a test set back the time of change, so what is remembered is set.
+        // A test cannot set back `ctime`, so the cached entry is set instead.
         let remembered = Entry {
             stamp: Stamp::read(&input).unwrap(),
             digest: Digest::of_bytes(b"old bytes"),

@@ -12,7 +12,7 @@ use crate::{
 const HEAD: &str = "-- The lake's tables as views; paths are relative to this file's folder.\n\
     -- A table's name gives the newest run's rows; `all_` before it, every run's, by `run`.\n";
 
-/// Writes the views if they are not there as they should be.
+/// Writes the views if they are missing or outdated.
 pub(crate) fn write(lake: &Lake) -> Result<(), LakeError> {
     let views = text(lake)?;
     let path = lake.folder.views();
@@ -22,7 +22,7 @@ pub(crate) fn write(lake: &Lake) -> Result<(), LakeError> {
     lake.folder.write(&path, views.as_bytes())
 }
 
-/// The views of the tables that the lake shows.
+/// The views of the lake's published tables.
 pub(crate) fn text(lake: &Lake) -> Result<String, LakeError> {
     let mut views = HEAD.to_owned();
     for name in HISTORY {
@@ -59,14 +59,14 @@ pub(crate) fn text(lake: &Lake) -> Result<String, LakeError> {
     Ok(views)
 }
 
-/// A table that people see, and the pipeline whose run is the newest of those that show it; `None` for
-/// one that no run has made.
+/// A published table, and the pipeline with the newest run among those that publish it; `None` if
+/// no run has.
 struct NewestTable {
     table: String,
     pipeline: Option<String>,
 }
 
-/// Lists the tables with the pipeline of the newest run that shows them.
+/// Lists the tables with the pipeline of the newest run that publishes them.
 fn newest_tables(lake: &Lake) -> Result<Vec<NewestTable>, LakeError> {
     let mut shown: Vec<(String, Vec<String>)> = Vec::new();
     for table in lake.tables()? {
@@ -87,8 +87,8 @@ fn newest_tables(lake: &Lake) -> Result<Vec<NewestTable>, LakeError> {
     Ok(tables.collect())
 }
 
-/// Orders pipelines by their newest runs, the newest first; ones without a run are left out. Reads no
-/// more records of runs than it needs to.
+/// Orders pipelines by their newest runs, the newest first; those without a run are left out. Reads
+/// no more records than needed.
 fn newest_first<'p>(
     lake: &Lake,
     pipelines: impl Iterator<Item = &'p String>,
@@ -99,7 +99,7 @@ fn newest_first<'p>(
         if left.is_empty() {
             break;
         }
-        // A damaged record of a run hides no table of another.
+        // A damaged record of one run does not hide the tables of others.
         if let Ok(run) = lake.register.read(number)
             && left.remove(&run.record.pipeline)
         {

@@ -10,8 +10,8 @@ use dataflow::{
 use lake::{Lake, table};
 use serde_json::json;
 
-/// Numbers that readers of digits get wrong, and drawn ones: of any bits, and of a few digits as people
-/// write them.
+/// Numbers that decimal parsers get wrong, and random ones: of any bits, and of a few digits as
+/// people write them.
 fn numbers() -> Vec<f64> {
     let mut numbers = vec![
         0.0,
@@ -44,7 +44,7 @@ fn bits(numbers: impl IntoIterator<Item = f64>) -> Vec<u64> {
     numbers.into_iter().map(f64::to_bits).collect()
 }
 
-/// The numbers by names that sort in their order.
+/// The numbers keyed by names that sort in their order.
 fn by_name(numbers: &[f64]) -> BTreeMap<String, f64> {
     let named = numbers.iter().enumerate();
     named
@@ -152,7 +152,7 @@ fn every_number_comes_back_from_records_runs_caches_and_tables() {
     lake.end_run(number, &run, &units).unwrap();
     drop(lake);
 
-    // Another process, which knows nothing but what it reads.
+    // As in another process, without cached state.
     let lake = Lake::open(folder.path());
     let record = lake
         .record(&digest)

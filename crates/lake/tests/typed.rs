@@ -1,4 +1,4 @@
-//! What stages read and write by type: it comes back, and what is wrong with it is said.
+//! Typed reads and writes of stages: round trips, and errors for faulty input.
 
 use std::{collections::BTreeMap, error::Error, fs, path::Path};
 

@@ -1,4 +1,4 @@
-//! What one column can hold in each row.
+//! Types of a column's cells.
 
 use std::sync::Arc;
 
@@ -14,11 +14,11 @@ use spatial::Pose;
 
 use crate::SchemaError;
 
-/// What a column holds in one row.
+/// The value of a column in one row.
 pub(crate) trait Cell: Sized {
-    /// Name of the type, as errors say it.
+    /// Name of the type in errors.
     const TYPE: &'static str;
-    /// The unit where a column does not say one.
+    /// The default unit.
     const UNIT: Option<&'static str> = None;
 
     /// Returns the column of these cells.
@@ -27,7 +27,7 @@ pub(crate) trait Cell: Sized {
     /// Reads the cell in this row.
     fn read(column: &Column<'_>, row: usize) -> Result<Self, SchemaError>;
 
-    /// Whether no number in it is NaN or infinite.
+    /// Whether all its numbers are finite.
     fn is_finite(&self) -> bool {
         true
     }
@@ -45,7 +45,7 @@ impl Column<'_> {
         SchemaError::invalid(self.name, message)
     }
 
-    /// Returns what is there if it has the type of `T`.
+    /// Returns the array if it has the type of `T`.
     fn typed<T: Cell, A>(&self, array: Option<A>) -> Result<A, SchemaError> {
         array.ok_or_else(|| SchemaError::Column {
             column: self.name.to_owned(),
@@ -53,13 +53,13 @@ impl Column<'_> {
         })
     }
 
-    /// Returns the list in this row, of a column that holds lists.
+    /// Returns the list in this row of a list column.
     fn list<T: Cell>(&self, row: usize) -> Result<ArrayRef, SchemaError> {
         let lists = self.typed::<T, _>(self.array.as_list_opt::<i32>())?;
         Ok(lists.value(row))
     }
 
-    /// Reads as many numbers as there is room for, which must be all.
+    /// Fills `numbers`; fails unless the lengths agree.
     fn numbers<T: Cell>(&self, values: &ArrayRef, numbers: &mut [f64]) -> Result<(), SchemaError> {
         let values = self.typed::<T, _>(values.as_primitive_opt::<Float64Type>())?;
         SchemaError::check_length(self.name, "numbers", values.values(), numbers.len())?;
@@ -168,7 +168,7 @@ impl<const N: usize> Cell for [f64; N] {
     }
 }
 
-/// The numbers one after another.
+/// The numbers in row-major order.
 impl<const M: usize, const N: usize> Cell for [[f64; M]; N] {
     const TYPE: &'static str = <[f64; N]>::TYPE;
 
@@ -250,7 +250,7 @@ impl<const N: usize> Cell for Vec<[f64; N]> {
     }
 }
 
-/// As [`Pose::to_array`] says.
+/// In the format of [`Pose::to_array`].
 impl<To, From> Cell for Pose<To, From> {
     const TYPE: &'static str = <[f64; 7]>::TYPE;
 

@@ -67,7 +67,7 @@ impl<'a> Reader<'a> {
         T::read(&Column { name, array }, row)
     }
 
-    /// Returns a list of names from the metadata; none if they are not noted.
+    /// Returns a list of names from the metadata; empty if it is absent.
     pub(crate) fn names(&self, key: &str) -> Vec<String> {
         let names = self.noted(key).split(',');
         let names = names.filter(|name| !name.is_empty());

@@ -1,4 +1,4 @@
-//! How an object lies, as columns.
+//! Columns of an object's resting pose.
 
 use spatial::Rest;
 

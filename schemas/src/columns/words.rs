@@ -1,6 +1,6 @@
-//! Choices that are stored as words.
+//! Enums that are stored as words.
 
-/// Declares an enum and the word of each variant, in which a column stores it.
+/// Declares an enum and the word that a column stores for each variant.
 macro_rules! words {
     (
         $(#[$meta:meta])*

@@ -8,7 +8,7 @@ use arrow_schema::{Field, FieldRef, Schema};
 use super::{Cell, Row, reader::SCHEMA};
 use crate::SchemaError;
 
-/// Columns in the making, each with its unit and description.
+/// A builder of columns, each with its unit and description.
 pub(crate) struct Writer {
     metadata: HashMap<String, String>,
     fields: Vec<FieldRef>,
@@ -29,7 +29,7 @@ impl Writer {
         writer
     }
 
-    /// Notes a list of names that the rows' lists follow, e.g. those of the joints.
+    /// Adds a list of names to the metadata: the order of the rows' lists, e.g. of the joints.
     pub(crate) fn with_names(mut self, key: &str, names: &[String]) -> Self {
         self.metadata.insert(key.to_owned(), names.join(","));
         self

@@ -3,20 +3,20 @@
 /// Encapsulation header of little-endian XCDR1; alignment counts from behind it.
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 
-/// A value with a place in a message.
+/// A value that a message can contain.
 pub trait Cdr: Sized {
     /// Appends the value, aligned.
     fn encode(&self, writer: &mut CdrWriter);
 
-    /// Reads the value at the reader's place.
+    /// Reads the value at the reader's position.
     ///
     /// # Errors
     ///
-    /// Fails if the bytes end early or do not mean a value of this type.
+    /// Fails if the bytes end early or do not encode a value of this type.
     fn decode(reader: &mut CdrReader<'_>) -> Result<Self, CdrError>;
 }
 
-/// Why bytes are not a message.
+/// Why bytes do not decode as a message.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CdrError {
@@ -34,13 +34,13 @@ pub enum CdrError {
     /// A string lacks its final zero or is not UTF-8.
     #[error("string at byte {at} is not zero-terminated UTF-8")]
     NotAString {
-        /// Where its characters begin.
+        /// Offset of its first character.
         at: usize,
     },
     /// A bool is neither 0 nor 1.
     #[error("bool at byte {at} is {found}")]
     NotABool {
-        /// Where it stands.
+        /// Its offset.
         at: usize,
         /// The byte found.
         found: u8,
@@ -54,7 +54,7 @@ pub struct CdrWriter {
 }
 
 impl CdrWriter {
-    /// Returns a message of nothing but the encapsulation header.
+    /// Returns a message with only the encapsulation header.
     pub fn new() -> Self {
         Self {
             bytes: ENCAPSULATION.to_vec(),
@@ -73,7 +73,7 @@ impl CdrWriter {
         self.bytes.extend_from_slice(&number);
     }
 
-    /// Lengths are 32 bits wide in this format; nothing recorded here comes near.
+    /// Lengths are 32 bits wide in this format; no recording comes near that.
     fn put_length(&mut self, length: usize) {
         let length = u32::try_from(length);
         assert!(length.is_ok(), "a sequence of 2^32 or more elements");
@@ -238,7 +238,8 @@ mod tests {
     #[test]
     fn an_absurd_length_is_an_error_and_takes_no_memory() {
         let mut bytes = trajectory().to_cdr();
-        // Behind the stamp (8 bytes) and the empty frame name (4 + 1, padded to 8): the number of names.
+        // After the stamp (8 bytes) and the empty frame name (4 + 1, padded to 8): the number of
+        // names.
         bytes[20..24].copy_from_slice(&u32::MAX.to_le_bytes());
         assert!(JointTrajectory::from_cdr(&bytes).is_err());
     }

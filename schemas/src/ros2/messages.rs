@@ -44,7 +44,7 @@ fields!(Duration { sec, nanosec });
 /// `std_msgs/Header`: when and in which frame.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Header {
-    /// When the data were true.
+    /// Time of the data.
     pub stamp: Time,
     /// The frame of the coordinates.
     pub frame_id: String,

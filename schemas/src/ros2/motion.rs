@@ -1,4 +1,4 @@
-//! Messages filled from what a motion is made of: joints, link poses, meshes, landmarks.
+//! Messages built from the parts of a motion: joints, link poses, meshes, landmarks.
 //!
 //! The frames of a recording form one tree, named by [`TABLE`], [`OBJECT`] and the hand's links:
 //! `table` holds `object` and the hand's root link; every other link hangs below its parent link,
@@ -28,7 +28,7 @@ pub const OBJECT: &str = "object";
 pub const JOINT_STATES: &str = "/joint_states";
 /// Topic of the commanded [`joint_trajectory`].
 pub const JOINT_TRAJECTORY: &str = "/joint_trajectory";
-/// Topic of what an arm is told that carries the hand, a [`joint_trajectory`].
+/// Topic of the commanded [`joint_trajectory`] of the arm that carries the hand.
 pub const ARM_TRAJECTORY: &str = "/arm_trajectory";
 /// Topic of the poses that change.
 pub const TF: &str = "/tf";
@@ -80,7 +80,7 @@ pub fn header(time_ns: i64, frame: &str) -> Header {
     }
 }
 
-/// Returns positions of joints, in radians, and their velocities, in rad/s or none if not known, for
+/// Returns joint positions, in radians, and velocities, in rad/s or empty if unknown, for
 /// [`JOINT_STATES`].
 pub fn joint_state(
     time_ns: i64,
@@ -97,21 +97,21 @@ pub fn joint_state(
     }
 }
 
-/// What joints are told at one time.
+/// A joint command at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrajectoryPoint<'a> {
     /// Seconds since the start.
     pub time_s: f64,
     /// Positions in radians.
     pub q_rad: &'a [f64],
-    /// Velocities in rad/s, or none if they are not told.
+    /// Velocities in rad/s, or empty if not commanded.
     pub velocity_rad_per_s: &'a [f64],
-    /// Accelerations in rad/s², or none if they are not told.
+    /// Accelerations in rad/s², or empty if not commanded.
     pub acceleration_rad_per_s2: &'a [f64],
 }
 
 impl<'a> TrajectoryPoint<'a> {
-    /// Takes positions alone.
+    /// Returns a command with positions only.
     pub fn positions(time_s: f64, q_rad: &'a [f64]) -> Self {
         Self {
             time_s,
@@ -201,8 +201,8 @@ pub fn pose(isometry: &Isometry3<f64>) -> Pose {
     }
 }
 
-/// Returns a mesh to draw in `frame`, in meters, for [`MARKERS`]. Triangles with an index that has
-/// no vertex are left out.
+/// Returns a mesh to draw in `frame`, in meters, for [`MARKERS`]. Triangles with an invalid vertex
+/// index are left out.
 pub fn mesh_marker(
     time_ns: i64,
     frame: &str,
@@ -232,7 +232,7 @@ pub fn mesh_marker(
 }
 
 /// Returns points to draw as spheres of `diameter_m` in `frame`, in meters, for [`MARKERS`]; `name`
-/// tells several sets in one frame apart, e.g. `landmarks` and `contacts`.
+/// distinguishes several sets in one frame, e.g. `landmarks` and `contacts`.
 pub fn points_marker(
     time_ns: i64,
     frame: &str,

@@ -1,11 +1,11 @@
-//! What two runs gave that differs: figures and partitions, by output.
+//! Differences in the results of two runs: metrics and partitions, by output.
 
 use dataflow::{NodeRecord, RunRecord};
 use serde::Serialize;
 
 use super::{units::Pair, values::keys};
 
-/// A figure that differs, gathered over the partitions of an output. It is `null` where there was none.
+/// A differing metric, aggregated over the partitions of an output; `null` if there was none.
 #[derive(Debug, PartialEq, Serialize)]
 pub(super) struct FigureChange {
     pub(super) figure: String,
@@ -24,7 +24,7 @@ pub(super) struct OutputChange {
     pub(super) figures: Vec<FigureChange>,
 }
 
-/// Lists the outputs that both runs went through and that differ.
+/// Lists the differing outputs that both runs visited.
 pub(super) fn compare(old: &RunRecord, new: &RunRecord, pairs: &[Pair]) -> Vec<OutputChange> {
     let mut outputs = Vec::new();
     for after in &new.nodes {
@@ -56,8 +56,8 @@ pub(super) fn compare(old: &RunRecord, new: &RunRecord, pairs: &[Pair]) -> Vec<O
     outputs
 }
 
-/// Relative difference of two sums of the same numbers, once as they were made and once as they were
-/// written in digits.
+/// Relative difference below which two sums are equal: one of the computed numbers, one of their
+/// decimal forms.
 const ROUNDING: f64 = 1e-12;
 
 fn figures(old: &NodeRecord, new: &NodeRecord) -> Vec<FigureChange> {
@@ -82,7 +82,7 @@ fn figures(old: &NodeRecord, new: &NodeRecord) -> Vec<FigureChange> {
     changes
 }
 
-/// Outputs that only the first of two runs went through.
+/// Outputs that only the first of two runs visited.
 pub(super) fn only_in(one: &RunRecord, other: &RunRecord) -> Vec<String> {
     let nodes = one.nodes.iter().map(|node| &node.node);
     let only = nodes.filter(|name| !other.nodes.iter().any(|node| node.node == **name));

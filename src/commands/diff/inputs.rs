@@ -1,4 +1,4 @@
-//! What two runs read that differs: files outside the lake, code, schemas.
+//! Differences in the inputs of two runs: files outside the lake, code, schemas.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,10 +7,10 @@ use serde::Serialize;
 
 use super::units::{Pair, Side};
 
-/// The part of a stage's code that is the locked versions of dependencies.
+/// The code part of the locked dependency versions.
 const LOCKED: &str = "dependencies";
 
-/// Something outside the lake that differs.
+/// A differing input outside the lake.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(tag = "what", rename_all = "snake_case")]
 pub(super) enum Source {
@@ -46,16 +46,16 @@ pub(super) struct InputChange {
     pub(super) outputs: Vec<String>,
 }
 
-/// What an output reads: versions of each source. A file's name may stand for several files.
+/// The inputs of an output: versions of each source. One name may stand for several files.
 type Read = BTreeMap<Source, BTreeSet<String>>;
 
-/// Lists what the units of these outputs read that differs.
+/// Lists the differing inputs of the units of these outputs.
 pub(super) fn compare(pairs: &[Pair]) -> Vec<InputChange> {
     let mut changes: BTreeMap<(Source, Option<String>, Option<String>), Vec<String>> =
         BTreeMap::new();
     for pair in pairs {
         let name = pair.node.to_string();
-        // Without a record, nobody knows what was read.
+        // Without records the inputs are unknown.
         if pair.old.records.is_empty() || pair.new.records.is_empty() {
             continue;
         }

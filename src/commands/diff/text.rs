@@ -1,4 +1,4 @@
-//! Differences as people read them.
+//! Differences as text.
 
 use std::collections::BTreeMap;
 
@@ -16,22 +16,22 @@ use crate::{
     report::{self, cut},
 };
 
-/// Rows of a list that are shown.
+/// Maximum rows shown of a list.
 const ROWS: usize = 20;
 
-/// Files of one folder, to which the same happened, that are named.
+/// Maximum files named per folder and kind of change.
 const FILES: usize = 4;
 
-/// Characters of a value that are shown.
+/// Maximum characters shown of a value.
 const WIDTH: usize = 40;
 
-/// Digits of a digest that people compare.
+/// Digits shown of a digest.
 const DIGITS: usize = 12;
 
 const ARROW: &str = "→";
 const NONE: &str = "-";
 
-/// Everything that differs, in sections; equal things are not named.
+/// All differences, in sections; equal values are left out.
 pub(super) fn text(difference: &Difference) -> String {
     let mut text = String::new();
     section(&mut text, "values", asked(&difference.asked), &[]);
@@ -106,7 +106,7 @@ fn value(value: &Value) -> String {
     cut(&text, WIDTH)
 }
 
-/// One row per thing that was read; files of one folder are counted where there are many.
+/// One row per input; many files of one folder are counted.
 fn inputs(changes: &[InputChange]) -> Vec<Vec<String>> {
     let mut folders: BTreeMap<(&str, String, String), usize> = BTreeMap::new();
     for change in changes {
@@ -117,7 +117,7 @@ fn inputs(changes: &[InputChange]) -> Vec<Vec<String>> {
     folders.retain(|_, n| *n > FILES);
     let rows = changes.iter().filter_map(|change| match folder(change) {
         Some(folder) if folders.contains_key(&folder) => {
-            // The first stands for all of them.
+            // The first represents all of them.
             let n = folders.insert(folder.clone(), 0).filter(|n| *n > 0)?;
             let (path, what, outputs) = folder;
             Some(vec![format!("{n} files in {path}"), what, outputs])
@@ -127,7 +127,7 @@ fn inputs(changes: &[InputChange]) -> Vec<Vec<String>> {
     rows.collect()
 }
 
-/// The folder of a file, what happened to the file, and who read it.
+/// The folder of a file, the kind of change, and the file's readers.
 fn folder(change: &InputChange) -> Option<(&str, String, String)> {
     let Source::File { name } = &change.source else {
         return None;

@@ -1,4 +1,4 @@
-//! The units of an output in two runs, with what they depended on and gave.
+//! The units of an output in two runs, with their records.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,8 +8,7 @@ use lake::{Lake, LakeError};
 /// An output in one run: its units' fingerprints by partition.
 type Fingerprints<'a> = BTreeMap<&'a str, Digest>;
 
-/// An output that two runs went through, with the records of the units that differ or stand beside
-/// ones that do.
+/// An output that two runs visited, with the records of its units.
 pub(super) struct Pair {
     pub(super) node: NodeName,
     pub(super) old: Side,
@@ -41,7 +40,7 @@ impl Side {
         Ok(side)
     }
 
-    /// The partitions there are: made ones, and those of which nothing more is known.
+    /// The existing partitions: made ones, and those without a record.
     pub(super) fn partitions(&self) -> BTreeSet<&str> {
         let made = self.records.iter();
         let made = made.filter(|(_, record)| record.outcome.is_made());
@@ -49,7 +48,8 @@ impl Side {
         made.chain(self.lost.keys().map(String::as_str)).collect()
     }
 
-    /// What a partition is: its artifact's digest, or the fingerprint where no more is known.
+    /// The identity of a partition: its artifact's digest, or the fingerprint if its record is
+    /// lost.
     pub(super) fn content(&self, partition: &str) -> Option<Digest> {
         match self.records.get(partition) {
             Some(record) => record.outcome.artifact_digest(),
@@ -58,7 +58,7 @@ impl Side {
     }
 }
 
-/// Reads the records of the outputs that both runs went through and that are not the same in both.
+/// Reads the records of the outputs that both runs visited and that differ.
 pub(super) fn pairs(lake: &Lake, old: &[UnitRef], new: &[UnitRef]) -> Result<Vec<Pair>, LakeError> {
     let (old, new) = (by_node(old), by_node(new));
     let mut pairs = Vec::new();

@@ -27,7 +27,7 @@ pub(super) struct WireChange {
     pub(super) new: Option<String>,
 }
 
-/// What differs in what was asked for.
+/// Differences in the requests of two runs.
 #[derive(Debug, Default, PartialEq, Serialize)]
 pub(super) struct Asked {
     pub(super) values: Vec<ValueChange>,
@@ -37,7 +37,7 @@ pub(super) struct Asked {
 }
 
 impl Asked {
-    /// Compares what two runs were asked for.
+    /// Compares the requests of two runs.
     pub(super) fn compare(old: &RunRecord, new: &RunRecord) -> Self {
         let mut asked = Self::default();
         let general = |run: &RunRecord| {

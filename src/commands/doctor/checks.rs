@@ -1,4 +1,4 @@
-//! Checks of what computes, of the stages and of the robot cell.
+//! Checks of the compute threads, the stages and the robot cell.
 
 use std::{
     net::{TcpListener, TcpStream, ToSocketAddrs},
@@ -11,7 +11,7 @@ use stage_dispatch::{Dispatch, DispatchConfig};
 use super::{Check, State};
 use crate::report;
 
-/// How long a robot cell gets to take a connection.
+/// Timeout of a connection to a robot cell.
 const CONNECT: Duration = Duration::from_secs(3);
 
 /// Starts the threads that a run would start.
@@ -33,7 +33,7 @@ pub(super) fn compute() -> Check {
     }
 }
 
-/// Lets every stage look for what it reads outside the lake.
+/// Checks the resources of every stage outside the lake.
 pub(super) fn stages(pipeline: &Pipeline) -> Vec<Check> {
     readiness(pipeline)
         .into_iter()
@@ -65,7 +65,7 @@ fn cause(failure: Failure) -> String {
     }
 }
 
-/// Looks for the robot cell of every `dispatch`.
+/// Checks the robot cell of every `dispatch`.
 pub(super) fn robot_cells(pipeline: &Pipeline) -> Vec<Check> {
     pipeline
         .stages

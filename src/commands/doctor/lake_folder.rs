@@ -8,7 +8,7 @@ use std::{
 
 use super::{Check, State};
 
-/// Tries in the lake what a run does there; what is made for this is removed.
+/// Tries a run's file operations in the lake; its probe files are removed.
 pub(super) fn check(lake: &Path) -> Vec<Check> {
     let probe = match Probe::new(lake) {
         Ok(probe) => probe,
@@ -55,10 +55,10 @@ fn written(lake: &Path, probe: &Probe) -> Check {
     }
 }
 
-/// A folder of this check's own in the lake.
+/// A temporary folder of this check in the lake.
 struct Probe {
     folder: PathBuf,
-    /// Folders that were not there before, the outermost first.
+    /// Folders that this check created, the outermost first.
     made: Vec<PathBuf>,
 }
 
@@ -97,7 +97,7 @@ impl Probe {
         fs::hard_link(self.path("first"), self.path("second"))
     }
 
-    /// Takes a lock, and makes sure that nobody else could take it.
+    /// Takes a lock, and checks that it cannot be taken twice.
     fn lock(&self) -> io::Result<()> {
         let holder = File::create(self.path("lock"))?;
         match holder.try_lock() {
@@ -115,7 +115,7 @@ impl Probe {
 
 impl Drop for Probe {
     fn drop(&mut self) {
-        // What cannot be removed is a stray empty folder at worst.
+        // A leftover is at worst an empty folder.
         let _removed = fs::remove_dir_all(&self.folder);
         for folder in self.made.iter().rev() {
             let _removed = fs::remove_dir(folder);

@@ -1,5 +1,5 @@
-//! `pipeline doctor --robot`: what a URDF describes, what is unphysical in it, and a first proposal
-//! of a hand's table.
+//! `pipeline doctor --robot`: a URDF's summary, its unphysical values, and a first draft of a
+//! hand's table.
 
 use std::{
     collections::BTreeSet,
@@ -49,7 +49,7 @@ pub(super) fn check(path: &Path) -> Result<Outcome, CommandError> {
     }
     let mut rows = summary(&model);
     rows.extend(findings_by_kind(&findings));
-    // The table is for a file, what is said about the robot for a person.
+    // The table goes to a file (stdout), the summary to the user (stderr).
     report::line(report::columns(&rows, &[]).trim_end());
     if let Some(table) = table {
         let head = "# A first proposal of a hand's table, from the tree alone: look it over, above all its \
@@ -81,7 +81,7 @@ pub(super) fn check(path: &Path) -> Result<Outcome, CommandError> {
     Err(CommandError::failed(anyhow::anyhow!(trouble), None))
 }
 
-/// Reads no more of a file than a URDF can have, and one byte by which a larger one is known.
+/// Reads at most the maximum size of a URDF, plus one byte to detect a larger file.
 fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let limit = u64::try_from(MAX_URDF_BYTES).unwrap_or(u64::MAX);
@@ -95,7 +95,7 @@ fn row(word: &str, subject: impl Into<String>, finding: impl Into<String>) -> Ve
     vec![format!("{word:<8}"), subject.into(), finding.into()]
 }
 
-/// What the robot is.
+/// Summary of the robot.
 fn summary(model: &RobotModel) -> Vec<Vec<String>> {
     let n_moving = model
         .links()
@@ -152,7 +152,7 @@ fn summary(model: &RobotModel) -> Vec<Vec<String>> {
     rows
 }
 
-/// One row for each kind of finding, with the parts that it is about, the worst first.
+/// One row per kind of finding, with its parts, the worst first.
 fn findings_by_kind(findings: &[Finding]) -> Vec<Vec<String>> {
     let mut kinds: Vec<(Severity, &str, Vec<&Part>)> = Vec::new();
     for finding in findings {
@@ -190,7 +190,7 @@ fn findings_by_kind(findings: &[Finding]) -> Vec<Vec<String>> {
         .collect()
 }
 
-/// How many parts of one kind there are.
+/// Counts the parts of one kind.
 fn counted(parts: &[&Part]) -> String {
     let what = match parts.first() {
         Some(Part::Link(_)) => "links",
@@ -209,7 +209,7 @@ fn names(parts: &[&Part]) -> String {
     parts.iter().map(name).collect::<Vec<_>>().join(", ")
 }
 
-/// Reads the meshes that the robot collides with; those that cannot be had are findings.
+/// Reads the collision meshes; missing or unreadable ones are findings.
 fn with_mesh_shapes(model: RobotModel, urdf: &Path) -> (RobotModel, Vec<Finding>) {
     let mut findings: Vec<Finding> = Vec::new();
     let read = model.with_mesh_shapes(|link, mesh| {
@@ -241,7 +241,7 @@ fn missing_shape(link: &str, mesh: &Mesh, err: LoadError) -> Finding {
     }
 }
 
-/// Looks for the meshes that are only drawn.
+/// Finds missing visual meshes.
 fn missing_drawings(model: &RobotModel, urdf: &Path) -> Option<Finding> {
     let meshes = model.links().iter().flat_map(|link| &link.meshes);
     let missing: BTreeSet<&str> = meshes

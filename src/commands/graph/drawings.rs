@@ -1,4 +1,4 @@
-//! The graph in the languages of drawing programs.
+//! The graph as Graphviz and Mermaid.
 
 use std::collections::BTreeSet;
 
@@ -39,7 +39,7 @@ pub(super) fn dot(graph: &Graph) -> String {
     text
 }
 
-/// Text in double quotes as Graphviz reads it; a line break stays one.
+/// Text quoted for Graphviz, with its line breaks.
 fn quoted(text: &str) -> String {
     let escaped = text.replace('\\', "\\\\").replace('"', "\\\"");
     format!("\"{}\"", escaped.replace('\n', "\\n"))
@@ -70,7 +70,7 @@ pub(super) fn mermaid(graph: &Graph) -> String {
     text
 }
 
-/// Text in double quotes as Mermaid reads it.
+/// Text quoted for Mermaid.
 fn label(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "#quot;"))
 }

@@ -42,7 +42,7 @@ fn stage_lines(graph: &Graph, stage: &str, width: usize) -> String {
         text.push_str(&format!("  reads  {}\n", sources.join(", ")));
     }
     for node in graph.outputs_of(stage) {
-        // What an output reads beside its stage's inputs: earlier outputs of the same stage.
+        // Inputs from earlier outputs of the same stage.
         let own: Vec<&str> = node
             .reads
             .values()
@@ -63,7 +63,7 @@ fn stage_lines(graph: &Graph, stage: &str, width: usize) -> String {
     text
 }
 
-/// The stages by the length of the longest way to them.
+/// The stages by the length of the longest path to them.
 fn layers<'g>(graph: &'g Graph) -> BTreeMap<usize, Vec<&'g str>> {
     let mut depths: BTreeMap<&str, usize> = BTreeMap::new();
     let mut layers: BTreeMap<usize, Vec<&str>> = BTreeMap::new();

@@ -1,4 +1,4 @@
-//! What the partitions of an output were made of together, or what was made of them.
+//! Lineage of an output, over all its partitions.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +12,7 @@ use super::{
 };
 use crate::outcome::CommandError;
 
-/// One output in the family.
+/// One output in the lineage.
 #[derive(Serialize)]
 pub(super) struct Member {
     output: String,
@@ -26,20 +26,20 @@ pub(super) struct Member {
     below: Vec<usize>,
 }
 
-/// What the units of an output read of another.
+/// The reads of an output's units from another output.
 #[derive(Serialize)]
 struct Read {
     output: String,
     n_partitions: usize,
 }
 
-/// What is read of each output, and from outside.
+/// The reads from each output, and from outside.
 struct Reads {
     partitions: BTreeMap<NodeName, BTreeSet<String>>,
     n_files: usize,
 }
 
-/// Lists the output and everything that it was made of, or that was made of it, each once.
+/// Lists the output and its ancestors or descendants, each once.
 pub(super) fn family(
     run: &RunRecord,
     relations: &Relations,
@@ -96,7 +96,7 @@ fn reads(run: &RunRecord, relations: &Relations, node: &NodeName) -> Result<Read
         let read = record.fingerprint.files.iter();
         files.extend(read.map(|(name, digest)| (name.clone(), *digest)));
     }
-    // Where the records are gone, the wires are left.
+    // Without records, the wires are used.
     if records.is_empty()
         && let Some(stage) = run.stages.get(&node.stage)
     {
@@ -129,7 +129,7 @@ fn member(run: &RunRecord, node: &NodeName, reads: Option<&Reads>) -> Member {
 }
 
 impl Member {
-    /// As it stands in a tree.
+    /// Returns its node of the tree.
     pub(super) fn into_limb(self) -> Limb {
         let mut counts = vec![format!("{} made", self.n_made)];
         for (n, word) in [(self.n_skipped, "skipped"), (self.n_filtered, "filtered")] {

@@ -1,4 +1,4 @@
-//! Who reads whom in a run.
+//! The reads between units of a run.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,7 +9,7 @@ use serde::Serialize;
 /// An output and a partition of it.
 type Key = (NodeName, String);
 
-/// Who reads a partition.
+/// The readers of a partition.
 type Readers = BTreeMap<Key, BTreeSet<Key>>;
 
 /// Partitions of an output, by output.
@@ -28,12 +28,12 @@ fn as_text<S: serde::Serializer>(node: &NodeName, serializer: S) -> Result<S::Ok
     serializer.collect_str(node)
 }
 
-/// The units of a run, and who reads them.
+/// The units of a run, and their readers.
 pub(super) struct Relations<'a> {
     lake: &'a Lake,
     run: &'a RunRecord,
     units: BTreeMap<(&'a NodeName, &'a str), &'a UnitRef>,
-    /// Who reads a partition; found when first asked for.
+    /// The readers of each partition; computed on first use.
     readers: Option<Readers>,
 }
 
@@ -63,7 +63,7 @@ impl<'a> Relations<'a> {
         wired.map_or_else(|| NodeName::new(&node.stage, input), Clone::clone)
     }
 
-    /// Returns what a unit reads, by input.
+    /// Returns the reads of a unit, by input.
     pub(super) fn reads(
         &self,
         node: &NodeName,

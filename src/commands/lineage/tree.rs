@@ -1,29 +1,29 @@
-//! A family as an indented tree.
+//! Lineage as an indented tree.
 
 use crate::report;
 
-/// Members of one kind below one other that are shown.
+/// Maximum children shown per group.
 const SHOWN: usize = 3;
 
-/// One of a family, first in its line.
+/// A node of the tree.
 pub(super) struct Limb {
-    /// Its name, and what stands beside it.
+    /// Its name and further columns.
     pub(super) cells: Vec<String>,
-    /// Who is below it, by positions, in groups that are cut each for itself.
+    /// Its children, by position, in groups that are truncated separately.
     pub(super) groups: Vec<Group>,
-    /// What is below it and has nothing below itself.
+    /// Its children without children.
     pub(super) leaves: Vec<Vec<String>>,
 }
 
-/// Members of one kind.
+/// Children of one kind.
 pub(super) struct Group {
-    /// What they are.
+    /// Their kind.
     pub(super) name: String,
     pub(super) members: Vec<usize>,
 }
 
-/// Lays out the first limb with everything below it. What is below one that comes again is shown the
-/// first time.
+/// Lays out the tree of the first limb. The subtree of a repeated limb is shown only at its first
+/// occurrence.
 pub(super) fn text(limbs: &[Limb]) -> String {
     let mut tree = Tree {
         limbs,
@@ -40,7 +40,7 @@ struct Tree<'a> {
     rows: Vec<Vec<String>>,
 }
 
-/// What stands in a line below another.
+/// A child line.
 enum Below<'a> {
     Limb(usize),
     Leaf(&'a [String]),
@@ -88,14 +88,14 @@ impl Tree<'_> {
     }
 }
 
-/// Takes the first of a list, and says how many there are more.
+/// Takes the first items of a list, and counts the rest.
 fn cut<'a, T>(
     below: &mut Vec<Below<'a>>,
     list: &'a [T],
     name: &str,
     of: impl Fn(&'a T) -> Below<'a>,
 ) {
-    // A line that stands for one other is no shorter.
+    // Replacing a single line by a count saves nothing.
     let n_shown = if list.len() == SHOWN + 1 {
         SHOWN + 1
     } else {
@@ -153,7 +153,7 @@ root
 │  └─ … 3 more files
 └─ b  as above
 ";
-        // Cells beside names are aligned, so the mark of `b` stands where the longest name ends.
+        // Columns are aligned, so the mark of `b` is after the longest name.
         let squeezed = |text: &str| {
             let lines = text
                 .lines()

@@ -1,4 +1,4 @@
-//! What one partition was made of, or what was made of it.
+//! Lineage of one partition.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{moments, outcome::CommandError, report};
 
-/// One partition in the family.
+/// One partition in the lineage.
 #[derive(Serialize)]
 pub(super) struct Member {
     output: String,
@@ -24,7 +24,7 @@ pub(super) struct Member {
     result: &'static str,
     made: Option<Made>,
     reads: Vec<Read>,
-    /// Digests of the files outside the lake that it was made of, by name.
+    /// Digests of its input files outside the lake, by name.
     files: BTreeMap<String, Digest>,
     #[serde(skip)]
     below: Vec<Group>,
@@ -55,7 +55,7 @@ impl From<Provenance> for Made {
     }
 }
 
-/// Lists the partition and everything that it was made of, or that was made of it, each once.
+/// Lists the partition and its ancestors or descendants, each once.
 pub(super) fn family(
     lake: &Lake,
     relations: &mut Relations,
@@ -130,7 +130,7 @@ fn member(
 }
 
 impl Member {
-    /// As it stands in a tree.
+    /// Returns its node of the tree.
     pub(super) fn into_limb(self) -> Limb {
         let fingerprint = self.fingerprint.map(Digest::short);
         let what = match &self.made {

@@ -1,4 +1,4 @@
-//! The tables of artifacts, of the files that the records name.
+//! The tables of artifacts, from the files in the records.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -20,7 +20,7 @@ pub(super) fn table(files: &TableFiles) -> PolarsResult<Option<LazyFrame>> {
                 lit(stage.pipeline.as_str()).alias(PIPELINE),
                 lit(stage.stage.as_str()).alias(STAGE),
             ]),
-            // One scan for all of them: polars cannot count the rows of frames below one another.
+            // One scan for all of them: polars cannot count the rows of concatenated frames.
             stages => made.join(
                 makers(stages)?.lazy(),
                 [col(FINGERPRINT)],
@@ -43,8 +43,8 @@ pub(super) fn table(files: &TableFiles) -> PolarsResult<Option<LazyFrame>> {
     one_below_the_other(frames.collect::<PolarsResult<_>>()?)
 }
 
-/// Opens every row that any run made of a table, by `run`: what units made, joined to the runs that
-/// had them.
+/// Opens the rows of a table from all runs, with a column `run`: the units' rows, joined to the
+/// runs that had them.
 pub(super) fn of_all_runs(
     files: &TableFiles,
     table: &str,
@@ -84,7 +84,7 @@ fn by_column(files: &TableFiles) -> BTreeMap<&str, Vec<&StageTable>> {
     stages
 }
 
-/// Which stage of which pipeline made each unit.
+/// The pipeline and stage of each unit.
 fn makers(stages: &[&StageTable]) -> PolarsResult<DataFrame> {
     let units = stages
         .iter()
@@ -109,7 +109,7 @@ fn unit_of(file: &Path) -> String {
     digits.map_or_else(String::new, |(_, digits)| digits.to_owned())
 }
 
-/// Puts frames below one another; a single one stays what it is, which is faster.
+/// Concatenates frames; a single one is returned as it is, which is faster.
 fn one_below_the_other(mut frames: Vec<LazyFrame>) -> PolarsResult<Option<LazyFrame>> {
     let last = frames.pop();
     if frames.is_empty() {

@@ -4,7 +4,7 @@ use polars::prelude::*;
 
 use crate::numbers::number;
 
-/// A value as people read it, on one line; of a list, no more than so many elements.
+/// A value for display, on one line; lists are cut to this many elements.
 pub(super) fn cell(value: &AnyValue, elements: usize) -> String {
     match value {
         AnyValue::Null => "-".to_owned(),
@@ -19,7 +19,7 @@ pub(super) fn cell(value: &AnyValue, elements: usize) -> String {
     }
 }
 
-/// A value with everything that is in it, for programs.
+/// The complete value, for programs.
 pub(super) fn json(value: &AnyValue) -> serde_json::Value {
     match value {
         AnyValue::Null => serde_json::Value::Null,
@@ -54,7 +54,7 @@ fn object(value: &AnyValue) -> serde_json::Value {
         .collect()
 }
 
-/// A value as text that a program reads; a moment as ISO 8601 writes it.
+/// A value as text for programs; times in ISO 8601.
 pub(super) fn text(value: &AnyValue) -> String {
     match value {
         AnyValue::Null => String::new(),

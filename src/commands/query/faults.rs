@@ -1,4 +1,4 @@
-//! What is wrong with a question, in the project's words and with the near name.
+//! Errors of a query, in the project's words and with near names.
 
 use dataflow::nearest;
 use lake::Lake;
@@ -6,20 +6,20 @@ use polars::prelude::*;
 
 use crate::outcome::CommandError;
 
-/// How an error of the parser of SQL begins.
+/// Prefix of a SQL parser error.
 const PARSER: &str = "sql parser error: ";
 
-/// A question for those who asked one that cannot be read.
+/// An example query, for the hint of one that cannot be parsed.
 const EXAMPLE: &str =
     "write it as, e.g., `select object, count(*) as n from rollouts group by object`";
 
-/// Says why a question cannot be read.
+/// Returns the error of a query that cannot be parsed.
 pub(super) fn unreadable(text: &str) -> CommandError {
     let text = text.strip_prefix(PARSER).unwrap_or(text);
     CommandError::usage(format!("cannot read the question: {text}"), EXAMPLE)
 }
 
-/// Says what is wrong with a question; the tables that it names are those that were opened for it.
+/// Returns the error of a failed query, given the tables that were opened for it.
 pub(super) fn explain(
     err: &PolarsError,
     sql: &str,
@@ -28,7 +28,7 @@ pub(super) fn explain(
 ) -> CommandError {
     let text = message(err);
     if let Some(table) = between(&text, "relation '", "' was not found") {
-        // What cannot be listed is not needed to say what is wrong.
+        // The message does not depend on the list of tables.
         let shown = lake.tables().unwrap_or_default();
         let mut names: Vec<&str> = shown.iter().map(String::as_str).collect();
         names.extend(Lake::history_tables());
@@ -58,10 +58,10 @@ pub(super) fn explain(
     CommandError::usage(message, EXAMPLE)
 }
 
-/// Whether a table could not be read, and not that the question asks what cannot be.
+/// Whether the fault is an unreadable table of the lake, not the query.
 fn is_of_the_lake(err: &PolarsError, sql: &str) -> bool {
     match err {
-        // A file of one's own is named in the question.
+        // The user's own files are named in the query.
         PolarsError::IO { error, .. } => {
             let is_named = sql.to_lowercase().contains("read_parquet");
             error.kind() != std::io::ErrorKind::NotFound || !is_named
@@ -78,7 +78,7 @@ fn near<'a>(word: &str, names: impl Iterator<Item = &'a str>, list: String) -> S
     }
 }
 
-/// The error below what polars says about where it was.
+/// The innermost error, below polars's context.
 fn innermost(err: &PolarsError) -> &PolarsError {
     match err {
         PolarsError::Context { error, .. } | PolarsError::ExprContext { error, .. } => {
@@ -88,7 +88,7 @@ fn innermost(err: &PolarsError) -> &PolarsError {
     }
 }
 
-/// The first line of what the error says: the others show plans of the query.
+/// The first line of the error: the others show query plans.
 fn message(err: &PolarsError) -> String {
     let text = match innermost(err) {
         PolarsError::ColumnNotFound(text)
@@ -115,7 +115,7 @@ fn between<'t>(text: &'t str, start: &str, end: &str) -> Option<&'t str> {
     Some(word)
 }
 
-/// The columns that the error lists as there, or else those of the tables that the question names.
+/// The known columns listed by the error, or else those of the query's tables.
 fn columns(text: &str, tables: &[(String, LazyFrame)]) -> Vec<String> {
     if let Some(list) = between(text, "valid columns: [", "]") {
         let words = list.split(", ").map(|word| word.trim_matches('"'));
@@ -123,7 +123,7 @@ fn columns(text: &str, tables: &[(String, LazyFrame)]) -> Vec<String> {
     }
     let mut columns = Vec::new();
     for (_, frame) in tables {
-        // A table that cannot be read has no columns to offer.
+        // An unreadable table has no columns to suggest.
         if let Ok(schema) = frame.clone().collect_schema() {
             columns.extend(schema.iter_names().map(ToString::to_string));
         }

@@ -1,4 +1,4 @@
-//! How much of a table fits where it is shown.
+//! The space for a table on the screen.
 
 use std::io::{self, IsTerminal};
 
@@ -10,13 +10,13 @@ const ROWS: usize = 40;
 /// Elements shown of each list where lines are limited.
 const ELEMENTS: usize = 8;
 
-/// Characters below which a column of text is rather left out than cut further.
+/// Minimum width of a text column: below it, columns are left out instead.
 const NARROW: usize = 12;
 
 /// Characters between two columns.
 const GAP: usize = 2;
 
-/// The space for a table; unlimited where it is not shown to people.
+/// The space for a table; unlimited if it is not for display.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Page {
     /// Characters in a line.
@@ -26,7 +26,7 @@ pub(crate) struct Page {
 }
 
 impl Page {
-    /// Returns the space on stdout. `COLUMNS` sets the width, also where stdout is no terminal.
+    /// Returns the space on stdout. `COLUMNS` sets the width, even if stdout is not a terminal.
     pub(crate) fn of_stdout() -> Self {
         let stdout = io::stdout();
         Self {
@@ -49,7 +49,7 @@ impl Page {
     }
 }
 
-/// How wide a column would like to be, and how wide it must be at least.
+/// The preferred and the minimum width of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Wish {
     pub(super) full: usize,
@@ -57,7 +57,7 @@ pub(super) struct Wish {
 }
 
 impl Wish {
-    /// Returns the wish of a column of text.
+    /// Returns the widths of a text column.
     pub(super) fn text(full: usize) -> Self {
         Self {
             full,
@@ -65,7 +65,7 @@ impl Wish {
         }
     }
 
-    /// Returns the wish of a column of numbers: only its name may be cut.
+    /// Returns the widths of a number column: only its name may be cut.
     pub(super) fn numbers(name: usize, numbers: usize) -> Self {
         Self {
             full: name.max(numbers),
@@ -74,13 +74,13 @@ impl Wish {
     }
 }
 
-/// Returns the widths of the columns that fit, from the first on; fewer than wished for if even
-/// narrow ones do not.
+/// Returns the widths of the columns that fit, from the first on; fewer columns if even their
+/// minimum widths do not fit.
 pub(super) fn fit(wishes: &[Wish], width: usize) -> Vec<usize> {
     if let Some(widths) = shrink(wishes, width) {
         return widths;
     }
-    // The mark of what is left out takes a column of its own.
+    // The ellipsis takes a column of its own.
     let room = width.saturating_sub(GAP + LEFT_OUT.chars().count());
     for n_kept in (1..wishes.len()).rev() {
         let kept = wishes.get(..n_kept).unwrap_or_default();
@@ -91,7 +91,7 @@ pub(super) fn fit(wishes: &[Wish], width: usize) -> Vec<usize> {
     vec![room.max(1)]
 }
 
-/// Takes from the widest column until all fit.
+/// Shrinks the widest column until all fit.
 fn shrink(wishes: &[Wish], width: usize) -> Option<Vec<usize>> {
     let mut widths: Vec<usize> = wishes.iter().map(|wish| wish.full.min(width)).collect();
     let gaps = GAP * wishes.len().saturating_sub(1);

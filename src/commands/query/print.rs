@@ -11,7 +11,7 @@ use crate::report::{self, LEFT_OUT, cut};
 /// A table for people.
 pub(super) struct Printed {
     pub(super) text: String,
-    /// What did not fit, one line each.
+    /// Notes on what did not fit, one line each.
     pub(super) left_out: Vec<String>,
 }
 
@@ -73,8 +73,7 @@ pub(super) fn table(answer: &DataFrame, page: Page) -> Printed {
     }
 }
 
-/// Puts blanks after numbers, so that their decimal points stand below each other when they are
-/// aligned to the right.
+/// Pads numbers so that their decimal points align when they are right-aligned.
 fn align_points(cells: &mut [String]) {
     let after = |cell: &String| cell.find(['.', 'e']).map_or(0, |at| cell.len() - at);
     let longest = cells.iter().map(after).max().unwrap_or(0);
@@ -84,7 +83,7 @@ fn align_points(cells: &mut [String]) {
     }
 }
 
-/// Cuts cells and drops columns until a line fits, and returns the names of what was dropped.
+/// Cuts cells and drops columns until a line fits, and returns the names of the dropped columns.
 fn fit_columns(columns: &mut Vec<(Vec<String>, bool)>, width: usize) -> Vec<String> {
     let length = |text: &String| text.chars().count();
     let wishes: Vec<Wish> = columns

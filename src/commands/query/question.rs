@@ -1,4 +1,4 @@
-//! What may be asked: one question that reads, and that means what it says.
+//! Checks of a query: one read-only, unambiguous statement.
 
 use std::ops::ControlFlow;
 
@@ -11,7 +11,7 @@ use sqlparser::{
 use super::faults;
 use crate::outcome::CommandError;
 
-/// The functions that make one value of many rows.
+/// The aggregate functions.
 const AGGREGATES: [&str; 26] = [
     "array_agg",
     "avg",
@@ -41,7 +41,7 @@ const AGGREGATES: [&str; 26] = [
     "variance",
 ];
 
-/// Makes sure that a question only reads, is one, and says by what it groups.
+/// Checks that a query is a single read-only statement without ungrouped columns.
 pub(super) fn check(sql: &str) -> Result<(), CommandError> {
     let statements = parse(sql).map_err(|err| faults::unreadable(&err.to_string()))?;
     match statements.as_slice() {
@@ -69,7 +69,7 @@ fn parse(sql: &str) -> Result<Vec<Statement>, ParserError> {
         .parse_statements()
 }
 
-/// Looks at every statement and selection of a question.
+/// Visits every statement and selection of a query.
 struct Reading;
 
 impl Visitor for Reading {
@@ -104,7 +104,7 @@ fn changes(word: &str) -> CommandError {
     )
 }
 
-/// Finds columns beside the totals over all rows: no row's value would be more right than another's.
+/// Finds ungrouped columns beside aggregates: the choice of their row would be arbitrary.
 fn ungrouped(select: &Select) -> Option<CommandError> {
     let GroupByExpr::Expressions(keys, _) = &select.group_by else {
         return None;
@@ -141,15 +141,15 @@ fn ungrouped(select: &Select) -> Option<CommandError> {
     Some(CommandError::usage(message, hint))
 }
 
-/// What a list of results names.
+/// The names in a select list.
 #[derive(Default)]
 struct Columns {
-    /// Names that the list itself gives.
+    /// Aliases of the list.
     aliases: Vec<String>,
-    /// Columns outside of functions over rows.
+    /// Columns outside aggregates.
     bare: Vec<String>,
     has_totals: bool,
-    /// How many functions over rows, and questions within this one, are around.
+    /// Depth of enclosing aggregates and subqueries.
     n_around: usize,
     n_queries: usize,
 }
@@ -204,7 +204,7 @@ impl Visitor for Columns {
     }
 }
 
-/// Whether a function takes the values of many rows.
+/// Whether a function is an aggregate or a window function.
 fn is_over_rows(function: &Function) -> bool {
     let name = function.name.to_string().to_lowercase();
     function.over.is_some() || AGGREGATES.contains(&name.as_str())
@@ -214,7 +214,7 @@ fn is_over_rows(function: &Function) -> bool {
 mod tests {
     use super::*;
 
-    /// What is said about a question, and what to do.
+    /// The message and the hint about a query.
     fn said(sql: &str) -> Option<(String, String)> {
         match check(sql) {
             Ok(()) => None,

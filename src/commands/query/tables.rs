@@ -1,4 +1,4 @@
-//! The lake's tables, under the names by which questions call them.
+//! The lake's tables, under their names in queries.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -13,7 +13,7 @@ use polars::{prelude::*, sql::SQLContext};
 use super::{artifacts, faults};
 use crate::{commands::chosen, outcome::CommandError};
 
-/// What stands before a table's name to mean the rows of all runs.
+/// Prefix of a table's name for the rows of all runs.
 const ALL: &str = "all_";
 
 /// The columns that are the same in every table.
@@ -22,20 +22,20 @@ pub(super) const PIPELINE: &str = "pipeline";
 pub(super) const STAGE: &str = "stage";
 pub(super) const FINGERPRINT: &str = "fingerprint";
 
-/// The lake's tables, ready to be asked.
+/// The lake's tables, ready for a query.
 pub(super) struct Tables<'a> {
     lake: &'a Lake,
     known: Vec<(String, LazyFrame)>,
-    /// Tables of which so many partitions are no longer in the lake.
+    /// Tables with the number of their collected partitions.
     pub(super) collected: Vec<(String, usize)>,
     context: SQLContext,
 }
 
 impl<'a> Tables<'a> {
-    /// Opens the tables that `sql` names: exactly the files that the records name, each of which is
-    /// read once to make sure that it holds what the records say.
+    /// Opens the tables that `sql` names: exactly the files in the records, each of which is read
+    /// once and checked against its digest.
     ///
-    /// The tables of artifacts are as `run` had them, or else each as the newest run that made it.
+    /// The tables of artifacts are those of `run`, or else of the newest run that made each.
     pub(super) fn open(lake: &'a Lake, sql: &str, run: Option<&Run>) -> Result<Self, CommandError> {
         let mut tables = Self {
             lake,
@@ -100,14 +100,14 @@ impl<'a> Tables<'a> {
         self.known.push((name, frame));
     }
 
-    /// Answers one question.
+    /// Runs one query.
     pub(super) fn answer(mut self, sql: &str) -> Result<DataFrame, CommandError> {
         let answer = self.context.execute(sql).and_then(LazyFrame::collect);
         answer.map_err(|err| faults::explain(&err, sql, self.lake, &self.known))
     }
 }
 
-/// Names of the artifacts of which there may be a table.
+/// Names of the artifacts that may have a table.
 fn names(lake: &Lake, run: Option<&Run>) -> Result<BTreeSet<String>, CommandError> {
     let mut names = BTreeSet::new();
     let newest = if run.is_some() {
@@ -132,7 +132,7 @@ fn failed(err: PolarsError) -> CommandError {
     CommandError::failed(err, None)
 }
 
-/// Opens a table of runs; the names of the folders of its files give the column of runs.
+/// Opens a table of runs; its column `run` comes from the folder names.
 fn history(files: &BTreeMap<u64, PathBuf>) -> PolarsResult<Option<LazyFrame>> {
     if files.is_empty() {
         return Ok(None);
@@ -155,7 +155,7 @@ pub(super) fn scan<'f>(files: impl IntoIterator<Item = &'f PathBuf>) -> PolarsRe
             schema: Some(Arc::new(columns)),
             ..HiveOptions::new_enabled()
         },
-        // Older runs may have made tables with fewer columns.
+        // Tables of older runs may have fewer columns.
         allow_missing_columns: true,
         ..ScanArgsParquet::default()
     };

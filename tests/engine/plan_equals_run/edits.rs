@@ -129,7 +129,7 @@ fn change_a_value(rng: &mut ChaCha8Rng, world: &mut World) -> String {
     said
 }
 
-/// Stages of which a new one, or `reader` wired anew, may read the parts.
+/// Stages whose parts a new stage, or a rewired `reader`, may read.
 fn sources(world: &World, reader: Option<&str>) -> Vec<String> {
     let is_below =
         |name: &str| reader.is_some_and(|reader| world.with_ancestors(name).contains(reader));

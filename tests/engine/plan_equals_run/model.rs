@@ -1,5 +1,5 @@
-//! What must be made, and why: everything computed in memory, everything that a unit depends on
-//! compared whole.
+//! A model of what must be made, and why: computed in memory, comparing all dependencies of a unit
+//! in full.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -120,8 +120,8 @@ impl Model {
 }
 
 impl Model {
-    /// What differs from the unit of a stage that is gone and was the same but for its name and what it
-    /// read, the nearest if there are several.
+    /// The differences from the unit of a removed stage that differed only by name and inputs; from
+    /// the nearest if there are several.
     fn renamed(&self, world: &World, unit: &Unit, reason: &Reason) -> BTreeSet<String> {
         let own = |reason: &Reason| (reason.kind, reason.code, reason.config.clone());
         let is_there = |name: &str| world.stages.iter().any(|stage| stage.name == name);

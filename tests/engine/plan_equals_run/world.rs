@@ -1,4 +1,4 @@
-//! Everything that the results depend on, as it stands after some edits.
+//! Everything that the results depend on, after some edits.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

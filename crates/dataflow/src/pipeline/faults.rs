@@ -1,5 +1,5 @@
-//! What is wrong with a stage's table, by the schema of its options: every key that is unknown or
-//! lacking, and every value of a wrong type.
+//! Faults of a stage's table against the schema of its options: unknown or missing keys, and values
+//! of a wrong type.
 
 use std::ops::Range;
 
@@ -8,15 +8,15 @@ use toml_edit::{InlineTable, Value};
 
 use crate::{kind::Kind, near::nearest, tables::found};
 
-/// Keys that every stage has beside its kind's options.
+/// Keys of every stage, beside its kind's options.
 const COMMON: [&str; 4] = ["inputs", "kind", "max_skipped_fraction", "shared"];
 
-/// One thing that is wrong with a stage's table.
+/// One fault of a stage's table.
 pub(super) struct Fault {
     /// The keys that lead to it; empty for the table itself.
     pub(super) path: Vec<String>,
     pub(super) part: Part,
-    /// Where it stands in the file, if it does.
+    /// Its span in the file, if it has one.
     pub(super) span: Option<Range<usize>>,
     pub(super) message: String,
     pub(super) hint: String,
@@ -29,7 +29,7 @@ pub(super) enum Part {
     Value,
 }
 
-/// Returns everything that is wrong with the table of a stage.
+/// Returns all faults of a stage's table.
 pub(super) fn faults(stage: &str, kind: &Kind, table: &InlineTable) -> Vec<Fault> {
     let root = kind.schema();
     let mut reader = Reader {
@@ -97,7 +97,7 @@ impl Reader<'_> {
         span: Option<Range<usize>>,
     ) {
         let options = self.kind.options();
-        // The right name in a wrong table, or a name that every stage has.
+        // The right name in a wrong table, or a common key.
         let same = options
             .iter()
             .find(|option| option.key.rsplit('.').next() == Some(key));
@@ -181,7 +181,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Checks a table of which one key says what the others are.
+    /// Checks an internally tagged table.
     fn tagged(&mut self, tag: &str, variants: &[&Json], table: &InlineTable, path: &[String]) {
         let word_of = |variant: &Json| {
             let word = variant.pointer(&format!("/properties/{tag}/const"))?;
@@ -193,7 +193,7 @@ impl Reader<'_> {
             .find(|variant| given.is_some() && word_of(variant).as_deref() == given);
         match (chosen, table.get(tag)) {
             (Some(variant), _) => self.table(variant, table, path),
-            // Whichever it is: the key is lacking.
+            // No variant matches: the key is missing.
             (None, None) => {
                 let schema = serde_json::json!({ "required": [tag] });
                 self.table(&schema, table, path);
@@ -208,11 +208,11 @@ impl Reader<'_> {
     }
 }
 
-/// What a value must be.
+/// The expected type of a value.
 enum Expected<'s> {
     /// One of these texts.
     Words(Vec<String>),
-    /// A table of which this key says which of the variants it is.
+    /// A table whose variant is named by this key.
     Tagged(&'s str, Vec<&'s Json>),
     Whole,
     Number,
@@ -224,7 +224,7 @@ enum Expected<'s> {
     Unknown,
 }
 
-/// Follows references, and leaves out that a value may be left out.
+/// Follows references and strips `null` from optional values.
 fn plain<'s>(root: &'s Json, schema: &'s Json) -> &'s Json {
     let schema = crate::kind::resolve(root, schema);
     let variants = schema.get("anyOf").and_then(Json::as_array);
@@ -298,7 +298,7 @@ fn in_range(schema: &Json, number: f64) -> bool {
         && limit("maximum").is_none_or(|most| number <= most)
 }
 
-/// What a value must be, in words.
+/// The expected type of a value, in words.
 fn expected(root: &Json, schema: &Json) -> String {
     let schema = plain(root, schema);
     match kind_of(schema) {
@@ -329,7 +329,7 @@ fn expected(root: &Json, schema: &Json) -> String {
     }
 }
 
-/// What the elements of a list must be, in words.
+/// The expected type of list elements, in words.
 fn plural(root: &Json, schema: &Json) -> &'static str {
     match kind_of(plain(root, schema)) {
         Expected::Whole => "whole numbers",

@@ -1,4 +1,4 @@
-//! The profiles of a pipeline file: the one that is chosen, and the others, which are checked as well.
+//! The profiles of a pipeline file: the selected one, and the others, which are checked as well.
 
 use std::{collections::BTreeSet, ops::Range};
 
@@ -61,7 +61,7 @@ impl FileReader<'_> {
         found
     }
 
-    /// Checks the profiles that are not chosen.
+    /// Checks the profiles that are not selected.
     pub(super) fn check_others(&mut self, root: &InlineTable, chosen: Option<&str>) {
         let Some(profiles) = root.get("profiles") else {
             return;
@@ -83,8 +83,8 @@ impl FileReader<'_> {
             if chosen == Some(name) {
                 continue;
             }
-            // What is wrong without the profile has been said, and values given on the command line
-            // are not meant for it.
+            // Faults outside the profile are already reported, and command-line values are not
+            // meant for it.
             let mut reader = FileReader {
                 overrides: &[],
                 taken: Vec::new(),
@@ -104,7 +104,7 @@ impl FileReader<'_> {
         }
     }
 
-    /// The lines on which the keys and values of a table stand.
+    /// The lines of a table's keys and values.
     fn lines(&self, table: &InlineTable) -> Vec<Source> {
         let mut spans = Vec::new();
         collect_spans(table, &mut spans);
@@ -124,7 +124,7 @@ impl FileReader<'_> {
     }
 }
 
-/// Collects where the keys and values of a table stand, and of the tables in it.
+/// Collects the spans of the keys and values of a table and its subtables.
 fn collect_spans(table: &InlineTable, spans: &mut Vec<Range<usize>>) {
     for (name, value) in table {
         spans.extend(table.key(name).and_then(Key::span));

@@ -1,4 +1,4 @@
-//! Reading a pipeline file and collecting everything that is wrong with it.
+//! Reading a pipeline file and collecting all its faults.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -26,7 +26,7 @@ use crate::{
     tables::{found, merge_values, set_value},
 };
 
-/// Items that a stage may skip when its table does not say: one in five.
+/// Default share of items that a stage may skip: one in five.
 const DEFAULT_MAX_SKIPPED_FRACTION: f64 = 0.2;
 
 impl Pipeline {
@@ -35,7 +35,7 @@ impl Pipeline {
     ///
     /// # Errors
     ///
-    /// Fails with everything that is wrong in the files, each fault with its place and a hint.
+    /// Fails with every fault in the files, each with its location and a hint.
     pub fn parse(
         path: &Path,
         source: &str,
@@ -70,16 +70,16 @@ impl Pipeline {
 
 pub(super) struct FileReader<'a> {
     pub(super) path: &'a Path,
-    /// What it says, with what it has of the files that it extends.
+    /// The file, merged with the files that it extends.
     pub(super) file: &'a Extended,
     pub(super) kinds: &'a [Kind],
-    /// Values that replace those of the file.
+    /// Values that override those of the file.
     pub(super) overrides: &'a [Override],
     /// The options of the stage being read that take shared values.
     pub(super) taken: Vec<Taken>,
     /// Names of all shared values taken so far.
     pub(super) taken_names: BTreeSet<String>,
-    /// What is wrong, in the order in which it was found.
+    /// The faults, in the order in which they were found.
     pub(super) problems: Vec<Problem>,
 }
 
@@ -108,7 +108,7 @@ impl FileReader<'_> {
             .push(Problem::new(message).at(location).hint(hint));
     }
 
-    /// Where something of a stage stands: in the file, or else in the value given beside it.
+    /// The location of a stage's key or value: in the file, or else in the override.
     pub(super) fn place(
         &self,
         stage: &str,
@@ -124,7 +124,8 @@ impl FileReader<'_> {
         }
     }
 
-    /// Where the last value given for these keys, or for what is around or below them, says it.
+    /// The location of these keys in the last override of them, of a table around them or of a key
+    /// below them.
     pub(super) fn in_set(
         &self,
         stage: Option<&str>,
@@ -148,7 +149,7 @@ impl FileReader<'_> {
         Some(Location::in_set(&argument, part))
     }
 
-    /// Reads the whole file; `None` if anything is wrong with it, in profiles that nobody asks for too.
+    /// Reads the whole file; `None` if it has any fault, even in a profile that is not selected.
     pub(super) fn pipeline(&mut self, profile: Option<&str>) -> Option<Pipeline> {
         let file = self.file;
         let root = &file.root;
@@ -157,7 +158,7 @@ impl FileReader<'_> {
         pipeline.filter(|_| self.problems.is_empty())
     }
 
-    /// Reads the file with one profile; `None` if anything is wrong with it.
+    /// Reads the file with one profile; `None` if it has any fault.
     pub(super) fn with_profile(
         &mut self,
         root: &InlineTable,
@@ -235,7 +236,7 @@ impl FileReader<'_> {
         }
     }
 
-    /// Refuses values given for stages that there are not.
+    /// Refuses overrides of unknown stages.
     fn check_overrides(&mut self, tables: &InlineTable) {
         let names: Vec<&str> = tables.iter().map(|(name, _)| name).collect();
         for given in self.overrides {
@@ -325,7 +326,7 @@ impl FileReader<'_> {
         let kind = self.kind(name, span.as_ref(), &mut table);
         let inputs = self.inputs(name, &mut table, kind);
         let max_skipped_fraction = self.max_skipped_fraction(name, &mut table);
-        // What the stage does not get has been said.
+        // The missing inputs have been reported.
         let kind = kind.filter(|_| is_whole)?;
         match kind.configure(table.clone()) {
             Ok(configured) => {
@@ -349,7 +350,7 @@ impl FileReader<'_> {
             Err(fault) => {
                 let faults = faults(name, &kind, &table);
                 if faults.is_empty() {
-                    // What the schema does not say: the option's own words.
+                    // Not covered by the schema: the option's own message.
                     let message = format!("stage `{name}`: {}", fault.message);
                     let list = format!("`pipeline stages {}` lists every option", kind.name);
                     self.problem(message, fault.span.or_else(|| span.clone()), Some(list));
@@ -398,7 +399,7 @@ impl FileReader<'_> {
         found
     }
 
-    /// Reads where the inputs come from; `None` if anything is wrong with that.
+    /// Reads the wires of the inputs; `None` if they have a fault.
     fn inputs(
         &mut self,
         name: &str,
@@ -471,7 +472,7 @@ impl FileReader<'_> {
     }
 }
 
-/// Where the value of a dotted key stands, or that of the nearest table around it.
+/// The span of a dotted key's value, or of the nearest table around it.
 fn span_of(table: &InlineTable, key: &str) -> Option<Range<usize>> {
     let (mut table, mut found) = (table, None);
     for word in key.split('.') {

@@ -1,4 +1,4 @@
-//! The shared values of a pipeline file, and the stages that take them.
+//! The shared values of a pipeline file, and the stages that use them.
 
 use toml_edit::{InlineTable, Key};
 
@@ -37,7 +37,7 @@ impl FileReader<'_> {
         shared
     }
 
-    /// Puts the shared values that a stage takes into its table; what it says itself comes on top.
+    /// Merges the shared values that a stage uses into its table; the stage's own values win.
     pub(super) fn take(&mut self, stage: &str, table: &mut InlineTable, shared: &InlineTable) {
         self.taken.clear();
         let Some(value) = table.remove(SHARED) else {
@@ -85,7 +85,7 @@ impl FileReader<'_> {
         *table = whole;
     }
 
-    /// Refuses shared values that no stage takes.
+    /// Refuses shared values that no stage uses.
     pub(super) fn check_taken(&mut self, shared: &InlineTable) {
         for (name, _) in shared {
             if self.taken_names.contains(name) || self.file.taken.contains(name) {
@@ -104,7 +104,7 @@ impl FileReader<'_> {
         }
     }
 
-    /// Where the value given for a shared value that the stage takes at these keys says it.
+    /// The location, among the overrides, of the shared value that the stage uses at these keys.
     pub(super) fn in_shared(&self, path: &[String], part: Part) -> Option<Location> {
         self.taken.iter().find_map(|taken| {
             let below = path.strip_prefix(taken.words().as_slice())?;

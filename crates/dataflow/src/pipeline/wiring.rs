@@ -51,7 +51,7 @@ impl FileReader<'_> {
                     );
                     continue;
                 }
-                // A stage whose own table is at fault has been reported already.
+                // A stage with a faulty table has been reported already.
                 let Some(maker) = stages.iter().find(|other| other.name == node.stage) else {
                     continue;
                 };

@@ -1,4 +1,4 @@
-//! The form of a pipeline's newest state in its file.
+//! The file format of a pipeline's newest state.
 
 use std::{collections::BTreeMap, path::Path, sync::Arc};
 
@@ -12,7 +12,7 @@ use crate::{
     stamp::Stamp,
 };
 
-/// Changes with the form, so that a program does not misread the file of another version.
+/// Format version, so that a program does not misread the file of another one.
 const VERSION: u64 = 3;
 
 const MADE: u64 = 0;
@@ -20,7 +20,7 @@ const SKIPPED: u64 = 1;
 const FILTERED: u64 = 2;
 
 impl Newest {
-    /// Reads the file; one that cannot be used is as good as none.
+    /// Reads the file; an unusable one counts as missing.
     pub(crate) fn read(path: &Path) -> Result<Self, LakeError> {
         let bytes = atomic::read_if_there(path)?.unwrap_or_default();
         let mut newest = parse(path, &bytes).unwrap_or_default();
@@ -30,12 +30,12 @@ impl Newest {
         Ok(newest)
     }
 
-    /// Whether bytes are the newest state that their file's name promises.
+    /// Whether bytes are an intact state of the pipeline that the file is named after.
     pub(crate) fn is_whole(path: &Path, bytes: &[u8]) -> bool {
         parse(path, bytes).is_some()
     }
 
-    /// Writes the file, with the stamps of the records of its units and of the blobs that they gave.
+    /// Writes the file, with the stamps of its units' records and blobs.
     pub(crate) fn write(
         &self,
         folder: &Folder,
@@ -91,7 +91,7 @@ impl Newest {
     }
 }
 
-/// The pipeline that a file is about.
+/// The pipeline of a state file.
 fn pipeline_at(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     pipeline_of(&name).to_owned()

@@ -1,4 +1,4 @@
-//! Checking what people see against what the records say: all of it, and nothing else.
+//! Checks of the published files against the records: all of them, and no others.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -18,13 +18,13 @@ use crate::{
     table, views,
 };
 
-/// How often what people see is compared with the records while runs end.
+/// Tries to compare the published files with the records while runs end.
 const SHOWN_TRIES: usize = 5;
 
 impl Verifier<'_> {
-    /// Checks what people see against what the records say.
+    /// Checks the published files against the records.
     pub(super) fn all_shown(&mut self) -> Result<(), LakeError> {
-        // Runs may end meanwhile: then what was read of them is not all.
+        // Runs may end meanwhile: then the records read are incomplete.
         let n_faults = self.verified.faults.len();
         let n_files = self.verified.n_files;
         for _ in 0..SHOWN_TRIES {
@@ -39,7 +39,7 @@ impl Verifier<'_> {
         Ok(())
     }
 
-    /// Changes whenever a run begins or ends to change what people see.
+    /// A state that changes whenever a run begins or ends a publication.
     fn state_of_runs(&self) -> Result<(Vec<String>, Vec<Option<Stamp>>), LakeError> {
         let runs = files_below(&self.lake.folder.runs())?;
         let stamps = runs.iter().map(|path| Stamp::read(path).ok());
@@ -59,7 +59,7 @@ impl Verifier<'_> {
         let mut promised = BTreeMap::new();
         let pipelines = match self.lake.recorded_pipelines() {
             Ok(pipelines) => pipelines,
-            // Reported already, and with it nothing can be said about what is shown.
+            // Reported already; without it the published files cannot be checked.
             Err(LakeError::Damaged { .. } | LakeError::Json { .. }) => return Ok(()),
             Err(err) => return Err(err),
         };
@@ -113,7 +113,7 @@ impl Verifier<'_> {
             Err(err) => return self.fault(path, format!("cannot be read: {err}")),
         };
         let name = self.lake.folder.below(path);
-        // A run that is not recorded yet may show what it has made.
+        // A run that is not recorded yet may have published its artifacts.
         let is_new = || shown.is_changing(name) && self.lake.blobs.path(&digest).exists();
         match promised {
             _ if shown.damaged.contains(&digest) => self.fault(path, "it shows damaged bytes"),
@@ -124,7 +124,7 @@ impl Verifier<'_> {
         }
     }
 
-    /// The digest of what a file shows; a blob that is shown has been read already.
+    /// The digest of a published file; a linked blob has been read already.
     fn digest_shown(&self, path: &Path) -> io::Result<Digest> {
         let metadata = fs::metadata(path)?;
         match self.inodes.get(&(metadata.dev(), metadata.ino())) {
@@ -162,7 +162,7 @@ impl Verifier<'_> {
             }
         }
         for path in there {
-            // A run that ends writes its tables before it says so.
+            // A finishing run writes its tables before its record.
             if !run_of(&path).is_some_and(|run| running.contains(&run)) {
                 self.fault(&path, "it is not what a run did");
             }
@@ -233,11 +233,11 @@ impl Verifier<'_> {
     }
 }
 
-/// What counts for all files that people see.
+/// State shared by the checks of published files.
 struct Shown {
     /// Blobs that are damaged.
     damaged: BTreeSet<Digest>,
-    /// Pipelines whose tables and files are being changed, or were when a program died.
+    /// Pipelines whose published files are being changed, or were when a program died.
     changing: BTreeSet<String>,
 }
 

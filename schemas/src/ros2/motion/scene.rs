@@ -1,11 +1,11 @@
-//! A hand and an object in motion, as every recording shows them.
+//! The scene of a recording: a hand and an object in motion.
 
 use nalgebra::Isometry3;
 
 use super::{OBJECT, OBJECT_COLOR, START_NS, TABLE, stamp_ns, transform_stamped};
 use crate::ros2::{JointState, MarkerArray, Text, TfMessage, TransformStamped};
 
-/// What stays the same during a motion.
+/// The static part of a scene.
 #[derive(Debug, Clone, Copy)]
 pub struct Scene<'a> {
     /// The hand's URDF.
@@ -112,7 +112,7 @@ pub struct Hand {
 }
 
 impl Hand {
-    /// Takes the links in the order in which their poses will be given.
+    /// Returns a hand with these links, in the order of the poses given later.
     pub fn new(links: impl IntoIterator<Item = HandLink>) -> Self {
         Self {
             links: links.into_iter().collect(),
