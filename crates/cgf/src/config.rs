@@ -1,4 +1,4 @@
-//! What can be chosen about the network and its training.
+//! Options of the network and its training.
 
 use std::{
     fmt::{Debug, Display},
@@ -19,7 +19,7 @@ const MOST_POINTS: usize = 65_536;
 const MOST_WIDTH: usize = 16_384;
 /// Most layers of one part of the network.
 const MOST_LAYERS: usize = 64;
-/// Most weights: 5 GiB with their gradients, their moments and the best ones so far.
+/// Most weights: 5 GiB with gradients, Adam's moments and the best weights so far.
 const MOST_WEIGHTS: usize = 1 << 28;
 /// Most outputs of all layers in one step: 16 GiB, two hundred times the paper's.
 const MOST_ACTIVATIONS: usize = 1 << 32;
@@ -31,18 +31,18 @@ const MOST_EPOCHS: usize = 1_000_000;
 const MOST_BATCH: usize = 1_000_000;
 /// Greatest weight, rate or length.
 const MOST_NUMBER: f64 = 1e12;
-/// Shortest length to which gradients are shortened.
+/// Smallest norm to which gradients are clipped.
 const LEAST_NORM: f64 = 1e-12;
 
 /// Widths and shapes of the network (section III-B of the paper; `README.md` names the tensors).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct NetworkConfig {
-    /// Surface points of the object that the network sees: a quarter of the paper's find the same
+    /// Surface points of the object that the network sees: a quarter of the paper's give the same
     /// grasps in a fraction of the time; paper: 2000
     pub points: usize,
-    /// Widths of the point network's layers, the last is the object feature's: as wide as tens of
-    /// objects need; paper: [64, 128, 1024]
+    /// Widths of the point network's layers, the last is that of the object feature: enough for tens
+    /// of objects; paper: [64, 128, 1024]
     pub point_widths: Vec<usize>,
     /// Steps of a motion that the encoder sees, as many as the released code's
     pub encoder_steps: usize,
@@ -51,27 +51,26 @@ pub struct NetworkConfig {
     /// Widths of the encoder's layers before mean and variance, as the released code's last:
     /// `[256]`
     pub encoder_widths: Vec<usize>,
-    /// Width of the latent code z: hundreds of motions do not use more; paper: 256
+    /// Dimensions of the latent code z: hundreds of motions do not use more; paper: 256
     pub latent_dim: usize,
     /// Widths of the decoder's hidden layers, those of the released code; paper: [512, 256]
     pub decoder_widths: Vec<usize>,
-    /// Activation of encoder and decoder: motions have accelerations with "silu"; paper: "relu",
-    /// which has no second derivative in time
+    /// Activation of encoder and decoder: "silu" gives motions accelerations; paper: "relu", which has
+    /// no second derivative in time
     pub activation: Activation,
     /// Frame in which the network sees object and hand: on unseen objects "resting" holds 26 points
     /// more often than the paper's "object"
     pub frame: Frame,
-    /// Which steps of a motion the encoder sees: with equal ones its length does not matter;
+    /// Which steps of a motion the encoder sees: with equal ones the motion's length does not matter;
     /// released code: "recorded"
     pub encoder_times: EncoderTimes,
-    /// How the encoder sees the palm's rotation: columns have no jump; released code:
-    /// "`axis_angle`"
+    /// How the palm's rotation is encoded: columns are continuous; released code: "`axis_angle`"
     pub encoder_rotation: EncoderRotation,
-    /// How uncertain the encoder can be of a motion's code: a posterior no wider than the prior, so
-    /// that one motion cannot spoil a training; paper: "free"
+    /// Bound on the variance of the posterior: no wider than the prior, so that one motion cannot ruin
+    /// a training; paper: "free"
     pub latent_variance: LatentVariance,
-    /// Where the decoder's joint positions can be: within limits, so that a controller can take
-    /// every motion; paper: "free"
+    /// Range of the decoder's joint positions: within limits, so that a controller can execute every
+    /// motion; paper: "free"
     pub joints: JointOutputs,
 }
 
@@ -79,10 +78,10 @@ pub struct NetworkConfig {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Frame {
-    /// The table under the object as it lies, z against gravity: the network knows where the table is.
+    /// The table under the resting object, z against gravity: the network knows where the table is.
     #[default]
     Resting,
-    /// The object's own: equal motions about an object are equal however it lies.
+    /// The object's own: motions about an object are independent of its resting orientation.
     Object,
 }
 
@@ -97,30 +96,30 @@ pub enum EncoderTimes {
     Recorded,
 }
 
-/// How the encoder sees the palm's rotation.
+/// How the palm's rotation is encoded.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EncoderRotation {
     /// As the first two columns of its matrix.
     #[default]
     Columns,
-    /// As axis times angle, which jumps at a half turn.
+    /// As axis times angle, which is discontinuous at a half turn.
     AxisAngle,
 }
 
-/// How uncertain the encoder can be of a motion's code.
+/// Bound on the variance of the posterior.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LatentVariance {
-    /// The encoder gives the logarithm of any variance: for a motion unlike all others it can be so
-    /// large that one step spoils a training.
+    /// None: the encoder's output is the logarithm of the variance, which for an outlier motion can be
+    /// so large that one step ruins a training.
     Free,
-    /// Its variance is at most the prior's, which is 1: `sigmoid(x)` of the last layer's x.
+    /// At most the prior's variance, which is 1: `sigmoid(x)` of the last layer's x.
     #[default]
     BelowPrior,
 }
 
-/// Where the decoder's joint positions can be.
+/// Range of the decoder's joint positions.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum JointOutputs {
@@ -132,7 +131,7 @@ pub enum JointOutputs {
     WithinLimits,
 }
 
-/// What stands between two layers.
+/// The activation between two layers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Activation {
@@ -147,25 +146,25 @@ pub enum Activation {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingConfig {
-    /// What computes, "cpu" if absent; "cuda" and "metal" need a program built with that feature
+    /// Device for training, "cpu" if absent; "cuda" and "metal" need a program built with that feature
     #[serde(default)]
     pub device: TrainingDevice,
-    /// Passes over all trajectories: minutes, after which held-out motions hardly get better;
-    /// paper: 1000
+    /// Passes over all trajectories: minutes, after which the held-out loss hardly improves; paper:
+    /// 1000
     #[serde(default = "defaults::epochs")]
     pub epochs: usize,
-    /// Epochs between two measurements of held-out motions, which cost little then; the last epoch
-    /// always measures
+    /// Epochs between two validations on held-out motions: far enough apart to cost little; the last
+    /// epoch is always validated
     #[serde(default = "defaults::validation_epochs")]
     pub validation_epochs: usize,
-    /// Trajectories per step of the optimizer: few, so that some hundred motions make enough steps;
+    /// Trajectories per step of the optimizer: few, so that some hundred motions give enough steps;
     /// paper: 32
     #[serde(default = "defaults::batch")]
     pub batch: usize,
     /// Adam's learning rate at the start: falls to zero within the few epochs; paper: 5e-4
     #[serde(default = "defaults::learning_rate")]
     pub learning_rate: f64,
-    /// Gradients longer than this are shortened to it; absent: never, as in the paper
+    /// Norm to which gradients are clipped; absent: never, as in the paper
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_gradient_norm: Option<f64>,
     /// How the learning rate falls: to zero at the last epoch; paper: "halving"
@@ -174,16 +173,16 @@ pub struct TrainingConfig {
     /// Epochs after which `schedule = "halving"` halves the learning rate, the paper's
     #[serde(default = "defaults::halving_epochs")]
     pub halving_epochs: usize,
-    /// Last steps of every motion that are always seen, as in the released code: the grasp is what
-    /// counts
+    /// Last steps of every motion that are always trained on, as in the released code: the grasp
+    /// matters most
     #[serde(default = "defaults::grasp_steps")]
     pub grasp_steps: usize,
-    /// Weight of each of these in the losses, where every other time has 1: contact takes more
-    /// precision than the way to it; paper: 1
+    /// Weight of each of these steps in the losses, relative to every other time: contact needs more
+    /// precision than the approach; paper: 1
     #[serde(default = "defaults::grasp_weight")]
     pub grasp_weight: f64,
-    /// Further times of every motion, drawn anew each epoch: with those of the grasp a dozen;
-    /// released code: 20
+    /// Further times of every motion, redrawn each epoch: a dozen with those of the grasp; released
+    /// code: 20
     #[serde(default = "defaults::random_times")]
     pub random_times: usize,
     /// Where these further times lie: anywhere, so that the motion is a function of time; released
@@ -194,32 +193,32 @@ pub struct TrainingConfig {
     /// code: "`per_time`"
     #[serde(default)]
     pub latent_noise: LatentNoise,
-    /// How the first weights are drawn: so that layers keep the size of what they are given;
-    /// released code: "torch"
+    /// Initialization of the weights: layers preserve the variance of their inputs; released code:
+    /// "torch"
     #[serde(default)]
     pub initialization: Initialization,
-    /// How object and hand are turned together during training: about the vertical, worth 5 to 13
-    /// points on unseen objects; released code: "released"
+    /// How object and hand are rotated together during training: about the vertical, which gains 5 to
+    /// 13 points on unseen objects; released code: "released"
     #[serde(default)]
     pub augmentation: Augmentation,
-    /// Units in which the network speaks and the position loss is measured: with standardized ones
-    /// meters and radians count alike; paper: "physical"
+    /// Units of the network's outputs and of the position loss: with standardized ones meters and
+    /// radians count equally; paper: "physical"
     #[serde(default)]
     pub outputs: Outputs,
-    /// Share of the epochs after which the point network's statistics stay fixed: the second half
-    /// is trained with what sampling uses; paper: 1
+    /// Share of the epochs after which the point network's batch statistics are frozen: the second
+    /// half is trained with the statistics of sampling; paper: 1
     #[serde(default = "defaults::fixed_statistics_after")]
     pub fixed_statistics_after: f64,
-    /// How squared errors are put together: weights do not depend on how many times and links there
-    /// are; paper: "sum"
+    /// How squared errors are reduced: weights do not depend on the number of times and links; paper:
+    /// "sum"
     #[serde(default)]
     pub reduction: Reduction,
-    /// Weight of the outputs' squared errors, in the units of `outputs`: the one that others are
-    /// measured by; paper: 1
+    /// Weight of the outputs' squared errors, in the units of `outputs`: the reference for the others;
+    /// paper: 1
     #[serde(default = "defaults::q_weight")]
     pub q_weight: f64,
-    /// Weight of the translation's squared errors, in the units of `outputs`, beside `q_weight`:
-    /// none beside it, as in the paper; released code: 10
+    /// Weight of the translation's squared errors, in the units of `outputs`, in addition to
+    /// `q_weight`: none, as in the paper; released code: 10
     #[serde(default)]
     pub translation_weight: f64,
     /// Weight of the link origins' squared distances, 1/m²: 10 cm count as much as a standard
@@ -231,32 +230,32 @@ pub struct TrainingConfig {
     #[serde(default)]
     pub rotations_weight: f64,
     /// Weight of the latent code's divergence from the standard normal, 1/nat: with ten times as
-    /// much, unseen objects are reached 8 mm worse; paper: 1e-3
+    /// much, the error on unseen objects rises by 8 mm; paper: 1e-3
     #[serde(default = "defaults::kl_weight")]
     pub kl_weight: f64,
-    /// Weight of the finger tips' squared distances from contact, 1/m²: twice that of the links,
-    /// for the tips are what holds; paper: 50
+    /// Weight of the fingertips' squared distances from contact, 1/m²: twice that of the links,
+    /// because the fingertips hold the object; paper: 50
     #[serde(default = "defaults::contact_weight")]
     pub contact_weight: f64,
     /// Weight of the squared depths of the links in object and table, 1/m²: depths are millimeters
     /// where distances are centimeters; paper: 0
     #[serde(default = "defaults::penetration_weight")]
     pub penetration_weight: f64,
-    /// What the contact loss asks of the finger tips at the grasp: that they touch, and do not sink
-    /// in by their radius; paper: "`touch_center`"
+    /// Target of the contact loss for the fingertips at the grasp: they touch, and do not penetrate by
+    /// their radius; paper: "`touch_center`"
     #[serde(default)]
     pub contact: Contact,
-    /// Names of the hand's finger tip links; no default, for each hand has its own
+    /// Names of the hand's fingertip links; no default: each hand has its own
     pub tips: Vec<String>,
-    /// Radius of the finger tips about their links' origins, m; no default, for each hand has its
-    /// own; unused by "`touch_center`"
+    /// Radius of the fingertips about their links' origins, m; no default: each hand has its own;
+    /// unused by "`touch_center`"
     pub tip_radius_m: f64,
 }
 
-/// What a network is trained on.
+/// The device for training.
 ///
-/// Equal arguments give equal bytes on the CPU alone. Elsewhere the point network is the plain one, in
-/// `f32`: a step's features and gradients are the same within 1e-4 of each array's largest.
+/// Equal arguments give equal bytes only on the CPU. Other devices use the plain point network, in
+/// `f32`: a step's features and gradients agree within 1e-4 of each array's largest value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TrainingDevice {
@@ -280,19 +279,19 @@ pub enum Schedule {
     Cosine,
 }
 
-/// How object and hand are turned together about the object's origin.
+/// How object and hand are rotated together about the object's origin.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Augmentation {
-    /// Not at all: the object always lies as its resting orientation puts it.
+    /// Not at all: the object keeps its resting orientation.
     None,
-    /// About the vertical, anew for every object and step: gravity stays where it is.
+    /// About the vertical, redrawn for every object and step: gravity keeps its direction.
     #[default]
     Vertical,
-    /// By eleven rotations that are drawn once for each motion, no rotation among them; an epoch goes
-    /// through all of them.
+    /// By eleven rotations that are drawn once for each motion, the identity among them; an epoch
+    /// covers all of them.
     Released,
-    /// By any rotation, anew for every object and step: the network does not know where down is.
+    /// By any rotation, redrawn for every object and step: the network does not know where down is.
     Any,
 }
 
@@ -307,17 +306,17 @@ pub enum Outputs {
     Standardized,
 }
 
-/// What the contact loss asks of the finger tips at the grasp.
+/// Target of the contact loss for the fingertips at the grasp.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Contact {
-    /// That their centers lie on the object's points, as the paper prints it.
+    /// Their centers lie on the object's points, as in the paper.
     TouchCenter,
-    /// That their surfaces touch the object's points.
+    /// Their surfaces touch the object's points.
     #[default]
     TouchSurface,
-    /// Nothing: it says how far the demonstration's tips are from the object's points, which no weight
-    /// changes, as the released code has it.
+    /// None: the loss is the distance of the demonstration's fingertips from the object's points, which
+    /// does not depend on the weights, as in the released code.
     Demonstrated,
 }
 
@@ -325,8 +324,8 @@ pub enum Contact {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Times {
-    /// Anywhere, drawn anew in every epoch: positions between two steps lie on a line, rotations on the
-    /// shortest arc.
+    /// Anywhere, redrawn in every epoch: positions between two steps are interpolated linearly,
+    /// rotations along the shortest arc.
     #[default]
     Continuous,
     /// On recorded steps, drawn once for each motion.
@@ -340,23 +339,23 @@ pub enum LatentNoise {
     /// Once for a motion, as in sampling.
     #[default]
     PerMotion,
-    /// Anew at every time of a motion.
+    /// Again at every time of a motion.
     PerTime,
 }
 
-/// How the first weights are drawn.
+/// Initialization of the weights.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Initialization {
-    /// Variance `1 / inputs`, no bias, the last layer small, object features about zero.
+    /// Variance `1 / inputs`, no bias, a small last layer, object features near zero.
     #[default]
     Centered,
     /// Weights and biases uniform within `1 / sqrt(inputs)`, as `PyTorch` does.
     Torch,
 }
 
-/// How squared errors are put together over times, outputs, links and finger tips; over motions it is
-/// always the mean.
+/// How squared errors are reduced over times, outputs, links and fingertips; over motions it is always
+/// the mean.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Reduction {
@@ -395,7 +394,7 @@ impl TrainingDevice {
 }
 
 impl Default for NetworkConfig {
-    /// Returns widths for hundreds of motions of tens of objects; the options say why.
+    /// Returns widths for hundreds of motions of tens of objects; the options give the reasons.
     fn default() -> Self {
         Self {
             points: 512,
@@ -416,7 +415,7 @@ impl Default for NetworkConfig {
 }
 
 impl NetworkConfig {
-    /// Returns how many numbers the encoder sees of a step of a hand of `dof` joints.
+    /// Returns the encoder's input dimension per step for a hand of `dof` joints.
     pub(crate) fn encoder_inputs(&self, dof: usize) -> usize {
         match self.encoder_rotation {
             EncoderRotation::Columns => ROOT + dof,
@@ -428,7 +427,7 @@ impl NetworkConfig {
     ///
     /// # Errors
     ///
-    /// Names the first one that cannot be used.
+    /// Returns the first invalid value.
     pub fn check(&self) -> Result<(), CgfError> {
         let why = "each point of each object goes through every layer";
         check("points", self.points, LEAST_POINTS..=MOST_POINTS, why)?;
@@ -501,7 +500,7 @@ impl TrainingConfig {
     ///
     /// # Errors
     ///
-    /// Names the first one that cannot be used.
+    /// Returns the first invalid value.
     pub fn check(&self) -> Result<(), CgfError> {
         let per_epoch = "every epoch is a row of the curve";
         check("epochs", self.epochs, 1..=MOST_EPOCHS, per_epoch)?;

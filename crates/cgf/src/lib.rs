@@ -2,12 +2,12 @@
 //! and an object (Ye et al., *Learning Continuous Grasping Function with a Dexterous Hand from Human
 //! Demonstrations*, 2023, section III).
 //!
-//! [`train`] makes a [`Cgf`] of motions above a table; [`Cgf::decode`] gives the hand at any time
-//! between 1 (far) and 0 (the grasp). The network sees the object as it lies: points and palm are in
-//! the table frame, z up, so that it knows where the table is. Weights and noise come from our own
-//! seeded generator and every sum has a fixed order: equal arguments give equal bytes on any number
-//! of threads of one machine.
-//! This crate knows candle; it does not know stages, tables or physics.
+//! [`train`] fits a [`Cgf`] to motions above a table; [`Cgf::decode`] returns the hand at any time
+//! between 1 (far) and 0 (the grasp). By default the network sees the object in its resting
+//! orientation: points and palm are in the table frame, z up, so that it knows where the table is.
+//! Weights and noise come from our own seeded generator and every sum has a fixed order: equal
+//! arguments give equal bytes on any number of threads of one machine.
+//! This crate depends on candle, but not on stages, tables or physics.
 
 mod adam;
 mod augmentation;

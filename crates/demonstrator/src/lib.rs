@@ -1,4 +1,4 @@
-//! Made-up recordings of people grasping objects, in DexYCB's layout on disk.
+//! Synthetic recordings of people grasping objects, in DexYCB's layout on disk.
 //!
 //! ```no_run
 //! use demonstrator::{Made, ensure_sample};
@@ -11,14 +11,14 @@
 //! # Ok::<(), demonstrator::DemonstratorError>(())
 //! ```
 //!
-//! A recording shows one of fourteen objects among others on a table: a hand comes, opens, closes on
-//! it, lifts it and hands it over. Each grasp is fitted to the object's mesh by least squares over
-//! the wrist and the joints, and the best of many is shown.
+//! A recording shows one of fourteen objects among others on a table: a hand approaches, opens, closes
+//! on it, lifts it and hands it over. Each grasp is fitted to the object's mesh by least squares over
+//! the wrist and the joints, and the best of many fits is used.
 //! Lengths are in meters, angles in radians; the table's frame has z up and z = 0 on its surface.
 //! Equal recipes give equal bytes, on any number of threads.
 //!
-//! Nothing here is real: no person was recorded, no model of a real hand or scan of a real object is
-//! used. There are no images, and the hand is not MANO's.
+//! No person was recorded, and no model of a real hand or scan of a real object is used. There are no
+//! images, and the hand is not MANO's.
 
 mod approach;
 mod archive;

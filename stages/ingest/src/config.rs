@@ -23,8 +23,8 @@ pub struct IngestConfig {
     /// Whether recordings of the other hand are mirrored in the object's own mirror plane
     #[serde(default)]
     pub mirror: bool,
-    /// Largest distance of an object from its mirror image at which it is mirrored (m): half of
-    /// what cameras may differ by
+    /// Largest distance of an object from its mirror image at which it is mirrored (m): half the
+    /// tolerance between cameras
     #[serde(default = "defaults::max_mirror_error_m")]
     pub max_mirror_error_m: f64,
     /// Folders of the subjects whose recordings are taken; empty: all
@@ -45,18 +45,18 @@ pub struct IngestConfig {
     /// Folder with the user's own `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`
     #[serde(default, skip_serializing)]
     pub mano_models: Option<PathBuf>,
-    /// Largest distance between cameras that agree on a hand or an object (m): a finger's thickness
-    /// apart they see different fingers
+    /// Largest distance between cameras that agree on a hand or an object (m): beyond a finger's
+    /// thickness they may see different fingers
     #[serde(default = "defaults::camera_agreement_m")]
     pub camera_agreement_m: f64,
-    /// What says where the table is
+    /// Source of the table's pose
     #[serde(default)]
     pub table: TableRule,
     /// Fewest still objects, the grasped one among them, that must agree on a table without a tag:
     /// one alone stands on any of its sides
     #[serde(default = "defaults::min_table_objects_n")]
     pub min_table_objects_n: usize,
-    /// How the last still image is found
+    /// Rule for the last still image
     #[serde(default)]
     pub reach: ReachRule,
     /// Distance from its resting place beyond which a still object has moved (m): a few times the
@@ -67,23 +67,23 @@ pub struct IngestConfig {
     /// times the error of labeled poses; unused by "released"
     #[serde(default = "defaults::move_threshold_rad")]
     pub move_threshold_rad: f64,
-    /// Multiple of the object's own jitter at rest that counts as moved where that is more than the
-    /// thresholds: jitter alone hardly ever reaches it; unused by "released"
+    /// Multiple of the object's own jitter at rest that counts as moved, if above the thresholds:
+    /// jitter alone hardly ever reaches it; unused by "released"
     #[serde(default = "defaults::jitter_factor")]
     pub jitter_factor: f64,
-    /// Images in a row (or all that are left) that must show the object away: a sixth of a second
-    /// at 30 Hz, longer than a label is wrong; unused by "released"
+    /// Consecutive images (or all that remain) that must show the object displaced: a sixth of a
+    /// second at 30 Hz, longer than a label error lasts; unused by "released"
     #[serde(default = "defaults::settle_n")]
     pub settle_n: usize,
-    /// Longest run of images without a hand that is bridged by interpolation, a tenth of a second
-    /// at 30 Hz; a longer one inside the reach makes the recording unusable
+    /// Longest gap without a hand that is interpolated (images), a tenth of a second at 30 Hz; a
+    /// longer gap inside the reach makes the recording unusable
     #[serde(default = "defaults::max_gap_n")]
     pub max_gap_n: usize,
-    /// Fewest steps of a reach: a third of a second at 30 Hz; what is shorter begins in the grasp
+    /// Fewest steps of a reach: a third of a second at 30 Hz; shorter ones begin in the grasp
     #[serde(default = "defaults::min_steps_n")]
     pub min_steps_n: usize,
-    /// Largest distance of a resting object's lowest point from the table (m): beyond it the object
-    /// or the table is mistaken
+    /// Largest distance of a resting object's lowest point from the table (m): beyond it the pose of
+    /// object or table is wrong
     #[serde(default = "defaults::max_table_error_m")]
     pub max_table_error_m: f64,
     /// Points on each object's surface: as many as the paper's network sees, and a few more
@@ -93,16 +93,15 @@ pub struct IngestConfig {
     /// grows with them
     #[serde(default = "defaults::max_convex_parts_n")]
     pub max_convex_parts_n: usize,
-    /// True masses by object name, for objects that are not among YCB's or to overrule YCB's table,
-    /// kg
+    /// True masses by object name (kg), for objects outside YCB or to override YCB's table
     #[serde(default)]
     pub masses_kg: BTreeMap<String, f64>,
-    /// Objects that the dataset lacks, or whose mesh is to be another, by name
+    /// Objects missing from the dataset, or with a replacement mesh, by name
     #[serde(default)]
     pub meshes: BTreeMap<String, AddedMesh>,
 }
 
-/// An object that comes from a file of the user's.
+/// An object from a file of the user's.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AddedMesh {
@@ -125,11 +124,11 @@ pub enum Format {
     Tracks,
 }
 
-/// Where a hand's landmarks come from. Where both sources are there, their difference is reported.
+/// Where a hand's landmarks come from. If both sources exist, their difference is reported.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Landmarks {
-    /// The labels; where no camera has the hand, the hand model, if `mano_models` has it.
+    /// The labels; if no camera has the hand, the hand model, if `mano_models` has it.
     #[default]
     Either,
     /// The labels alone.
@@ -138,7 +137,7 @@ pub enum Landmarks {
     Mano,
 }
 
-/// What says where the table is.
+/// Source of the table's pose.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TableRule {
@@ -149,15 +148,15 @@ pub enum TableRule {
     Objects,
 }
 
-/// How the last image before the object leaves its rest is found.
+/// Rule for the last image before the object moves.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReachRule {
-    /// The object has left once it stays away from the median of its still poses, by more than its
-    /// own jitter; one frame for the whole reach.
+    /// The object has moved once it stays displaced from the median of its still poses by more than
+    /// its own jitter; one frame for the whole reach.
     #[default]
     Robust,
-    /// As the paper's code has it: the image before the first in which a coordinate of the object is
+    /// As in the paper's code: the image before the first in which a coordinate of the object is
     /// more than the threshold from that of the first image; each step in the frame of its own image.
     Released,
 }

@@ -1,4 +1,4 @@
-//! What lies in a dataset's folders, by name; no file is opened.
+//! Lists a dataset's folders by name; opens no file.
 
 use std::{
     collections::BTreeSet,
@@ -22,9 +22,9 @@ pub(crate) struct RecordingFolder {
     pub(crate) key: String,
     /// Its name relative to the dataset.
     pub(crate) name: String,
-    /// Where it lies.
+    /// Its path.
     pub(crate) path: PathBuf,
-    /// Why it cannot be read, if its name or its folder is in the way.
+    /// Why its name or its folder makes it unreadable, if so.
     pub(crate) fault: Option<Unusable>,
 }
 
@@ -125,7 +125,7 @@ fn above(folder: &Path, levels: usize) -> Option<PathBuf> {
     }
 }
 
-/// A search for recordings that ends, however large the disk is.
+/// A bounded search for recordings.
 struct Search<'a> {
     files: &'a [&'a str],
     /// Folders that may still be listed.
@@ -163,7 +163,7 @@ impl Search<'_> {
 struct Keys(BTreeSet<String>);
 
 impl Keys {
-    /// Returns a key that was not given yet, as near to `name` as can be.
+    /// Returns an unused key, as similar to `name` as possible.
     fn of(&mut self, name: &str) -> String {
         let stem = plain(name);
         let mut key = stem.clone();

@@ -1,8 +1,8 @@
-//! One hand and one object from what several cameras say.
+//! Fuses the estimates of several cameras into one hand and one object.
 //!
-//! The camera that is nearest to all others is the center; cameras that agree with it are averaged,
-//! the others left out. Where no more than half of the cameras agree nobody knows, and nothing is
-//! said: an image like that counts as one that does not show it.
+//! The medoid camera is the center; cameras that agree with it are averaged, the others are outliers.
+//! If no more than half of the cameras agree, there is no estimate: the image counts as one that does
+//! not show the hand or object.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3, Vector4};
 
@@ -11,7 +11,7 @@ use crate::recording::Keypoints;
 /// How far apart a meter and a radian are: objects are about this large, in meters per radian.
 const METERS_PER_RADIAN: f64 = 0.1;
 
-/// What the cameras that agree say.
+/// The estimate of the cameras that agree.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Fused<T> {
     /// The average over them.
@@ -22,7 +22,7 @@ pub(crate) struct Fused<T> {
     pub(crate) spread_m: f64,
 }
 
-/// Fuses what cameras that see a hand say about its landmarks, in one frame.
+/// Fuses the landmarks of a hand from the cameras that see it, in one frame.
 ///
 /// Two cameras agree where their landmarks are on average at most `agreement_m` apart. `None` if no
 /// camera sees it, or no more than half of those that do agree.

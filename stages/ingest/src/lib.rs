@@ -1,20 +1,20 @@
 //! Reads recordings of people grasping objects: the stage `ingest`.
 //!
-//! It takes a dataset, as it lies on disk, and makes three artifacts: `shapes`, one per object, with
-//! all that follows from its mesh and its mass; `demonstrations`, one per recording, each the reach
-//! of a hand up to the last image before the object moves; and `objects`, one per object, its shape
-//! with the orientations in which it was seen to lie.
+//! It reads a dataset from disk and makes three artifacts: `shapes`, one per object, with its geometry
+//! and inertia; `demonstrations`, one per recording, each the reach of a hand up to the last image
+//! before the object moves; and `objects`, one per object, its shape with the resting orientations
+//! observed.
 //!
-//! Everything comes out in the object's own frame. What cannot be used is skipped with its reason;
-//! outside bytes are checked before memory is reserved for them, so that no file can exhaust it.
+//! Output is in the object's own frame. Unusable recordings are skipped with their reason; sizes in
+//! input files are checked before memory is allocated, so that no file can exhaust it.
 //!
-//! A dataset's reader turns files into one struct of parsed frames; all that follows knows no
-//! dataset: where the object rests and leaves, the table, the reach, the mirror image.
+//! A dataset's reader turns files into one struct of parsed frames; the rest is independent of the
+//! dataset: the object's rest and departure, the table, the reach, the mirror image.
 //! `DexYCB` (Chao et al., *DexYCB: A Benchmark for Capturing Hand Grasping of Objects*, 2021) and
-//! plain tracks have one.
+//! plain tracks have readers.
 //!
-//! Landmarks are those that the dataset annotates, or those of a hand model of the user's
-//! ([`ManoModel`]). This crate does not look at images and does not retarget.
+//! Landmarks come from the dataset's labels or from the user's hand model ([`ManoModel`]). This crate
+//! does not read images and does not retarget.
 
 mod aftermath;
 mod config;

@@ -1,7 +1,7 @@
-//! What lies where a dataset's file belongs, found out without opening it.
+//! Checks a dataset's files without opening them.
 //!
-//! Whatever a recording reads is looked at here first: a pipe that would be waited for, a file that is far
-//! too large or that may not be read is told at once, and never gets as far as being digested.
+//! Every input file of a recording is checked here first: a pipe that would block, a file that is far
+//! too large or an unreadable one is reported at once, before it is digested.
 
 use std::{
     fs::{self, File, FileType},
@@ -16,11 +16,11 @@ use crate::error::Unusable;
 /// The right to read of owner, group and others.
 const READABLE: u32 = 0o444;
 
-/// Says whether a file that can be read lies in its place; `false` if nothing lies there.
+/// Says whether a readable file exists at a path; `false` if the path does not exist.
 ///
 /// # Errors
 ///
-/// Fails if something else lies there, if it has more than `limit` bytes or if it may not be read.
+/// Fails if it is not a regular file, has more than `limit` bytes or is not readable.
 pub(crate) fn is_there(file: &SourceFile, limit: u64) -> Result<bool, Unusable> {
     let unreadable = |source| Unusable::Unreadable {
         file: file.name.clone(),
@@ -57,7 +57,7 @@ pub(crate) fn is_there(file: &SourceFile, limit: u64) -> Result<bool, Unusable> 
     Ok(true)
 }
 
-/// Names what is no file.
+/// Names the type of a path that is not a regular file.
 fn kind(found: FileType) -> &'static str {
     if found.is_dir() {
         "a folder"

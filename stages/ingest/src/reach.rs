@@ -1,4 +1,4 @@
-//! From a parsed recording to the reach that later stages learn from.
+//! Extracts the reach from a parsed recording.
 
 use nalgebra::Point3;
 use schemas::demonstrations::{Demonstration, Step};
@@ -11,7 +11,7 @@ use crate::{
     still::{self, Rule, Still},
 };
 
-/// Where the object rests in a recording, and the last image before it leaves.
+/// The object's rest in a recording, and the last image before it moves.
 ///
 /// # Errors
 ///
@@ -33,12 +33,12 @@ fn object_poses(recording: &Recording) -> Vec<Option<Pose<World, Object>>> {
     images.map(|image| image.world_from_object).collect()
 }
 
-/// Cuts the reach out of a recording: from the first image with a hand to the last image before
-/// the object leaves its rest, in the frame of the object as it rests.
+/// Extracts the reach from a recording: from the first image with a hand to the last image before the
+/// object moves, in the frame of the resting object.
 ///
 /// # Errors
 ///
-/// Fails if the recording has no reach that is long enough and seen well enough.
+/// Fails if the recording has no reach of sufficient length and visibility.
 pub(crate) fn reach(
     sequence: &str,
     recording: &Recording,
@@ -113,7 +113,7 @@ impl From<&IngestConfig> for Rule {
     }
 }
 
-/// Returns the hand in an image, or between its neighbors in time where it is not seen.
+/// Returns the hand in an image, interpolated between its neighbors in time where it is not seen.
 fn bridged(
     hands: &[Option<Keypoints>],
     image: usize,

@@ -1,7 +1,7 @@
-//! What a dataset's reader does: list recordings, name their files, parse them.
+//! The interface of a dataset's reader: list recordings, name their files, parse them.
 //!
-//! To add a dataset, write its reader beside [`crate::dexycb`] and name it in [`Format`]: everything
-//! after it works on [`Recording`].
+//! To add a dataset, write its reader beside [`crate::dexycb`] and name it in [`Format`]: all later
+//! steps work on [`Recording`].
 
 use std::{
     fs::File,
@@ -39,14 +39,14 @@ pub(crate) trait Reader {
     /// Fails if a folder cannot be listed, or if something else than such a file lies in a file's place.
     fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, Unusable>;
 
-    /// Returns the name of the file that says what a recording is about.
+    /// Returns the name of a recording's metadata file.
     fn description(&self) -> &'static str;
 
-    /// Returns what a recording is about, from its files.
+    /// Returns a recording's metadata, from its files.
     ///
     /// # Errors
     ///
-    /// Fails if the file that says so is damaged or missing.
+    /// Fails if the metadata file is damaged or missing.
     fn about(&self, files: &[SourceFile]) -> Result<About, Unusable>;
 
     /// Parses a recording from its files.
@@ -74,10 +74,10 @@ pub(crate) struct Listed {
     pub(crate) name: String,
     /// Its folder.
     pub(crate) path: PathBuf,
-    /// Why it cannot be read at all, found out while listing.
+    /// Why it is unreadable, as detected while listing.
     pub(crate) fault: Option<Unusable>,
-    /// What it is about; `None` if the file that says so cannot be used, which is reported when the
-    /// recording is read.
+    /// Its metadata; `None` if the metadata file is unusable, which is reported when the recording is
+    /// read.
     pub(crate) about: Option<About>,
     /// Whether something marks the table.
     pub(crate) marks_table: bool,

@@ -1,4 +1,4 @@
-//! One recording, parsed: what every dataset's reader fills and everything later works on.
+//! A parsed recording: the output of every dataset's reader, and the input of all later steps.
 
 use nalgebra::Point3;
 use schemas::demonstrations::{KEYPOINTS, Side};
@@ -17,13 +17,13 @@ pub type Keypoints = [Point3<f64>; KEYPOINTS];
 pub(crate) struct Recording {
     /// The grasped object's name.
     pub(crate) object: String,
-    /// Who grasps.
+    /// The subject.
     pub(crate) subject: String,
     /// The hand that grasps.
     pub(crate) hand: Side,
-    /// What says where the table is.
+    /// The source of the table's pose.
     pub(crate) ground: Ground,
-    /// What each image shows, by the image's number.
+    /// The content of each image, by the image's number.
     pub(crate) images: Vec<Observation>,
     /// How well the sources agree.
     pub(crate) agreement: Agreement,
@@ -43,7 +43,7 @@ pub(crate) enum Ground {
     },
 }
 
-/// An object of the scene that nobody touches.
+/// An untouched object of the scene.
 #[derive(Debug, Clone)]
 pub(crate) struct Standing {
     /// Its name.
@@ -52,7 +52,7 @@ pub(crate) struct Standing {
     pub(crate) poses: Vec<Option<Pose<World, Object>>>,
 }
 
-/// What one image shows.
+/// The content of one image.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Observation {
     /// The hand's landmarks, if it is seen, in meters.

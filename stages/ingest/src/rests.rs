@@ -1,14 +1,14 @@
-//! In which orientations an object comes to lie: those seen in the demonstrations first, then those
-//! in which its shape makes it stable.
+//! Resting orientations of an object: those seen in the demonstrations first, then those that are
+//! stable by its shape.
 
 use nalgebra::{Unit, Vector3};
 use schemas::objects::{Object, RestingOrientation};
 use spatial::Rest;
 
-/// Orientations nearer to each other than this are one: 20 degrees, in radians.
+/// Orientations closer than this are merged: 20 degrees, in radians.
 const SAME_RAD: f64 = 20.0 * std::f64::consts::PI / 180.0;
-/// An orientation seen is taken for a stable one nearer than this: 10 degrees, in radians. Tables
-/// and tags are measured to a few degrees.
+/// An observed orientation matches a stable one within this: 10 degrees, in radians. Tables and tags
+/// are measured to a few degrees.
 const SNAP_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
 /// Stable orientations less probable than this are left out unless they were seen.
 const LEAST_PROBABILITY: f64 = 0.02;

@@ -1,25 +1,25 @@
-//! Where an object rests, and the last image before it leaves.
+//! Finds an object's rest pose, and the last image before it moves.
 //!
-//! Trackers jitter by millimeters while an object rests, and more while a hand hides it. So the
-//! rest is a median over the still images; the object has left once it stays away from there,
-//! by more than its own jitter explains, for several images; and the moment it left is found by
-//! going back from there for as long as it still comes nearer.
+//! Trackers jitter by millimeters while an object rests, and more while a hand occludes it. So the
+//! rest is a median over the still images; the object has moved once it stays displaced by more than
+//! its own jitter for several images; and the onset is found by going back from there while the
+//! object still gets closer to its rest.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use spatial::{Object, Pose, World};
 
-/// Images at the start that are taken for still at first.
+/// Images at the start that are initially assumed still.
 const OPENING: usize = 10;
-/// How often the still images and their jitter are estimated from each other.
+/// Iterations of estimating the still images and their jitter from each other.
 const ROUNDS: usize = 5;
-/// Rotations that a median is chosen among at most: it takes the square of that in time.
+/// Most rotations for a median: its time is quadratic in their number.
 const MAX_CHOICES: usize = 64;
 /// The jitter's multiple, relative to the rule's, below which an image counts as at rest when
 /// going back to the moment of leaving.
 const AT_REST_JITTER: f64 = 0.6;
 /// The part of the rule's thresholds below which an image counts as at rest when going back.
 const AT_REST_THRESHOLD: f64 = 0.125;
-/// Most images to go back: what lies further from the sure departure is drift, not the departure.
+/// Most images to go back: earlier displacement is drift, not the onset.
 const MAX_BACK: usize = 8;
 
 /// When an object counts as moved.
@@ -31,7 +31,7 @@ pub(crate) struct Rule {
     pub(crate) threshold_rad: f64,
     /// Multiple of the median deviation at rest, where that is more.
     pub(crate) jitter_factor: f64,
-    /// Images in a row that must show it away.
+    /// Consecutive images that must show it displaced.
     pub(crate) settle_n: usize,
 }
 
@@ -44,9 +44,9 @@ pub(crate) struct Still {
     pub(crate) last: Option<usize>,
     /// The first image in which it has left.
     pub(crate) left: usize,
-    /// How far it is then from its rest, in meters.
+    /// Its displacement from rest then, in meters.
     pub(crate) left_m: f64,
-    /// How far it is then turned from its rest, in radians.
+    /// Its rotation from rest then, in radians.
     pub(crate) left_rad: f64,
 }
 

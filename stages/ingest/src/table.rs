@@ -1,4 +1,4 @@
-//! Where the table is, and how the grasped object lies on it.
+//! Pose of the table, and resting orientation of the grasped object on it.
 
 use geometry::{StableRest, Standing, TablePlane, TriMesh};
 use nalgebra::{Point3, Unit, Vector3};
@@ -11,19 +11,19 @@ use crate::{
     still,
 };
 
-/// How the grasped object lies on the table, and what says so.
+/// Resting orientation of the grasped object on the table, and its source.
 pub(crate) struct Lying {
-    /// How it lies.
+    /// The resting orientation.
     pub(crate) rest: Rest,
-    /// The table's plane, where still objects say where it is.
+    /// The table's plane, if estimated from still objects.
     pub(crate) plane: Option<TablePlane>,
 }
 
-/// Returns how the grasped object lies on the table.
+/// Returns the resting orientation of the grasped object on the table.
 ///
 /// # Errors
 ///
-/// Fails if nothing says where the table is, or fewer than `min_objects_n` still objects do.
+/// Fails if the table's pose is unknown, or fewer than `min_objects_n` still objects agree on it.
 pub(crate) fn lying(
     recording: &Recording,
     world_from_object: &Pose<World, Object>,
@@ -90,7 +90,7 @@ impl Shape {
     }
 }
 
-/// Returns how an object lies on a plane.
+/// Returns the resting orientation of an object on a plane.
 fn on_plane(plane: &TablePlane, world_from_object: &Pose<World, Object>) -> Rest {
     let up_in_object = world_from_object.inverse().direction(&plane.up);
     let origin = world_from_object.isometry().translation.vector;
@@ -100,7 +100,7 @@ fn on_plane(plane: &TablePlane, world_from_object: &Pose<World, Object>) -> Rest
     }
 }
 
-/// Returns how an object lies on the table whose surface is the tag's plane.
+/// Returns the resting orientation of an object on the tag's plane.
 pub(crate) fn on_tag(
     world_from_tag: &Pose<World, Tag>,
     world_from_object: &Pose<World, Object>,

@@ -1,8 +1,8 @@
-//! Offers retargeted demonstrations as candidates, so that physics can say what they are worth.
+//! Turns retargeted demonstrations into candidates, to measure how well they hold in simulation.
 //!
 //! One unit per object: each of its trajectories becomes one candidate, unchanged, with the object
-//! lying as it lay. What is learned from the trajectories is judged by the same `screen`, so that
-//! their share of held grasps is the bound to compare a generator with.
+//! in its recorded resting orientation. The same `screen` judges learned generators, so that the
+//! share of held grasps here is their reference.
 
 mod config;
 mod error;

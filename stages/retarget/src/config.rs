@@ -6,12 +6,11 @@ use dataflow::{OptionFault, OptionFaults};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Greatest weight, length or time that makes sense: squares of it are still exact enough to add up.
+/// Largest weight, length or time that makes sense: its squares still add up accurately.
 const MOST: f64 = 1e6;
-/// Greatest distance between an object's distances, in meters: farther apart they know nothing of a
-/// thing that a hand holds.
+/// Coarsest grid spacing of a distance field, in meters: coarser grids miss objects of a hand's size.
 const COARSEST_M: f64 = 0.1;
-/// Least distance between an object's distances, in meters: a mug has more than 2²⁶ finer ones.
+/// Finest grid spacing of a distance field, in meters: finer, a mug has more than 2²⁶ grid points.
 const FINEST_M: f64 = 1e-4;
 /// Most iterations for one step.
 const MOST_ITERATIONS: usize = 100_000;
@@ -25,7 +24,7 @@ pub struct RetargetConfig {
     /// URDF of the robot hand; its root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// The hand's table: its side, its size, and which landmark each of its points follows.
+    /// The hand table: its side, its size, and which landmark each of its points follows.
     #[serde(skip_serializing)]
     pub hand_table: PathBuf,
     /// Whether the palm is placed so that the fingers reach their landmarks, or follows the
@@ -35,28 +34,26 @@ pub struct RetargetConfig {
     /// How a point's distance to its landmark counts: squared, as in the paper.
     #[serde(default)]
     pub loss: Loss,
-    /// Distance up to which `smooth_l1` counts squares, per coordinate (m): that of
-    /// dex-retargeting.
+    /// Distance up to which `smooth_l1` is quadratic, per coordinate (m): that of dex-retargeting.
     #[serde(default = "defaults::smooth_l1_beta_m")]
     pub smooth_l1_beta_m: f64,
-    /// Standard deviation of the smoothing of landmarks over time, 0 for none; the grasp stays as
-    /// it is (s). None: it changes no more than the measurement can tell.
+    /// Standard deviation of the smoothing of landmarks over time, 0 for none; the grasp stays
+    /// unchanged (s). None: it has no significant effect.
     #[serde(default)]
     pub smoothing_s: f64,
-    /// Weight of a point's distance to where it was in the step solved before, the paper's √λ (1).
+    /// Weight of a point's change from the previously solved step, the paper's √λ (1).
     #[serde(default = "defaults::smoothness_weight")]
     pub smoothness_weight: f64,
-    /// Weight of a joint's change against the step solved before (m/rad): a radian counts as 2 cm,
-    /// so that joints no landmark decides stay still.
+    /// Weight of a joint's change from the previously solved step (m/rad): a radian counts as 2 cm,
+    /// so that joints that no landmark constrains stay still.
     #[serde(default = "defaults::joint_smoothness_weight")]
     pub joint_smoothness_weight: f64,
     /// Weight of a link's depth inside the object, or inside its clearance (1): more than a
-    /// landmark's; without it 8 of 100 fewer
-    /// grasps hold.
+    /// landmark's; without it 8 of 100 fewer grasps hold.
     #[serde(default = "defaults::object_weight")]
     pub object_weight: f64,
     /// Distance that links keep from the object before the hand closes (m): a motion that is
-    /// followed as it is does not knock the object over.
+    /// executed unchanged does not knock the object over.
     #[serde(default = "defaults::clearance_m")]
     pub clearance_m: f64,
     /// How long before the grasp the clearance begins to shrink to nothing (s): the time
@@ -67,31 +64,31 @@ pub struct RetargetConfig {
     /// third hand is in the table.
     #[serde(default = "defaults::table_weight")]
     pub table_weight: f64,
-    /// Distance that links keep from the table (m): that at which physics sees a contact.
+    /// Distance that links keep from the table (m): the contact margin of the simulation.
     #[serde(default = "defaults::table_margin_m")]
     pub table_margin_m: f64,
-    /// Weight of a finger tip's distance from the surface where the person's tip is near it (1): as
+    /// Weight of a fingertip's distance from the surface where the person's tip is near it (1): as
     /// the object's; without it tips end 1.3 mm off the surface.
     #[serde(default = "defaults::contact_weight")]
     pub contact_weight: f64,
-    /// Distance from the surface up to which a person's finger tip counts as touching (m): the half
-    /// thickness of a finger and the error of its landmark.
+    /// Distance from the surface up to which a person's fingertip counts as touching (m): half a
+    /// finger's thickness plus the error of its landmark.
     #[serde(default = "defaults::contact_distance_m")]
     pub contact_distance_m: f64,
-    /// Factor on the position weight of a finger tip that is drawn to the surface (1): the surface
-    /// decides, the landmark says where on it.
+    /// Factor on the position weight of a fingertip that is drawn to the surface (1): the surface
+    /// has priority, the landmark selects the point on it.
     #[serde(default = "defaults::contact_position_factor")]
     pub contact_position_factor: f64,
-    /// Distance between the points at which an object's surface distance is computed (m): a
-    /// fraction of a finger, at a few megabytes for each object.
+    /// Grid spacing of an object's distance field (m): a fraction of a finger, at a few megabytes
+    /// for each object.
     #[serde(default = "defaults::field_spacing_m")]
     pub field_spacing_m: f64,
-    /// Largest number of iterations for one step; the grasp gets more (1). A step begins where the
-    /// one before it ended, and takes few.
+    /// Most iterations for one step; the grasp gets more (1). A step starts from the solution of
+    /// the one before it, and takes few.
     #[serde(default = "defaults::max_iterations")]
     pub max_iterations: usize,
-    /// Root mean square keypoint error at the grasp above which a sequence is left out (m): beyond
-    /// it the hand does not do what the person does.
+    /// Root mean square keypoint error at the grasp above which a sequence is skipped (m): beyond
+    /// it the hand does not reproduce the person's grasp.
     #[serde(default = "defaults::max_keypoint_error_m")]
     pub max_keypoint_error_m: f64,
 }
@@ -114,7 +111,7 @@ pub enum Loss {
     /// Squared, as in the paper.
     #[default]
     Squared,
-    /// Squared up to `smooth_l1_beta_m` per coordinate, and in proportion beyond: far landmarks pull
+    /// Quadratic up to `smooth_l1_beta_m` per coordinate, and linear beyond: far landmarks count
     /// less.
     SmoothL1,
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// Most motions of one object, a hundred times the paper's.
 const MOST_MOTIONS: usize = 1_000_000;
-/// Most steps of a motion: ten seconds of a controller that is told something 1000 times a second.
+/// Most steps of a motion: ten seconds at a controller's 1000 Hz.
 const MOST_STEPS: usize = 10_000;
 /// Most steps of all motions of one object, ten times the paper's: 4 GB.
 const MOST_STEPS_HELD: usize = 4_000_000;
@@ -30,8 +30,8 @@ pub struct SampleConfig {
     /// URDF of the robot hand; its collision shapes are what is measured against object and table
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// Which of the checkpoint's weights are used: the last, for the held-out loss hardly rises
-    /// with a rate that falls to zero
+    /// Which of the checkpoint's weights are used: the last, because the held-out loss hardly rises
+    /// when the learning rate falls to zero
     #[serde(default)]
     pub epoch: Epoch,
     /// Objects to draw motions for, by name; empty: all
@@ -46,28 +46,27 @@ pub struct SampleConfig {
     /// Time from the first step to the grasp, s: a person's reach takes about as long
     #[serde(default = "defaults::duration_s")]
     pub duration_s: f64,
-    /// Share of the motions whose latent code is drawn about a demonstration, in 0..=1, the others
-    /// from the standard normal distribution: half for what was seen, half for what is new; paper:
-    /// 0
+    /// Share of the motions whose latent code is drawn from a demonstration's posterior, in 0..=1, the
+    /// others from the standard normal distribution: half seen grasps, half new ones; paper: 0
     #[serde(default = "defaults::demonstrated_share")]
     pub demonstrated_share: f64,
-    /// Names of these demonstrations, of whichever object; empty: all of the same object that were
-    /// learned from
+    /// Names of these demonstrations, of any object; empty: all training demonstrations of the same
+    /// object
     #[serde(default)]
     pub demonstrations: Vec<String>,
-    /// Factor on the standard deviation of what is drawn: the distribution itself, as in the paper
+    /// Factor on the standard deviation of drawn codes: the distribution itself, as in the paper
     #[serde(default = "defaults::spread")]
     pub spread: f64,
-    /// Latent codes drawn for a motion until its hand stays out of object and table; of them all
-    /// the least deep if none does: 864 of 1280 hold with 16, 632 with the paper's 1
+    /// Most latent codes drawn for a motion until its hand stays out of object and table, else the
+    /// shallowest of them: 864 of 1280 hold with 16, 632 with the paper's 1
     #[serde(default = "defaults::draws")]
     pub draws: usize,
-    /// Depth in object or table up to which a hand stays out of them, m: what squeezing presses
-    /// away; unused if `draws` is 1
+    /// Tolerated penetration of object or table (m): what squeezing presses away; unused if `draws`
+    /// is 1
     #[serde(default = "defaults::max_depth_m")]
     pub max_depth_m: f64,
     /// Names of two demonstrations: instead of drawing, latent codes go from the one's mean to the
-    /// other's in equal steps, the object lying as in the first; empty: they are drawn
+    /// other's in equal steps, in the first one's resting orientation; empty: they are drawn
     #[serde(default)]
     pub path: Vec<String>,
     /// Which resting orientations the object is put in: those that people grasp it in
@@ -76,8 +75,8 @@ pub struct SampleConfig {
     /// Unit vector against gravity, object frame, for `rests = "given"`
     #[serde(default)]
     pub rest_up: Option<[f64; 3]>,
-    /// How much the object's points are off, for a study: by normally distributed lengths, whose
-    /// deviation along each axis of the object is this share of its extent there (0); paper: 0 to 1
+    /// Noise on the object's points, for a study: normally distributed, with a standard deviation
+    /// along each axis of this share of the object's extent (0); paper: 0 to 1
     #[serde(default)]
     pub point_noise: f64,
     /// Motions per object that are shown side by side in one recording for a viewer (0)
@@ -100,7 +99,7 @@ pub enum Rests {
 }
 
 impl SampleConfig {
-    /// Says whether motions are drawn anew because of what their hand is in.
+    /// Says whether motions are redrawn if their hand penetrates object or table.
     pub(crate) fn chooses(&self) -> bool {
         self.draws > 1 && self.path.is_empty()
     }

@@ -1,10 +1,10 @@
 //! Draws candidate motions from a trained grasping function, and measures them.
 //!
 //! One unit per object: the object's feature is computed once per resting orientation; latent codes
-//! come from the prior, from about demonstrations, or along a path between two of them; they are
-//! decoded at equal times from far to the grasp, with their exact rates, and put into the object's own
-//! frame. Joint positions are kept within the hand's limits; nothing else is judged here.
-//! How plausible and different the motions are says crate `report-sample`.
+//! come from the prior, from the posteriors of demonstrations, or along a path between two of them;
+//! they are decoded at equal time steps from far to the grasp, with exact rates, and transformed to
+//! the object's own frame. Joint positions are clamped to the hand's limits; nothing else is judged
+//! here. Crate `report-sample` measures the motions' plausibility and diversity.
 
 mod config;
 mod draw;

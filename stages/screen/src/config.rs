@@ -9,7 +9,7 @@ use simulation::{Protocol, SceneConfig, SettingFault};
 
 /// Most rollouts of an object that are recorded: a recording has about 1 MB.
 const MOST_RECORDED: usize = 10_000;
-/// Greatest share of an object's extent by which its place is mistaken.
+/// Largest pose noise, as a share of an object's extent.
 const MOST_MISTAKEN: f64 = 1000.0;
 
 /// Options of `kind = "screen"`.
@@ -22,14 +22,14 @@ pub struct ScreenConfig {
     /// Accepted rollouts per object that are recorded for a viewer (1): a recording has about 1 MB.
     #[serde(default = "defaults::recorded_per_object")]
     pub recorded_per_object: usize,
-    /// By how much the object's place is mistaken, for a study: each motion is carried out as if the
-    /// object were shifted by normally distributed lengths, whose deviation along each axis of the
-    /// object is this share of its extent there (0); paper: 0 to 0.1
+    /// Noise on the object's position, for a study: each motion is executed as if the object were
+    /// shifted by normally distributed lengths, with a standard deviation along each axis of this
+    /// share of the object's extent (0); paper: 0 to 0.1
     #[serde(default)]
     pub pose_noise: f64,
     /// The physical scene.
     pub scene: SceneConfig,
-    /// What is done with a motion, and what counts as success.
+    /// How a motion is executed, and what counts as success.
     pub protocol: Protocol,
 }
 

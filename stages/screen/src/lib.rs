@@ -1,14 +1,13 @@
 //! Judges candidate motions in physics.
 //!
-//! Every candidate is carried out by the simulated hand on the object, lying as the candidate says:
-//! reach, close, squeeze, lift, hold. What becomes of it is a row of `rollouts`, success or one
-//! reason for failure; the first accepted ones of each object are recorded for a viewer.
+//! The simulated hand executes every candidate on the object in the candidate's resting orientation:
+//! reach, close, squeeze, lift, hold. The outcome is a row of `rollouts`, success or one reason for
+//! failure; the first accepted ones of each object are recorded for a viewer.
 //!
-//! Candidates are independent: they run on all threads and keep their order, and each can be run
-//! again alone with the same verdict. This stage does not know who drew them.
+//! Candidates are independent: they run on all threads and keep their order, and each can be rerun
+//! alone with the same verdict. This stage does not depend on the generator.
 //!
-//! How often they hold, why the others fail and how different the grasps are says crate
-//! `report-screen`.
+//! Crate `report-screen` has success rates, failure reasons and the diversity of grasps.
 
 mod by_verdict;
 mod config;

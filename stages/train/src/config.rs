@@ -14,14 +14,14 @@ pub struct TrainConfig {
     /// URDF of the robot hand of the trajectories
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// Objects whose trajectories are learned from, by name; empty: all
+    /// Objects to train on, by name; empty: all
     #[serde(default)]
     pub objects: Vec<String>,
-    /// Objects whose trajectories are not learned from, by name, to be unseen in sampling
+    /// Objects excluded from training, by name, to be unseen in sampling
     #[serde(default)]
     pub unseen_objects: Vec<String>,
-    /// Share of the other trajectories that are not learned from but measured with, in 0..1: enough
-    /// to tell learning from memorizing
+    /// Share of the other trajectories that are held out for validation, in 0..1: enough to tell
+    /// learning from memorizing
     #[serde(default = "defaults::held_out_share")]
     pub held_out_share: f64,
     /// Widths and shapes of the network
@@ -72,7 +72,7 @@ impl TrainConfig {
         self.objects.is_empty() || named(&self.objects, object) || self.is_unseen(object)
     }
 
-    /// Says whether trajectories of this object are kept back.
+    /// Says whether this object is excluded from training.
     pub(crate) fn is_unseen(&self, object: &str) -> bool {
         named(&self.unseen_objects, object)
     }

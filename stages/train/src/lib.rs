@@ -1,10 +1,9 @@
 //! Trains the continuous grasping function on robot trajectories.
 //!
-//! All trajectories of the chosen objects are gathered into one training set: each is expressed above
-//! the table on which its object lay, in the resting orientation of the object that is nearest to the
-//! recorded one. The network and its losses are those of crate `cgf`; the checkpoint is two files,
-//! weights as safetensors and everything else as JSON. What shows how the training went is in crate
-//! `report-train`.
+//! All trajectories of the selected objects form one training set: each is expressed in the table
+//! frame, in the object's resting orientation nearest to the recorded one. The network and its losses
+//! are those of crate `cgf`; the checkpoint is two files, weights as safetensors and metadata as JSON.
+//! Crate `report-train` reports on the training.
 
 mod by_split;
 mod config;
