@@ -69,7 +69,7 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::SkippedItems) => ExitCode::from(3),
-        Ok(Outcome::Told) => ExitCode::FAILURE,
+        Ok(Outcome::Reported) => ExitCode::FAILURE,
         Err(trouble) => report::trouble(&trouble),
     }
 }

@@ -11,7 +11,7 @@ pub(crate) enum Outcome {
     /// Done, but items were skipped: exit code 3.
     SkippedItems,
     /// It failed and has reported so on stdout: exit code 1.
-    Told,
+    Reported,
 }
 
 /// A command that failed.

@@ -157,15 +157,13 @@ fn paths<'t>(text: &'t str, above: &Module, found: &mut Vec<Module>) -> &'t str 
         if !name.is_empty() {
             path.push(name.to_owned());
         }
-        match after.strip_prefix("::") {
-            Some(next) => rest = next,
-            None => {
-                found.push(path);
-                return after.strip_prefix(" as ").map_or(after, |alias| {
-                    alias.trim_start_matches(|c: char| c.is_alphanumeric() || c == '_')
-                });
-            }
-        }
+        let Some(next) = after.strip_prefix("::") else {
+            found.push(path);
+            return after.strip_prefix(" as ").map_or(after, |alias| {
+                alias.trim_start_matches(|c: char| c.is_alphanumeric() || c == '_')
+            });
+        };
+        rest = next;
     }
 }
 

@@ -46,7 +46,7 @@ pub(crate) fn lineage(program: &Program, args: &LineageArgs) -> Result<Outcome, 
         Direction::Up
     };
     let mut relations = Relations::new(&lake, &run.record);
-    let limbs: Vec<tree::Limb> = if let Some(partition) = &args.partition {
+    let limbs: Vec<tree::TreeNode> = if let Some(partition) = &args.partition {
         let unit = chosen::unit(&units, run.number, &args.artifact, partition)?;
         let members = units::family(&lake, &mut relations, unit, direction)?;
         if args.format == Format::Json {

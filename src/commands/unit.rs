@@ -80,7 +80,7 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Comman
                 hint,
                 left_out,
             });
-            Outcome::Told
+            Outcome::Reported
         }
     };
     lines.finish().map(|()| outcome)

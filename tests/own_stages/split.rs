@@ -6,7 +6,7 @@ use dataflow::{
     Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, Scope, SourceFile, Stage, Unit,
     labels,
 };
-use lake::ReadInputs;
+use lake::LakeError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -92,7 +92,9 @@ impl<const VERSION: u8> Output for Split<VERSION> {
         if is_named(&config.skip) {
             return Ok(Outcome::skipped("named in `skip`"));
         }
-        let file = inputs.source(0, "file of bytes")?;
+        let file = inputs.files().first().ok_or(LakeError::MissingInput {
+            what: "file of bytes",
+        })?;
         let beginning = bytes::beginning(&file.path, 3)?;
         if beginning == b"bad" {
             return Ok(Outcome::skipped("begins with `bad`"));

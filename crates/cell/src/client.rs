@@ -33,9 +33,9 @@ const PAUSE: Duration = Duration::from_millis(100);
 /// Shortest wait for an answer before the query is repeated.
 const PIECE: Duration = Duration::from_secs(1);
 /// Longest report accepted, in bytes: ten minutes of 22 joints at 200 Hz.
-pub(crate) const MOST_REPORT: usize = 64 * 1024 * 1024;
+pub(crate) const MAX_REPORT_BYTES: usize = 64 * 1024 * 1024;
 /// Longest other answer accepted, in bytes.
-pub(crate) const MOST_ANSWER: usize = 1024 * 1024;
+pub(crate) const MAX_ANSWER_BYTES: usize = 1024 * 1024;
 
 /// Result of sending a goal.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,7 +56,7 @@ pub enum Recovered {
     /// The cell never accepted the goal: nothing has moved.
     NeverTaken,
     /// The outcome is unknown for this reason.
-    Unheard(String),
+    NoAnswer(String),
 }
 
 /// A cell's answer to a cancel, stop or resume request.
@@ -69,15 +69,15 @@ pub enum Halt {
     /// The cell never accepted that goal.
     NeverTaken,
     /// No answer: the robot may be moving.
-    Unheard,
+    NoAnswer,
 }
 
 /// Why a goal's outcome is unknown.
-enum Doubt {
+enum UnknownOutcome {
     /// No answer, or answers from other parties too.
-    Unheard(String),
+    NoAnswer(String),
     /// The cell's answer failed its checks.
-    Unbelieved(String),
+    Untrusted(String),
 }
 
 /// The protocol version, which is readable in answers of every version.
@@ -140,7 +140,7 @@ impl CellClient {
     pub fn capabilities(&self, timeout: Duration) -> Result<Capabilities, CellError> {
         let key = self.keys.capabilities();
         let (started, asked_ms) = (Instant::now(), now_unix_ms());
-        let (answers, _) = self.ask(&key, &[], MOST_ANSWER, timeout)?;
+        let (answers, _) = self.ask(&key, &[], MAX_ANSWER_BYTES, timeout)?;
         let answered_ms = now_unix_ms();
         let (journal, body) = match answers.as_slice() {
             [] => {
@@ -250,13 +250,15 @@ impl CellClient {
         };
         let _heartbeat = match asked() {
             Ok(heartbeat) => heartbeat,
-            Err(err) => return Recovered::Unheard(with_causes(&err)),
+            Err(err) => return Recovered::NoAnswer(with_causes(&err)),
         };
         let id = goal.seal().goal_id;
         match self.report(goal, &id, robot, answer, result) {
             Ok(recovered) => recovered,
-            Err(Doubt::Unheard(message)) => Recovered::Unheard(message),
-            Err(Doubt::Unbelieved(message)) => Recovered::Report(Report::unknown(&id, message)),
+            Err(UnknownOutcome::NoAnswer(message)) => Recovered::NoAnswer(message),
+            Err(UnknownOutcome::Untrusted(message)) => {
+                Recovered::Report(Report::unknown(&id, message))
+            }
         }
     }
 
@@ -288,14 +290,14 @@ impl CellClient {
     }
 
     fn halt(&self, key: String, answer: Duration) -> Result<Halt, CellError> {
-        let (answers, _) = self.ask(&key, &[], MOST_ANSWER, answer)?;
+        let (answers, _) = self.ask(&key, &[], MAX_ANSWER_BYTES, answer)?;
         let body = self.sole(&answers).map_err(|who| CellError::Strangers {
             key: key.clone(),
             endpoint: self.endpoint.clone(),
             who,
         })?;
         let Some(body) = body else {
-            return Ok(Halt::Unheard);
+            return Ok(Halt::NoAnswer);
         };
         let (word, _) =
             wire::split_line("answer", body).map_err(|source| CellError::Answer { key, source })?;
@@ -318,12 +320,12 @@ impl CellClient {
         robot: &[Joint],
         answer: Duration,
         result: Duration,
-    ) -> Result<Executed, Doubt> {
+    ) -> Result<Executed, UnknownOutcome> {
         let key = self.keys.goal();
         let id = sealed.goal_id.as_str();
         let (answers, tries) = self
-            .ask(&key, &sealed.bytes, MOST_ANSWER, answer)
-            .map_err(|err| Doubt::Unheard(with_causes(&err)))?;
+            .ask(&key, &sealed.bytes, MAX_ANSWER_BYTES, answer)
+            .map_err(|err| UnknownOutcome::NoAnswer(with_causes(&err)))?;
         let Some(body) = self.only(&key, &answers)? else {
             return Err(silence("goal", answer));
         };
@@ -342,10 +344,10 @@ impl CellClient {
         match self.report(goal, id, robot, answer, result)? {
             Recovered::Report(report) if is_old => Ok(Executed::Known(report)),
             Recovered::Report(report) => Ok(Executed::Over(report)),
-            Recovered::NeverTaken => Err(Doubt::Unbelieved(
+            Recovered::NeverTaken => Err(UnknownOutcome::Untrusted(
                 "the cell took it and says that it never did".to_owned(),
             )),
-            Recovered::Unheard(message) => Err(Doubt::Unheard(message)),
+            Recovered::NoAnswer(message) => Err(UnknownOutcome::NoAnswer(message)),
         }
     }
 
@@ -358,7 +360,7 @@ impl CellClient {
         robot: &[Joint],
         answer: Duration,
         result: Duration,
-    ) -> Result<Recovered, Doubt> {
+    ) -> Result<Recovered, UnknownOutcome> {
         let key = self.keys.result(goal_id);
         let deadline = Instant::now() + result;
         let mut heard = Instant::now();
@@ -371,9 +373,9 @@ impl CellClient {
                 return Err(silence("result", answer));
             }
             let until = Instant::now() + left.min(PIECE);
-            let unheard = |err: CellError| Doubt::Unheard(with_causes(&err));
+            let unheard = |err: CellError| UnknownOutcome::NoAnswer(with_causes(&err));
             let answers = self
-                .ask_once(&key, &[], MOST_REPORT, until)
+                .ask_once(&key, &[], MAX_REPORT_BYTES, until)
                 .map_err(unheard)?;
             if let Some(body) = self.only(&key, &answers)? {
                 if let Ok((Word::NeverTaken, _)) = wire::split_line("answer", body) {
@@ -383,13 +385,15 @@ impl CellClient {
                     UncheckedReport::from_bytes(body).map_err(|err| unreadable(&key, &err))?;
                 let checked = report.check(goal, robot);
                 return checked.map(Recovered::Report).map_err(|contradiction| {
-                    Doubt::Unbelieved(format!("its report contradicts itself: {contradiction}"))
+                    UnknownOutcome::Untrusted(format!(
+                        "its report contradicts itself: {contradiction}"
+                    ))
                 });
             }
             let key = self.keys.capabilities();
             let until = Instant::now() + left.min(PIECE);
             let there = self
-                .ask_once(&key, &[], MOST_ANSWER, until)
+                .ask_once(&key, &[], MAX_ANSWER_BYTES, until)
                 .map_err(unheard)?;
             if self.only(&key, &there)?.is_some() {
                 heard = Instant::now();
@@ -408,9 +412,13 @@ impl CellClient {
             .wait();
     }
 
-    fn only<'a>(&self, key: &str, answers: &'a [Answer]) -> Result<Option<&'a [u8]>, Doubt> {
+    fn only<'a>(
+        &self,
+        key: &str,
+        answers: &'a [Answer],
+    ) -> Result<Option<&'a [u8]>, UnknownOutcome> {
         self.sole(answers).map_err(|who| {
-            Doubt::Unheard(format!(
+            UnknownOutcome::NoAnswer(format!(
                 "not the cell alone answers to key `{key}`, but {who}"
             ))
         })
@@ -497,10 +505,10 @@ impl CellClient {
     }
 }
 
-impl Doubt {
+impl UnknownOutcome {
     fn message(self) -> String {
         match self {
-            Self::Unheard(message) | Self::Unbelieved(message) => message,
+            Self::NoAnswer(message) | Self::Untrusted(message) => message,
         }
     }
 }
@@ -524,12 +532,12 @@ fn who(answers: &[Answer]) -> String {
     names.join(" and ")
 }
 
-fn silence(about: &str, waited: Duration) -> Doubt {
-    Doubt::Unheard(format!("no answer about the {about} within {waited:.1?}"))
+fn silence(about: &str, waited: Duration) -> UnknownOutcome {
+    UnknownOutcome::NoAnswer(format!("no answer about the {about} within {waited:.1?}"))
 }
 
-fn unreadable(key: &str, err: &WireError) -> Doubt {
-    Doubt::Unbelieved(format!("its answer to key `{key}` cannot be read: {err}"))
+fn unreadable(key: &str, err: &WireError) -> UnknownOutcome {
+    UnknownOutcome::Untrusted(format!("its answer to key `{key}` cannot be read: {err}"))
 }
 
 #[cfg(test)]

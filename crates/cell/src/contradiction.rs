@@ -14,7 +14,7 @@ use crate::{Goal, Report, Sample};
 /// Longest time between two samples, before the first and after the last, in seconds.
 const GAP_S: f64 = 0.1;
 /// Longest recording beyond the end of the goal's motion, in seconds.
-const LONGER_S: f64 = 5.0;
+const MAX_OVERRUN_S: f64 = 5.0;
 /// Largest delay of a command after its time, and largest lead before it, in seconds.
 const LATE_S: f64 = 0.25;
 const EARLY_S: f64 = 0.05;
@@ -36,16 +36,16 @@ const MOVED_SHARE: f64 = 0.1;
 /// Smallest rise of the palm, as a share of the object's.
 const PALM_SHARE: f64 = 0.5;
 /// Largest distance of the object's first pose from the goal's, in meters.
-const ELSEWHERE_M: f64 = 0.3;
+const MAX_START_ERROR_M: f64 = 0.3;
 /// Implausibly large coordinate for anything on a table, in meters.
-const FAR_M: f64 = 10.0;
+const IMPLAUSIBLE_M: f64 = 10.0;
 /// Largest difference between the reported rise and that of the samples, in meters: the object may
 /// fall after the last sample and before the final measurement.
 const LIFT_M: f64 = 0.03;
 /// How far the samples of a held object may lie below the required lift, in meters.
 const HELD_M: f64 = 0.01;
 /// Sampling period of a goal's trajectory, in seconds.
-const LOOK_S: f64 = 0.005;
+const SAMPLE_PERIOD_S: f64 = 0.005;
 
 /// A contradiction of a report.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -284,7 +284,7 @@ fn check_times(samples: &[Sample], goal: &Goal, outcome: Outcome) -> Result<(), 
     let end_s = end_s(goal);
     let mut after_s = -f64::EPSILON;
     for (row, sample) in samples.iter().enumerate() {
-        let until_s = (after_s + GAP_S).min(end_s + LONGER_S);
+        let until_s = (after_s + GAP_S).min(end_s + MAX_OVERRUN_S);
         let time_s = sample.time_s;
         if time_s <= after_s || time_s > until_s {
             return Err(Contradiction::Times {
@@ -312,7 +312,7 @@ fn check_places(samples: &[Sample], goal: &Goal) -> Result<(), Contradiction> {
             ("object", sample.table_from_object.isometry()),
         ] {
             let far_m = place.translation.vector.amax();
-            if far_m > FAR_M {
+            if far_m > IMPLAUSIBLE_M {
                 return Err(Contradiction::Far { row, what, far_m });
             }
         }
@@ -322,7 +322,7 @@ fn check_places(samples: &[Sample], goal: &Goal) -> Result<(), Contradiction> {
     let off_m = samples.first().map_or(0.0, |first| {
         (place(first.table_from_object.isometry()) - laid).norm()
     });
-    if off_m > ELSEWHERE_M {
+    if off_m > MAX_START_ERROR_M {
         return Err(Contradiction::Elsewhere { off_m });
     }
     Ok(())
@@ -473,7 +473,7 @@ impl Course {
     /// Samples a goal's trajectory; `None` if the goal has none.
     fn of(goal: &Goal) -> Option<Self> {
         let looks_n = look(end_s(goal)) + 2;
-        let times = || (0..looks_n).map(|idx| idx as f64 * LOOK_S);
+        let times = || (0..looks_n).map(|idx| idx as f64 * SAMPLE_PERIOD_S);
         let (arm, palm) = match &goal.carrier {
             Carrier::Arm(arm) => (Some(arm), None),
             Carrier::Palm(points) => {
@@ -549,7 +549,7 @@ impl Course {
     reason = "a motion lasts ten minutes at most, and a cast saturates"
 )]
 fn look(time_s: f64) -> usize {
-    (time_s / LOOK_S).floor().clamp(0.0, 1e6) as usize
+    (time_s / SAMPLE_PERIOD_S).floor().clamp(0.0, 1e6) as usize
 }
 
 /// Returns the positions of each joint of a track at the given times; `None` if it has no points.

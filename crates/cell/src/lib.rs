@@ -57,8 +57,8 @@ pub use report::{Report, Sample, UncheckedReport};
 pub use router::Router;
 pub use session::{check_endpoint, subscribe};
 pub use simulated::{
-    BrokenOff, CellArm, Fault, Gap, ObjectError, ObjectFinder, OutcomeListener, PlannedFault,
-    Service, SimulatedCell, SimulatedCellConfig, Tick, TickListener, rehearse,
+    Abort, CellArm, Fault, Gap, ObjectError, ObjectFinder, OutcomeListener, PlannedFault, Service,
+    SimulatedCell, SimulatedCellConfig, Tick, TickListener, rehearse,
 };
 pub use state::State;
 pub use watch::{Counts, Seen, Watcher};

@@ -10,7 +10,7 @@ use zenoh::{
     Config, Session, Wait, handlers::FifoChannelHandler, pubsub::Subscriber, sample::Sample,
 };
 
-use crate::{Access, CellError, client::MOST_REPORT};
+use crate::{Access, CellError, client::MAX_REPORT_BYTES};
 
 /// Lease of a silent peer, in milliseconds: shorter than zenoh's 10 s, so that a dead cell is
 /// noticed; long enough for a machine under full CPU load.
@@ -24,7 +24,7 @@ const PORT_TRIES: u32 = 5;
 
 /// Longest message reassembled from fragments, in bytes: the longest report plus zenoh's overhead.
 /// Longer ones are dropped.
-const MOST_MESSAGE: usize = MOST_REPORT + 64 * 1024;
+const MAX_MESSAGE_BYTES: usize = MAX_REPORT_BYTES + 64 * 1024;
 
 /// Samples buffered for a slow subscriber.
 const BACKLOG: usize = 4096;
@@ -270,7 +270,7 @@ fn config(access: Option<&Access>, settings: &[(&str, String)]) -> Result<Config
         ("transport/link/tx/lease", LEASE_MS.to_string()),
         (
             "transport/link/rx/max_message_size",
-            MOST_MESSAGE.to_string(),
+            MAX_MESSAGE_BYTES.to_string(),
         ),
         // No clock time in messages.
         ("timestamping/enabled", "false".to_owned()),

@@ -42,10 +42,10 @@ use self::{
     journal::{Job, Journal, fresh_name},
     robot::Robot,
     stream::Stream,
-    watched::Watched,
+    watched::MonitoredMotion,
 };
 pub use self::{
-    control::BrokenOff,
+    control::Abort,
     fault::{Fault, PlannedFault},
     gap::{Gap, ObjectError},
     robot::CellArm,
@@ -104,7 +104,7 @@ pub struct Service {
 const ROUTER_WAIT: Duration = Duration::from_secs(10);
 
 /// Heartbeat timeout before a motion in real time is aborted.
-const SILENCE: Duration = Duration::from_millis(250);
+const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(250);
 
 /// A running simulated cell; it stops when dropped.
 pub struct SimulatedCell {
@@ -178,7 +178,7 @@ impl SimulatedCell {
     ) -> Result<Self, CellError> {
         let journal = match &config.service.journal {
             Some(folder) => Journal::open(folder)?,
-            None => Journal::forgetful()?,
+            None => Journal::in_memory()?,
         };
         let keys = Keys::new(&config.name)?;
         let robot = Robot::new(urdf, hand, &config)?;
@@ -202,7 +202,7 @@ impl SimulatedCell {
             ticks: Mutex::default(),
             key: journal.key(),
             journal: Mutex::new(journal),
-            control: Control::new(config.service.real_time.then_some(SILENCE)),
+            control: Control::new(config.service.real_time.then_some(HEARTBEAT_TIMEOUT)),
             faults: Faults::new(config.service.faults.clone()),
             unanswered: Mutex::default(),
             config,
@@ -338,7 +338,7 @@ pub fn rehearse(
     urdf: &str,
     object: &ObjectShape,
     goal: &Goal,
-    see: &mut dyn FnMut(&Sample) -> Option<BrokenOff>,
+    see: &mut dyn FnMut(&Sample) -> Option<Abort>,
 ) -> Result<Report, CellError> {
     let robot = Robot::new(urdf, RobotModel::from_urdf(urdf)?, config)?;
     if let Err(refused) = acceptance::check(goal, &robot, |name| name == goal.object) {
@@ -434,7 +434,7 @@ impl Shared {
         if let Some(mirror) = mirror {
             mirror.announce(&job.goal);
         }
-        let mut motion = Watched::new(self, mirror, id, job.came);
+        let mut motion = MonitoredMotion::new(self, mirror, id, job.came);
         let report = physics::carry_out(job, &object, &self.robot, &self.config, &mut |sample| {
             motion.see(sample)
         })

@@ -17,7 +17,7 @@ use zenoh::{
 
 use crate::{
     Access, CellError, Goal, GoalOutcome, Keys, SealedGoal, State,
-    client::MOST_ANSWER,
+    client::MAX_ANSWER_BYTES,
     outcome::Outcomes,
     session,
     signature::{Answer, Question},
@@ -31,7 +31,7 @@ const POLL: Duration = Duration::from_secs(1);
 /// Timeout of a query for missed messages.
 const ANSWER: Duration = Duration::from_secs(1);
 /// Timeout after which missed samples count as lost.
-const PATIENCE: Duration = Duration::from_secs(3);
+const RECOVERY_TIMEOUT: Duration = Duration::from_secs(3);
 /// Pause between two unanswered queries: right after a router restarts it may not know the cell
 /// yet.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -226,7 +226,7 @@ impl Watcher {
 
     /// Queries the samples from `from` to before `until`.
     fn recover(&mut self, epoch: &str, mut from: u64, until: u64, before: Before) {
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + RECOVERY_TIMEOUT;
         let mut any = before == Before::Counts;
         while from < until {
             let key = self.keys.history();
@@ -351,7 +351,7 @@ impl Watcher {
             .timeout(ANSWER)
             .wait()
             .ok()?;
-        let mut answers = question.collect(&replies, MOST_ANSWER, Instant::now() + ANSWER);
+        let mut answers = question.collect(&replies, MAX_ANSWER_BYTES, Instant::now() + ANSWER);
         match (answers.pop(), answers.is_empty()) {
             (Some(Answer::Signed { journal, body }), true) => Some((journal, body)),
             (None, _) => None,

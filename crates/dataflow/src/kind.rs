@@ -17,7 +17,7 @@ use crate::{
     report::{Generator, Recorded, Report, Unreported},
     scope::Scope,
     stage::{OutputOf, Stage},
-    summary::{Telling, Told},
+    summary::{Summarize, SummaryLine},
     unit::Unit,
 };
 
@@ -62,7 +62,11 @@ pub(crate) trait Configured: Send + Sync {
     fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, Advised>;
     fn labels(&self, output_idx: usize, unit: &Unit, scope: &Scope) -> Option<Labels>;
     fn make(&self, output_idx: usize, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised>;
-    fn tell(&self, output_idx: usize, outcomes: &[&RecordOutcome]) -> Result<Told, MissingFigure>;
+    fn tell(
+        &self,
+        output_idx: usize,
+        outcomes: &[&RecordOutcome],
+    ) -> Result<SummaryLine, MissingFigure>;
 }
 
 /// A fault in a stage's table.
@@ -72,7 +76,7 @@ pub(crate) struct ConfigFault {
 }
 
 /// A configured stage with the outputs of it and of its report, and its generator.
-struct Whole<R: Report, G> {
+struct ConfiguredStage<R: Report, G> {
     options: Config<R>,
     /// The options as fingerprints hold them: serialized once, where that can fail.
     config: Value,
@@ -84,7 +88,7 @@ struct Whole<R: Report, G> {
 struct Listed<S: Stage> {
     info: OutputInfo,
     output: &'static dyn OutputOf<S>,
-    telling: Telling,
+    summarize_fn: Summarize,
 }
 
 /// Lists the outputs of a stage, then those of its report, each with its line.
@@ -96,20 +100,20 @@ fn outputs<R: Report>() -> Vec<Listed<R::Stage>> {
     let listed = results.chain(reports).map(|(output, code)| {
         let info = output.info(code);
         let lines = R::LINES.iter().filter(|line| line.output() == output.id());
-        let mut tellings = lines.map(|line| line.telling()).chain(output.line());
-        let (Some(telling), None) = (tellings.next(), tellings.next()) else {
+        let mut tellings = lines.map(|line| line.summarize_fn()).chain(output.line());
+        let (Some(summarize_fn), None) = (tellings.next(), tellings.next()) else {
             unreachable!("the output `{}` has no line, or two", info.artifact);
         };
         Listed {
             info,
             output: *output,
-            telling,
+            summarize_fn,
         }
     });
     listed.collect()
 }
 
-impl<R: Report, G> Whole<R, G> {
+impl<R: Report, G> ConfiguredStage<R, G> {
     /// Parses the options of a stage's table.
     fn read(table: InlineTable) -> Result<Self, ConfigFault> {
         // Every such number is `null` in JSON, so that recipes with different ones would be equal.
@@ -155,7 +159,7 @@ fn not_finite(table: &InlineTable) -> Option<ConfigFault> {
 
 type Config<R> = <<R as Report>::Stage as Stage>::Config;
 
-impl<R, G> Configured for Whole<R, G>
+impl<R, G> Configured for ConfiguredStage<R, G>
 where
     R: Report,
     G: Generator<Stage = R::Stage>,
@@ -191,8 +195,12 @@ where
         output.make(&self.options, inputs, cx)
     }
 
-    fn tell(&self, output_idx: usize, outcomes: &[&RecordOutcome]) -> Result<Told, MissingFigure> {
-        (self.outputs[output_idx].telling)(outcomes)
+    fn tell(
+        &self,
+        output_idx: usize,
+        outcomes: &[&RecordOutcome],
+    ) -> Result<SummaryLine, MissingFigure> {
+        (self.outputs[output_idx].summarize_fn)(outcomes)
     }
 }
 
@@ -220,7 +228,7 @@ impl Kind {
             inputs: R::Stage::INPUTS,
             outputs: || outputs::<R>().iter().map(|listed| listed.info).collect(),
             configure: |table| {
-                let configured = Whole::<R, G>::read(table)?;
+                let configured = ConfiguredStage::<R, G>::read(table)?;
                 Ok(Box::new(configured) as Box<dyn Configured>)
             },
             schema: || schemars::schema_for!(Config<R>).to_value(),

@@ -99,6 +99,6 @@ pub use store::{
     Making, NewestUnit, NodeRecord, Origin, OutputRecord, PendingResult, RunRecord, RunStatus,
     Showing, StageRecord, Store, UnitRef,
 };
-pub use summary::{Summary, Telling, Told};
+pub use summary::{Summarize, Summary, SummaryLine};
 pub use sweep::{Sweep, Variant};
 pub use unit::Unit;

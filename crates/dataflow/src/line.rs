@@ -4,7 +4,7 @@ use std::any::TypeId;
 
 use crate::{
     stage::{Output, Stage},
-    summary::{Summary, Telling, telling},
+    summary::{Summarize, Summary, summarize_fn},
 };
 
 /// How a report summarizes one output of its stage, e.g. `24 recordings → 23 demonstrations`.
@@ -18,7 +18,7 @@ pub trait LineOf<S: Stage>: Sync {
     /// The output that it summarizes.
     fn output(&self) -> TypeId;
     /// Returns the function that summarizes stored results.
-    fn telling(&self) -> Telling;
+    fn summarize_fn(&self) -> Summarize;
 }
 
 impl<O: Output> LineOf<O::Stage> for Line<O> {
@@ -26,7 +26,7 @@ impl<O: Output> LineOf<O::Stage> for Line<O> {
         TypeId::of::<O>()
     }
 
-    fn telling(&self) -> Telling {
-        telling(self.0)
+    fn summarize_fn(&self) -> Summarize {
+        summarize_fn(self.0)
     }
 }

@@ -20,7 +20,7 @@ use crate::{
     pipeline::Pipeline,
     record::{FileRef, RecordOutcome},
     seed::unit_seed,
-    state::{Known, Listing, State, Sure, digest_source},
+    state::{Certainty, Known, Listing, State, digest_source},
     store::{PendingResult, Store},
     unit::Unit,
 };
@@ -337,7 +337,9 @@ pub fn make_one(
     let mut state = State::new(pipeline, store);
     store.enter(&pipeline.name)?;
     for node in pipeline.upstream_of(node) {
-        state.recall_some(node, Sure::Whole, |digest| store.recall(digest))?;
+        state.recall_some(node, Certainty::ConfiguredStage, |digest| {
+            store.recall(digest)
+        })?;
     }
     let mut nodes = pipeline.nodes.iter();
     let node = nodes
@@ -367,7 +369,7 @@ pub fn make_one(
             known: units.iter().map(|unit| unit.partition.clone()).collect(),
         })?;
     // Inputs that are not made yet may change what the unit reads.
-    if sure != Sure::Whole
+    if sure != Certainty::ConfiguredStage
         && let Some(open) = state.first_open(node)
     {
         return Err(not_made(open));

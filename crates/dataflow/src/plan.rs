@@ -24,7 +24,7 @@ use crate::{
     outcome::Labels,
     pipeline::Pipeline,
     record::RecordOutcome,
-    state::{Known, LabelsPredicted, Listing, State, Sure},
+    state::{Certainty, Known, LabelsPredicted, Listing, State},
     store::Store,
     unit::Unit,
 };
@@ -176,12 +176,12 @@ impl Planner<'_> {
                 state,
             });
         }
-        for (unit, foretold) in open.iter().zip(self.state.foretell(node, &open)) {
-            let (labels, foretold) = match foretold {
+        for (unit, predicted) in open.iter().zip(self.state.predict_labels(node, &open)) {
+            let (labels, predicted) = match predicted {
                 Some(labels) => (labels, LabelsPredicted::Yes),
                 None => (self.last_labels(node, unit)?, LabelsPredicted::No),
             };
-            known.insert(unit.partition.clone(), Known::Open { labels, foretold });
+            known.insert(unit.partition.clone(), Known::Open { labels, predicted });
         }
         self.state.insert(&node.name, known);
         if may_grow {
@@ -214,16 +214,16 @@ impl Planner<'_> {
         &self,
         node: &Node,
         unit: &Unit,
-        sure: Sure,
+        sure: Certainty,
     ) -> Result<(UnitState, Option<Arc<RecordOutcome>>), Failure> {
         let forced = self.options.is_forced(&node.name.stage);
         let Some((fingerprint, digest)) = self.state.fingerprint(node, unit)? else {
             let upstream = self.waits_for(node, unit);
             let (causes, is_certain) = if forced {
-                (vec![Cause::Forced], sure >= Sure::Present)
+                (vec![Cause::Forced], sure >= Certainty::Present)
             } else {
                 let (causes, is_new) = self.causes_so_far(node, unit)?;
-                (causes, is_new && sure >= Sure::Own)
+                (causes, is_new && sure >= Certainty::Own)
             };
             let state = if is_certain {
                 UnitState::Run { causes, upstream }
@@ -238,7 +238,7 @@ impl Planner<'_> {
             self.store.lookup(&digest)?
         };
         let state = match &cached {
-            Some(_) if sure == Sure::Whole => UnitState::Cached,
+            Some(_) if sure == Certainty::ConfiguredStage => UnitState::Cached,
             Some(_) => UnitState::Perhaps {
                 upstream: self.open_inputs(node),
                 causes: Vec::new(),
@@ -249,7 +249,7 @@ impl Planner<'_> {
                 } else {
                     self.causes(node, &fingerprint)?
                 };
-                if sure == Sure::Whole || (forced && sure >= Sure::Present) {
+                if sure == Certainty::ConfiguredStage || (forced && sure >= Certainty::Present) {
                     let upstream = Vec::new();
                     UnitState::Run { causes, upstream }
                 } else {

@@ -4,7 +4,7 @@ use crate::{
     digest::Digest,
     error::Failure,
     pipeline::Pipeline,
-    state::{State, Sure},
+    state::{Certainty, State},
     store::Store,
 };
 
@@ -19,7 +19,7 @@ pub fn reached(pipeline: &Pipeline, store: &dyn Store) -> Result<Vec<Digest>, Fa
     let mut state = State::new(pipeline, store);
     let mut reached = Vec::new();
     for node in &pipeline.nodes {
-        state.recall_some(node, Sure::No, |digest| {
+        state.recall_some(node, Certainty::No, |digest| {
             let outcome = store.recall(digest)?;
             reached.extend(outcome.is_some().then_some(*digest));
             Ok(outcome)

@@ -24,7 +24,7 @@ use crate::{
         NewestUnit, NodeRecord, OutputRecord, RunRecord, RunStatus, Showing, StageRecord, Store,
         UnitRef,
     },
-    summary::{Summary, Told},
+    summary::{Summary, SummaryLine},
     unit::Unit,
     workers,
 };
@@ -420,7 +420,7 @@ fn report(
     units.sort_by(|a, b| a.partition.cmp(&b.partition));
     let outcomes: Vec<&RecordOutcome> = units.iter().map(|unit| &*unit.outcome).collect();
     let told = stage.configured.tell(node.output_idx, &outcomes);
-    let Told { summary, line } = told.map_err(|source| Failure::Figures {
+    let SummaryLine { summary, line } = told.map_err(|source| Failure::Figures {
         node: node.name.clone(),
         source,
     })?;

@@ -14,7 +14,7 @@ use crate::{
     outcome::{Labels, Outcome},
     output::{Execution, Options, OutputInfo},
     scope::Scope,
-    summary::{Summary, Telling, telling},
+    summary::{Summarize, Summary, summarize_fn},
     unit::Unit,
 };
 
@@ -135,7 +135,7 @@ pub trait OutputOf<S: Stage>: Sync {
     /// Returns its metadata; the code is that of its stage or report.
     fn info(&self, code: Code) -> OutputInfo;
     /// As [`Output::LINE`].
-    fn line(&self) -> Option<Telling>;
+    fn line(&self) -> Option<Summarize>;
     /// As [`Output::units`].
     ///
     /// # Errors
@@ -168,8 +168,8 @@ impl<O: Output> OutputOf<O::Stage> for O {
         }
     }
 
-    fn line(&self) -> Option<Telling> {
-        O::LINE.map(telling)
+    fn line(&self) -> Option<Summarize> {
+        O::LINE.map(summarize_fn)
     }
 
     fn units(&self, config: &ConfigOf<O>, scope: &Scope) -> Result<Vec<Unit>, Advised> {

@@ -37,7 +37,7 @@ pub(crate) enum Known {
         /// The labels that it will or may have.
         labels: Labels,
         /// Whether its stage has predicted them.
-        foretold: LabelsPredicted,
+        predicted: LabelsPredicted,
     },
 }
 
@@ -60,14 +60,14 @@ pub(crate) struct Listing {
     /// The units in the order of their keys.
     pub(crate) units: Vec<Unit>,
     /// How much of each unit is certain whatever the outcome of open partitions.
-    pub(crate) sure: Vec<Sure>,
+    pub(crate) sure: Vec<Certainty>,
     /// Whether unlisted units may be added.
     pub(crate) may_grow: bool,
 }
 
 /// How much of a unit is certain before all inputs of its node are made; more is greater.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Sure {
+pub(crate) enum Certainty {
     /// Nothing: it may not exist.
     No,
     /// It exists, but its inputs, files and facts may change.
@@ -75,7 +75,7 @@ pub(crate) enum Sure {
     /// It exists with these files and facts, but its input partitions may change.
     Own,
     /// It exists with exactly these inputs.
-    Whole,
+    ConfiguredStage,
 }
 
 /// The partitions made so far, by node.
@@ -170,7 +170,7 @@ impl<'a> State<'a> {
     pub(crate) fn recall_some(
         &mut self,
         node: &Node,
-        at_least: Sure,
+        at_least: Certainty,
         mut find: impl FnMut(&Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>,
     ) -> Result<(), Failure> {
         let Some(listing) = self.listing(node)? else {
@@ -187,7 +187,7 @@ impl<'a> State<'a> {
                 Some(outcome) => Known::of(outcome),
                 None => Some(Known::Open {
                     labels: Labels::new(),
-                    foretold: LabelsPredicted::No,
+                    predicted: LabelsPredicted::No,
                 }),
             };
             partitions.extend(known.map(|known| (unit.partition.clone(), known)));
@@ -212,7 +212,7 @@ impl<'a> State<'a> {
     pub(crate) fn listing(&self, node: &Node) -> Result<Option<Listing>, Failure> {
         if !node.reads.values().any(|source| self.is_open(source)) {
             let units = self.units(node)?;
-            let sure = vec![Sure::Whole; units.len()];
+            let sure = vec![Certainty::ConfiguredStage; units.len()];
             return Ok(Some(Listing {
                 units,
                 sure,
@@ -230,7 +230,7 @@ impl<'a> State<'a> {
                 .values()
                 .any(|source| self.growing.contains(source));
         let sure = if may_grow {
-            vec![Sure::No; units.len()]
+            vec![Certainty::No; units.len()]
         } else {
             self.sure(node, &units)
         };
@@ -242,28 +242,28 @@ impl<'a> State<'a> {
     }
 
     /// Returns how much of each unit is certain, whichever open partitions are made.
-    fn sure(&self, node: &Node, units: &[Unit]) -> Vec<Sure> {
+    fn sure(&self, node: &Node, units: &[Unit]) -> Vec<Certainty> {
         let asked = Arc::default();
         let without = self.list(node, &self.scope(node, Presence::Denied(None), &asked));
         if let Ok(without) = without {
             let sure = units.iter().map(|unit| {
                 match without.binary_search_by(|other| other.partition.cmp(&unit.partition)) {
-                    Ok(idx) if without.get(idx) == Some(unit) => Sure::Whole,
+                    Ok(idx) if without.get(idx) == Some(unit) => Certainty::ConfiguredStage,
                     Ok(idx) => present(unit, without.get(idx)),
-                    Err(_) => Sure::No,
+                    Err(_) => Certainty::No,
                 }
             });
             return sure.collect();
         }
         // A stage without any input partition fails, so at least one will be made: a unit that is
         // listed for each choice of that one is certain.
-        let mut sure = vec![Sure::Own; units.len()];
+        let mut sure = vec![Certainty::Own; units.len()];
         for source in node.reads.values() {
             let open = self.made.get(source).into_iter().flatten();
             let open = open.filter(|(_, known)| matches!(known, Known::Open { .. }));
             let alone = open.map(|(key, _)| Some(key.as_str())).chain([None]);
             for key in alone {
-                if sure.iter().all(|sure| *sure == Sure::No) {
+                if sure.iter().all(|sure| *sure == Certainty::No) {
                     return sure;
                 }
                 let only = Presence::Denied(Some((source, key)));
@@ -280,17 +280,17 @@ impl<'a> State<'a> {
     }
 
     /// Returns the labels that each unit will have if it is made, where its stage can say so.
-    pub(crate) fn foretell(&self, node: &Node, units: &[&Unit]) -> Vec<Option<Labels>> {
+    pub(crate) fn predict_labels(&self, node: &Node, units: &[&Unit]) -> Vec<Option<Labels>> {
         let asked = Arc::default();
         let scope = self.scope(node, Presence::Assumed, &asked);
         let stage = self.pipeline.stage(node);
-        let foretold = units.iter().map(|unit| {
+        let predicted = units.iter().map(|unit| {
             asked.store(false, Ordering::Relaxed);
             let labels = stage.configured.labels(node.output_idx, unit, &scope)?;
             // A prediction from labels that may change does not count.
             (!asked.load(Ordering::Relaxed)).then_some(labels)
         });
-        foretold.collect()
+        predicted.collect()
     }
 
     fn list(&self, node: &Node, scope: &Scope) -> Result<Vec<Unit>, Failure> {
@@ -330,7 +330,7 @@ impl<'a> State<'a> {
             Known::Open { .. } if is_denied(source, key) => None,
             Known::Open {
                 labels,
-                foretold: LabelsPredicted::Yes,
+                predicted: LabelsPredicted::Yes,
             } => Some(Partition::new(key, labels.clone())),
             Known::Open { labels, .. } => Some(Partition::uncertain(key, labels.clone(), asked)),
         };
@@ -455,11 +455,11 @@ enum Presence<'a> {
 }
 
 /// Returns how much of a unit is certain, given its counterpart in another listing.
-fn present(unit: &Unit, other: Option<&Unit>) -> Sure {
+fn present(unit: &Unit, other: Option<&Unit>) -> Certainty {
     match other {
-        None => Sure::No,
-        Some(other) if other.files == unit.files && other.facts == unit.facts => Sure::Own,
-        Some(_) => Sure::Present,
+        None => Certainty::No,
+        Some(other) if other.files == unit.files && other.facts == unit.facts => Certainty::Own,
+        Some(_) => Certainty::Present,
     }
 }
 

@@ -71,7 +71,7 @@ impl<M: Metrics> Summary<M> {
 
 /// The summary of an output and its line.
 #[derive(Debug)]
-pub struct Told {
+pub struct SummaryLine {
     /// Counts and metrics.
     pub(crate) summary: Summary,
     /// The line.
@@ -79,14 +79,15 @@ pub struct Told {
 }
 
 /// Summarizes the stored results of an output, in the order of their partitions.
-pub type Telling = Box<dyn Fn(&[&RecordOutcome]) -> Result<Told, MissingFigure> + Send + Sync>;
+pub type Summarize =
+    Box<dyn Fn(&[&RecordOutcome]) -> Result<SummaryLine, MissingFigure> + Send + Sync>;
 
 /// Returns a function that reads stored results as typed metrics, aggregates them and writes the
 /// line.
-pub(crate) fn telling<M: Metrics>(line: fn(&Summary<M>) -> String) -> Telling {
+pub(crate) fn summarize_fn<M: Metrics>(line: fn(&Summary<M>) -> String) -> Summarize {
     Box::new(move |outcomes| {
         let summary = Summary::<M>::of(outcomes)?;
-        Ok(Told {
+        Ok(SummaryLine {
             line: line(&summary),
             summary: summary.stored(),
         })

@@ -119,7 +119,7 @@ impl Cache {
         let mut known = self.known();
         let newest = known.entry(pipeline.to_owned()).or_default();
         let path = newest::path(&self.folder, pipeline);
-        let _turn = locks.turn_to_show(pipeline)?;
+        let _turn = locks.lock_publication(pipeline)?;
         let mut there = Newest::read(&path)?;
         blobs.stamps.recall(std::mem::take(&mut there.stamps));
         records.stamps.recall(std::mem::take(&mut there.records));
@@ -163,7 +163,7 @@ impl Cache {
     pub(crate) fn forget(&self, gone: &BTreeSet<Digest>, locks: &Locks) -> Result<(), LakeError> {
         for name in names_in(&self.folder.newest())? {
             let pipeline = newest::pipeline_of(&name);
-            let _turn = locks.turn_to_show(pipeline)?;
+            let _turn = locks.lock_publication(pipeline)?;
             let path = newest::path(&self.folder, pipeline);
             let mut newest = Newest::read(&path)?;
             let stamps: BTreeMap<_, _> = std::mem::take(&mut newest.stamps).into_iter().collect();

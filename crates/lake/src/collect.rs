@@ -79,9 +79,9 @@ impl Lake {
         self.expect_there()?;
         self.prepare()?;
         // Holding the lock, so that no process restores the removed files as lost.
-        let _turn = self.locks.turn_to_mend()?;
+        let _turn = self.locks.lock_repair()?;
         // No process stores a unit or takes an old one into use meanwhile.
-        let _alone = self.locks.collect_alone()?;
+        let _alone = self.locks.lock_collection()?;
         let since = self.oldest_process()?;
         let mut kept: BTreeSet<Digest> = reached.iter().copied().collect();
         self.keep_of_runs(n_runs, since, &mut kept)?;

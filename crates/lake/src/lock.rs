@@ -128,33 +128,33 @@ impl Locks {
     }
 
     /// Locks repairs, and changes of repaired files.
-    pub(crate) fn turn_to_mend(&self) -> Result<Lock, LakeError> {
+    pub(crate) fn lock_repair(&self) -> Result<Lock, LakeError> {
         self.wait_for("mending", "what was lost anew", &|_| {})
     }
 
     /// Locks the published files of a pipeline.
-    pub(crate) fn turn_to_show(&self, pipeline: &str) -> Result<Lock, LakeError> {
+    pub(crate) fn lock_publication(&self, pipeline: &str) -> Result<Lock, LakeError> {
         let name = format!("published-{pipeline}");
         self.wait_for(&name, "what the pipeline shows", &|_| {})
     }
 
     /// Locks the numbering of runs.
-    pub(crate) fn turn_to_number(&self) -> Result<Lock, LakeError> {
+    pub(crate) fn lock_numbering(&self) -> Result<Lock, LakeError> {
         self.wait_for("runs", "a record of its run", &|_| {})
     }
 
     /// Locks the cache of digests of files outside the lake.
-    pub(crate) fn turn_to_know(&self) -> Result<Lock, LakeError> {
+    pub(crate) fn lock_sources(&self) -> Result<Lock, LakeError> {
         self.wait_for("sources", "what it knows of files outside", &|_| {})
     }
 
     /// Waits for garbage collection to end, and blocks it.
-    pub(crate) fn keep_all(&self) -> Result<File, LakeError> {
+    pub(crate) fn block_collection(&self) -> Result<File, LakeError> {
         self.stay(COLLECTING, File::lock_shared)
     }
 
     /// Waits until no process stores or takes anything into use, and blocks both.
-    pub(crate) fn collect_alone(&self) -> Result<File, LakeError> {
+    pub(crate) fn lock_collection(&self) -> Result<File, LakeError> {
         self.stay(COLLECTING, File::lock)
     }
 

@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// A unit that this process makes.
-pub(crate) struct UnitInTheMaking<'a> {
+pub(crate) struct UnitInProgress<'a> {
     lake: &'a Lake,
     folder: PathBuf,
     resume_folder: PathBuf,
@@ -28,7 +28,7 @@ pub(crate) struct UnitInTheMaking<'a> {
     _lock: Lock,
 }
 
-impl<'a> UnitInTheMaking<'a> {
+impl<'a> UnitInProgress<'a> {
     /// Waits for the unit's lock and clears the leftovers of a dead owner.
     pub(crate) fn begin(
         lake: &'a Lake,
@@ -55,7 +55,7 @@ impl<'a> UnitInTheMaking<'a> {
 
     fn keep(&self, pending: PendingResult) -> Result<Record, LakeError> {
         // Bytes that this unit is about to need are not collected meanwhile.
-        let _shared = self.lake.locks.keep_all()?;
+        let _shared = self.lake.locks.block_collection()?;
         // From here on the unit is stored even at an interrupt.
         let _landing = self.lake.flight.land();
         let outcome = match pending.outcome {
@@ -125,7 +125,7 @@ fn files_of(folder: &Path) -> Result<Vec<PathBuf>, LakeError> {
     Ok(paths)
 }
 
-impl Making for UnitInTheMaking<'_> {
+impl Making for UnitInProgress<'_> {
     fn folder(&self) -> &Path {
         &self.folder
     }
@@ -143,7 +143,7 @@ impl Making for UnitInTheMaking<'_> {
     }
 }
 
-impl Drop for UnitInTheMaking<'_> {
+impl Drop for UnitInProgress<'_> {
     fn drop(&mut self) {
         // Leftovers are removed by the next process that makes the unit.
         let _left = fs::remove_dir_all(&self.folder);

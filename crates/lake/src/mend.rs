@@ -41,9 +41,9 @@ pub(crate) fn mend(lake: &Lake) -> Result<(), LakeError> {
         return Ok(());
     }
     lake.prepare()?;
-    let _turn = lake.locks.turn_to_mend()?;
+    let _turn = lake.locks.lock_repair()?;
     // Files about to be published are not collected meanwhile.
-    let _shared = lake.locks.keep_all()?;
+    let _shared = lake.locks.block_collection()?;
     let mut mender = Mender {
         lake,
         seen,

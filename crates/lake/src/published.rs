@@ -52,7 +52,7 @@ pub(crate) fn publish(
     }
     lake.prepare()?;
     lake.changing.mark(pipeline)?;
-    let _turn = lake.locks.turn_to_show(pipeline)?;
+    let _turn = lake.locks.lock_publication(pipeline)?;
     let mut shown = Shown::new();
     for (path, file) in &wanted {
         let target = lake.folder.join(path);
@@ -159,7 +159,7 @@ pub(crate) fn retire(
     }
     lake.prepare()?;
     lake.changing.mark(pipeline)?;
-    let _turn = lake.locks.turn_to_show(pipeline)?;
+    let _turn = lake.locks.lock_publication(pipeline)?;
     for folder in old {
         hide_others(lake, &folder, Some(before), &Shown::new())?;
         let _kept = fs::remove_dir(&folder);

@@ -184,7 +184,7 @@ impl Register {
 
     /// Stores the record of a new run under the next number, and returns the number.
     pub(crate) fn begin(&self, record: &RunRecord, locks: &Locks) -> Result<u64, LakeError> {
-        let _turn = locks.turn_to_number()?;
+        let _turn = locks.lock_numbering()?;
         let number = self.numbers()?.last().copied().unwrap_or(0) + 1;
         let mut run = Run::begin(number, record.clone());
         self.keep_progress(&mut run, record.clone())?;

@@ -107,7 +107,7 @@ impl Sources {
         if known.learned.is_empty() {
             return Ok(());
         }
-        let _turn = locks.turn_to_know()?;
+        let _turn = locks.lock_sources()?;
         let file = self.folder.sources();
         let there: Option<HashMap<String, Entry>> = sealed::read_if_whole(&file)?;
         // The file has these entries too: nothing of a large dataset is held twice.

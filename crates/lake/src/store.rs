@@ -12,7 +12,7 @@ use dataflow::{
     RecordOutcome, RunRecord, Showing, Store, UnitRef,
 };
 
-use crate::{Collecting, LakeError, history, lake::Lake, making::UnitInTheMaking, mend, published};
+use crate::{Collecting, LakeError, history, lake::Lake, making::UnitInProgress, mend, published};
 
 impl Lake {
     /// Whether every file of a result exists, unchanged.
@@ -34,7 +34,7 @@ impl Lake {
     /// Marks an old record as used, so that it is not collected.
     fn use_old(&self, fingerprint: &Digest) {
         // A read-only lake is not collected either.
-        if let Ok(_shared) = self.locks.keep_all() {
+        if let Ok(_shared) = self.locks.block_collection() {
             self.records.mark_used(fingerprint);
         }
     }
@@ -119,7 +119,7 @@ impl Store for Lake {
         waiting: &dyn Fn(&str),
     ) -> Result<Box<dyn Making + '_>, Advised> {
         self.prepare()?;
-        Ok(Box::new(UnitInTheMaking::begin(
+        Ok(Box::new(UnitInProgress::begin(
             self,
             fingerprint,
             unit,

@@ -83,7 +83,7 @@ impl Lake {
         // Checked before anything is written: an unknown run creates no folder.
         self.run_without_units(run)?;
         self.prepare()?;
-        let _shared = self.locks.keep_all()?;
+        let _shared = self.locks.block_collection()?;
         self.run_without_units(run)?;
         let path = self.tag_path(name);
         // A damaged tag can be overwritten.
@@ -110,7 +110,7 @@ impl Lake {
         }
         self.prepare()?;
         // Holding the lock, so that no process restores one file from the other.
-        let _turn = self.locks.turn_to_mend()?;
+        let _turn = self.locks.lock_repair()?;
         twice::remove(&self.folder, &self.tag_path(name))
     }
 

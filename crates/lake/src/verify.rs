@@ -59,7 +59,7 @@ impl Lake {
     pub fn verify(&self, on_bytes: &OnBytes) -> Result<Verified, LakeError> {
         self.expect_there()?;
         // Files collected meanwhile are no fault. A read-only lake has no garbage collection.
-        let _shared = self.locks.keep_all().ok();
+        let _shared = self.locks.block_collection().ok();
         self.verify_alone(on_bytes)
     }
 
@@ -134,7 +134,7 @@ impl Lake {
         self.prepare()?;
         let mut n_dropped = 0;
         loop {
-            let _alone = self.locks.collect_alone()?;
+            let _alone = self.locks.lock_collection()?;
             let faults = self.verify_alone(on_bytes)?.faults;
             let mut droppable: Vec<PathBuf> = faults
                 .iter()

@@ -38,7 +38,7 @@ fn inputs(name: &str, artifacts: Vec<Artifact>) -> Inputs {
 }
 
 #[test]
-fn what_a_unit_writes_another_reads() {
+fn written_artifact_is_read_by_type() {
     let folder = tempfile::tempdir().unwrap();
     let cx = Context::detached("cgf", 7, folder.path());
     cx.write(&latents(0.5)).unwrap();
@@ -46,15 +46,20 @@ fn what_a_unit_writes_another_reads() {
     let made = artifact("cgf", folder.path());
     assert_eq!(made.text("note.txt").unwrap(), "μ");
     assert_eq!(made.bytes("note.txt").unwrap(), "μ".as_bytes());
-    let inputs = inputs(Latents::NAME, vec![made.clone(), made]);
-    assert_eq!(inputs.one::<Latents>().unwrap(), latents(0.5));
-    assert_eq!(inputs.optional::<Latents>().unwrap(), Some(latents(0.5)));
-    assert_eq!(inputs.all::<Latents>().unwrap().len(), 2);
-    assert_eq!(inputs.optional::<Training>().unwrap(), None);
+    let one = inputs(Latents::NAME, vec![made.clone()]);
+    assert_eq!(one.one::<Latents>().unwrap(), latents(0.5));
+    assert_eq!(one.optional::<Latents>().unwrap(), Some(latents(0.5)));
+    assert_eq!(one.optional::<Training>().unwrap(), None);
+    let two = inputs(Latents::NAME, vec![made.clone(), made]);
+    assert_eq!(two.all::<Latents>().unwrap().len(), 2);
+    for several in [two.one::<Latents>().map(Some), two.optional()] {
+        let err = several.unwrap_err().to_string();
+        assert_eq!(err, "the unit reads 2 partitions of latents, expected one");
+    }
 }
 
 #[test]
-fn what_cannot_be_read_or_written_says_what_and_what_to_do() {
+fn unreadable_and_unwritable_tables_are_errors_with_a_hint() {
     let folder = tempfile::tempdir().unwrap();
     let check = |err: LakeError, said: &str, cause: Option<&str>, again: bool| {
         assert_eq!(err.to_string(), said);
@@ -71,8 +76,8 @@ fn what_cannot_be_read_or_written_says_what_and_what_to_do() {
         false,
     );
     check(
-        none.source(0, "URDF of a hand").unwrap_err(),
-        "the unit reads no URDF of a hand",
+        none.source("hand").unwrap_err(),
+        "the unit reads no hand",
         None,
         false,
     );

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::{
     Direction,
     relations::Relations,
-    tree::{Group, Limb},
+    tree::{Group, TreeNode},
 };
 use crate::outcome::CommandError;
 
@@ -130,7 +130,7 @@ fn member(run: &RunRecord, node: &NodeName, reads: Option<&Reads>) -> Member {
 
 impl Member {
     /// Returns its node of the tree.
-    pub(super) fn into_limb(self) -> Limb {
+    pub(super) fn into_limb(self) -> TreeNode {
         let mut counts = vec![format!("{} made", self.n_made)];
         for (n, word) in [(self.n_skipped, "skipped"), (self.n_filtered, "filtered")] {
             if n > 0 {
@@ -148,7 +148,7 @@ impl Member {
             name: String::new(),
             members: vec![member],
         });
-        Limb {
+        TreeNode {
             cells: vec![self.output, counts.join(", "), files],
             groups: groups.collect(),
             leaves: Vec::new(),

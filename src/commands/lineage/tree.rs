@@ -6,7 +6,7 @@ use crate::report;
 const SHOWN: usize = 3;
 
 /// A node of the tree.
-pub(super) struct Limb {
+pub(super) struct TreeNode {
     /// Its name and further columns.
     pub(super) cells: Vec<String>,
     /// Its children, by position, in groups that are truncated separately.
@@ -24,7 +24,7 @@ pub(super) struct Group {
 
 /// Lays out the tree of the first limb. The subtree of a repeated limb is shown only at its first
 /// occurrence.
-pub(super) fn text(limbs: &[Limb]) -> String {
+pub(super) fn text(limbs: &[TreeNode]) -> String {
     let mut tree = Tree {
         limbs,
         is_shown: vec![false; limbs.len()],
@@ -35,14 +35,14 @@ pub(super) fn text(limbs: &[Limb]) -> String {
 }
 
 struct Tree<'a> {
-    limbs: &'a [Limb],
+    limbs: &'a [TreeNode],
     is_shown: Vec<bool>,
     rows: Vec<Vec<String>>,
 }
 
 /// A child line.
 enum Below<'a> {
-    Limb(usize),
+    TreeNode(usize),
     Leaf(&'a [String]),
     More(String),
 }
@@ -67,7 +67,7 @@ impl Tree<'_> {
         let mut below = Vec::new();
         for group in &limb.groups {
             cut(&mut below, &group.members, &group.name, |&idx| {
-                Below::Limb(idx)
+                Below::TreeNode(idx)
             });
         }
         cut(&mut below, &limb.leaves, "files", |leaf| Below::Leaf(leaf));
@@ -80,7 +80,9 @@ impl Tree<'_> {
             };
             let first = format!("{others}{branch}");
             match below {
-                Below::Limb(position) => self.grow(position, &first, &format!("{others}{line}")),
+                Below::TreeNode(position) => {
+                    self.grow(position, &first, &format!("{others}{line}"));
+                }
                 Below::Leaf(cells) => self.rows.push(with_prefix(&first, cells.to_vec())),
                 Below::More(text) => self.rows.push(vec![format!("{first}{text}")]),
             }
@@ -121,12 +123,12 @@ fn with_prefix(prefix: &str, mut cells: Vec<String>) -> Vec<String> {
 mod tests {
     use super::*;
 
-    fn limb(name: &str, groups: &[&[usize]], n_leaves: usize) -> Limb {
+    fn limb(name: &str, groups: &[&[usize]], n_leaves: usize) -> TreeNode {
         let group = |members: &&[usize]| Group {
             name: "others".to_owned(),
             members: members.to_vec(),
         };
-        Limb {
+        TreeNode {
             cells: vec![name.to_owned()],
             groups: groups.iter().map(group).collect(),
             leaves: (0..n_leaves)

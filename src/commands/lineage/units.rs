@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::{
     Direction,
     relations::{Read, Relations},
-    tree::{Group, Limb},
+    tree::{Group, TreeNode},
 };
 use crate::{moments, outcome::CommandError, report};
 
@@ -131,7 +131,7 @@ fn member(
 
 impl Member {
     /// Returns its node of the tree.
-    pub(super) fn into_limb(self) -> Limb {
+    pub(super) fn into_limb(self) -> TreeNode {
         let fingerprint = self.fingerprint.map(Digest::short);
         let what = match &self.made {
             Some(made) => format!(
@@ -149,7 +149,7 @@ impl Member {
             Direction::Down => BTreeMap::new(),
         };
         let leaf = |(name, digest): (String, Digest)| vec![format!("file {name}"), digest.short()];
-        Limb {
+        TreeNode {
             cells: vec![
                 format!("{} {}", self.output, self.partition),
                 fingerprint.unwrap_or_default(),

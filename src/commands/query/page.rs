@@ -51,12 +51,12 @@ impl Page {
 
 /// The preferred and the minimum width of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Wish {
+pub(super) struct ColumnWidth {
     pub(super) full: usize,
     pub(super) least: usize,
 }
 
-impl Wish {
+impl ColumnWidth {
     /// Returns the widths of a text column.
     pub(super) fn text(full: usize) -> Self {
         Self {
@@ -76,7 +76,7 @@ impl Wish {
 
 /// Returns the widths of the columns that fit, from the first on; fewer columns if even their
 /// minimum widths do not fit.
-pub(super) fn fit(wishes: &[Wish], width: usize) -> Vec<usize> {
+pub(super) fn fit(wishes: &[ColumnWidth], width: usize) -> Vec<usize> {
     if let Some(widths) = shrink(wishes, width) {
         return widths;
     }
@@ -92,7 +92,7 @@ pub(super) fn fit(wishes: &[Wish], width: usize) -> Vec<usize> {
 }
 
 /// Shrinks the widest column until all fit.
-fn shrink(wishes: &[Wish], width: usize) -> Option<Vec<usize>> {
+fn shrink(wishes: &[ColumnWidth], width: usize) -> Option<Vec<usize>> {
     let mut widths: Vec<usize> = wishes.iter().map(|wish| wish.full.min(width)).collect();
     let gaps = GAP * wishes.len().saturating_sub(1);
     while widths.iter().sum::<usize>() + gaps > width {
@@ -110,7 +110,11 @@ mod tests {
 
     #[test]
     fn the_widest_text_gives_first_and_numbers_never() {
-        let wishes = [Wish::text(30), Wish::text(12), Wish::numbers(4, 10)];
+        let wishes = [
+            ColumnWidth::text(30),
+            ColumnWidth::text(12),
+            ColumnWidth::numbers(4, 10),
+        ];
         assert_eq!(fit(&wishes, 100), [30, 12, 10]);
         assert_eq!(fit(&wishes, 40), [14, 12, 10]);
         assert_eq!(fit(&wishes, 38), [12, 12, 10]);
@@ -118,12 +122,12 @@ mod tests {
 
     #[test]
     fn columns_that_do_not_fit_are_left_out_from_the_end() {
-        let wishes = [Wish::text(20); 10];
+        let wishes = [ColumnWidth::text(20); 10];
         let widths = fit(&wishes, 40);
         assert!(widths.len() < 10 && !widths.is_empty());
         let used = widths.iter().sum::<usize>() + GAP * widths.len() + 1;
         assert!(used <= 40, "{widths:?}");
-        assert_eq!(fit(&[Wish::numbers(3, 30)], 10), [10]);
+        assert_eq!(fit(&[ColumnWidth::numbers(3, 30)], 10), [10]);
     }
 
     #[test]

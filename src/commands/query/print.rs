@@ -4,7 +4,7 @@ use polars::prelude::*;
 
 use super::{
     cells,
-    page::{Page, Wish, fit},
+    page::{ColumnWidth, Page, fit},
 };
 use crate::report::{self, LEFT_OUT, cut};
 
@@ -86,13 +86,15 @@ fn align_points(cells: &mut [String]) {
 /// Cuts cells and drops columns until a line fits, and returns the names of the dropped columns.
 fn fit_columns(columns: &mut Vec<(Vec<String>, bool)>, width: usize) -> Vec<String> {
     let length = |text: &String| text.chars().count();
-    let wishes: Vec<Wish> = columns
+    let wishes: Vec<ColumnWidth> = columns
         .iter()
         .map(|(cells, is_number)| {
             let widest = |cells: &[String]| cells.iter().map(length).max().unwrap_or(0);
             match cells.split_first() {
-                Some((name, numbers)) if *is_number => Wish::numbers(length(name), widest(numbers)),
-                _ => Wish::text(widest(cells)),
+                Some((name, numbers)) if *is_number => {
+                    ColumnWidth::numbers(length(name), widest(numbers))
+                }
+                _ => ColumnWidth::text(widest(cells)),
             }
         })
         .collect();

@@ -128,7 +128,7 @@ impl MotionInFlight {
                         return Cancellation::Unknown(message);
                     }
                 }
-                Ok(Halt::Unheard) => {
+                Ok(Halt::NoAnswer) => {
                     let message = format!("no answer within {:.1?}", self.answer);
                     return Cancellation::Unknown(message);
                 }

@@ -287,7 +287,7 @@ fn send(
             sent.executions.push(cell.refused(candidate, &refusal));
             continue;
         }
-        let (goal, mut report, moved) = sender.carry_out_or_resume(goal)?;
+        let (goal, mut report, moved) = sender.execute_or_resume(goal)?;
         sent.known_n += usize::from(moved == Moved::Before);
         names.of_hand(&mut report.joints);
         let grasp = candidate.steps.last();
@@ -332,7 +332,7 @@ struct Sender<'a> {
 impl Sender<'_> {
     /// As [`Sender::carry_out`]; a motion stopped before this run is sent again as a new goal if
     /// the options say so. Returns the goal that ended.
-    fn carry_out_or_resume(&self, goal: &Goal) -> Result<(Goal, Report, Moved), DispatchError> {
+    fn execute_or_resume(&self, goal: &Goal) -> Result<(Goal, Report, Moved), DispatchError> {
         let mut goal = goal.clone();
         loop {
             let (report, moved) = self.carry_out(&goal)?;
@@ -395,7 +395,7 @@ impl Sender<'_> {
                     }
                     // Only a goal that the cell never accepted is sent again, under its own id.
                     Recovered::NeverTaken => {}
-                    Recovered::Unheard(message) => return Err(unknown(message)),
+                    Recovered::NoAnswer(message) => return Err(unknown(message)),
                 }
                 let there = self.client.capabilities(answer);
                 there.map_err(|err| unknown(with_causes(&err)))?;
@@ -412,7 +412,7 @@ impl Sender<'_> {
             return Ok((report, moved));
         }
         self.journal.withdraw(&id)?;
-        match report.rejection.as_ref().filter(|it| passes(it)) {
+        match report.rejection.as_ref().filter(|it| is_temporary(it)) {
             None => Ok((report, moved)),
             Some(rejection) => Err(DispatchError::NotNow {
                 cell: self.cell.to_owned(),
@@ -434,7 +434,7 @@ fn unknown(cell: &str, goal: &Goal, message: String) -> DispatchError {
 }
 
 /// Whether a refusal is temporary: the motion may be accepted later.
-fn passes(rejection: &Rejection) -> bool {
+fn is_temporary(rejection: &Rejection) -> bool {
     matches!(
         rejection.code,
         RejectionCode::Busy

@@ -20,7 +20,7 @@ const MIN_POINTS: usize = 2;
 /// radians (meters if prismatic): it presses on its stop then.
 const MOST_TOLERANCE_RAD: f64 = 0.1;
 /// Longest motion, in seconds.
-const MOST_S: f64 = 600.0;
+const MAX_DURATION_S: f64 = 600.0;
 /// Relative excess of a joint's speed attributed to rounding.
 const ROUNDING: f64 = 1e-6;
 /// Relative excess of a palm's peaks attributed to rounding: bounds of angular ones are no tighter.
@@ -143,14 +143,14 @@ fn check_phases(grasp: &Protocol) -> Result<(), Rejection> {
         ("hold_s", grasp.hold_s),
     ];
     for (name, part_s) in parts {
-        if !(part_s.is_finite() && (0.0..=MOST_S).contains(&part_s)) {
-            let problem = format!("`{name}` is {part_s} s, expected 0 to {MOST_S}");
+        if !(part_s.is_finite() && (0.0..=MAX_DURATION_S).contains(&part_s)) {
+            let problem = format!("`{name}` is {part_s} s, expected 0 to {MAX_DURATION_S}");
             return refuse(RejectionCode::Times, problem);
         }
     }
     let all_s: f64 = parts.iter().map(|(_, part_s)| part_s).sum();
-    if all_s > MOST_S {
-        let problem = format!("the motion lasts {all_s} s, expected up to {MOST_S}");
+    if all_s > MAX_DURATION_S {
+        let problem = format!("the motion lasts {all_s} s, expected up to {MAX_DURATION_S}");
         return refuse(RejectionCode::Times, problem);
     }
     Ok(())
@@ -276,9 +276,9 @@ fn check_times<T: Timed>(controller: &str, points: &[T]) -> Result<(), Rejection
     let mut last_s = f64::NEG_INFINITY;
     for (idx, point) in points.iter().enumerate() {
         let time_s = point.time_s();
-        if time_s <= last_s || time_s > MOST_S {
+        if time_s <= last_s || time_s > MAX_DURATION_S {
             return wrong(format!(
-                "point {idx} of the {controller} is at {time_s} s, expected after {last_s} and up to {MOST_S}"
+                "point {idx} of the {controller} is at {time_s} s, expected after {last_s} and up to {MAX_DURATION_S}"
             ));
         }
         last_s = time_s;

@@ -6,7 +6,7 @@ use simulation::ObjectShape;
 use zenoh::{Wait, query::Query};
 
 use super::{
-    Fault, Gap, SILENCE, Shared,
+    Fault, Gap, HEARTBEAT_TIMEOUT, Shared,
     acceptance::{self, MAX_GOAL_BYTES, PALM},
     fault::GARBLED,
     journal::{Asked, Job},
@@ -67,7 +67,7 @@ impl Shared {
                 object.yaw_rad
             ),
             real_time: self.config.service.real_time,
-            silence_s: (self.config.service.real_time).then_some(SILENCE.as_secs_f64()),
+            silence_s: (self.config.service.real_time).then_some(HEARTBEAT_TIMEOUT.as_secs_f64()),
         }
     }
 

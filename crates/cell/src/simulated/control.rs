@@ -12,14 +12,14 @@ use super::lock;
 
 /// Why a motion is aborted.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct BrokenOff {
+pub struct Abort {
     /// The resulting outcome: `stopped` by a person's request, `aborted` by the cell.
     pub outcome: Outcome,
     /// The reason.
     pub message: String,
 }
 
-impl BrokenOff {
+impl Abort {
     fn by_a_person(message: &str) -> Self {
         Self {
             outcome: Outcome::Stopped,
@@ -110,17 +110,17 @@ impl Control {
     }
 
     /// Returns why a goal must be aborted now, if it must.
-    pub(super) fn reason(&self, goal_id: &str) -> Option<BrokenOff> {
+    pub(super) fn reason(&self, goal_id: &str) -> Option<Abort> {
         let wish = self.wish();
         if wish.stopped {
-            return Some(BrokenOff::by_a_person("stopped"));
+            return Some(Abort::by_a_person("stopped"));
         }
         if wish.cancel.as_deref() == Some(goal_id) {
-            return Some(BrokenOff::by_a_person("canceled"));
+            return Some(Abort::by_a_person("canceled"));
         }
         let silent = wish.heard.elapsed();
         let longest = self.silence?;
-        (silent > longest).then(|| BrokenOff {
+        (silent > longest).then(|| Abort {
             outcome: Outcome::Aborted,
             message: format!(
                 "no heartbeat of the dispatcher for {:.2} s",

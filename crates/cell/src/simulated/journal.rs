@@ -107,7 +107,7 @@ impl Journal {
     /// # Errors
     ///
     /// Fails if the system's random number generator does.
-    pub(super) fn forgetful() -> Result<Self, CellError> {
+    pub(super) fn in_memory() -> Result<Self, CellError> {
         Ok(Self {
             key: Arc::new(JournalKey::fresh().map_err(CellError::Random)?),
             entries: BTreeMap::new(),

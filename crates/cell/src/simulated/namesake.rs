@@ -10,7 +10,7 @@ use zenoh::{
 
 use crate::{
     CellError, Keys,
-    client::MOST_ANSWER,
+    client::MAX_ANSWER_BYTES,
     signature::{Answer, Question},
 };
 
@@ -35,7 +35,7 @@ pub(super) fn refuse(session: &Session, keys: &Keys, endpoint: &str) -> Result<(
             action: "look for another cell of the name",
             source: source.into(),
         })?;
-    let answers = question.collect(&replies, MOST_ANSWER, deadline);
+    let answers = question.collect(&replies, MAX_ANSWER_BYTES, deadline);
     if answers.is_empty() {
         return Ok(());
     }

@@ -7,7 +7,7 @@ use schemas::{executions::Outcome, rollouts::Verdict};
 use simulation::{Flow, ObjectShape, SimulationError, Template, TraceStep, WatchedRollout};
 use spatial::{Pose, Rest};
 
-use super::{BrokenOff, Robot, SimulatedCellConfig, gap::EncoderNoise, journal::Job, playing};
+use super::{Abort, Robot, SimulatedCellConfig, gap::EncoderNoise, journal::Job, playing};
 use crate::report::{Report, Sample};
 
 /// Time for which a hand is simulated after its motion was aborted, in seconds.
@@ -22,7 +22,7 @@ pub(super) fn carry_out(
     object: &ObjectShape,
     robot: &Robot,
     config: &SimulatedCellConfig,
-    see: &mut dyn FnMut(&Sample) -> Option<BrokenOff>,
+    see: &mut dyn FnMut(&Sample) -> Option<Abort>,
 ) -> Result<Report, SimulationError> {
     let goal = &job.goal;
     let digest = &job.sealed.digest;
@@ -55,7 +55,7 @@ pub(super) fn carry_out(
             *q -= noise;
         }
     }
-    let (mut samples, mut reason): (Vec<Sample>, Option<BrokenOff>) = (Vec::new(), None);
+    let (mut samples, mut reason): (Vec<Sample>, Option<Abort>) = (Vec::new(), None);
     let mut shown = |step: &TraceStep| {
         let sample = encoders.read(step);
         let asked = see(&sample);
@@ -88,7 +88,7 @@ pub(super) fn carry_out(
         (true, Some(first), Some(last)) => height_m(last) - height_m(first),
         _ => 0.0,
     };
-    let end = broken_off.unwrap_or_else(|| BrokenOff {
+    let end = broken_off.unwrap_or_else(|| Abort {
         outcome: outcome(rollout.verdict),
         message: rollout.verdict.as_str().to_owned(),
     });

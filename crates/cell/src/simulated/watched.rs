@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::{BrokenOff, Fault, Shared, lock, stream::PERIOD};
+use super::{Abort, Fault, Shared, lock, stream::PERIOD};
 use crate::{capabilities::Word, pacer::Pacer, report::Sample, ros2::Mirror};
 
 /// Rounding that a sample's time may have, in seconds.
@@ -20,7 +20,7 @@ pub struct Tick {
 }
 
 /// A motion in execution, with its watchers and abort requests.
-pub(super) struct Watched<'a> {
+pub(super) struct MonitoredMotion<'a> {
     shared: &'a Shared,
     goal_id: &'a str,
     joints: Vec<String>,
@@ -35,7 +35,7 @@ pub(super) struct Watched<'a> {
     halted: bool,
 }
 
-impl<'a> Watched<'a> {
+impl<'a> MonitoredMotion<'a> {
     pub(super) fn new(
         shared: &'a Shared,
         mirror: Option<&'a Mirror>,
@@ -56,7 +56,7 @@ impl<'a> Watched<'a> {
 
     /// Publishes a sample at its time; returns why the motion must be aborted now, if it must.
     /// Answers the queries that asked for it once the palm stands still.
-    pub(super) fn see(&mut self, sample: &Sample) -> Option<BrokenOff> {
+    pub(super) fn see(&mut self, sample: &Sample) -> Option<Abort> {
         let is_first = self.pacer.is_new();
         let real_time = self.shared.config.service.real_time;
         let late_s = if real_time {

@@ -203,17 +203,17 @@ fn watcher_sees_everything_and_moves_nothing() {
             matches!(unheard, Err(CellError::NoAnswer { .. })),
             "{unheard:?}"
         );
-        assert_eq!(viewer.stop(REFUSED).unwrap(), Halt::Unheard);
+        assert_eq!(viewer.stop(REFUSED).unwrap(), Halt::NoAnswer);
         assert_eq!(cell.executed_n(), 0);
         // The viewer's stop has stopped nothing, and its resume takes no stop back.
         let report = execute(&dispatcher, &goal(0.04));
         assert_eq!(report.outcome, Outcome::Succeeded, "{way}");
         assert_eq!(
             viewer.cancel(&report.goal_id, REFUSED).unwrap(),
-            Halt::Unheard
+            Halt::NoAnswer
         );
         assert_eq!(dispatcher.stop(SOON).unwrap(), Halt::Done);
-        assert_eq!(viewer.resume(REFUSED).unwrap(), Halt::Unheard);
+        assert_eq!(viewer.resume(REFUSED).unwrap(), Halt::NoAnswer);
         let mut other = goal(0.04);
         other.attempt = 2;
         let refused = execute(&dispatcher, &other);

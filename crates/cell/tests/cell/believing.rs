@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, OnceLock};
 
 use cell::{
-    BrokenOff, Contradiction, Executed, Gap, Goal, Keys, ObjectError, Recovered, Report, Router,
+    Abort, Contradiction, Executed, Gap, Goal, Keys, ObjectError, Recovered, Report, Router,
     Service, SimulatedCellConfig, UncheckedReport, rehearse,
 };
 use proptest::prelude::*;
@@ -74,8 +74,8 @@ fn config(gap: Gap) -> SimulatedCellConfig {
 }
 
 /// Cancels a motion by a person after so many seconds.
-fn broken_off_after(until_s: f64, sample: &cell::Sample) -> Option<BrokenOff> {
-    (sample.time_s > until_s).then(|| BrokenOff {
+fn broken_off_after(until_s: f64, sample: &cell::Sample) -> Option<Abort> {
+    (sample.time_s > until_s).then(|| Abort {
         outcome: Outcome::Stopped,
         message: "canceled".to_owned(),
     })

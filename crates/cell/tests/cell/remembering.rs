@@ -38,7 +38,7 @@ fn a_goal_that_was_never_taken_is_known_to_be_none() {
     let soon = Duration::from_millis(300);
     let asked = client.recover(&goal(0.04), &robot(), soon, soon);
     assert!(
-        matches!(&asked, Recovered::Unheard(why) if why.contains("no answer about the result")),
+        matches!(&asked, Recovered::NoAnswer(why) if why.contains("no answer about the result")),
         "{asked:?}"
     );
 }

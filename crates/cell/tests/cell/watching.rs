@@ -108,9 +108,9 @@ fn outcomes_keep_their_order_across_a_restart() {
     let cell = start_with(service());
     assert_eq!(outcomes(&mut watch(cell.endpoint()), 3), seen);
     // A cell that keeps no journal counts anew, under another name.
-    let forgetful = start();
-    execute(&connect(&forgetful), &goal(0.04));
-    let other = outcomes(&mut watch(forgetful.endpoint()), 1).remove(0);
+    let in_memory = start();
+    execute(&connect(&in_memory), &goal(0.04));
+    let other = outcomes(&mut watch(in_memory.endpoint()), 1).remove(0);
     assert_eq!(other.result_n, 0);
     assert_ne!(other.journal, seen[0].journal);
 }

@@ -34,15 +34,15 @@ fn steps_that_are_no_motion_are_refused_with_the_step() {
         change(&mut steps);
         Motion::new(&JOINTS, steps).unwrap_err()
     };
-    let number: [&dyn Fn(&mut Step<Object>); 8] = [
-        &|s| s.time_s = f64::NAN,
-        &|s| s.q_rad[1] = f64::NAN,
-        &|s| s.q_rad.truncate(1),
-        &|s| s.frame_from_palm = Pose::new(Isometry3::translation(f64::INFINITY, 0.0, 0.0)),
-        &|s| s.rates.palm_velocity.linear.x = f64::NAN,
-        &|s| s.rates.palm_acceleration.angular.z = f64::INFINITY,
-        &|s| s.rates.joints.velocity.push(0.0),
-        &|s| s.rates.joints.acceleration[0] = f64::NAN,
+    let number: [fn(&mut Step<Object>); 8] = [
+        |s| s.time_s = f64::NAN,
+        |s| s.q_rad[1] = f64::NAN,
+        |s| s.q_rad.truncate(1),
+        |s| s.frame_from_palm = Pose::new(Isometry3::translation(f64::INFINITY, 0.0, 0.0)),
+        |s| s.rates.palm_velocity.linear.x = f64::NAN,
+        |s| s.rates.palm_acceleration.angular.z = f64::INFINITY,
+        |s| s.rates.joints.velocity.push(0.0),
+        |s| s.rates.joints.acceleration[0] = f64::NAN,
     ];
     for change in number {
         let err = refused(&|steps| change(&mut steps[1]));

@@ -67,7 +67,7 @@ fn a_hand_without_inertia_is_refused_by_the_link_that_lacks_it() {
 fn a_protocol_that_names_an_unknown_joint_is_refused() {
     let mut protocol = protocol();
     protocol.flexion_joints.push("joint_16.0".to_owned());
-    let motion = side_grasp([-0.015, -0.055, 0.02], q([0.5; 3], [1.3, 0.5, 0.5, 0.5]));
+    let motion = side_grasp([-0.015, -0.055, 0.02], &q([0.5; 3], [1.3, 0.5, 0.5, 0.5]));
     let error = template(&scene())
         .rollout(&motion, &protocol, Record::Nothing)
         .unwrap_err();
@@ -77,7 +77,7 @@ fn a_protocol_that_names_an_unknown_joint_is_refused() {
 #[test]
 fn a_motion_that_does_not_fit_the_hand_is_refused() {
     let template = template(&scene());
-    let good = side_grasp([-0.015, -0.055, 0.02], q([0.5; 3], [1.3, 0.5, 0.5, 0.5]));
+    let good = side_grasp([-0.015, -0.055, 0.02], &q([0.5; 3], [1.3, 0.5, 0.5, 0.5]));
     let mut other: Vec<String> = hand().joint_names();
     other.swap(0, 1);
     let swapped = good.reordered(&other).unwrap();

@@ -29,7 +29,7 @@ fn waving() -> Motion<Object, JointRates> {
     const N: u32 = 20;
     let hand = hand();
     let middle = q([0.7, 0.7, 0.7], [0.8, 0.5, 0.7, 0.7]);
-    let first = side_grasp(BESIDE, middle.clone()).first().clone();
+    let first = side_grasp(BESIDE, &middle).first().clone();
     let flexes: Vec<f64> = hand
         .joint_names()
         .iter()
@@ -121,7 +121,7 @@ fn a_good_grasp_holds_under_feedforward_too() {
     for approach in [Approach::Open, Approach::Follow] {
         let mut protocol = protocol();
         protocol.approach = approach;
-        let motion = side_grasp(BESIDE, q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]));
+        let motion = side_grasp(BESIDE, &q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]));
         let template = template(&with(ControllerKind::PdFeedforward));
         let run = |template: &Template| -> Rollout {
             template.rollout(&motion, &protocol, Record::Trace).unwrap()

@@ -11,7 +11,7 @@ use crate::scene::{can, hand, protocol, q, scene, side_grasp, template, upright,
 const BESIDE: [f64; 3] = [-0.015, -0.055, 0.02];
 
 fn good() -> Motion<Object, ()> {
-    side_grasp(BESIDE, q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]))
+    side_grasp(BESIDE, &q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]))
 }
 
 /// The same motion with the palm elsewhere along y at one step.
@@ -28,7 +28,7 @@ fn with_step_moved(
 }
 
 fn too_open() -> Motion<Object, ()> {
-    side_grasp(BESIDE, q([0.5, 0.6, 0.4], [1.3, 0.3, 0.2, 0.3]))
+    side_grasp(BESIDE, &q([0.5, 0.6, 0.4], [1.3, 0.3, 0.2, 0.3]))
 }
 
 fn roll(motion: &Motion<Object, ()>) -> Rollout {
@@ -118,9 +118,9 @@ fn mesh_hand_holds_the_same_grasps_as_a_box_hand() {
     assert_eq!(roll(&too_open()).verdict, Verdict::NotGrasped);
     // What geometry alone refuses it refuses of meshes, too.
     let fingers = q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]);
-    let low = side_grasp([BESIDE[0], BESIDE[1], -0.03], fingers.clone());
+    let low = side_grasp([BESIDE[0], BESIDE[1], -0.03], &fingers);
     assert_eq!(roll(&low).verdict, Verdict::Table);
-    let inside = side_grasp([BESIDE[0], -0.01, BESIDE[2]], fingers);
+    let inside = side_grasp([BESIDE[0], -0.01, BESIDE[2]], &fingers);
     assert_eq!(roll(&inside).verdict, Verdict::EarlyContact);
 }
 
@@ -164,18 +164,18 @@ fn geometry_alone_refuses_limits_table_and_early_contact() {
     };
     let fingers = [0.8, 0.9, 0.7];
     let beyond = q([2.5, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]);
-    check(&side_grasp(BESIDE, beyond), Verdict::Limit);
+    check(&side_grasp(BESIDE, &beyond), Verdict::Limit);
     let fine = q(fingers, [1.3, 0.5, 0.5, 0.7]);
     let low = [BESIDE[0], BESIDE[1], -0.03];
-    check(&side_grasp(low, fine.clone()), Verdict::Table);
+    check(&side_grasp(low, &fine), Verdict::Table);
     let inside = [BESIDE[0], -0.01, BESIDE[2]];
-    check(&side_grasp(inside, fine), Verdict::EarlyContact);
+    check(&side_grasp(inside, &fine), Verdict::EarlyContact);
 }
 
 #[test]
 fn a_hand_that_pushes_the_can_knocks_it_over() {
     // Fingers stretched: the palm runs 8 cm too far, and only the last quarter is not refused.
-    let motion = side_grasp(BESIDE, q([0.0; 3], [1.3, 0.0, 0.0, 0.0]));
+    let motion = side_grasp(BESIDE, &q([0.0; 3], [1.3, 0.0, 0.0, 0.0]));
     let mut protocol = protocol();
     protocol.approach = Approach::Follow;
     let last = motion.steps().len() - 1;

@@ -29,7 +29,7 @@ fn roll(name: &str, closed: f64, scene: &SceneConfig, trial: Trial, pull: PullCo
     (protocol.trial, protocol.pull) = (trial, pull);
     template
         .rollout(
-            &side_grasp([-0.02, -0.054, 0.02], q),
+            &side_grasp([-0.02, -0.054, 0.02], &q),
             &protocol,
             Record::Nothing,
         )

@@ -129,14 +129,14 @@ pub(crate) fn q(flexion: [f64; 3], thumb: [f64; 4]) -> Vec<f64> {
 
 /// The palm stands beside the can at `x`, `y` from its axis, fingers along the table's x,
 /// thumb up, and comes along y from 15 cm away.
-pub(crate) fn side_grasp(at: [f64; 3], q: Vec<f64>) -> Motion<Object, ()> {
+pub(crate) fn side_grasp(at: [f64; 3], q: &[f64]) -> Motion<Object, ()> {
     let turn = UnitQuaternion::from_quaternion(Quaternion::new(0.5, 0.5, 0.5, 0.5));
     let palm = |y: f64| Isometry3::from_parts(Translation3::new(at[0], at[1] + y, at[2]), turn);
     let steps = 8;
     let step = |step: i32| Step {
         time_s: 0.1 * f64::from(step),
         frame_from_palm: Pose::new(palm(-0.15 * (1.0 - f64::from(step) / f64::from(steps)))),
-        q_rad: q.clone(),
+        q_rad: q.to_vec(),
         rates: (),
     };
     Motion::new(&hand().joint_names(), (0..=steps).map(step).collect()).unwrap()

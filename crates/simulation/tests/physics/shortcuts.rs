@@ -18,7 +18,7 @@ fn motions() -> Vec<Motion<Object, ()>> {
             for closed in [0.5, 0.8, 1.1] {
                 for z in [0.0, 0.02] {
                     let q = q([closed; 3], [1.3, closed / 2.0, closed / 2.0, closed]);
-                    motions.push(side_grasp([x, y, z], q));
+                    motions.push(side_grasp([x, y, z], &q));
                 }
             }
         }
@@ -80,7 +80,7 @@ fn recorded_rollout_runs_to_its_end() {
     let template = Template::new(&scene, &hand(), &can, &rest).unwrap();
     let motion = side_grasp(
         [-0.015, -0.055, 0.02],
-        q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]),
+        &q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]),
     );
     let roll = |record| template.rollout(&motion, &protocol(), record).unwrap();
     let (short, whole) = (roll(Record::Nothing), roll(Record::Trace));
