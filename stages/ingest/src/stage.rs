@@ -33,7 +33,7 @@ impl Stage for Ingest {
     type Error = IngestError;
 
     const KIND: &'static str = "ingest";
-    const ABOUT: &'static str = "reads recordings of people grasping objects";
+    const ABOUT: &'static str = "Reads recordings of people grasping objects";
     const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[];
     const OUTPUTS: Outputs<Self> = &[&Shapes, &Demonstrations, &Objects];
