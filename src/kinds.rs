@@ -3,24 +3,24 @@
 use dataflow::Kind;
 use report_dispatch::DispatchReport;
 use report_ingest::IngestReport;
-use report_interpolate::InterpolateReport;
-use report_replay::ReplayReport;
 use report_retarget::RetargetReport;
 use report_sample::SampleReport;
 use report_screen::ScreenReport;
 use report_train::TrainReport;
+use stage_interpolate::Interpolate;
+use stage_replay::Replay;
 
 use crate::sample::Sample;
 
-/// Returns the kinds in the order of the flow, each named by its report.
+/// Returns the kinds in the order of the flow, each named by its report if it has one.
 pub fn kinds() -> Vec<Kind> {
     vec![
         Kind::generated::<IngestReport, Sample>(),
         Kind::reported::<RetargetReport>(),
-        Kind::reported::<ReplayReport>(),
+        Kind::of::<Replay>(),
         Kind::reported::<TrainReport>(),
         Kind::reported::<SampleReport>(),
-        Kind::reported::<InterpolateReport>(),
+        Kind::of::<Interpolate>(),
         Kind::reported::<ScreenReport>(),
         Kind::reported::<DispatchReport>(),
     ]

@@ -77,7 +77,7 @@ fn told(values: &BTreeMap<String, String>, beside: Option<&BTreeMap<String, Stri
 }
 
 #[test]
-fn shipped_files_come_to_the_values_that_are_written_down() {
+fn shipped_files_have_the_golden_effective_values() {
     let whole = effective("cgf");
     let mut faults = Vec::new();
     for file in FILES {

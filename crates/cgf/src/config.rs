@@ -30,9 +30,9 @@ const MOST_EPOCHS: usize = 1_000_000;
 /// Most motions in one step.
 const MOST_BATCH: usize = 1_000_000;
 /// Greatest weight, rate or length.
-const MOST_NUMBER: f64 = 1e12;
+const MAX_VALUE: f64 = 1e12;
 /// Smallest norm to which gradients are clipped.
-const LEAST_NORM: f64 = 1e-12;
+const MIN_NORM: f64 = 1e-12;
 
 /// Widths and shapes of the network (section III-B of the paper; `README.md` names the tensors).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -524,13 +524,13 @@ impl TrainingConfig {
         check("random_times", self.random_times, 0..=MOST_TIMES, why)?;
         let not_negative = |key, value: f64| {
             let why = "squares of it are still exact enough to add up";
-            check(key, value, 0.0..=MOST_NUMBER, why)
+            check(key, value, 0.0..=MAX_VALUE, why)
         };
         not_negative("learning_rate", self.learning_rate)?;
         not_negative("grasp_weight", self.grasp_weight)?;
         if let Some(norm) = self.max_gradient_norm {
             let why = "shorter gradients move nothing, longer ones are never shortened";
-            check("max_gradient_norm", norm, LEAST_NORM..=MOST_NUMBER, why)?;
+            check("max_gradient_norm", norm, MIN_NORM..=MAX_VALUE, why)?;
         }
         not_negative("fixed_statistics_after", self.fixed_statistics_after)?;
         not_negative("tip_radius_m", self.tip_radius_m)?;

@@ -1,8 +1,5 @@
 //! The coordinate frames of the project, as types without values.
 
-/// A coordinate frame: only ever a type parameter.
-pub trait Frame: 'static {}
-
 /// The dataset's world: the master camera's frame (x right, y down, z forward).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum World {}
@@ -19,9 +16,3 @@ pub enum Object {}
 /// The robot hand's palm frame: the root link of its URDF.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Palm {}
-
-impl Frame for World {}
-impl Frame for Camera {}
-impl Frame for Table {}
-impl Frame for Object {}
-impl Frame for Palm {}

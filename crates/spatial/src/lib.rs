@@ -21,7 +21,7 @@ mod rest;
 mod rotation;
 mod segment;
 
-pub use frame::{Camera, Frame, Object, Palm, Table, World};
+pub use frame::{Camera, Object, Palm, Table, World};
 pub use passage::{MovingPose, Passage, Peaks, Twist, quintic};
 pub use pose::{NotAPose, Pose};
 pub use rest::Rest;

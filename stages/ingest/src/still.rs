@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn one_outlier_is_no_departure() {
+    fn one_outlier_is_not_motion() {
         let mut poses = lifted(30, 0.012, 0.001, 3);
         poses[5].translation.z -= 0.027;
         poses[17].translation.x += 0.05;

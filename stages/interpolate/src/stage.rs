@@ -1,8 +1,8 @@
 //! The stage: one unit per object.
 
 use dataflow::{
-    Code, Context, Inputs, Labels, Options, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
-    labels,
+    Code, Context, Inputs, Labels, Options, Outcome, Output, Outputs, OwnLine, Scope, Stage, Sum,
+    Unit, labels,
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{Table, candidates::Candidates};
@@ -39,6 +39,10 @@ impl Output for Interpolate {
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
     const PARTITION: &'static str = "object";
+    const LINE: OwnLine<InterpolateMetrics> = Some(|summary| {
+        let candidates = summary.metrics.candidates;
+        format!("{} objects → {candidates} straight lines", summary.n_made)
+    });
     /// `objects` only chooses units.
     const OPTIONS: Options = Options::Except(&["objects"]);
 

@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 
 use dataflow::{
-    Code, Context, Inputs, Labels, Outcome, Output, Outputs, Scope, Stage, Sum, Unit, labels,
+    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Sum, Unit,
+    labels,
 };
 use lake::{ReadInputs, WriteArtifact};
 use motion::{HandRates, Step};
@@ -52,6 +53,10 @@ impl Output for Replay {
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
     const PARTITION: &'static str = "object";
+    const LINE: OwnLine<ReplayMetrics> = Some(|summary| {
+        let candidates = summary.metrics.candidates;
+        format!("{} objects → {candidates} candidates", summary.n_made)
+    });
 
     fn units(config: &ReplayConfig, scope: &Scope) -> Result<Vec<Unit>, ReplayError> {
         let trajectories = scope.partitions(Trajectory::NAME);

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Largest weight, length or time that makes sense: its squares still add up accurately.
-const MOST: f64 = 1e6;
+const MAX_VALUE: f64 = 1e6;
 /// Coarsest grid spacing of a distance field, in meters: coarser grids miss objects of a hand's size.
 const COARSEST_M: f64 = 0.1;
 /// Finest grid spacing of a distance field, in meters: finer, a mug has more than 2²⁶ grid points.
@@ -135,10 +135,16 @@ impl RetargetConfig {
             ("max_keypoint_error_m", self.max_keypoint_error_m),
         ] {
             let why = "squares of it are still exact enough to add up";
-            faults.within(key, number, 0.0..=MOST, why);
+            faults.within(key, number, 0.0..=MAX_VALUE, why);
         }
         let why = "coordinates differ by this much before they count less";
-        faults.above("smooth_l1_beta_m", self.smooth_l1_beta_m, 0.0, MOST, why);
+        faults.above(
+            "smooth_l1_beta_m",
+            self.smooth_l1_beta_m,
+            0.0,
+            MAX_VALUE,
+            why,
+        );
         let why = "coarser distances know nothing of a thing that a hand holds, and finer ones are \
                    more of them than can be held";
         let spacing_m = self.field_spacing_m;

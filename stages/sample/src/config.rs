@@ -100,7 +100,7 @@ pub enum Rests {
 
 impl SampleConfig {
     /// Says whether motions are redrawn if their hand penetrates object or table.
-    pub(crate) fn chooses(&self) -> bool {
+    pub(crate) fn redraws(&self) -> bool {
         self.draws > 1 && self.path.is_empty()
     }
 

@@ -48,7 +48,7 @@ pub(crate) fn sample(
     let mut best: Vec<Option<(f64, Candidate)>> = vec![None; config.per_object];
     let mut left: Vec<usize> = (0..config.per_object).collect();
     let mut draws_n = 0;
-    let rounds = if config.chooses() { config.draws } else { 1 };
+    let rounds = if config.redraws() { config.draws } else { 1 };
     for _ in 0..rounds {
         let draws: Vec<(usize, Draw)> = left
             .iter()

@@ -64,7 +64,7 @@ impl Output for Sample {
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
     const PARTITION: &'static str = "object";
-    /// `objects` only chooses units.
+    /// `objects` only redraws units.
     const OPTIONS: Options = Options::Except(&["objects"]);
 
     fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {

@@ -705,7 +705,7 @@ fn motions_are_measured_against_object_table_and_demonstrations() {
 }
 
 #[test]
-fn charts_show_what_was_drawn_beside_the_demonstrations() {
+fn charts_show_samples_beside_demonstrations() {
     let folder = tempfile::tempdir().unwrap();
     let with = inputs(folder.path());
     let check = |inputs: &Inputs, per_object: usize, expected: &[(&str, bool)]| {

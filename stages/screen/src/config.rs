@@ -10,7 +10,7 @@ use simulation::{Protocol, SceneConfig, SettingFault};
 /// Most rollouts of an object that are recorded: a recording has about 1 MB.
 const MOST_RECORDED: usize = 10_000;
 /// Largest pose noise, as a share of an object's extent.
-const MOST_MISTAKEN: f64 = 1000.0;
+const MAX_POSE_NOISE: f64 = 1000.0;
 
 /// Options of `kind = "screen"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -41,7 +41,7 @@ impl ScreenConfig {
         let why = "a recording has about 1 MB";
         faults.within("recorded_per_object", recorded, 0..=MOST_RECORDED, why);
         let why = "it is a share of the object's extent";
-        faults.within("pose_noise", self.pose_noise, 0.0..=MOST_MISTAKEN, why);
+        faults.within("pose_noise", self.pose_noise, 0.0..=MAX_POSE_NOISE, why);
         faults.of_table("scene", option_faults(self.scene.faults()));
         faults.of_table("protocol", option_faults(self.protocol.faults(&self.scene)));
         faults.found()

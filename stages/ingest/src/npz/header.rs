@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn reads_what_numpy_writes() {
+    fn reads_numpy_files() {
         let check = |text: &str, descr: &str, fortran_order: bool, shape: &[u64]| {
             let found = parse(text).unwrap();
             assert_eq!(found.descr, descr, "{text}");

@@ -123,7 +123,7 @@ fn both_routes_are_compared_and_the_chosen_one_is_taken() {
 }
 
 #[test]
-fn made_up_recordings_are_marked_and_not_posed() {
+fn synthetic_recordings_are_marked_and_not_posed() {
     let (root, models) = (dataset(&Rig::default()), models());
     fs::write(Rig::sequence(root.path()).join("NOT_MANO.txt"), "made up").unwrap();
     assert_known_answer(&bench(root.path(), models.path(), |_| {}).only());

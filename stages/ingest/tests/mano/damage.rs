@@ -52,7 +52,7 @@ impl Changed {
 }
 
 #[test]
-fn names_what_is_missing_or_has_another_form() {
+fn reports_missing_or_misshapen_fields() {
     for key in [
         "kintree_table",
         "v_template",

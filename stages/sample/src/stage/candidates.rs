@@ -36,7 +36,7 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
         .iter()
         .map(|model| &model.key);
     let fields = scope.partitions(FieldInfo::NAME);
-    let reads_hand = config.chooses() || config.recorded_per_object > 0;
+    let reads_hand = config.redraws() || config.recorded_per_object > 0;
     let meshes = if reads_hand {
         hand_meshes(config)?
     } else {
@@ -50,7 +50,7 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
             let unit = Unit::new(object.as_str())
                 .reading(checkpoint::NAME, checkpoint.clone().map(String::as_str))
                 .reading(Object::NAME, [object.as_str()]);
-            let unit = if config.chooses() {
+            let unit = if config.redraws() {
                 // An object without a field is planned without, and not chosen for.
                 let field = fields.iter().find(|field| field.key == **object);
                 unit.reading(FieldInfo::NAME, field.map(|field| field.key.as_str()))
@@ -59,7 +59,7 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
             };
             let form = if config.recorded_per_object > 0 {
                 SHOWN_ROBOT
-            } else if config.chooses() {
+            } else if config.redraws() {
                 ROBOT
             } else {
                 return unit;
@@ -94,7 +94,7 @@ pub(super) fn make(
         .map(|hand| Room::new(&hand.model))
         .transpose()?;
     let hand_and_field = room.as_ref().zip(order.as_ref()).zip(field.as_ref());
-    let gauge = hand_and_field.filter(|_| config.chooses());
+    let gauge = hand_and_field.filter(|_| config.redraws());
     let gauge = gauge.map(|((room, order), field)| Gauge { room, field, order });
     let sample = sample(config, &cgf, &object, gauge, cx.seed())?;
     let drawn = Candidates {

@@ -219,7 +219,7 @@ fn reports_are_the_same_bytes_whatever_the_seed() {
 }
 
 #[test]
-fn reports_read_only_what_they_need_of_the_checkpoint() {
+fn reports_read_only_the_files_they_need() {
     let config = config();
     assert_eq!(TrainingReport::units(&config, &scope()).unwrap(), []);
     let model = vec![Partition::new("cgf", BTreeMap::new())];
