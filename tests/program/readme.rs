@@ -1,4 +1,5 @@
-//! Every `$` line of a README prints the output below it.
+//! READMEs say what the program does: every `$` line prints the output below it, and the table of
+//! stages is that of the program.
 //!
 //! A line `…` stands for any lines. Times depend on the machine and may be any. Training rounds
 //! differently on other processors: whole numbers may differ by a tenth, other figures by half.
@@ -221,4 +222,45 @@ fn times_may_be_any_figures_within_half_counts_within_a_tenth_and_words_are_equa
     ] {
         assert_eq!(is_same(&some, printed), is_expected, "{printed:?}");
     }
+}
+
+/// The words in backticks.
+fn quoted(text: &str) -> Vec<String> {
+    let words = text.split('`').skip(1).step_by(2);
+    words.map(str::to_owned).collect()
+}
+
+#[test]
+fn the_table_of_stages_is_that_of_the_program() {
+    let listed = Command::new(env!("CARGO_BIN_EXE_pipeline"))
+        .arg("stages")
+        .output()
+        .unwrap();
+    let mut kinds: Vec<[Vec<String>; 3]> = Vec::new();
+    for line in stdout(&listed).lines() {
+        let names = |list: &str| {
+            list.split(", ")
+                .map(|name| name.trim().to_owned())
+                .collect()
+        };
+        match line.trim().split_once("  ") {
+            Some(("reads", list)) => kinds.last_mut().unwrap()[1] = names(list),
+            Some(("makes", list)) => kinds.last_mut().unwrap()[2] = names(list),
+            _ => {
+                let kind = line.split_whitespace().next().unwrap().to_owned();
+                kinds.push([vec![kind], Vec::new(), Vec::new()]);
+            }
+        }
+    }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("stages/README.md");
+    let readme = fs::read_to_string(path).unwrap();
+    let rows = readme.lines().filter(|line| line.starts_with("| `"));
+    let rows: Vec<[Vec<String>; 3]> = rows
+        .map(|row| {
+            let cells: Vec<&str> = row.split('|').collect();
+            let [kind, reads, makes, reports] = [1, 2, 3, 4].map(|at| quoted(cells[at]));
+            [kind, reads, [makes, reports].concat()]
+        })
+        .collect();
+    assert_eq!(rows, kinds);
 }
