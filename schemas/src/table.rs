@@ -34,7 +34,7 @@ pub trait Table: Sized {
 }
 
 /// Declares the table of a name and version whose partitions are rows, or one row, with the columns of
-/// [`columns!`].
+/// `columns!`.
 macro_rules! table {
     ($name:literal, $version:literal, rows: $row:ty) => {
         table! {@impl $name, $version, $row, Vec<$row>, |table| table, |reader| reader.rows()}

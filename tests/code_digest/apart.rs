@@ -77,7 +77,7 @@ fn an_edit_of_charts_reports_or_the_generator_is_in_no_result_of_this_workspace(
         copy(&root.join(name), &copied.path().join(name));
     }
     let mut before = codes(copied.path());
-    assert!(before.len() >= 16, "{:?}", before.keys());
+    assert!(before.len() >= 14, "{:?}", before.keys());
     let mut changed_by = |name: &str| -> Vec<String> {
         assert!(copied.path().join(name).is_file(), "{name}");
         append(copied.path(), name, "// Edited.\n");
