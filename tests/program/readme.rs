@@ -237,7 +237,8 @@ fn the_table_of_stages_is_that_of_the_program() {
         .output()
         .unwrap();
     let mut kinds: Vec<[Vec<String>; 3]> = Vec::new();
-    for line in stdout(&listed).lines() {
+    let text = stdout(&listed);
+    for line in text.lines().take_while(|line| !line.is_empty()) {
         let names = |list: &str| {
             list.split(", ")
                 .map(|name| name.trim().to_owned())
