@@ -21,7 +21,7 @@ use stage_train::{BySplit, Train, TrainConfig, hand, set};
 
 use crate::{
     TrainReportError,
-    report::{SPLITS, mean, of_function, of_split, put},
+    report::{SPLITS, mean, of_function, of_split, put, shown},
 };
 
 /// Parts of a motion over which errors are shown.
@@ -147,14 +147,14 @@ fn line(summary: &Summary<ReconstructionMetrics>) -> String {
     let all = &summary.metrics;
     let errors_mm = |split: usize| {
         let errors_m = [all.tip_error_mean_m[split], all.tip_error_grasp_m[split]];
-        errors_m.map(|error_m| 1e3 * error_m.unwrap_or_default())
+        errors_m.map(|error_m| shown(error_m.map(|m| 1e3 * m), 1))
     };
     let [mean, grasp] = errors_mm(0);
-    let mut text = format!("tip error {mean:.1} mm (grasp {grasp:.1})");
+    let mut text = format!("tip error {mean} mm (grasp {grasp})");
     for (split, what) in [(1, "held out"), (2, "unseen")] {
         if all.trajectories_n[split].is_some_and(|n| n > 0.0) {
             let [mean, grasp] = errors_mm(split);
-            text += &format!(", {what} {mean:.1} ({grasp:.1})");
+            text += &format!(", {what} {mean} ({grasp})");
         }
     }
     text

@@ -22,19 +22,23 @@ impl Report for TrainReport {
 
 fn line(summary: &Summary<TrainMetrics>) -> String {
     let all = &summary.metrics;
-    let of_split = |split: usize| {
-        let n = all.trajectories[split].unwrap_or_default();
-        (n, 1e3 * all.position_error_m[split].unwrap_or_default())
-    };
-    let (n, error_mm) = of_split(0);
-    let mut text = format!("{n} trajectories → error {error_mm:.1} mm");
+    let error_mm = |split: usize| shown(all.position_error_m[split].map(|m| 1e3 * m), 1);
+    let n = shown(all.trajectories[0], 0);
+    let mut text = format!("{n} trajectories → error {} mm", error_mm(0));
     for (split, what) in [(1, "held out"), (2, "unseen")] {
-        let (n, error_mm) = of_split(split);
-        if n > 0.0 {
-            text += &format!(", {n} {what} {error_mm:.1} mm");
+        if let Some(n) = all.trajectories[split].filter(|n| *n > 0.0) {
+            text += &format!(", {n} {what} {} mm", error_mm(split));
         }
     }
     text
+}
+
+/// Returns a figure with this many decimals; `unknown` if it is missing.
+pub(crate) fn shown(figure: Option<f64>, decimals: usize) -> String {
+    figure.map_or_else(
+        || "unknown".to_owned(),
+        |figure| format!("{figure:.decimals$}"),
+    )
 }
 
 /// Units that read what a checkpoint says of itself.

@@ -14,7 +14,7 @@ use stage_train::{BySplit, Train, TrainConfig};
 
 use crate::{
     TrainReportError,
-    report::{SPLITS, counted, description, of_description, put},
+    report::{SPLITS, counted, description, of_description, put, shown},
 };
 
 /// A term of the loss: its name, its number, its weight.
@@ -111,9 +111,8 @@ impl Output for TrainingReport {
 fn line(summary: &Summary<TrainingMetrics>) -> String {
     let all = &summary.metrics;
     let epochs = counted(all.epochs, "epoch");
-    let first = all.loss_first.unwrap_or_default();
-    let last = all.loss[0].unwrap_or_default();
-    let mut text = format!("{epochs}, loss {first:.4} → {last:.4}");
+    let (first, last) = (shown(all.loss_first, 4), shown(all.loss[0], 4));
+    let mut text = format!("{epochs}, loss {first} → {last}");
     for ((_, _, name), loss) in SPLITS.iter().zip(all.loss).skip(1) {
         if let Some(loss) = loss {
             text += &format!(", {name} {loss:.4}");
