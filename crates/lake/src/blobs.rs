@@ -112,16 +112,11 @@ impl Blobs {
 
     /// Restores a missing or damaged blob from its published file.
     pub(crate) fn put_back(&self, shown: &Path, file: &FileRef) -> Result<(), LakeError> {
-        let path = self.path(&file.digest);
-        let beside = atomic::temporary_name(&self.folder.staging());
-        let put = fs::hard_link(shown, &beside)
-            .or_else(|_no_links| fs::copy(shown, &beside).map(drop))
-            .map_err(io_error("copy", shown))
-            .and_then(|()| rename(&beside, &path));
-        if put.is_err() {
-            let _gone = fs::remove_file(&beside);
-        }
-        put
+        atomic::place(&self.folder.staging(), &self.path(&file.digest), |beside| {
+            fs::hard_link(shown, beside)
+                .or_else(|_no_links| fs::copy(shown, beside).map(drop))
+                .map_err(io_error("copy", shown))
+        })
     }
 
     /// Removes a damaged file, unless another process has rebuilt it meanwhile.
@@ -130,13 +125,7 @@ impl Blobs {
         if self.is_whole(file)? {
             return Ok(());
         }
-        let path = self.path(&file.digest);
-        match fs::remove_file(&path) {
-            Err(err) if err.kind() != io::ErrorKind::NotFound => {
-                Err(io_error("remove", &path)(err))
-            }
-            _ => Ok(()),
-        }
+        atomic::remove_if_there(&self.path(&file.digest))
     }
 
     /// Records the stamp of a verified blob.

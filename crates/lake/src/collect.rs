@@ -7,7 +7,7 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    fs, io,
+    fs,
     os::unix::fs::MetadataExt,
     path::Path,
     time::{Duration, SystemTime, UNIX_EPOCH},
@@ -17,13 +17,12 @@ use dataflow::{Digest, RunStatus};
 use serde::Serialize;
 
 use crate::{
-    LakeError,
-    atomic::{self, io_error},
+    LakeError, atomic,
     clock::now,
     folder::{digest_named, files_below, names_in, unit_of},
     lake::Lake,
     records::Stored,
-    sealed, twice,
+    replicas, sealed,
 };
 
 /// Expiry of the resume state of an interrupted unit.
@@ -203,7 +202,7 @@ impl Lake {
         collecting: Collecting,
     ) -> Result<(), LakeError> {
         let folder = self.folder.recipes();
-        for name in twice::names(&self.folder, &folder)? {
+        for name in replicas::names(&self.folder, &folder)? {
             let path = folder.join(name);
             let is_kept = digest_named(&path).is_some_and(|digest| kept.contains(&digest));
             if !is_kept && !is_newer(&path, since) {
@@ -269,16 +268,10 @@ impl Lake {
                 let Some(_lock) = self.locks.try_take(&name, "nothing")? else {
                     continue;
                 };
-                let removed = if path.is_dir() {
-                    fs::remove_dir_all(&path)
+                if path.is_dir() {
+                    atomic::remove_folder_if_there(&path)?;
                 } else {
-                    fs::remove_file(&path)
-                };
-                match removed {
-                    Err(err) if err.kind() != io::ErrorKind::NotFound => {
-                        return Err(io_error("remove", &path)(err));
-                    }
-                    _ => {}
+                    atomic::remove_if_there(&path)?;
                 }
             }
             n_leftovers += 1;
@@ -308,7 +301,7 @@ impl Lake {
                 let Some(_lock) = self.locks.try_take(&name, "nothing")? else {
                     continue;
                 };
-                fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))?;
+                atomic::remove_folder_if_there(&folder)?;
             }
             collected.n_leftovers += 1;
         }

@@ -117,7 +117,7 @@ impl Folder {
     }
 
     /// The most recently repeated run.
-    pub(crate) fn again(&self) -> PathBuf {
+    pub(crate) fn repeated_run(&self) -> PathBuf {
         self.join("again.json")
     }
 
@@ -130,8 +130,8 @@ impl Folder {
         self.join("sources.json")
     }
 
-    /// Stamps of published files when they were last verified.
-    pub(crate) fn seen(&self) -> PathBuf {
+    /// Stamps of the watched files at the last full check.
+    pub(crate) fn snapshot(&self) -> PathBuf {
         self.join("seen.cache")
     }
 
@@ -141,7 +141,7 @@ impl Folder {
     }
 
     /// Marks of pipelines whose tables and files are being changed.
-    pub(crate) fn changing(&self) -> PathBuf {
+    pub(crate) fn dirty(&self) -> PathBuf {
         self.join("changing")
     }
 

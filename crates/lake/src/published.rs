@@ -51,7 +51,7 @@ pub(crate) fn publish(
         return Ok(None);
     }
     lake.prepare()?;
-    lake.changing.mark(pipeline)?;
+    lake.dirty.mark(pipeline)?;
     let _turn = lake.locks.lock_publication(pipeline)?;
     let mut shown = Shown::new();
     for (path, file) in &wanted {
@@ -158,7 +158,7 @@ pub(crate) fn retire(
         return Ok(());
     }
     lake.prepare()?;
-    lake.changing.mark(pipeline)?;
+    lake.dirty.mark(pipeline)?;
     let _turn = lake.locks.lock_publication(pipeline)?;
     for folder in old {
         hide_others(lake, &folder, Some(before), &Shown::new())?;
@@ -179,7 +179,7 @@ pub(crate) fn show(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), Lake
     }
     lake.blobs.touch(digest);
     let mut tries = LINK_TRIES;
-    by_way_of(lake, path, |beside| {
+    atomic::place(&lake.folder.staging(), path, |beside| {
         loop {
             tries -= 1;
             match fs::hard_link(&blob, beside) {
@@ -196,7 +196,7 @@ pub(crate) fn show(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), Lake
 
 /// Copies a file to `path`, so that damage to one does not affect the other.
 pub(crate) fn show_copy(lake: &Lake, from: &Path, path: &Path) -> Result<(), LakeError> {
-    by_way_of(lake, path, |beside| copy(from, beside))
+    atomic::place(&lake.folder.staging(), path, |beside| copy(from, beside))
 }
 
 /// Copies a file, synced, under a temporary name.
@@ -204,21 +204,6 @@ fn copy(from: &Path, to: &Path) -> Result<(), LakeError> {
     fs::copy(from, to)
         .and_then(|_| File::open(to)?.sync_all())
         .map_err(io_error("copy", from))
-}
-
-/// Renames to `path` the file that `make` creates under a temporary name, which is removed on
-/// failure.
-fn by_way_of(
-    lake: &Lake,
-    path: &Path,
-    make: impl FnOnce(&Path) -> Result<(), LakeError>,
-) -> Result<(), LakeError> {
-    let beside = atomic::temporary_name(&lake.folder.staging());
-    let put = make(&beside).and_then(|()| atomic::rename(&beside, path));
-    if put.is_err() {
-        let _gone = fs::remove_file(&beside);
-    }
-    put
 }
 
 /// Whether the file system does not support hard links.

@@ -14,10 +14,9 @@ use crate::{
     LakeError,
     clock::now,
     folder::{Folder, digest_named, files_below},
-    sealed,
+    replicas, sealed,
     stamp::Stamp,
     stamps::Stamps,
-    twice,
 };
 
 /// When, where and by what a unit was made: never part of an artifact.
@@ -71,9 +70,7 @@ pub(crate) fn parse_recipe(path: &Path, bytes: &[u8]) -> Result<Recipe, LakeErro
     if digest_named(path) == Some(recipe.digest()) {
         Ok(recipe)
     } else {
-        Err(LakeError::Damaged {
-            path: path.to_owned(),
-        })
+        Err(LakeError::damaged(path))
     }
 }
 
@@ -137,7 +134,7 @@ impl Records {
         let path = self.recipe_path(&recipe);
         if self.recipe(&recipe)?.is_none() {
             let bytes = sealed::seal(&path, fingerprint.recipe.as_ref())?;
-            twice::write(&self.folder, &path, &bytes)?;
+            replicas::write(&self.folder, &path, &bytes)?;
         }
         let stored = Stored {
             fingerprint: fingerprint.digest(),
@@ -165,7 +162,7 @@ impl Records {
 
     /// Reads a recipe; if it and its copy are damaged, it counts as missing.
     fn recipe(&self, digest: &Digest) -> Result<Option<Recipe>, LakeError> {
-        match twice::read(&self.folder, &self.recipe_path(digest), parse_recipe) {
+        match replicas::read(&self.folder, &self.recipe_path(digest), parse_recipe) {
             Err(LakeError::Damaged { .. } | LakeError::Json { .. }) => Ok(None),
             read => read,
         }

@@ -43,7 +43,7 @@ impl Verifier<'_> {
     fn state_of_runs(&self) -> Result<(Vec<String>, Vec<Option<Stamp>>), LakeError> {
         let runs = files_below(&self.lake.folder.runs())?;
         let stamps = runs.iter().map(|path| Stamp::read(path).ok());
-        Ok((self.lake.changing.marks()?, stamps.collect()))
+        Ok((self.lake.dirty.marks()?, stamps.collect()))
     }
 
     fn shown_now(&mut self) -> Result<(), LakeError> {
@@ -54,7 +54,7 @@ impl Verifier<'_> {
                 .filter(|fault| fault.path.starts_with("blobs"))
                 .filter_map(|fault| digest_named(&fault.path))
                 .collect(),
-            changing: self.lake.changing.pipelines()?,
+            changing: self.lake.dirty.pipelines()?,
         };
         let mut promised = BTreeMap::new();
         let pipelines = match self.lake.recorded_pipelines() {
@@ -226,7 +226,7 @@ impl Verifier<'_> {
         let is_right = || -> Result<bool, LakeError> {
             Ok(there.as_deref() == Some(views::text(self.lake)?.as_bytes()))
         };
-        if is_due && self.lake.changing.marks()?.is_empty() && !is_right()? {
+        if is_due && self.lake.dirty.marks()?.is_empty() && !is_right()? {
             self.fault(&path, "they are not the views of the tables that there are");
         }
         Ok(())

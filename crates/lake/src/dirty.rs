@@ -18,7 +18,7 @@ use crate::{
 };
 
 /// The publications of this process, by pipeline, and the marks of all processes.
-pub(crate) struct Changing {
+pub(crate) struct DirtyMarks {
     folder: Folder,
     known: Mutex<BTreeMap<String, Progress>>,
 }
@@ -33,7 +33,7 @@ struct Progress {
     whole: bool,
 }
 
-impl Changing {
+impl DirtyMarks {
     pub(crate) fn new(folder: Folder) -> Self {
         Self {
             folder,
@@ -74,7 +74,7 @@ impl Changing {
 
     /// Marks a pipeline before its published files change.
     pub(crate) fn mark(&self, pipeline: &str) -> Result<(), LakeError> {
-        let path = self.folder.changing().join(mine(pipeline));
+        let path = self.folder.dirty().join(mine(pipeline));
         if path.exists() {
             return Ok(());
         }
@@ -84,7 +84,7 @@ impl Changing {
     /// Removes this process's mark once the publication is recorded, and those of dead processes
     /// once their unfinished publications are replaced.
     pub(crate) fn unmark(&self, pipeline: &str, locks: &Locks) -> Result<(), LakeError> {
-        let folder = self.folder.changing();
+        let folder = self.folder.dirty();
         let known = self.known();
         let Some(progress) = known.get(pipeline).filter(|progress| !progress.failed) else {
             return Ok(());
@@ -111,7 +111,7 @@ impl Changing {
 
     /// The names of all marks.
     pub(crate) fn marks(&self) -> Result<Vec<String>, LakeError> {
-        names_in(&self.folder.changing())
+        names_in(&self.folder.dirty())
     }
 }
 

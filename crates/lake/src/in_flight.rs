@@ -14,14 +14,14 @@ const PATIENCE: Duration = Duration::from_secs(2);
 
 /// The units in flight.
 #[derive(Default)]
-pub(crate) struct Flight {
+pub(crate) struct InFlight {
     folders: Mutex<BTreeSet<PathBuf>>,
     /// Read-locked while a file is written under its final name; write-locked to stop all further
     /// writes.
     gate: RwLock<()>,
 }
 
-impl Flight {
+impl InFlight {
     pub(crate) fn begin(&self, folder: &Path) {
         let mut folders = self.folders.lock().unwrap_or_else(PoisonError::into_inner);
         folders.insert(folder.to_owned());
@@ -33,14 +33,14 @@ impl Flight {
     }
 
     /// Permits a commit; blocks forever once the flight is dropped.
-    pub(crate) fn land(&self) -> RwLockReadGuard<'_, ()> {
+    pub(crate) fn permit_commit(&self) -> RwLockReadGuard<'_, ()> {
         self.gate.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Waits for pending commits, blocks further ones while the guard lives, and removes the units
     /// in flight. Returns the number of units dropped. Does not wait for units that wait for
     /// another process: they have written nothing.
-    pub(crate) fn drop_all(&self) -> (Option<RwLockWriteGuard<'_, ()>>, usize) {
+    pub(crate) fn abort(&self) -> (Option<RwLockWriteGuard<'_, ()>>, usize) {
         let gate = self.close();
         let folders = self.folders.lock().unwrap_or_else(PoisonError::into_inner);
         for folder in folders.iter() {

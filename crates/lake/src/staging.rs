@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    fs, io,
+    fs,
     path::{Path, PathBuf},
     time::{Duration, SystemTime},
 };
@@ -11,7 +11,7 @@ use dataflow::{Advised, Digest, Making, Outcome, PendingResult, Record, RecordOu
 
 use crate::{
     LakeError,
-    atomic::io_error,
+    atomic::{self, io_error},
     clock::{host, nanoseconds, now},
     lake::Lake,
     lock::{Lock, Waiting},
@@ -39,11 +39,9 @@ impl<'a> UnitInProgress<'a> {
         let lock = lake.locks.unit(fingerprint, unit, waiting)?;
         let name = fingerprint.to_hex();
         let folder = lake.folder.staging().join(&name);
-        if folder.exists() {
-            fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))?;
-        }
+        atomic::remove_folder_if_there(&folder)?;
         fs::create_dir_all(&folder).map_err(io_error("create", &folder))?;
-        lake.flight.begin(&folder);
+        lake.in_flight.begin(&folder);
         Ok(Self {
             lake,
             folder,
@@ -57,7 +55,7 @@ impl<'a> UnitInProgress<'a> {
         // Bytes that this unit is about to need are not collected meanwhile.
         let _shared = self.lake.locks.block_collection()?;
         // From here on the unit is stored even at an interrupt.
-        let _landing = self.lake.flight.land();
+        let _permit = self.lake.in_flight.permit_commit();
         let outcome = match pending.outcome {
             Outcome::Made(made) => {
                 if let Some((metric, value)) = made.metrics.iter().find(|(_, v)| !v.is_finite()) {
@@ -99,17 +97,8 @@ impl<'a> UnitInProgress<'a> {
         };
         self.lake.records.keep(&record, provenance)?;
         // Leftovers are removed by the next garbage collection.
-        let _left = self.remove_resume_folder();
+        let _left = self.start_over();
         Ok(record)
-    }
-
-    fn remove_resume_folder(&self) -> Result<(), LakeError> {
-        match fs::remove_dir_all(&self.resume_folder) {
-            Err(err) if err.kind() != io::ErrorKind::NotFound => {
-                Err(io_error("remove", &self.resume_folder)(err))
-            }
-            _ => Ok(()),
-        }
     }
 }
 
@@ -135,7 +124,7 @@ impl Making for UnitInProgress<'_> {
     }
 
     fn start_over(&self) -> Result<(), Advised> {
-        Ok(self.remove_resume_folder()?)
+        Ok(atomic::remove_folder_if_there(&self.resume_folder)?)
     }
 
     fn commit(self: Box<Self>, result: PendingResult) -> Result<Record, Advised> {
@@ -147,6 +136,6 @@ impl Drop for UnitInProgress<'_> {
     fn drop(&mut self) {
         // Leftovers are removed by the next process that makes the unit.
         let _left = fs::remove_dir_all(&self.folder);
-        self.lake.flight.end(&self.folder);
+        self.lake.in_flight.end(&self.folder);
     }
 }

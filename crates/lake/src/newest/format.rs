@@ -7,7 +7,7 @@ use dataflow::{Digest, FileRef, NodeName, RecordOutcome};
 use super::{Newest, NewestOf, ShownFile, pipeline_of};
 use crate::{
     LakeError, atomic,
-    compact::{Reader, Writer},
+    codec::{Reader, Writer},
     folder::Folder,
     stamp::Stamp,
 };
@@ -252,7 +252,7 @@ mod tests {
         for (unit, outcome) in &units {
             assert_eq!(there.outcome(&unit.fingerprint), Some(outcome));
         }
-        assert_eq!(there.shown(&node), Some(&shown));
+        assert_eq!(there.shown.get(&node), Some(&shown));
         assert_eq!(there.stamps, [(digest, stamp)]);
         assert_eq!(there.records, [(units[0].0.fingerprint, stamp)]);
         assert!(!there.is_changed());
