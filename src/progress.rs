@@ -70,7 +70,8 @@ impl State {
             Event::RunStarted { n_outputs } => self.n_outputs = *n_outputs,
             Event::OutputStarted { output, n_units } => self.start_bar(output, *n_units),
             Event::UnitWaiting { unit, holder } => {
-                self.print(&format!("wait   {unit}: waiting for {holder}"));
+                let text = format!("wait   {unit}: waiting for {holder}");
+                self.print(&text, report::line);
             }
             Event::UnitProgress {
                 unit,
@@ -85,15 +86,17 @@ impl State {
                     bar.set_message(message.clone());
                 }
             }
-            Event::UnitDamaged { unit } => self.print(&format!(
-                "mend   {unit} is damaged in the lake and is made again"
-            )),
+            Event::UnitDamaged { unit } => {
+                let text = format!("mend   {unit} is damaged in the lake and is made again");
+                self.print(&text, report::line);
+            }
             Event::UnitDone { unit, skipped, .. } if self.is_counted(unit) => {
                 self.fractions.remove(unit);
                 self.n_units_done += 1;
                 self.move_bar();
                 if let Some(reason) = skipped {
-                    self.print_short(&format!("skip   {}: {reason}", unit.partition));
+                    let text = format!("skip   {}: {reason}", unit.partition);
+                    self.print(&text, report::short_line);
                 }
             }
             // A rebuilt artifact, or a failure that the command reports.
@@ -157,18 +160,11 @@ impl State {
         }
     }
 
-    fn print(&self, text: &str) {
+    /// Prints a line without disturbing the bar.
+    fn print(&self, text: &str, print: fn(&str)) {
         match &self.bar {
-            Some(bar) => bar.suspend(|| report::line(text)),
-            None => report::line(text),
-        }
-    }
-
-    /// Prints a line, cut on a narrow terminal.
-    fn print_short(&self, text: &str) {
-        match &self.bar {
-            Some(bar) => bar.suspend(|| report::short_line(text)),
-            None => report::short_line(text),
+            Some(bar) => bar.suspend(|| print(text)),
+            None => print(text),
         }
     }
 }

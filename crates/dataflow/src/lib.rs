@@ -78,7 +78,7 @@ pub use line::{Line, LineOf, Lines};
 pub use make::{UnitReport, make_one};
 pub use metrics::{Figure, Figures, Gather, Max, Mean, Metrics, MissingFigure, Sum, With};
 pub use name::{NodeName, UnitName};
-pub use near::{missing, nearest};
+pub use near::{did_you_mean, missing, nearest};
 pub use option_faults::{OptionFault, OptionFaults};
 pub use options::{FreshAll, RunOptions};
 pub use outcome::{Labels, Made, Outcome, labels};

@@ -130,7 +130,7 @@ fn member(run: &RunRecord, node: &NodeName, reads: Option<&Reads>) -> Member {
 
 impl Member {
     /// Returns its node of the tree.
-    pub(super) fn into_limb(self) -> TreeNode {
+    pub(super) fn node(&self) -> TreeNode {
         let mut counts = vec![format!("{} made", self.n_made)];
         for (n, word) in [(self.n_skipped, "skipped"), (self.n_filtered, "filtered")] {
             if n > 0 {
@@ -142,14 +142,13 @@ impl Member {
             1 => "1 file outside".to_owned(),
             n => format!("{n} files outside"),
         };
-        let below = self.below.into_iter();
         // Each by itself, so that none is cut.
-        let groups = below.map(|member| Group {
+        let groups = self.below.iter().map(|&member| Group {
             name: String::new(),
             members: vec![member],
         });
         TreeNode {
-            cells: vec![self.output, counts.join(", "), files],
+            cells: vec![self.output.clone(), counts.join(", "), files],
             groups: groups.collect(),
             leaves: Vec::new(),
         }

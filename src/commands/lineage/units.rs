@@ -131,8 +131,7 @@ fn member(
 
 impl Member {
     /// Returns its node of the tree.
-    pub(super) fn into_limb(self) -> TreeNode {
-        let fingerprint = self.fingerprint.map(Digest::short);
+    pub(super) fn node(&self) -> TreeNode {
         let what = match &self.made {
             Some(made) => format!(
                 "{} {} UTC in {} by {} on `{}`",
@@ -144,19 +143,20 @@ impl Member {
             ),
             None => self.result.to_owned(),
         };
-        let files = match self.direction {
-            Direction::Up => self.files,
-            Direction::Down => BTreeMap::new(),
-        };
-        let leaf = |(name, digest): (String, Digest)| vec![format!("file {name}"), digest.short()];
+        let files = self.files.iter();
+        let leaf =
+            |(name, digest): (&String, &Digest)| vec![format!("file {name}"), digest.short()];
         TreeNode {
             cells: vec![
                 format!("{} {}", self.output, self.partition),
-                fingerprint.unwrap_or_default(),
+                self.fingerprint.map(Digest::short).unwrap_or_default(),
                 what,
             ],
-            groups: self.below,
-            leaves: files.into_iter().map(leaf).collect(),
+            groups: self.below.clone(),
+            leaves: match self.direction {
+                Direction::Up => files.map(leaf).collect(),
+                Direction::Down => Vec::new(),
+            },
         }
     }
 }
