@@ -8,9 +8,8 @@ use std::{
 };
 
 use dataflow::{
-    Advise, Code, Context, Generator, Inputs, Kind, Labels, Line, Lines, Options, Outcome, Output,
-    Outputs, OwnLine, Pipeline, Report, RunOptions, Scope, SourceFile, Stage, Unit, UnitState,
-    plan, run,
+    Advise, Code, Context, Generator, Inputs, Kind, Line, Lines, Options, Outcome, Output, Outputs,
+    OwnLine, Pipeline, Report, RunOptions, Scope, SourceFile, Stage, Unit, UnitState, plan, run,
 };
 use lake::Lake;
 use schemars::JsonSchema;
@@ -323,7 +322,7 @@ impl<const STAGE: u8> Output for Count<STAGE> {
             let text = format!("{STAGE} {}", fs::read_to_string(&file.path)?);
             put(cx.folder(), "count.txt", &text);
         }
-        Ok(Outcome::made(Labels::new(), ()))
+        Ok(Outcome::Made(()))
     }
 }
 
@@ -363,7 +362,7 @@ impl<const STAGE: u8> Output for Picture<STAGE> {
 
     fn make(_: &CountConfig, _: &Inputs, cx: &Context) -> Result<Outcome<()>, CountError> {
         put(cx.folder(), "picture.svg", "<svg/>");
-        Ok(Outcome::made(Labels::new(), ()))
+        Ok(Outcome::Made(()))
     }
 }
 

@@ -1,8 +1,8 @@
 //! Only an option's value counts, not whether it is set in the pipeline file or is the default.
 
 use dataflow::{
-    Cause, Code, Context, Inputs, Kind, Labels, Outcome, Output, Outputs, OwnLine, Pipeline,
-    RunOptions, Scope, Stage, Unit, UnitState, plan, run,
+    Cause, Code, Context, Inputs, Kind, Outcome, Output, Outputs, OwnLine, Pipeline, RunOptions,
+    Scope, Stage, Unit, UnitState, plan, run,
 };
 use lake::Lake;
 use schemars::JsonSchema;
@@ -57,7 +57,7 @@ impl<const DEFAULT: u8> Output for Number<DEFAULT> {
     ) -> Result<Outcome<()>, OwnError> {
         let path = cx.folder().join("number.txt");
         lake::write_whole(&path, config.number.to_string().as_bytes())?;
-        Ok(Outcome::made(Labels::new(), ()))
+        Ok(Outcome::Made(()))
     }
 }
 

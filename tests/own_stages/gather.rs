@@ -1,8 +1,6 @@
 //! `gather`: all partitions become one table.
 
-use dataflow::{
-    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit,
-};
+use dataflow::{Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -60,6 +58,6 @@ impl<const VERSION: u8> Output for Gather<VERSION> {
             }
         }
         bytes::write_table(cx.folder(), &tallies)?;
-        Ok(Outcome::made(Labels::new(), ()))
+        Ok(Outcome::Made(()))
     }
 }

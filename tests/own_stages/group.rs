@@ -2,9 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{
-    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit,
-};
+use dataflow::{Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -65,6 +63,6 @@ impl<const VERSION: u8> Output for Group<VERSION> {
             }
         }
         bytes::write_table(cx.folder(), &tallies)?;
-        Ok(Outcome::made(Labels::new(), ()))
+        Ok(Outcome::Made(()))
     }
 }

@@ -3,9 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{
-    Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, Scope, Stage, Sum, Unit, labels,
-};
+use dataflow::{Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, Scope, Stage, Sum, Unit};
 use lake::{LakeError, WriteArtifact};
 use schemars::JsonSchema;
 use schemas::{Table, executions, trials::AllTrials, trials::Trials};
@@ -53,7 +51,11 @@ impl Output for Logged {
         Some(|summary| format!("{} trials by hand", summary.metrics.trials_n));
 
     fn units(config: &LoggedConfig, _scope: &Scope) -> Result<Vec<Unit>, LakeError> {
-        Ok(config.objects.keys().map(Unit::new).collect())
+        Ok(config
+            .objects
+            .keys()
+            .map(|object| Unit::new(object).with_label("object", object))
+            .collect())
     }
 
     fn make(config: &LoggedConfig, _: &Inputs, cx: &Context) -> Result<Outcome<Count>, LakeError> {
@@ -73,7 +75,6 @@ impl Output for Logged {
         };
         cx.write(&vec![trials])?;
         let trials_n = (succeeded + failed) as f64;
-        let metrics = Count { trials_n };
-        Ok(Outcome::made(labels([("object", cx.partition())]), metrics))
+        Ok(Outcome::Made(Count { trials_n }))
     }
 }

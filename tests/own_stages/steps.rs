@@ -2,9 +2,7 @@
 
 use std::{fs, io, path::Path};
 
-use dataflow::{
-    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit,
-};
+use dataflow::{Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -88,6 +86,6 @@ impl<const VERSION: u8> Output for Steps<VERSION> {
         };
         bytes::write_table(cx.folder(), &[tally])?;
         hooks::fail("end")?;
-        Ok(Outcome::made(Labels::new(), ()))
+        Ok(Outcome::Made(()))
     }
 }

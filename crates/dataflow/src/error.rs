@@ -227,6 +227,14 @@ pub enum Failure {
         /// What it names.
         what: String,
     },
+    /// A unit and its outcome both say which labels its artifact has, or neither does.
+    #[error("stage `{stage}` does not say once which labels `{partition}` has")]
+    Labels {
+        /// The stage's name.
+        stage: String,
+        /// The partition's key.
+        partition: String,
+    },
     /// No stage of this name is in the file.
     #[error("no stage `{name}` in the pipeline")]
     NoStage {
@@ -399,7 +407,7 @@ impl Advise for Failure {
             Self::ChangedMeanwhile { .. } => {
                 Some("run the same command again when nobody writes to it any more".to_owned())
             }
-            Self::Twice { .. } => Some(
+            Self::Twice { .. } | Self::Labels { .. } => Some(
                 "this is a fault of the stage: please report it with the command and the file"
                     .to_owned(),
             ),

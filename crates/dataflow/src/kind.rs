@@ -11,7 +11,7 @@ use crate::{
     context::{Context, Inputs},
     metrics::MissingFigure,
     option_faults::OptionFault,
-    outcome::{Labels, Outcome},
+    outcome::Outcome,
     output::OutputInfo,
     record::RecordOutcome,
     report::{Generator, Recorded, Report, Unreported},
@@ -60,7 +60,6 @@ pub(crate) trait Configured: Send + Sync {
     fn prepare(&self) -> Result<(), Advised>;
     // Of the output at this position in `Kind::outputs`:
     fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, Advised>;
-    fn labels(&self, output_idx: usize, unit: &Unit, scope: &Scope) -> Option<Labels>;
     fn make(&self, output_idx: usize, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised>;
     fn tell(
         &self,
@@ -183,11 +182,6 @@ where
 
     fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, Advised> {
         self.outputs[output_idx].output.units(&self.options, scope)
-    }
-
-    fn labels(&self, output_idx: usize, unit: &Unit, scope: &Scope) -> Option<Labels> {
-        let output = self.outputs[output_idx].output;
-        output.labels(&self.options, unit, scope)
     }
 
     fn make(&self, output_idx: usize, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised> {

@@ -81,7 +81,7 @@ pub use name::{NodeName, UnitName};
 pub use near::{did_you_mean, missing, nearest};
 pub use option_faults::{OptionFault, OptionFaults};
 pub use options::{FreshAll, RunOptions};
-pub use outcome::{Labels, Made, Outcome, labels};
+pub use outcome::{Labels, Outcome};
 pub use output::{Execution, Options, OutputInfo};
 pub use overrides::{Override, OverrideError};
 pub use pipeline::{Pipeline, StageEntry};
@@ -96,8 +96,8 @@ pub use source::{Location, Source};
 pub use source_file::SourceFile;
 pub use stage::{ConfigOf, Output, OutputOf, Outputs, OwnLine, Stage};
 pub use store::{
-    Making, NewestUnit, NodeRecord, Origin, OutputRecord, PendingResult, RunRecord, RunStatus,
-    Showing, StageRecord, Store, UnitRef,
+    Making, NewestUnit, NodeRecord, Origin, OutputRecord, RunRecord, RunStatus, Showing,
+    StageRecord, Store, UnitRef,
 };
 pub use summary::{Summarize, Summary, SummaryLine};
 pub use sweep::{Sweep, Variant};

@@ -11,7 +11,7 @@ use crate::{
     context::{Context, Inputs},
     metrics::Metrics,
     option_faults::OptionFault,
-    outcome::{Labels, Outcome},
+    outcome::Outcome,
     output::{Execution, Options, OutputInfo},
     scope::Scope,
     summary::{Summarize, Summary, summarize_fn},
@@ -99,14 +99,6 @@ pub trait Output: Sync + 'static {
     /// Fails if there is nothing to work on.
     fn units(config: &ConfigOf<Self>, scope: &Scope) -> Result<Vec<Unit>, Self::Error>;
 
-    /// Predicts the labels of a unit if its outcome is made.
-    ///
-    /// A plan calls it for units that are not made yet, so that it need not assume that the labels
-    /// that later stages select by may change. `None` if the labels are only known afterwards.
-    fn labels(_config: &ConfigOf<Self>, _unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        None
-    }
-
     /// Makes one partition: writes its files into [`Context::folder`].
     ///
     /// # Errors
@@ -142,8 +134,6 @@ pub trait OutputOf<S: Stage>: Sync {
     ///
     /// Fails as [`Output::units`] does.
     fn units(&self, config: &S::Config, scope: &Scope) -> Result<Vec<Unit>, Advised>;
-    /// As [`Output::labels`].
-    fn labels(&self, config: &S::Config, unit: &Unit, scope: &Scope) -> Option<Labels>;
     /// As [`Output::make`].
     ///
     /// # Errors
@@ -174,10 +164,6 @@ impl<O: Output> OutputOf<O::Stage> for O {
 
     fn units(&self, config: &ConfigOf<O>, scope: &Scope) -> Result<Vec<Unit>, Advised> {
         Ok(O::units(config, scope)?)
-    }
-
-    fn labels(&self, config: &ConfigOf<O>, unit: &Unit, scope: &Scope) -> Option<Labels> {
-        O::labels(config, unit, scope)
     }
 
     fn make(

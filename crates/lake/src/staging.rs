@@ -1,13 +1,12 @@
 //! A unit in the making: its lock, its staging folder and its commit.
 
 use std::{
-    collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
     time::{Duration, SystemTime},
 };
 
-use dataflow::{Advised, Digest, Making, Outcome, PendingResult, Record, RecordOutcome};
+use dataflow::{Advised, Digest, Making, Record, RecordOutcome};
 
 use crate::{
     LakeError,
@@ -51,39 +50,25 @@ impl<'a> UnitInProgress<'a> {
         })
     }
 
-    fn keep(&self, pending: PendingResult) -> Result<Record, LakeError> {
+    fn keep(&self, mut record: Record) -> Result<Record, LakeError> {
         // Bytes that this unit is about to need are not collected meanwhile.
         let _shared = self.lake.locks.block_collection()?;
         // From here on the unit is stored even at an interrupt.
         let _permit = self.lake.in_flight.permit_commit();
-        let outcome = match pending.outcome {
-            Outcome::Made(made) => {
-                if let Some((metric, value)) = made.metrics.iter().find(|(_, v)| !v.is_finite()) {
-                    return Err(LakeError::Metric {
-                        metric: metric.clone(),
-                        value: *value,
-                    });
-                }
-                let mut files = BTreeMap::new();
-                for path in files_of(&self.folder)? {
-                    let name = path
-                        .file_name()
-                        .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-                    files.insert(name, self.lake.blobs.take(&path)?);
-                }
-                RecordOutcome::Made {
-                    files,
-                    labels: made.labels,
-                    metrics: made.metrics,
-                }
+        if let RecordOutcome::Made { files, metrics, .. } = &mut record.outcome {
+            if let Some((metric, value)) = metrics.iter().find(|(_, v)| !v.is_finite()) {
+                return Err(LakeError::Metric {
+                    metric: metric.clone(),
+                    value: *value,
+                });
             }
-            Outcome::Skipped { reason } => RecordOutcome::Skipped { reason },
-            Outcome::Filtered { reason } => RecordOutcome::Filtered { reason },
-        };
-        let record = Record {
-            fingerprint: pending.fingerprint,
-            outcome,
-        };
+            for path in files_of(&self.folder)? {
+                let name = path
+                    .file_name()
+                    .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+                files.insert(name, self.lake.blobs.take(&path)?);
+            }
+        }
         let provenance = Provenance {
             started_ns: nanoseconds(self.started),
             took_s: self
@@ -127,7 +112,7 @@ impl Making for UnitInProgress<'_> {
         Ok(atomic::remove_folder_if_there(&self.resume_folder)?)
     }
 
-    fn commit(self: Box<Self>, result: PendingResult) -> Result<Record, Advised> {
+    fn commit(self: Box<Self>, result: Record) -> Result<Record, Advised> {
         Ok(self.keep(result)?)
     }
 }

@@ -2,9 +2,7 @@
 
 use std::{collections::BTreeMap, fs, path::Path};
 
-use dataflow::{
-    Advise, Artifact, Context, Inputs, Made, Outcome, Output, SourceFile, Stage, Summary,
-};
+use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, SourceFile, Stage, Summary};
 use motion::{HandRates, Step};
 use nalgebra::{Isometry3, Vector3};
 use report_dispatch::DispatchReport;
@@ -165,7 +163,7 @@ fn inputs(folder: &Path, config: &DispatchConfig, verdict: Verdict) -> Inputs {
 }
 
 struct Ran {
-    made: Made<DispatchMetrics>,
+    made: DispatchMetrics,
     executions: Vec<Execution>,
     folder: tempfile::TempDir,
 }
@@ -188,8 +186,8 @@ fn run(change: impl Fn(&mut DispatchConfig), verdict: Verdict) -> Result<Ran, Di
     })
 }
 
-fn line(made: &Made<DispatchMetrics>) -> String {
-    DispatchReport::line(&Summary::made(std::slice::from_ref(&made.metrics)))
+fn line(made: &DispatchMetrics) -> String {
+    DispatchReport::line(&Summary::made(std::slice::from_ref(&made)))
 }
 
 #[test]

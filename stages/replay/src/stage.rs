@@ -2,10 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use dataflow::{
-    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Sum, Unit,
-    labels,
-};
+use dataflow::{Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, Scope, Stage, Sum, Unit};
 use lake::{ReadInputs, WriteArtifact};
 use motion::{HandRates, Step};
 use schemas::{
@@ -84,13 +81,11 @@ impl Output for Replay {
                     .iter()
                     .filter(|trajectory| trajectory.label(OBJECT) == Some(object))
                     .map(|trajectory| trajectory.key.as_str());
-                Unit::new(object).reading(Trajectory::NAME, of_object)
+                Unit::new(object)
+                    .with_label(OBJECT, object)
+                    .reading(Trajectory::NAME, of_object)
             })
             .collect())
-    }
-
-    fn labels(_config: &ReplayConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        Some(labels([(OBJECT, &unit.partition)]))
     }
 
     fn make(
@@ -116,7 +111,7 @@ impl Output for Replay {
         let metrics = ReplayMetrics {
             candidates: trajectories.len() as f64,
         };
-        Ok(Outcome::made(labels([(OBJECT, object)]), metrics))
+        Ok(Outcome::Made(metrics))
     }
 }
 
@@ -279,7 +274,12 @@ mod tests {
 
     #[test]
     fn one_unit_per_object_reads_its_trajectories() {
-        let labeled = |key: &str, object: &str| Partition::new(key, labels([(OBJECT, object)]));
+        let labeled = |key: &str, object: &str| {
+            Partition::new(
+                key,
+                BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]),
+            )
+        };
         let scope = Scope::new(BTreeMap::from([(
             "trajectories".to_owned(),
             vec![

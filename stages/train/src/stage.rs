@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, sync::Arc, time::Instant};
 
 use cgf::{GraspError, Losses, Split, Trained, Trainer, TrainingSet};
 use dataflow::{
-    Code, Context, Form, Inputs, Labels, Max, Mean, OptionFault, Outcome, Output, Outputs, Scope,
+    Code, Context, Form, Inputs, Max, Mean, OptionFault, Outcome, Output, Outputs, Scope,
     SourceFile, Stage, Sum, Unit,
 };
 use lake::ReadInputs;
@@ -146,7 +146,7 @@ impl Output for Train {
             let file = |name| cx.folder().join(name);
             cgf.save(&file(files.weights), &file(files.description))?;
         }
-        Ok(Outcome::made(Labels::new(), TrainMetrics::of(&trained)))
+        Ok(Outcome::Made(TrainMetrics::of(&trained)))
     }
 }
 

@@ -1,8 +1,7 @@
 //! How plausible and different the motions of one object are.
 
 use dataflow::{
-    Artifact, Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum,
-    Summary, Unit, labels,
+    Artifact, Context, Inputs, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
 };
 use diversity::{Diversity, Motion};
 use lake::{ReadInputs, WriteArtifact};
@@ -83,6 +82,7 @@ impl Output for SamplingReport {
                 .iter()
                 .filter(|trajectory| trajectory.label("object") == Some(object));
             let unit = Unit::new(object)
+                .with_label("object", object)
                 .reading(Candidates::NAME, [object])
                 .only_files(Candidates::NAME, [lake::table::FILE])
                 .reading(FieldInfo::NAME, field.map(|field| field.key.as_str()))
@@ -95,10 +95,6 @@ impl Output for SamplingReport {
             meshes.iter().cloned().fold(unit, Unit::with_file)
         });
         Ok(units.collect())
-    }
-
-    fn labels(_config: &SampleConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        Some(labels([("object", &unit.partition)]))
     }
 
     /// Measures the motions of one object.
@@ -142,8 +138,7 @@ impl Output for SamplingReport {
             shown: &charts::of_shown(&shown, &motions),
         }
         .put(cx)?;
-        let metrics = SamplingMetrics::of(&sampled, &diversity);
-        Ok(Outcome::made(labels([("object", &drawn.object)]), metrics))
+        Ok(Outcome::Made(SamplingMetrics::of(&sampled, &diversity)))
     }
 }
 

@@ -3,9 +3,7 @@
 use std::collections::BTreeMap;
 
 use charts::{Captions, ChartError, Estimate, Estimates, intervals};
-use dataflow::{
-    Context, Inputs, Labels, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
-};
+use dataflow::{Context, Inputs, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit};
 use diversity::{Diversity, Motion};
 use lake::{LakeError, WriteArtifact, table};
 use schemas::{
@@ -64,10 +62,6 @@ impl Output for SuccessReport {
         Ok(units(scope))
     }
 
-    fn labels(_config: &ScreenConfig, _unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        Some(Labels::new())
-    }
-
     /// Makes the table and its chart.
     fn make(
         _config: &ScreenConfig,
@@ -92,10 +86,7 @@ impl Output for SuccessReport {
             Err(ChartError::Nothing { .. }) => {}
             Err(err) => return Err(err.into()),
         }
-        Ok(Outcome::made(
-            Labels::new(),
-            SuccessMetrics::of(&rows, touched_n),
-        ))
+        Ok(Outcome::Made(SuccessMetrics::of(&rows, touched_n)))
     }
 }
 
@@ -439,6 +430,7 @@ mod tests {
         assert_eq!(units.len(), 1);
         assert_eq!(units[0].reads[Rollouts::NAME], ["box", "can"]);
         assert_eq!(units[0].reads[Candidates::NAME], ["box", "can"]);
+        assert_eq!(units[0].labels, Some(BTreeMap::new()));
         assert!(super::units(&Scope::default()).is_empty());
     }
 }

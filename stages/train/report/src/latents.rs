@@ -3,7 +3,7 @@
 use cgf::{Demonstration, Description, Split};
 use charts::{Captions, Scale, Series, lines, scatter};
 use dataflow::{
-    Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
+    Context, Inputs, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
 };
 use lake::WriteArtifact;
 use schemas::{
@@ -66,7 +66,7 @@ impl Output for LatentsReport {
             active_n: rows.iter().filter(|row| row.active).count() as f64,
             kl_nats: rows.iter().map(|row| row.kl_nats).sum(),
         };
-        Ok(Outcome::made(Labels::new(), metrics))
+        Ok(Outcome::Made(metrics))
     }
 }
 

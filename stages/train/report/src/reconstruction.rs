@@ -8,7 +8,7 @@ use std::{
 use cgf::{Cgf, CgfError, Demonstration, Description, Grasp, Split, Track};
 use charts::{Bars, Captions, Scale, Series, bars, lines};
 use dataflow::{
-    Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
+    Context, Inputs, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
 };
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::{Isometry3, Point3};
@@ -139,7 +139,7 @@ impl Output for ReconstructionReport {
         })?;
         draw(&all, &hand, cx)?;
         let metrics = ReconstructionMetrics::of(description, &all);
-        Ok(Outcome::made(Labels::new(), metrics))
+        Ok(Outcome::Made(metrics))
     }
 }
 

@@ -3,7 +3,7 @@
 use cgf::{Description, Epoch, Losses, Split, TrainingConfig};
 use charts::{Captions, Scale, Series, lines};
 use dataflow::{
-    Context, Inputs, Labels, Max, Mean, Options, Outcome, Output, OwnLine, Scope, Summary, Unit,
+    Context, Inputs, Max, Mean, Options, Outcome, Output, OwnLine, Scope, Summary, Unit,
 };
 use lake::WriteArtifact;
 use schemas::{
@@ -104,7 +104,7 @@ impl Output for TrainingReport {
         cx.write(&rows)?;
         draw(&description, cx)?;
         let metrics = TrainingMetrics::of(&description.training_curve);
-        Ok(Outcome::made(Labels::new(), metrics))
+        Ok(Outcome::Made(metrics))
     }
 }
 

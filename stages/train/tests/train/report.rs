@@ -3,9 +3,7 @@
 use std::{collections::BTreeMap, fs, path::Path};
 
 use cgf::{Description, Split};
-use dataflow::{
-    Artifact, Context, Inputs, Made, Outcome, Output, Partition, Report, Scope, Summary,
-};
+use dataflow::{Artifact, Context, Inputs, Outcome, Output, Partition, Report, Scope, Summary};
 use report_train::{
     LatentsReport, ReconstructionReport, TrainReport, TrainReportError, TrainingReport,
 };
@@ -63,16 +61,17 @@ impl Trained {
         &self,
         seed: u64,
         folder: &Path,
-    ) -> Result<Made<O::Metrics>, Box<TrainReportError>> {
+    ) -> Result<O::Metrics, Box<TrainReportError>> {
         let cx = Context::detached("cgf", seed, folder);
         match O::make(&self.config, &self.inputs, &cx).map_err(Box::new)? {
             Outcome::Made(made) => Ok(made),
+            Outcome::Labeled(..) => panic!("labeled by data"),
             Outcome::Skipped { reason } | Outcome::Filtered { reason } => panic!("{reason}"),
         }
     }
 
     /// Makes a report; returns its table, its charts and its metrics.
-    fn table_of<O, T>(&self) -> (T, Vec<String>, Made<O::Metrics>)
+    fn table_of<O, T>(&self) -> (T, Vec<String>, O::Metrics)
     where
         O: Output<Stage = Train, Error = TrainReportError>,
         T: Table,
@@ -104,8 +103,8 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     files.collect()
 }
 
-fn said<O: Output>(made: Made<O::Metrics>) -> String {
-    O::LINE.unwrap()(&Summary::made(&[made.metrics]))
+fn said<O: Output>(made: O::Metrics) -> String {
+    O::LINE.unwrap()(&Summary::made(&[made]))
 }
 
 #[test]
@@ -119,7 +118,7 @@ fn losses_of_every_epoch_are_shown() {
     assert_eq!(rows[5].total, f64::from(curve[2].unseen.unwrap().total));
     assert_eq!(rows[4].kl_nats, f64::from(curve[2].training.kl));
     assert_eq!(rows[4].learning_rate, curve[2].learning_rate);
-    assert_eq!(made.metrics.loss[2], Some(rows[5].total));
+    assert_eq!(made.loss[2], Some(rows[5].total));
     let expected = ["kl", "learning_rate", "loss", "terms", "terms_unseen"];
     assert_eq!(charts, expected.map(|name| format!("{name}.svg")));
     let line = said::<TrainingReport>(made);
@@ -154,7 +153,7 @@ fn every_motion_is_compared_with_its_execution() {
         assert!(row.tip_error_grasp_m <= known.position_m + reach_m);
         assert!(row.tip_error_grasp_m > 0.0 && row.tip_error_mean_m > 0.0);
     }
-    let unseen = made.metrics.tip_error_mean_m[2].unwrap();
+    let unseen = made.tip_error_mean_m[2].unwrap();
     assert!((unseen - rows[2].tip_error_mean_m).abs() < 1e-12);
     let expected = ["joints", "objects", "objects_grasp", "time"];
     assert_eq!(charts, expected.map(|name| format!("{name}.svg")));
@@ -187,7 +186,7 @@ fn use_of_the_latent_code_is_that_of_the_motions_learned_from() {
         assert_eq!(row.active, row.mean_deviation > 0.1);
     }
     let total: f64 = rows.iter().map(|row| row.kl_nats).sum();
-    assert!((made.metrics.kl_nats - total).abs() < 1e-12);
+    assert!((made.kl_nats - total).abs() < 1e-12);
     assert_eq!(charts, ["kl.svg", "means.svg", "spread.svg"]);
     let n_active = rows.iter().filter(|row| row.active).count();
     let line = said::<LatentsReport>(made);
