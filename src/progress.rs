@@ -7,7 +7,7 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Event, NodeName, UnitName};
+use dataflow::{Event, NodeName, StageName, UnitName};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::report;
@@ -123,7 +123,7 @@ impl State {
         if let Ok(style) = style {
             bar.set_style(style.progress_chars("=> "));
         }
-        bar.set_prefix(output.stage.clone());
+        bar.set_prefix(output.stage.to_string());
         bar.enable_steady_tick(Duration::from_millis(200));
         self.bar = Some(bar);
         self.output = Some(output.clone());
@@ -132,7 +132,7 @@ impl State {
     }
 
     /// Prints the line of an output, or holds it back until something is made.
-    fn finish(&mut self, stage: &str, description: &str, n_made_now: usize, seconds: f64) {
+    fn finish(&mut self, stage: &StageName, description: &str, n_made_now: usize, seconds: f64) {
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
         }

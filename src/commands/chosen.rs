@@ -69,7 +69,7 @@ pub(crate) fn unit<'a>(
     artifact: &str,
     partition: &str,
 ) -> Result<&'a UnitRef, CommandError> {
-    let found = units.iter().find(|unit| unit.partition == partition);
+    let found = units.iter().find(|unit| unit.partition == *partition);
     found.copied().ok_or_else(|| {
         let near = did_you_mean(partition, units.iter().map(|unit| unit.partition.as_str()));
         let all = || format!("list them with `pipeline inspect {artifact} --run {run}`");

@@ -56,7 +56,7 @@ fn left_out(results: &[(&UnitRef, Record)], run: &Run) -> String {
         if let Some(reason) = record.outcome.reason() {
             rows.push(vec![
                 record.outcome.word().to_owned(),
-                unit.partition.clone(),
+                unit.partition.to_string(),
                 in_words(reason),
             ]);
         }
@@ -90,7 +90,7 @@ fn overview(lake: &Lake, results: &[(&UnitRef, Record)]) -> Result<String, Comma
             RecordOutcome::Filtered { reason } => ("filtered", String::new(), in_words(reason)),
         };
         rows.push(vec![
-            unit.partition.clone(),
+            unit.partition.to_string(),
             result.to_owned(),
             n_rows,
             figures,
@@ -122,7 +122,7 @@ fn one(
     provenance: &Provenance,
 ) -> Result<String, CommandError> {
     let mut rows = vec![
-        vec!["partition".to_owned(), unit.partition.clone()],
+        vec!["partition".to_owned(), unit.partition.to_string()],
         vec!["fingerprint".to_owned(), unit.fingerprint.to_string()],
     ];
     if let RecordOutcome::Made {

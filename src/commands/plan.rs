@@ -110,7 +110,7 @@ fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(&'static str, String), Vec<&str>
                 ("perhaps", reasons.join("; "))
             }
         };
-        groups.entry(key).or_default().push(&unit.partition);
+        groups.entry(key).or_default().push(unit.partition.as_str());
     }
     groups
 }

@@ -5,7 +5,8 @@ use std::{error::Error, fmt, io, path::PathBuf};
 use crate::{
     advice::{Advise, Advised},
     metrics::MissingFigure,
-    name::{NodeName, UnitName},
+    name::{ArtifactName, InvalidName, NodeName, PartitionKey, StageName, UnitName},
+    near::{did_you_mean, missing},
     source::Location,
 };
 
@@ -74,12 +75,12 @@ impl Error for FileError {}
 #[non_exhaustive]
 pub enum Failure {
     /// A stage failed.
-    #[error("stage `{stage}` failed{}", Partition(partition.as_deref()))]
+    #[error("stage `{stage}` failed{}", Partition(partition.as_ref()))]
     Stage {
         /// The stage's name.
-        stage: String,
+        stage: StageName,
         /// The partition being made, if there was one.
-        partition: Option<String>,
+        partition: Option<PartitionKey>,
         /// The upstream output that left out too many items, if that is why.
         left_out: Option<Box<LeftOut>>,
         /// The stage's own error.
@@ -89,9 +90,9 @@ pub enum Failure {
     #[error("stage `{stage}` panicked while making `{partition}`: {message}")]
     Panic {
         /// The stage's name.
-        stage: String,
+        stage: StageName,
         /// The partition being made.
-        partition: String,
+        partition: PartitionKey,
         /// The panic message.
         message: String,
     },
@@ -99,11 +100,11 @@ pub enum Failure {
     #[error("stage `{stage}` wants to read `{input}` partition `{partition}`, which was not made")]
     MissingInput {
         /// The stage's name.
-        stage: String,
+        stage: StageName,
         /// The input's name.
-        input: String,
+        input: ArtifactName,
         /// The partition's key.
-        partition: String,
+        partition: PartitionKey,
     },
     /// Too many items had to be skipped.
     #[error("stage `{}` skipped {n_skipped} of {n_items} items, more than `max_skipped_fraction` = {allowed}; the first: {first}", skipped.node.stage)]
@@ -123,9 +124,9 @@ pub enum Failure {
     #[error("`{node}` partition `{partition}` is damaged and did not come out the same again")]
     Damaged {
         /// The stage and output.
-        node: String,
+        node: NodeName,
         /// The partition's key.
-        partition: String,
+        partition: PartitionKey,
     },
     /// An input of the unit is not made yet.
     #[error("`{node}` partition `{partition}` is not made yet")]
@@ -133,7 +134,7 @@ pub enum Failure {
         /// The missing output.
         node: NodeName,
         /// Its partition.
-        partition: String,
+        partition: PartitionKey,
     },
     /// A unit was made by another process, and its result is not in the store.
     #[error(
@@ -143,7 +144,7 @@ pub enum Failure {
         /// The output.
         node: NodeName,
         /// Its partition.
-        partition: String,
+        partition: PartitionKey,
     },
     /// A unit failed in another process.
     #[error("{message}")]
@@ -177,19 +178,17 @@ pub enum Failure {
         /// The output.
         node: NodeName,
         /// The key asked for.
-        partition: String,
+        partition: PartitionKey,
         /// The partitions there are.
         known: Vec<String>,
     },
     /// A stage gave a partition a key that cannot name a folder.
-    #[error(
-        "`{key}` cannot name a partition of `{node}`: keys are not empty, do not begin with a dot and have no `/`, `\\` or `=`"
-    )]
+    #[error("`{}` cannot name a partition of `{node}`: {}", fault.text, fault.rule)]
     NotAKey {
         /// The output.
         node: NodeName,
-        /// The key.
-        key: String,
+        /// The key, and what is wrong with it.
+        fault: InvalidName,
     },
     /// There is nothing to work on.
     #[error("stage `{}` has nothing to do: no `{}` to make", node.stage, node.artifact)]
@@ -203,9 +202,9 @@ pub enum Failure {
     #[error("stage `{stage}` read `{}` for `{partition}` while it changed; nothing of it is kept", path.display())]
     ChangedMeanwhile {
         /// The stage's name.
-        stage: String,
+        stage: StageName,
         /// The partition being made.
-        partition: String,
+        partition: PartitionKey,
         /// The file.
         path: PathBuf,
     },
@@ -221,7 +220,7 @@ pub enum Failure {
     #[error("stage `{stage}` names `{name}` twice among {what}")]
     Twice {
         /// The stage's name.
-        stage: String,
+        stage: StageName,
         /// The key or name.
         name: String,
         /// What it names.
@@ -231,9 +230,9 @@ pub enum Failure {
     #[error("stage `{stage}` does not say once which labels `{partition}` has")]
     Labels {
         /// The stage's name.
-        stage: String,
+        stage: StageName,
         /// The partition's key.
-        partition: String,
+        partition: PartitionKey,
     },
     /// No stage of this name is in the file.
     #[error("no stage `{name}` in the pipeline")]
@@ -262,14 +261,11 @@ pub enum Failure {
 /// Suggests the nearest known name, or lists the first known ones.
 fn offer(what: &str, name: &str, known: &[String]) -> String {
     const NAMED: usize = 12;
-    crate::near::nearest(name, known.iter().map(String::as_str)).map_or_else(
-        || {
-            let more = if known.len() > NAMED { ", …" } else { "" };
-            let named = known.get(..NAMED).unwrap_or(known).join(", ");
-            format!("its {what} are: {named}{more}")
-        },
-        |near| format!("did you mean `{near}`?"),
-    )
+    did_you_mean(name, known.iter().map(String::as_str)).unwrap_or_else(|| {
+        let more = if known.len() > NAMED { ", …" } else { "" };
+        let named = known.get(..NAMED).unwrap_or(known).join(", ");
+        format!("its {what} are: {named}{more}")
+    })
 }
 
 /// Joins the hint with the advice to look at the skipped items.
@@ -356,7 +352,7 @@ impl Failure {
     }
 }
 
-struct Partition<'a>(Option<&'a str>);
+struct Partition<'a>(Option<&'a PartitionKey>);
 
 impl fmt::Display for Partition<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -381,7 +377,7 @@ impl Advise for Failure {
             Self::NoNode { name, known } => Some(offer("outputs", name, known)),
             Self::NoPartition {
                 partition, known, ..
-            } => Some(offer("partitions", partition, known)),
+            } => Some(offer("partitions", partition.as_str(), known)),
             Self::NotMade { node, .. } => Some(format!(
                 "make it first with `pipeline run FILE --until {}`",
                 node.stage
@@ -398,7 +394,7 @@ impl Advise for Failure {
             ),
             Self::Damaged { node, .. } => Some(format!(
                 "make it and what follows again with `pipeline run FILE --fresh {}`",
-                node.split('.').next().unwrap_or(node)
+                node.stage
             )),
             Self::Figures { node, .. } => Some(format!(
                 "make its results again with `pipeline run FILE --fresh {}`",
@@ -412,7 +408,7 @@ impl Advise for Failure {
                     .to_owned(),
             ),
             Self::SourceFile { path, source } if source.kind() == io::ErrorKind::NotFound => {
-                Some(crate::near::missing(path))
+                Some(missing(path))
             }
             Self::Nothing { left_out, .. } => left_out.as_ref().map(ToString::to_string),
             Self::Lost { .. }

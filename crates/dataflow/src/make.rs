@@ -15,21 +15,21 @@ use crate::{
     event::{Event, Events, Fraction},
     fingerprint::Fingerprint,
     graph::Node,
-    name::{NodeName, UnitName},
+    name::{NodeName, PartitionKey, UnitName},
     outcome::{Labels, Outcome},
     pipeline::Pipeline,
     record::{FileRef, Record, RecordOutcome},
     seed::unit_seed,
     state::{Certainty, Known, Listing, State, digest_source},
     store::Store,
-    unit::Unit,
+    unit::ListedUnit,
 };
 
 /// The outcome of one unit.
 #[derive(Debug, Clone)]
 pub struct UnitReport {
     /// The partition's key.
-    pub partition: String,
+    pub partition: PartitionKey,
     /// Digest of its fingerprint.
     pub fingerprint: Digest,
     /// Its result.
@@ -101,7 +101,7 @@ impl<'a> Maker<'a> {
         &self,
         known: &State,
         node: &Node,
-        unit: &Unit,
+        unit: &ListedUnit,
         forced: Forced,
     ) -> Result<UnitReport, Failure> {
         let report = self.make_here(known, node, unit, forced)?;
@@ -113,18 +113,15 @@ impl<'a> Maker<'a> {
         &self,
         known: &State,
         node: &Node,
-        unit: &Unit,
+        unit: &ListedUnit,
         forced: Forced,
     ) -> Result<UnitReport, Failure> {
         let stage = self.pipeline.stage(node);
-        let (fingerprint, digest) =
-            known
-                .fingerprint(node, unit)?
-                .ok_or_else(|| Failure::MissingInput {
-                    stage: stage.name.clone(),
-                    input: "inputs".to_owned(),
-                    partition: unit.partition.clone(),
-                })?;
+        let fingerprint = known.fingerprint(node, unit)?;
+        let (fingerprint, digest) = fingerprint.ok_or_else(|| Failure::NotMade {
+            node: node.name.clone(),
+            partition: unit.partition.clone(),
+        })?;
         let name = UnitName::new(&node.name, &unit.partition);
         let waiting = |holder: &str| {
             (self.events)(&Event::UnitWaiting {
@@ -132,7 +129,7 @@ impl<'a> Maker<'a> {
                 holder: holder.to_owned(),
             });
         };
-        let making = self.store.begin(&digest, &name.to_string(), &waiting)?;
+        let making = self.store.begin(&digest, &name, &waiting)?;
         // Another process may have made it while this one waited for the lock.
         if forced == Forced::No
             && let Some(outcome) = self.store.lookup(&digest)?
@@ -193,7 +190,7 @@ impl<'a> Maker<'a> {
     }
 
     /// Checks that the files have not changed since they were fingerprinted.
-    fn check_unchanged(&self, unit: &Unit, fingerprint: &Fingerprint) -> Result<(), Failure> {
+    fn check_unchanged(&self, unit: &ListedUnit, fingerprint: &Fingerprint) -> Result<(), Failure> {
         for file in &unit.files {
             let form = unit.forms.get(&file.name).copied();
             let now = digest_source(self.store, &file.path, form);
@@ -214,7 +211,7 @@ impl<'a> Maker<'a> {
         &self,
         state: &State,
         node: &Node,
-        unit: &Unit,
+        unit: &ListedUnit,
         forced: Forced,
         elsewhere: &dyn Elsewhere,
     ) -> Result<UnitReport, Failure> {
@@ -260,10 +257,10 @@ impl<'a> Maker<'a> {
     }
 
     /// Opens the inputs of a unit; a damaged artifact is rebuilt first.
-    fn inputs(&self, state: &State, node: &Node, unit: &Unit) -> Result<Inputs, Failure> {
+    fn inputs(&self, state: &State, node: &Node, unit: &ListedUnit) -> Result<Inputs, Failure> {
         let mut artifacts = BTreeMap::new();
         for (input, keys) in &unit.reads {
-            let parts = unit.parts.get(input);
+            let parts = unit.parts.get(input.as_str());
             let mut opened = Vec::new();
             for key in keys {
                 let missing = || Failure::MissingInput {
@@ -291,7 +288,7 @@ impl<'a> Maker<'a> {
                     files: paths,
                 });
             }
-            artifacts.insert(input.clone(), opened);
+            artifacts.insert(input.to_string(), opened);
         }
         Ok(Inputs::new(artifacts, unit.files.clone()).with_facts(unit.facts.clone()))
     }
@@ -301,12 +298,12 @@ impl<'a> Maker<'a> {
         &self,
         state: &State,
         source: &NodeName,
-        partition: &str,
+        partition: &PartitionKey,
         files: &BTreeMap<String, FileRef>,
     ) -> Result<BTreeMap<String, PathBuf>, Failure> {
         let lost = || Failure::Damaged {
-            node: source.to_string(),
-            partition: partition.to_owned(),
+            node: source.clone(),
+            partition: partition.clone(),
         };
         let mut nodes = self.pipeline.nodes.iter();
         let node = nodes.find(|node| node.name == *source).ok_or_else(lost)?;
@@ -317,7 +314,7 @@ impl<'a> Maker<'a> {
         let units = state.units(node)?;
         let mut units = units.iter();
         let unit = units
-            .find(|unit| unit.partition == partition)
+            .find(|unit| unit.partition == *partition)
             .ok_or_else(lost)?;
         self.make(state, node, unit, Forced::No)?;
         self.store.open(files)?.ok_or_else(lost)
@@ -334,7 +331,7 @@ pub fn make_one(
     pipeline: &Pipeline,
     store: &dyn Store,
     node: &NodeName,
-    partition: &str,
+    partition: &PartitionKey,
     forced: Forced,
     events: &Events,
 ) -> Result<UnitReport, Failure> {
@@ -364,11 +361,14 @@ pub fn make_one(
     };
     let mut found = units.iter().zip(sure);
     let (unit, sure) = found
-        .find(|(unit, _)| unit.partition == partition)
+        .find(|(unit, _)| unit.partition == *partition)
         .ok_or_else(|| Failure::NoPartition {
             node: node.name.clone(),
-            partition: partition.to_owned(),
-            known: units.iter().map(|unit| unit.partition.clone()).collect(),
+            partition: partition.clone(),
+            known: units
+                .iter()
+                .map(|unit| unit.partition.to_string())
+                .collect(),
         })?;
     // Inputs that are not made yet may change what the unit reads.
     if sure != Certainty::Whole
@@ -381,7 +381,7 @@ pub fn make_one(
 
 /// Returns the result of a unit, without its files; `None` if not exactly one of unit and outcome
 /// says which labels a made artifact has.
-fn result(unit: &Unit, outcome: Outcome) -> Option<RecordOutcome> {
+fn result(unit: &ListedUnit, outcome: Outcome) -> Option<RecordOutcome> {
     let (metrics, labels) = match (outcome, &unit.labels) {
         (Outcome::Skipped { reason }, _) => return Some(RecordOutcome::Skipped { reason }),
         (Outcome::Filtered { reason }, _) => return Some(RecordOutcome::Filtered { reason }),

@@ -4,6 +4,7 @@ use std::{collections::BTreeSet, fs, path::Path};
 
 use crate::{
     error::Failure,
+    name::StageName,
     pipeline::{Pipeline, StageEntry},
     scope::Scope,
 };
@@ -12,7 +13,7 @@ use crate::{
 #[derive(Debug)]
 pub struct Readiness {
     /// The stage's name.
-    pub stage: String,
+    pub stage: StageName,
     /// Its resources outside the lake, or why it cannot begin.
     pub found: Result<Outside, Failure>,
 }

@@ -14,7 +14,7 @@ use crate::{
     event::{Event, Events},
     graph::Node,
     make::{Maker, UnitReport},
-    name::NodeName,
+    name::{NodeName, PartitionKey},
     options::RunOptions,
     output::Execution,
     pipeline::{Pipeline, StageEntry},
@@ -25,7 +25,7 @@ use crate::{
         UnitRef,
     },
     summary::{Summary, SummaryLine},
-    unit::Unit,
+    unit::ListedUnit,
     workers,
 };
 
@@ -232,7 +232,7 @@ impl Runner<'_> {
     }
 
     /// Returns a unit's stored result, unless a rerun is forced.
-    fn found(&self, node: &Node, unit: &Unit) -> Result<Option<UnitReport>, Failure> {
+    fn found(&self, node: &Node, unit: &ListedUnit) -> Result<Option<UnitReport>, Failure> {
         if self.options.is_forced(&node.name.stage) {
             return Ok(None);
         }
@@ -253,7 +253,7 @@ impl Runner<'_> {
         &self,
         node: &Node,
         stage: &StageEntry,
-        units: &[&Unit],
+        units: &[&ListedUnit],
     ) -> Vec<Result<UnitReport, Failure>> {
         // Units that move a robot run one after the other, and stop at a failure.
         let n_workers = match node.output.execution {
@@ -395,16 +395,16 @@ impl NodeReport {
 /// Whether a run that made nothing found exactly the units of the newest runs.
 fn is_unchanged(reports: &[NodeReport], newest: &[NewestUnit]) -> bool {
     let nodes: BTreeSet<&NodeName> = reports.iter().map(|report| &report.node).collect();
-    let mut left: BTreeMap<(&NodeName, &str), &Digest> = newest
+    let mut left: BTreeMap<(&NodeName, &PartitionKey), &Digest> = newest
         .iter()
         .filter(|unit| unit.current && nodes.contains(&unit.node))
-        .map(|unit| ((&unit.node, unit.partition.as_str()), &unit.fingerprint))
+        .map(|unit| ((&unit.node, &unit.partition), &unit.fingerprint))
         .collect();
     let mut found = reports.iter().flat_map(|report| {
         report
             .units
             .iter()
-            .map(|unit| ((&report.node, unit.partition.as_str()), &unit.fingerprint))
+            .map(|unit| ((&report.node, &unit.partition), &unit.fingerprint))
     });
     found.all(|(unit, fingerprint)| left.remove(&unit) == Some(fingerprint)) && left.is_empty()
 }

@@ -13,7 +13,7 @@ use std::{
     time::{Duration, SystemTime, UNIX_EPOCH},
 };
 
-use dataflow::{Digest, RunStatus};
+use dataflow::{ArtifactName, Digest, RunStatus};
 use serde::Serialize;
 
 use crate::{
@@ -178,7 +178,8 @@ impl Lake {
     /// `stage.artifact` of a record.
     fn name_of(&self, stored: &Stored) -> Result<String, LakeError> {
         let output = self.records.output(stored)?;
-        Ok(format!("{}.{}", stored.stage, output.unwrap_or_default()))
+        let output = output.as_ref().map_or("", ArtifactName::as_str);
+        Ok(format!("{}.{output}", stored.stage))
     }
 
     /// Removes the tables of removed units.

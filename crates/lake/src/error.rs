@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::Advise;
+use dataflow::{Advise, PartitionKey};
 use parquet::errors::ParquetError;
 use schemas::SchemaError;
 
@@ -95,7 +95,7 @@ pub enum LakeError {
         /// The artifact that it should be.
         table: &'static str,
         /// The partition's key.
-        key: String,
+        key: PartitionKey,
         /// How it differs.
         source: SchemaError,
     },
@@ -133,7 +133,7 @@ pub enum LakeError {
     #[error("artifact `{key}` has no file `{file}`")]
     MissingFile {
         /// The partition's key.
-        key: String,
+        key: PartitionKey,
         /// The file's name.
         file: String,
     },

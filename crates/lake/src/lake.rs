@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Digest, FileRef, Record, RunStatus};
+use dataflow::{ArtifactName, Digest, FileRef, Record, RunStatus};
 
 use crate::{
     LakeError,
@@ -94,7 +94,7 @@ impl Lake {
     /// # Errors
     ///
     /// Fails if the folder cannot be read.
-    pub fn tables(&self) -> Result<Vec<String>, LakeError> {
+    pub fn tables(&self) -> Result<Vec<ArtifactName>, LakeError> {
         self.folder.artifact_tables()
     }
 

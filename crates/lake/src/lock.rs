@@ -12,7 +12,7 @@ use std::{
     sync::{Mutex, MutexGuard, PoisonError},
 };
 
-use dataflow::Digest;
+use dataflow::{Digest, UnitName};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -121,10 +121,10 @@ impl Locks {
     pub(crate) fn unit(
         &self,
         fingerprint: &Digest,
-        unit: &str,
+        unit: &UnitName,
         waiting: &Waiting,
     ) -> Result<Lock, LakeError> {
-        self.wait_for(&fingerprint.to_hex(), unit, waiting)
+        self.wait_for(&fingerprint.to_hex(), &unit.to_string(), waiting)
     }
 
     /// Locks repairs, and changes of repaired files.

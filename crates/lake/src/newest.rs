@@ -11,7 +11,7 @@ use std::{
     sync::Arc,
 };
 
-use dataflow::{Digest, NewestUnit, NodeName, RecordOutcome, UnitRef};
+use dataflow::{Digest, NewestUnit, NodeName, PartitionKey, RecordOutcome, UnitRef};
 
 use crate::{folder::Folder, stamp::Stamp};
 
@@ -21,7 +21,7 @@ const ENDING: &str = ".cache";
 /// The newest state of a pipeline.
 #[derive(Default)]
 pub(crate) struct Newest {
-    units: BTreeMap<NodeName, BTreeMap<String, NewestOf>>,
+    units: BTreeMap<NodeName, BTreeMap<PartitionKey, NewestOf>>,
     outcomes: HashMap<Digest, Arc<RecordOutcome>>,
     /// Fingerprints of units that the newest runs still had, when this was read.
     current: HashSet<Digest>,

@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Digest, Node, NodeName, Showing};
+use dataflow::{Digest, Node, NodeName, PartitionKey, Showing};
 
 use crate::{
     LakeError,
@@ -28,7 +28,7 @@ const LINK_TRIES: u32 = 100;
 struct Wanted<'a> {
     digest: Digest,
     fingerprint: &'a Digest,
-    partition: &'a str,
+    partition: &'a PartitionKey,
     is_table: bool,
 }
 
@@ -134,12 +134,15 @@ pub(crate) fn retire(
     is_kept: &dyn Fn(&NodeName) -> bool,
     before: &Shown,
 ) -> Result<(), LakeError> {
+    let is_name_kept = |stage: &str, artifact: &str| {
+        NodeName::parse(&format!("{stage}.{artifact}")).is_some_and(|node| is_kept(&node))
+    };
     let mut old = Vec::new();
     for table in lake.tables()? {
         let folder = lake.folder.table_of(&table, pipeline);
         for name in names_in(&folder)? {
             let stage = name.strip_prefix("stage=").unwrap_or(&name);
-            if !is_kept(&NodeName::new(stage, &table)) {
+            if !is_name_kept(stage, table.as_str()) {
                 old.push(folder.join(name));
             }
         }
@@ -148,7 +151,7 @@ pub(crate) fn retire(
         let folder = lake.folder.join(folder).join(pipeline);
         for stage in names_in(&folder)? {
             for artifact in names_in(&folder.join(&stage))? {
-                if !is_kept(&NodeName::new(&stage, &artifact)) {
+                if !is_name_kept(&stage, &artifact) {
                     old.push(folder.join(&stage).join(artifact));
                 }
             }

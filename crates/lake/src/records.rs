@@ -7,7 +7,9 @@ use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
-use dataflow::{Digest, Fingerprint, Recipe, Record, RecordOutcome};
+use dataflow::{
+    ArtifactName, Digest, Fingerprint, PartitionKey, Recipe, Record, RecordOutcome, StageName,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -39,9 +41,9 @@ pub struct Provenance {
 pub(crate) struct Stored {
     pub(crate) fingerprint: Digest,
     pub(crate) recipe: Digest,
-    pub(crate) stage: String,
-    pub(crate) partition: String,
-    inputs: BTreeMap<String, BTreeMap<String, Digest>>,
+    pub(crate) stage: StageName,
+    pub(crate) partition: PartitionKey,
+    inputs: BTreeMap<ArtifactName, BTreeMap<PartitionKey, Digest>>,
     files: BTreeMap<String, Digest>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     facts: BTreeMap<String, String>,
@@ -218,7 +220,7 @@ impl Records {
     }
 
     /// The artifact of a record's unit; `None` if its recipe is lost.
-    pub(crate) fn output(&self, stored: &Stored) -> Result<Option<String>, LakeError> {
+    pub(crate) fn output(&self, stored: &Stored) -> Result<Option<ArtifactName>, LakeError> {
         let recipe = self.recipe(&stored.recipe)?;
         Ok(recipe.map(|recipe| recipe.output))
     }

@@ -6,7 +6,7 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use dataflow::{Advised, Digest, Making, Record, RecordOutcome};
+use dataflow::{Advised, Digest, Making, Record, RecordOutcome, UnitName};
 
 use crate::{
     LakeError,
@@ -32,7 +32,7 @@ impl<'a> UnitInProgress<'a> {
     pub(crate) fn begin(
         lake: &'a Lake,
         fingerprint: &Digest,
-        unit: &str,
+        unit: &UnitName,
         waiting: &Waiting,
     ) -> Result<Self, LakeError> {
         let lock = lake.locks.unit(fingerprint, unit, waiting)?;

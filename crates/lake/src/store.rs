@@ -9,7 +9,7 @@ use std::{
 
 use dataflow::{
     Advised, Digest, FileRef, Fingerprint, Making, NewestUnit, Node, NodeName, Record,
-    RecordOutcome, RunRecord, Showing, Store, UnitRef,
+    RecordOutcome, RunRecord, Showing, Store, UnitName, UnitRef,
 };
 
 use crate::{
@@ -118,7 +118,7 @@ impl Store for Lake {
     fn begin(
         &self,
         fingerprint: &Digest,
-        unit: &str,
+        unit: &UnitName,
         waiting: &dyn Fn(&str),
     ) -> Result<Box<dyn Making + '_>, Advised> {
         self.prepare()?;

@@ -84,7 +84,7 @@ fn is_small(batch: &RecordBatch) -> bool {
 /// Fails if the artifact has no table, or it is not valid Parquet or does not follow its schema.
 pub fn read<T: Table>(artifact: &Artifact) -> Result<T, LakeError> {
     let batch = read_batch(artifact)?;
-    T::from_batch(&artifact.key, &batch).map_err(|source| LakeError::Schema {
+    T::from_batch(artifact.key.as_str(), &batch).map_err(|source| LakeError::Schema {
         table: T::NAME,
         key: artifact.key.clone(),
         source,

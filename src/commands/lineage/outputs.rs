@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataflow::{NodeName, RunRecord};
+use dataflow::{NodeName, PartitionKey, RunRecord};
 use serde::Serialize;
 
 use super::{
@@ -35,7 +35,7 @@ struct Read {
 
 /// The reads from each output, and from outside.
 struct Reads {
-    partitions: BTreeMap<NodeName, BTreeSet<String>>,
+    partitions: BTreeMap<NodeName, BTreeSet<PartitionKey>>,
     n_files: usize,
 }
 
@@ -83,7 +83,7 @@ pub(super) fn family(
 }
 
 fn reads(run: &RunRecord, relations: &Relations, node: &NodeName) -> Result<Reads, CommandError> {
-    let mut partitions: BTreeMap<NodeName, BTreeSet<String>> = BTreeMap::new();
+    let mut partitions: BTreeMap<NodeName, BTreeSet<PartitionKey>> = BTreeMap::new();
     let mut files = BTreeSet::new();
     let records = relations.records(node)?;
     for record in &records {

@@ -44,7 +44,8 @@ pub fn read(
     };
     for artifact in inputs.artifacts(FieldInfo::NAME) {
         let field = read_field(artifact)?;
-        set.distances.insert(artifact.key.clone(), Arc::new(field));
+        set.distances
+            .insert(artifact.key.to_string(), Arc::new(field));
     }
     let mut scenes = BTreeMap::new();
     for artifact in inputs.artifacts("trajectories") {
@@ -73,7 +74,7 @@ pub fn read(
 fn read_field(artifact: &Artifact) -> Result<DistanceField, TrainError> {
     let bytes = artifact.bytes(distance_fields::FIELD)?;
     DistanceField::from_bytes(&bytes).ok_or_else(|| TrainError::BadField {
-        object: artifact.key.clone(),
+        object: artifact.key.to_string(),
     })
 }
 

@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, ops::Range};
 use toml_edit::{InlineTable, Key, Value};
 
 use super::reader::FileReader;
-use crate::{near::nearest, shared::SHARED, source::Source};
+use crate::{near::did_you_mean, shared::SHARED, source::Source};
 
 impl FileReader<'_> {
     /// Returns the profile of this name.
@@ -43,18 +43,12 @@ impl FileReader<'_> {
                 && !stages.is_some_and(|stages| stages.contains_key(key))
             {
                 let span = found.and_then(|table| table.key(key)).and_then(Key::span);
+                let names = stages.into_iter().flat_map(InlineTable::iter);
+                let names = names.map(|(name, _)| name);
                 self.problem(
                     format!("profile `{name}` changes an unknown stage `{key}`"),
                     span,
-                    nearest(
-                        key,
-                        stages
-                            .into_iter()
-                            .flat_map(InlineTable::iter)
-                            .map(|(name, _)| name)
-                            .chain([SHARED]),
-                    )
-                    .map(|near| format!("did you mean `{near}`?")),
+                    did_you_mean(key, names.chain([SHARED])),
                 );
             }
         }

@@ -17,8 +17,8 @@ use crate::{
     error::{FileError, Problem},
     extended::{EXTENDS, Extended, WITHOUT},
     kind::Kind,
-    name::NodeName,
-    near::nearest,
+    name::{ArtifactName, NodeName, StageName},
+    near::did_you_mean,
     overrides::Override,
     shared::{SHARED, Taken},
     source::Location,
@@ -171,7 +171,7 @@ impl FileReader<'_> {
         for (key, _) in root {
             if !KEYS.contains(&key) {
                 let span = root.key(key).and_then(Key::span);
-                let hint = nearest(key, KEYS).map(|near| format!("did you mean `{near}`?"));
+                let hint = did_you_mean(key, KEYS);
                 self.problem(format!("unknown key `{key}`"), span, hint);
             }
         }
@@ -245,10 +245,8 @@ impl FileReader<'_> {
             else {
                 continue;
             };
-            let hint = nearest(stage, names.iter().copied().chain([SHARED])).map_or_else(
-                || format!("its stages are: {}", names.join(", ")),
-                |near| format!("did you mean `{near}`?"),
-            );
+            let near = did_you_mean(stage, names.iter().copied().chain([SHARED]));
+            let hint = near.unwrap_or_else(|| format!("its stages are: {}", names.join(", ")));
             let (argument, _) = given.argument();
             let location = Location::in_set(&argument, 0..stage.len());
             self.problem_at(
@@ -301,25 +299,13 @@ impl FileReader<'_> {
         mut table: InlineTable,
         shared: &InlineTable,
     ) -> Option<StageEntry> {
-        let is_name = |text: &str| {
-            !text.is_empty()
-                && text
-                    .bytes()
-                    .all(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-')
+        let stage_name: StageName = match name.parse() {
+            Ok(name) => name,
+            Err(err) => {
+                self.problem(err.to_string(), span, None);
+                return None;
+            }
         };
-        if !is_name(name) {
-            self.problem(
-                format!("`{name}` is no name for a stage: use letters, digits, `_` and `-`"),
-                span,
-                None,
-            );
-            return None;
-        }
-        if name == SHARED {
-            let message = format!("`{SHARED}` is no name for a stage: it is that of shared values");
-            self.problem(message, span, None);
-            return None;
-        }
         let n_problems = self.problems.len();
         self.take(name, &mut table, shared);
         let is_whole = self.problems.len() == n_problems;
@@ -340,7 +326,7 @@ impl FileReader<'_> {
                     self.problem_at(message, Some(place), Some(list));
                 }
                 Some(StageEntry {
-                    name: name.to_owned(),
+                    name: stage_name,
                     kind,
                     inputs: inputs?,
                     max_skipped_fraction: max_skipped_fraction?,
@@ -384,11 +370,9 @@ impl FileReader<'_> {
         let word = value.as_str().unwrap_or_default().to_owned();
         let found = self.kinds.iter().find(|kind| kind.name == word).copied();
         if found.is_none() {
-            let near = nearest(&word, self.kinds.iter().map(|kind| kind.name));
-            let hint = near.map_or_else(
-                || "`pipeline stages` lists every kind".to_owned(),
-                |near| format!("did you mean `{near}`? `pipeline stages` lists every kind"),
-            );
+            let near = did_you_mean(&word, self.kinds.iter().map(|kind| kind.name));
+            let near = near.map_or_else(String::new, |near| format!("{near} "));
+            let hint = format!("{near}`pipeline stages` lists every kind");
             let place = self.place(name, &["kind".to_owned()], Part::Value, value.span());
             self.problem_at(
                 format!("stage `{name}` has an unknown kind `{word}`"),
@@ -405,7 +389,7 @@ impl FileReader<'_> {
         name: &str,
         table: &mut InlineTable,
         kind: Option<Kind>,
-    ) -> Option<BTreeMap<String, NodeName>> {
+    ) -> Option<BTreeMap<ArtifactName, NodeName>> {
         let mut inputs = BTreeMap::new();
         let Some(value) = table.remove("inputs") else {
             return Some(inputs);
@@ -425,10 +409,9 @@ impl FileReader<'_> {
             if let Some(kind) = kind
                 && !kind.inputs.contains(&input)
             {
-                let hint = nearest(input, kind.inputs.iter().copied()).map_or_else(
-                    || format!("`{}` reads: {}", kind.name, kind.inputs.join(", ")),
-                    |near| format!("did you mean `{near}`?"),
-                );
+                let all = || format!("`{}` reads: {}", kind.name, kind.inputs.join(", "));
+                let near = did_you_mean(input, kind.inputs.iter().copied());
+                let hint = near.unwrap_or_else(all);
                 let place = self.place(name, &path, Part::Key, value.span());
                 self.problem_at(
                     format!("stage `{name}` has no input `{input}`"),
@@ -437,11 +420,11 @@ impl FileReader<'_> {
                 );
                 continue;
             }
-            match value.as_str().and_then(NodeName::parse) {
-                Some(node) => {
-                    inputs.insert(input.to_owned(), node);
+            match (input.parse(), value.as_str().and_then(NodeName::parse)) {
+                (Ok(input), Some(node)) => {
+                    inputs.insert(input, node);
                 }
-                None => self.problem_at(
+                _ => self.problem_at(
                     format!("input `{input}` of stage `{name}` must name `stage.artifact`"),
                     self.place(name, &path, Part::Value, value.span()),
                     Some(format!("for example `inputs.{input} = \"ingest.{input}\"`")),

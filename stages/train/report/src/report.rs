@@ -2,7 +2,9 @@
 
 use cgf::{Demonstration, Description, Split};
 use charts::ChartError;
-use dataflow::{Code, Context, Inputs, Line, Lines, Output, Outputs, Report, Scope, Summary, Unit};
+use dataflow::{
+    Code, Context, Inputs, Line, Lines, Output, Outputs, PartitionKey, Report, Scope, Summary, Unit,
+};
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::checkpoint;
 use stage_train::{Train, TrainConfig, TrainMetrics};
@@ -76,7 +78,7 @@ pub(crate) fn of_function(
 fn trained(
     config: &TrainConfig,
     scope: &Scope,
-) -> Result<impl Iterator<Item = (Unit, String)>, TrainReportError> {
+) -> Result<impl Iterator<Item = (Unit, PartitionKey)>, TrainReportError> {
     let units = Train::units(config, scope)?.into_iter();
     let models = scope.partitions(checkpoint::NAME).iter();
     Ok(units.zip(models.map(|model| model.key.clone())))
