@@ -2,7 +2,7 @@
 
 use cgf::{Demonstration, Description, Split};
 use charts::ChartError;
-use dataflow::{Code, Context, Inputs, Line, Lines, Output, Outputs, Report, Scope, Summary, Unit};
+use dataflow::{Code, Context, Inputs, Lines, Output, Outputs, Report, Scope, Summary, Unit};
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::checkpoint;
 use stage_train::{Train, TrainConfig, TrainMetrics};
@@ -17,7 +17,10 @@ impl Report for TrainReport {
 
     const CODE: Code = dataflow::code!();
     const OUTPUTS: Outputs<Train> = &[&TrainingReport, &LatentsReport, &ReconstructionReport];
-    const LINES: Lines<Train> = &[&Line::<Train>(line)];
+
+    fn lines(lines: &mut Lines<Train>) {
+        lines.add::<Train>(line);
+    }
 }
 
 fn line(summary: &Summary<TrainMetrics>) -> String {
