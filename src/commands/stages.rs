@@ -35,7 +35,7 @@ pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, Co
 fn overview(kinds: &[Kind]) -> String {
     let mut rows = Vec::new();
     for kind in kinds {
-        let outputs = kind.outputs();
+        let outputs = &kind.outputs;
         let makes: Vec<&str> = outputs.iter().map(|output| output.artifact).collect();
         rows.push(vec![kind.name.to_owned(), kind.about.to_owned()]);
         if !kind.inputs.is_empty() {
@@ -55,7 +55,7 @@ fn options(kind: &Kind, width: Option<usize>) -> String {
     for input in kind.inputs {
         text.push_str(&format!("inputs.{input} = \"STAGE.{input}\"\n"));
     }
-    for output in kind.outputs() {
+    for output in &kind.outputs {
         text.push_str(&format!(
             "makes `{}`, one partition per {}, schema {}\n",
             output.artifact, output.partition, output.schema

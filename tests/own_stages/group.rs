@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use dataflow::{
-    Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, PartitionKey, Scope, Stage, Unit,
+    Code, Context, Inputs, Line, Outcome, Output, Outputs, PartitionKey, Scope, Stage, Unit,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -41,7 +41,7 @@ impl<const VERSION: u8> Output for Group<VERSION> {
     const ARTIFACT: &'static str = "groups";
     const SCHEMA: &'static str = "groups/1";
     const PARTITION: &'static str = "letter";
-    const LINE: OwnLine<()> = Some(|summary| format!("{} groups", summary.n_made));
+    const LINE: Option<Line<()>> = Some(|summary| format!("{} groups", summary.n_made));
 
     fn units(_config: &GroupConfig, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         let mut groups: BTreeMap<&str, Vec<&PartitionKey>> = BTreeMap::new();

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, Scope, Stage, Sum, Unit};
+use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
 use lake::{LakeError, WriteArtifact};
 use schemars::JsonSchema;
 use schemas::{Table, executions, trials::AllTrials, trials::Trials};
@@ -47,7 +47,7 @@ impl Output for Logged {
     const ARTIFACT: &'static str = AllTrials::NAME;
     const SCHEMA: &'static str = AllTrials::VERSION;
     const PARTITION: &'static str = "object";
-    const LINE: OwnLine<Count> =
+    const LINE: Option<Line<Count>> =
         Some(|summary| format!("{} trials by hand", summary.metrics.trials_n));
 
     fn units(config: &LoggedConfig, _scope: &Scope) -> Result<Vec<Unit>, LakeError> {

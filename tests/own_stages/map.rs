@@ -1,6 +1,6 @@
 //! `map`: each partition becomes one.
 
-use dataflow::{Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit};
+use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
 use lake::ReadInputs;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -51,7 +51,7 @@ impl<const VERSION: u8> Output for Map<VERSION> {
     const ARTIFACT: &'static str = "parts";
     const SCHEMA: &'static str = "parts/1";
     const PARTITION: &'static str = "part";
-    const LINE: OwnLine<Bytes> = Some(|summary| format!("{} parts mapped", summary.n_made));
+    const LINE: Option<Line<Bytes>> = Some(|summary| format!("{} parts mapped", summary.n_made));
 
     fn units(_config: &MapConfig, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         let parts = scope.partitions("parts").iter();

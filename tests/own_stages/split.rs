@@ -3,8 +3,7 @@
 use std::{fs, path::PathBuf};
 
 use dataflow::{
-    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, SourceFile, Stage,
-    Unit,
+    Code, Context, Inputs, Labels, Line, Outcome, Output, Outputs, Scope, SourceFile, Stage, Unit,
 };
 use lake::LakeError;
 use schemars::JsonSchema;
@@ -63,7 +62,7 @@ impl<const VERSION: u8> Output for Split<VERSION> {
     const ARTIFACT: &'static str = "parts";
     const SCHEMA: &'static str = "parts/1";
     const PARTITION: &'static str = "part";
-    const LINE: OwnLine<Bytes> =
+    const LINE: Option<Line<Bytes>> =
         Some(|summary| format!("{} files → {} parts", summary.n_items(), summary.n_made));
 
     fn units(config: &SplitConfig, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {

@@ -2,7 +2,7 @@
 
 use std::{fs, io, path::Path};
 
-use dataflow::{Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit};
+use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -61,7 +61,7 @@ impl<const VERSION: u8> Output for Steps<VERSION> {
     const ARTIFACT: &'static str = "sum";
     const SCHEMA: &'static str = "sum/1";
     const PARTITION: &'static str = "of";
-    const LINE: OwnLine<()> = Some(|summary| format!("{} sum of steps", summary.n_made));
+    const LINE: Option<Line<()>> = Some(|summary| format!("{} sum of steps", summary.n_made));
 
     fn units(_config: &StepsConfig, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         Ok(vec![Unit::new("steps")])

@@ -52,7 +52,7 @@ fn outside(stage: &StageEntry) -> Result<Outside, Failure> {
         });
     }
     let (mut units, mut most) = (Vec::new(), (0, ""));
-    for (idx, output) in stage.kind.outputs().iter().enumerate() {
+    for (idx, output) in stage.kind.outputs.iter().enumerate() {
         let listed = stage.units(idx, &Scope::default())?;
         if listed.len() > most.0 {
             most = (listed.len(), output.partition);

@@ -24,7 +24,7 @@ use crate::{
         NewestUnit, NodeRecord, OutputRecord, RunRecord, RunStatus, Showing, StageRecord, Store,
         UnitRef,
     },
-    summary::{Summary, SummaryLine},
+    summary::Summary,
     unit::ListedUnit,
     workers,
 };
@@ -419,14 +419,14 @@ fn report(
     // Units end in any order, and floating-point sums depend on it.
     units.sort_by(|a, b| a.partition.cmp(&b.partition));
     let outcomes: Vec<&RecordOutcome> = units.iter().map(|unit| &*unit.outcome).collect();
-    let told = stage.configured.tell(node.output_idx, &outcomes);
-    let SummaryLine { summary, line } = told.map_err(|source| Failure::Figures {
+    let summarized = stage.configured.summarize(node.output_idx, &outcomes);
+    let (summary, description) = summarized.map_err(|source| Failure::Figures {
         node: node.name.clone(),
         source,
     })?;
     Ok(NodeReport {
         node: node.name.clone(),
-        description: line,
+        description,
         summary,
         shown: false,
         n_made_now: units.iter().filter(|unit| unit.made_now).count(),

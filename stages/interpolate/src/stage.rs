@@ -1,7 +1,7 @@
 //! The stage: one unit per object.
 
 use dataflow::{
-    Code, Context, Inputs, Options, Outcome, Output, Outputs, OwnLine, Scope, Stage, Sum, Unit,
+    Code, Context, Inputs, Line, Options, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{Table, candidates::Candidates};
@@ -38,7 +38,7 @@ impl Output for Interpolate {
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
     const PARTITION: &'static str = "object";
-    const LINE: OwnLine<InterpolateMetrics> = Some(|summary| {
+    const LINE: Option<Line<InterpolateMetrics>> = Some(|summary| {
         let candidates = summary.metrics.candidates;
         format!("{} objects → {candidates} straight lines", summary.n_made)
     });

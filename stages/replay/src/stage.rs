@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use dataflow::{Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, Scope, Stage, Sum, Unit};
+use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
 use lake::{ReadInputs, WriteArtifact};
 use motion::{HandRates, Step};
 use schemas::{
@@ -50,7 +50,7 @@ impl Output for Replay {
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
     const PARTITION: &'static str = "object";
-    const LINE: OwnLine<ReplayMetrics> = Some(|summary| {
+    const LINE: Option<Line<ReplayMetrics>> = Some(|summary| {
         let candidates = summary.metrics.candidates;
         format!("{} objects → {candidates} candidates", summary.n_made)
     });

@@ -38,7 +38,7 @@ pub(super) fn order(stages: &[StageEntry]) -> Result<Vec<Node>, Problem> {
         placed[idx] = true;
         let stage = &stages[idx];
         let mut reads = stage.inputs.clone();
-        for (output_idx, output) in stage.kind.outputs().into_iter().enumerate() {
+        for (output_idx, output) in stage.kind.outputs.iter().enumerate() {
             let name = NodeName {
                 stage: stage.name.clone(),
                 artifact: ArtifactName::declared(output.artifact),
@@ -47,7 +47,7 @@ pub(super) fn order(stages: &[StageEntry]) -> Result<Vec<Node>, Problem> {
                 name: name.clone(),
                 stage_idx: idx,
                 output_idx,
-                output,
+                output: *output,
                 reads: reads.clone(),
             });
             reads.insert(name.artifact.clone(), name);

@@ -310,7 +310,7 @@ impl FileReader<'_> {
         self.take(name, &mut table, shared);
         let is_whole = self.problems.len() == n_problems;
         let kind = self.kind(name, span.as_ref(), &mut table);
-        let inputs = self.inputs(name, &mut table, kind);
+        let inputs = self.inputs(name, &mut table, kind.as_ref());
         let max_skipped_fraction = self.max_skipped_fraction(name, &mut table);
         // The missing inputs have been reported.
         let kind = kind.filter(|_| is_whole)?;
@@ -368,7 +368,7 @@ impl FileReader<'_> {
             return None;
         };
         let word = value.as_str().unwrap_or_default().to_owned();
-        let found = self.kinds.iter().find(|kind| kind.name == word).copied();
+        let found = self.kinds.iter().find(|kind| kind.name == word).cloned();
         if found.is_none() {
             let near = did_you_mean(&word, self.kinds.iter().map(|kind| kind.name));
             let near = near.map_or_else(String::new, |near| format!("{near} "));
@@ -388,7 +388,7 @@ impl FileReader<'_> {
         &mut self,
         name: &str,
         table: &mut InlineTable,
-        kind: Option<Kind>,
+        kind: Option<&Kind>,
     ) -> Option<BTreeMap<ArtifactName, NodeName>> {
         let mut inputs = BTreeMap::new();
         let Some(value) = table.remove("inputs") else {

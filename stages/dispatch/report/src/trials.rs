@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Context, Inputs, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit};
+use dataflow::{Context, Inputs, Line, Options, Outcome, Output, Scope, Sum, Summary, Unit};
 use lake::WriteArtifact;
 use schemas::{
     Table,
@@ -50,7 +50,7 @@ impl Output for TrialsReport {
     const SCHEMA: &'static str = AllTrials::VERSION;
     const PARTITION: &'static str = "dispatching";
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<TrialsMetrics> = Some(line);
+    const LINE: Option<Line<TrialsMetrics>> = Some(line);
 
     /// One unit, of all objects of which motions were to be sent.
     fn units(_config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, DispatchError> {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Context, Inputs, Options, Outcome, Output, OwnLine, Scope, Sum, Unit};
+use dataflow::{Context, Inputs, Line, Options, Outcome, Output, Scope, Sum, Unit};
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{Table, tracking::TrackingReport, trajectories::Trajectory};
 use stage_retarget::{Retarget, RetargetConfig, RetargetError};
@@ -35,7 +35,7 @@ impl Output for Tracking {
     const PARTITION: &'static str = "object";
     const OPTIONS: Options = Options::NONE;
     /// Says how far finger tips are from their landmarks, of whichever object.
-    const LINE: OwnLine<TrackingMetrics> = Some(|summary| {
+    const LINE: Option<Line<TrackingMetrics>> = Some(|summary| {
         let all = &summary.metrics;
         format!(
             "{} objects, {} trajectories, tip error {:.1} mm",

@@ -1,7 +1,7 @@
 //! How plausible and different the motions of one object are.
 
 use dataflow::{
-    Artifact, Context, Inputs, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
+    Artifact, Context, Inputs, Line, Mean, Options, Outcome, Output, Scope, Sum, Summary, Unit,
 };
 use diversity::{Diversity, Motion};
 use lake::{ReadInputs, WriteArtifact};
@@ -67,7 +67,7 @@ impl Output for SamplingReport {
     const SCHEMA: &'static str = Sampling::VERSION;
     const PARTITION: &'static str = "object";
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<SamplingMetrics> = Some(line);
+    const LINE: Option<Line<SamplingMetrics>> = Some(line);
 
     /// One unit per object that has candidates.
     fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleReportError> {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use charts::{Captions, ChartError, Estimate, Estimates, intervals};
-use dataflow::{Context, Inputs, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit};
+use dataflow::{Context, Inputs, Line, Options, Outcome, Output, Scope, Sum, Summary, Unit};
 use diversity::{Diversity, Motion};
 use lake::{LakeError, WriteArtifact, table};
 use schemas::{
@@ -56,7 +56,7 @@ impl Output for SuccessReport {
     const SCHEMA: &'static str = Successes::VERSION;
     const PARTITION: &'static str = "screening";
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<SuccessMetrics> = Some(line);
+    const LINE: Option<Line<SuccessMetrics>> = Some(line);
 
     fn units(_config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenReportError> {
         Ok(units(scope))

@@ -2,9 +2,7 @@
 
 use cgf::{Demonstration, Description, Split};
 use charts::{Captions, Scale, Series, lines, scatter};
-use dataflow::{
-    Context, Inputs, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
-};
+use dataflow::{Context, Inputs, Line, Mean, Options, Outcome, Output, Scope, Sum, Summary, Unit};
 use lake::WriteArtifact;
 use schemas::{
     Table,
@@ -45,7 +43,7 @@ impl Output for LatentsReport {
     const SCHEMA: &'static str = Latents::VERSION;
     const PARTITION: &'static str = "model";
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<LatentMetrics> = Some(line);
+    const LINE: Option<Line<LatentMetrics>> = Some(line);
 
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainReportError> {
         of_description(config, scope)

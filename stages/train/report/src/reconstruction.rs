@@ -7,9 +7,7 @@ use std::{
 
 use cgf::{Cgf, CgfError, Demonstration, Description, Grasp, Split, Track};
 use charts::{Bars, Captions, Scale, Series, bars, lines};
-use dataflow::{
-    Context, Inputs, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
-};
+use dataflow::{Context, Inputs, Line, Mean, Options, Outcome, Output, Scope, Sum, Summary, Unit};
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::{Isometry3, Point3};
 use robot::RobotModel;
@@ -87,7 +85,7 @@ impl Output for ReconstructionReport {
     const SCHEMA: &'static str = Reconstruction::VERSION;
     const PARTITION: &'static str = "model";
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<ReconstructionMetrics> = Some(line);
+    const LINE: Option<Line<ReconstructionMetrics>> = Some(line);
 
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainReportError> {
         of_function(config, scope)

@@ -3,7 +3,7 @@
 use cgf::{Demonstration, Description, Split};
 use charts::ChartError;
 use dataflow::{
-    Code, Context, Inputs, Line, Lines, Output, Outputs, PartitionKey, Report, Scope, Summary, Unit,
+    Code, Context, Inputs, Lines, Output, Outputs, PartitionKey, Report, Scope, Summary, Unit,
 };
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::checkpoint;
@@ -19,7 +19,10 @@ impl Report for TrainReport {
 
     const CODE: Code = dataflow::code!();
     const OUTPUTS: Outputs<Train> = &[&TrainingReport, &LatentsReport, &ReconstructionReport];
-    const LINES: Lines<Train> = &[&Line::<Train>(line)];
+
+    fn lines(lines: &mut Lines<Train>) {
+        lines.add::<Train>(line);
+    }
 }
 
 fn line(summary: &Summary<TrainMetrics>) -> String {

@@ -2,9 +2,7 @@
 
 use cgf::{Description, Epoch, Losses, Split, TrainingConfig};
 use charts::{Captions, Scale, Series, lines};
-use dataflow::{
-    Context, Inputs, Max, Mean, Options, Outcome, Output, OwnLine, Scope, Summary, Unit,
-};
+use dataflow::{Context, Inputs, Line, Max, Mean, Options, Outcome, Output, Scope, Summary, Unit};
 use lake::WriteArtifact;
 use schemas::{
     Table,
@@ -87,7 +85,7 @@ impl Output for TrainingReport {
     const SCHEMA: &'static str = Training::VERSION;
     const PARTITION: &'static str = "model";
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<TrainingMetrics> = Some(line);
+    const LINE: Option<Line<TrainingMetrics>> = Some(line);
 
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainReportError> {
         of_description(config, scope)
