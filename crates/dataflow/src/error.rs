@@ -87,12 +87,10 @@ pub enum Failure {
         source: Advised,
     },
     /// A stage panicked.
-    #[error("stage `{stage}` panicked while making `{partition}`: {message}")]
+    #[error("stage `{}` panicked while making `{}`: {message}", unit.node.stage, unit.partition)]
     Panic {
-        /// The stage's name.
-        stage: StageName,
-        /// The partition being made.
-        partition: PartitionKey,
+        /// The unit being made.
+        unit: UnitName,
         /// The panic message.
         message: String,
     },
@@ -121,30 +119,22 @@ pub enum Failure {
         first: String,
     },
     /// A damaged artifact could not be rebuilt.
-    #[error("`{node}` partition `{partition}` is damaged and did not come out the same again")]
+    #[error("`{}` partition `{}` is damaged and did not come out the same again", unit.node, unit.partition)]
     Damaged {
-        /// The stage and output.
-        node: NodeName,
-        /// The partition's key.
-        partition: PartitionKey,
+        /// The unit that made it.
+        unit: UnitName,
     },
     /// An input of the unit is not made yet.
-    #[error("`{node}` partition `{partition}` is not made yet")]
+    #[error("`{}` partition `{}` is not made yet", unit.node, unit.partition)]
     NotMade {
-        /// The missing output.
-        node: NodeName,
-        /// Its partition.
-        partition: PartitionKey,
+        /// The unit that would make it.
+        unit: UnitName,
     },
     /// A unit was made by another process, and its result is not in the store.
-    #[error(
-        "`{node}` partition `{partition}` was made by another process, but its result is not in the lake"
-    )]
+    #[error("`{}` partition `{}` was made by another process, but its result is not in the lake", unit.node, unit.partition)]
     Lost {
-        /// The output.
-        node: NodeName,
-        /// Its partition.
-        partition: PartitionKey,
+        /// The unit.
+        unit: UnitName,
     },
     /// A unit failed in another process.
     #[error("{message}")]
@@ -173,12 +163,10 @@ pub enum Failure {
         known: Vec<String>,
     },
     /// An output has no partition of this key.
-    #[error("`{node}` has no partition `{partition}`")]
+    #[error("`{}` has no partition `{}`", unit.node, unit.partition)]
     NoPartition {
-        /// The output.
-        node: NodeName,
-        /// The key asked for.
-        partition: PartitionKey,
+        /// The unit asked for.
+        unit: UnitName,
         /// The partitions there are.
         known: Vec<String>,
     },
@@ -227,12 +215,10 @@ pub enum Failure {
         what: String,
     },
     /// A unit and its outcome both say which labels its artifact has, or neither does.
-    #[error("stage `{stage}` does not say once which labels `{partition}` has")]
+    #[error("stage `{}` does not say once which labels `{}` has", unit.node.stage, unit.partition)]
     Labels {
-        /// The stage's name.
-        stage: StageName,
-        /// The partition's key.
-        partition: PartitionKey,
+        /// The unit.
+        unit: UnitName,
     },
     /// No stage of this name is in the file.
     #[error("no stage `{name}` in the pipeline")]
@@ -375,12 +361,12 @@ impl Advise for Failure {
             )),
             Self::NoStage { name, known } => Some(offer("stages", name, known)),
             Self::NoNode { name, known } => Some(offer("outputs", name, known)),
-            Self::NoPartition {
-                partition, known, ..
-            } => Some(offer("partitions", partition.as_str(), known)),
-            Self::NotMade { node, .. } => Some(format!(
+            Self::NoPartition { unit, known } => {
+                Some(offer("partitions", unit.partition.as_str(), known))
+            }
+            Self::NotMade { unit } => Some(format!(
                 "make it first with `pipeline run FILE --until {}`",
-                node.stage
+                unit.node.stage
             )),
             Self::Elsewhere { hint, left_out, .. } => join(hint.clone(), left_out.as_deref()),
             Self::Store(err) => err.0.hint(),
@@ -392,9 +378,9 @@ impl Advise for Failure {
                 "run the same command again without `--processes`: then this process makes the units"
                     .to_owned(),
             ),
-            Self::Damaged { node, .. } => Some(format!(
+            Self::Damaged { unit } => Some(format!(
                 "make it and what follows again with `pipeline run FILE --fresh {}`",
-                node.stage
+                unit.node.stage
             )),
             Self::Figures { node, .. } => Some(format!(
                 "make its results again with `pipeline run FILE --fresh {}`",

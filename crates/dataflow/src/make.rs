@@ -117,12 +117,10 @@ impl<'a> Maker<'a> {
         forced: Forced,
     ) -> Result<UnitReport, Failure> {
         let stage = self.pipeline.stage(node);
-        let fingerprint = known.fingerprint(node, unit)?;
-        let (fingerprint, digest) = fingerprint.ok_or_else(|| Failure::NotMade {
-            node: node.name.clone(),
-            partition: unit.partition.clone(),
-        })?;
         let name = UnitName::new(&node.name, &unit.partition);
+        let not_made = || Failure::NotMade { unit: name.clone() };
+        let fingerprint = known.fingerprint(node, unit)?;
+        let (fingerprint, digest) = fingerprint.ok_or_else(not_made)?;
         let waiting = |holder: &str| {
             (self.events)(&Event::UnitWaiting {
                 unit: name.clone(),
@@ -163,8 +161,7 @@ impl<'a> Maker<'a> {
         let ran = catch_unwind(AssertUnwindSafe(compute));
         let outcome = ran
             .map_err(|payload| Failure::Panic {
-                stage: stage.name.clone(),
-                partition: unit.partition.clone(),
+                unit: name.clone(),
                 message: panic_message(payload.as_ref()),
             })?
             .map_err(|source| stage.failure(Some(&unit.partition), source))?;
@@ -173,10 +170,7 @@ impl<'a> Maker<'a> {
             making.start_over()?;
             return Err(err);
         }
-        let outcome = result(unit, outcome).ok_or_else(|| Failure::Labels {
-            stage: stage.name.clone(),
-            partition: unit.partition.clone(),
-        })?;
+        let outcome = result(unit, outcome).ok_or(Failure::Labels { unit: name })?;
         let record = making.commit(Record {
             fingerprint,
             outcome,
@@ -215,12 +209,9 @@ impl<'a> Maker<'a> {
         forced: Forced,
         elsewhere: &dyn Elsewhere,
     ) -> Result<UnitReport, Failure> {
-        let lost = || Failure::Lost {
-            node: node.name.clone(),
-            partition: unit.partition.clone(),
-        };
-        let (_, digest) = state.fingerprint(node, unit)?.ok_or_else(lost)?;
         let name = UnitName::new(&node.name, &unit.partition);
+        let lost = || Failure::Lost { unit: name.clone() };
+        let (_, digest) = state.fingerprint(node, unit)?.ok_or_else(lost)?;
         let upstream = self.pipeline.upstream_of(&node.name).into_iter();
         let upstream = upstream.map(|source| &source.name).collect();
         let mut relay = Relay::new(&name, upstream, self.events);
@@ -301,15 +292,11 @@ impl<'a> Maker<'a> {
         partition: &PartitionKey,
         files: &BTreeMap<String, FileRef>,
     ) -> Result<BTreeMap<String, PathBuf>, Failure> {
-        let lost = || Failure::Damaged {
-            node: source.clone(),
-            partition: partition.clone(),
-        };
+        let name = UnitName::new(source, partition);
+        let lost = || Failure::Damaged { unit: name.clone() };
         let mut nodes = self.pipeline.nodes.iter();
         let node = nodes.find(|node| node.name == *source).ok_or_else(lost)?;
-        (self.events)(&Event::UnitDamaged {
-            unit: UnitName::new(source, partition),
-        });
+        (self.events)(&Event::UnitDamaged { unit: name.clone() });
         self.mended().insert(node.name.clone());
         let units = state.units(node)?;
         let mut units = units.iter();
@@ -330,28 +317,28 @@ impl<'a> Maker<'a> {
 pub fn make_one(
     pipeline: &Pipeline,
     store: &dyn Store,
-    node: &NodeName,
-    partition: &PartitionKey,
+    unit: &UnitName,
     forced: Forced,
     events: &Events,
 ) -> Result<UnitReport, Failure> {
     let mut state = State::new(pipeline, store);
     store.enter(&pipeline.name)?;
-    for node in pipeline.upstream_of(node) {
+    for node in pipeline.upstream_of(&unit.node) {
         state.recall_some(node, Certainty::Whole, |digest| store.recall(digest))?;
     }
     let mut nodes = pipeline.nodes.iter();
+    let no_node = || Failure::NoNode {
+        name: unit.node.to_string(),
+        known: pipeline
+            .nodes
+            .iter()
+            .map(|node| node.name.to_string())
+            .collect(),
+    };
     let node = nodes
-        .find(|known| known.name == *node)
-        .ok_or_else(|| Failure::NoNode {
-            name: node.to_string(),
-            known: pipeline
-                .nodes
-                .iter()
-                .map(|node| node.name.to_string())
-                .collect(),
-        })?;
-    let not_made = |(node, partition)| Failure::NotMade { node, partition };
+        .find(|node| node.name == unit.node)
+        .ok_or_else(no_node)?;
+    let not_made = |unit| Failure::NotMade { unit };
     let Some(Listing { units, sure, .. }) = state.listing(node)? else {
         let nothing = || Failure::Nothing {
             node: node.name.clone(),
@@ -360,16 +347,16 @@ pub fn make_one(
         return Err(state.first_open(node).map_or_else(nothing, not_made));
     };
     let mut found = units.iter().zip(sure);
+    let no_partition = || Failure::NoPartition {
+        unit: unit.clone(),
+        known: units
+            .iter()
+            .map(|unit| unit.partition.to_string())
+            .collect(),
+    };
     let (unit, sure) = found
-        .find(|(unit, _)| unit.partition == *partition)
-        .ok_or_else(|| Failure::NoPartition {
-            node: node.name.clone(),
-            partition: partition.clone(),
-            known: units
-                .iter()
-                .map(|unit| unit.partition.to_string())
-                .collect(),
-        })?;
+        .find(|(listed, _)| listed.partition == unit.partition)
+        .ok_or_else(no_partition)?;
     // Inputs that are not made yet may change what the unit reads.
     if sure != Certainty::Whole
         && let Some(open) = state.first_open(node)

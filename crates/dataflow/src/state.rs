@@ -18,7 +18,7 @@ use crate::{
     fingerprint::{Fingerprint, Recipe},
     form::Form,
     graph::Node,
-    name::{NodeName, PartitionKey},
+    name::{NodeName, PartitionKey, UnitName},
     outcome::Labels,
     pipeline::Pipeline,
     record::RecordOutcome,
@@ -156,8 +156,7 @@ impl<'a> State<'a> {
                 None => None,
             };
             let outcome = outcome.ok_or_else(|| Failure::NotMade {
-                node: node.name.clone(),
-                partition: unit.partition.clone(),
+                unit: UnitName::new(&node.name, &unit.partition),
             })?;
             known.extend(Known::of(outcome).map(|known| (unit.partition.clone(), known)));
         }
@@ -200,11 +199,11 @@ impl<'a> State<'a> {
     }
 
     /// Returns the first open partition that a node may read.
-    pub(crate) fn first_open(&self, node: &Node) -> Option<(NodeName, PartitionKey)> {
+    pub(crate) fn first_open(&self, node: &Node) -> Option<UnitName> {
         node.reads.values().find_map(|source| {
             let mut partitions = self.made.get(source)?.iter();
             let (key, _) = partitions.find(|(_, known)| matches!(known, Known::Open { .. }))?;
-            Some((source.clone(), key.clone()))
+            Some(UnitName::new(source, key))
         })
     }
 
