@@ -5,7 +5,7 @@ use std::{
     fs::{self, File},
     io,
     path::{Path, PathBuf},
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::Mutex,
 };
 
 use dataflow::{Digest, FileRef};
@@ -16,6 +16,7 @@ use crate::{
     clock::now,
     digests::digest_file,
     folder::Folder,
+    mutex::lock,
     stamp::Stamp,
     stamps::Stamps,
 };
@@ -43,10 +44,6 @@ impl Blobs {
         let name = digest.to_hex();
         let folder = self.folder.blobs().join(name.get(..2).unwrap_or_default());
         folder.join(name)
-    }
-
-    fn touched(&self) -> MutexGuard<'_, BTreeSet<Digest>> {
-        self.touched.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Moves a file into the folder under its digest.
@@ -138,13 +135,13 @@ impl Blobs {
 
     /// Notes that this process has linked or unlinked a blob, which changes its stamp.
     pub(crate) fn touch(&self, digest: &Digest) {
-        self.touched().insert(*digest);
+        lock(&self.touched).insert(*digest);
     }
 
     /// Refreshes the stamps of blobs that this process has linked or unlinked, and returns those
     /// blobs.
     pub(crate) fn settle(&self) -> BTreeSet<Digest> {
-        let touched = std::mem::take(&mut *self.touched());
+        let touched = std::mem::take(&mut *lock(&self.touched));
         for digest in &touched {
             if let Some(before) = self.stamps.get(digest) {
                 match Stamp::read(&self.path(digest)) {
@@ -161,6 +158,6 @@ impl Blobs {
 
     /// Whether stamps were learned since they were recalled.
     pub(crate) fn learned(&self) -> bool {
-        self.stamps.learned() || !self.touched().is_empty()
+        self.stamps.learned() || !lock(&self.touched).is_empty()
     }
 }

@@ -2,7 +2,7 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex},
 };
 
 use dataflow::{Digest, RecordOutcome, UnitRef};
@@ -12,6 +12,7 @@ use crate::{
     blobs::Blobs,
     folder::{Folder, names_in},
     lock::Locks,
+    mutex::lock,
     newest::{self, Newest},
     records::Records,
     stamp::Stamp,
@@ -32,10 +33,6 @@ impl Cache {
         }
     }
 
-    fn known(&self) -> MutexGuard<'_, BTreeMap<String, Newest>> {
-        self.known.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Reads the newest state of a pipeline, with its stamps of records and blobs.
     pub(crate) fn enter(
         &self,
@@ -46,18 +43,18 @@ impl Cache {
         let mut read = Newest::read(&newest::path(&self.folder, pipeline))?;
         blobs.recall(std::mem::take(&mut read.stamps));
         records.recall(std::mem::take(&mut read.records));
-        self.known().insert(pipeline.to_owned(), read);
+        lock(&self.known).insert(pipeline.to_owned(), read);
         Ok(())
     }
 
     /// Applies a function to the newest state of a pipeline; it is empty until it is loaded.
     pub(crate) fn with<T>(&self, pipeline: &str, of: impl FnOnce(&mut Newest) -> T) -> T {
-        of(self.known().entry(pipeline.to_owned()).or_default())
+        of(lock(&self.known).entry(pipeline.to_owned()).or_default())
     }
 
     /// Returns the result of a unit that is or was newest in a loaded pipeline.
     pub(crate) fn outcome(&self, fingerprint: &Digest) -> Option<Arc<RecordOutcome>> {
-        let known = self.known();
+        let known = lock(&self.known);
         let mut known = known.values();
         known.find_map(|newest| newest.outcome(fingerprint).cloned())
     }
@@ -65,7 +62,7 @@ impl Cache {
     /// Returns the result of a unit that is safe from collection, because a pipeline's newest runs
     /// had it.
     pub(crate) fn current_outcome(&self, fingerprint: &Digest) -> Option<Arc<RecordOutcome>> {
-        let known = self.known();
+        let known = lock(&self.known);
         let mut known = known.values();
         known.find_map(|newest| newest.current_outcome(fingerprint).cloned())
     }
@@ -79,7 +76,7 @@ impl Cache {
         locks: &Locks,
     ) -> Result<(), LakeError> {
         let touched = blobs.settle();
-        let mut known = self.known();
+        let mut known = lock(&self.known);
         let newest = known.entry(pipeline.to_owned()).or_default();
         let path = newest::path(&self.folder, pipeline);
         let _turn = locks.lock_publication(pipeline)?;

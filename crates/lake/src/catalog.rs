@@ -9,9 +9,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{
-    Artifact, Digest, NodeName, PartitionKey, RecordOutcome, RunStatus, StageName, UnitRef,
-};
+use dataflow::{Artifact, Digest, NodeName, PartitionKey, RunStatus, StageName, UnitRef};
 
 use crate::{
     LakeError, digests::check_digests, folder::ShownFolders, lake::Lake, register::Run, table,
@@ -73,8 +71,9 @@ impl Lake {
             for shown in recorded.shown_nodes(&pipeline, |node| node.artifact == *table)? {
                 let mut files = BTreeMap::new();
                 for unit in &shown.units {
-                    let outcome = self.outcome_of(&unit.fingerprint)?;
-                    if let Some(file) = outcome.files().and_then(|files| files.get(table::FILE)) {
+                    let stored = self.records.read(&unit.fingerprint)?;
+                    let stored = stored.ok_or_else(|| self.lost_record(&unit.fingerprint))?;
+                    if let Some(file) = stored.outcome.file(table::FILE) {
                         let path = self.every_path(&shown.column, unit);
                         promised.push((path.clone(), file.digest));
                         files.insert(unit.partition.clone(), path);
@@ -172,8 +171,7 @@ impl Lake {
                     found.n_collected += 1;
                     continue;
                 };
-                let made = stored.outcome.files();
-                if let Some(file) = made.and_then(|files| files.get(table::FILE)) {
+                if let Some(file) = stored.outcome.file(table::FILE) {
                     promised.push((path.clone(), file.digest));
                     files.insert(unit.partition.clone(), path);
                 }
@@ -231,13 +229,6 @@ impl Lake {
             }
         }
         Ok(promised)
-    }
-
-    /// The outcome of a newest unit, whose record must exist.
-    fn outcome_of(&self, fingerprint: &Digest) -> Result<RecordOutcome, LakeError> {
-        let stored = self.records.read(fingerprint)?;
-        let stored = stored.ok_or_else(|| self.lost_record(fingerprint))?;
-        Ok(stored.outcome)
     }
 
     fn lost_record(&self, fingerprint: &Digest) -> LakeError {

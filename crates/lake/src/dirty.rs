@@ -6,7 +6,7 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::Mutex,
 };
 
 use dataflow::NodeName;
@@ -15,6 +15,7 @@ use crate::{
     LakeError, atomic,
     folder::{Folder, names_in},
     lock::Locks,
+    mutex::lock,
 };
 
 /// The publications of this process, by pipeline, and the marks of all processes.
@@ -41,14 +42,9 @@ impl DirtyMarks {
         }
     }
 
-    fn known(&self) -> MutexGuard<'_, BTreeMap<String, Progress>> {
-        self.known.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Begins a run of a pipeline.
     pub(crate) fn enter(&self, pipeline: &str) {
-        self.known()
-            .insert(pipeline.to_owned(), Progress::default());
+        lock(&self.known).insert(pipeline.to_owned(), Progress::default());
     }
 
     /// Notes whether a publication succeeded.
@@ -58,7 +54,7 @@ impl DirtyMarks {
         node: Option<&NodeName>,
         result: Result<T, LakeError>,
     ) -> Result<T, LakeError> {
-        let mut known = self.known();
+        let mut known = lock(&self.known);
         let progress = known.entry(pipeline.to_owned()).or_default();
         progress.failed |= result.is_err();
         progress.shown.extend(node.cloned());
@@ -67,7 +63,7 @@ impl DirtyMarks {
 
     /// Notes that a pipeline has these nodes and no others.
     pub(crate) fn has<'n>(&self, pipeline: &str, mut nodes: impl Iterator<Item = &'n NodeName>) {
-        let mut known = self.known();
+        let mut known = lock(&self.known);
         let progress = known.entry(pipeline.to_owned()).or_default();
         progress.whole = !progress.failed && nodes.all(|node| progress.shown.contains(node));
     }
@@ -85,7 +81,7 @@ impl DirtyMarks {
     /// once their unfinished publications are replaced.
     pub(crate) fn unmark(&self, pipeline: &str, locks: &Locks) -> Result<(), LakeError> {
         let folder = self.folder.dirty();
-        let known = self.known();
+        let known = lock(&self.known);
         let Some(progress) = known.get(pipeline).filter(|progress| !progress.failed) else {
             return Ok(());
         };

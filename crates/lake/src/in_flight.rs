@@ -9,6 +9,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use crate::mutex::lock;
+
 /// Grace period for pending writes at an interrupt.
 const PATIENCE: Duration = Duration::from_secs(2);
 
@@ -23,13 +25,11 @@ pub(crate) struct InFlight {
 
 impl InFlight {
     pub(crate) fn begin(&self, folder: &Path) {
-        let mut folders = self.folders.lock().unwrap_or_else(PoisonError::into_inner);
-        folders.insert(folder.to_owned());
+        lock(&self.folders).insert(folder.to_owned());
     }
 
     pub(crate) fn end(&self, folder: &Path) {
-        let mut folders = self.folders.lock().unwrap_or_else(PoisonError::into_inner);
-        folders.remove(folder);
+        lock(&self.folders).remove(folder);
     }
 
     /// Permits a commit; blocks forever once the flight is dropped.
@@ -42,7 +42,7 @@ impl InFlight {
     /// another process: they have written nothing.
     pub(crate) fn abort(&self) -> (Option<RwLockWriteGuard<'_, ()>>, usize) {
         let gate = self.close();
-        let folders = self.folders.lock().unwrap_or_else(PoisonError::into_inner);
+        let folders = lock(&self.folders);
         for folder in folders.iter() {
             // A stage may still be writing into it, so a second try may be needed; leftovers are
             // removed by the next process that makes the unit.

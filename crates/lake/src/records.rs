@@ -4,7 +4,7 @@ use std::{
     collections::{BTreeMap, HashSet},
     fs::File,
     path::{Path, PathBuf},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex},
 };
 
 use dataflow::{
@@ -16,6 +16,7 @@ use crate::{
     LakeError,
     clock::now,
     folder::{Folder, digest_named, files_below},
+    mutex::lock,
     replicas, sealed,
     stamp::Stamp,
     stamps::Stamps,
@@ -189,7 +190,7 @@ impl Records {
         if self.recipe(&recipe)?.is_none() {
             return Ok(false);
         }
-        let mut own = self.own();
+        let mut own = lock(&self.own);
         let own = match own.take() {
             Some(known) => own.insert(known),
             None => own.insert(self.read_own(&unit.recipe)?),
@@ -199,11 +200,7 @@ impl Records {
 
     /// Invalidates the list of records, since others may have been added.
     pub(crate) fn look_again(&self) {
-        self.own().take();
-    }
-
-    fn own(&self) -> MutexGuard<'_, Option<HashSet<Digest>>> {
-        self.own.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.own).take();
     }
 
     fn read_own(&self, any: &Arc<Recipe>) -> Result<HashSet<Digest>, LakeError> {

@@ -4,7 +4,7 @@ use std::{
     collections::{BTreeMap, BTreeSet},
     env,
     path::{Path, PathBuf},
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::{Mutex, MutexGuard},
 };
 
 use dataflow::{Digest, FileRef, NodeName, RunRecord, RunStatus, UnitRef};
@@ -15,6 +15,7 @@ use crate::{
     clock::{host, nanoseconds, now},
     folder::{Folder, digest_named, names_in},
     lock::Locks,
+    mutex::lock,
     replicas, sealed,
 };
 
@@ -103,7 +104,7 @@ impl Register {
 
     /// The run of this process.
     pub(crate) fn current(&self) -> MutexGuard<'_, Option<Run>> {
-        self.current.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.current)
     }
 
     /// Path of a run's record.

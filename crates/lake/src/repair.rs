@@ -16,11 +16,11 @@ use crate::{
     LakeError, atomic,
     digests::digest_file,
     folder::{files_below, run_of, unit_of},
-    history,
+    history, irreplaceable,
     lake::Lake,
-    published, records, register, repeats, replicas,
+    published, replicas,
     snapshot::Snapshot,
-    table, tags, views,
+    table, views,
 };
 
 /// Restores lost, damaged or exchanged files, and removes foreign ones.
@@ -80,45 +80,16 @@ impl Repair<'_> {
         self.is_known(path) || digest_file(path).is_ok_and(|there| there == *digest)
     }
 
-    /// Files with backup copies.
+    /// Files with replicas.
     fn replicated(&mut self) -> Result<(), LakeError> {
         let lake = self.lake;
-        let folder = &lake.folder;
-        let repeated = folder.repeated_run();
-        if (repeated.exists() || folder.copy_of(&repeated).exists())
-            && !replicas::repair(folder, &repeated, |path, bytes| {
-                repeats::parse(path, bytes).is_ok()
-            })?
-        {
-            self.unrepaired.insert(repeated);
-        }
-        self.replicas_in(&folder.runs(), |path, bytes| {
-            lake.register.parse(path, bytes).is_ok()
-        })?;
-        self.replicas_in(&folder.manifests(), |path, bytes| {
-            register::check_manifest(path, bytes).is_ok()
-        })?;
-        self.replicas_in(&folder.recipes(), |path, bytes| {
-            records::parse_recipe(path, bytes).is_ok()
-        })?;
-        self.replicas_in(&folder.tags(), |path, bytes| {
-            tags::parse(path, bytes).is_ok()
-        })
-    }
-
-    fn replicas_in(
-        &mut self,
-        folder: &Path,
-        is_intact: impl Fn(&Path, &[u8]) -> bool,
-    ) -> Result<(), LakeError> {
-        let lake = &self.lake.folder;
-        for name in replicas::names(lake, folder)? {
-            let path = folder.join(name);
-            let copy = lake.copy_of(&path);
+        for (path, check) in irreplaceable::all(lake)? {
+            let copy = lake.folder.copy_of(&path);
             if self.is_known(&path) && self.is_known(&copy) {
                 continue;
             }
-            if !replicas::repair(lake, &path, &is_intact)? {
+            let is_intact = |path: &Path, bytes: &[u8]| check(lake, path, bytes).is_ok();
+            if !replicas::repair(&lake.folder, &path, is_intact)? {
                 self.unrepaired.extend([path, copy]);
             }
         }
@@ -199,8 +170,7 @@ impl Repair<'_> {
         let Some(stored) = self.lake.records.read(unit)? else {
             return Ok(());
         };
-        let made = stored.outcome.files();
-        let Some(file) = made.and_then(|files| files.get(table::FILE)) else {
+        let Some(file) = stored.outcome.file(table::FILE) else {
             return Ok(());
         };
         if self.lake.blobs.is_unchanged(file)? {

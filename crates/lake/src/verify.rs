@@ -17,12 +17,12 @@ use crate::{
     atomic::{self, io_error},
     digests::{OnBytes, check_digests},
     folder::{files_below, names_in},
+    irreplaceable,
     lake::Lake,
     newest::Newest,
-    records::{self, Stored},
-    register, repair, repeats, replicas, sealed, snapshot,
+    records::Stored,
+    repair, sealed, snapshot,
     stamp::Stamp,
-    tags,
 };
 
 /// A fault in the lake.
@@ -239,30 +239,17 @@ impl Verifier<'_> {
     /// Checks the files with backup copies, and the copies.
     fn replicated(&mut self) -> Result<(), LakeError> {
         let lake = self.lake;
-        let folder = &lake.folder;
-        self.replicas_of(&folder.repeated_run(), &|path, bytes| {
-            repeats::parse(path, bytes).map(drop)
-        });
-        self.replicas_in(&folder.recipes(), |path, bytes| {
-            records::parse_recipe(path, bytes).map(drop)
-        })?;
-        self.replicas_in(&folder.manifests(), register::check_manifest)?;
-        self.replicas_in(&folder.tags(), |path, bytes| {
-            tags::parse(path, bytes).map(drop)
-        })?;
-        self.replicas_in(&folder.runs(), |path, bytes| {
-            let run = lake.register.parse(path, bytes)?;
-            lake.register.units(&run).map(drop)
-        })
-    }
-
-    fn replicas_in(
-        &mut self,
-        folder: &Path,
-        check: impl Fn(&Path, &[u8]) -> Result<(), LakeError>,
-    ) -> Result<(), LakeError> {
-        for name in replicas::names(&self.lake.folder, folder)? {
-            self.replicas_of(&folder.join(name), &check);
+        let runs = lake.folder.runs();
+        for (path, check) in irreplaceable::all(lake)? {
+            let is_run = path.starts_with(&runs);
+            self.replicas_of(&path, &|path, bytes| {
+                check(lake, path, bytes)?;
+                if !is_run {
+                    return Ok(());
+                }
+                let run = lake.register.parse(path, bytes)?;
+                lake.register.units(&run).map(drop)
+            });
         }
         Ok(())
     }

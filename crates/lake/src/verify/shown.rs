@@ -191,10 +191,7 @@ impl Verifier<'_> {
                 self.fault(&path, "the record of its unit is missing or damaged");
                 continue;
             };
-            let made = stored
-                .outcome
-                .files()
-                .and_then(|files| files.get(table::FILE));
+            let made = stored.outcome.file(table::FILE);
             match (self.digest_shown(&path), made) {
                 (Ok(digest), _) if shown.damaged.contains(&digest) => {
                     self.fault(&path, "it shows damaged bytes");
@@ -209,8 +206,7 @@ impl Verifier<'_> {
         }
         for (path, unit) in promised {
             let stored = self.lake.records.read(&unit)?;
-            let made = stored.as_ref().and_then(|stored| stored.outcome.files());
-            if made.is_some_and(|files| files.contains_key(table::FILE)) {
+            if stored.is_some_and(|stored| stored.outcome.file(table::FILE).is_some()) {
                 self.fault(&path, "is missing: a unit made it");
             }
         }
