@@ -90,7 +90,7 @@ impl Output for ReconstructionReport {
 
     /// Makes the table of errors and its charts.
     fn make(
-        config: &TrainConfig,
+        _config: &TrainConfig,
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome<ReconstructionMetrics>, TrainError> {
@@ -100,7 +100,7 @@ impl Output for ReconstructionReport {
         let hand = Arc::new(hand(inputs)?);
         cgf.check_hand(&hand.joint_names())?;
         let tips = tips(description, &hand)?;
-        let set = set::read(config, inputs, &hand.joint_names(), cx.seed())?;
+        let set = set::read(inputs, &hand.joint_names())?;
         let known: BTreeMap<&str, &Demonstration> = description
             .demonstrations
             .iter()
