@@ -1,7 +1,6 @@
 //! Bars beside names.
 
 use crate::{
-    ChartError,
     axis::{Axis, Ends, Scale},
     canvas::Stroke,
     captions::Captions,
@@ -24,25 +23,18 @@ const BAR: [f64; 2] = [12.0, 16.0];
 /// Draws a bar to the right for each name, from the top; of several series, one below the other.
 /// `captions.x` says what the bars measure; `captions.y` may be empty where the names speak for
 /// themselves.
+/// Returns `None` if no value is finite.
 ///
-/// # Errors
+/// # Panics
 ///
-/// Fails with [`ChartError::Nothing`] if no value is finite, and with [`ChartError::WrongCount`] if a
-/// series has not one value per name.
-pub fn bars(captions: &Captions, names: &[String], series: &[Bars]) -> Result<String, ChartError> {
-    if let Some(wrong) = series.iter().find(|bars| bars.values.len() != names.len()) {
-        return Err(ChartError::WrongCount {
-            title: captions.title.to_owned(),
-            series: wrong.name.clone(),
-            found: wrong.values.len(),
-            expected: names.len(),
-        });
+/// Panics if a series has not one value per name.
+pub fn bars(captions: &Captions, names: &[String], series: &[Bars]) -> Option<String> {
+    for bars in series {
+        captions.check_count(&bars.name, bars.values.len(), names);
     }
     let values = series.iter().flat_map(|bars| bars.values.iter().copied());
     let axis = Axis::new(Scale::Linear, Ends::Zero, 6, values);
-    let axis = axis.ok_or_else(|| ChartError::Nothing {
-        title: captions.title.to_owned(),
-    })?;
+    let axis = axis?;
     let [several, alone] = BAR;
     let bar = if series.len() > 1 { several } else { alone };
     let share = (bar * series.len() as f64 + GAP).max(TEXT_SIZE * 1.4);
@@ -68,5 +60,5 @@ pub fn bars(captions: &Captions, names: &[String], series: &[Bars]) -> Result<St
     }
     let (from, to) = (figure.at([zero, 0.0]), figure.at([zero, 1.0]));
     figure.canvas.line(from, to, Stroke::solid(BASE, 1.0));
-    Ok(figure.canvas.finish())
+    Some(figure.canvas.finish())
 }

@@ -1,7 +1,6 @@
 //! Estimates with their intervals beside names.
 
 use crate::{
-    ChartError,
     axis::{Axis, Ends, Scale},
     canvas::Stroke,
     captions::Captions,
@@ -38,31 +37,20 @@ const HALF_END: f64 = 3.5;
 /// several series, one below the other. `captions.x` says what is estimated, and with what confidence;
 /// `captions.y` may be empty where the names speak for themselves. The axis begins at zero. An estimate
 /// that is not finite is left out.
+/// Returns `None` if no estimate is left.
 ///
-/// # Errors
+/// # Panics
 ///
-/// Fails with [`ChartError::Nothing`] if no estimate is left, and with [`ChartError::WrongCount`] if a
-/// series has not one estimate per name.
-pub fn intervals(
-    captions: &Captions,
-    names: &[String],
-    series: &[Estimates],
-) -> Result<String, ChartError> {
-    if let Some(wrong) = series.iter().find(|all| all.values.len() != names.len()) {
-        return Err(ChartError::WrongCount {
-            title: captions.title.to_owned(),
-            series: wrong.name.clone(),
-            found: wrong.values.len(),
-            expected: names.len(),
-        });
+/// Panics if a series has not one estimate per name.
+pub fn intervals(captions: &Captions, names: &[String], series: &[Estimates]) -> Option<String> {
+    for all in series {
+        captions.check_count(&all.name, all.values.len(), names);
     }
     let estimates = series.iter().flat_map(|all| all.values.iter().flatten());
     let numbers = estimates.filter(|estimate| estimate.is_finite());
     let numbers = numbers.flat_map(|estimate| [estimate.low, estimate.value, estimate.high]);
     let axis = Axis::new(Scale::Linear, Ends::Zero, 6, numbers);
-    let axis = axis.ok_or_else(|| ChartError::Nothing {
-        title: captions.title.to_owned(),
-    })?;
+    let axis = axis?;
     let share = (EACH * series.len() as f64 + GAP).max(TEXT_SIZE * 1.4);
     let legend: Vec<&str> = series.iter().map(|all| all.name.as_str()).collect();
     let around = (&axis, &Side::Names(names));
@@ -93,7 +81,7 @@ pub fn intervals(
             figure.canvas.dot([value, y], 4.0, color(idx), 1.0);
         }
     }
-    Ok(figure.canvas.finish())
+    Some(figure.canvas.finish())
 }
 
 impl Estimate {

@@ -11,7 +11,7 @@ use dataflow::{Advised, Digest, Making, Record, RecordOutcome, UnitName};
 use crate::{
     LakeError,
     atomic::{self, io_error},
-    clock::{host, nanoseconds, now},
+    clock::{host, nanoseconds, now, program},
     lake::Lake,
     lock::{Lock, Waiting},
     records::Provenance,
@@ -76,7 +76,7 @@ impl<'a> UnitInProgress<'a> {
                 .elapsed()
                 .unwrap_or(Duration::ZERO)
                 .as_secs_f64(),
-            program: concat!("pipeline ", env!("CARGO_PKG_VERSION")).to_owned(),
+            program: program(),
             host: host(),
             threads: std::thread::available_parallelism().map_or(0, usize::from),
         };

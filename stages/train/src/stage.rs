@@ -137,7 +137,8 @@ impl Output for Train {
         cx: &Context,
     ) -> Result<Outcome<TrainMetrics>, TrainError> {
         let hand = Arc::new(hand(inputs)?);
-        let set = set::read(config, inputs, &hand.joint_names(), cx.seed())?;
+        let mut set = set::read(inputs, &hand.joint_names())?;
+        set::split(&mut set, config, cx.seed());
         let trained = train(config, &set, &hand, cx)?;
         for (cgf, files) in [
             (&trained.best, checkpoint::BEST),

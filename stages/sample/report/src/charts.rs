@@ -1,14 +1,15 @@
 //! What shows how different and how plausible the motions of an object are, beside its demonstrations.
 
-use charts::{Bars, Captions, ChartError, Sample, Scale, Series, bars, histogram, lines, scatter};
+use charts::{Bars, Captions, Sample, Scale, Series, bars, histogram, lines, scatter};
 use dataflow::Context;
 use diversity::{Diversity, Motion};
 use lake::WriteArtifact;
 use motion::Step;
 use schemas::sampling::Sampled;
 use spatial::{Object, Pose, Rest, Table};
+use stage_sample::SampleError;
 
-use crate::{SampleReportError, measure::Shown};
+use crate::measure::Shown;
 
 /// Motions of which each is a dot of its own; more would make pictures of megabytes.
 const DOTS: usize = 1000;
@@ -67,7 +68,7 @@ fn at_equal_times(shown: &Shown, n: usize) -> Vec<&Step<Object>> {
 
 impl Charts<'_> {
     /// Writes all charts; those in which there is nothing to draw are left out.
-    pub(crate) fn put(&self, cx: &Context) -> Result<(), SampleReportError> {
+    pub(crate) fn put(&self, cx: &Context) -> Result<(), SampleError> {
         for (name, chart) in [
             ("grasps", self.grasps()),
             ("palm", self.palm()),
@@ -75,11 +76,7 @@ impl Charts<'_> {
             ("depth", self.depth()),
             ("limits", self.limits()),
         ] {
-            match chart {
-                Ok(svg) => cx.write_file(&format!("{name}.svg"), svg.as_bytes())?,
-                Err(ChartError::Nothing { .. }) => {}
-                Err(err) => return Err(err.into()),
-            }
+            cx.write_chart(name, chart)?;
         }
         Ok(())
     }
@@ -91,7 +88,7 @@ impl Charts<'_> {
             .filter(|(_, diversity)| diversity.compared_n > 0)
     }
 
-    fn grasps(&self) -> Result<String, ChartError> {
+    fn grasps(&self) -> Option<String> {
         let series = self.both().map(|(name, diversity)| {
             let compared = diversity.from_mean.iter().zip(&diversity.is_compared);
             let distances = compared.filter_map(|(distance, is_compared)| {
@@ -111,7 +108,7 @@ impl Charts<'_> {
         scatter(&captions, &series.collect::<Vec<_>>())
     }
 
-    fn palm(&self) -> Result<String, ChartError> {
+    fn palm(&self) -> Option<String> {
         let series = self.both().map(|(name, diversity)| {
             let last = diversity.by_step.len().saturating_sub(1).max(1) as f64;
             let steps = diversity.by_step.iter().enumerate();
@@ -130,7 +127,7 @@ impl Charts<'_> {
         lines(&captions, Scale::Linear, &series.collect::<Vec<_>>())
     }
 
-    fn joints(&self) -> Result<String, ChartError> {
+    fn joints(&self) -> Option<String> {
         let series = self.both().map(|(name, diversity)| Bars {
             name: name.to_owned(),
             values: diversity
@@ -147,7 +144,7 @@ impl Charts<'_> {
         bars(&captions, self.joints, &series.collect::<Vec<_>>())
     }
 
-    fn depth(&self) -> Result<String, ChartError> {
+    fn depth(&self) -> Option<String> {
         let sample = |name: &str, depth_m: fn(&Sampled) -> f64| Sample {
             name: name.to_owned(),
             values: self.sampled.iter().map(|s| 1e3 * depth_m(s)).collect(),
@@ -164,7 +161,7 @@ impl Charts<'_> {
         histogram(&captions, BINS, &samples)
     }
 
-    fn limits(&self) -> Result<String, ChartError> {
+    fn limits(&self) -> Option<String> {
         let excess = self.sampled.iter().map(|s| s.limit_excess_rad.to_degrees());
         let sample = Sample {
             name: "drawn".to_owned(),

@@ -22,7 +22,7 @@ use stage_sample::{
 };
 
 use crate::{
-    SampleReportError, charts,
+    charts,
     measure::{Measure, Shown},
 };
 
@@ -61,7 +61,7 @@ pub struct SamplingReport;
 impl Output for SamplingReport {
     type Stage = Sample;
     type Metrics = SamplingMetrics;
-    type Error = SampleReportError;
+    type Error = SampleError;
 
     const ARTIFACT: &'static str = Sampling::NAME;
     const SCHEMA: &'static str = Sampling::VERSION;
@@ -70,7 +70,7 @@ impl Output for SamplingReport {
     const LINE: Option<Line<SamplingMetrics>> = Some(line);
 
     /// One unit per object that has candidates.
-    fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleReportError> {
+    fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
         let meshes = hand_meshes(config)?;
         let fields = scope.partitions(FieldInfo::NAME);
         let trajectories = scope.partitions(Trajectory::NAME);
@@ -102,7 +102,7 @@ impl Output for SamplingReport {
         _config: &SampleConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<SamplingMetrics>, SampleReportError> {
+    ) -> Result<Outcome<SamplingMetrics>, SampleError> {
         let drawn: Candidates = inputs.one()?;
         let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
             return Ok(Outcome::skipped(
@@ -110,9 +110,7 @@ impl Output for SamplingReport {
             ));
         };
         let field = read_field(field)?;
-        let hand = robot_meshes::load(&inputs.source("hand")?.path)
-            .map_err(SampleError::from)?
-            .model;
+        let hand = robot_meshes::load(&inputs.source("hand")?.path)?.model;
         let shown = inputs
             .artifacts(Trajectory::NAME)
             .iter()
@@ -180,7 +178,7 @@ fn line(summary: &Summary<SamplingMetrics>) -> String {
 }
 
 /// Reads a demonstration with its joints in this order; `None` if it has no step.
-fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, SampleReportError> {
+fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, SampleError> {
     let shown: Trajectory = lake::table::read(artifact)?;
     let order =
         JointOrder::new(&shown.joints, joints).map_err(|source| SampleError::AnotherHand {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use charts::{Captions, ChartError, Estimate, Estimates, intervals};
+use charts::{Captions, Estimate, Estimates, intervals};
 use dataflow::{Context, Inputs, Line, Options, Outcome, Output, Scope, Sum, Summary, Unit};
 use diversity::{Diversity, Motion};
 use lake::{LakeError, WriteArtifact, table};
@@ -12,9 +12,7 @@ use schemas::{
     rollouts::{Rollout, Rollouts, Verdict},
     success::{self, Success, Successes},
 };
-use stage_screen::{Screen, ScreenConfig};
-
-use crate::ScreenReportError;
+use stage_screen::{Screen, ScreenConfig, ScreenError};
 
 /// Key of the one partition.
 const ALL: &str = "all";
@@ -50,7 +48,7 @@ pub struct SuccessReport;
 impl Output for SuccessReport {
     type Stage = Screen;
     type Metrics = SuccessMetrics;
-    type Error = ScreenReportError;
+    type Error = ScreenError;
 
     const ARTIFACT: &'static str = Successes::NAME;
     const SCHEMA: &'static str = Successes::VERSION;
@@ -58,7 +56,7 @@ impl Output for SuccessReport {
     const OPTIONS: Options = Options::NONE;
     const LINE: Option<Line<SuccessMetrics>> = Some(line);
 
-    fn units(_config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenReportError> {
+    fn units(_config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
         Ok(units(scope))
     }
 
@@ -67,7 +65,7 @@ impl Output for SuccessReport {
         _config: &ScreenConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<SuccessMetrics>, ScreenReportError> {
+    ) -> Result<Outcome<SuccessMetrics>, ScreenError> {
         let mut rows = Vec::new();
         let mut touched_n = 0;
         for artifact in inputs.artifacts(Rollouts::NAME) {
@@ -81,11 +79,7 @@ impl Output for SuccessReport {
             rows.extend(of_object(&rollouts, &table::read(given)?)?);
         }
         cx.write(&rows)?;
-        match chart(&rows) {
-            Ok(svg) => cx.write_file("rates.svg", svg.as_bytes())?,
-            Err(ChartError::Nothing { .. }) => {}
-            Err(err) => return Err(err.into()),
-        }
+        cx.write_chart("rates", chart(&rows))?;
         Ok(Outcome::Made(SuccessMetrics::of(&rows, touched_n)))
     }
 }
@@ -154,7 +148,7 @@ fn untouched(all: &SuccessMetrics) -> String {
 }
 
 /// Returns one row for each generator of an object's candidates, in the order of their names.
-fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, ScreenReportError> {
+fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, ScreenError> {
     let by_name: BTreeMap<&str, &Candidate> = given
         .candidates
         .iter()
@@ -171,7 +165,7 @@ fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, S
             .map(|rollout| {
                 let name = rollout.candidate_id.as_str();
                 let candidate = by_name.get(name).copied();
-                candidate.ok_or_else(|| ScreenReportError::UnknownCandidate {
+                candidate.ok_or_else(|| ScreenError::UnknownCandidate {
                     partition: given.object.clone(),
                     candidate: name.to_owned(),
                 })
@@ -240,7 +234,7 @@ fn objects(rows: &[Success]) -> Vec<String> {
 }
 
 /// Draws how often the candidates of each object hold, with the interval of each share.
-fn chart(rows: &[Success]) -> Result<String, ChartError> {
+fn chart(rows: &[Success]) -> Option<String> {
     let objects = objects(rows);
     let mut generators: Vec<&str> = rows.iter().map(|row| row.generator.as_str()).collect();
     generators.sort_unstable();

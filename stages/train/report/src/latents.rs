@@ -8,12 +8,9 @@ use schemas::{
     Table,
     latents::{Latents, Row},
 };
-use stage_train::{Train, TrainConfig};
+use stage_train::{Train, TrainConfig, TrainError};
 
-use crate::{
-    TrainReportError,
-    report::{SPLITS, description, mean, of_description, of_split, put},
-};
+use crate::report::{SPLITS, description, mean, of_description, of_split};
 
 /// Variance of the means beyond which a dimension is active (Burda, Grosse and Salakhutdinov,
 /// *Importance Weighted Autoencoders*, 2016, section 5.2).
@@ -37,7 +34,7 @@ pub struct LatentsReport;
 impl Output for LatentsReport {
     type Stage = Train;
     type Metrics = LatentMetrics;
-    type Error = TrainReportError;
+    type Error = TrainError;
 
     const ARTIFACT: &'static str = Latents::NAME;
     const SCHEMA: &'static str = Latents::VERSION;
@@ -45,7 +42,7 @@ impl Output for LatentsReport {
     const OPTIONS: Options = Options::NONE;
     const LINE: Option<Line<LatentMetrics>> = Some(line);
 
-    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainReportError> {
+    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
         of_description(config, scope)
     }
 
@@ -54,7 +51,7 @@ impl Output for LatentsReport {
         _config: &TrainConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<LatentMetrics>, TrainReportError> {
+    ) -> Result<Outcome<LatentMetrics>, TrainError> {
         let description = description(inputs)?;
         let rows = rows(&description);
         cx.write(&rows)?;
@@ -106,7 +103,7 @@ fn code(demonstration: &Demonstration, dimension: usize) -> Option<(f64, f64)> {
     Some((*mean, *deviation))
 }
 
-fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), TrainReportError> {
+fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), TrainError> {
     let mut ranked: Vec<(usize, &Row)> = rows.iter().enumerate().collect();
     ranked.sort_by(|(_, a), (_, b)| b.kl_nats.total_cmp(&a.kl_nats));
     let by_rank = |name: &str, number: fn(&Row) -> f64| Series {
@@ -126,7 +123,7 @@ fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), Tra
         Scale::Linear,
         &[by_rank("divergence", |row| row.kl_nats)],
     );
-    put(cx, "kl", used)?;
+    cx.write_chart("kl", used)?;
     let deviations = lines(
         &captions("Spread of the latent codes", "standard deviation"),
         Scale::Linear,
@@ -135,7 +132,7 @@ fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), Tra
             by_rank("of one motion, mean", |row| row.deviation_mean),
         ],
     );
-    put(cx, "spread", deviations)?;
+    cx.write_chart("spread", deviations)?;
     let [(first, _), (second, _), ..] = ranked[..] else {
         return Ok(());
     };
@@ -156,5 +153,5 @@ fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), Tra
         .into_iter()
         .filter(|set| !set.points.is_empty())
         .collect();
-    put(cx, "means", scatter(&captions, &sets))
+    Ok(cx.write_chart("means", scatter(&captions, &sets))?)
 }

@@ -1,15 +1,12 @@
 //! The reports: their units, and what they have in common.
 
 use cgf::{Demonstration, Description, Split};
-use charts::ChartError;
-use dataflow::{
-    Code, Context, Inputs, Lines, Output, Outputs, PartitionKey, Report, Scope, Summary, Unit,
-};
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use dataflow::{Code, Inputs, Lines, Output, Outputs, PartitionKey, Report, Scope, Summary, Unit};
+use lake::{ReadArtifact, ReadInputs};
 use schemas::checkpoint;
-use stage_train::{Train, TrainConfig, TrainMetrics};
+use stage_train::{Train, TrainConfig, TrainError, TrainMetrics};
 
-use crate::{LatentsReport, ReconstructionReport, TrainReportError, TrainingReport};
+use crate::{LatentsReport, ReconstructionReport, TrainingReport};
 
 /// Shows how a training went.
 pub enum TrainReport {}
@@ -47,10 +44,7 @@ pub(crate) fn shown(figure: Option<f64>, decimals: usize) -> String {
 }
 
 /// Units that read what a checkpoint says of itself.
-pub(crate) fn of_description(
-    config: &TrainConfig,
-    scope: &Scope,
-) -> Result<Vec<Unit>, TrainReportError> {
+pub(crate) fn of_description(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
     let files = [checkpoint::LAST.description];
     let trained = trained(config, scope)?;
     Ok(trained
@@ -63,10 +57,7 @@ pub(crate) fn of_description(
 }
 
 /// Units that read a function and what it was trained on.
-pub(crate) fn of_function(
-    config: &TrainConfig,
-    scope: &Scope,
-) -> Result<Vec<Unit>, TrainReportError> {
+pub(crate) fn of_function(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
     let files = [checkpoint::LAST.description, checkpoint::LAST.weights];
     let trained = trained(config, scope)?;
     Ok(trained
@@ -81,7 +72,7 @@ pub(crate) fn of_function(
 fn trained(
     config: &TrainConfig,
     scope: &Scope,
-) -> Result<impl Iterator<Item = (Unit, PartitionKey)>, TrainReportError> {
+) -> Result<impl Iterator<Item = (Unit, PartitionKey)>, TrainError> {
     let units = Train::units(config, scope)?.into_iter();
     let models = scope.partitions(checkpoint::NAME).iter();
     Ok(units.zip(models.map(|model| model.key.clone())))
@@ -95,7 +86,7 @@ pub(crate) const SPLITS: [(Split, &str, &str); 3] = [
 ];
 
 /// Everything about the trained function but its weights.
-pub(crate) fn description(inputs: &Inputs) -> Result<Description, TrainReportError> {
+pub(crate) fn description(inputs: &Inputs) -> Result<Description, TrainError> {
     let model = inputs.artifact(checkpoint::NAME)?;
     Ok(Description::read(
         model.path(checkpoint::LAST.description)?,
@@ -109,19 +100,6 @@ pub(crate) fn of_split(
 ) -> impl Iterator<Item = &Demonstration> {
     let demonstrations = description.demonstrations.iter();
     demonstrations.filter(move |demonstration| demonstration.split == split)
-}
-
-/// Writes a chart; one in which there is nothing to draw is left out.
-pub(crate) fn put(
-    cx: &Context,
-    name: &str,
-    chart: Result<String, ChartError>,
-) -> Result<(), TrainReportError> {
-    match chart {
-        Ok(svg) => Ok(cx.write_file(&format!("{name}.svg"), svg.as_bytes())?),
-        Err(ChartError::Nothing { .. }) => Ok(()),
-        Err(err) => Err(err.into()),
-    }
 }
 
 /// `3 motions` or `1 motion`.

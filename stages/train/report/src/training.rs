@@ -8,12 +8,9 @@ use schemas::{
     Table,
     training::{Row, Training},
 };
-use stage_train::{BySplit, Train, TrainConfig};
+use stage_train::{BySplit, Train, TrainConfig, TrainError};
 
-use crate::{
-    TrainReportError,
-    report::{SPLITS, counted, description, of_description, put, shown},
-};
+use crate::report::{SPLITS, counted, description, of_description, shown};
 
 /// A term of the loss: its name, its number, its weight.
 type Term = (&'static str, fn(&Losses) -> f32, fn(&TrainingConfig) -> f64);
@@ -79,7 +76,7 @@ pub struct TrainingReport;
 impl Output for TrainingReport {
     type Stage = Train;
     type Metrics = TrainingMetrics;
-    type Error = TrainReportError;
+    type Error = TrainError;
 
     const ARTIFACT: &'static str = Training::NAME;
     const SCHEMA: &'static str = Training::VERSION;
@@ -87,7 +84,7 @@ impl Output for TrainingReport {
     const OPTIONS: Options = Options::NONE;
     const LINE: Option<Line<TrainingMetrics>> = Some(line);
 
-    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainReportError> {
+    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
         of_description(config, scope)
     }
 
@@ -96,7 +93,7 @@ impl Output for TrainingReport {
         _config: &TrainConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<TrainingMetrics>, TrainReportError> {
+    ) -> Result<Outcome<TrainingMetrics>, TrainError> {
         let description = description(inputs)?;
         let rows = rows(&description.training_curve);
         cx.write(&rows)?;
@@ -183,7 +180,7 @@ impl TrainingMetrics {
     }
 }
 
-fn draw(description: &Description, cx: &Context) -> Result<(), TrainReportError> {
+fn draw(description: &Description, cx: &Context) -> Result<(), TrainError> {
     let curve = &description.training_curve;
     let captions = |title, y| Captions {
         title,
@@ -205,13 +202,13 @@ fn draw(description: &Description, cx: &Context) -> Result<(), TrainReportError>
         Scale::Log,
         &by_split(|losses| losses.total),
     );
-    put(cx, "loss", loss)?;
+    cx.write_chart("loss", loss)?;
     let kl = lines(
         &captions("Divergence of the latent codes", "KL [nats]"),
         Scale::Linear,
         &by_split(|losses| losses.kl),
     );
-    put(cx, "kl", kl)?;
+    cx.write_chart("kl", kl)?;
     for (split, file, title) in [
         (Split::Training, "terms", "Terms of the loss, training"),
         (
@@ -234,13 +231,13 @@ fn draw(description: &Description, cx: &Context) -> Result<(), TrainReportError>
             series(name, measured.filter(|_| weight > 0.0))
         });
         let captions = captions(title, "weighted");
-        put(cx, file, lines(&captions, Scale::Log, &measured(terms)))?;
+        cx.write_chart(file, lines(&captions, Scale::Log, &measured(terms)))?;
     }
     let rates = curve.iter();
     let rates = rates.map(|epoch| [epoch.epoch as f64, epoch.learning_rate]);
     let captions = captions("Learning rate", "learning rate");
     let rate = lines(&captions, Scale::Linear, &[series("learning rate", rates)]);
-    put(cx, "learning_rate", rate)
+    Ok(cx.write_chart("learning_rate", rate)?)
 }
 
 fn series(name: &str, points: impl Iterator<Item = [f64; 2]>) -> Series {

@@ -4,9 +4,7 @@ use std::{collections::BTreeMap, fs, path::Path};
 
 use cgf::{Description, Split};
 use dataflow::{Artifact, Context, Inputs, Outcome, Output, Partition, Report, Scope, Summary};
-use report_train::{
-    LatentsReport, ReconstructionReport, TrainReport, TrainReportError, TrainingReport,
-};
+use report_train::{LatentsReport, ReconstructionReport, TrainReport, TrainingReport};
 use schemas::{
     Table, checkpoint, latents::Latents, reconstruction::Reconstruction, training::Training,
 };
@@ -57,11 +55,11 @@ impl Trained {
         }
     }
 
-    fn report<O: Output<Stage = Train, Error = TrainReportError>>(
+    fn report<O: Output<Stage = Train, Error = TrainError>>(
         &self,
         seed: u64,
         folder: &Path,
-    ) -> Result<O::Metrics, Box<TrainReportError>> {
+    ) -> Result<O::Metrics, Box<TrainError>> {
         let cx = Context::detached(&"cgf".parse().unwrap(), seed, folder);
         match O::make(&self.config, &self.inputs, &cx).map_err(Box::new)? {
             Outcome::Made(made) => Ok(made),
@@ -73,7 +71,7 @@ impl Trained {
     /// Makes a report; returns its table, its charts and its metrics.
     fn table_of<O, T>(&self) -> (T, Vec<String>, O::Metrics)
     where
-        O: Output<Stage = Train, Error = TrainReportError>,
+        O: Output<Stage = Train, Error = TrainError>,
         T: Table,
     {
         let folder = TempDir::new().unwrap();
@@ -268,8 +266,5 @@ fn a_cut_off_checkpoint_is_a_clear_error() {
     let err = trained
         .report::<ReconstructionReport>(7, folder.path())
         .unwrap_err();
-    let TrainReportError::Train(err) = *err else {
-        panic!("{err:?}");
-    };
     assert!(matches!(*err, TrainError::Cgf(_)), "{err:?}");
 }
