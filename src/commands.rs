@@ -1,7 +1,6 @@
 //! One file per command.
 
 mod cell;
-mod chosen;
 mod completions;
 mod diff;
 mod doctor;
@@ -9,6 +8,7 @@ mod gc;
 mod graph;
 mod inspect;
 mod lineage;
+mod lookup;
 mod new;
 mod pipeline_file;
 mod plan;

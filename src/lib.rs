@@ -13,7 +13,6 @@ mod command_line;
 mod commands;
 mod interrupt;
 mod kinds;
-mod moments;
 mod numbers;
 mod outcome;
 mod processes;
@@ -21,6 +20,7 @@ mod progress;
 mod report;
 mod sample;
 mod system_errors;
+mod timestamps;
 
 pub use command_line::command_line;
 pub use kinds::kinds;

@@ -13,7 +13,7 @@ use self::{figures::OutputChange, inputs::InputChange, values::Asked};
 use crate::{
     arguments::DiffArgs,
     command_line::Program,
-    commands::chosen,
+    commands::lookup,
     outcome::{CommandError, Outcome},
     report,
 };
@@ -38,8 +38,8 @@ struct Difference {
 /// Shows what differs between two runs.
 pub(crate) fn diff(program: &Program, args: &DiffArgs) -> Result<Outcome, CommandError> {
     let lake = Lake::open(&program.lake);
-    let (old, old_is_kept) = chosen::run_and_whether_kept(&lake, lake.find_run(&args.old)?)?;
-    let (new, new_is_kept) = chosen::run_and_whether_kept(&lake, lake.find_run(&args.new)?)?;
+    let (old, old_is_kept) = lookup::run_and_whether_kept(&lake, lake.find_run(&args.old)?)?;
+    let (new, new_is_kept) = lookup::run_and_whether_kept(&lake, lake.find_run(&args.new)?)?;
     let pairs = units::pairs(&lake, &old.record.units, &new.record.units)?;
     let difference = Difference {
         old: old.number,

@@ -6,18 +6,18 @@ use lake::{Lake, Provenance, Run, table};
 use crate::{
     arguments::InspectArgs,
     command_line::Program,
-    commands::chosen,
-    moments,
+    commands::lookup,
     outcome::{CommandError, Outcome},
     report,
     system_errors::in_words,
+    timestamps,
 };
 
 /// Shows an artifact of a run.
 pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, CommandError> {
     let lake = Lake::open(&program.lake);
-    let run = chosen::run(&lake, args.run.as_deref())?;
-    let (_, units) = chosen::units(&run, &args.artifact)?;
+    let run = lookup::run(&lake, args.run.as_deref())?;
+    let (_, units) = lookup::units(&run, &args.artifact)?;
     let mut results = Vec::new();
     for &unit in &units {
         let result = lake.record(&unit.fingerprint)?;
@@ -33,7 +33,7 @@ pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, 
     let text = if args.skipped {
         left_out(&results, &run)
     } else if let Some(partition) = &args.partition {
-        let unit = chosen::unit(&units, run.number, &args.artifact, partition)?;
+        let unit = lookup::unit(&units, run.number, &args.artifact, partition)?;
         match lake.record_and_provenance(&unit.fingerprint)? {
             Some((record, provenance)) => one(&lake, unit, &record, &provenance)?,
             None => format!("`{partition}` was collected; run {} had it\n", run.number),
@@ -155,7 +155,7 @@ fn one(
     text.push_str(&format!("made of {json}\n"));
     text.push_str(&format!(
         "made at {} UTC by {} on `{}` in {}\n",
-        moments::minute(provenance.started_ns),
+        timestamps::minute(provenance.started_ns),
         provenance.program,
         provenance.host,
         report::duration(provenance.took_s)

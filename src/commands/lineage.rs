@@ -12,7 +12,7 @@ use self::relations::Relations;
 use crate::{
     arguments::LineageArgs,
     command_line::Program,
-    commands::chosen,
+    commands::lookup,
     outcome::{CommandError, Outcome},
     report,
 };
@@ -38,8 +38,8 @@ struct Family<T> {
 /// Shows the ancestors or descendants of an artifact.
 pub(crate) fn lineage(program: &Program, args: &LineageArgs) -> Result<Outcome, CommandError> {
     let lake = Lake::open(&program.lake);
-    let run = chosen::run(&lake, args.run.as_deref())?;
-    let (node, units) = chosen::units(&run, &args.artifact)?;
+    let run = lookup::run(&lake, args.run.as_deref())?;
+    let (node, units) = lookup::units(&run, &args.artifact)?;
     let direction = if args.down {
         Direction::Down
     } else {
@@ -48,7 +48,7 @@ pub(crate) fn lineage(program: &Program, args: &LineageArgs) -> Result<Outcome, 
     let mut relations = Relations::new(&lake, &run.record);
     let number = run.number;
     if let Some(partition) = &args.partition {
-        let unit = chosen::unit(&units, number, &args.artifact, partition)?;
+        let unit = lookup::unit(&units, number, &args.artifact, partition)?;
         let family = Family {
             run: number,
             direction,

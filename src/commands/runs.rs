@@ -9,10 +9,10 @@ use serde::Serialize;
 use crate::{
     arguments::RunsArgs,
     command_line::Program,
-    commands::{chosen, query::page::Page},
-    moments,
+    commands::{lookup, query::page::Page},
     outcome::{CommandError, Outcome},
     report::{self, cut},
+    timestamps,
 };
 
 /// Placeholder of an unknown value.
@@ -108,7 +108,7 @@ fn nothing(lake: &Lake, args: &RunsArgs, pipelines: &[String]) -> CommandError {
             format!("no run of a pipeline `{name}`"),
             format!("there are runs of: {}", pipelines.join(", ")),
         ),
-        _ => chosen::no_runs(lake),
+        _ => lookup::no_runs(lake),
     }
 }
 
@@ -129,8 +129,8 @@ impl Row {
             profile: record.origin.profile,
             overrides: record.origin.overrides,
             seed: record.seed,
-            started: moments::second(run.started_ns),
-            minute: moments::minute(run.started_ns),
+            started: timestamps::second(run.started_ns),
+            minute: timestamps::minute(run.started_ns),
             host: run.host,
             program: run.program,
             seconds: has_ended.then_some(record.seconds),

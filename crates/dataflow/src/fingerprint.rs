@@ -1,6 +1,6 @@
 //! Everything that the bytes of a partition depend on, as a plain struct.
 
-use std::{collections::BTreeMap, fmt, sync::Arc};
+use std::{borrow::Borrow, collections::BTreeMap, fmt, sync::Arc};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -318,10 +318,10 @@ impl Recipe {
     }
 }
 
-fn digest_map<N: AsRef<str>>(fields: &mut Fields, digests: &BTreeMap<N, Digest>) {
+fn digest_map<N: Borrow<str>>(fields: &mut Fields, digests: &BTreeMap<N, Digest>) {
     fields.number(digests.len() as u64);
     for (name, digest) in digests {
-        fields.text(name.as_ref());
+        fields.text(name.borrow());
         fields.digest(digest);
     }
 }

@@ -13,6 +13,9 @@
 //! presentation is no part of a result's fingerprint. Neither is what generates the files that a
 //! stage reads ([`Kind::generated`]).
 //!
+//! A [`StageName`], an [`ArtifactName`] and a [`PartitionKey`] are parsed once, where a file, a
+//! command line or a stage names them.
+//!
 //! Invariants: equal fingerprints give equal bytes on any number of threads; an artifact appears
 //! whole or not at all; the inputs of a unit are checked against their digests before it starts.
 //!

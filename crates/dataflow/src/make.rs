@@ -266,7 +266,7 @@ impl<'a> Maker<'a> {
                 let files = outcome.parts(parts).ok_or_else(missing)?;
                 let paths = match self.store.open(&files)? {
                     Some(paths) => paths,
-                    None => self.make_again(state, source, key, &files)?,
+                    None => self.rebuild(state, source, key, &files)?,
                 };
                 // Labels are not part of the fingerprint where only some files are read.
                 let labels = match parts {
@@ -285,7 +285,7 @@ impl<'a> Maker<'a> {
     }
 
     /// Rebuilds a damaged artifact from its inputs; equal fingerprints give equal bytes.
-    fn make_again(
+    fn rebuild(
         &self,
         state: &State,
         source: &NodeName,

@@ -64,7 +64,7 @@ impl Drop for Folder {
 }
 
 /// Rebuilds the tables of a run from its record and those of its units; returns the run with them.
-pub(crate) fn make_again(lake: &Lake, mut run: Run) -> Result<Run, LakeError> {
+pub(crate) fn rebuild(lake: &Lake, mut run: Run) -> Result<Run, LakeError> {
     // Without the list of its units, its tables cannot be rebuilt.
     let Ok(refs) = lake.register.units(&run) else {
         return Ok(run);
@@ -161,7 +161,7 @@ fn settings(record: &RunRecord) -> Result<RecordBatch, ArrowError> {
     }
     let numbers = rows.iter().map(|(.., value)| value.as_f64());
     RecordBatch::try_from_iter_with_nullable([
-        text("stage", rows.iter().map(|(stage, ..)| stage)),
+        text("stage", rows.iter().map(|(stage, ..)| stage.as_str())),
         text("key", rows.iter().map(|(_, key, _)| key)),
         text("value", rows.iter().map(|(.., value)| value.to_string())),
         ("number", Arc::new(numbers.collect::<Float64Array>()), true),
@@ -213,9 +213,15 @@ fn units_table(
 /// The columns that name a unit: its stage, its artifact and its partition.
 fn names<'a>(units: &(impl Iterator<Item = &'a UnitRef> + Clone)) -> [Column; 3] {
     [
-        text("stage", units.clone().map(|unit| &unit.node.stage)),
-        text("artifact", units.clone().map(|unit| &unit.node.artifact)),
-        text("partition", units.clone().map(|unit| &unit.partition)),
+        text("stage", units.clone().map(|unit| unit.node.stage.as_str())),
+        text(
+            "artifact",
+            units.clone().map(|unit| unit.node.artifact.as_str()),
+        ),
+        text(
+            "partition",
+            units.clone().map(|unit| unit.partition.as_str()),
+        ),
     ]
 }
 

@@ -19,7 +19,7 @@
 //! reports/PIPELINE/STAGE/… charts of the newest partitions
 //! views.sql                the tables as views for DuckDB
 //! newest/PIPELINE.cache    a cache: the newest state of every unit of a pipeline
-//! seen.cache               a cache: stamps of the published files when last verified
+//! seen.cache               a cache: stamps of the watched files at the last full check
 //! changing/PIPELINE.…      marks of pipelines whose tables and files are being changed
 //! sources.json             a cache: digests of files outside, by size, times and inode
 //! staging/, locks/         units in progress

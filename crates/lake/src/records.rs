@@ -199,7 +199,7 @@ impl Records {
     }
 
     /// Invalidates the list of records, since others may have been added.
-    pub(crate) fn look_again(&self) {
+    pub(crate) fn invalidate(&self) {
         lock(&self.own).take();
     }
 

@@ -119,7 +119,7 @@ impl Repair<'_> {
                 shown.insert(path);
             }
             if is_lost {
-                let run = history::make_again(self.lake, run)?;
+                let run = history::rebuild(self.lake, run)?;
                 let blobs = run.history.values().map(|file| self.lake.file(file));
                 self.blobs.extend(blobs);
             }

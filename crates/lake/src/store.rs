@@ -80,7 +80,7 @@ impl Lake {
 
 impl Store for Lake {
     fn enter(&self, pipeline: &str) -> Result<(), Advised> {
-        self.records.look_again();
+        self.records.invalidate();
         self.cache
             .enter(pipeline, &self.records.stamps, &self.blobs.stamps)?;
         self.dirty.enter(pipeline);

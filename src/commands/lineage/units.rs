@@ -11,7 +11,7 @@ use super::{
     relations::{Read, Relations},
     tree::{Group, TreeNode},
 };
-use crate::{moments, outcome::CommandError, report};
+use crate::{outcome::CommandError, report, timestamps};
 
 /// One partition in the lineage.
 #[derive(Serialize)]
@@ -46,11 +46,11 @@ struct Made {
 impl From<Provenance> for Made {
     fn from(provenance: Provenance) -> Self {
         Self {
-            started: moments::second(provenance.started_ns),
+            started: timestamps::second(provenance.started_ns),
             seconds: provenance.took_s,
             program: provenance.program,
             host: provenance.host,
-            minute: moments::minute(provenance.started_ns),
+            minute: timestamps::minute(provenance.started_ns),
         }
     }
 }

@@ -12,7 +12,7 @@ use lake::{Lake, Run, TableFiles};
 use polars::{prelude::*, sql::SQLContext};
 
 use super::{artifacts, faults};
-use crate::{commands::chosen, outcome::CommandError};
+use crate::{commands::lookup, outcome::CommandError};
 
 /// Prefix of a table's name for the rows of all runs.
 const ALL: &str = "all_";
@@ -50,7 +50,7 @@ impl<'a> Tables<'a> {
                 format!("no tables in the lake `{}`", lake.root().display()),
                 format!(
                     "{}, or name another lake with `--lake DIR`",
-                    chosen::begin()
+                    lookup::begin()
                 ),
             ));
         }
