@@ -1,6 +1,6 @@
 //! `pipeline stages`
 
-use dataflow::{Kind, nearest};
+use dataflow::{Kind, did_you_mean};
 
 use crate::{
     arguments::StagesArgs,
@@ -20,11 +20,8 @@ pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, Co
         None => overview(kinds),
         Some(name) => {
             let kind = kinds.iter().find(|kind| kind.name == name).ok_or_else(|| {
-                let near = nearest(name, kinds.iter().map(|kind| kind.name));
-                let hint = near.map_or_else(
-                    || "`pipeline stages` lists every kind".to_owned(),
-                    |near| format!("did you mean `{near}`?"),
-                );
+                let near = did_you_mean(name, kinds.iter().map(|kind| kind.name));
+                let hint = near.unwrap_or_else(|| "`pipeline stages` lists every kind".to_owned());
                 CommandError::usage(format!("no kind of stage `{name}`"), hint)
             })?;
             options(kind, Page::of_stdout().width)
