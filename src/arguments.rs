@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use cell::PlannedFault;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
-use dataflow::Sweep;
+use dataflow::{PartitionKey, Sweep};
 
 /// What every command takes, and where to begin.
 const LONG: &str = "
@@ -435,7 +435,7 @@ pub(crate) struct UnitArgs {
     /// The output, e.g. `screen.rollouts`
     pub(crate) artifact: String,
     /// The partition, e.g. an object's name
-    pub(crate) partition: String,
+    pub(crate) partition: PartitionKey,
     #[command(flatten)]
     pub(crate) values: ValueArgs,
     /// Make it even if its result is in the lake

@@ -23,6 +23,15 @@ pub(crate) struct Program<'a> {
     pub(crate) quiet: Quiet,
 }
 
+impl Program<'_> {
+    /// Prints a line for people, unless only errors are printed.
+    pub(crate) fn say(&self, line: &str) {
+        if self.quiet == Quiet::No {
+            report::line(line);
+        }
+    }
+}
+
 /// Reads the process's arguments.
 fn arguments() -> Result<Cli, clap::Error> {
     let mut command = Cli::command();

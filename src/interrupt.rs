@@ -48,7 +48,7 @@ pub(crate) fn stop(lake: &Lake) -> ! {
             scope.spawn(|| cancel(motion));
         }
     });
-    let (_nothing_is_kept_now, n_dropped) = lake.abandon();
+    let (_nothing_is_kept_now, n_dropped) = lake.abort();
     let dropped = match n_dropped {
         0 => String::new(),
         1 => "the unit in the making is dropped, ".to_owned(),

@@ -82,6 +82,16 @@ impl CommandError {
         }
     }
 
+    /// Returns a function that adds its hint to an error.
+    pub(crate) fn with_hint<E: Into<anyhow::Error>>(
+        hint: fn(&E) -> Option<String>,
+    ) -> impl Fn(E) -> Self {
+        move |err| {
+            let hint = hint(&err);
+            Self::failed(err, hint)
+        }
+    }
+
     pub(crate) fn failed(error: impl Into<anyhow::Error>, hint: Option<String>) -> Self {
         Self::Failed {
             error: error.into(),

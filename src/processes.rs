@@ -39,7 +39,7 @@ impl Processes {
             .arg("--")
             .arg(&self.origin.file)
             .arg(unit.node.to_string())
-            .arg(&unit.partition);
+            .arg(unit.partition.as_str());
         // Its stdin is a pipe that closes when this process ends, however it ends.
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()
     }

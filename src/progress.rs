@@ -7,7 +7,7 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Event, NodeName, UnitName};
+use dataflow::{Event, NodeName, StageName, UnitName};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::report;
@@ -70,7 +70,8 @@ impl State {
             Event::RunStarted { n_outputs } => self.n_outputs = *n_outputs,
             Event::OutputStarted { output, n_units } => self.start_bar(output, *n_units),
             Event::UnitWaiting { unit, holder } => {
-                self.print(&format!("wait   {unit}: waiting for {holder}"));
+                let text = format!("wait   {unit}: waiting for {holder}");
+                self.print(&text, report::line);
             }
             Event::UnitProgress {
                 unit,
@@ -85,15 +86,17 @@ impl State {
                     bar.set_message(message.clone());
                 }
             }
-            Event::UnitDamaged { unit } => self.print(&format!(
-                "mend   {unit} is damaged in the lake and is made again"
-            )),
+            Event::UnitDamaged { unit } => {
+                let text = format!("mend   {unit} is damaged in the lake and is made again");
+                self.print(&text, report::line);
+            }
             Event::UnitDone { unit, skipped, .. } if self.is_counted(unit) => {
                 self.fractions.remove(unit);
                 self.n_units_done += 1;
                 self.move_bar();
                 if let Some(reason) = skipped {
-                    self.print_short(&format!("skip   {}: {reason}", unit.partition));
+                    let text = format!("skip   {}: {reason}", unit.partition);
+                    self.print(&text, report::short_line);
                 }
             }
             // A rebuilt artifact, or a failure that the command reports.
@@ -120,7 +123,7 @@ impl State {
         if let Ok(style) = style {
             bar.set_style(style.progress_chars("=> "));
         }
-        bar.set_prefix(output.stage.clone());
+        bar.set_prefix(output.stage.to_string());
         bar.enable_steady_tick(Duration::from_millis(200));
         self.bar = Some(bar);
         self.output = Some(output.clone());
@@ -129,7 +132,7 @@ impl State {
     }
 
     /// Prints the line of an output, or holds it back until something is made.
-    fn finish(&mut self, stage: &str, description: &str, n_made_now: usize, seconds: f64) {
+    fn finish(&mut self, stage: &StageName, description: &str, n_made_now: usize, seconds: f64) {
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
         }
@@ -157,18 +160,11 @@ impl State {
         }
     }
 
-    fn print(&self, text: &str) {
+    /// Prints a line without disturbing the bar.
+    fn print(&self, text: &str, print: fn(&str)) {
         match &self.bar {
-            Some(bar) => bar.suspend(|| report::line(text)),
-            None => report::line(text),
-        }
-    }
-
-    /// Prints a line, cut on a narrow terminal.
-    fn print_short(&self, text: &str) {
-        match &self.bar {
-            Some(bar) => bar.suspend(|| report::short_line(text)),
-            None => report::short_line(text),
+            Some(bar) => bar.suspend(|| print(text)),
+            None => print(text),
         }
     }
 }

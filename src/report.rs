@@ -11,7 +11,7 @@ use anstream::AutoStream;
 use clap::builder::styling::{AnsiColor, Style};
 use serde::Serialize;
 
-use crate::{outcome::CommandError, system_errors::in_words};
+use crate::{arguments::Format, outcome::CommandError, system_errors::in_words};
 
 /// Writes data to stdout. A closed pipe is not an error; other write errors are.
 pub(crate) fn data(bytes: &[u8]) -> Result<(), CommandError> {
@@ -47,6 +47,18 @@ pub(crate) fn json(value: &impl Serialize) -> Result<(), CommandError> {
     let json =
         serde_json::to_string_pretty(value).map_err(|err| CommandError::failed(err, None))?;
     data(format!("{json}\n").as_bytes())
+}
+
+/// Writes an answer to stdout: as JSON for programs, or as the text for people.
+pub(crate) fn answer<T: Serialize>(
+    format: Format,
+    answer: &T,
+    text: impl FnOnce(&T) -> String,
+) -> Result<(), CommandError> {
+    match format {
+        Format::Json => json(answer),
+        Format::Text => data(text(answer).as_bytes()),
+    }
 }
 
 /// Writes a line for people to stderr. A failure cannot be reported anywhere.
@@ -86,6 +98,14 @@ pub(crate) fn cut(text: &str, width: usize) -> String {
     let kept = width.saturating_sub(LEFT_OUT.chars().count());
     let kept: String = text.chars().take(kept).collect();
     format!("{}{LEFT_OUT}", kept.trim_end())
+}
+
+/// Cuts every line of a text to a width, if there is one.
+pub(crate) fn cut_lines(text: String, width: Option<usize>) -> String {
+    match width {
+        Some(width) => text.lines().map(|line| cut(line, width) + "\n").collect(),
+        None => text,
+    }
 }
 
 /// Wraps text to a width, between words.
@@ -230,6 +250,11 @@ pub(crate) fn columns(rows: &[Vec<String>], right: &[usize]) -> String {
         text.push('\n');
     }
     text
+}
+
+/// The first row of a table.
+pub(crate) fn header<const N: usize>(names: [&str; N]) -> Vec<String> {
+    names.map(str::to_owned).to_vec()
 }
 
 /// A number of bytes for display.

@@ -12,10 +12,11 @@ use std::{
     time::Duration,
 };
 
-use cell::{Service, SimulatedCell};
+use cell::{CellError, Service, SimulatedCell};
 use dataflow::{Advise, missing};
 use lake::{Lake, table};
-use robot::RobotModel;
+use robot::{RobotError, RobotModel};
+use robot_meshes::LoadError;
 use signal_hook::{
     consts::{SIGINT, SIGTERM},
     iterator::Signals,
@@ -51,10 +52,8 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Comman
                 "name a pipeline file that dispatches, e.g. `pipelines/cgf.toml`",
             )
         })?;
-    let mut config = simulated_cell(options, args.listen.clone()).map_err(|err| {
-        let hint = err.hint();
-        CommandError::failed(err, hint)
-    })?;
+    let config = simulated_cell(options, args.listen.clone());
+    let mut config = config.map_err(CommandError::with_hint(Advise::hint))?;
     let journal = args.journal.clone();
     let journal = journal.unwrap_or_else(|| program.lake.join("cells").join(&config.name));
     config.service = Service {
@@ -76,21 +75,15 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Comman
             ),
         )
     })?;
-    let hand = RobotModel::from_urdf(&urdf).map_err(|err| {
-        let hint = err.hint();
-        CommandError::failed(err, hint)
-    })?;
-    let hand = robot_meshes::with_mesh_shapes(hand, path).map_err(|err| {
-        let hint = err.hint();
-        CommandError::failed(err, hint)
-    })?;
+    let hand = RobotModel::from_urdf(&urdf);
+    let hand = hand.map_err(CommandError::with_hint(RobotError::hint))?;
+    let hand = robot_meshes::with_mesh_shapes(hand, path);
+    let hand = hand.map_err(CommandError::with_hint(LoadError::hint))?;
     // Before anything is served, so that an early signal is handled too.
     let mut signals =
         Signals::new([SIGINT, SIGTERM]).map_err(|err| CommandError::failed(err, None))?;
-    let served = SimulatedCell::start_with(config, &urdf, hand).map_err(|err| {
-        let hint = err.hint();
-        CommandError::failed(err, hint)
-    })?;
+    let served = SimulatedCell::start_with(config, &urdf, hand);
+    let served = served.map_err(CommandError::with_hint(CellError::hint))?;
     let lake = program.lake.clone();
     // Reported once per object: a dispatcher may request it repeatedly.
     let told = Mutex::new(BTreeSet::new());
@@ -113,16 +106,14 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Comman
         }));
     }
     report::data(format!("{}\n", served.endpoint()).as_bytes())?;
-    if program.quiet == Quiet::No {
-        report::line(&format!(
-            "cell   `{name}` at `{}`{}, what it has done is in `{}`; Ctrl-C ends it",
-            served.endpoint(),
-            if args.fast { "" } else { " in real time" },
-            journal.display()
-        ));
-        if args.access.is_none() {
-            report::line(UNGUARDED);
-        }
+    program.say(&format!(
+        "cell   `{name}` at `{}`{}, what it has done is in `{}`; Ctrl-C ends it",
+        served.endpoint(),
+        if args.fast { "" } else { " in real time" },
+        journal.display()
+    ));
+    if args.access.is_none() {
+        program.say(UNGUARDED);
     }
     let ended = AtomicBool::new(false);
     let router = args

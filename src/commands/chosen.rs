@@ -56,10 +56,9 @@ pub(crate) fn units<'a>(
     let mut known: Vec<String> = units.iter().map(|unit| unit.node.to_string()).collect();
     known.dedup();
     let near = did_you_mean(artifact, known.iter().map(String::as_str));
-    let hint = near.unwrap_or_else(|| format!("run {} has: {}", run.number, known.join(", ")));
     Err(CommandError::usage(
         format!("no artifact `{artifact}` in run {}", run.number),
-        hint,
+        near.unwrap_or_else(|| format!("run {} has: {}", run.number, known.join(", "))),
     ))
 }
 
@@ -70,14 +69,11 @@ pub(crate) fn unit<'a>(
     artifact: &str,
     partition: &str,
 ) -> Result<&'a UnitRef, CommandError> {
-    let found = units.iter().find(|unit| unit.partition == partition);
+    let found = units.iter().find(|unit| unit.partition == *partition);
     found.copied().ok_or_else(|| {
         let near = did_you_mean(partition, units.iter().map(|unit| unit.partition.as_str()));
-        CommandError::usage(
-            format!("`{artifact}` has no partition `{partition}`"),
-            near.unwrap_or_else(|| {
-                format!("list them with `pipeline inspect {artifact} --run {run}`")
-            }),
-        )
+        let all = || format!("list them with `pipeline inspect {artifact} --run {run}`");
+        let message = format!("`{artifact}` has no partition `{partition}`");
+        CommandError::usage(message, near.unwrap_or_else(all))
     })
 }

@@ -11,11 +11,10 @@ use serde::Serialize;
 
 use self::{figures::OutputChange, inputs::InputChange, values::Asked};
 use crate::{
-    arguments::{DiffArgs, Format},
+    arguments::DiffArgs,
     command_line::Program,
     commands::chosen,
     outcome::{CommandError, Outcome},
-    progress::Quiet,
     report,
 };
 
@@ -55,25 +54,20 @@ pub(crate) fn diff(program: &Program, args: &DiffArgs) -> Result<Outcome, Comman
             .map(|pair| pair.old.lost.len() + pair.new.lost.len())
             .sum(),
     };
-    if program.quiet == Quiet::No {
-        for (run, is_kept) in [(&old, old_is_kept), (&new, new_is_kept)] {
-            if !is_kept {
-                let number = run.number;
-                report::line(&format!(
-                    "note   the units of run {number} were collected: only values and figures are compared"
-                ));
-            }
-        }
-        if difference.n_collected > 0 {
-            report::line(&format!(
-                "note   the records of {} units were collected: what they read is not known",
-                difference.n_collected
+    for (run, is_kept) in [(&old, old_is_kept), (&new, new_is_kept)] {
+        if !is_kept {
+            let number = run.number;
+            program.say(&format!(
+                "note   the units of run {number} were collected: only values and figures are compared"
             ));
         }
     }
-    match args.format {
-        Format::Json => report::json(&difference)?,
-        Format::Text => report::data(text::text(&difference).as_bytes())?,
+    if difference.n_collected > 0 {
+        program.say(&format!(
+            "note   the records of {} units were collected: what they read is not known",
+            difference.n_collected
+        ));
     }
+    report::answer(args.format, &difference, text::text)?;
     Ok(Outcome::Done)
 }

@@ -9,11 +9,10 @@ use dataflow::{Digest, Pipeline, reached};
 use lake::{Collected, Collecting, Lake};
 
 use crate::{
-    arguments::{Format, GcArgs, ValueArgs},
+    arguments::{GcArgs, ValueArgs},
     command_line::Program,
     commands::pipeline_file,
     outcome::{CommandError, Outcome},
-    progress::Quiet,
     report,
 };
 
@@ -35,13 +34,8 @@ pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, CommandErr
         Collecting::Remove
     };
     let collected = lake.collect(&kept, usize::from(args.keep), collecting)?;
-    match args.format {
-        Format::Text => report::data(listed(&collected, collecting).as_bytes())?,
-        Format::Json => report::json(&collected)?,
-    }
-    if program.quiet == Quiet::No {
-        report::line(&summary(&collected, collecting));
-    }
+    report::answer(args.format, &collected, |it| listed(it, collecting))?;
+    program.say(&summary(&collected, collecting));
     Ok(Outcome::Done)
 }
 
@@ -73,12 +67,10 @@ fn pipelines(program: &Program, args: &GcArgs, lake: &Lake) -> Result<Vec<Pipeli
 
 /// Reports a pipeline file that cannot be read, so that only its runs' artifacts are kept.
 fn note(program: &Program, file: &Path, why: &str) {
-    if program.quiet == Quiet::No {
-        report::line(&format!(
-            "note   of `{}` only the newest runs count: {why}",
-            file.display()
-        ));
-    }
+    program.say(&format!(
+        "note   of `{}` only the newest runs count: {why}",
+        file.display()
+    ));
 }
 
 fn listed(collected: &Collected, collecting: Collecting) -> String {

@@ -5,7 +5,7 @@ mod list;
 
 use std::collections::BTreeMap;
 
-use dataflow::{Node, NodeName, Pipeline, Store};
+use dataflow::{Node, NodeName, Pipeline, StageName, Store};
 use lake::Lake;
 
 use crate::{
@@ -49,9 +49,9 @@ struct Graph<'a> {
 
 impl Graph<'_> {
     /// The outputs of a stage in the order in which they are made.
-    fn outputs_of<'s>(&'s self, stage: &'s str) -> impl Iterator<Item = &'s Node> {
+    fn outputs_of<'s>(&'s self, stage: &'s StageName) -> impl Iterator<Item = &'s Node> {
         let nodes = self.pipeline.nodes.iter();
-        nodes.filter(move |node| node.name.stage == stage)
+        nodes.filter(move |node| node.name.stage == *stage)
     }
 
     /// The partitions of an output in words, e.g. `20 partitions, one per sequence`.

@@ -9,7 +9,6 @@ use crate::{
     commands::chosen,
     moments,
     outcome::{CommandError, Outcome},
-    progress::Quiet,
     report,
     system_errors::in_words,
 };
@@ -25,8 +24,8 @@ pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, 
         results.extend(result.map(|record| (unit, record)));
     }
     let n_collected = units.len() - results.len();
-    if n_collected > 0 && program.quiet == Quiet::No {
-        report::line(&format!(
+    if n_collected > 0 {
+        program.say(&format!(
             "note   {n_collected} partitions of `{}` were collected",
             args.artifact
         ));
@@ -57,7 +56,7 @@ fn left_out(results: &[(&UnitRef, Record)], run: &Run) -> String {
         if let Some(reason) = record.outcome.reason() {
             rows.push(vec![
                 record.outcome.word().to_owned(),
-                unit.partition.clone(),
+                unit.partition.to_string(),
                 in_words(reason),
             ]);
         }
@@ -70,11 +69,7 @@ fn left_out(results: &[(&UnitRef, Record)], run: &Run) -> String {
 
 fn overview(lake: &Lake, results: &[(&UnitRef, Record)]) -> Result<String, CommandError> {
     let mut text = String::new();
-    let mut rows = vec![
-        ["partition", "result", "rows", "figures"]
-            .map(str::to_owned)
-            .to_vec(),
-    ];
+    let mut rows = vec![report::header(["partition", "result", "rows", "figures"])];
     let mut columns = None;
     for (unit, record) in results {
         let (result, n_rows, figures) = match &record.outcome {
@@ -95,18 +90,14 @@ fn overview(lake: &Lake, results: &[(&UnitRef, Record)]) -> Result<String, Comma
             RecordOutcome::Filtered { reason } => ("filtered", String::new(), in_words(reason)),
         };
         rows.push(vec![
-            unit.partition.clone(),
+            unit.partition.to_string(),
             result.to_owned(),
             n_rows,
             figures,
         ]);
     }
     if let Some(columns) = columns {
-        let mut lines = vec![
-            ["column", "type", "unit", "about"]
-                .map(str::to_owned)
-                .to_vec(),
-        ];
+        let mut lines = vec![report::header(["column", "type", "unit", "about"])];
         lines.extend(columns.into_iter().map(|column| {
             vec![
                 column.name,
@@ -131,7 +122,7 @@ fn one(
     provenance: &Provenance,
 ) -> Result<String, CommandError> {
     let mut rows = vec![
-        vec!["partition".to_owned(), unit.partition.clone()],
+        vec!["partition".to_owned(), unit.partition.to_string()],
         vec!["fingerprint".to_owned(), unit.fingerprint.to_string()],
     ];
     if let RecordOutcome::Made {

@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use self::relations::Relations;
 use crate::{
-    arguments::{Format, LineageArgs},
+    arguments::LineageArgs,
     command_line::Program,
     commands::chosen,
     outcome::{CommandError, Outcome},
@@ -46,34 +46,26 @@ pub(crate) fn lineage(program: &Program, args: &LineageArgs) -> Result<Outcome, 
         Direction::Up
     };
     let mut relations = Relations::new(&lake, &run.record);
-    let limbs: Vec<tree::TreeNode> = if let Some(partition) = &args.partition {
-        let unit = chosen::unit(&units, run.number, &args.artifact, partition)?;
-        let members = units::family(&lake, &mut relations, unit, direction)?;
-        if args.format == Format::Json {
-            return print(run.number, direction, members);
-        }
-        members.into_iter().map(units::Member::into_limb).collect()
+    let number = run.number;
+    if let Some(partition) = &args.partition {
+        let unit = chosen::unit(&units, number, &args.artifact, partition)?;
+        let family = Family {
+            run: number,
+            direction,
+            members: units::family(&lake, &mut relations, unit, direction)?,
+        };
+        report::answer(args.format, &family, |family| {
+            tree::text(family.members.iter().map(units::Member::node))
+        })?;
     } else {
-        let members = outputs::family(&run.record, &relations, &node, direction)?;
-        if args.format == Format::Json {
-            return print(run.number, direction, members);
-        }
-        let members = members.into_iter();
-        members.map(outputs::Member::into_limb).collect()
-    };
-    report::data(tree::text(&limbs).as_bytes())?;
-    Ok(Outcome::Done)
-}
-
-fn print<T: Serialize>(
-    run: u64,
-    direction: Direction,
-    members: Vec<T>,
-) -> Result<Outcome, CommandError> {
-    report::json(&Family {
-        run,
-        direction,
-        members,
-    })?;
+        let family = Family {
+            run: number,
+            direction,
+            members: outputs::family(&run.record, &relations, &node, direction)?,
+        };
+        report::answer(args.format, &family, |family| {
+            tree::text(family.members.iter().map(outputs::Member::node))
+        })?;
+    }
     Ok(Outcome::Done)
 }

@@ -12,8 +12,6 @@ use crate::{
     arguments::NewArgs,
     command_line::Program,
     outcome::{CommandError, Outcome},
-    progress::Quiet,
-    report,
 };
 
 /// Maximum entries named of a folder that is not empty.
@@ -77,12 +75,10 @@ pub(crate) fn new(program: &Program, args: &NewArgs) -> Result<Outcome, CommandE
         let context = format!("cannot make the project `{name}`");
         return Err(CommandError::failed(err.context(context), None));
     }
-    if program.quiet == Quiet::No {
-        report::line(&format!("done   the project `{name}` is there"));
-        report::line(&format!(
-            "next   `cd {name}`, then `pipeline run pipelines/cgf.toml`; its README says more"
-        ));
-    }
+    program.say(&format!("done   the project `{name}` is there"));
+    program.say(&format!(
+        "next   `cd {name}`, then `pipeline run pipelines/cgf.toml`; its README says more"
+    ));
     Ok(Outcome::Done)
 }
 

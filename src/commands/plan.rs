@@ -88,14 +88,7 @@ pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
             row(state, name.clone(), named(&partitions, &cause, room));
         }
     }
-    let text = report::columns(&rows, &[]);
-    match width {
-        Some(width) => text
-            .lines()
-            .map(|line| report::cut(line, width) + "\n")
-            .collect(),
-        None => text,
-    }
+    report::cut_lines(report::columns(&rows, &[]), width)
 }
 
 /// Groups the units that may run by their causes.
@@ -117,7 +110,7 @@ fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(&'static str, String), Vec<&str>
                 ("perhaps", reasons.join("; "))
             }
         };
-        groups.entry(key).or_default().push(&unit.partition);
+        groups.entry(key).or_default().push(unit.partition.as_str());
     }
     groups
 }

@@ -15,7 +15,6 @@ use crate::{
     arguments::{QueryArgs, QueryFormat},
     command_line::Program,
     outcome::{CommandError, Outcome},
-    progress::Quiet,
     report,
 };
 
@@ -28,22 +27,18 @@ pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<Outcome, Comm
         None => None,
     };
     let tables = Tables::open(&lake, &args.sql, run.as_ref())?;
-    if program.quiet == Quiet::No {
-        for (table, n) in &tables.collected {
-            report::line(&format!(
-                "note   {n} partitions of `{table}` were collected"
-            ));
-        }
+    for (table, n) in &tables.collected {
+        program.say(&format!(
+            "note   {n} partitions of `{table}` were collected"
+        ));
     }
     let mut answer = tables.answer(&args.sql)?;
     let bytes = match args.format {
         QueryFormat::Table => {
             let printed = print::table(&answer, Page::of_stdout());
             report::data(printed.text.as_bytes())?;
-            if program.quiet == Quiet::No {
-                for note in printed.left_out {
-                    report::line(&format!("note   {note}"));
-                }
+            for note in printed.left_out {
+                program.say(&format!("note   {note}"));
             }
             return Ok(Outcome::Done);
         }

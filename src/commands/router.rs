@@ -1,6 +1,6 @@
 //! `pipeline router`
 
-use cell::{Access, Router};
+use cell::{Access, CellError, Router};
 use signal_hook::{
     consts::{SIGINT, SIGTERM},
     iterator::Signals,
@@ -10,34 +10,28 @@ use crate::{
     arguments::RouterArgs,
     command_line::Program,
     outcome::{CommandError, Outcome},
-    progress::Quiet,
     report,
 };
 
 /// Forwards between cells and dispatchers until it is interrupted.
 pub(crate) fn router(program: &Program, args: &RouterArgs) -> Result<Outcome, CommandError> {
-    let failed = |err: cell::CellError| {
-        let hint = err.hint();
-        CommandError::failed(err, hint)
-    };
+    let failed = CommandError::with_hint(CellError::hint);
     // Before anything is served, so that an early signal is handled too.
     let mut signals =
         Signals::new([SIGINT, SIGTERM]).map_err(|err| CommandError::failed(err, None))?;
     let access = args.access.as_deref().map(Access::read);
-    let access = access.transpose().map_err(failed)?;
+    let access = access.transpose().map_err(&failed)?;
     let router = Router::start(&args.listen, access.as_ref()).map_err(failed)?;
     report::data(format!("{}\n", router.endpoint()).as_bytes())?;
-    if program.quiet == Quiet::No {
-        report::line(&format!(
-            "router at `{}`; Ctrl-C ends it",
-            router.endpoint()
-        ));
-        if access.is_none() {
-            report::line(
-                "any program of this machine may drive the cells that connect to it: without TLS nobody \
-                 is asked who they are",
-            );
-        }
+    program.say(&format!(
+        "router at `{}`; Ctrl-C ends it",
+        router.endpoint()
+    ));
+    if access.is_none() {
+        program.say(
+            "any program of this machine may drive the cells that connect to it: without TLS nobody \
+             is asked who they are",
+        );
     }
     signals.forever().next();
     Ok(Outcome::Done)

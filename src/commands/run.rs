@@ -60,7 +60,6 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     let last = ran.nodes.last();
     let said = last.map_or_else(String::new, |node| node.record.description.clone());
     if program.quiet == Quiet::No {
-        let result = &said;
         let line = if ran.n_made_now() == 0 {
             let n_stages = pipeline
                 .stages
@@ -72,9 +71,9 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
                 })
                 .count();
             report::short_line(&format!("done   {n_stages} stages cached, nothing to run"));
-            format!("       {result}")
+            format!("       {said}")
         } else {
-            format!("done   {result} in {}", report::duration(ran.seconds))
+            format!("done   {said} in {}", report::duration(ran.seconds))
         };
         report::short_line(&line);
         if let Some(folder) = store.report_folder(&pipeline.name) {
@@ -82,7 +81,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
         }
     }
     let n_skipped = ran.n_skipped();
-    if n_skipped > 0 {
+    let outcome = if n_skipped > 0 {
         report::line(&format!("note   {n_skipped} items were skipped"));
         let skipping = ran.nodes.iter().filter(|node| node.record.n_skipped > 0);
         for node in skipping {
@@ -93,25 +92,18 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
                 ));
             }
         }
-        return Ok(Done {
-            outcome: Outcome::SkippedItems,
-            said,
-        });
-    }
-    if program.quiet == Quiet::No && ran.n_made_now() > 0 {
-        let last = ran
-            .nodes
-            .last()
-            .map_or_else(String::new, |node| node.record.node.to_string());
-        report::line(&format!(
-            "next   `pipeline inspect {last}`, or edit `{}` and run",
-            args.pipeline.file.display()
-        ));
-    }
-    Ok(Done {
-        outcome: Outcome::Done,
-        said,
-    })
+        Outcome::SkippedItems
+    } else {
+        if let Some(last) = last.filter(|_| ran.n_made_now() > 0) {
+            program.say(&format!(
+                "next   `pipeline inspect {}`, or edit `{}` and run",
+                last.record.node,
+                args.pipeline.file.display()
+            ));
+        }
+        Outcome::Done
+    };
+    Ok(Done { outcome, said })
 }
 
 /// Returns the run to inspect for an output: this one, or, if it recorded nothing, the newest with

@@ -7,7 +7,7 @@ use lake::{Lake, LakeError, Run};
 use serde::Serialize;
 
 use crate::{
-    arguments::{Format, RunsArgs},
+    arguments::RunsArgs,
     command_line::Program,
     commands::{chosen, query::page::Page},
     moments,
@@ -92,11 +92,10 @@ pub(crate) fn runs(program: &Program, args: &RunsArgs) -> Result<Outcome, Comman
     if rows.is_empty() && damaged.is_empty() && args.last != Some(0) {
         return Err(nothing(&lake, args, &pipelines));
     }
-    match args.format {
-        Format::Json => report::json(&rows)?,
-        Format::Text if rows.is_empty() => {}
-        Format::Text => report::data(text(&rows, Page::of_stdout().width).as_bytes())?,
-    }
+    report::answer(args.format, &rows, |rows| match rows.as_slice() {
+        [] => String::new(),
+        rows => text(rows, Page::of_stdout().width),
+    })?;
     match damaged.into_iter().next() {
         Some(err) => Err(err.into()),
         None => Ok(Outcome::Done),
@@ -191,7 +190,7 @@ impl NodeCounts {
 
 /// One line per run, cut to a width if there is one.
 fn text(rows: &[Row], width: Option<usize>) -> String {
-    let header = [
+    let header = report::header([
         "run",
         "started (UTC)",
         "pipeline",
@@ -202,13 +201,8 @@ fn text(rows: &[Row], width: Option<usize>) -> String {
         "tags",
         "status",
         "values",
-    ];
-    let mut lines = vec![header.map(str::to_owned).to_vec()];
+    ]);
+    let mut lines = vec![header];
     lines.extend(rows.iter().map(Row::cells));
-    let text = report::columns(&lines, &[0, 3, 4, 5, 6]);
-    let Some(width) = width else {
-        return text;
-    };
-    let lines = text.lines().map(|line| cut(line, width) + "\n");
-    lines.collect()
+    report::cut_lines(report::columns(&lines, &[0, 3, 4, 5, 6]), width)
 }

@@ -21,7 +21,8 @@ pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, Co
         Some(name) => {
             let kind = kinds.iter().find(|kind| kind.name == name).ok_or_else(|| {
                 let near = did_you_mean(name, kinds.iter().map(|kind| kind.name));
-                let hint = near.unwrap_or_else(|| "`pipeline stages` lists every kind".to_owned());
+                let all = || "`pipeline stages` lists every kind".to_owned();
+                let hint = near.unwrap_or_else(all);
                 CommandError::usage(format!("no kind of stage `{name}`"), hint)
             })?;
             options(kind, Page::of_stdout().width)
@@ -60,11 +61,7 @@ fn options(kind: &Kind, width: Option<usize>) -> String {
             output.artifact, output.partition, output.schema
         ));
     }
-    let mut rows = vec![
-        ["option", "type", "default", "about"]
-            .map(str::to_owned)
-            .to_vec(),
-    ];
+    let mut rows = vec![report::header(["option", "type", "default", "about"])];
     for option in kind.options() {
         let default = match option.default {
             Some(default) => default,

@@ -9,7 +9,6 @@ use crate::{
     command_line::Program,
     commands::pipeline_file,
     outcome::{CommandError, Outcome},
-    progress::Quiet,
     report,
 };
 
@@ -62,16 +61,13 @@ pub(crate) fn each(
     for (_, args) in &variants {
         pipeline_file::read(program.kinds, args)?;
     }
-    let loud = program.quiet == Quiet::No;
     let n_variants = variants.len();
     let mut outcome = Outcome::Done;
     let mut n_failed = 0;
-    let mut rows = vec![["variant", "result", "time"].map(str::to_owned).to_vec()];
+    let mut rows = vec![report::header(["variant", "result", "time"])];
     let mut has_run = false;
     for (idx, (label, args)) in variants.into_iter().enumerate() {
-        if loud {
-            report::line(&format!("variant {} of {n_variants}: {label}", idx + 1));
-        }
+        program.say(&format!("variant {} of {n_variants}: {label}", idx + 1));
         let started = Instant::now();
         let said = match command(args) {
             Ok(done) => {
@@ -90,8 +86,8 @@ pub(crate) fn each(
         let time = report::duration(started.elapsed().as_secs_f64());
         rows.push(vec![label, said, time]);
     }
-    if loud && has_run {
-        report::line(report::columns(&rows, &[2]).trim_end());
+    if has_run {
+        program.say(report::columns(&rows, &[2]).trim_end());
     }
     if n_failed > 0 {
         return Err(CommandError::failed(

@@ -6,8 +6,6 @@ use crate::{
     arguments::{TagArgs, UntagArgs},
     command_line::Program,
     outcome::{CommandError, Outcome},
-    progress::Quiet,
-    report,
 };
 
 /// Tags a run.
@@ -19,19 +17,13 @@ pub(crate) fn tag(program: &Program, args: &TagArgs) -> Result<Outcome, CommandE
         Some(before) if before != run => format!(", no longer run {before}"),
         _ => String::new(),
     };
-    say(program, &format!("`{}` is run {run}{was}", args.name));
+    program.say(&format!("done   `{}` is run {run}{was}", args.name));
     Ok(Outcome::Done)
 }
 
 /// Removes a tag from its run.
 pub(crate) fn untag(program: &Program, args: &UntagArgs) -> Result<Outcome, CommandError> {
     Lake::open(&program.lake).untag(&args.name)?;
-    say(program, &format!("no run is tagged `{}` now", args.name));
+    program.say(&format!("done   no run is tagged `{}` now", args.name));
     Ok(Outcome::Done)
-}
-
-fn say(program: &Program, text: &str) {
-    if program.quiet == Quiet::No {
-        report::line(&format!("done   {text}"));
-    }
 }

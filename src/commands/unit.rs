@@ -46,14 +46,8 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Comman
         Format::Text => &|event| screen.show(event),
         Format::Json => &|event| lines.write(event),
     };
-    let made = make_one(
-        &pipeline,
-        lake.as_ref(),
-        &node,
-        &args.partition,
-        forced,
-        events,
-    );
+    let unit = UnitName::new(&node, &args.partition);
+    let made = make_one(&pipeline, lake.as_ref(), &unit, forced, events);
     lake.leave();
     let outcome = match (made, args.format) {
         (Ok(made), Format::Text) => {
@@ -72,7 +66,7 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Comman
                 CommandError::File(err) => err.to_string(),
             };
             lines.write(&Event::UnitFailed {
-                unit: UnitName::new(&node, &args.partition),
+                unit,
                 message,
                 hint,
                 left_out,

@@ -3,10 +3,10 @@
 use std::sync::Mutex;
 
 use indicatif::{ProgressBar, ProgressStyle};
-use lake::{Fault, Lake, Verified};
+use lake::{Fault, Lake};
 
 use crate::{
-    arguments::{Format, VerifyArgs},
+    arguments::VerifyArgs,
     command_line::Program,
     outcome::{CommandError, Outcome},
     progress::Quiet,
@@ -38,24 +38,19 @@ pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<Outcome, Co
     {
         bar.finish_and_clear();
     }
-    match args.format {
-        Format::Text => report::data(listed(&verified.faults).as_bytes())?,
-        Format::Json => report::json(&verified)?,
-    }
+    report::answer(args.format, &verified, |verified| listed(&verified.faults))?;
     if verified.faults.is_empty() {
-        say(
-            program,
-            &format!(
-                "done   {}, nothing is damaged or missing",
-                counted(&verified)
-            ),
-        );
+        program.say(&format!(
+            "done   {} files with {} read, nothing is damaged or missing",
+            verified.n_files,
+            report::bytes(verified.n_bytes)
+        ));
         return Ok(Outcome::Done);
     }
     let n_faults = verified.faults.len();
     if args.drop {
         let n_dropped = lake.drop_damaged(&|_, _| {})?;
-        say(program, &format!("drop   {n_dropped} damaged files"));
+        program.say(&format!("drop   {n_dropped} damaged files"));
     }
     Err(CommandError::failed(
         anyhow::anyhow!(
@@ -69,12 +64,6 @@ pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<Outcome, Co
                 .to_owned()
         }),
     ))
-}
-
-fn say(program: &Program, text: &str) {
-    if program.quiet == Quiet::No {
-        report::line(text);
-    }
 }
 
 fn new_bar(total: u64) -> ProgressBar {
@@ -94,12 +83,4 @@ fn listed(faults: &[Fault]) -> String {
         .map(|fault| vec![fault.path.display().to_string(), fault.what.clone()])
         .collect();
     report::columns(&rows, &[])
-}
-
-fn counted(verified: &Verified) -> String {
-    format!(
-        "{} files with {} read",
-        verified.n_files,
-        report::bytes(verified.n_bytes)
-    )
 }

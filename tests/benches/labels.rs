@@ -122,7 +122,7 @@ fn run_stage(config: &IngestConfig, units: &[Unit], artifacts: &Path) {
         let folder = artifacts.join(&unit.partition);
         fs::create_dir_all(&folder).unwrap();
         let inputs = Inputs::new(BTreeMap::new(), unit.files.clone());
-        let cx = Context::detached(&unit.partition, 7, &folder);
+        let cx = Context::detached(&unit.partition.parse().unwrap(), 7, &folder);
         let outcome = Demonstrations::make(config, &inputs, &cx).unwrap();
         assert!(matches!(outcome, Outcome::Made(_)), "{outcome:?}");
     }

@@ -18,8 +18,8 @@ use std::{
 };
 
 use dataflow::{
-    Fingerprint, NodeName, NodeRecord, Origin, OutputRecord, Recipe, Record, RecordOutcome,
-    RunRecord, RunStatus, Store, UnitRef,
+    Fingerprint, NodeName, NodeRecord, Origin, OutputRecord, PartitionKey, Recipe, Record,
+    RecordOutcome, RunRecord, RunStatus, Store, UnitName, UnitRef,
 };
 use lake::Lake;
 use limits::Limits;
@@ -79,19 +79,19 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
 /// Writes a lake with one run, whose only stage made the table; returns its files.
 fn make(folder: &Path, rows_per_file: usize) -> Result<Vec<PathBuf>, Box<dyn Error>> {
     let lake = Lake::open(folder);
-    let node = NodeName::new("screen", "rollouts");
+    let node = NodeName::parse("screen.rollouts").unwrap();
     let recipe = Arc::new(Recipe {
         kind: "screen".to_owned(),
-        output: "rollouts".to_owned(),
+        output: "rollouts".parse().unwrap(),
         code: BTreeMap::new(),
         config: serde_json::Value::Null,
         schema: Rollouts::VERSION.to_owned(),
     });
     let mut units = Vec::new();
     for partition in 0..PARTITIONS {
-        let object = format!("object_{partition:04}");
+        let object: PartitionKey = format!("object_{partition:04}").parse()?;
         let rollouts: Vec<Rollout> = (0..rows_per_file)
-            .map(|row| rollout(&object, row))
+            .map(|row| rollout(object.as_str(), row))
             .collect();
         let fingerprint = Fingerprint {
             recipe: Arc::clone(&recipe),
@@ -103,7 +103,7 @@ fn make(folder: &Path, rows_per_file: usize) -> Result<Vec<PathBuf>, Box<dyn Err
             seed: 0,
         };
         let digest = fingerprint.digest();
-        let making = lake.begin(&digest, &object, &|_| {})?;
+        let making = lake.begin(&digest, &UnitName::new(&node, &object), &|_| {})?;
         lake::table::write(making.folder(), &rollouts)?;
         let outcome = RecordOutcome::Made {
             files: BTreeMap::new(),

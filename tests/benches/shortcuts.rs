@@ -102,7 +102,7 @@ fn main() -> ExitCode {
             let motions: Vec<Motion<Object>> = motions.collect();
             let motions: Vec<(Rest, &Motion<Object>)> = rests.zip(&motions).collect();
             compare(
-                &name,
+                name.as_str(),
                 &hand,
                 &object,
                 &motions,

@@ -162,7 +162,7 @@ fn a_generated_dataset_is_there_before_units_are_listed() {
     let options = RunOptions::default();
     let planned = plan(&pipeline(place.path(), [1, 1]), &lake, &options).unwrap();
     let units = planned.nodes[0].units.as_ref().unwrap();
-    assert_eq!(units[0].partition, "generated");
+    assert_eq!(units[0].partition.as_str(), "generated");
 }
 
 /// A workspace that builds: a stage, its report with charts, and a generator of what the stage reads.

@@ -21,7 +21,7 @@ fn a_stage_of_one_file_makes_typed_tables_and_is_told_once() {
     assert!(said.contains("7 trials by hand"), "{said}");
     let table = "tables/trials/pipeline=own/stage=bench/object=can/part.parquet";
     let artifact = Artifact {
-        key: "can".to_owned(),
+        key: "can".parse().unwrap(),
         labels: BTreeMap::new(),
         files: BTreeMap::from([(lake::table::FILE.to_owned(), place.lake().join(table))]),
     };

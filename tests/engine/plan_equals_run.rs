@@ -95,7 +95,7 @@ fn check(place: &Place, world: &mut World, model: &mut Model, step: &Step) -> Ve
     let visited: BTreeSet<String> = ran
         .nodes
         .iter()
-        .map(|node| node.record.node.stage.clone())
+        .map(|node| node.record.node.stage.to_string())
         .collect();
     let expected = model.run(world, &visited, |stage| {
         step.fresh_all || step.fresh.iter().any(|fresh| fresh == stage)
@@ -141,7 +141,7 @@ fn without_recalled(mut planned: Plan, only: Option<&str>, faults: &mut Vec<Stri
     let Some(only) = only else {
         return planned;
     };
-    let is_recalled = |node: &PlannedNode| node.node.stage != only;
+    let is_recalled = |node: &PlannedNode| node.node.stage != *only;
     for node in planned.nodes.iter().filter(|node| is_recalled(node)) {
         let mut units = node.units.iter().flatten();
         if node.units.is_none() || units.any(|unit| unit.state != UnitState::Cached) {
@@ -158,7 +158,7 @@ fn compare_made(expected: &BTreeMap<Unit, Expected>, ran: &RunReport, faults: &m
         let units = node.units.iter();
         units.map(|unit| {
             (
-                Unit::new(&node.record.node.stage, &unit.partition),
+                Unit::new(node.record.node.stage.as_str(), unit.partition.as_str()),
                 unit.made_now,
             )
         })
@@ -211,7 +211,7 @@ fn compare_planned(
     let mut states = BTreeMap::new();
     for node in &planned.nodes {
         for unit in node.units.iter().flatten() {
-            let name = Unit::new(&node.node.stage, &unit.partition);
+            let name = Unit::new(node.node.stage.as_str(), unit.partition.as_str());
             states.insert(name, unit.state.clone());
         }
     }

@@ -104,7 +104,7 @@ pub(crate) fn write_changed(
 
 /// Counts and adds up the bytes of an artifact.
 pub(crate) fn tally(artifact: &Artifact) -> Result<Tally, OwnError> {
-    go_through(&artifact.key, data(artifact)?, |_| Ok(()))
+    go_through(artifact.key.as_str(), data(artifact)?, |_| Ok(()))
 }
 
 /// Returns where the bytes of an artifact lie.

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
+use dataflow::{
+    Code, Context, Inputs, Line, Outcome, Output, Outputs, PartitionKey, Scope, Stage, Unit,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -42,7 +44,7 @@ impl<const VERSION: u8> Output for Group<VERSION> {
     const LINE: Option<Line<()>> = Some(|summary| format!("{} groups", summary.n_made));
 
     fn units(_config: &GroupConfig, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
-        let mut groups: BTreeMap<&str, Vec<&String>> = BTreeMap::new();
+        let mut groups: BTreeMap<&str, Vec<&PartitionKey>> = BTreeMap::new();
         for part in scope.partitions("parts") {
             let group = part.label("group").unwrap_or("other");
             groups.entry(group).or_default().push(&part.key);

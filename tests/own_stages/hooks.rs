@@ -12,7 +12,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(2);
 /// Notes that a unit is being made, then holds it for as long as a test asks for.
 pub(crate) fn started<O: Output>(cx: &Context) -> Result<(), OwnError> {
     note::<O>(O::Stage::KIND, cx)?;
-    hold(cx.partition());
+    hold(cx.partition().as_str());
     Ok(())
 }
 

@@ -59,11 +59,11 @@ impl Output for Logged {
     }
 
     fn make(config: &LoggedConfig, _: &Inputs, cx: &Context) -> Result<Outcome<Count>, LakeError> {
-        let Some([succeeded, failed]) = config.objects.get(cx.partition()).copied() else {
+        let Some([succeeded, failed]) = config.objects.get(cx.partition().as_str()).copied() else {
             return Ok(Outcome::skipped("it is not in `objects`"));
         };
         let trials = Trials {
-            object: cx.partition().to_owned(),
+            object: cx.partition().to_string(),
             cell: "bench".to_owned(),
             simulated: false,
             gap: String::new(),

@@ -72,7 +72,7 @@ impl<const VERSION: u8> Output for Map<VERSION> {
             modulo: config.modulo,
         };
         let data = bytes::data(part)?;
-        let tally = bytes::write_changed(cx.partition(), data, change, cx.folder())?;
+        let tally = bytes::write_changed(cx.partition().as_str(), data, change, cx.folder())?;
         if config.chart {
             let chart = format!("<svg><title>{} bytes</title></svg>\n", tally.bytes);
             lake::write_whole(&cx.folder().join("bytes.svg"), chart.as_bytes())?;

@@ -84,7 +84,7 @@ impl<const VERSION: u8> Output for Split<VERSION> {
         cx: &Context,
     ) -> Result<Outcome<Bytes>, OwnError> {
         hooks::started::<Self>(cx)?;
-        let is_named = |names: &[String]| names.iter().any(|name| name == cx.partition());
+        let is_named = |names: &[String]| names.iter().any(|name| *cx.partition() == **name);
         if is_named(&config.leave_out) {
             return Ok(Outcome::filtered("named in `leave_out`"));
         }
@@ -102,7 +102,7 @@ impl<const VERSION: u8> Output for Split<VERSION> {
             add: config.add,
             modulo: config.modulo,
         };
-        let tally = bytes::write_changed(cx.partition(), &file.path, change, cx.folder())?;
+        let tally = bytes::write_changed(cx.partition().as_str(), &file.path, change, cx.folder())?;
         let metrics = tally.metrics();
         if config.table {
             bytes::write_table(cx.folder(), &[tally])?;

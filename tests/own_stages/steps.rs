@@ -80,7 +80,7 @@ impl<const VERSION: u8> Output for Steps<VERSION> {
             lake::write_whole(&path, format!("{}", serde_json::json!(state)).as_bytes())?;
         }
         let tally = Tally {
-            name: cx.partition().to_owned(),
+            name: cx.partition().to_string(),
             bytes: state.done,
             sum: state.sum,
         };

@@ -38,7 +38,7 @@ fn effective(file: &str) -> BTreeMap<String, String> {
         for (input, node) in &stage.inputs {
             add(format!("{name}.inputs.{input}"), node.to_string());
         }
-        flatten(name, &stage.config(), &mut values);
+        flatten(name.as_str(), &stage.config(), &mut values);
     }
     values
 }

@@ -62,7 +62,7 @@ fn options() -> Vec<StageOption> {
                 options.push(StageOption {
                     file,
                     kind: name.to_owned(),
-                    stage: stage.name.clone(),
+                    stage: stage.name.to_string(),
                     key: option.key,
                     wrong: if option.value == "boolean" {
                         "3"

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::source_file::SourceFile;
+use crate::{name::PartitionKey, source_file::SourceFile};
 
 /// Reports a unit's progress: a fraction in 0..=1 and a message.
 pub(crate) type Progress<'a> = dyn Fn(f64, &str) + Send + Sync + 'a;
@@ -13,7 +13,7 @@ pub(crate) type Progress<'a> = dyn Fn(f64, &str) + Send + Sync + 'a;
 /// The execution context of one unit.
 pub struct Context<'a> {
     /// The partition being made.
-    pub(crate) partition: String,
+    pub(crate) partition: PartitionKey,
     /// Seed of this unit.
     pub(crate) seed: u64,
     /// Empty folder for this unit's files.
@@ -28,9 +28,9 @@ impl Context<'_> {
     /// Returns a context for making an output outside a run, as tests do. Its resume folder is
     /// `resume` in `folder`: a second context of the same folder continues where the first one
     /// stopped.
-    pub fn detached(partition: &str, seed: u64, folder: &Path) -> Self {
+    pub fn detached(partition: &PartitionKey, seed: u64, folder: &Path) -> Self {
         Self {
-            partition: partition.to_owned(),
+            partition: partition.clone(),
             seed,
             folder: folder.to_owned(),
             resume_folder: folder.join("resume"),
@@ -39,7 +39,7 @@ impl Context<'_> {
     }
 
     /// The partition being made.
-    pub fn partition(&self) -> &str {
+    pub fn partition(&self) -> &PartitionKey {
         &self.partition
     }
 
@@ -115,7 +115,7 @@ impl Inputs {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Artifact {
     /// The partition's key.
-    pub key: String,
+    pub key: PartitionKey,
     /// What its maker said about it.
     pub labels: BTreeMap<String, String>,
     /// Where each of its files lies, by file name.
@@ -138,11 +138,11 @@ mod tests {
     #[test]
     fn a_later_attempt_finds_what_an_earlier_one_left_and_asking_leaves_nothing() {
         let folder = tempfile::tempdir().unwrap();
-        let first = Context::detached("all", 7, folder.path());
+        let first = Context::detached(&"all".parse().unwrap(), 7, folder.path());
         let left = first.resume_folder().join("left");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
         fs::create_dir_all(&left).unwrap();
-        let second = Context::detached("all", 7, folder.path());
+        let second = Context::detached(&"all".parse().unwrap(), 7, folder.path());
         assert!(second.resume_folder().join("left").is_dir());
     }
 }

@@ -142,7 +142,8 @@ mod tests {
     use crate::event::Fraction;
 
     fn unit(stage: &str) -> UnitName {
-        UnitName::new(&NodeName::new(stage, "made"), "p")
+        let node = NodeName::parse(&format!("{stage}.made")).unwrap();
+        UnitName::new(&node, &"p".parse().unwrap())
     }
 
     fn progress(stage: &str) -> Event {

@@ -5,7 +5,7 @@ use std::{error::Error, fmt, io, path::PathBuf};
 use crate::{
     advice::{Advise, Advised},
     metrics::MissingFigure,
-    name::{NodeName, UnitName},
+    name::{ArtifactName, InvalidName, NodeName, PartitionKey, StageName, UnitName},
     near::{did_you_mean, missing},
     source::Location,
 };
@@ -75,24 +75,22 @@ impl Error for FileError {}
 #[non_exhaustive]
 pub enum Failure {
     /// A stage failed.
-    #[error("stage `{stage}` failed{}", Partition(partition.as_deref()))]
+    #[error("stage `{stage}` failed{}", Partition(partition.as_ref()))]
     Stage {
         /// The stage's name.
-        stage: String,
+        stage: StageName,
         /// The partition being made, if there was one.
-        partition: Option<String>,
+        partition: Option<PartitionKey>,
         /// The upstream output that left out too many items, if that is why.
         left_out: Option<Box<LeftOut>>,
         /// The stage's own error.
         source: Advised,
     },
     /// A stage panicked.
-    #[error("stage `{stage}` panicked while making `{partition}`: {message}")]
+    #[error("stage `{}` panicked while making `{}`: {message}", unit.node.stage, unit.partition)]
     Panic {
-        /// The stage's name.
-        stage: String,
-        /// The partition being made.
-        partition: String,
+        /// The unit being made.
+        unit: UnitName,
         /// The panic message.
         message: String,
     },
@@ -100,11 +98,11 @@ pub enum Failure {
     #[error("stage `{stage}` wants to read `{input}` partition `{partition}`, which was not made")]
     MissingInput {
         /// The stage's name.
-        stage: String,
+        stage: StageName,
         /// The input's name.
-        input: String,
+        input: ArtifactName,
         /// The partition's key.
-        partition: String,
+        partition: PartitionKey,
     },
     /// Too many items had to be skipped.
     #[error("stage `{}` skipped {n_skipped} of {n_items} items, more than `max_skipped_fraction` = {allowed}; the first: {first}", skipped.node.stage)]
@@ -121,30 +119,22 @@ pub enum Failure {
         first: String,
     },
     /// A damaged artifact could not be rebuilt.
-    #[error("`{node}` partition `{partition}` is damaged and did not come out the same again")]
+    #[error("`{}` partition `{}` is damaged and did not come out the same again", unit.node, unit.partition)]
     Damaged {
-        /// The stage and output.
-        node: String,
-        /// The partition's key.
-        partition: String,
+        /// The unit that made it.
+        unit: UnitName,
     },
     /// An input of the unit is not made yet.
-    #[error("`{node}` partition `{partition}` is not made yet")]
+    #[error("`{}` partition `{}` is not made yet", unit.node, unit.partition)]
     NotMade {
-        /// The missing output.
-        node: NodeName,
-        /// Its partition.
-        partition: String,
+        /// The unit that would make it.
+        unit: UnitName,
     },
     /// A unit was made by another process, and its result is not in the store.
-    #[error(
-        "`{node}` partition `{partition}` was made by another process, but its result is not in the lake"
-    )]
+    #[error("`{}` partition `{}` was made by another process, but its result is not in the lake", unit.node, unit.partition)]
     Lost {
-        /// The output.
-        node: NodeName,
-        /// Its partition.
-        partition: String,
+        /// The unit.
+        unit: UnitName,
     },
     /// A unit failed in another process.
     #[error("{message}")]
@@ -173,24 +163,20 @@ pub enum Failure {
         known: Vec<String>,
     },
     /// An output has no partition of this key.
-    #[error("`{node}` has no partition `{partition}`")]
+    #[error("`{}` has no partition `{}`", unit.node, unit.partition)]
     NoPartition {
-        /// The output.
-        node: NodeName,
-        /// The key asked for.
-        partition: String,
+        /// The unit asked for.
+        unit: UnitName,
         /// The partitions there are.
         known: Vec<String>,
     },
     /// A stage gave a partition a key that cannot name a folder.
-    #[error(
-        "`{key}` cannot name a partition of `{node}`: keys are not empty, do not begin with a dot and have no `/`, `\\` or `=`"
-    )]
+    #[error("`{}` cannot name a partition of `{node}`: {}", fault.text, fault.rule)]
     NotAKey {
         /// The output.
         node: NodeName,
-        /// The key.
-        key: String,
+        /// The key, and what is wrong with it.
+        fault: InvalidName,
     },
     /// There is nothing to work on.
     #[error("stage `{}` has nothing to do: no `{}` to make", node.stage, node.artifact)]
@@ -204,9 +190,9 @@ pub enum Failure {
     #[error("stage `{stage}` read `{}` for `{partition}` while it changed; nothing of it is kept", path.display())]
     ChangedMeanwhile {
         /// The stage's name.
-        stage: String,
+        stage: StageName,
         /// The partition being made.
-        partition: String,
+        partition: PartitionKey,
         /// The file.
         path: PathBuf,
     },
@@ -222,19 +208,17 @@ pub enum Failure {
     #[error("stage `{stage}` names `{name}` twice among {what}")]
     Twice {
         /// The stage's name.
-        stage: String,
+        stage: StageName,
         /// The key or name.
         name: String,
         /// What it names.
         what: String,
     },
     /// A unit and its outcome both say which labels its artifact has, or neither does.
-    #[error("stage `{stage}` does not say once which labels `{partition}` has")]
+    #[error("stage `{}` does not say once which labels `{}` has", unit.node.stage, unit.partition)]
     Labels {
-        /// The stage's name.
-        stage: String,
-        /// The partition's key.
-        partition: String,
+        /// The unit.
+        unit: UnitName,
     },
     /// No stage of this name is in the file.
     #[error("no stage `{name}` in the pipeline")]
@@ -354,7 +338,7 @@ impl Failure {
     }
 }
 
-struct Partition<'a>(Option<&'a str>);
+struct Partition<'a>(Option<&'a PartitionKey>);
 
 impl fmt::Display for Partition<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -377,12 +361,12 @@ impl Advise for Failure {
             )),
             Self::NoStage { name, known } => Some(offer("stages", name, known)),
             Self::NoNode { name, known } => Some(offer("outputs", name, known)),
-            Self::NoPartition {
-                partition, known, ..
-            } => Some(offer("partitions", partition, known)),
-            Self::NotMade { node, .. } => Some(format!(
+            Self::NoPartition { unit, known } => {
+                Some(offer("partitions", unit.partition.as_str(), known))
+            }
+            Self::NotMade { unit } => Some(format!(
                 "make it first with `pipeline run FILE --until {}`",
-                node.stage
+                unit.node.stage
             )),
             Self::Elsewhere { hint, left_out, .. } => join(hint.clone(), left_out.as_deref()),
             Self::Store(err) => err.0.hint(),
@@ -394,9 +378,9 @@ impl Advise for Failure {
                 "run the same command again without `--processes`: then this process makes the units"
                     .to_owned(),
             ),
-            Self::Damaged { node, .. } => Some(format!(
+            Self::Damaged { unit } => Some(format!(
                 "make it and what follows again with `pipeline run FILE --fresh {}`",
-                node.split('.').next().unwrap_or(node)
+                unit.node.stage
             )),
             Self::Figures { node, .. } => Some(format!(
                 "make its results again with `pipeline run FILE --fresh {}`",

@@ -5,7 +5,10 @@ use std::{collections::BTreeMap, fmt, sync::Arc};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::digest::{Digest, Fields};
+use crate::{
+    digest::{Digest, Fields},
+    name::{ArtifactName, PartitionKey, StageName},
+};
 
 /// The part of a fingerprint that all units of one output share.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -13,7 +16,7 @@ pub struct Recipe {
     /// The stage's kind: another kind computes something else.
     pub kind: String,
     /// The artifact made, for kinds with more than one output.
-    pub output: String,
+    pub output: ArtifactName,
     /// Digests of the sources that decide the output, by workspace crate.
     pub code: BTreeMap<String, String>,
     /// The stage's configuration, without the paths of files that its units read.
@@ -66,11 +69,11 @@ pub struct Fingerprint {
     #[serde(flatten)]
     pub recipe: Arc<Recipe>,
     /// The stage's name in the pipeline file, on which its seed depends.
-    pub stage: String,
+    pub stage: StageName,
     /// The partition's key, which stages may use.
-    pub partition: String,
+    pub partition: PartitionKey,
     /// Digests of the partitions read, by input name and partition key.
-    pub inputs: BTreeMap<String, BTreeMap<String, Digest>>,
+    pub inputs: BTreeMap<ArtifactName, BTreeMap<PartitionKey, Digest>>,
     /// Digests of the files read outside the lake, by name.
     pub files: BTreeMap<String, Digest>,
     /// Facts found while it was listed, by name.
@@ -111,9 +114,9 @@ pub enum Cause {
     /// A partition that it reads.
     Input {
         /// The input's name.
-        input: String,
+        input: ArtifactName,
         /// The partition's key.
-        partition: String,
+        partition: PartitionKey,
         /// What happened to it.
         change: Change,
         /// Its digest last time; `null` if it was not read.
@@ -158,9 +161,9 @@ pub enum Cause {
     /// The stage's name, on which its seed depends.
     Renamed {
         /// The name last time.
-        old: String,
+        old: StageName,
         /// The name now.
-        new: String,
+        new: StageName,
     },
     /// The stage's kind.
     Kind {
@@ -195,7 +198,7 @@ impl Fingerprint {
         fields.digest(recipe);
         fields.number(self.inputs.len() as u64);
         for (input, partitions) in &self.inputs {
-            fields.text(input);
+            fields.text(input.as_str());
             digest_map(&mut fields, partitions);
         }
         self.digest_own(&mut fields);
@@ -204,8 +207,8 @@ impl Fingerprint {
 
     /// Digests everything but the recipe and the inputs from other stages.
     fn digest_own(&self, fields: &mut Fields) {
-        fields.text(&self.stage);
-        fields.text(&self.partition);
+        fields.text(self.stage.as_str());
+        fields.text(self.partition.as_str());
         digest_map(fields, &self.files);
         fields.number(self.facts.len() as u64);
         for (name, value) in &self.facts {
@@ -315,19 +318,19 @@ impl Recipe {
     }
 }
 
-fn digest_map(fields: &mut Fields, digests: &BTreeMap<String, Digest>) {
+fn digest_map<N: AsRef<str>>(fields: &mut Fields, digests: &BTreeMap<N, Digest>) {
     fields.number(digests.len() as u64);
     for (name, digest) in digests {
-        fields.text(name);
+        fields.text(name.as_ref());
         fields.digest(digest);
     }
 }
 
 /// Keys of two ordered maps whose values differ, with the old and the new value.
-fn changes<'a, V: PartialEq>(
-    old: &'a BTreeMap<String, V>,
-    new: &'a BTreeMap<String, V>,
-) -> Vec<(&'a String, Change, Option<&'a V>, Option<&'a V>)> {
+fn changes<'a, N: Ord, V: PartialEq>(
+    old: &'a BTreeMap<N, V>,
+    new: &'a BTreeMap<N, V>,
+) -> Vec<(&'a N, Change, Option<&'a V>, Option<&'a V>)> {
     let mut changes: Vec<_> = new
         .iter()
         .filter_map(|(key, value)| match old.get(key) {
@@ -481,16 +484,16 @@ mod tests {
         Fingerprint {
             recipe: Arc::new(Recipe {
                 kind: "train".to_owned(),
-                output: "checkpoint".to_owned(),
+                output: "checkpoint".parse().unwrap(),
                 code: BTreeMap::from([("cgf".to_owned(), "aa".to_owned())]),
                 config: json!({"epochs": 40, "loss": {"kl_weight": 0.001}}),
                 schema: "checkpoint/1".to_owned(),
             }),
-            stage: "train".to_owned(),
-            partition: "model".to_owned(),
+            stage: "train".parse().unwrap(),
+            partition: "model".parse().unwrap(),
             inputs: BTreeMap::from([(
-                "trajectories".to_owned(),
-                BTreeMap::from([("a".to_owned(), Digest::of_bytes(b"a"))]),
+                "trajectories".parse().unwrap(),
+                BTreeMap::from([("a".parse().unwrap(), Digest::of_bytes(b"a"))]),
             )]),
             files: BTreeMap::from([("hand.urdf".to_owned(), Digest::of_bytes(b"hand"))]),
             facts: BTreeMap::from([("side".to_owned(), "left".to_owned())]),
@@ -548,8 +551,8 @@ mod tests {
         );
         check(
             |f| {
-                let read = f.inputs.entry("trajectories".to_owned()).or_default();
-                read.insert("b".to_owned(), Digest::of_bytes(b"b"));
+                let read = f.inputs.entry("trajectories".parse().unwrap()).or_default();
+                read.insert("b".parse().unwrap(), Digest::of_bytes(b"b"));
             },
             "input `trajectories` `b` added",
         );
@@ -563,7 +566,7 @@ mod tests {
         check(|f| f.facts.clear(), "no longer side");
         check(|f| f.seed = 8, "`seed` changed from 7 to 8");
         check(
-            |f| f.stage = "fit".to_owned(),
+            |f| f.stage = "fit".parse().unwrap(),
             "the stage was renamed from `train` to `fit`, and its random numbers follow its name",
         );
         check(

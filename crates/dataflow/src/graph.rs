@@ -2,7 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::{name::NodeName, output::OutputInfo};
+use crate::{
+    name::{ArtifactName, NodeName},
+    output::OutputInfo,
+};
 
 /// A node of the graph.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -16,5 +19,5 @@ pub struct Node {
     /// What it makes.
     pub output: OutputInfo,
     /// Where each input comes from: wired ones, and earlier outputs of the same stage.
-    pub reads: BTreeMap<String, NodeName>,
+    pub reads: BTreeMap<ArtifactName, NodeName>,
 }

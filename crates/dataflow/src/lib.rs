@@ -75,7 +75,7 @@ pub use graph::Node;
 pub use kind::{Kind, OptionInfo};
 pub use make::{UnitReport, make_one};
 pub use metrics::{Figure, Figures, Gather, Max, Mean, Metrics, MissingFigure, Sum, With};
-pub use name::{NodeName, UnitName};
+pub use name::{ArtifactName, InvalidName, NodeName, PartitionKey, StageName, UnitName};
 pub use near::{did_you_mean, missing, nearest};
 pub use option_faults::{OptionFault, OptionFaults};
 pub use options::{FreshAll, RunOptions};

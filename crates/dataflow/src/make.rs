@@ -15,21 +15,21 @@ use crate::{
     event::{Event, Events, Fraction},
     fingerprint::Fingerprint,
     graph::Node,
-    name::{NodeName, UnitName},
+    name::{NodeName, PartitionKey, UnitName},
     outcome::{Labels, Outcome},
     pipeline::Pipeline,
     record::{FileRef, Record, RecordOutcome},
     seed::unit_seed,
     state::{Certainty, Known, Listing, State, digest_source},
     store::Store,
-    unit::Unit,
+    unit::ListedUnit,
 };
 
 /// The outcome of one unit.
 #[derive(Debug, Clone)]
 pub struct UnitReport {
     /// The partition's key.
-    pub partition: String,
+    pub partition: PartitionKey,
     /// Digest of its fingerprint.
     pub fingerprint: Digest,
     /// Its result.
@@ -101,7 +101,7 @@ impl<'a> Maker<'a> {
         &self,
         known: &State,
         node: &Node,
-        unit: &Unit,
+        unit: &ListedUnit,
         forced: Forced,
     ) -> Result<UnitReport, Failure> {
         let report = self.make_here(known, node, unit, forced)?;
@@ -113,26 +113,21 @@ impl<'a> Maker<'a> {
         &self,
         known: &State,
         node: &Node,
-        unit: &Unit,
+        unit: &ListedUnit,
         forced: Forced,
     ) -> Result<UnitReport, Failure> {
         let stage = self.pipeline.stage(node);
-        let (fingerprint, digest) =
-            known
-                .fingerprint(node, unit)?
-                .ok_or_else(|| Failure::MissingInput {
-                    stage: stage.name.clone(),
-                    input: "inputs".to_owned(),
-                    partition: unit.partition.clone(),
-                })?;
         let name = UnitName::new(&node.name, &unit.partition);
+        let not_made = || Failure::NotMade { unit: name.clone() };
+        let fingerprint = known.fingerprint(node, unit)?;
+        let (fingerprint, digest) = fingerprint.ok_or_else(not_made)?;
         let waiting = |holder: &str| {
             (self.events)(&Event::UnitWaiting {
                 unit: name.clone(),
                 holder: holder.to_owned(),
             });
         };
-        let making = self.store.begin(&digest, &name.to_string(), &waiting)?;
+        let making = self.store.begin(&digest, &name, &waiting)?;
         // Another process may have made it while this one waited for the lock.
         if forced == Forced::No
             && let Some(outcome) = self.store.lookup(&digest)?
@@ -166,8 +161,7 @@ impl<'a> Maker<'a> {
         let ran = catch_unwind(AssertUnwindSafe(compute));
         let outcome = ran
             .map_err(|payload| Failure::Panic {
-                stage: stage.name.clone(),
-                partition: unit.partition.clone(),
+                unit: name.clone(),
                 message: panic_message(payload.as_ref()),
             })?
             .map_err(|source| stage.failure(Some(&unit.partition), source))?;
@@ -176,10 +170,7 @@ impl<'a> Maker<'a> {
             making.start_over()?;
             return Err(err);
         }
-        let outcome = result(unit, outcome).ok_or_else(|| Failure::Labels {
-            stage: stage.name.clone(),
-            partition: unit.partition.clone(),
-        })?;
+        let outcome = result(unit, outcome).ok_or(Failure::Labels { unit: name })?;
         let record = making.commit(Record {
             fingerprint,
             outcome,
@@ -193,7 +184,7 @@ impl<'a> Maker<'a> {
     }
 
     /// Checks that the files have not changed since they were fingerprinted.
-    fn check_unchanged(&self, unit: &Unit, fingerprint: &Fingerprint) -> Result<(), Failure> {
+    fn check_unchanged(&self, unit: &ListedUnit, fingerprint: &Fingerprint) -> Result<(), Failure> {
         for file in &unit.files {
             let form = unit.forms.get(&file.name).copied();
             let now = digest_source(self.store, &file.path, form);
@@ -214,16 +205,13 @@ impl<'a> Maker<'a> {
         &self,
         state: &State,
         node: &Node,
-        unit: &Unit,
+        unit: &ListedUnit,
         forced: Forced,
         elsewhere: &dyn Elsewhere,
     ) -> Result<UnitReport, Failure> {
-        let lost = || Failure::Lost {
-            node: node.name.clone(),
-            partition: unit.partition.clone(),
-        };
-        let (_, digest) = state.fingerprint(node, unit)?.ok_or_else(lost)?;
         let name = UnitName::new(&node.name, &unit.partition);
+        let lost = || Failure::Lost { unit: name.clone() };
+        let (_, digest) = state.fingerprint(node, unit)?.ok_or_else(lost)?;
         let upstream = self.pipeline.upstream_of(&node.name).into_iter();
         let upstream = upstream.map(|source| &source.name).collect();
         let mut relay = Relay::new(&name, upstream, self.events);
@@ -260,10 +248,10 @@ impl<'a> Maker<'a> {
     }
 
     /// Opens the inputs of a unit; a damaged artifact is rebuilt first.
-    fn inputs(&self, state: &State, node: &Node, unit: &Unit) -> Result<Inputs, Failure> {
+    fn inputs(&self, state: &State, node: &Node, unit: &ListedUnit) -> Result<Inputs, Failure> {
         let mut artifacts = BTreeMap::new();
         for (input, keys) in &unit.reads {
-            let parts = unit.parts.get(input);
+            let parts = unit.parts.get(input.as_str());
             let mut opened = Vec::new();
             for key in keys {
                 let missing = || Failure::MissingInput {
@@ -291,7 +279,7 @@ impl<'a> Maker<'a> {
                     files: paths,
                 });
             }
-            artifacts.insert(input.clone(), opened);
+            artifacts.insert(input.to_string(), opened);
         }
         Ok(Inputs::new(artifacts, unit.files.clone()).with_facts(unit.facts.clone()))
     }
@@ -301,23 +289,19 @@ impl<'a> Maker<'a> {
         &self,
         state: &State,
         source: &NodeName,
-        partition: &str,
+        partition: &PartitionKey,
         files: &BTreeMap<String, FileRef>,
     ) -> Result<BTreeMap<String, PathBuf>, Failure> {
-        let lost = || Failure::Damaged {
-            node: source.to_string(),
-            partition: partition.to_owned(),
-        };
+        let name = UnitName::new(source, partition);
+        let lost = || Failure::Damaged { unit: name.clone() };
         let mut nodes = self.pipeline.nodes.iter();
         let node = nodes.find(|node| node.name == *source).ok_or_else(lost)?;
-        (self.events)(&Event::UnitDamaged {
-            unit: UnitName::new(source, partition),
-        });
+        (self.events)(&Event::UnitDamaged { unit: name.clone() });
         self.mended().insert(node.name.clone());
         let units = state.units(node)?;
         let mut units = units.iter();
         let unit = units
-            .find(|unit| unit.partition == partition)
+            .find(|unit| unit.partition == *partition)
             .ok_or_else(lost)?;
         self.make(state, node, unit, Forced::No)?;
         self.store.open(files)?.ok_or_else(lost)
@@ -333,28 +317,28 @@ impl<'a> Maker<'a> {
 pub fn make_one(
     pipeline: &Pipeline,
     store: &dyn Store,
-    node: &NodeName,
-    partition: &str,
+    unit: &UnitName,
     forced: Forced,
     events: &Events,
 ) -> Result<UnitReport, Failure> {
     let mut state = State::new(pipeline, store);
     store.enter(&pipeline.name)?;
-    for node in pipeline.upstream_of(node) {
+    for node in pipeline.upstream_of(&unit.node) {
         state.recall_some(node, Certainty::Whole, |digest| store.recall(digest))?;
     }
     let mut nodes = pipeline.nodes.iter();
+    let no_node = || Failure::NoNode {
+        name: unit.node.to_string(),
+        known: pipeline
+            .nodes
+            .iter()
+            .map(|node| node.name.to_string())
+            .collect(),
+    };
     let node = nodes
-        .find(|known| known.name == *node)
-        .ok_or_else(|| Failure::NoNode {
-            name: node.to_string(),
-            known: pipeline
-                .nodes
-                .iter()
-                .map(|node| node.name.to_string())
-                .collect(),
-        })?;
-    let not_made = |(node, partition)| Failure::NotMade { node, partition };
+        .find(|node| node.name == unit.node)
+        .ok_or_else(no_node)?;
+    let not_made = |unit| Failure::NotMade { unit };
     let Some(Listing { units, sure, .. }) = state.listing(node)? else {
         let nothing = || Failure::Nothing {
             node: node.name.clone(),
@@ -363,13 +347,16 @@ pub fn make_one(
         return Err(state.first_open(node).map_or_else(nothing, not_made));
     };
     let mut found = units.iter().zip(sure);
+    let no_partition = || Failure::NoPartition {
+        unit: unit.clone(),
+        known: units
+            .iter()
+            .map(|unit| unit.partition.to_string())
+            .collect(),
+    };
     let (unit, sure) = found
-        .find(|(unit, _)| unit.partition == partition)
-        .ok_or_else(|| Failure::NoPartition {
-            node: node.name.clone(),
-            partition: partition.to_owned(),
-            known: units.iter().map(|unit| unit.partition.clone()).collect(),
-        })?;
+        .find(|(listed, _)| listed.partition == unit.partition)
+        .ok_or_else(no_partition)?;
     // Inputs that are not made yet may change what the unit reads.
     if sure != Certainty::Whole
         && let Some(open) = state.first_open(node)
@@ -381,7 +368,7 @@ pub fn make_one(
 
 /// Returns the result of a unit, without its files; `None` if not exactly one of unit and outcome
 /// says which labels a made artifact has.
-fn result(unit: &Unit, outcome: Outcome) -> Option<RecordOutcome> {
+fn result(unit: &ListedUnit, outcome: Outcome) -> Option<RecordOutcome> {
     let (metrics, labels) = match (outcome, &unit.labels) {
         (Outcome::Skipped { reason }, _) => return Some(RecordOutcome::Skipped { reason }),
         (Outcome::Filtered { reason }, _) => return Some(RecordOutcome::Filtered { reason }),

@@ -1,6 +1,6 @@
 //! What to run and how.
 
-use crate::{error::Failure, graph::Node, pipeline::Pipeline};
+use crate::{error::Failure, graph::Node, name::StageName, pipeline::Pipeline};
 
 /// What to run and how.
 #[derive(Debug, Clone, Default)]
@@ -38,7 +38,7 @@ impl RunOptions {
                     known: pipeline
                         .stages
                         .iter()
-                        .map(|stage| stage.name.clone())
+                        .map(|stage| stage.name.to_string())
                         .collect(),
                 });
             }
@@ -50,7 +50,7 @@ impl RunOptions {
             Some(stage) => pipeline
                 .nodes
                 .iter()
-                .rposition(|node| &node.name.stage == stage),
+                .rposition(|node| node.name.stage == **stage),
             None => None,
         };
         let count = last.map_or(pipeline.nodes.len(), |last| last + 1);
@@ -58,13 +58,13 @@ impl RunOptions {
     }
 
     /// Whether a stage's results are taken from the store and never made.
-    pub(crate) fn only_recalls(&self, stage: &str) -> bool {
-        self.only.as_ref().is_some_and(|only| only != stage)
+    pub(crate) fn only_recalls(&self, stage: &StageName) -> bool {
+        self.only.as_ref().is_some_and(|only| *stage != **only)
     }
 
     /// Whether a stage's units are made even if their results are in the store.
-    pub(crate) fn is_forced(&self, stage: &str) -> bool {
-        let named = self.fresh.iter().any(|fresh| fresh == stage);
+    pub(crate) fn is_forced(&self, stage: &StageName) -> bool {
+        let named = self.fresh.iter().any(|fresh| *stage == **fresh);
         (named || self.fresh_all == FreshAll::MakeAgain) && !self.only_recalls(stage)
     }
 }

@@ -14,7 +14,7 @@ use crate::{
     error::Failure,
     graph::Node,
     kind::{Configured, Kind},
-    name::NodeName,
+    name::{ArtifactName, NodeName, PartitionKey, StageName},
     output::Options,
     scope::Scope,
     stage::Stage,
@@ -39,11 +39,11 @@ pub struct Pipeline {
 /// One stage of a pipeline.
 pub struct StageEntry {
     /// Its name: the key under `stages`.
-    pub name: String,
+    pub name: StageName,
     /// Its kind.
     pub kind: Kind,
     /// Where each input comes from.
-    pub inputs: BTreeMap<String, NodeName>,
+    pub inputs: BTreeMap<ArtifactName, NodeName>,
     /// Share of items that may be skipped before the stage fails.
     pub max_skipped_fraction: f64,
     pub(crate) configured: Box<dyn Configured>,
@@ -63,11 +63,11 @@ impl StageEntry {
     }
 
     /// Returns the failure of the stage, at a partition or before all of them.
-    pub(crate) fn failure(&self, partition: Option<&str>, source: Advised) -> Failure {
+    pub(crate) fn failure(&self, partition: Option<&PartitionKey>, source: Advised) -> Failure {
         let lacking = source.0.lacks().and_then(|input| self.inputs.get(input));
         Failure::Stage {
             stage: self.name.clone(),
-            partition: partition.map(str::to_owned),
+            partition: partition.cloned(),
             left_out: lacking.cloned().map(Into::into),
             source,
         }
@@ -120,7 +120,7 @@ impl Pipeline {
     pub(crate) fn upstream_of_stage(&self, stage: &str) -> Vec<&Node> {
         let mut wanted: BTreeSet<&NodeName> = BTreeSet::new();
         for node in self.nodes.iter().rev() {
-            if node.name.stage == stage || wanted.contains(&node.name) {
+            if node.name.stage == *stage || wanted.contains(&node.name) {
                 wanted.insert(&node.name);
                 wanted.extend(node.reads.values());
             }
@@ -141,6 +141,6 @@ impl Pipeline {
 
     /// Returns the stage of this name.
     pub fn find(&self, name: &str) -> Option<&StageEntry> {
-        self.stages.iter().find(|stage| stage.name == name)
+        self.stages.iter().find(|stage| stage.name == *name)
     }
 }

@@ -19,14 +19,14 @@ use crate::{
     error::Failure,
     fingerprint::{Cause, Fingerprint},
     graph::Node,
-    name::NodeName,
+    name::{NodeName, PartitionKey, StageName},
     options::RunOptions,
     outcome::Labels,
     pipeline::Pipeline,
     record::RecordOutcome,
     state::{Certainty, Known, LabelsPredicted, Listing, State},
     store::Store,
-    unit::Unit,
+    unit::ListedUnit,
 };
 
 /// What a run would do.
@@ -51,7 +51,7 @@ pub struct PlannedNode {
 #[derive(Debug, Clone, Serialize)]
 pub struct PlannedUnit {
     /// The partition's key.
-    pub partition: String,
+    pub partition: PartitionKey,
     /// Whether it would run.
     #[serde(flatten)]
     pub state: UnitState,
@@ -101,7 +101,7 @@ pub fn plan(pipeline: &Pipeline, store: &dyn Store, options: &RunOptions) -> Res
     pipeline.prepare(&nodes)?;
     store.enter(&pipeline.name)?;
     let newest = store.newest_units(&pipeline.name)?;
-    let mut last: BTreeMap<NodeName, HashMap<String, Digest>> = BTreeMap::new();
+    let mut last: BTreeMap<NodeName, HashMap<PartitionKey, Digest>> = BTreeMap::new();
     for unit in newest {
         let of_node = last.entry(unit.node).or_default();
         of_node.insert(unit.partition, unit.fingerprint);
@@ -110,7 +110,7 @@ pub fn plan(pipeline: &Pipeline, store: &dyn Store, options: &RunOptions) -> Res
         store,
         options,
         last,
-        stages: pipeline.stages.iter().map(|stage| &*stage.name).collect(),
+        stages: pipeline.stages.iter().map(|stage| &stage.name).collect(),
         state: State::new(pipeline, store),
         unknown: Vec::new(),
     };
@@ -125,9 +125,9 @@ struct Planner<'a> {
     store: &'a dyn Store,
     options: &'a RunOptions,
     /// The newest fingerprint of every unit.
-    last: BTreeMap<NodeName, HashMap<String, Digest>>,
+    last: BTreeMap<NodeName, HashMap<PartitionKey, Digest>>,
     /// The names of the pipeline's stages.
-    stages: BTreeSet<&'a str>,
+    stages: BTreeSet<&'a StageName>,
     state: State<'a>,
     /// Outputs whose partitions are unknown until others have run.
     unknown: Vec<NodeName>,
@@ -213,7 +213,7 @@ impl Planner<'_> {
     fn unit(
         &self,
         node: &Node,
-        unit: &Unit,
+        unit: &ListedUnit,
         sure: Certainty,
     ) -> Result<(UnitState, Option<Arc<RecordOutcome>>), Failure> {
         let forced = self.options.is_forced(&node.name.stage);
@@ -261,7 +261,7 @@ impl Planner<'_> {
         Ok((state, cached))
     }
 
-    fn last(&self, node: &Node, partition: &str) -> Option<&Digest> {
+    fn last(&self, node: &Node, partition: &PartitionKey) -> Option<&Digest> {
         self.last.get(&node.name)?.get(partition)
     }
 
@@ -287,7 +287,7 @@ impl Planner<'_> {
 
     /// The known differences from the last time of a unit whose fingerprint is incomplete, and
     /// whether they alone tell it from every stored unit.
-    fn causes_so_far(&self, node: &Node, unit: &Unit) -> Result<(Vec<Cause>, bool), Failure> {
+    fn causes_so_far(&self, node: &Node, unit: &ListedUnit) -> Result<(Vec<Cause>, bool), Failure> {
         let Some((own, _)) = self.state.own_fingerprint(node, unit)? else {
             return Ok((Vec::new(), false));
         };
@@ -312,7 +312,7 @@ impl Planner<'_> {
             let Some(last) = units.get(&unit.partition) else {
                 continue;
             };
-            let is_gone = !self.stages.contains(&*name.stage);
+            let is_gone = !self.stages.contains(&name.stage);
             if !is_gone || name.artifact != node.name.artifact {
                 continue;
             }
@@ -331,7 +331,7 @@ impl Planner<'_> {
     }
 
     /// The labels that a unit had the last time.
-    fn last_labels(&self, node: &Node, unit: &Unit) -> Result<Labels, Failure> {
+    fn last_labels(&self, node: &Node, unit: &ListedUnit) -> Result<Labels, Failure> {
         let outcome = match self.last(node, &unit.partition) {
             Some(last) => self.store.recall(last)?,
             None => None,
@@ -340,8 +340,8 @@ impl Planner<'_> {
     }
 
     /// The outputs of which a unit reads a partition that is not made yet.
-    fn waits_for(&self, node: &Node, unit: &Unit) -> Vec<NodeName> {
-        let is_open = |source: &NodeName, key: &String| {
+    fn waits_for(&self, node: &Node, unit: &ListedUnit) -> Vec<NodeName> {
+        let is_open = |source: &NodeName, key: &PartitionKey| {
             matches!(self.state.known(source, key), Some(Known::Open { .. }))
         };
         node.reads

@@ -128,6 +128,11 @@ impl RecordOutcome {
         }
     }
 
+    /// Returns a file of a made artifact.
+    pub fn file(&self, name: &str) -> Option<&FileRef> {
+        self.files()?.get(name)
+    }
+
     /// Returns the files of a made artifact, only the named ones if `parts` names any.
     pub(crate) fn parts(&self, parts: Option<&Vec<String>>) -> Option<BTreeMap<String, FileRef>> {
         let files = self.files()?.iter();

@@ -14,7 +14,7 @@ use crate::{
     event::{Event, Events},
     graph::Node,
     make::{Maker, UnitReport},
-    name::NodeName,
+    name::{NodeName, PartitionKey},
     options::RunOptions,
     output::Execution,
     pipeline::{Pipeline, StageEntry},
@@ -24,7 +24,7 @@ use crate::{
         NewestUnit, NodeRecord, OutputRecord, RunRecord, RunStatus, Showing, StageRecord, Store,
         UnitRef,
     },
-    unit::Unit,
+    unit::ListedUnit,
     workers,
 };
 
@@ -221,7 +221,7 @@ impl Runner<'_> {
     }
 
     /// Returns a unit's stored result, unless a rerun is forced.
-    fn found(&self, node: &Node, unit: &Unit) -> Result<Option<UnitReport>, Failure> {
+    fn found(&self, node: &Node, unit: &ListedUnit) -> Result<Option<UnitReport>, Failure> {
         if self.options.is_forced(&node.name.stage) {
             return Ok(None);
         }
@@ -242,7 +242,7 @@ impl Runner<'_> {
         &self,
         node: &Node,
         stage: &StageEntry,
-        units: &[&Unit],
+        units: &[&ListedUnit],
     ) -> Vec<Result<UnitReport, Failure>> {
         // Units that move a robot run one after the other, and stop at a failure.
         let n_workers = match node.output.execution {
@@ -372,18 +372,16 @@ impl Runner<'_> {
 /// Whether a run that made nothing found exactly the units of the newest runs.
 fn is_unchanged(reports: &[NodeReport], newest: &[NewestUnit]) -> bool {
     let nodes: BTreeSet<&NodeName> = reports.iter().map(|report| &report.record.node).collect();
-    let mut left: BTreeMap<(&NodeName, &str), &Digest> = newest
+    let mut left: BTreeMap<(&NodeName, &PartitionKey), &Digest> = newest
         .iter()
         .filter(|unit| unit.current && nodes.contains(&unit.node))
-        .map(|unit| ((&unit.node, unit.partition.as_str()), &unit.fingerprint))
+        .map(|unit| ((&unit.node, &unit.partition), &unit.fingerprint))
         .collect();
     let mut found = reports.iter().flat_map(|report| {
-        report.units.iter().map(|unit| {
-            (
-                (&report.record.node, unit.partition.as_str()),
-                &unit.fingerprint,
-            )
-        })
+        report
+            .units
+            .iter()
+            .map(|unit| ((&report.record.node, &unit.partition), &unit.fingerprint))
     });
     found.all(|(unit, fingerprint)| left.remove(&unit) == Some(fingerprint)) && left.is_empty()
 }

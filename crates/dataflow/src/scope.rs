@@ -8,7 +8,7 @@ use std::{
     },
 };
 
-use crate::{outcome::Labels, record::RecordOutcome};
+use crate::{name::PartitionKey, outcome::Labels, record::RecordOutcome};
 
 /// The input partitions from which a stage lists its units.
 #[derive(Debug, Clone, Default)]
@@ -33,7 +33,7 @@ impl Scope {
 #[derive(Debug, Clone)]
 pub struct Partition {
     /// The partition's key, e.g. the sequence's name.
-    pub key: String,
+    pub key: PartitionKey,
     labels: LabelsOf,
     /// Set when a label that may still change is read.
     asked: Option<Arc<AtomicBool>>,
@@ -49,27 +49,27 @@ enum LabelsOf {
 
 impl Partition {
     /// Returns the partition of this key with these labels.
-    pub fn new(key: impl Into<String>, labels: Labels) -> Self {
+    pub fn new(key: PartitionKey, labels: Labels) -> Self {
         Self {
-            key: key.into(),
+            key,
             labels: LabelsOf::Own(labels),
             asked: None,
         }
     }
 
     /// Returns a partition that is made.
-    pub(crate) fn made(key: &str, outcome: &Arc<RecordOutcome>) -> Self {
+    pub(crate) fn made(key: &PartitionKey, outcome: &Arc<RecordOutcome>) -> Self {
         Self {
-            key: key.to_owned(),
+            key: key.clone(),
             labels: LabelsOf::Made(Arc::clone(outcome)),
             asked: None,
         }
     }
 
     /// Returns a partition whose labels may still change; `asked` is set if one is read.
-    pub(crate) fn uncertain(key: &str, labels: Labels, asked: &Arc<AtomicBool>) -> Self {
+    pub(crate) fn uncertain(key: &PartitionKey, labels: Labels, asked: &Arc<AtomicBool>) -> Self {
         Self {
-            key: key.to_owned(),
+            key: key.clone(),
             labels: LabelsOf::Own(labels),
             asked: Some(Arc::clone(asked)),
         }

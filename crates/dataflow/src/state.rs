@@ -18,13 +18,13 @@ use crate::{
     fingerprint::{Fingerprint, Recipe},
     form::Form,
     graph::Node,
-    name::NodeName,
+    name::{NodeName, PartitionKey, UnitName},
     outcome::Labels,
     pipeline::Pipeline,
     record::RecordOutcome,
     scope::{Partition, Scope},
     store::Store,
-    unit::Unit,
+    unit::{ListedUnit, Unit},
 };
 
 /// The state of a partition.
@@ -58,7 +58,7 @@ pub(crate) enum LabelsPredicted {
 /// The units that a node's stage would make, given the state of its inputs.
 pub(crate) struct Listing {
     /// The units in the order of their keys.
-    pub(crate) units: Vec<Unit>,
+    pub(crate) units: Vec<ListedUnit>,
     /// How much of each unit is certain whatever the outcome of open partitions.
     pub(crate) sure: Vec<Certainty>,
     /// Whether unlisted units may be added.
@@ -82,7 +82,7 @@ pub(crate) enum Certainty {
 pub(crate) struct State<'a> {
     pipeline: &'a Pipeline,
     store: &'a dyn Store,
-    made: BTreeMap<NodeName, BTreeMap<String, Known>>,
+    made: BTreeMap<NodeName, BTreeMap<PartitionKey, Known>>,
     /// Nodes that may get more partitions than are known.
     growing: Vec<NodeName>,
     /// The recipe of each node, with its digest.
@@ -97,7 +97,7 @@ impl<'a> State<'a> {
             let stage = pipeline.stage(node);
             let recipe = Recipe {
                 kind: stage.kind.name.to_owned(),
-                output: node.output.artifact.to_owned(),
+                output: node.name.artifact.clone(),
                 code: code_parts(node.output.code),
                 config: stage.config_of(node.output.options),
                 schema: node.output.schema.to_owned(),
@@ -115,7 +115,7 @@ impl<'a> State<'a> {
         }
     }
 
-    pub(crate) fn insert(&mut self, node: &NodeName, partitions: BTreeMap<String, Known>) {
+    pub(crate) fn insert(&mut self, node: &NodeName, partitions: BTreeMap<PartitionKey, Known>) {
         self.made.insert(node.clone(), partitions);
     }
 
@@ -125,7 +125,7 @@ impl<'a> State<'a> {
     }
 
     /// Returns the state of a partition that a node reads.
-    pub(crate) fn known(&self, node: &NodeName, partition: &str) -> Option<&Known> {
+    pub(crate) fn known(&self, node: &NodeName, partition: &PartitionKey) -> Option<&Known> {
         self.made.get(node)?.get(partition)
     }
 
@@ -137,7 +137,7 @@ impl<'a> State<'a> {
     }
 
     /// Lists the units of a node, all of whose inputs are made, in the order of their keys.
-    pub(crate) fn units(&self, node: &Node) -> Result<Vec<Unit>, Failure> {
+    pub(crate) fn units(&self, node: &Node) -> Result<Vec<ListedUnit>, Failure> {
         let asked = Arc::default();
         self.list(node, &self.scope(node, Presence::Assumed, &asked))
     }
@@ -147,7 +147,7 @@ impl<'a> State<'a> {
         &mut self,
         node: &Node,
         find: impl Fn(&Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>,
-    ) -> Result<Vec<Unit>, Failure> {
+    ) -> Result<Vec<ListedUnit>, Failure> {
         let units = self.units(node)?;
         let mut known = BTreeMap::new();
         for unit in &units {
@@ -156,8 +156,7 @@ impl<'a> State<'a> {
                 None => None,
             };
             let outcome = outcome.ok_or_else(|| Failure::NotMade {
-                node: node.name.clone(),
-                partition: unit.partition.clone(),
+                unit: UnitName::new(&node.name, &unit.partition),
             })?;
             known.extend(Known::of(outcome).map(|known| (unit.partition.clone(), known)));
         }
@@ -200,11 +199,11 @@ impl<'a> State<'a> {
     }
 
     /// Returns the first open partition that a node may read.
-    pub(crate) fn first_open(&self, node: &Node) -> Option<(NodeName, String)> {
+    pub(crate) fn first_open(&self, node: &Node) -> Option<UnitName> {
         node.reads.values().find_map(|source| {
             let mut partitions = self.made.get(source)?.iter();
             let (key, _) = partitions.find(|(_, known)| matches!(known, Known::Open { .. }))?;
-            Some((source.clone(), key.clone()))
+            Some(UnitName::new(source, key))
         })
     }
 
@@ -242,7 +241,7 @@ impl<'a> State<'a> {
     }
 
     /// Returns how much of each unit is certain, whichever open partitions are made.
-    fn sure(&self, node: &Node, units: &[Unit]) -> Vec<Certainty> {
+    fn sure(&self, node: &Node, units: &[ListedUnit]) -> Vec<Certainty> {
         let asked = Arc::default();
         let without = self.list(node, &self.scope(node, Presence::Denied(None), &asked));
         if let Ok(without) = without {
@@ -261,7 +260,7 @@ impl<'a> State<'a> {
         for source in node.reads.values() {
             let open = self.made.get(source).into_iter().flatten();
             let open = open.filter(|(_, known)| matches!(known, Known::Open { .. }));
-            let alone = open.map(|(key, _)| Some(key.as_str())).chain([None]);
+            let alone = open.map(|(key, _)| Some(key)).chain([None]);
             for key in alone {
                 if sure.iter().all(|sure| *sure == Certainty::No) {
                     return sure;
@@ -279,15 +278,14 @@ impl<'a> State<'a> {
         sure
     }
 
-    fn list(&self, node: &Node, scope: &Scope) -> Result<Vec<Unit>, Failure> {
+    fn list(&self, node: &Node, scope: &Scope) -> Result<Vec<ListedUnit>, Failure> {
         let stage = self.pipeline.stage(node);
-        let mut units = stage.units(node.output_idx, scope)?;
-        if let Some(unit) = units.iter().find(|unit| !is_key(&unit.partition)) {
-            return Err(Failure::NotAKey {
-                node: node.name.clone(),
-                key: unit.partition.clone(),
-            });
-        }
+        let units = stage.units(node.output_idx, scope)?.into_iter();
+        let units = units.map(Unit::listed).collect::<Result<Vec<_>, _>>();
+        let mut units = units.map_err(|fault| Failure::NotAKey {
+            node: node.name.clone(),
+            fault,
+        })?;
         units.sort_by(|a, b| a.partition.cmp(&b.partition));
         let mut pairs = units.windows(2);
         let twice = pairs.find_map(|pair| match pair {
@@ -297,7 +295,7 @@ impl<'a> State<'a> {
         if let Some(key) = twice {
             return Err(Failure::Twice {
                 stage: stage.name.clone(),
-                name: key.clone(),
+                name: key.to_string(),
                 what: format!("the partitions of `{}`", node.output.artifact),
             });
         }
@@ -306,24 +304,24 @@ impl<'a> State<'a> {
 
     /// The scope of a node's stage; `asked` is set when it reads labels that may change.
     fn scope(&self, node: &Node, open: Presence<'_>, asked: &Arc<AtomicBool>) -> Scope {
-        let is_denied = |source: &NodeName, key: &str| match open {
+        let is_denied = |source: &NodeName, key: &PartitionKey| match open {
             Presence::Assumed => false,
             Presence::Denied(None) => true,
             Presence::Denied(Some((of, but))) => of == source && but != Some(key),
         };
-        let partition = |source: &NodeName, key: &String, known: &Known| match known {
+        let partition = |source: &NodeName, key: &PartitionKey, known: &Known| match known {
             Known::Made(outcome) => Some(Partition::made(key, outcome)),
             Known::Open { .. } if is_denied(source, key) => None,
             Known::Open {
                 labels,
                 predicted: LabelsPredicted::Yes,
-            } => Some(Partition::new(key, labels.clone())),
+            } => Some(Partition::new(key.clone(), labels.clone())),
             Known::Open { labels, .. } => Some(Partition::uncertain(key, labels.clone(), asked)),
         };
         let inputs = node.reads.iter().map(|(input, source)| {
             let made = self.made.get(source).into_iter().flatten();
             let made = made.filter_map(|(key, known)| partition(source, key, known));
-            (input.clone(), made.collect())
+            (input.to_string(), made.collect())
         });
         Scope::new(inputs.collect())
     }
@@ -332,7 +330,7 @@ impl<'a> State<'a> {
     pub(crate) fn fingerprint(
         &self,
         node: &Node,
-        unit: &Unit,
+        unit: &ListedUnit,
     ) -> Result<Option<(Fingerprint, Digest)>, Failure> {
         let stage = self.pipeline.stage(node);
         let mut inputs = BTreeMap::new();
@@ -342,7 +340,7 @@ impl<'a> State<'a> {
                 let source = node.reads.get(input);
                 let known = source.and_then(|source| self.known(source, key));
                 let digest = match known {
-                    Some(Known::Made(outcome)) => outcome.digest_of(unit.parts.get(input)),
+                    Some(Known::Made(outcome)) => outcome.digest_of(unit.parts.get(input.as_str())),
                     Some(Known::Open { .. }) => None,
                     // A listing from labels that may change may be wrong.
                     None if node.reads.values().any(|source| self.is_open(source)) => None,
@@ -373,7 +371,7 @@ impl<'a> State<'a> {
     pub(crate) fn own_fingerprint(
         &self,
         node: &Node,
-        unit: &Unit,
+        unit: &ListedUnit,
     ) -> Result<Option<(Fingerprint, &Digest)>, Failure> {
         let stage = self.pipeline.stage(node);
         let mut files = BTreeMap::new();
@@ -437,21 +435,16 @@ enum Presence<'a> {
     /// All of them.
     Assumed,
     /// None of them; or only this one of one node, and all of the other nodes'.
-    Denied(Option<(&'a NodeName, Option<&'a str>)>),
+    Denied(Option<(&'a NodeName, Option<&'a PartitionKey>)>),
 }
 
 /// Returns how much of a unit is certain, given its counterpart in another listing.
-fn present(unit: &Unit, other: Option<&Unit>) -> Certainty {
+fn present(unit: &ListedUnit, other: Option<&ListedUnit>) -> Certainty {
     match other {
         None => Certainty::No,
         Some(other) if other.files == unit.files && other.facts == unit.facts => Certainty::Own,
         Some(_) => Certainty::Present,
     }
-}
-
-/// Whether a text can name a partition: keys are also names of folders.
-fn is_key(text: &str) -> bool {
-    !text.is_empty() && !text.starts_with('.') && !text.contains(['/', '\\', '\0', '='])
 }
 
 fn code_parts(code: Code) -> BTreeMap<String, String> {

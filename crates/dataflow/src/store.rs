@@ -14,7 +14,7 @@ use crate::{
     fingerprint::Fingerprint,
     graph::Node,
     metrics::Figures,
-    name::NodeName,
+    name::{ArtifactName, NodeName, PartitionKey, StageName, UnitName},
     record::{FileRef, Record, RecordOutcome},
 };
 
@@ -49,7 +49,7 @@ pub struct UnitRef {
     /// The node.
     pub node: NodeName,
     /// The partition's key.
-    pub partition: String,
+    pub partition: PartitionKey,
     /// Digest of its fingerprint.
     pub fingerprint: Digest,
     /// Whether this run made it, and not an earlier one.
@@ -60,7 +60,7 @@ pub struct UnitRef {
 #[derive(Debug, Clone, Copy)]
 pub struct Showing<'a> {
     /// The partition's key.
-    pub partition: &'a str,
+    pub partition: &'a PartitionKey,
     /// Digest of its fingerprint.
     pub fingerprint: &'a Digest,
     /// Its result.
@@ -73,7 +73,7 @@ pub struct NewestUnit {
     /// The node.
     pub node: NodeName,
     /// The partition's key.
-    pub partition: String,
+    pub partition: PartitionKey,
     /// Digest of its newest fingerprint.
     pub fingerprint: Digest,
     /// Whether the newest run of the node still had it.
@@ -90,7 +90,7 @@ pub struct RunRecord {
     /// The pipeline's seed.
     pub seed: u64,
     /// Its stages, by name.
-    pub stages: BTreeMap<String, StageRecord>,
+    pub stages: BTreeMap<StageName, StageRecord>,
     /// The pipeline's outputs, reached by the run or not, in the order of the graph.
     #[serde(default)]
     pub outputs: Vec<OutputRecord>,
@@ -123,7 +123,7 @@ pub struct StageRecord {
     /// Its configuration, as fingerprints hold it.
     pub config: serde_json::Value,
     /// Where each input came from, by input name.
-    pub inputs: BTreeMap<String, NodeName>,
+    pub inputs: BTreeMap<ArtifactName, NodeName>,
 }
 
 /// An output of a pipeline.
@@ -240,7 +240,7 @@ pub trait Store: Sync {
     fn begin(
         &self,
         fingerprint: &Digest,
-        unit: &str,
+        unit: &UnitName,
         waiting: &dyn Fn(&str),
     ) -> Result<Box<dyn Making + '_>, Advised>;
 

@@ -2,15 +2,21 @@
 
 use std::collections::BTreeMap;
 
-use crate::{form::Form, outcome::Labels, scope::Partition, source_file::SourceFile};
+use crate::{
+    form::Form,
+    name::{ArtifactName, InvalidName, PartitionKey},
+    outcome::Labels,
+    scope::Partition,
+    source_file::SourceFile,
+};
 
-/// One partition to make and what it reads.
+/// One partition to make and what it reads, as its stage lists it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Unit {
+pub struct Unit<A = String, K = String> {
     /// The partition's key, e.g. the sequence's or the object's name.
-    pub partition: String,
+    pub partition: K,
     /// Keys of the partitions read, by input name (or by an earlier output of the same stage).
-    pub reads: BTreeMap<String, Vec<String>>,
+    pub reads: BTreeMap<A, Vec<K>>,
     /// Names of the files that it reads from an input's partitions; all files if none are named. A
     /// change of other files does not rerun it.
     pub parts: BTreeMap<String, Vec<String>>,
@@ -25,6 +31,9 @@ pub struct Unit {
     /// afterwards, or an input that is not made yet decides them.
     pub labels: Option<Labels>,
 }
+
+/// A unit as the engine knows it, with parsed names.
+pub(crate) type ListedUnit = Unit<ArtifactName, PartitionKey>;
 
 impl Unit {
     /// Returns a unit that reads nothing yet, and has no labels.
@@ -114,5 +123,22 @@ impl Unit {
     pub fn with_file(mut self, file: SourceFile) -> Self {
         self.files.push(file);
         self
+    }
+
+    /// Parses the names.
+    pub(crate) fn listed(self) -> Result<ListedUnit, InvalidName> {
+        let reads = self.reads.into_iter().map(|(input, keys)| {
+            let keys = keys.into_iter().map(PartitionKey::try_from);
+            Ok((input.try_into()?, keys.collect::<Result<_, _>>()?))
+        });
+        Ok(Unit {
+            partition: self.partition.try_into()?,
+            reads: reads.collect::<Result<_, InvalidName>>()?,
+            parts: self.parts,
+            files: self.files,
+            forms: self.forms,
+            facts: self.facts,
+            labels: self.labels,
+        })
     }
 }

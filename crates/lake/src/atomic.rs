@@ -38,17 +38,28 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), LakeError> {
 
 /// Writes `bytes` to `path` by way of a file in `staging`, synced before it is renamed.
 pub(crate) fn write(staging: &Path, path: &Path, bytes: &[u8]) -> Result<(), LakeError> {
+    place(staging, path, |beside| {
+        let written = File::create_new(beside).and_then(|mut file| {
+            file.write_all(bytes)?;
+            file.sync_all()
+        });
+        written.map_err(io_error("write", path))
+    })
+}
+
+/// Renames to `path` the file that `make` creates under a temporary name in `staging`, which is
+/// removed on failure.
+pub(crate) fn place(
+    staging: &Path,
+    path: &Path,
+    make: impl FnOnce(&Path) -> Result<(), LakeError>,
+) -> Result<(), LakeError> {
     let beside = temporary_name(staging);
-    let written = File::create_new(&beside).and_then(|mut file| {
-        file.write_all(bytes)?;
-        file.sync_all()
-    });
-    let written = written.map_err(io_error("write", path));
-    let written = written.and_then(|()| rename(&beside, path));
-    if written.is_err() {
+    let placed = make(&beside).and_then(|()| rename(&beside, path));
+    if placed.is_err() {
         let _gone = fs::remove_file(&beside);
     }
-    written
+    placed
 }
 
 /// A unique name in `staging`.
@@ -84,7 +95,16 @@ pub(crate) fn rename(from: &Path, to: &Path) -> Result<(), LakeError> {
 
 /// Removes a file, if it exists.
 pub(crate) fn remove_if_there(path: &Path) -> Result<(), LakeError> {
-    match fs::remove_file(path) {
+    unless_absent(path, fs::remove_file(path))
+}
+
+/// Removes a folder with everything in it, if it exists.
+pub(crate) fn remove_folder_if_there(path: &Path) -> Result<(), LakeError> {
+    unless_absent(path, fs::remove_dir_all(path))
+}
+
+fn unless_absent(path: &Path, removed: io::Result<()>) -> Result<(), LakeError> {
+    match removed {
         Err(err) if err.kind() != io::ErrorKind::NotFound => Err(io_error("remove", path)(err)),
         _ => Ok(()),
     }

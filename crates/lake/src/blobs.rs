@@ -5,7 +5,7 @@ use std::{
     fs::{self, File},
     io,
     path::{Path, PathBuf},
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::Mutex,
 };
 
 use dataflow::{Digest, FileRef};
@@ -16,6 +16,7 @@ use crate::{
     clock::now,
     digests::digest_file,
     folder::Folder,
+    mutex::lock,
     stamp::Stamp,
     stamps::Stamps,
 };
@@ -43,10 +44,6 @@ impl Blobs {
         let name = digest.to_hex();
         let folder = self.folder.blobs().join(name.get(..2).unwrap_or_default());
         folder.join(name)
-    }
-
-    fn touched(&self) -> MutexGuard<'_, BTreeSet<Digest>> {
-        self.touched.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Moves a file into the folder under its digest.
@@ -112,16 +109,11 @@ impl Blobs {
 
     /// Restores a missing or damaged blob from its published file.
     pub(crate) fn put_back(&self, shown: &Path, file: &FileRef) -> Result<(), LakeError> {
-        let path = self.path(&file.digest);
-        let beside = atomic::temporary_name(&self.folder.staging());
-        let put = fs::hard_link(shown, &beside)
-            .or_else(|_no_links| fs::copy(shown, &beside).map(drop))
-            .map_err(io_error("copy", shown))
-            .and_then(|()| rename(&beside, &path));
-        if put.is_err() {
-            let _gone = fs::remove_file(&beside);
-        }
-        put
+        atomic::place(&self.folder.staging(), &self.path(&file.digest), |beside| {
+            fs::hard_link(shown, beside)
+                .or_else(|_no_links| fs::copy(shown, beside).map(drop))
+                .map_err(io_error("copy", shown))
+        })
     }
 
     /// Removes a damaged file, unless another process has rebuilt it meanwhile.
@@ -130,13 +122,7 @@ impl Blobs {
         if self.is_whole(file)? {
             return Ok(());
         }
-        let path = self.path(&file.digest);
-        match fs::remove_file(&path) {
-            Err(err) if err.kind() != io::ErrorKind::NotFound => {
-                Err(io_error("remove", &path)(err))
-            }
-            _ => Ok(()),
-        }
+        atomic::remove_if_there(&self.path(&file.digest))
     }
 
     /// Records the stamp of a verified blob.
@@ -149,13 +135,13 @@ impl Blobs {
 
     /// Notes that this process has linked or unlinked a blob, which changes its stamp.
     pub(crate) fn touch(&self, digest: &Digest) {
-        self.touched().insert(*digest);
+        lock(&self.touched).insert(*digest);
     }
 
     /// Refreshes the stamps of blobs that this process has linked or unlinked, and returns those
     /// blobs.
     pub(crate) fn settle(&self) -> BTreeSet<Digest> {
-        let touched = std::mem::take(&mut *self.touched());
+        let touched = std::mem::take(&mut *lock(&self.touched));
         for digest in &touched {
             if let Some(before) = self.stamps.get(digest) {
                 match Stamp::read(&self.path(digest)) {
@@ -172,6 +158,6 @@ impl Blobs {
 
     /// Whether stamps were learned since they were recalled.
     pub(crate) fn learned(&self) -> bool {
-        self.stamps.learned() || !self.touched().is_empty()
+        self.stamps.learned() || !lock(&self.touched).is_empty()
     }
 }

@@ -2,17 +2,18 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex},
 };
 
-use dataflow::{Digest, NewestUnit, NodeName, RecordOutcome, UnitRef};
+use dataflow::{Digest, RecordOutcome, UnitRef};
 
 use crate::{
     LakeError,
     blobs::Blobs,
     folder::{Folder, names_in},
     lock::Locks,
-    newest::{self, Newest, Shown},
+    mutex::lock,
+    newest::{self, Newest},
     records::Records,
     stamp::Stamp,
     stamps::Stamps,
@@ -32,10 +33,6 @@ impl Cache {
         }
     }
 
-    fn known(&self) -> MutexGuard<'_, BTreeMap<String, Newest>> {
-        self.known.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Reads the newest state of a pipeline, with its stamps of records and blobs.
     pub(crate) fn enter(
         &self,
@@ -46,19 +43,18 @@ impl Cache {
         let mut read = Newest::read(&newest::path(&self.folder, pipeline))?;
         blobs.recall(std::mem::take(&mut read.stamps));
         records.recall(std::mem::take(&mut read.records));
-        self.known().insert(pipeline.to_owned(), read);
+        lock(&self.known).insert(pipeline.to_owned(), read);
         Ok(())
     }
 
-    /// Lists the units of a loaded pipeline.
-    pub(crate) fn units(&self, pipeline: &str) -> Vec<NewestUnit> {
-        let known = self.known();
-        known.get(pipeline).map(Newest::list).unwrap_or_default()
+    /// Applies a function to the newest state of a pipeline; it is empty until it is loaded.
+    pub(crate) fn with<T>(&self, pipeline: &str, of: impl FnOnce(&mut Newest) -> T) -> T {
+        of(lock(&self.known).entry(pipeline.to_owned()).or_default())
     }
 
     /// Returns the result of a unit that is or was newest in a loaded pipeline.
     pub(crate) fn outcome(&self, fingerprint: &Digest) -> Option<Arc<RecordOutcome>> {
-        let known = self.known();
+        let known = lock(&self.known);
         let mut known = known.values();
         known.find_map(|newest| newest.outcome(fingerprint).cloned())
     }
@@ -66,45 +62,9 @@ impl Cache {
     /// Returns the result of a unit that is safe from collection, because a pipeline's newest runs
     /// had it.
     pub(crate) fn current_outcome(&self, fingerprint: &Digest) -> Option<Arc<RecordOutcome>> {
-        let known = self.known();
+        let known = lock(&self.known);
         let mut known = known.values();
         known.find_map(|newest| newest.current_outcome(fingerprint).cloned())
-    }
-
-    /// Whether this process has changed the published files of a pipeline.
-    pub(crate) fn is_changed(&self, pipeline: &str) -> bool {
-        self.known().get(pipeline).is_some_and(Newest::is_changed)
-    }
-
-    /// Returns the published files of a node, as far as known.
-    pub(crate) fn shown(&self, pipeline: &str, node: &NodeName) -> Option<Shown> {
-        self.known().get(pipeline)?.shown(node).cloned()
-    }
-
-    /// Sets the published files of a node.
-    pub(crate) fn show(&self, pipeline: &str, node: &NodeName, shown: Shown) {
-        let mut known = self.known();
-        let newest = known.entry(pipeline.to_owned()).or_default();
-        newest.show(node, shown);
-    }
-
-    /// Returns the published files of nodes no longer in the pipeline, as far as known.
-    pub(crate) fn shown_by_others(
-        &self,
-        pipeline: &str,
-        is_kept: impl Fn(&NodeName) -> bool,
-    ) -> Shown {
-        let known = self.known();
-        let shown = known.get(pipeline).into_iter().flat_map(Newest::all_shown);
-        let old = shown.filter(|(node, _)| !is_kept(node));
-        old.flat_map(|(_, shown)| shown.clone()).collect()
-    }
-
-    /// Marks the nodes no longer in the pipeline as not current.
-    pub(crate) fn retire(&self, pipeline: &str, is_kept: impl Fn(&NodeName) -> bool) {
-        let mut known = self.known();
-        let newest = known.entry(pipeline.to_owned()).or_default();
-        newest.retire(is_kept);
     }
 
     /// Saves the newest state of a pipeline, merged with what other processes saved meanwhile.
@@ -116,7 +76,7 @@ impl Cache {
         locks: &Locks,
     ) -> Result<(), LakeError> {
         let touched = blobs.settle();
-        let mut known = self.known();
+        let mut known = lock(&self.known);
         let newest = known.entry(pipeline.to_owned()).or_default();
         let path = newest::path(&self.folder, pipeline);
         let _turn = locks.lock_publication(pipeline)?;
@@ -128,7 +88,7 @@ impl Cache {
         if let Some(units) = units {
             newest.take_over(units);
         }
-        for shown in newest.all_shown_mut().values_mut() {
+        for shown in newest.shown.values_mut() {
             for (path, file) in shown.iter_mut() {
                 if let Ok(stamp) = Stamp::read(&self.folder.join(path))
                     && (blobs.stamps.get(&file.digest) == Some(stamp)

@@ -7,23 +7,22 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    fs, io,
+    fs,
     os::unix::fs::MetadataExt,
     path::Path,
     time::{Duration, SystemTime, UNIX_EPOCH},
 };
 
-use dataflow::{Digest, RunStatus};
+use dataflow::{ArtifactName, Digest, RunStatus};
 use serde::Serialize;
 
 use crate::{
-    LakeError,
-    atomic::{self, io_error},
+    LakeError, atomic,
     clock::now,
     folder::{digest_named, files_below, names_in, unit_of},
     lake::Lake,
     records::Stored,
-    sealed, twice,
+    replicas, sealed,
 };
 
 /// Expiry of the resume state of an interrupted unit.
@@ -179,7 +178,8 @@ impl Lake {
     /// `stage.artifact` of a record.
     fn name_of(&self, stored: &Stored) -> Result<String, LakeError> {
         let output = self.records.output(stored)?;
-        Ok(format!("{}.{}", stored.stage, output.unwrap_or_default()))
+        let output = output.as_ref().map_or("", ArtifactName::as_str);
+        Ok(format!("{}.{output}", stored.stage))
     }
 
     /// Removes the tables of removed units.
@@ -203,7 +203,7 @@ impl Lake {
         collecting: Collecting,
     ) -> Result<(), LakeError> {
         let folder = self.folder.recipes();
-        for name in twice::names(&self.folder, &folder)? {
+        for name in replicas::names(&self.folder, &folder)? {
             let path = folder.join(name);
             let is_kept = digest_named(&path).is_some_and(|digest| kept.contains(&digest));
             if !is_kept && !is_newer(&path, since) {
@@ -269,16 +269,10 @@ impl Lake {
                 let Some(_lock) = self.locks.try_take(&name, "nothing")? else {
                     continue;
                 };
-                let removed = if path.is_dir() {
-                    fs::remove_dir_all(&path)
+                if path.is_dir() {
+                    atomic::remove_folder_if_there(&path)?;
                 } else {
-                    fs::remove_file(&path)
-                };
-                match removed {
-                    Err(err) if err.kind() != io::ErrorKind::NotFound => {
-                        return Err(io_error("remove", &path)(err));
-                    }
-                    _ => {}
+                    atomic::remove_if_there(&path)?;
                 }
             }
             n_leftovers += 1;
@@ -308,7 +302,7 @@ impl Lake {
                 let Some(_lock) = self.locks.try_take(&name, "nothing")? else {
                     continue;
                 };
-                fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))?;
+                atomic::remove_folder_if_there(&folder)?;
             }
             collected.n_leftovers += 1;
         }

@@ -12,6 +12,8 @@ use std::{
 
 use dataflow::Digest;
 
+use crate::mutex::lock;
+
 /// Progress callback: bytes read, bytes in all.
 pub type OnBytes<'a> = dyn Fn(u64, u64) + Sync + 'a;
 
@@ -42,7 +44,7 @@ pub(crate) fn check_digests<F: Ord + Send>(
                 return;
             };
             if !digest_file(path).is_ok_and(|digest| digest == *expected) {
-                let mut faults = faults.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut faults = lock(&faults);
                 faults.push(fault(path));
             }
             on_bytes(done.fetch_add(*size, Ordering::Relaxed) + size, total);

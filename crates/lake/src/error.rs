@@ -1,8 +1,12 @@
 //! Why something in the lake could not be read or written.
 
-use std::{io, path::PathBuf};
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
 
-use dataflow::Advise;
+use dataflow::{Advise, PartitionKey};
+use parquet::errors::ParquetError;
 use schemas::SchemaError;
 
 /// Why something in the lake could not be read or written.
@@ -27,7 +31,7 @@ pub enum LakeError {
         /// Where.
         path: PathBuf,
         /// Why it failed.
-        source: parquet::errors::ParquetError,
+        source: ParquetError,
     },
     /// A recording is not valid MCAP.
     #[error("cannot {action} the recording `{}`", path.display())]
@@ -91,7 +95,7 @@ pub enum LakeError {
         /// The artifact that it should be.
         table: &'static str,
         /// The partition's key.
-        key: String,
+        key: PartitionKey,
         /// How it differs.
         source: SchemaError,
     },
@@ -129,10 +133,39 @@ pub enum LakeError {
     #[error("artifact `{key}` has no file `{file}`")]
     MissingFile {
         /// The partition's key.
-        key: String,
+        key: PartitionKey,
         /// The file's name.
         file: String,
     },
+}
+
+impl LakeError {
+    /// Returns the error of a file whose bytes are not the ones that were written.
+    pub(crate) fn damaged(path: &Path) -> Self {
+        Self::Damaged {
+            path: path.to_owned(),
+        }
+    }
+
+    /// Returns a function that adds the path to an error of JSON.
+    pub(crate) fn json(path: &Path) -> impl FnOnce(serde_json::Error) -> Self {
+        move |source| Self::Json {
+            path: path.to_owned(),
+            source,
+        }
+    }
+
+    /// Returns a function that adds the action and the path to an error of Parquet.
+    pub(crate) fn parquet<E: Into<ParquetError>>(
+        action: &'static str,
+        path: &Path,
+    ) -> impl Fn(E) -> Self {
+        move |source| Self::Parquet {
+            action,
+            path: path.to_owned(),
+            source: source.into(),
+        }
+    }
 }
 
 impl Advise for LakeError {

@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Digest, NodeName};
+use dataflow::{ArtifactName, Digest, NodeName, PartitionKey};
 
 use crate::{
     LakeError,
@@ -117,7 +117,7 @@ impl Folder {
     }
 
     /// The most recently repeated run.
-    pub(crate) fn again(&self) -> PathBuf {
+    pub(crate) fn repeated_run(&self) -> PathBuf {
         self.join("again.json")
     }
 
@@ -130,8 +130,8 @@ impl Folder {
         self.join("sources.json")
     }
 
-    /// Stamps of published files when they were last verified.
-    pub(crate) fn seen(&self) -> PathBuf {
+    /// Stamps of the watched files at the last full check.
+    pub(crate) fn snapshot(&self) -> PathBuf {
         self.join("seen.cache")
     }
 
@@ -141,7 +141,7 @@ impl Folder {
     }
 
     /// Marks of pipelines whose tables and files are being changed.
-    pub(crate) fn changing(&self) -> PathBuf {
+    pub(crate) fn dirty(&self) -> PathBuf {
         self.join("changing")
     }
 
@@ -154,14 +154,15 @@ impl Folder {
     }
 
     /// Lists the published tables of artifacts, by name.
-    pub(crate) fn artifact_tables(&self) -> Result<Vec<String>, LakeError> {
-        let mut names = names_in(&self.tables())?;
-        names.retain(|name| !HISTORY.contains(&name.as_str()));
-        Ok(names)
+    pub(crate) fn artifact_tables(&self) -> Result<Vec<ArtifactName>, LakeError> {
+        let names = names_in(&self.tables())?.into_iter();
+        let names = names.filter(|name| !HISTORY.contains(&name.as_str()));
+        // No stage could have published a folder of another name.
+        Ok(names.filter_map(|name| name.try_into().ok()).collect())
     }
 
     /// Returns the folder of a table's newest partitions in a pipeline.
-    pub(crate) fn table_of(&self, table: &str, pipeline: &str) -> PathBuf {
+    pub(crate) fn table_of(&self, table: &ArtifactName, pipeline: &str) -> PathBuf {
         self.join(shown_table(table, pipeline))
     }
 
@@ -183,13 +184,13 @@ impl Folder {
     /// Returns the path of a unit's table below [`EVERY`].
     pub(crate) fn every_table(
         &self,
-        artifact: &str,
+        artifact: &ArtifactName,
         column: &str,
-        partition: &str,
+        partition: &PartitionKey,
         fingerprint: &Digest,
     ) -> PathBuf {
         self.every()
-            .join(artifact)
+            .join(artifact.as_str())
             .join(format!("{column}={partition}"))
             .join(format!("{FINGERPRINT}{fingerprint}"))
             .join(table::FILE)
@@ -218,8 +219,8 @@ impl ShownFolders {
         let of = |folder| {
             Path::new(folder)
                 .join(pipeline)
-                .join(&node.stage)
-                .join(&node.artifact)
+                .join(node.stage.as_str())
+                .join(node.artifact.as_str())
         };
         Self {
             tables: shown_table(&node.artifact, pipeline).join(format!("stage={}", node.stage)),
@@ -229,13 +230,13 @@ impl ShownFolders {
     }
 
     /// Path at which a file of a partition is published.
-    pub(crate) fn path(&self, column: &str, partition: &str, name: &str) -> String {
+    pub(crate) fn path(&self, column: &str, partition: &PartitionKey, name: &str) -> String {
         let folder = if name == table::FILE {
             self.tables.join(format!("{column}={partition}"))
         } else if name.ends_with(CHART) {
-            self.charts.join(partition)
+            self.charts.join(partition.as_str())
         } else {
-            self.files.join(partition)
+            self.files.join(partition.as_str())
         };
         folder.join(name).to_string_lossy().into_owned()
     }
@@ -245,9 +246,9 @@ impl ShownFolders {
     }
 }
 
-fn shown_table(table: &str, pipeline: &str) -> PathBuf {
+fn shown_table(table: &ArtifactName, pipeline: &str) -> PathBuf {
     Path::new(TABLES)
-        .join(table)
+        .join(table.as_str())
         .join(format!("pipeline={pipeline}"))
 }
 
@@ -258,11 +259,11 @@ pub(crate) fn run_of(path: &Path) -> Option<u64> {
 }
 
 /// Returns the partition and the unit to which this table belongs.
-pub(crate) fn unit_of(path: &Path) -> Option<(&str, Digest)> {
+pub(crate) fn unit_of(path: &Path) -> Option<(PartitionKey, Digest)> {
     let mut folders = path.parent()?.iter().rev();
     let unit = folders.next()?.to_str()?.strip_prefix(FINGERPRINT)?;
     let (_, partition) = folders.next()?.to_str()?.split_once('=')?;
-    Some((partition, unit.parse().ok()?))
+    Some((partition.parse().ok()?, unit.parse().ok()?))
 }
 
 /// Returns the digest in a file's name, without its extension.

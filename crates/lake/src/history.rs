@@ -34,11 +34,7 @@ pub(crate) fn keep(
     ];
     for (name, batch) in HISTORY.into_iter().zip(batches) {
         let path = lake.folder.run_table(name, run.number);
-        let batch = batch.map_err(|err| LakeError::Parquet {
-            action: "write",
-            path: path.clone(),
-            source: err.into(),
-        })?;
+        let batch = batch.map_err(LakeError::parquet("write", &path))?;
         table::write_batch(folder, &batch)?;
         let file = lake.blobs.take(&folder.join(table::FILE))?;
         // A copy, not a link: irreplaceable files are stored twice.
@@ -94,12 +90,34 @@ pub(crate) fn with_outcomes(
     Ok(units)
 }
 
-fn text<'a>(values: impl Iterator<Item = &'a str>) -> ArrayRef {
-    Arc::new(StringArray::from_iter_values(values))
+/// A column: its name, its cells, and whether a cell may be null.
+type Column = (&'static str, ArrayRef, bool);
+
+fn text<T: AsRef<str>>(name: &'static str, cells: impl IntoIterator<Item = T>) -> Column {
+    let cells = StringArray::from_iter_values(cells);
+    (name, Arc::new(cells), false)
 }
 
-fn count(number: usize) -> i64 {
-    i64::try_from(number).unwrap_or(i64::MAX)
+fn optional_text<'a>(
+    name: &'static str,
+    cells: impl IntoIterator<Item = Option<&'a str>>,
+) -> Column {
+    let cells: StringArray = cells.into_iter().collect();
+    (name, Arc::new(cells), true)
+}
+
+fn int(name: &'static str, cells: impl IntoIterator<Item = i64>) -> Column {
+    (name, Arc::new(Int64Array::from_iter_values(cells)), false)
+}
+
+fn float(name: &'static str, cells: impl IntoIterator<Item = f64>) -> Column {
+    let cells = Float64Array::from_iter_values(cells);
+    (name, Arc::new(cells), false)
+}
+
+/// A number that no table can exceed in practice.
+fn saturated(number: impl TryInto<i64>) -> i64 {
+    number.try_into().unwrap_or(i64::MAX)
 }
 
 fn runs(
@@ -113,54 +131,24 @@ fn runs(
         RunStatus::Failed { message } => ("failed", Some(message.as_str())),
         RunStatus::Interrupted => ("interrupted", None),
     };
-    let n_skipped = units
-        .iter()
-        .filter(|(_, outcome)| matches!(**outcome, RecordOutcome::Skipped { .. }))
-        .count();
+    let is_skipped = |outcome: &RecordOutcome| matches!(outcome, RecordOutcome::Skipped { .. });
+    let n_skipped = units.iter().filter(|(_, outcome)| is_skipped(outcome));
+    let n_made_now = units.iter().filter(|(unit, _)| unit.made_now);
     let overrides = serde_json::to_string(&record.origin.overrides).unwrap_or_default();
-    let started = i64::try_from(run.started_ns).unwrap_or(i64::MAX);
-    let number = |n: usize| Arc::new(Int64Array::from(vec![count(n)])) as ArrayRef;
+    let started = TimestampNanosecondArray::from(vec![saturated(run.started_ns)]);
     RecordBatch::try_from_iter_with_nullable([
-        (
-            "pipeline",
-            text([record.pipeline.as_str()].into_iter()),
-            false,
-        ),
-        (
-            "file",
-            text([&*record.origin.file.to_string_lossy()].into_iter()),
-            false,
-        ),
-        (
-            "profile",
-            Arc::new(StringArray::from(vec![record.origin.profile.as_deref()])) as ArrayRef,
-            true,
-        ),
-        ("overrides", text([overrides.as_str()].into_iter()), false),
-        (
-            "seed",
-            Arc::new(Int64Array::from(vec![record.seed.cast_signed()])),
-            false,
-        ),
-        ("status", text([status].into_iter()), false),
-        ("message", Arc::new(StringArray::from(vec![message])), true),
-        (
-            "started",
-            Arc::new(TimestampNanosecondArray::from(vec![started]).with_timezone("UTC")),
-            false,
-        ),
-        (
-            "seconds",
-            Arc::new(Float64Array::from(vec![record.seconds])),
-            false,
-        ),
-        ("n_units", number(units.len()), false),
-        (
-            "n_made_now",
-            number(units.iter().filter(|(unit, _)| unit.made_now).count()),
-            false,
-        ),
-        ("n_skipped", number(n_skipped), false),
+        text("pipeline", [&record.pipeline]),
+        text("file", [record.origin.file.to_string_lossy()]),
+        optional_text("profile", [record.origin.profile.as_deref()]),
+        text("overrides", [overrides]),
+        int("seed", [record.seed.cast_signed()]),
+        text("status", [status]),
+        optional_text("message", [message]),
+        ("started", Arc::new(started.with_timezone("UTC")), false),
+        float("seconds", [record.seconds]),
+        int("n_units", [saturated(units.len())]),
+        int("n_made_now", [saturated(n_made_now.count())]),
+        int("n_skipped", [saturated(n_skipped.count())]),
     ])
 }
 
@@ -171,33 +159,12 @@ fn settings(record: &RunRecord) -> Result<RecordBatch, ArrowError> {
         flatten("", &of_stage.config, &mut values);
         rows.extend(values.into_iter().map(|(key, value)| (stage, key, value)));
     }
+    let numbers = rows.iter().map(|(.., value)| value.as_f64());
     RecordBatch::try_from_iter_with_nullable([
-        (
-            "stage",
-            text(rows.iter().map(|(stage, ..)| stage.as_str())),
-            false,
-        ),
-        (
-            "key",
-            text(rows.iter().map(|(_, key, _)| key.as_str())),
-            false,
-        ),
-        (
-            "value",
-            Arc::new(StringArray::from_iter_values(
-                rows.iter().map(|(.., value)| value.to_string()),
-            )) as ArrayRef,
-            false,
-        ),
-        (
-            "number",
-            Arc::new(
-                rows.iter()
-                    .map(|(.., value)| value.as_f64())
-                    .collect::<Float64Array>(),
-            ),
-            true,
-        ),
+        text("stage", rows.iter().map(|(stage, ..)| stage)),
+        text("key", rows.iter().map(|(_, key, _)| key)),
+        text("value", rows.iter().map(|(.., value)| value.to_string())),
+        ("number", Arc::new(numbers.collect::<Float64Array>()), true),
     ])
 }
 
@@ -224,55 +191,31 @@ fn units_table(
     record: &RunRecord,
     units: &[(UnitRef, Arc<RecordOutcome>)],
 ) -> Result<RecordBatch, ArrowError> {
-    let pipeline = record.pipeline.as_str();
     let [stage, artifact, partition] = names(&units.iter().map(|(unit, _)| unit));
+    let made_now = units.iter().map(|(unit, _)| Some(unit.made_now));
+    let fingerprints = units.iter().map(|(unit, _)| unit.fingerprint.to_hex());
     RecordBatch::try_from_iter_with_nullable([
-        ("pipeline", text(units.iter().map(|_| pipeline)), false),
-        (stage.0, stage.1, false),
-        (artifact.0, artifact.1, false),
-        (partition.0, partition.1, false),
-        (
-            "fingerprint",
-            Arc::new(StringArray::from_iter_values(
-                units.iter().map(|(unit, _)| unit.fingerprint.to_hex()),
-            )) as ArrayRef,
-            false,
-        ),
-        (
-            "result",
-            text(units.iter().map(|(_, outcome)| outcome.word())),
-            false,
-        ),
-        (
-            "reason",
-            Arc::new(
-                units
-                    .iter()
-                    .map(|(_, outcome)| outcome.reason())
-                    .collect::<StringArray>(),
-            ),
-            true,
-        ),
+        text("pipeline", units.iter().map(|_| &record.pipeline)),
+        stage,
+        artifact,
+        partition,
+        text("fingerprint", fingerprints),
+        text("result", units.iter().map(|(_, outcome)| outcome.word())),
+        optional_text("reason", units.iter().map(|(_, outcome)| outcome.reason())),
         (
             "made_now",
-            Arc::new(
-                units
-                    .iter()
-                    .map(|(unit, _)| Some(unit.made_now))
-                    .collect::<BooleanArray>(),
-            ),
+            Arc::new(made_now.collect::<BooleanArray>()),
             false,
         ),
     ])
 }
 
 /// The columns that name a unit: its stage, its artifact and its partition.
-fn names<'a>(units: &(impl Iterator<Item = &'a UnitRef> + Clone)) -> [(&'static str, ArrayRef); 3] {
-    let column = |of: fn(&UnitRef) -> &str| text(units.clone().map(of));
+fn names<'a>(units: &(impl Iterator<Item = &'a UnitRef> + Clone)) -> [Column; 3] {
     [
-        ("stage", column(|unit| &unit.node.stage)),
-        ("artifact", column(|unit| &unit.node.artifact)),
-        ("partition", column(|unit| &unit.partition)),
+        text("stage", units.clone().map(|unit| &unit.node.stage)),
+        text("artifact", units.clone().map(|unit| &unit.node.artifact)),
+        text("partition", units.clone().map(|unit| &unit.partition)),
     ]
 }
 
@@ -293,21 +236,13 @@ fn entries<'a, V>(
 fn artifacts(units: &[(UnitRef, Arc<RecordOutcome>)]) -> Result<RecordBatch, ArrowError> {
     let rows = entries(units, RecordOutcome::files);
     let [stage, artifact, partition] = names(&rows.iter().map(|(unit, ..)| *unit));
-    let bytes = rows
-        .iter()
-        .map(|(.., file)| i64::try_from(file.size).unwrap_or(i64::MAX));
-    RecordBatch::try_from_iter([
+    RecordBatch::try_from_iter_with_nullable([
         stage,
         artifact,
         partition,
-        ("file", text(rows.iter().map(|(_, name, _)| *name))),
-        (
-            "digest",
-            Arc::new(StringArray::from_iter_values(
-                rows.iter().map(|(.., file)| file.digest.to_hex()),
-            )) as ArrayRef,
-        ),
-        ("bytes", Arc::new(Int64Array::from_iter_values(bytes))),
+        text("file", rows.iter().map(|(_, name, _)| name)),
+        text("digest", rows.iter().map(|(.., file)| file.digest.to_hex())),
+        int("bytes", rows.iter().map(|(.., file)| saturated(file.size))),
     ])
 }
 
@@ -317,16 +252,11 @@ fn metrics(units: &[(UnitRef, Arc<RecordOutcome>)]) -> Result<RecordBatch, Arrow
         RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => None,
     });
     let [stage, artifact, partition] = names(&rows.iter().map(|(unit, ..)| *unit));
-    RecordBatch::try_from_iter([
+    RecordBatch::try_from_iter_with_nullable([
         stage,
         artifact,
         partition,
-        ("metric", text(rows.iter().map(|(_, name, _)| *name))),
-        (
-            "value",
-            Arc::new(Float64Array::from_iter_values(
-                rows.iter().map(|(.., value)| **value),
-            )) as ArrayRef,
-        ),
+        text("metric", rows.iter().map(|(_, name, _)| name)),
+        float("value", rows.iter().map(|(.., value)| **value)),
     ])
 }

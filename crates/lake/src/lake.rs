@@ -5,16 +5,16 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Digest, FileRef, Record, RunStatus};
+use dataflow::{ArtifactName, Digest, FileRef, Record, RunStatus};
 
 use crate::{
     LakeError,
     atomic::io_error,
     blobs::Blobs,
     cache::Cache,
-    changing::Changing,
-    flight::Flight,
+    dirty::DirtyMarks,
     folder::{Folder, HISTORY, REPORTS, files_below},
+    in_flight::InFlight,
     lock::Locks,
     records::{Provenance, Records},
     register::{Register, Run},
@@ -29,9 +29,9 @@ pub struct Lake {
     pub(crate) records: Records,
     pub(crate) register: Register,
     pub(crate) cache: Cache,
-    pub(crate) changing: Changing,
+    pub(crate) dirty: DirtyMarks,
     pub(crate) sources: Sources,
-    pub(crate) flight: Flight,
+    pub(crate) in_flight: InFlight,
 }
 
 impl Lake {
@@ -44,9 +44,9 @@ impl Lake {
             records: Records::new(folder.clone()),
             register: Register::new(folder.clone()),
             cache: Cache::new(folder.clone()),
-            changing: Changing::new(folder.clone()),
+            dirty: DirtyMarks::new(folder.clone()),
             sources: Sources::new(folder.clone()),
-            flight: Flight::default(),
+            in_flight: InFlight::default(),
             folder,
         }
     }
@@ -94,7 +94,7 @@ impl Lake {
     /// # Errors
     ///
     /// Fails if the folder cannot be read.
-    pub fn tables(&self) -> Result<Vec<String>, LakeError> {
+    pub fn tables(&self) -> Result<Vec<ArtifactName>, LakeError> {
         self.folder.artifact_tables()
     }
 

@@ -9,10 +9,10 @@ use std::{
     io::{self, Seek, Write},
     os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::Mutex,
 };
 
-use dataflow::Digest;
+use dataflow::{Digest, UnitName};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -20,6 +20,7 @@ use crate::{
     atomic::{self, io_error},
     clock,
     folder::names_in,
+    mutex::lock,
 };
 
 /// A lock, released and removed on drop.
@@ -85,7 +86,7 @@ impl Locks {
 
     /// Announces that this process writes to the lake.
     pub(crate) fn enter(&self) -> Result<(), LakeError> {
-        let mut alive = self.alive();
+        let mut alive = lock(&self.alive);
         if alive.is_none() {
             let name = format!("{PROCESS}{}", atomic::process_name());
             *alive = self.try_take(&name, "artifacts")?;
@@ -95,11 +96,7 @@ impl Locks {
 
     /// Announces that this process no longer writes to the lake.
     pub(crate) fn leave(&self) {
-        self.alive().take();
-    }
-
-    fn alive(&self) -> MutexGuard<'_, Option<Lock>> {
-        self.alive.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.alive).take();
     }
 
     /// Whether a process that wrote to the lake is still alive.
@@ -121,10 +118,10 @@ impl Locks {
     pub(crate) fn unit(
         &self,
         fingerprint: &Digest,
-        unit: &str,
+        unit: &UnitName,
         waiting: &Waiting,
     ) -> Result<Lock, LakeError> {
-        self.wait_for(&fingerprint.to_hex(), unit, waiting)
+        self.wait_for(&fingerprint.to_hex(), &unit.to_string(), waiting)
     }
 
     /// Locks repairs, and changes of repaired files.

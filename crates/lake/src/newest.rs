@@ -3,7 +3,7 @@
 //! It is a cache: all of it can be recomputed from records, blobs and published files, at the price
 //! of reading them.
 
-mod stored;
+mod format;
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap, HashSet},
@@ -11,7 +11,7 @@ use std::{
     sync::Arc,
 };
 
-use dataflow::{Digest, NewestUnit, NodeName, RecordOutcome, UnitRef};
+use dataflow::{Digest, NewestUnit, NodeName, PartitionKey, RecordOutcome, UnitRef};
 
 use crate::{folder::Folder, stamp::Stamp};
 
@@ -21,11 +21,12 @@ const ENDING: &str = ".cache";
 /// The newest state of a pipeline.
 #[derive(Default)]
 pub(crate) struct Newest {
-    units: BTreeMap<NodeName, BTreeMap<String, NewestOf>>,
+    units: BTreeMap<NodeName, BTreeMap<PartitionKey, NewestOf>>,
     outcomes: HashMap<Digest, Arc<RecordOutcome>>,
     /// Fingerprints of units that the newest runs still had, when this was read.
     current: HashSet<Digest>,
-    shown: BTreeMap<NodeName, Shown>,
+    /// The published files of each node, as far as known.
+    pub(crate) shown: BTreeMap<NodeName, Shown>,
     /// Nodes whose published files this process has changed.
     shown_now: BTreeSet<NodeName>,
     /// Nodes no longer in the pipeline.
@@ -77,16 +78,10 @@ impl Newest {
         self.outcomes.get(fingerprint)
     }
 
-    pub(crate) fn shown(&self, node: &NodeName) -> Option<&Shown> {
-        self.shown.get(node)
-    }
-
-    pub(crate) fn all_shown(&self) -> &BTreeMap<NodeName, Shown> {
-        &self.shown
-    }
-
-    pub(crate) fn all_shown_mut(&mut self) -> &mut BTreeMap<NodeName, Shown> {
-        &mut self.shown
+    /// Returns the published files of nodes no longer in the pipeline.
+    pub(crate) fn shown_by_others(&self, is_kept: impl Fn(&NodeName) -> bool) -> Shown {
+        let others = self.shown.iter().filter(|(node, _)| !is_kept(node));
+        others.flat_map(|(_, shown)| shown.clone()).collect()
     }
 
     /// Sets the published files of a node.

@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Digest, Node, NodeName, Showing};
+use dataflow::{Digest, Node, NodeName, PartitionKey, Showing};
 
 use crate::{
     LakeError,
@@ -28,7 +28,7 @@ const LINK_TRIES: u32 = 100;
 struct Wanted<'a> {
     digest: Digest,
     fingerprint: &'a Digest,
-    partition: &'a str,
+    partition: &'a PartitionKey,
     is_table: bool,
 }
 
@@ -51,7 +51,7 @@ pub(crate) fn publish(
         return Ok(None);
     }
     lake.prepare()?;
-    lake.changing.mark(pipeline)?;
+    lake.dirty.mark(pipeline)?;
     let _turn = lake.locks.lock_publication(pipeline)?;
     let mut shown = Shown::new();
     for (path, file) in &wanted {
@@ -134,12 +134,15 @@ pub(crate) fn retire(
     is_kept: &dyn Fn(&NodeName) -> bool,
     before: &Shown,
 ) -> Result<(), LakeError> {
+    let is_name_kept = |stage: &str, artifact: &str| {
+        NodeName::parse(&format!("{stage}.{artifact}")).is_some_and(|node| is_kept(&node))
+    };
     let mut old = Vec::new();
     for table in lake.tables()? {
         let folder = lake.folder.table_of(&table, pipeline);
         for name in names_in(&folder)? {
             let stage = name.strip_prefix("stage=").unwrap_or(&name);
-            if !is_kept(&NodeName::new(stage, &table)) {
+            if !is_name_kept(stage, table.as_str()) {
                 old.push(folder.join(name));
             }
         }
@@ -148,7 +151,7 @@ pub(crate) fn retire(
         let folder = lake.folder.join(folder).join(pipeline);
         for stage in names_in(&folder)? {
             for artifact in names_in(&folder.join(&stage))? {
-                if !is_kept(&NodeName::new(&stage, &artifact)) {
+                if !is_name_kept(&stage, &artifact) {
                     old.push(folder.join(&stage).join(artifact));
                 }
             }
@@ -158,7 +161,7 @@ pub(crate) fn retire(
         return Ok(());
     }
     lake.prepare()?;
-    lake.changing.mark(pipeline)?;
+    lake.dirty.mark(pipeline)?;
     let _turn = lake.locks.lock_publication(pipeline)?;
     for folder in old {
         hide_others(lake, &folder, Some(before), &Shown::new())?;
@@ -179,7 +182,7 @@ pub(crate) fn show(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), Lake
     }
     lake.blobs.touch(digest);
     let mut tries = LINK_TRIES;
-    by_way_of(lake, path, |beside| {
+    atomic::place(&lake.folder.staging(), path, |beside| {
         loop {
             tries -= 1;
             match fs::hard_link(&blob, beside) {
@@ -196,7 +199,7 @@ pub(crate) fn show(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), Lake
 
 /// Copies a file to `path`, so that damage to one does not affect the other.
 pub(crate) fn show_copy(lake: &Lake, from: &Path, path: &Path) -> Result<(), LakeError> {
-    by_way_of(lake, path, |beside| copy(from, beside))
+    atomic::place(&lake.folder.staging(), path, |beside| copy(from, beside))
 }
 
 /// Copies a file, synced, under a temporary name.
@@ -204,21 +207,6 @@ fn copy(from: &Path, to: &Path) -> Result<(), LakeError> {
     fs::copy(from, to)
         .and_then(|_| File::open(to)?.sync_all())
         .map_err(io_error("copy", from))
-}
-
-/// Renames to `path` the file that `make` creates under a temporary name, which is removed on
-/// failure.
-fn by_way_of(
-    lake: &Lake,
-    path: &Path,
-    make: impl FnOnce(&Path) -> Result<(), LakeError>,
-) -> Result<(), LakeError> {
-    let beside = atomic::temporary_name(&lake.folder.staging());
-    let put = make(&beside).and_then(|()| atomic::rename(&beside, path));
-    if put.is_err() {
-        let _gone = fs::remove_file(&beside);
-    }
-    put
 }
 
 /// Whether the file system does not support hard links.

@@ -21,7 +21,7 @@ use schemas::ros2::{
     motion::{JOINT_STATES, MARKERS, ROBOT_DESCRIPTION, START_NS, Scene, SceneStep, TF, TF_STATIC},
 };
 
-use crate::LakeError;
+use crate::{LakeError, atomic::io_error};
 
 /// Name of the metadata record that says where the recording comes from.
 const METADATA: &str = "pipeline";
@@ -57,11 +57,7 @@ impl Recording {
     ///
     /// Fails if the file cannot be written.
     pub fn create(path: &Path, about: &BTreeMap<String, String>) -> Result<Self, LakeError> {
-        let file = File::create(path).map_err(|source| LakeError::Io {
-            action: "write",
-            path: path.to_owned(),
-            source,
-        })?;
+        let file = File::create(path).map_err(io_error("write", path))?;
         let mut writer = WriteOptions::new()
             .profile("ros2")
             .library("pipeline")
@@ -223,11 +219,7 @@ impl Recording {
         self.writer
             .into_inner()
             .flush()
-            .map_err(|source| LakeError::Io {
-                action: "write",
-                path: self.path,
-                source,
-            })
+            .map_err(io_error("write", &self.path))
     }
 }
 
@@ -293,11 +285,7 @@ impl RecordedMessage {
 ///
 /// Fails if the file cannot be read, is cut off or damaged.
 pub fn read(path: &Path) -> Result<Contents, LakeError> {
-    let bytes = fs::read(path).map_err(|source| LakeError::Io {
-        action: "read",
-        path: path.to_owned(),
-        source,
-    })?;
+    let bytes = fs::read(path).map_err(io_error("read", path))?;
     parse(&bytes).map_err(|source| LakeError::Mcap {
         action: "read",
         path: path.to_owned(),

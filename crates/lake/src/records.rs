@@ -4,20 +4,22 @@ use std::{
     collections::{BTreeMap, HashSet},
     fs::File,
     path::{Path, PathBuf},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex},
 };
 
-use dataflow::{Digest, Fingerprint, Recipe, Record, RecordOutcome};
+use dataflow::{
+    ArtifactName, Digest, Fingerprint, PartitionKey, Recipe, Record, RecordOutcome, StageName,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     LakeError,
     clock::now,
     folder::{Folder, digest_named, files_below},
-    sealed,
+    mutex::lock,
+    replicas, sealed,
     stamp::Stamp,
     stamps::Stamps,
-    twice,
 };
 
 /// When, where and by what a unit was made: never part of an artifact.
@@ -40,9 +42,9 @@ pub struct Provenance {
 pub(crate) struct Stored {
     pub(crate) fingerprint: Digest,
     pub(crate) recipe: Digest,
-    pub(crate) stage: String,
-    pub(crate) partition: String,
-    inputs: BTreeMap<String, BTreeMap<String, Digest>>,
+    pub(crate) stage: StageName,
+    pub(crate) partition: PartitionKey,
+    inputs: BTreeMap<ArtifactName, BTreeMap<PartitionKey, Digest>>,
     files: BTreeMap<String, Digest>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     facts: BTreeMap<String, String>,
@@ -71,9 +73,7 @@ pub(crate) fn parse_recipe(path: &Path, bytes: &[u8]) -> Result<Recipe, LakeErro
     if digest_named(path) == Some(recipe.digest()) {
         Ok(recipe)
     } else {
-        Err(LakeError::Damaged {
-            path: path.to_owned(),
-        })
+        Err(LakeError::damaged(path))
     }
 }
 
@@ -137,7 +137,7 @@ impl Records {
         let path = self.recipe_path(&recipe);
         if self.recipe(&recipe)?.is_none() {
             let bytes = sealed::seal(&path, fingerprint.recipe.as_ref())?;
-            twice::write(&self.folder, &path, &bytes)?;
+            replicas::write(&self.folder, &path, &bytes)?;
         }
         let stored = Stored {
             fingerprint: fingerprint.digest(),
@@ -165,7 +165,7 @@ impl Records {
 
     /// Reads a recipe; if it and its copy are damaged, it counts as missing.
     fn recipe(&self, digest: &Digest) -> Result<Option<Recipe>, LakeError> {
-        match twice::read(&self.folder, &self.recipe_path(digest), parse_recipe) {
+        match replicas::read(&self.folder, &self.recipe_path(digest), parse_recipe) {
             Err(LakeError::Damaged { .. } | LakeError::Json { .. }) => Ok(None),
             read => read,
         }
@@ -190,7 +190,7 @@ impl Records {
         if self.recipe(&recipe)?.is_none() {
             return Ok(false);
         }
-        let mut own = self.own();
+        let mut own = lock(&self.own);
         let own = match own.take() {
             Some(known) => own.insert(known),
             None => own.insert(self.read_own(&unit.recipe)?),
@@ -200,11 +200,7 @@ impl Records {
 
     /// Invalidates the list of records, since others may have been added.
     pub(crate) fn look_again(&self) {
-        self.own().take();
-    }
-
-    fn own(&self) -> MutexGuard<'_, Option<HashSet<Digest>>> {
-        self.own.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.own).take();
     }
 
     fn read_own(&self, any: &Arc<Recipe>) -> Result<HashSet<Digest>, LakeError> {
@@ -221,7 +217,7 @@ impl Records {
     }
 
     /// The artifact of a record's unit; `None` if its recipe is lost.
-    pub(crate) fn output(&self, stored: &Stored) -> Result<Option<String>, LakeError> {
+    pub(crate) fn output(&self, stored: &Stored) -> Result<Option<ArtifactName>, LakeError> {
         let recipe = self.recipe(&stored.recipe)?;
         Ok(recipe.map(|recipe| recipe.output))
     }

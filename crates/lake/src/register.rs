@@ -4,7 +4,7 @@ use std::{
     collections::{BTreeMap, BTreeSet},
     env,
     path::{Path, PathBuf},
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::{Mutex, MutexGuard},
 };
 
 use dataflow::{Digest, FileRef, NodeName, RunRecord, RunStatus, UnitRef};
@@ -15,7 +15,8 @@ use crate::{
     clock::{host, nanoseconds, now, program},
     folder::{Folder, digest_named, names_in},
     lock::Locks,
-    sealed, twice,
+    mutex::lock,
+    replicas, sealed,
 };
 
 /// Extension of runs' files.
@@ -103,7 +104,7 @@ impl Register {
 
     /// The run of this process.
     pub(crate) fn current(&self) -> MutexGuard<'_, Option<Run>> {
-        self.current.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.current)
     }
 
     /// Path of a run's record.
@@ -130,7 +131,7 @@ impl Register {
 
     /// Reads a run without its units.
     pub(crate) fn read(&self, number: u64) -> Result<Run, LakeError> {
-        let run = twice::read(&self.folder, &self.path(number), |path, bytes| {
+        let run = replicas::read(&self.folder, &self.path(number), |path, bytes| {
             self.parse(path, bytes)
         })?;
         run.ok_or_else(|| LakeError::NoRun {
@@ -154,9 +155,7 @@ impl Register {
         if at == path || at == self.folder.copy_of(&path) {
             Ok(run)
         } else {
-            Err(LakeError::Damaged {
-                path: at.to_owned(),
-            })
+            Err(LakeError::damaged(at))
         }
     }
 
@@ -166,12 +165,9 @@ impl Register {
             return Ok(Vec::new());
         };
         let path = self.manifest_path(&digest);
-        let read = twice::read(&self.folder, &path, |path, bytes| {
+        let read = replicas::read(&self.folder, &path, |path, bytes| {
             check_manifest(path, bytes)?;
-            serde_json::from_slice(bytes).map_err(|source| LakeError::Json {
-                path: path.to_owned(),
-                source,
-            })
+            serde_json::from_slice(bytes).map_err(LakeError::json(path))
         })?;
         let mut units: Vec<UnitRef> = read.ok_or(LakeError::Lost { path })?;
         for &idx in &run.made_now {
@@ -227,15 +223,12 @@ impl Register {
     /// Writes a run's record.
     pub(crate) fn keep(&self, run: &Run) -> Result<(), LakeError> {
         let path = self.path(run.number);
-        twice::write(&self.folder, &path, &sealed::seal(&path, run)?)
+        replicas::write(&self.folder, &path, &sealed::seal(&path, run)?)
     }
 
     /// Returns the stored form of a list of units, with `made_now` cleared, and its digest.
     pub(crate) fn manifest_of(&self, units: &[UnitRef]) -> Result<(Vec<u8>, Digest), LakeError> {
-        let bytes = serde_json::to_vec(units).map_err(|source| LakeError::Json {
-            path: self.folder.manifests(),
-            source,
-        })?;
+        let bytes = serde_json::to_vec(units).map_err(LakeError::json(&self.folder.manifests()))?;
         let digest = Digest::of_bytes(&bytes);
         Ok((bytes, digest))
     }
@@ -247,7 +240,7 @@ impl Register {
             Ok(atomic::read_if_there(path)?.is_some_and(|there| there == bytes))
         };
         if !(is_there(&path)? && is_there(&self.folder.copy_of(&path))?) {
-            twice::write(&self.folder, &path, &bytes)?;
+            replicas::write(&self.folder, &path, &bytes)?;
         }
         Ok(digest)
     }
@@ -263,8 +256,6 @@ pub(crate) fn check_manifest(path: &Path, bytes: &[u8]) -> Result<(), LakeError>
     if digest_named(path) == Some(Digest::of_bytes(bytes)) {
         Ok(())
     } else {
-        Err(LakeError::Damaged {
-            path: path.to_owned(),
-        })
+        Err(LakeError::damaged(path))
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! {"blake3":"64 digits","body":{…}}     records: JSON
-//! blake3 64 digits                      caches: what `compact` writes follows
+//! blake3 64 digits                      caches: what `codec` writes follows
 //! ```
 
 use std::path::Path;
@@ -64,10 +64,7 @@ impl Seal {
 /// Returns the bytes of a sealed file.
 pub(crate) fn seal<T: Serialize>(path: &Path, value: &T) -> Result<Vec<u8>, LakeError> {
     let mut bytes = JSON.begin();
-    serde_json::to_writer(&mut bytes, value).map_err(|source| LakeError::Json {
-        path: path.to_owned(),
-        source,
-    })?;
+    serde_json::to_writer(&mut bytes, value).map_err(LakeError::json(path))?;
     Ok(JSON.end(bytes))
 }
 
@@ -94,15 +91,10 @@ pub(crate) fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, LakeEr
 ///
 /// Fails with [`LakeError::Damaged`] if they do not match their digest.
 pub(crate) fn parse<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T, LakeError> {
-    let damaged = || LakeError::Damaged {
-        path: path.to_owned(),
-    };
+    let damaged = || LakeError::damaged(path);
     let body = JSON.body(bytes).ok_or_else(damaged)?;
     // Undamaged bytes that do not parse come from another version of the program.
-    serde_json::from_slice(body).map_err(|source| LakeError::Json {
-        path: path.to_owned(),
-        source,
-    })
+    serde_json::from_slice(body).map_err(LakeError::json(path))
 }
 
 /// Reads a dispensable sealed file; an unusable one counts as missing.

@@ -4,14 +4,15 @@ use std::{
     collections::{BTreeMap, HashMap},
     env, io,
     path::{Path, PathBuf},
-    sync::{Mutex, MutexGuard, OnceLock, PoisonError},
+    sync::{Mutex, MutexGuard, OnceLock},
 };
 
 use dataflow::Digest;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    LakeError, clock::now, digests::digest_file, folder::Folder, lock::Locks, sealed, stamp::Stamp,
+    LakeError, clock::now, digests::digest_file, folder::Folder, lock::Locks, mutex::lock, sealed,
+    stamp::Stamp,
 };
 
 /// The cached digests.
@@ -55,7 +56,7 @@ impl Sources {
                 learned: BTreeMap::new(),
             })
         });
-        known.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(known)
     }
 
     pub(crate) fn digest(&self, path: &Path) -> io::Result<Digest> {

@@ -1,13 +1,10 @@
 //! Stamps of verified files, so that they need not be read again.
 
-use std::{
-    collections::HashMap,
-    sync::{Mutex, MutexGuard, PoisonError},
-};
+use std::{collections::HashMap, sync::Mutex};
 
 use dataflow::Digest;
 
-use crate::stamp::Stamp;
+use crate::{mutex::lock, stamp::Stamp};
 
 /// The stamps of files when their bytes were last verified, by digest.
 #[derive(Default)]
@@ -20,18 +17,14 @@ struct Known {
 }
 
 impl Stamps {
-    fn known(&self) -> MutexGuard<'_, Known> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Returns the stamp of a file, if it was verified.
     pub(crate) fn get(&self, digest: &Digest) -> Option<Stamp> {
-        self.known().stamps.get(digest).copied()
+        lock(&self.0).stamps.get(digest).copied()
     }
 
     /// Loads the stamps of other processes; this process's own take precedence.
     pub(crate) fn recall(&self, stamps: impl IntoIterator<Item = (Digest, Stamp)>) {
-        let mut known = self.known();
+        let mut known = lock(&self.0);
         for (digest, stamp) in stamps {
             known.stamps.entry(digest).or_insert(stamp);
         }
@@ -39,18 +32,18 @@ impl Stamps {
 
     /// Records the stamp of a file that was just verified.
     pub(crate) fn learn(&self, digest: &Digest, stamp: Stamp) {
-        let mut known = self.known();
+        let mut known = lock(&self.0);
         known.learned |= known.stamps.insert(*digest, stamp) != Some(stamp);
     }
 
     /// Removes a file, so that it is read the next time.
     pub(crate) fn forget(&self, digest: &Digest) {
-        let mut known = self.known();
+        let mut known = lock(&self.0);
         known.learned |= known.stamps.remove(digest).is_some();
     }
 
     /// Whether anything was recorded or removed.
     pub(crate) fn learned(&self) -> bool {
-        self.known().learned
+        lock(&self.0).learned
     }
 }

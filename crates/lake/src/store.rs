@@ -9,10 +9,13 @@ use std::{
 
 use dataflow::{
     Advised, Digest, FileRef, Fingerprint, Making, NewestUnit, Node, NodeName, Record,
-    RecordOutcome, RunRecord, Showing, Store, UnitRef,
+    RecordOutcome, RunRecord, Showing, Store, UnitName, UnitRef,
 };
 
-use crate::{Collecting, LakeError, history, lake::Lake, making::UnitInProgress, mend, published};
+use crate::{
+    Collecting, LakeError, history, lake::Lake, newest::Newest, published, repair,
+    staging::UnitInProgress,
+};
 
 impl Lake {
     /// Whether every file of a result exists, unchanged.
@@ -80,7 +83,7 @@ impl Store for Lake {
         self.records.look_again();
         self.cache
             .enter(pipeline, &self.records.stamps, &self.blobs.stamps)?;
-        self.changing.enter(pipeline);
+        self.dirty.enter(pipeline);
         Ok(())
     }
 
@@ -105,7 +108,7 @@ impl Store for Lake {
     }
 
     fn newest_units(&self, pipeline: &str) -> Result<Vec<NewestUnit>, Advised> {
-        Ok(self.cache.units(pipeline))
+        Ok(self.cache.with(pipeline, |newest| newest.list()))
     }
 
     fn source_digest(&self, path: &Path) -> Result<Digest, io::Error> {
@@ -115,7 +118,7 @@ impl Store for Lake {
     fn begin(
         &self,
         fingerprint: &Digest,
-        unit: &str,
+        unit: &UnitName,
         waiting: &dyn Fn(&str),
     ) -> Result<Box<dyn Making + '_>, Advised> {
         self.prepare()?;
@@ -145,37 +148,41 @@ impl Store for Lake {
     }
 
     fn publish(&self, pipeline: &str, node: &Node, made: &[Showing]) -> Result<(), Advised> {
-        let _landing = self.flight.land();
-        let before = self.cache.shown(pipeline, &node.name);
+        let _permit = self.in_flight.permit_commit();
+        let shown_of = |newest: &mut Newest| newest.shown.get(&node.name).cloned();
+        let before = self.cache.with(pipeline, shown_of);
         let shown = published::publish(self, pipeline, node, made, before.as_ref());
-        let shown = self.changing.note(pipeline, Some(&node.name), shown)?;
+        let shown = self.dirty.note(pipeline, Some(&node.name), shown)?;
         if let Some(shown) = shown {
-            self.cache.show(pipeline, &node.name, shown);
+            self.cache
+                .with(pipeline, |newest| newest.show(&node.name, shown));
         }
         Ok(())
     }
 
     fn retire(&self, pipeline: &str, kept: &[Node]) -> Result<(), Advised> {
-        let _landing = self.flight.land();
+        let _permit = self.in_flight.permit_commit();
         let is_kept = |name: &NodeName| kept.iter().any(|node| node.name == *name);
-        let old = self.cache.shown_by_others(pipeline, is_kept);
+        let old = self
+            .cache
+            .with(pipeline, |newest| newest.shown_by_others(is_kept));
         let retired = published::retire(self, pipeline, &is_kept, &old);
-        self.changing.note(pipeline, None, retired)?;
+        self.dirty.note(pipeline, None, retired)?;
         let names = kept.iter().map(|node| &node.name);
-        self.changing.has(pipeline, names);
-        self.cache.retire(pipeline, is_kept);
+        self.dirty.has(pipeline, names);
+        self.cache.with(pipeline, |newest| newest.retire(is_kept));
         Ok(())
     }
 
     fn begin_run(&self, run: &RunRecord) -> Result<u64, Advised> {
-        let _landing = self.flight.land();
+        let _permit = self.in_flight.permit_commit();
         self.prepare()?;
         self.collect_staging(Collecting::Remove)?;
         Ok(self.register.begin(run, &self.locks)?)
     }
 
     fn keep_progress(&self, number: u64, record: &RunRecord) -> Result<(), Advised> {
-        let _landing = self.flight.land();
+        let _permit = self.in_flight.permit_commit();
         let mut current = self.register.current();
         if let Some(run) = current.as_mut().filter(|run| run.number == number) {
             self.register.keep_progress(run, record.clone())?;
@@ -189,7 +196,7 @@ impl Store for Lake {
         record: &RunRecord,
         units: &[(UnitRef, Arc<RecordOutcome>)],
     ) -> Result<(), Advised> {
-        let _landing = self.flight.land();
+        let _permit = self.in_flight.permit_commit();
         let run = self.register.current().take();
         let run = match run.filter(|run| run.number == number) {
             Some(run) => run,
@@ -197,13 +204,13 @@ impl Store for Lake {
         };
         let history = history::keep(self, &run, record, units)?;
         self.register.end(run, record.clone(), history)?;
-        self.changing.unmark(&record.pipeline, &self.locks)?;
-        Ok(mend::mend(self)?)
+        self.dirty.unmark(&record.pipeline, &self.locks)?;
+        Ok(repair::repair(self)?)
     }
 
     fn find_run(&self, run: &RunRecord) -> Result<Option<u64>, Advised> {
-        let _landing = self.flight.land();
-        let Some((number, again)) = self.register.find_again(run)? else {
+        let _permit = self.in_flight.permit_commit();
+        let Some((number, again)) = self.register.find_repeated(run)? else {
             return Ok(None);
         };
         if let Some(again) = again {
@@ -218,8 +225,8 @@ impl Store for Lake {
         pipeline: &str,
         units: Option<&[(UnitRef, Arc<RecordOutcome>)]>,
     ) -> Result<(), Advised> {
-        let _landing = self.flight.land();
-        let is_changed = self.cache.is_changed(pipeline);
+        let _permit = self.in_flight.permit_commit();
+        let is_changed = self.cache.with(pipeline, |newest| newest.is_changed());
         if units.is_some() || is_changed || self.blobs.learned() || self.records.stamps.learned() {
             let parts = (&self.records, &self.blobs);
             let kept = self
@@ -231,8 +238,8 @@ impl Store for Lake {
         if self.register.current().is_none() {
             let mended = self
                 .collect_staging(Collecting::Remove)
-                .and_then(|_| self.changing.unmark(pipeline, &self.locks))
-                .and_then(|()| mend::mend(self));
+                .and_then(|_| self.dirty.unmark(pipeline, &self.locks))
+                .and_then(|()| repair::repair(self));
             Self::unless_read_only(units, mended)?;
         }
         match self.sources.save(&self.locks) {

@@ -8,7 +8,6 @@ use dataflow::Artifact;
 use parquet::{
     arrow::{ArrowWriter, arrow_reader::ParquetRecordBatchReaderBuilder},
     basic::{Compression, ZstdLevel},
-    errors::ParquetError,
     file::properties::WriterProperties,
 };
 use schemas::Table;
@@ -46,11 +45,6 @@ pub fn write<T: Table>(folder: &Path, table: &T) -> Result<(), LakeError> {
 pub fn write_batch(folder: &Path, batch: &RecordBatch) -> Result<(), LakeError> {
     let path = folder.join(FILE);
     let file = File::create(&path).map_err(io_error("write", &path))?;
-    let parquet = |source: ParquetError| LakeError::Parquet {
-        action: "write",
-        path: path.clone(),
-        source,
-    };
     let properties = WriterProperties::builder()
         .set_compression(if is_small(batch) {
             Compression::UNCOMPRESSED
@@ -61,11 +55,14 @@ pub fn write_batch(folder: &Path, batch: &RecordBatch) -> Result<(), LakeError> 
         .set_max_row_group_row_count(Some(ROW_GROUP_ROWS))
         .set_created_by(concat!("pipeline ", env!("CARGO_PKG_VERSION")).to_owned())
         .build();
-    let mut writer =
-        ArrowWriter::try_new(file, batch.schema(), Some(properties)).map_err(parquet)?;
-    writer.write(batch).map_err(parquet)?;
-    writer.close().map_err(parquet)?;
-    Ok(())
+    let written = ArrowWriter::try_new(file, batch.schema(), Some(properties));
+    let written = written.and_then(|mut writer| {
+        writer.write(batch)?;
+        writer.close()
+    });
+    written
+        .map(drop)
+        .map_err(LakeError::parquet("write", &path))
 }
 
 /// Returns whether a table is small, from its content alone.
@@ -87,7 +84,7 @@ fn is_small(batch: &RecordBatch) -> bool {
 /// Fails if the artifact has no table, or it is not valid Parquet or does not follow its schema.
 pub fn read<T: Table>(artifact: &Artifact) -> Result<T, LakeError> {
     let batch = read_batch(artifact)?;
-    T::from_batch(&artifact.key, &batch).map_err(|source| LakeError::Schema {
+    T::from_batch(artifact.key.as_str(), &batch).map_err(|source| LakeError::Schema {
         table: T::NAME,
         key: artifact.key.clone(),
         source,
@@ -101,20 +98,18 @@ pub fn read<T: Table>(artifact: &Artifact) -> Result<T, LakeError> {
 /// Fails if the artifact has no table or it is not valid Parquet.
 pub fn read_batch(artifact: &Artifact) -> Result<RecordBatch, LakeError> {
     let path = artifact.path(FILE)?;
-    let parquet = |source: ParquetError| LakeError::Parquet {
-        action: "read",
-        path: path.to_owned(),
-        source,
-    };
-    let file = File::open(path).map_err(io_error("read", path))?;
-    let reader = ParquetRecordBatchReaderBuilder::try_new(file).map_err(parquet)?;
+    let reader = open(path)?;
     let schema = reader.schema().clone();
-    let batches = reader
-        .build()
-        .map_err(parquet)?
-        .collect::<Result<Vec<_>, _>>()
-        .map_err(|err| parquet(err.into()))?;
-    concat_batches(&schema, &batches).map_err(|err| parquet(err.into()))
+    let reader = reader.build().map_err(LakeError::parquet("read", path))?;
+    let batches = reader.collect::<Result<Vec<_>, _>>();
+    let batches = batches.map_err(LakeError::parquet("read", path))?;
+    concat_batches(&schema, &batches).map_err(LakeError::parquet("read", path))
+}
+
+/// Opens a table's file and reads its metadata.
+fn open(path: &Path) -> Result<ParquetRecordBatchReaderBuilder<File>, LakeError> {
+    let file = File::open(path).map_err(io_error("read", path))?;
+    ParquetRecordBatchReaderBuilder::try_new(file).map_err(LakeError::parquet("read", path))
 }
 
 /// Metadata of a table's file.
@@ -145,13 +140,7 @@ pub struct ColumnDescription {
 ///
 /// Fails if the file is not valid Parquet.
 pub fn describe(path: &Path) -> Result<Description, LakeError> {
-    let file = File::open(path).map_err(io_error("read", path))?;
-    let reader =
-        ParquetRecordBatchReaderBuilder::try_new(file).map_err(|source| LakeError::Parquet {
-            action: "read",
-            path: path.to_owned(),
-            source,
-        })?;
+    let reader = open(path)?;
     let columns = reader.schema().fields().iter().map(|field| {
         let note = |key: &str| field.metadata().get(key).cloned().unwrap_or_default();
         ColumnDescription {

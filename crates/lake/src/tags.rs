@@ -9,7 +9,7 @@ use std::{
 use dataflow::{RunStatus, nearest};
 use serde::{Deserialize, Serialize};
 
-use crate::{LakeError, lake::Lake, sealed, twice};
+use crate::{LakeError, lake::Lake, replicas, sealed};
 
 /// The name of the newest finished run.
 const NEWEST: &str = "newest";
@@ -30,9 +30,7 @@ pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<u64, LakeError> {
     if path.file_stem().and_then(OsStr::to_str) == Some(&tag.name) {
         Ok(tag.run)
     } else {
-        Err(LakeError::Damaged {
-            path: path.to_owned(),
-        })
+        Err(LakeError::damaged(path))
     }
 }
 
@@ -59,9 +57,9 @@ impl Lake {
     /// Fails if a tag cannot be read.
     pub fn tags(&self) -> Result<BTreeMap<String, u64>, LakeError> {
         let mut tags = BTreeMap::new();
-        for file in twice::names(&self.folder, &self.folder.tags())? {
+        for file in replicas::names(&self.folder, &self.folder.tags())? {
             if let Some(name) = file.strip_suffix(".json")
-                && let Some(run) = twice::read(&self.folder, &self.tag_path(name), parse)?
+                && let Some(run) = replicas::read(&self.folder, &self.tag_path(name), parse)?
             {
                 tags.insert(name.to_owned(), run);
             }
@@ -87,12 +85,12 @@ impl Lake {
         self.run_without_units(run)?;
         let path = self.tag_path(name);
         // A damaged tag can be overwritten.
-        let before = twice::read(&self.folder, &path, parse).ok().flatten();
+        let before = replicas::read(&self.folder, &path, parse).ok().flatten();
         let tag = Tag {
             name: name.to_owned(),
             run,
         };
-        twice::write(&self.folder, &path, &sealed::seal(&path, &tag)?)?;
+        replicas::write(&self.folder, &path, &sealed::seal(&path, &tag)?)?;
         Ok(before)
     }
 
@@ -103,7 +101,7 @@ impl Lake {
     /// Fails if there is no such tag, or the lake cannot be written.
     pub fn untag(&self, name: &str) -> Result<(), LakeError> {
         // A damaged tag can be removed too.
-        let files = twice::names(&self.folder, &self.folder.tags())?;
+        let files = replicas::names(&self.folder, &self.folder.tags())?;
         let mut names = files.iter().filter_map(|file| file.strip_suffix(".json"));
         if !names.any(|there| there == name) {
             return Err(self.no_tag(name)?);
@@ -111,7 +109,7 @@ impl Lake {
         self.prepare()?;
         // Holding the lock, so that no process restores one file from the other.
         let _turn = self.locks.lock_repair()?;
-        twice::remove(&self.folder, &self.tag_path(name))
+        replicas::remove(&self.folder, &self.tag_path(name))
     }
 
     fn no_tag(&self, name: &str) -> Result<LakeError, LakeError> {

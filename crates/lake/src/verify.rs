@@ -13,17 +13,16 @@ use dataflow::{Digest, RecordOutcome};
 use serde::{Deserialize, Serialize, de::IgnoredAny};
 
 use crate::{
-    LakeError, again,
+    LakeError,
     atomic::{self, io_error},
     digests::{OnBytes, check_digests},
     folder::{files_below, names_in},
+    irreplaceable,
     lake::Lake,
-    mend,
     newest::Newest,
-    records::{self, Stored},
-    register, sealed, seen,
+    records::Stored,
+    repair, sealed, snapshot,
     stamp::Stamp,
-    tags, twice,
 };
 
 /// A fault in the lake.
@@ -72,7 +71,7 @@ impl Lake {
         };
         verifier.blobs(on_bytes)?;
         verifier.records()?;
-        verifier.kept_twice()?;
+        verifier.replicated()?;
         verifier.newest()?;
         verifier.sealed(&self.folder.sources());
         verifier.all_shown()?;
@@ -151,7 +150,7 @@ impl Lake {
                 break;
             }
         }
-        mend::mend(self)?;
+        repair::repair(self)?;
         Ok(n_dropped)
     }
 }
@@ -238,37 +237,24 @@ impl Verifier<'_> {
     }
 
     /// Checks the files with backup copies, and the copies.
-    fn kept_twice(&mut self) -> Result<(), LakeError> {
+    fn replicated(&mut self) -> Result<(), LakeError> {
         let lake = self.lake;
-        let folder = &lake.folder;
-        self.twice(&folder.again(), &|path, bytes| {
-            again::parse(path, bytes).map(drop)
-        });
-        self.twice_in(&folder.recipes(), |path, bytes| {
-            records::parse_recipe(path, bytes).map(drop)
-        })?;
-        self.twice_in(&folder.manifests(), register::check_manifest)?;
-        self.twice_in(&folder.tags(), |path, bytes| {
-            tags::parse(path, bytes).map(drop)
-        })?;
-        self.twice_in(&folder.runs(), |path, bytes| {
-            let run = lake.register.parse(path, bytes)?;
-            lake.register.units(&run).map(drop)
-        })
-    }
-
-    fn twice_in(
-        &mut self,
-        folder: &Path,
-        check: impl Fn(&Path, &[u8]) -> Result<(), LakeError>,
-    ) -> Result<(), LakeError> {
-        for name in twice::names(&self.lake.folder, folder)? {
-            self.twice(&folder.join(name), &check);
+        let runs = lake.folder.runs();
+        for (path, check) in irreplaceable::all(lake)? {
+            let is_run = path.starts_with(&runs);
+            self.replicas_of(&path, &|path, bytes| {
+                check(lake, path, bytes)?;
+                if !is_run {
+                    return Ok(());
+                }
+                let run = lake.register.parse(path, bytes)?;
+                lake.register.units(&run).map(drop)
+            });
         }
         Ok(())
     }
 
-    fn twice(&mut self, path: &Path, check: &impl Fn(&Path, &[u8]) -> Result<(), LakeError>) {
+    fn replicas_of(&mut self, path: &Path, check: &impl Fn(&Path, &[u8]) -> Result<(), LakeError>) {
         let copy = self.lake.folder.copy_of(path);
         for path in [path, &copy] {
             let bytes = match fs::read(path) {
@@ -300,11 +286,11 @@ impl Verifier<'_> {
                 self.fault(&path, "its bytes are not the ones that were written");
             }
         }
-        let seen = self.lake.folder.seen();
-        if seen.exists() {
+        let snapshot = self.lake.folder.snapshot();
+        if snapshot.exists() {
             self.verified.n_files += 1;
-            if !seen::is_whole(&fs::read(&seen).unwrap_or_default()) {
-                self.fault(&seen, "its bytes are not the ones that were written");
+            if !snapshot::is_whole(&fs::read(&snapshot).unwrap_or_default()) {
+                self.fault(&snapshot, "its bytes are not the ones that were written");
             }
         }
         Ok(())

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use dataflow::ArtifactName;
+
 use crate::{
     LakeError, atomic,
     folder::{EVERY, HISTORY, TABLES, names_in},
@@ -44,7 +46,7 @@ pub(crate) fn text(lake: &Lake) -> Result<String, LakeError> {
              hive_types_autocast = false, union_by_name = true);\n",
             table::FILE
         ));
-        if !lake.folder.every().join(name).is_dir() {
+        if !lake.folder.every().join(name.as_str()).is_dir() {
             continue;
         }
         views.push_str(&format!(
@@ -62,15 +64,15 @@ pub(crate) fn text(lake: &Lake) -> Result<String, LakeError> {
 /// A published table, and the pipeline with the newest run among those that publish it; `None` if
 /// no run has.
 struct NewestTable {
-    table: String,
+    table: ArtifactName,
     pipeline: Option<String>,
 }
 
 /// Lists the tables with the pipeline of the newest run that publishes them.
 fn newest_tables(lake: &Lake) -> Result<Vec<NewestTable>, LakeError> {
-    let mut shown: Vec<(String, Vec<String>)> = Vec::new();
+    let mut shown: Vec<(ArtifactName, Vec<String>)> = Vec::new();
     for table in lake.tables()? {
-        let folders = names_in(&lake.folder.tables().join(&table))?;
+        let folders = names_in(&lake.folder.tables().join(table.as_str()))?;
         let pipelines = folders
             .iter()
             .filter_map(|name| name.strip_prefix("pipeline=").map(str::to_owned));

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, sync::Arc};
 use arrow_array::{ArrayRef, Float64Array, RecordBatch, cast::AsArray, types::Float64Type};
 use dataflow::{
     Artifact, Fingerprint, NodeName, NodeRecord, Origin, OutputRecord, Recipe, Record,
-    RecordOutcome, RunRecord, RunStatus, StageRecord, Store, UnitRef,
+    RecordOutcome, RunRecord, RunStatus, StageRecord, Store, UnitName, UnitRef,
 };
 use lake::{Lake, table};
 use serde_json::json;
@@ -54,7 +54,7 @@ fn by_name(numbers: &[f64]) -> BTreeMap<String, f64> {
 
 fn column(file: std::path::PathBuf, name: &str) -> Vec<u64> {
     let artifact = Artifact {
-        key: "all".to_owned(),
+        key: "all".parse().unwrap(),
         labels: BTreeMap::new(),
         files: BTreeMap::from([(table::FILE.to_owned(), file)]),
     };
@@ -75,17 +75,17 @@ fn every_number_comes_back_from_records_runs_caches_and_tables() {
     let numbers = numbers();
     let expected = bits(numbers.clone());
     let config = json!({"list": numbers, "named": by_name(&numbers)});
-    let node = NodeName::new("made", "values");
+    let node = NodeName::parse("made.values").unwrap();
     let fingerprint = Fingerprint {
         recipe: Arc::new(Recipe {
             kind: "make".to_owned(),
-            output: "values".to_owned(),
+            output: "values".parse().unwrap(),
             code: BTreeMap::new(),
             config: config.clone(),
             schema: "values/1".to_owned(),
         }),
-        stage: "made".to_owned(),
-        partition: "all".to_owned(),
+        stage: "made".parse().unwrap(),
+        partition: "all".parse().unwrap(),
         inputs: BTreeMap::new(),
         files: BTreeMap::new(),
         facts: BTreeMap::new(),
@@ -94,8 +94,9 @@ fn every_number_comes_back_from_records_runs_caches_and_tables() {
     let digest = fingerprint.digest();
 
     let lake = Lake::open(folder.path());
+    let name = UnitName::new(&node, &fingerprint.partition);
     lake.enter("own").unwrap();
-    let making = lake.begin(&digest, "made.values `all`", &|_| {}).unwrap();
+    let making = lake.begin(&digest, &name, &|_| {}).unwrap();
     let values: ArrayRef = Arc::new(Float64Array::from(numbers.clone()));
     let batch = RecordBatch::try_from_iter([("value", values)]).unwrap();
     table::write_batch(making.folder(), &batch).unwrap();
@@ -111,7 +112,7 @@ fn every_number_comes_back_from_records_runs_caches_and_tables() {
     let kept = Arc::new(kept.unwrap().outcome);
     let unit = UnitRef {
         node: node.clone(),
-        partition: "all".to_owned(),
+        partition: "all".parse().unwrap(),
         fingerprint: digest,
         made_now: true,
     };
@@ -120,7 +121,7 @@ fn every_number_comes_back_from_records_runs_caches_and_tables() {
         origin: Origin::default(),
         seed: u64::MAX,
         stages: BTreeMap::from([(
-            "made".to_owned(),
+            node.stage.clone(),
             StageRecord {
                 kind: "make".to_owned(),
                 config,

@@ -27,7 +27,7 @@ fn artifact(key: &str, folder: &Path) -> Artifact {
         (name, path)
     });
     Artifact {
-        key: key.to_owned(),
+        key: key.parse().unwrap(),
         labels: BTreeMap::new(),
         files: files.collect(),
     }
@@ -40,7 +40,7 @@ fn inputs(name: &str, artifacts: Vec<Artifact>) -> Inputs {
 #[test]
 fn written_artifact_is_read_by_type() {
     let folder = tempfile::tempdir().unwrap();
-    let cx = Context::detached("cgf", 7, folder.path());
+    let cx = Context::detached(&"cgf".parse().unwrap(), 7, folder.path());
     cx.write(&latents(0.5)).unwrap();
     cx.write_file("note.txt", "μ".as_bytes()).unwrap();
     let made = artifact("cgf", folder.path());
@@ -87,7 +87,7 @@ fn unreadable_and_unwritable_tables_are_errors_with_a_hint() {
         None,
         true,
     );
-    let cx = Context::detached("cgf", 7, folder.path());
+    let cx = Context::detached(&"cgf".parse().unwrap(), 7, folder.path());
     check(
         cx.write(&latents(f64::NAN)).unwrap_err(),
         "cannot make the table `latents`",

@@ -1,6 +1,6 @@
 //! Differences in the results of two runs: metrics and partitions, by output.
 
-use dataflow::{NodeRecord, RunRecord};
+use dataflow::{NodeRecord, PartitionKey, RunRecord};
 use serde::Serialize;
 
 use super::{units::Pair, values::keys};
@@ -17,10 +17,10 @@ pub(super) struct FigureChange {
 #[derive(Debug, PartialEq, Serialize)]
 pub(super) struct OutputChange {
     pub(super) output: String,
-    pub(super) added: Vec<String>,
-    pub(super) removed: Vec<String>,
+    pub(super) added: Vec<PartitionKey>,
+    pub(super) removed: Vec<PartitionKey>,
     /// Partitions whose bytes or labels differ.
-    pub(super) changed: Vec<String>,
+    pub(super) changed: Vec<PartitionKey>,
     pub(super) figures: Vec<FigureChange>,
 }
 
@@ -40,13 +40,12 @@ pub(super) fn compare(old: &RunRecord, new: &RunRecord, pairs: &[Pair]) -> Vec<O
         };
         if let Some(pair) = pairs.iter().find(|pair| pair.node == after.node) {
             let (old, new) = (pair.old.partitions(), pair.new.partitions());
-            let named = |partition: &&str| (*partition).to_owned();
-            output.added = new.difference(&old).map(named).collect();
-            output.removed = old.difference(&new).map(named).collect();
-            let both = old.intersection(&new);
-            let differs =
-                |partition: &&&str| pair.old.content(partition) != pair.new.content(partition);
-            output.changed = both.filter(differs).map(named).collect();
+            let content = |key: &PartitionKey| (pair.old.content(key), pair.new.content(key));
+            let differs = |key: &&PartitionKey| matches!(content(key), (old, new) if old != new);
+            output.added = new.difference(&old).copied().cloned().collect();
+            output.removed = old.difference(&new).copied().cloned().collect();
+            let both = old.intersection(&new).copied();
+            output.changed = both.filter(differs).cloned().collect();
         }
         let lists = [&output.added, &output.removed, &output.changed];
         if !output.figures.is_empty() || lists.iter().any(|list| !list.is_empty()) {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::Change;
+use dataflow::{Change, StageName};
 use serde_json::Value;
 
 use super::{
@@ -83,7 +83,7 @@ fn row(key: &str, old: String, new: String) -> Vec<String> {
 }
 
 fn asked(asked: &Asked) -> Vec<Vec<String>> {
-    let alone = |stage: &String, what: &str| vec![stage.clone(), what.to_owned()];
+    let alone = |stage: &StageName, what: &str| vec![stage.to_string(), what.to_owned()];
     let added = asked.added_stages.iter();
     let mut rows: Vec<_> = added.map(|stage| alone(stage, "added")).collect();
     let removed = asked.removed_stages.iter();

@@ -2,11 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataflow::{Digest, NodeName, Record, UnitRef};
+use dataflow::{Digest, NodeName, PartitionKey, Record, UnitRef};
 use lake::{Lake, LakeError};
 
 /// An output in one run: its units' fingerprints by partition.
-type Fingerprints<'a> = BTreeMap<&'a str, Digest>;
+type Fingerprints<'a> = BTreeMap<&'a PartitionKey, Digest>;
 
 /// An output that two runs visited, with the records of its units.
 pub(super) struct Pair {
@@ -19,9 +19,9 @@ pub(super) struct Pair {
 #[derive(Default)]
 pub(super) struct Side {
     /// Records by partition.
-    pub(super) records: BTreeMap<String, Record>,
+    pub(super) records: BTreeMap<PartitionKey, Record>,
     /// Partitions whose records are no longer in the lake, with their fingerprints.
-    pub(super) lost: BTreeMap<String, Digest>,
+    pub(super) lost: BTreeMap<PartitionKey, Digest>,
 }
 
 impl Side {
@@ -30,10 +30,10 @@ impl Side {
         for (&partition, fingerprint) in fingerprints {
             match lake.record(fingerprint)? {
                 Some(record) => {
-                    side.records.insert(partition.to_owned(), record);
+                    side.records.insert(partition.clone(), record);
                 }
                 None => {
-                    side.lost.insert(partition.to_owned(), *fingerprint);
+                    side.lost.insert(partition.clone(), *fingerprint);
                 }
             }
         }
@@ -41,16 +41,16 @@ impl Side {
     }
 
     /// The existing partitions: made ones, and those without a record.
-    pub(super) fn partitions(&self) -> BTreeSet<&str> {
+    pub(super) fn partitions(&self) -> BTreeSet<&PartitionKey> {
         let made = self.records.iter();
         let made = made.filter(|(_, record)| record.outcome.is_made());
-        let made = made.map(|(partition, _)| partition.as_str());
-        made.chain(self.lost.keys().map(String::as_str)).collect()
+        let made = made.map(|(partition, _)| partition);
+        made.chain(self.lost.keys()).collect()
     }
 
     /// The identity of a partition: its artifact's digest, or the fingerprint if its record is
     /// lost.
-    pub(super) fn content(&self, partition: &str) -> Option<Digest> {
+    pub(super) fn content(&self, partition: &PartitionKey) -> Option<Digest> {
         match self.records.get(partition) {
             Some(record) => record.outcome.artifact_digest(),
             None => self.lost.get(partition).copied(),

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataflow::{RunRecord, StageRecord};
+use dataflow::{RunRecord, StageName, StageRecord};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -31,8 +31,8 @@ pub(super) struct WireChange {
 #[derive(Debug, Default, PartialEq, Serialize)]
 pub(super) struct Asked {
     pub(super) values: Vec<ValueChange>,
-    pub(super) added_stages: Vec<String>,
-    pub(super) removed_stages: Vec<String>,
+    pub(super) added_stages: Vec<StageName>,
+    pub(super) removed_stages: Vec<StageName>,
     pub(super) rewired: Vec<WireChange>,
 }
 
@@ -62,10 +62,10 @@ impl Asked {
         asked
     }
 
-    fn compare_stage(&mut self, name: &str, old: &StageRecord, new: &StageRecord) {
+    fn compare_stage(&mut self, name: &StageName, old: &StageRecord, new: &StageRecord) {
         let kind = |stage: &StageRecord| Value::from(stage.kind.as_str());
         self.compare_values(&format!("{name}.kind"), Some(&kind(old)), Some(&kind(new)));
-        self.compare_values(name, Some(&old.config), Some(&new.config));
+        self.compare_values(name.as_str(), Some(&old.config), Some(&new.config));
         for input in keys(&old.inputs, &new.inputs) {
             let source = |stage: &StageRecord| stage.inputs.get(input).map(ToString::to_string);
             let (old, new) = (source(old), source(new));
@@ -107,10 +107,10 @@ fn holds_tables(list: &[Value]) -> bool {
 }
 
 /// The keys of two maps, in order.
-pub(super) fn keys<'a, V>(
-    old: &'a BTreeMap<String, V>,
-    new: &'a BTreeMap<String, V>,
-) -> BTreeSet<&'a String> {
+pub(super) fn keys<'a, N: Ord, V>(
+    old: &'a BTreeMap<N, V>,
+    new: &'a BTreeMap<N, V>,
+) -> BTreeSet<&'a N> {
     old.keys().chain(new.keys()).collect()
 }
 

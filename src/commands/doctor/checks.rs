@@ -77,42 +77,35 @@ fn robot_cell(stage: &StageEntry, options: &DispatchConfig) -> Check {
     let address = ["tcp/", "tls/"]
         .iter()
         .find_map(|way| cell.strip_prefix(way));
+    let check = |state, finding: String| Check::new(state, "robot cell", finding);
     let Some(address) = address else {
+        let local = "on the loopback interface";
         return match TcpListener::bind(("127.0.0.1", 0)) {
-            Ok(_) => Check::new(
-                State::Ok,
-                "robot cell",
-                "simulated, in the run's own process, on the loopback interface",
-            ),
-            Err(err) => Check::new(
-                State::Missing,
-                "robot cell",
-                format!("simulated, but nothing can listen on the loopback interface: {err}"),
-            ),
+            Ok(_) => {
+                let finding = format!("simulated, in the run's own process, {local}");
+                check(State::Ok, finding)
+            }
+            Err(err) => {
+                let finding = format!("simulated, but nothing can listen {local}: {err}");
+                check(State::Missing, finding)
+            }
         };
     };
+    let stage = &stage.name;
+    let connects = format!("`{name}` takes connections at `{cell}`");
     match connect(address) {
-        Err(reason) => Check::new(
-            State::Missing,
-            "robot cell",
-            format!("nothing answers at `{cell}`, where `{name}` should be: {reason}"),
-        )
-        .with_hint(format!(
-            "start the cell, or try the simulated one with `--set {}.cell=simulated`",
-            stage.name
-        )),
-        Ok(()) if options.execute => Check::new(
-            State::Ok,
-            "robot cell",
-            format!("`{name}` takes connections at `{cell}`, and may be moved"),
-        ),
-        Ok(()) => Check::new(
+        Err(reason) => {
+            let finding =
+                format!("nothing answers at `{cell}`, where `{name}` should be: {reason}");
+            check(State::Missing, finding).with_hint(format!(
+                "start the cell, or try the simulated one with `--set {stage}.cell=simulated`"
+            ))
+        }
+        Ok(()) if options.execute => check(State::Ok, format!("{connects}, and may be moved")),
+        Ok(()) => check(
             State::Unset,
-            "robot cell",
             format!(
-                "`{name}` takes connections at `{cell}`; without `--execute`, `{}` sends nothing \
-                 unless the cell is simulated",
-                stage.name
+                "{connects}; without `--execute`, `{stage}` sends nothing unless the cell is simulated"
             ),
         ),
     }

@@ -16,7 +16,7 @@ pub(super) fn dot(graph: &Graph) -> String {
         let name = quoted(&format!("cluster_{}", stage.name));
         text.push_str(&format!(
             "    subgraph {name} {{\n        label = {};\n",
-            quoted(&stage.name)
+            quoted(stage.name.as_str())
         ));
         for node in graph.outputs_of(&stage.name) {
             let label = format!("{}\n{}", node.name.artifact, graph.partitions(node));
@@ -53,7 +53,10 @@ pub(super) fn mermaid(graph: &Graph) -> String {
     };
     let mut text = "flowchart LR\n".to_owned();
     for (idx, stage) in graph.pipeline.stages.iter().enumerate() {
-        text.push_str(&format!("    subgraph s{idx}[{}]\n", label(&stage.name)));
+        text.push_str(&format!(
+            "    subgraph s{idx}[{}]\n",
+            label(stage.name.as_str())
+        ));
         for node in graph.outputs_of(&stage.name) {
             let words = format!("{}<br/>{}", node.name.artifact, graph.partitions(node));
             text.push_str(&format!(

@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use dataflow::StageName;
+
 use super::Graph;
 
 /// Lists the stages in layers: each reads only layers above its own.
@@ -24,10 +26,10 @@ pub(super) fn text(graph: &Graph) -> String {
     text
 }
 
-fn stage_lines(graph: &Graph, stage: &str, width: usize) -> String {
-    let entry = graph.pipeline.find(stage);
+fn stage_lines(graph: &Graph, stage: &StageName, width: usize) -> String {
+    let entry = graph.pipeline.find(stage.as_str());
     let kind = entry.map_or("", |entry| entry.kind.name);
-    let mut text = if kind == stage {
+    let mut text = if *stage == *kind {
         format!("{stage}\n")
     } else {
         format!("{stage} ({kind})\n")
@@ -46,7 +48,7 @@ fn stage_lines(graph: &Graph, stage: &str, width: usize) -> String {
         let own: Vec<&str> = node
             .reads
             .values()
-            .filter(|source| source.stage == stage)
+            .filter(|source| source.stage == *stage)
             .map(|source| source.artifact.as_str())
             .collect();
         let own = if own.is_empty() {
@@ -64,19 +66,19 @@ fn stage_lines(graph: &Graph, stage: &str, width: usize) -> String {
 }
 
 /// The stages by the length of the longest path to them.
-fn layers<'g>(graph: &'g Graph) -> BTreeMap<usize, Vec<&'g str>> {
-    let mut depths: BTreeMap<&str, usize> = BTreeMap::new();
-    let mut layers: BTreeMap<usize, Vec<&str>> = BTreeMap::new();
+fn layers<'g>(graph: &'g Graph) -> BTreeMap<usize, Vec<&'g StageName>> {
+    let mut depths: BTreeMap<&StageName, usize> = BTreeMap::new();
+    let mut layers: BTreeMap<usize, Vec<&StageName>> = BTreeMap::new();
     // The outputs are ordered, so that what a stage reads has come before it.
     for node in &graph.pipeline.nodes {
-        let stage = node.name.stage.as_str();
+        let stage = &node.name.stage;
         if depths.contains_key(stage) {
             continue;
         }
         let above = node
             .reads
             .values()
-            .filter_map(|source| depths.get(source.stage.as_str()));
+            .filter_map(|source| depths.get(&source.stage));
         let depth = above.max().map_or(0, |above| above + 1);
         depths.insert(stage, depth);
         layers.entry(depth).or_default().push(stage);

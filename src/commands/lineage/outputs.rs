@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataflow::{NodeName, RunRecord};
+use dataflow::{NodeName, PartitionKey, RunRecord};
 use serde::Serialize;
 
 use super::{
@@ -35,7 +35,7 @@ struct Read {
 
 /// The reads from each output, and from outside.
 struct Reads {
-    partitions: BTreeMap<NodeName, BTreeSet<String>>,
+    partitions: BTreeMap<NodeName, BTreeSet<PartitionKey>>,
     n_files: usize,
 }
 
@@ -83,7 +83,7 @@ pub(super) fn family(
 }
 
 fn reads(run: &RunRecord, relations: &Relations, node: &NodeName) -> Result<Reads, CommandError> {
-    let mut partitions: BTreeMap<NodeName, BTreeSet<String>> = BTreeMap::new();
+    let mut partitions: BTreeMap<NodeName, BTreeSet<PartitionKey>> = BTreeMap::new();
     let mut files = BTreeSet::new();
     let records = relations.records(node)?;
     for record in &records {
@@ -130,7 +130,7 @@ fn member(run: &RunRecord, node: &NodeName, reads: Option<&Reads>) -> Member {
 
 impl Member {
     /// Returns its node of the tree.
-    pub(super) fn into_limb(self) -> TreeNode {
+    pub(super) fn node(&self) -> TreeNode {
         let mut counts = vec![format!("{} made", self.n_made)];
         for (n, word) in [(self.n_skipped, "skipped"), (self.n_filtered, "filtered")] {
             if n > 0 {
@@ -142,14 +142,13 @@ impl Member {
             1 => "1 file outside".to_owned(),
             n => format!("{n} files outside"),
         };
-        let below = self.below.into_iter();
         // Each by itself, so that none is cut.
-        let groups = below.map(|member| Group {
+        let groups = self.below.iter().map(|&member| Group {
             name: String::new(),
             members: vec![member],
         });
         TreeNode {
-            cells: vec![self.output, counts.join(", "), files],
+            cells: vec![self.output.clone(), counts.join(", "), files],
             groups: groups.collect(),
             leaves: Vec::new(),
         }

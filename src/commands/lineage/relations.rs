@@ -2,26 +2,25 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataflow::{Digest, NodeName, Record, RunRecord, UnitRef};
+use dataflow::{
+    ArtifactName, Digest, NodeName, PartitionKey, Record, RunRecord, UnitName, UnitRef,
+};
 use lake::{Lake, LakeError};
 use serde::Serialize;
 
-/// An output and a partition of it.
-type Key = (NodeName, String);
-
 /// The readers of a partition.
-type Readers = BTreeMap<Key, BTreeSet<Key>>;
+type Readers = BTreeMap<UnitName, BTreeSet<UnitName>>;
 
 /// Partitions of an output, by output.
-type ByOutput = Vec<(NodeName, Vec<String>)>;
+type ByOutput = Vec<(NodeName, Vec<PartitionKey>)>;
 
 /// The partitions that a unit reads through one input.
 #[derive(Serialize)]
 pub(super) struct Read {
-    input: String,
+    input: ArtifactName,
     #[serde(rename = "output", serialize_with = "as_text")]
     pub(super) node: NodeName,
-    pub(super) partitions: Vec<String>,
+    pub(super) partitions: Vec<PartitionKey>,
 }
 
 fn as_text<S: serde::Serializer>(node: &NodeName, serializer: S) -> Result<S::Ok, S::Error> {
@@ -32,7 +31,7 @@ fn as_text<S: serde::Serializer>(node: &NodeName, serializer: S) -> Result<S::Ok
 pub(super) struct Relations<'a> {
     lake: &'a Lake,
     run: &'a RunRecord,
-    units: BTreeMap<(&'a NodeName, &'a str), &'a UnitRef>,
+    units: BTreeMap<UnitName, &'a UnitRef>,
     /// The readers of each partition; computed on first use.
     readers: Option<Readers>,
 }
@@ -40,7 +39,7 @@ pub(super) struct Relations<'a> {
 impl<'a> Relations<'a> {
     pub(super) fn new(lake: &'a Lake, run: &'a RunRecord) -> Self {
         let units = run.units.iter();
-        let units = units.map(|unit| ((&unit.node, unit.partition.as_str()), unit));
+        let units = units.map(|unit| (UnitName::new(&unit.node, &unit.partition), unit));
         Self {
             lake,
             run,
@@ -50,24 +49,26 @@ impl<'a> Relations<'a> {
     }
 
     /// Returns the fingerprint that a partition has in the run.
-    pub(super) fn fingerprint(&self, node: &NodeName, partition: &str) -> Option<Digest> {
-        let unit = self.units.get(&(node, partition))?;
-        Some(unit.fingerprint)
+    pub(super) fn fingerprint(&self, unit: &UnitName) -> Option<Digest> {
+        self.units.get(unit).map(|unit| unit.fingerprint)
     }
 
     /// Returns the output that a stage reads through an input: the one that is wired to it, or an
     /// output of its own.
-    pub(super) fn source(&self, node: &NodeName, input: &str) -> NodeName {
+    pub(super) fn source(&self, node: &NodeName, input: &ArtifactName) -> NodeName {
         let stage = self.run.stages.get(&node.stage);
         let wired = stage.and_then(|stage| stage.inputs.get(input));
-        wired.map_or_else(|| NodeName::new(&node.stage, input), Clone::clone)
+        wired.cloned().unwrap_or_else(|| NodeName {
+            stage: node.stage.clone(),
+            artifact: input.clone(),
+        })
     }
 
     /// Returns the reads of a unit, by input.
     pub(super) fn reads(
         &self,
         node: &NodeName,
-        inputs: &BTreeMap<String, BTreeMap<String, Digest>>,
+        inputs: &BTreeMap<ArtifactName, BTreeMap<PartitionKey, Digest>>,
     ) -> Vec<Read> {
         let reads = inputs.iter().map(|(input, partitions)| Read {
             input: input.clone(),
@@ -78,24 +79,17 @@ impl<'a> Relations<'a> {
     }
 
     /// Returns the units that read a partition, by output.
-    pub(super) fn readers(
-        &mut self,
-        node: &NodeName,
-        partition: &str,
-    ) -> Result<ByOutput, LakeError> {
+    pub(super) fn readers(&mut self, unit: &UnitName) -> Result<ByOutput, LakeError> {
         if self.readers.is_none() {
             self.readers = Some(self.find_readers()?);
         }
         let readers = self.readers.as_ref();
-        let readers = readers.and_then(|all| all.get(&(node.clone(), partition.to_owned())));
-        let mut by_output: BTreeMap<&NodeName, Vec<String>> = BTreeMap::new();
-        for (reader, partition) in readers.into_iter().flatten() {
-            by_output.entry(reader).or_default().push(partition.clone());
+        let readers = readers.and_then(|all| all.get(unit));
+        let mut by_output: BTreeMap<NodeName, Vec<PartitionKey>> = BTreeMap::new();
+        for UnitName { node, partition } in readers.into_iter().flatten().cloned() {
+            by_output.entry(node).or_default().push(partition);
         }
-        let by_output = by_output.into_iter();
-        Ok(by_output
-            .map(|(node, partitions)| (node.clone(), partitions))
-            .collect())
+        Ok(by_output.into_iter().collect())
     }
 
     fn find_readers(&self) -> Result<Readers, LakeError> {
@@ -106,8 +100,9 @@ impl<'a> Relations<'a> {
             };
             for read in self.reads(&unit.node, &record.fingerprint.inputs) {
                 for partition in read.partitions {
-                    let readers = readers.entry((read.node.clone(), partition)).or_default();
-                    readers.insert((unit.node.clone(), unit.partition.clone()));
+                    let read = UnitName::new(&read.node, &partition);
+                    let readers = readers.entry(read).or_default();
+                    readers.insert(UnitName::new(&unit.node, &unit.partition));
                 }
             }
         }

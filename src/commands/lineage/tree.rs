@@ -16,18 +16,20 @@ pub(super) struct TreeNode {
 }
 
 /// Children of one kind.
+#[derive(Clone)]
 pub(super) struct Group {
     /// Their kind.
     pub(super) name: String,
     pub(super) members: Vec<usize>,
 }
 
-/// Lays out the tree of the first limb. The subtree of a repeated limb is shown only at its first
+/// Lays out the tree of the first node. The subtree of a repeated node is shown only at its first
 /// occurrence.
-pub(super) fn text(limbs: &[TreeNode]) -> String {
+pub(super) fn text(nodes: impl Iterator<Item = TreeNode>) -> String {
+    let nodes: Vec<TreeNode> = nodes.collect();
     let mut tree = Tree {
-        limbs,
-        is_shown: vec![false; limbs.len()],
+        is_shown: vec![false; nodes.len()],
+        nodes: &nodes,
         rows: Vec::new(),
     };
     tree.grow(0, "", "");
@@ -35,7 +37,7 @@ pub(super) fn text(limbs: &[TreeNode]) -> String {
 }
 
 struct Tree<'a> {
-    limbs: &'a [TreeNode],
+    nodes: &'a [TreeNode],
     is_shown: Vec<bool>,
     rows: Vec<Vec<String>>,
 }
@@ -48,15 +50,15 @@ enum Below<'a> {
 }
 
 impl Tree<'_> {
-    /// Adds a limb; `first` stands before its own line, `others` before those below it.
+    /// Adds a node; `first` stands before its own line, `others` before those below it.
     fn grow(&mut self, position: usize, first: &str, others: &str) {
-        let limbs = self.limbs;
-        let (Some(limb), Some(is_shown)) = (limbs.get(position), self.is_shown.get_mut(position))
+        let nodes = self.nodes;
+        let (Some(node), Some(is_shown)) = (nodes.get(position), self.is_shown.get_mut(position))
         else {
             return;
         };
-        let mut cells = limb.cells.clone();
-        let has_more = !limb.groups.is_empty() || !limb.leaves.is_empty();
+        let mut cells = node.cells.clone();
+        let has_more = !node.groups.is_empty() || !node.leaves.is_empty();
         if *is_shown && has_more {
             cells.push("as above".to_owned());
         }
@@ -65,12 +67,12 @@ impl Tree<'_> {
             return;
         }
         let mut below = Vec::new();
-        for group in &limb.groups {
+        for group in &node.groups {
             cut(&mut below, &group.members, &group.name, |&idx| {
                 Below::TreeNode(idx)
             });
         }
-        cut(&mut below, &limb.leaves, "files", |leaf| Below::Leaf(leaf));
+        cut(&mut below, &node.leaves, "files", |leaf| Below::Leaf(leaf));
         let n_below = below.len();
         for (idx, below) in below.into_iter().enumerate() {
             let (branch, line) = if idx + 1 == n_below {
@@ -123,7 +125,7 @@ fn with_prefix(prefix: &str, mut cells: Vec<String>) -> Vec<String> {
 mod tests {
     use super::*;
 
-    fn limb(name: &str, groups: &[&[usize]], n_leaves: usize) -> TreeNode {
+    fn node(name: &str, groups: &[&[usize]], n_leaves: usize) -> TreeNode {
         let group = |members: &&[usize]| Group {
             name: "others".to_owned(),
             members: members.to_vec(),
@@ -139,11 +141,13 @@ mod tests {
 
     #[test]
     fn lists_are_cut_and_repeats_shown_once() {
-        let limbs = [
-            limb("root", &[&[1, 2]], 0),
-            limb("a", &[&[2]], 6),
-            limb("b", &[], 1),
-        ];
+        let nodes = || {
+            [
+                node("root", &[&[1, 2]], 0),
+                node("a", &[&[2]], 6),
+                node("b", &[], 1),
+            ]
+        };
         let expected = "\
 root
 ├─ a
@@ -170,7 +174,7 @@ root
                 })
                 .collect::<Vec<_>>()
         };
-        assert_eq!(squeezed(&text(&limbs)), squeezed(expected));
-        assert!(text(&limbs).ends_with("as above\n"));
+        assert_eq!(squeezed(&text(nodes().into_iter())), squeezed(expected));
+        assert!(text(nodes().into_iter()).ends_with("as above\n"));
     }
 }

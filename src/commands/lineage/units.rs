@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Digest, NodeName, UnitRef};
+use dataflow::{Digest, NodeName, PartitionKey, UnitName, UnitRef};
 use lake::{Lake, Provenance};
 use serde::Serialize;
 
@@ -17,7 +17,7 @@ use crate::{moments, outcome::CommandError, report};
 #[derive(Serialize)]
 pub(super) struct Member {
     output: String,
-    partition: String,
+    partition: PartitionKey,
     /// Digest of everything that it depends on; `null` if it is not among the run's units.
     fingerprint: Option<Digest>,
     /// `made`, `skipped`, `filtered`, or `collected` if its record is no longer in the lake.
@@ -62,15 +62,15 @@ pub(super) fn family(
     unit: &UnitRef,
     direction: Direction,
 ) -> Result<Vec<Member>, CommandError> {
-    let key = (unit.node.clone(), unit.partition.clone());
+    let key = UnitName::new(&unit.node, &unit.partition);
     let mut positions = BTreeMap::from([(key.clone(), 0)]);
     let mut keys = vec![key];
     let mut members = Vec::new();
-    while let Some((node, partition)) = keys.get(members.len()).cloned() {
-        let mut member = member(lake, relations, &node, &partition, direction)?;
+    while let Some(unit) = keys.get(members.len()).cloned() {
+        let mut member = member(lake, relations, &unit, direction)?;
         let relatives = match direction {
             Direction::Up => upward(&member.reads),
-            Direction::Down => relations.readers(&node, &partition)?,
+            Direction::Down => relations.readers(&unit)?,
         };
         for (other, partitions) in relatives {
             let mut group = Group {
@@ -78,7 +78,7 @@ pub(super) fn family(
                 members: Vec::new(),
             };
             for partition in partitions {
-                let key = (other.clone(), partition);
+                let key = UnitName::new(&other, &partition);
                 let position = *positions.entry(key.clone()).or_insert_with(|| {
                     keys.push(key);
                     keys.len() - 1
@@ -93,7 +93,7 @@ pub(super) fn family(
 }
 
 /// The partitions that one reads, by output.
-fn upward(reads: &[Read]) -> Vec<(NodeName, Vec<String>)> {
+fn upward(reads: &[Read]) -> Vec<(NodeName, Vec<PartitionKey>)> {
     let reads = reads.iter();
     let reads = reads.map(|read| (read.node.clone(), read.partitions.clone()));
     reads.collect()
@@ -102,14 +102,13 @@ fn upward(reads: &[Read]) -> Vec<(NodeName, Vec<String>)> {
 fn member(
     lake: &Lake,
     relations: &Relations,
-    node: &NodeName,
-    partition: &str,
+    unit: &UnitName,
     direction: Direction,
 ) -> Result<Member, CommandError> {
     let mut member = Member {
-        output: node.to_string(),
-        partition: partition.to_owned(),
-        fingerprint: relations.fingerprint(node, partition),
+        output: unit.node.to_string(),
+        partition: unit.partition.clone(),
+        fingerprint: relations.fingerprint(unit),
         result: "collected",
         made: None,
         reads: Vec::new(),
@@ -123,7 +122,7 @@ fn member(
     if let Some((record, provenance)) = lake.record_and_provenance(fingerprint)? {
         member.result = record.outcome.word();
         member.made = Some(Made::from(provenance));
-        member.reads = relations.reads(node, &record.fingerprint.inputs);
+        member.reads = relations.reads(&unit.node, &record.fingerprint.inputs);
         member.files = record.fingerprint.files;
     }
     Ok(member)
@@ -131,8 +130,7 @@ fn member(
 
 impl Member {
     /// Returns its node of the tree.
-    pub(super) fn into_limb(self) -> TreeNode {
-        let fingerprint = self.fingerprint.map(Digest::short);
+    pub(super) fn node(&self) -> TreeNode {
         let what = match &self.made {
             Some(made) => format!(
                 "{} {} UTC in {} by {} on `{}`",
@@ -144,19 +142,20 @@ impl Member {
             ),
             None => self.result.to_owned(),
         };
-        let files = match self.direction {
-            Direction::Up => self.files,
-            Direction::Down => BTreeMap::new(),
-        };
-        let leaf = |(name, digest): (String, Digest)| vec![format!("file {name}"), digest.short()];
+        let files = self.files.iter();
+        let leaf =
+            |(name, digest): (&String, &Digest)| vec![format!("file {name}"), digest.short()];
         TreeNode {
             cells: vec![
                 format!("{} {}", self.output, self.partition),
-                fingerprint.unwrap_or_default(),
+                self.fingerprint.map(Digest::short).unwrap_or_default(),
                 what,
             ],
-            groups: self.below,
-            leaves: files.into_iter().map(leaf).collect(),
+            groups: self.below.clone(),
+            leaves: match self.direction {
+                Direction::Up => files.map(leaf).collect(),
+                Direction::Down => Vec::new(),
+            },
         }
     }
 }

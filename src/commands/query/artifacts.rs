@@ -95,7 +95,7 @@ fn makers(stages: &[&StageTable]) -> PolarsResult<DataFrame> {
     df!(
         FINGERPRINT => texts(|(_, unit)| unit.clone()),
         PIPELINE => texts(|(stage, _)| stage.pipeline.clone()),
-        STAGE => texts(|(stage, _)| stage.stage.clone()),
+        STAGE => texts(|(stage, _)| stage.stage.to_string()),
     )
 }
 

@@ -1,6 +1,6 @@
 //! Errors of a query, in the project's words and with near names.
 
-use dataflow::nearest;
+use dataflow::{ArtifactName, nearest};
 use lake::Lake;
 use polars::prelude::*;
 
@@ -30,7 +30,7 @@ pub(super) fn explain(
     if let Some(table) = between(&text, "relation '", "' was not found") {
         // The message does not depend on the list of tables.
         let shown = lake.tables().unwrap_or_default();
-        let mut names: Vec<&str> = shown.iter().map(String::as_str).collect();
+        let mut names: Vec<&str> = shown.iter().map(ArtifactName::as_str).collect();
         names.extend(Lake::history_tables());
         names.sort_unstable();
         let list = format!("the tables are: {}", names.join(", "));

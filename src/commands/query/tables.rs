@@ -7,6 +7,7 @@ use std::{
     sync::Arc,
 };
 
+use dataflow::ArtifactName;
 use lake::{Lake, Run, TableFiles};
 use polars::{prelude::*, sql::SQLContext};
 
@@ -58,22 +59,22 @@ impl<'a> Tables<'a> {
         for name in names {
             if words.contains(name.as_str()) {
                 let files = match run {
-                    Some(run) => lake.table_of_run(&name, run)?,
-                    None => lake.newest_table(&name)?,
+                    Some(run) => lake.table_of_run(name.as_str(), run)?,
+                    None => lake.newest_table(name.as_str())?,
                 };
-                tables.note_collected(&name, &files);
+                tables.note_collected(name.as_str(), &files);
                 if let Some(frame) = artifacts::table(&files).map_err(failed)? {
-                    tables.register(name.clone(), frame);
+                    tables.register(name.to_string(), frame);
                 }
             }
             let all = format!("{ALL}{name}");
             if words.contains(all.as_str()) {
-                let files = lake.table_of_all_runs(&name)?;
+                let files = lake.table_of_all_runs(name.as_str())?;
                 tables.note_collected(&all, &files);
                 let units = history(&lake.history_table("units")?).map_err(failed)?;
                 if let Some(units) = units
                     && let Some(frame) =
-                        artifacts::of_all_runs(&files, &name, units).map_err(failed)?
+                        artifacts::of_all_runs(&files, name.as_str(), units).map_err(failed)?
                 {
                     tables.register(all, frame);
                 }
@@ -108,7 +109,7 @@ impl<'a> Tables<'a> {
 }
 
 /// Names of the artifacts that may have a table.
-fn names(lake: &Lake, run: Option<&Run>) -> Result<BTreeSet<String>, CommandError> {
+fn names(lake: &Lake, run: Option<&Run>) -> Result<BTreeSet<ArtifactName>, CommandError> {
     let mut names = BTreeSet::new();
     let newest = if run.is_some() {
         None

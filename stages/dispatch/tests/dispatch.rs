@@ -113,7 +113,7 @@ fn rollout(id: &str, verdict: Verdict) -> Rollout {
 
 fn artifact(folder: &Path) -> Artifact {
     Artifact {
-        key: OBJECT.to_owned(),
+        key: OBJECT.parse().unwrap(),
         labels: BTreeMap::new(),
         files: BTreeMap::from([(lake::table::FILE.to_owned(), folder.join(lake::table::FILE))]),
     }
@@ -174,7 +174,7 @@ fn run(change: impl Fn(&mut DispatchConfig), verdict: Verdict) -> Result<Ran, Di
     let mut config = config();
     change(&mut config);
     let inputs = inputs(work.path(), &config, verdict);
-    let cx = Context::detached(OBJECT, 1, folder.path());
+    let cx = Context::detached(&OBJECT.parse().unwrap(), 1, folder.path());
     let Outcome::Made(made) = Dispatch::make(&config, &inputs, &cx)? else {
         panic!("expected an artifact");
     };

@@ -46,22 +46,24 @@ impl Output for Interpolate {
     const OPTIONS: Options = Options::Except(&["objects"]);
 
     fn units(config: &InterpolateConfig, scope: &Scope) -> Result<Vec<Unit>, InterpolateError> {
-        let keys = scope
-            .partitions(Candidates::NAME)
-            .iter()
-            .map(|given| &given.key);
-        let keys: Vec<&String> = keys.collect();
+        let given = scope.partitions(Candidates::NAME).iter();
+        let keys: Vec<&str> = given.map(|given| given.key.as_str()).collect();
         if keys.is_empty() {
             return Err(InterpolateError::NoCandidates);
         }
-        if let Some(object) = config.objects.iter().find(|object| !keys.contains(object)) {
+        if let Some(object) = config
+            .objects
+            .iter()
+            .find(|name| !keys.contains(&name.as_str()))
+        {
             return Err(InterpolateError::UnknownObject {
                 object: object.clone(),
-                known: keys.into_iter().cloned().collect(),
+                known: keys.into_iter().map(str::to_owned).collect(),
             });
         }
-        let chosen =
-            |object: &&String| config.objects.is_empty() || config.objects.contains(object);
+        let chosen = |object: &&str| {
+            config.objects.is_empty() || config.objects.iter().any(|name| name == object)
+        };
         let units = keys.into_iter().filter(chosen).map(|object| {
             Unit::new(object)
                 .with_label("object", object)
@@ -131,7 +133,7 @@ mod tests {
     fn artifact(folder: &Path) -> Artifact {
         let file = lake::table::FILE;
         Artifact {
-            key: "can".to_owned(),
+            key: "can".parse().unwrap(),
             labels: BTreeMap::new(),
             files: BTreeMap::from([(file.to_owned(), folder.join(file))]),
         }
@@ -151,7 +153,7 @@ mod tests {
         lake::table::write(&given, &motions).unwrap();
         let artifacts = BTreeMap::from([(Candidates::NAME.to_owned(), vec![artifact(&given)])]);
         let inputs = Inputs::new(artifacts, Vec::new());
-        let cx = Context::detached("can", 0, &out);
+        let cx = Context::detached(&"can".parse().unwrap(), 0, &out);
         Interpolate::make(&InterpolateConfig::default(), &inputs, &cx).unwrap()
     }
 
@@ -188,7 +190,7 @@ mod tests {
 
     #[test]
     fn objects_are_chosen_by_name() {
-        let partition = |key: &str| Partition::new(key, BTreeMap::new());
+        let partition = |key: &str| Partition::new(key.parse().unwrap(), BTreeMap::new());
         let given = vec![partition("box"), partition("can")];
         let scope = Scope::new(BTreeMap::from([(Candidates::NAME.to_owned(), given)]));
         let units = |objects: &[&str], scope: &Scope| {

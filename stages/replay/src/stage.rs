@@ -98,13 +98,13 @@ impl Output for Replay {
         let first = trajectories.first().ok_or(ReplayError::NoTrajectories)?;
         if let Some(other) = trajectories.iter().find(|t| t.joints != first.joints) {
             return Err(ReplayError::DifferentHands {
-                object: object.to_owned(),
+                object: object.to_string(),
                 first: first.sequence.clone(),
                 second: other.sequence.clone(),
             });
         }
         cx.write(&Candidates {
-            object: object.to_owned(),
+            object: object.to_string(),
             joints: first.joints.clone(),
             candidates: trajectories.iter().map(candidate).collect(),
         })?;
@@ -211,7 +211,7 @@ mod tests {
                 lake::table::write(&folder, trajectory).unwrap();
                 let file = lake::table::FILE;
                 Artifact {
-                    key: trajectory.sequence.clone(),
+                    key: trajectory.sequence.parse().unwrap(),
                     labels: BTreeMap::new(),
                     files: BTreeMap::from([(file.to_owned(), folder.join(file))]),
                 }
@@ -221,7 +221,7 @@ mod tests {
             BTreeMap::from([("trajectories".to_owned(), artifacts)]),
             Vec::new(),
         );
-        let cx = Context::detached("can", 0, folder);
+        let cx = Context::detached(&"can".parse().unwrap(), 0, folder);
         Replay::make(&ReplayConfig::default(), &inputs, &cx)
     }
 
@@ -232,7 +232,7 @@ mod tests {
         assert!(matches!(run(&shown, folder.path()), Ok(Outcome::Made(_))));
         let file = lake::table::FILE;
         let made = Artifact {
-            key: "can".to_owned(),
+            key: "can".parse().unwrap(),
             labels: BTreeMap::new(),
             files: BTreeMap::from([(file.to_owned(), folder.path().join(file))]),
         };
@@ -276,7 +276,7 @@ mod tests {
     fn one_unit_per_object_reads_its_trajectories() {
         let labeled = |key: &str, object: &str| {
             Partition::new(
-                key,
+                key.parse().unwrap(),
                 BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]),
             )
         };

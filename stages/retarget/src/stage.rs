@@ -88,7 +88,10 @@ impl Output for DistanceFields {
                 .reading(Object::NAME, [object])
                 .only_files(Object::NAME, [objects::MESH])
         };
-        Ok(objects.iter().map(|object| unit(&object.key)).collect())
+        Ok(objects
+            .iter()
+            .map(|object| unit(object.key.as_str()))
+            .collect())
     }
 
     fn make(
@@ -129,7 +132,7 @@ impl Output for Trajectories {
                 // A demonstration whose object or field is missing is planned without, and skipped.
                 let object = demonstration.label("object");
                 let among = |known: &[dataflow::Partition]| {
-                    object.filter(|name| known.iter().any(|one| one.key == *name))
+                    object.filter(|name| known.iter().any(|one| one.key == **name))
                 };
                 let unit = Unit::new(&demonstration.key)
                     .with_label_of("object", demonstration)

@@ -36,7 +36,7 @@ pub fn hand_file(config: &SampleConfig) -> SourceFile {
 pub fn read_field(artifact: &Artifact) -> Result<DistanceField, SampleError> {
     let bytes = artifact.bytes(distance_fields::FIELD)?;
     DistanceField::from_bytes(&bytes).ok_or_else(|| SampleError::BadField {
-        object: artifact.key.clone(),
+        object: artifact.key.to_string(),
     })
 }
 

@@ -211,7 +211,7 @@ fn inputs(folder: &Path) -> Inputs {
         (folder.clone(), files.collect::<BTreeMap<_, _>>())
     };
     let artifact = |key: &str, files: BTreeMap<String, PathBuf>| Artifact {
-        key: key.to_owned(),
+        key: key.parse().unwrap(),
         labels: BTreeMap::new(),
         files,
     };
@@ -290,7 +290,7 @@ fn config() -> SampleConfig {
 /// Draws motions into a folder, which is returned.
 fn run(config: &SampleConfig, inputs: &Inputs, seed: u64) -> (TempDir, SampleMetrics) {
     let out = tempfile::tempdir().unwrap();
-    let cx = Context::detached("can", seed, out.path());
+    let cx = Context::detached(&"can".parse().unwrap(), seed, out.path());
     let Outcome::Made(made) = Sample::make(config, inputs, &cx).unwrap() else {
         panic!("nothing was made");
     };
@@ -304,7 +304,7 @@ fn made_in(folder: &Path) -> Artifact {
         (entry.file_name().into_string().unwrap(), entry.path())
     });
     Artifact {
-        key: "can".to_owned(),
+        key: "can".parse().unwrap(),
         labels: BTreeMap::new(),
         files: files.collect(),
     }
@@ -330,7 +330,7 @@ fn measured(config: &SampleConfig, inputs: &Inputs) -> (TempDir, SamplingMetrics
     artifacts.insert("candidates".to_owned(), vec![made_in(out.path())]);
     let inputs = Inputs::new(artifacts, inputs.files().to_vec());
     let out = tempfile::tempdir().unwrap();
-    let cx = Context::detached("can", 7, out.path());
+    let cx = Context::detached(&"can".parse().unwrap(), 7, out.path());
     let Outcome::Made(made) = SamplingReport::make(config, &inputs, &cx).unwrap() else {
         panic!("nothing was measured");
     };
@@ -346,7 +346,7 @@ fn faults(config: &SampleConfig) -> String {
 
 fn refused(config: &SampleConfig, inputs: &Inputs) -> String {
     let out = tempfile::tempdir().unwrap();
-    let cx = Context::detached("can", 7, out.path());
+    let cx = Context::detached(&"can".parse().unwrap(), 7, out.path());
     let err = Sample::make(config, inputs, &cx).unwrap_err();
     let source = std::error::Error::source(&err).map(ToString::to_string);
     format!("{err}: {}", source.unwrap_or_default())
@@ -417,7 +417,7 @@ fn a_truncated_checkpoint_is_an_error() {
     let path = folder.path().join(checkpoint::BEST.weights);
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    let cx = Context::detached("can", 7, folder.path());
+    let cx = Context::detached(&"can".parse().unwrap(), 7, folder.path());
     let err = Sample::make(&config(), &inputs, &cx).unwrap_err();
     assert!(matches!(err, SampleError::Cgf(_)), "{err}");
 }
@@ -537,7 +537,7 @@ fn a_path_goes_from_one_demonstration_to_the_other() {
     let err = Sample::make(
         &path("a", "bb"),
         &inputs,
-        &Context::detached("can", 7, folder.path()),
+        &Context::detached(&"can".parse().unwrap(), 7, folder.path()),
     )
     .unwrap_err();
     assert_eq!(err.hint().unwrap(), "did you mean `b`?");
@@ -909,7 +909,7 @@ fn another_hand_and_a_damaged_field_are_errors() {
         .into();
     artifacts.insert("candidates".to_owned(), vec![made_in(out.path())]);
     let damaged = Inputs::new(artifacts, inputs.files().to_vec());
-    let cx = Context::detached("can", 7, out.path());
+    let cx = Context::detached(&"can".parse().unwrap(), 7, out.path());
     let err = SamplingReport::make(&config(), &damaged, &cx).unwrap_err();
     let is_told = matches!(err, SampleError::BadField { .. });
     assert!(is_told, "{err}");

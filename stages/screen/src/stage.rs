@@ -115,7 +115,7 @@ impl Output for Screen {
         };
         JointOrder::new(&candidates.joints, &model.joint_names()).map_err(|source| {
             ScreenError::AnotherHand {
-                partition: cx.partition().to_owned(),
+                partition: cx.partition().to_string(),
                 path: urdf.path.clone(),
                 source,
             }
@@ -123,7 +123,7 @@ impl Output for Screen {
 
         let failed = |candidate: Option<String>, source: SimulationError| {
             unusable(&source, candidate.as_deref()).ok_or_else(|| ScreenError::Simulation {
-                partition: cx.partition().to_owned(),
+                partition: cx.partition().to_string(),
                 path: urdf.path.clone(),
                 source,
             })

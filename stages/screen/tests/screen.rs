@@ -175,7 +175,7 @@ fn artifact(folder: &Path) -> Artifact {
         (entry.file_name().into_string().unwrap(), entry.path())
     });
     Artifact {
-        key: "can".to_owned(),
+        key: "can".parse().unwrap(),
         labels: BTreeMap::new(),
         files: files.collect(),
     }
@@ -201,7 +201,11 @@ fn run(
         ]),
         vec![SourceFile::named("hand", Path::new(HAND))],
     );
-    Screen::make(config, &inputs, &Context::detached("can", 7, &out))
+    Screen::make(
+        config,
+        &inputs,
+        &Context::detached(&"can".parse().unwrap(), 7, &out),
+    )
 }
 
 fn made<M: std::fmt::Debug>(outcome: Outcome<M>) -> M {
@@ -257,7 +261,7 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     let read = [("rollouts", "out"), ("candidates", "candidates")]
         .map(|(input, made)| (input.to_owned(), vec![artifact(&folder.path().join(made))]));
     let inputs = Inputs::new(BTreeMap::from(read), Vec::new());
-    let cx = Context::detached("all", 7, &success);
+    let cx = Context::detached(&"all".parse().unwrap(), 7, &success);
     let made = made(SuccessReport::make(&config(), &inputs, &cx).unwrap());
     let said: Successes = lake::table::read(&artifact(&success)).unwrap();
     assert_eq!(said.len(), 1);
@@ -364,7 +368,7 @@ fn a_protocol_that_does_not_fit_the_hand_fails_the_stage() {
 
 #[test]
 fn each_unit_reads_its_object_and_the_hand() {
-    let partition = |key: &str| Partition::new(key, BTreeMap::new());
+    let partition = |key: &str| Partition::new(key.parse().unwrap(), BTreeMap::new());
     let scope = Scope::new(BTreeMap::from([
         (
             "candidates".to_owned(),
@@ -471,7 +475,7 @@ fn the_meshes_of_a_hand_are_read_beside_its_urdf() {
     };
     let scope = Scope::new(BTreeMap::from([(
         "candidates".to_owned(),
-        vec![Partition::new("can", BTreeMap::new())],
+        vec![Partition::new("can".parse().unwrap(), BTreeMap::new())],
     )]));
     let units = Screen::units(&config, &scope).unwrap();
     let names: Vec<&str> = units[0]

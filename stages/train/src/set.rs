@@ -38,7 +38,8 @@ pub fn read(inputs: &Inputs, joints: &[String]) -> Result<TrainingSet, TrainErro
     };
     for artifact in inputs.artifacts(FieldInfo::NAME) {
         let field = read_field(artifact)?;
-        set.distances.insert(artifact.key.clone(), Arc::new(field));
+        set.distances
+            .insert(artifact.key.to_string(), Arc::new(field));
     }
     let mut scenes = BTreeMap::new();
     for artifact in inputs.artifacts("trajectories") {
@@ -72,7 +73,7 @@ pub(crate) fn split(set: &mut TrainingSet, config: &TrainConfig, seed: u64) {
 fn read_field(artifact: &Artifact) -> Result<DistanceField, TrainError> {
     let bytes = artifact.bytes(distance_fields::FIELD)?;
     DistanceField::from_bytes(&bytes).ok_or_else(|| TrainError::BadField {
-        object: artifact.key.clone(),
+        object: artifact.key.to_string(),
     })
 }
 

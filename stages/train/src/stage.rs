@@ -85,7 +85,7 @@ impl Output for Train {
         let known: Vec<String> = scope
             .partitions(Object::NAME)
             .iter()
-            .map(|object| object.key.clone())
+            .map(|object| object.key.to_string())
             .collect();
         for object in config.objects.iter().chain(&config.unseen_objects) {
             if !known.contains(object) {
@@ -103,11 +103,11 @@ impl Output for Train {
             let object = trajectory
                 .label("object")
                 .ok_or_else(|| TrainError::NoObject {
-                    sequence: trajectory.key.clone(),
+                    sequence: trajectory.key.to_string(),
                 })?;
             if config.takes(object) {
                 objects.insert(object.to_owned());
-                keys.push(trajectory.key.clone());
+                keys.push(&trajectory.key);
                 learns |= !config.is_unseen(object);
             }
         }

@@ -1,7 +1,11 @@
 //! The order in which the outputs of a pipeline are made.
 
 use super::StageEntry;
-use crate::{error::Problem, graph::Node, name::NodeName};
+use crate::{
+    error::Problem,
+    graph::Node,
+    name::{ArtifactName, NodeName},
+};
 
 /// Orders the stages so that each comes after what it reads, and lists their outputs.
 ///
@@ -35,7 +39,10 @@ pub(super) fn order(stages: &[StageEntry]) -> Result<Vec<Node>, Problem> {
         let stage = &stages[idx];
         let mut reads = stage.inputs.clone();
         for (output_idx, output) in stage.kind.outputs.iter().enumerate() {
-            let name = NodeName::new(&stage.name, output.artifact);
+            let name = NodeName {
+                stage: stage.name.clone(),
+                artifact: ArtifactName::declared(output.artifact),
+            };
             nodes.push(Node {
                 name: name.clone(),
                 stage_idx: idx,
@@ -43,7 +50,7 @@ pub(super) fn order(stages: &[StageEntry]) -> Result<Vec<Node>, Problem> {
                 output: *output,
                 reads: reads.clone(),
             });
-            reads.insert(output.artifact.to_owned(), name);
+            reads.insert(name.artifact.clone(), name);
         }
     }
     Ok(nodes)

@@ -43,17 +43,12 @@ impl FileReader<'_> {
                 && !stages.is_some_and(|stages| stages.contains_key(key))
             {
                 let span = found.and_then(|table| table.key(key)).and_then(Key::span);
+                let names = stages.into_iter().flat_map(InlineTable::iter);
+                let names = names.map(|(name, _)| name);
                 self.problem(
                     format!("profile `{name}` changes an unknown stage `{key}`"),
                     span,
-                    did_you_mean(
-                        key,
-                        stages
-                            .into_iter()
-                            .flat_map(InlineTable::iter)
-                            .map(|(name, _)| name)
-                            .chain([SHARED]),
-                    ),
+                    did_you_mean(key, names.chain([SHARED])),
                 );
             }
         }

@@ -17,7 +17,7 @@ use crate::{
     error::{FileError, Problem},
     extended::{EXTENDS, Extended, WITHOUT},
     kind::Kind,
-    name::NodeName,
+    name::{ArtifactName, NodeName, StageName},
     near::did_you_mean,
     overrides::Override,
     shared::{SHARED, Taken},
@@ -172,11 +172,8 @@ impl FileReader<'_> {
         for (key, _) in root {
             if !KEYS.contains(&key) {
                 let span = root.key(key).and_then(Key::span);
-                self.problem(
-                    format!("unknown key `{key}`"),
-                    span,
-                    did_you_mean(key, KEYS),
-                );
+                let hint = did_you_mean(key, KEYS);
+                self.problem(format!("unknown key `{key}`"), span, hint);
             }
         }
         let profile_name = profile;
@@ -249,8 +246,8 @@ impl FileReader<'_> {
             else {
                 continue;
             };
-            let hint = did_you_mean(stage, names.iter().copied().chain([SHARED]))
-                .unwrap_or_else(|| format!("its stages are: {}", names.join(", ")));
+            let near = did_you_mean(stage, names.iter().copied().chain([SHARED]));
+            let hint = near.unwrap_or_else(|| format!("its stages are: {}", names.join(", ")));
             let (argument, _) = given.argument();
             let location = Location::in_set(&argument, 0..stage.len());
             self.problem_at(
@@ -311,25 +308,13 @@ impl FileReader<'_> {
         mut table: InlineTable,
         shared: &InlineTable,
     ) -> Option<StageEntry> {
-        let is_name = |text: &str| {
-            !text.is_empty()
-                && text
-                    .bytes()
-                    .all(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-')
+        let stage_name: StageName = match name.parse() {
+            Ok(name) => name,
+            Err(err) => {
+                self.problem(err.to_string(), span, None);
+                return None;
+            }
         };
-        if !is_name(name) {
-            self.problem(
-                format!("`{name}` is no name for a stage: use letters, digits, `_` and `-`"),
-                span,
-                None,
-            );
-            return None;
-        }
-        if name == SHARED {
-            let message = format!("`{SHARED}` is no name for a stage: it is that of shared values");
-            self.problem(message, span, None);
-            return None;
-        }
         let n_problems = self.problems.len();
         self.take(name, &mut table, shared);
         let is_whole = self.problems.len() == n_problems;
@@ -350,7 +335,7 @@ impl FileReader<'_> {
                     self.problem_at(message, Some(place), Some(list));
                 }
                 Some(StageEntry {
-                    name: name.to_owned(),
+                    name: stage_name,
                     kind,
                     inputs: inputs?,
                     max_skipped_fraction: max_skipped_fraction?,
@@ -413,7 +398,7 @@ impl FileReader<'_> {
         name: &str,
         table: &mut InlineTable,
         kind: Option<&Kind>,
-    ) -> Option<BTreeMap<String, NodeName>> {
+    ) -> Option<BTreeMap<ArtifactName, NodeName>> {
         let mut inputs = BTreeMap::new();
         let Some(value) = table.remove("inputs") else {
             return Some(inputs);
@@ -433,9 +418,9 @@ impl FileReader<'_> {
             if let Some(kind) = kind
                 && !kind.inputs.contains(&input)
             {
-                let hint = did_you_mean(input, kind.inputs.iter().copied()).unwrap_or_else(|| {
-                    format!("`{}` reads: {}", kind.name, kind.inputs.join(", "))
-                });
+                let all = || format!("`{}` reads: {}", kind.name, kind.inputs.join(", "));
+                let near = did_you_mean(input, kind.inputs.iter().copied());
+                let hint = near.unwrap_or_else(all);
                 let place = self.place(name, &path, Part::Key, value.span());
                 self.problem_at(
                     format!("stage `{name}` has no input `{input}`"),
@@ -444,11 +429,11 @@ impl FileReader<'_> {
                 );
                 continue;
             }
-            match value.as_str().and_then(NodeName::parse) {
-                Some(node) => {
-                    inputs.insert(input.to_owned(), node);
+            match (input.parse(), value.as_str().and_then(NodeName::parse)) {
+                (Ok(input), Some(node)) => {
+                    inputs.insert(input, node);
                 }
-                None => self.problem_at(
+                _ => self.problem_at(
                     format!("input `{input}` of stage `{name}` must name `stage.artifact`"),
                     self.place(name, &path, Part::Value, value.span()),
                     Some(format!("for example `inputs.{input} = \"ingest.{input}\"`")),

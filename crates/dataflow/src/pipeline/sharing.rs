@@ -95,9 +95,8 @@ impl FileReader<'_> {
             let in_set = || self.in_set(Some(SHARED), &[name.to_owned()], Part::Key);
             let place = span.map(|span| self.location(span)).or_else(in_set);
             let near = did_you_mean(name, self.taken_names.iter().map(String::as_str));
-            let hint = near.unwrap_or_else(|| {
-                format!("write `shared.OPTION = \"{name}\"` in a stage, or remove it")
-            });
+            let take = || format!("write `shared.OPTION = \"{name}\"` in a stage, or remove it");
+            let hint = near.unwrap_or_else(take);
             let message = format!("no stage takes the shared value `{name}`");
             self.problem_at(message, place, Some(hint));
         }

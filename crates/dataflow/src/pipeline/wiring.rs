@@ -9,7 +9,7 @@ impl FileReader<'_> {
     /// Checks that every input is wired to an output that exists and holds the right artifact.
     pub(super) fn check_wiring(&mut self, stages: &[StageEntry], tables: &InlineTable) {
         for stage in stages {
-            let span = tables.key(&stage.name).and_then(Key::span);
+            let span = tables.key(stage.name.as_str()).and_then(Key::span);
             for &input in stage.kind.inputs {
                 let Some(node) = stage.inputs.get(input) else {
                     let offer = stages.iter().find(|other| {
@@ -33,16 +33,16 @@ impl FileReader<'_> {
                     continue;
                 };
                 let in_file = tables
-                    .get(&stage.name)
+                    .get(stage.name.as_str())
                     .and_then(|table| table.as_inline_table()?.get("inputs"))
                     .and_then(|inputs| inputs.as_inline_table()?.get(input))
                     .and_then(Value::span)
                     .or_else(|| span.clone());
                 let path = ["inputs".to_owned(), input.to_owned()];
-                let given = self.in_set(Some(&stage.name), &path, Part::Value);
+                let given = self.in_set(Some(stage.name.as_str()), &path, Part::Value);
                 let written = given.or_else(|| in_file.map(|span| self.location(span)));
-                if !tables.contains_key(&node.stage) {
-                    let hint = nearest(&node.stage, tables.iter().map(|(name, _)| name))
+                if !tables.contains_key(node.stage.as_str()) {
+                    let hint = nearest(node.stage.as_str(), tables.iter().map(|(name, _)| name))
                         .map(|near| format!("did you mean `{near}.{}`?", node.artifact));
                     self.problem_at(
                         format!(
@@ -66,7 +66,7 @@ impl FileReader<'_> {
                         written,
                         Some(format!("it makes: {}", outputs.join(", "))),
                     );
-                } else if node.artifact != input {
+                } else if node.artifact != *input {
                     self.problem_at(
                         format!(
                             "input `{input}` of stage `{}` wants `{input}`, and is wired to `{}`",

@@ -43,7 +43,7 @@ impl Verifier<'_> {
     fn state_of_runs(&self) -> Result<(Vec<String>, Vec<Option<Stamp>>), LakeError> {
         let runs = files_below(&self.lake.folder.runs())?;
         let stamps = runs.iter().map(|path| Stamp::read(path).ok());
-        Ok((self.lake.changing.marks()?, stamps.collect()))
+        Ok((self.lake.dirty.marks()?, stamps.collect()))
     }
 
     fn shown_now(&mut self) -> Result<(), LakeError> {
@@ -54,7 +54,7 @@ impl Verifier<'_> {
                 .filter(|fault| fault.path.starts_with("blobs"))
                 .filter_map(|fault| digest_named(&fault.path))
                 .collect(),
-            changing: self.lake.changing.pipelines()?,
+            changing: self.lake.dirty.pipelines()?,
         };
         let mut promised = BTreeMap::new();
         let pipelines = match self.lake.recorded_pipelines() {
@@ -191,10 +191,7 @@ impl Verifier<'_> {
                 self.fault(&path, "the record of its unit is missing or damaged");
                 continue;
             };
-            let made = stored
-                .outcome
-                .files()
-                .and_then(|files| files.get(table::FILE));
+            let made = stored.outcome.file(table::FILE);
             match (self.digest_shown(&path), made) {
                 (Ok(digest), _) if shown.damaged.contains(&digest) => {
                     self.fault(&path, "it shows damaged bytes");
@@ -209,8 +206,7 @@ impl Verifier<'_> {
         }
         for (path, unit) in promised {
             let stored = self.lake.records.read(&unit)?;
-            let made = stored.as_ref().and_then(|stored| stored.outcome.files());
-            if made.is_some_and(|files| files.contains_key(table::FILE)) {
+            if stored.is_some_and(|stored| stored.outcome.file(table::FILE).is_some()) {
                 self.fault(&path, "is missing: a unit made it");
             }
         }
@@ -226,7 +222,7 @@ impl Verifier<'_> {
         let is_right = || -> Result<bool, LakeError> {
             Ok(there.as_deref() == Some(views::text(self.lake)?.as_bytes()))
         };
-        if is_due && self.lake.changing.marks()?.is_empty() && !is_right()? {
+        if is_due && self.lake.dirty.marks()?.is_empty() && !is_right()? {
             self.fault(&path, "they are not the views of the tables that there are");
         }
         Ok(())

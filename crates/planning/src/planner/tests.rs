@@ -475,7 +475,7 @@ fn candidates_of_a_lake_stay_where_they_were_screened() {
     };
     let file = std::path::Path::new(&folder).join(lake::table::FILE);
     let artifact = dataflow::Artifact {
-        key: "object".to_owned(),
+        key: "object".parse().unwrap(),
         labels: std::collections::BTreeMap::new(),
         files: [(lake::table::FILE.to_owned(), file)].into(),
     };

@@ -73,7 +73,7 @@ impl Output for TrialsReport {
         let mut rows = Vec::new();
         for artifact in inputs.artifacts(Executions::NAME) {
             let sent: Executions = lake::table::read(artifact)?;
-            rows.extend(of_object(&artifact.key, &sent));
+            rows.extend(of_object(artifact.key.as_str(), &sent));
         }
         cx.write(&rows)?;
         Ok(Outcome::Made(TrialsMetrics::of(&rows)))

@@ -33,7 +33,7 @@ pub(super) fn shape(
     if let Some(reason) = inputs.fact(UNREADABLE) {
         return Ok(Outcome::skipped(reason));
     }
-    let name = cx.partition();
+    let name = cx.partition().as_str();
     let mass_kg = inputs.fact(MASS).and_then(|kg| kg.parse().ok());
     let (Some(file), Some(mass_kg)) = (inputs.files().first(), mass_kg) else {
         let missing = Unusable::Missing {
@@ -127,7 +127,13 @@ fn parts(
     {
         return Err(Unusable::OffTable { found_m });
     }
-    let mut demonstration = reach::reach(cx.partition(), recording, &still, lying.rest, config)?;
+    let mut demonstration = reach::reach(
+        cx.partition().as_str(),
+        recording,
+        &still,
+        lying.rest,
+        config,
+    )?;
     let mut after = aftermath::after(recording, &still, demonstration.steps.len(), config);
     if recording.hand != config.hand {
         let shape = shapes.iter().find(|shape| shape.name == recording.object);

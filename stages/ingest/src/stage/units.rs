@@ -163,7 +163,7 @@ pub(super) fn objects(scope: &Scope) -> Vec<Unit> {
             by_object
                 .entry(object)
                 .or_default()
-                .push(&demonstration.key);
+                .push(demonstration.key.as_str());
         }
     }
     let shapes = scope.partitions(Shapes::ARTIFACT).iter();

@@ -103,7 +103,7 @@ impl Bench {
         let mut partitions: BTreeMap<String, Vec<Partition>> = BTreeMap::new();
         for ((output, key), outcome) in &self.outcomes {
             if let Outcome::Labeled(_, labels) = outcome {
-                let partition = Partition::new(key.clone(), labels.clone());
+                let partition = Partition::new(key.parse().unwrap(), labels.clone());
                 let of = partitions.entry((*output).to_owned()).or_default();
                 of.push(partition);
             }
@@ -123,7 +123,7 @@ impl Bench {
         let folder = self.path(O::ARTIFACT, &unit.partition);
         fs::create_dir_all(&folder).unwrap();
         let inputs = Inputs::new(artifacts, unit.files.clone()).with_facts(unit.facts.clone());
-        let cx = Context::detached(&unit.partition, 7, &folder);
+        let cx = Context::detached(&unit.partition.parse().unwrap(), 7, &folder);
         Ok(O::make(&self.config, &inputs, &cx)?.stored())
     }
 
@@ -143,7 +143,7 @@ impl Bench {
             .iter()
             .find(|((of, its), _)| *of == output && its == key);
         Artifact {
-            key: key.to_owned(),
+            key: key.parse().unwrap(),
             labels: match labels {
                 Some((_, Outcome::Labeled(_, labels))) => labels.clone(),
                 _ => Labels::new(),

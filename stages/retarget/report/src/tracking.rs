@@ -50,7 +50,8 @@ impl Output for Tracking {
         let mut by_object: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
         for trajectory in scope.partitions(Trajectory::NAME) {
             if let Some(object) = trajectory.label("object") {
-                by_object.entry(object).or_default().push(&trajectory.key);
+                let keys = by_object.entry(object).or_default();
+                keys.push(trajectory.key.as_str());
             }
         }
         Ok(by_object

@@ -111,7 +111,7 @@ fn read_scene(field: &Artifact, demonstration: &Demonstration) -> Result<Scene, 
     let info = lake::table::read(field)?;
     let bytes = field.bytes(distance_fields::FIELD)?;
     let grid = DistanceField::from_bytes(&bytes).ok_or_else(|| RetargetError::BadField {
-        object: field.key.clone(),
+        object: field.key.to_string(),
     })?;
     Ok(Scene::new(grid, &info, &demonstration.rest))
 }

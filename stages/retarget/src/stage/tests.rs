@@ -20,15 +20,15 @@ fn scope(object: &str) -> Scope {
     Scope::new(BTreeMap::from([
         (
             "demonstrations".to_owned(),
-            vec![Partition::new("s", labeled(object))],
+            vec![Partition::new("s".parse().unwrap(), labeled(object))],
         ),
         (
             "objects".to_owned(),
-            vec![Partition::new("box", BTreeMap::new())],
+            vec![Partition::new("box".parse().unwrap(), BTreeMap::new())],
         ),
         (
             FieldInfo::NAME.to_owned(),
-            vec![Partition::new("box", BTreeMap::new())],
+            vec![Partition::new("box".parse().unwrap(), BTreeMap::new())],
         ),
     ]))
 }
@@ -39,7 +39,7 @@ fn place(folder: &Path, key: &str) -> (PathBuf, Artifact) {
     fs::create_dir_all(&folder).unwrap();
     let table = folder.join(lake::table::FILE);
     let artifact = Artifact {
-        key: key.to_owned(),
+        key: key.parse().unwrap(),
         labels: BTreeMap::new(),
         files: BTreeMap::from([(lake::table::FILE.to_owned(), table)]),
     };
@@ -77,13 +77,13 @@ fn run(config: &RetargetConfig, unit: &Unit, folder: &Path) -> Outcome<Trajector
         file.write_all(fixture::mesh().to_obj().as_bytes()).unwrap();
         object.files = BTreeMap::from([(objects::MESH.to_owned(), mesh)]);
         let made = place(folder, "field").0;
-        let cx = Context::detached("box", 0, &made);
+        let cx = Context::detached(&"box".parse().unwrap(), 0, &made);
         let read = BTreeMap::from([("objects".to_owned(), vec![object.clone()])]);
         let outcome = DistanceFields::make(config, &Inputs::new(read, Vec::new()), &cx).unwrap();
         assert!(matches!(outcome, Outcome::Made(_)));
         let names = [lake::table::FILE, distance_fields::FIELD];
         let field = Artifact {
-            key: "box".to_owned(),
+            key: "box".parse().unwrap(),
             labels: BTreeMap::new(),
             files: names.map(|name| (name.to_owned(), made.join(name))).into(),
         };
@@ -91,7 +91,12 @@ fn run(config: &RetargetConfig, unit: &Unit, folder: &Path) -> Outcome<Trajector
         artifacts.insert(FieldInfo::NAME.to_owned(), vec![field]);
     }
     let inputs = Inputs::new(artifacts, unit.files.clone());
-    Trajectories::make(config, &inputs, &Context::detached("s", 0, &out)).unwrap()
+    Trajectories::make(
+        config,
+        &inputs,
+        &Context::detached(&"s".parse().unwrap(), 0, &out),
+    )
+    .unwrap()
 }
 
 #[test]

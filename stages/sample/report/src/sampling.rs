@@ -77,7 +77,7 @@ impl Output for SamplingReport {
         let units = scope.partitions(Candidates::NAME).iter().map(|candidates| {
             let object = candidates.key.as_str();
             // An object without a field is planned without, and skipped.
-            let field = fields.iter().find(|field| field.key == object);
+            let field = fields.iter().find(|field| field.key == *object);
             let shown = trajectories
                 .iter()
                 .filter(|trajectory| trajectory.label("object") == Some(object));

@@ -24,10 +24,10 @@ use crate::{
 pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
     let objects = scope.partitions(Object::NAME);
     for object in &config.objects {
-        if !objects.iter().any(|known| known.key == *object) {
+        if !objects.iter().any(|known| known.key == **object) {
             return Err(SampleError::UnknownObject {
                 object: object.clone(),
-                known: objects.iter().map(|known| known.key.clone()).collect(),
+                known: objects.iter().map(|known| known.key.to_string()).collect(),
             });
         }
     }
@@ -44,17 +44,19 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
     };
     let units = objects
         .iter()
-        .map(|object| &object.key)
-        .filter(|object| config.objects.is_empty() || config.objects.contains(object))
+        .map(|object| object.key.as_str())
+        .filter(|object| {
+            config.objects.is_empty() || config.objects.iter().any(|name| name == object)
+        })
         .map(|object| {
-            let unit = Unit::new(object.as_str())
-                .with_label("object", object.as_str())
-                .reading(checkpoint::NAME, checkpoint.clone().map(String::as_str))
-                .reading(Object::NAME, [object.as_str()]);
+            let unit = Unit::new(object)
+                .with_label("object", object)
+                .reading(checkpoint::NAME, checkpoint.clone())
+                .reading(Object::NAME, [object]);
             let unit = if config.redraws() {
                 // An object without a field is planned without, and not chosen for.
-                let field = fields.iter().find(|field| field.key == **object);
-                unit.reading(FieldInfo::NAME, field.map(|field| field.key.as_str()))
+                let field = fields.iter().find(|field| field.key == *object);
+                unit.reading(FieldInfo::NAME, field.map(|field| &field.key))
             } else {
                 unit
             };

@@ -409,7 +409,7 @@ mod tests {
 
     #[test]
     fn one_unit_reads_all_rollouts() {
-        let partition = |key: &str| Partition::new(key, BTreeMap::new());
+        let partition = |key: &str| Partition::new(key.parse().unwrap(), BTreeMap::new());
         let scope = Scope::new(BTreeMap::from([
             (
                 Candidates::NAME.to_owned(),

@@ -1,7 +1,7 @@
 //! The reports: their units, and what they have in common.
 
 use cgf::{Demonstration, Description, Split};
-use dataflow::{Code, Inputs, Lines, Output, Outputs, Report, Scope, Summary, Unit};
+use dataflow::{Code, Inputs, Lines, Output, Outputs, PartitionKey, Report, Scope, Summary, Unit};
 use lake::{ReadArtifact, ReadInputs};
 use schemas::checkpoint;
 use stage_train::{Train, TrainConfig, TrainError, TrainMetrics};
@@ -72,7 +72,7 @@ pub(crate) fn of_function(config: &TrainConfig, scope: &Scope) -> Result<Vec<Uni
 fn trained(
     config: &TrainConfig,
     scope: &Scope,
-) -> Result<impl Iterator<Item = (Unit, String)>, TrainError> {
+) -> Result<impl Iterator<Item = (Unit, PartitionKey)>, TrainError> {
     let units = Train::units(config, scope)?.into_iter();
     let models = scope.partitions(checkpoint::NAME).iter();
     Ok(units.zip(models.map(|model| model.key.clone())))

@@ -143,7 +143,7 @@ fn artifact<T: Table>(folder: &Path, key: &str, object: &str, table: &T) -> Arti
     std::fs::create_dir(&folder).unwrap();
     lake::table::write(&folder, table).unwrap();
     Artifact {
-        key: key.to_owned(),
+        key: key.parse().unwrap(),
         labels: BTreeMap::from([("object".to_owned(), object.to_owned())]),
         files: BTreeMap::from([(lake::table::FILE.to_owned(), folder.join(lake::table::FILE))]),
     }
@@ -169,7 +169,7 @@ fn inputs(folder: &Path) -> Inputs {
 fn scope() -> Scope {
     let partition = |key: &str, object: &str| {
         Partition::new(
-            key,
+            key.parse().unwrap(),
             BTreeMap::from([("object".to_owned(), object.to_owned())]),
         )
     };
@@ -192,7 +192,7 @@ fn scope() -> Scope {
 #[test]
 fn a_checkpoint_is_made_of_all_trajectories() {
     let (lake, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let cx = Context::detached("cgf", 7, out.path());
+    let cx = Context::detached(&"cgf".parse().unwrap(), 7, out.path());
     let Outcome::Made(made) = Train::make(&config(), &inputs(lake.path()), &cx).unwrap() else {
         panic!("nothing was made");
     };
@@ -234,12 +234,12 @@ fn a_damaged_distance_field_is_named() {
     let path = lake.path().join(distance_fields::FIELD);
     std::fs::write(&path, b"sdfield1 and no more").unwrap();
     let mut field = artifact(lake.path(), "field", "tin", &object("tin"));
-    field.key = "tin".to_owned();
+    field.key = "tin".parse().unwrap();
     let inputs = Inputs::new(
         BTreeMap::from([("distance_fields".to_owned(), vec![field.clone()])]),
         vec![SourceFile::named("hand", &config().hand)],
     );
-    let cx = Context::detached("cgf", 7, out.path());
+    let cx = Context::detached(&"cgf".parse().unwrap(), 7, out.path());
     let err = Train::make(&config(), &inputs, &cx).unwrap_err();
     assert!(matches!(err, TrainError::Lake(_)), "{err}");
     field.files.insert(distance_fields::FIELD.to_owned(), path);

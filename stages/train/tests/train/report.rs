@@ -35,11 +35,11 @@ impl Trained {
         let folders = [TempDir::new().unwrap(), TempDir::new().unwrap()];
         let read = inputs(folders[0].path());
         let out = folders[1].path();
-        let cx = Context::detached("cgf", 7, out);
+        let cx = Context::detached(&"cgf".parse().unwrap(), 7, out);
         Train::make(&config, &read, &cx).unwrap();
         let names = [checkpoint::LAST.weights, checkpoint::LAST.description];
         let model = Artifact {
-            key: "cgf".to_owned(),
+            key: "cgf".parse().unwrap(),
             labels: BTreeMap::new(),
             files: names.map(|name| (name.to_owned(), out.join(name))).into(),
         };
@@ -60,7 +60,7 @@ impl Trained {
         seed: u64,
         folder: &Path,
     ) -> Result<O::Metrics, Box<TrainError>> {
-        let cx = Context::detached("cgf", seed, folder);
+        let cx = Context::detached(&"cgf".parse().unwrap(), seed, folder);
         match O::make(&self.config, &self.inputs, &cx).map_err(Box::new)? {
             Outcome::Made(made) => Ok(made),
             Outcome::Labeled(..) => panic!("labeled by data"),
@@ -78,7 +78,7 @@ impl Trained {
         let made = self.report::<O>(7, folder.path()).unwrap();
         let table = folder.path().join(lake::table::FILE);
         let artifact = Artifact {
-            key: "cgf".to_owned(),
+            key: "cgf".parse().unwrap(),
             labels: BTreeMap::new(),
             files: BTreeMap::from([(lake::table::FILE.to_owned(), table)]),
         };
@@ -205,7 +205,7 @@ fn reports_are_the_same_bytes_whatever_the_seed() {
     for output in TrainReport::OUTPUTS {
         let made = [7, 8, 9].map(|seed| {
             let folder = TempDir::new().unwrap();
-            let cx = Context::detached("cgf", seed, folder.path());
+            let cx = Context::detached(&"cgf".parse().unwrap(), seed, folder.path());
             let made = output.make(&trained.config, &trained.inputs, &cx).unwrap();
             assert!(matches!(made, Outcome::Made(_)), "{made:?}");
             files(folder.path())
@@ -219,7 +219,7 @@ fn reports_are_the_same_bytes_whatever_the_seed() {
 fn reports_read_only_the_files_they_need() {
     let config = config();
     assert_eq!(TrainingReport::units(&config, &scope()).unwrap(), []);
-    let model = vec![Partition::new("cgf", BTreeMap::new())];
+    let model = vec![Partition::new("cgf".parse().unwrap(), BTreeMap::new())];
     let trajectories = scope().partitions("trajectories").to_vec();
     let objects = scope().partitions("objects").to_vec();
     let scope = Scope::new(BTreeMap::from([

@@ -13,30 +13,28 @@ use std::{
 use dataflow::{Digest, FileRef, RunStatus};
 
 use crate::{
-    LakeError, again, atomic,
+    LakeError, atomic,
     digests::digest_file,
     folder::{files_below, run_of, unit_of},
-    history,
+    history, irreplaceable,
     lake::Lake,
-    published, records, register,
-    seen::{Seen, Watched},
-    table, tags, twice, views,
+    published, replicas,
+    snapshot::Snapshot,
+    table, views,
 };
 
 /// Restores lost, damaged or exchanged files, and removes foreign ones.
-pub(crate) fn mend(lake: &Lake) -> Result<(), LakeError> {
+pub(crate) fn repair(lake: &Lake) -> Result<(), LakeError> {
     let folder = &lake.folder;
-    let seen = Seen::read(folder)?;
-    if seen.is_unchanged(folder) {
+    let before = Snapshot::read(folder)?;
+    if before.is_unchanged(folder) {
         return Ok(());
     }
-    let watched = Watched::list(folder)?;
-    if seen.is_all_there_is(folder, &watched) {
-        if let Some(seen) = seen.in_folders_of(watched)
-            && lake.prepare().is_ok()
-        {
+    let now = before.retake(folder)?;
+    if now.has_files_of(&before) {
+        if now.is_settled() && lake.prepare().is_ok() {
             // If this fails, as in a read-only lake, they are listed each time.
-            let _kept = seen.write(folder);
+            let _kept = now.write(folder);
         }
         return Ok(());
     }
@@ -44,32 +42,37 @@ pub(crate) fn mend(lake: &Lake) -> Result<(), LakeError> {
     let _turn = lake.locks.lock_repair()?;
     // Files about to be published are not collected meanwhile.
     let _shared = lake.locks.block_collection()?;
-    let mut mender = Mender {
+    let mut repair = Repair {
         lake,
-        seen,
-        wrong: BTreeSet::new(),
-        watched: BTreeSet::new(),
+        before,
+        unrepaired: BTreeSet::new(),
+        blobs: BTreeSet::new(),
     };
-    mender.twice()?;
-    mender.history()?;
-    mender.every()?;
+    repair.replicated()?;
+    repair.history()?;
+    repair.every()?;
     views::write(lake)?;
-    mender.look_again()
+    let now = Snapshot::take(folder, &repair.blobs, &repair.unrepaired)?;
+    if now == repair.before {
+        return Ok(());
+    }
+    now.write(folder)
 }
 
-struct Mender<'a> {
+struct Repair<'a> {
     lake: &'a Lake,
-    seen: Seen,
-    /// Wrong files that cannot be restored.
-    wrong: BTreeSet<PathBuf>,
-    /// Blobs whose stamps are recorded.
-    watched: BTreeSet<PathBuf>,
+    /// The last full check.
+    before: Snapshot,
+    /// Damaged files that cannot be restored.
+    unrepaired: BTreeSet<PathBuf>,
+    /// The blobs of runs' tables.
+    blobs: BTreeSet<PathBuf>,
 }
 
-impl Mender<'_> {
+impl Repair<'_> {
     /// Whether a file's stamp is unchanged since its bytes were last verified.
     fn is_known(&self, path: &Path) -> bool {
-        self.seen.is_right(&self.lake.folder, path)
+        self.before.is_verified(&self.lake.folder, path)
     }
 
     /// Whether a file holds these bytes; it is read only if its stamp has changed.
@@ -77,46 +80,17 @@ impl Mender<'_> {
         self.is_known(path) || digest_file(path).is_ok_and(|there| there == *digest)
     }
 
-    /// Files with backup copies.
-    fn twice(&mut self) -> Result<(), LakeError> {
+    /// Files with replicas.
+    fn replicated(&mut self) -> Result<(), LakeError> {
         let lake = self.lake;
-        let folder = &lake.folder;
-        let again = folder.again();
-        if (again.exists() || folder.copy_of(&again).exists())
-            && !twice::mend(folder, &again, |path, bytes| {
-                again::parse(path, bytes).is_ok()
-            })?
-        {
-            self.wrong.insert(again);
-        }
-        self.twice_in(&folder.runs(), |path, bytes| {
-            lake.register.parse(path, bytes).is_ok()
-        })?;
-        self.twice_in(&folder.manifests(), |path, bytes| {
-            register::check_manifest(path, bytes).is_ok()
-        })?;
-        self.twice_in(&folder.recipes(), |path, bytes| {
-            records::parse_recipe(path, bytes).is_ok()
-        })?;
-        self.twice_in(&folder.tags(), |path, bytes| {
-            tags::parse(path, bytes).is_ok()
-        })
-    }
-
-    fn twice_in(
-        &mut self,
-        folder: &Path,
-        is_right: impl Fn(&Path, &[u8]) -> bool,
-    ) -> Result<(), LakeError> {
-        let lake = &self.lake.folder;
-        for name in twice::names(lake, folder)? {
-            let path = folder.join(name);
-            let copy = lake.copy_of(&path);
+        for (path, check) in irreplaceable::all(lake)? {
+            let copy = lake.folder.copy_of(&path);
             if self.is_known(&path) && self.is_known(&copy) {
                 continue;
             }
-            if !twice::mend(lake, &path, &is_right)? {
-                self.wrong.extend([path, copy]);
+            let is_intact = |path: &Path, bytes: &[u8]| check(lake, path, bytes).is_ok();
+            if !replicas::repair(&lake.folder, &path, is_intact)? {
+                self.unrepaired.extend([path, copy]);
             }
         }
         Ok(())
@@ -141,13 +115,13 @@ impl Mender<'_> {
             for (name, file) in &run.history {
                 let path = folder.run_table(name, number);
                 is_lost |= !self.of_run(&path, file)?;
-                self.watched.insert(self.lake.file(file));
+                self.blobs.insert(self.lake.file(file));
                 shown.insert(path);
             }
             if is_lost {
                 let run = history::make_again(self.lake, run)?;
                 let blobs = run.history.values().map(|file| self.lake.file(file));
-                self.watched.extend(blobs);
+                self.blobs.extend(blobs);
             }
         }
         for path in there {
@@ -196,8 +170,7 @@ impl Mender<'_> {
         let Some(stored) = self.lake.records.read(unit)? else {
             return Ok(());
         };
-        let made = stored.outcome.files();
-        let Some(file) = made.and_then(|files| files.get(table::FILE)) else {
+        let Some(file) = stored.outcome.file(table::FILE) else {
             return Ok(());
         };
         if self.lake.blobs.is_unchanged(file)? {
@@ -206,7 +179,7 @@ impl Mender<'_> {
         if digest_file(path).is_ok_and(|there| there == file.digest) {
             return self.lake.blobs.put_back(path, file);
         }
-        self.wrong.insert(path.to_owned());
+        self.unrepaired.insert(path.to_owned());
         Ok(())
     }
 
@@ -230,15 +203,5 @@ impl Mender<'_> {
             }
         }
         Ok(())
-    }
-
-    /// Records the current stamps of all files.
-    fn look_again(self) -> Result<(), LakeError> {
-        let folder = &self.lake.folder;
-        let seen = Seen::look(folder, &self.watched, &self.wrong)?;
-        if seen == self.seen {
-            return Ok(());
-        }
-        seen.write(folder)
     }
 }

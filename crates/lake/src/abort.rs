@@ -9,8 +9,8 @@ use crate::{LakeError, atomic, folder::names_in, history, lake::Lake, register::
 impl Lake {
     /// Drops the units in flight and marks the run as interrupted. Returns the number of units
     /// dropped, and a guard: nothing is stored while it lives.
-    pub fn abandon(&self) -> (impl Sized + '_, usize) {
-        let (guard, n_dropped) = self.flight.drop_all();
+    pub fn abort(&self) -> (impl Sized + '_, usize) {
+        let (guard, n_dropped) = self.in_flight.abort();
         let mine = atomic::process_name();
         let staging = self.folder.staging();
         for name in names_in(&staging).unwrap_or_default() {

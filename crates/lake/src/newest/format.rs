@@ -7,7 +7,7 @@ use dataflow::{Digest, FileRef, NodeName, RecordOutcome};
 use super::{Newest, NewestOf, ShownFile, pipeline_of};
 use crate::{
     LakeError, atomic,
-    compact::{Reader, Writer},
+    codec::{Reader, Writer},
     folder::Folder,
     stamp::Stamp,
 };
@@ -47,8 +47,8 @@ impl Newest {
         writer.text(&pipeline_at(path));
         writer.number(self.units.len() as u64);
         for (node, units) in &self.units {
-            writer.text(&node.stage);
-            writer.text(&node.artifact);
+            writer.text(node.stage.as_str());
+            writer.text(node.artifact.as_str());
             let known: Vec<_> = units
                 .iter()
                 .filter_map(|(partition, unit)| {
@@ -58,7 +58,7 @@ impl Newest {
                 .collect();
             writer.number(known.len() as u64);
             for (partition, unit, outcome) in known {
-                writer.text(partition);
+                writer.text(partition.as_str());
                 writer.digest(&unit.fingerprint);
                 writer.number(u64::from(unit.current));
                 write_outcome(&mut writer, outcome);
@@ -104,9 +104,12 @@ fn parse(path: &Path, bytes: &[u8]) -> Option<Newest> {
     }
     let mut newest = Newest::default();
     for _ in 0..reader.number()? {
-        let node = NodeName::new(reader.text()?, reader.text()?);
+        let node = NodeName {
+            stage: reader.text()?.parse().ok()?,
+            artifact: reader.text()?.parse().ok()?,
+        };
         let units = reader.each(|reader| {
-            let partition = reader.text()?.to_owned();
+            let partition = reader.text()?.parse().ok()?;
             let unit = NewestOf {
                 fingerprint: reader.digest()?,
                 current: reader.number()? == 1,
@@ -222,11 +225,11 @@ mod tests {
                 reason: "left out".to_owned(),
             },
         ];
-        let node = NodeName::new("split", "parts");
+        let node = NodeName::parse("split.parts").unwrap();
         let units = outcomes.into_iter().enumerate().map(|(number, outcome)| {
             let unit = UnitRef {
                 node: node.clone(),
-                partition: format!("p{number}"),
+                partition: format!("p{number}").parse().unwrap(),
                 fingerprint: Digest::of_bytes(&[0, 1, 2][number..]),
                 made_now: true,
             };
@@ -252,7 +255,7 @@ mod tests {
         for (unit, outcome) in &units {
             assert_eq!(there.outcome(&unit.fingerprint), Some(outcome));
         }
-        assert_eq!(there.shown(&node), Some(&shown));
+        assert_eq!(there.shown.get(&node), Some(&shown));
         assert_eq!(there.stamps, [(digest, stamp)]);
         assert_eq!(there.records, [(units[0].0.fingerprint, stamp)]);
         assert!(!there.is_changed());

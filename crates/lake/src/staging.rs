@@ -1,16 +1,16 @@
 //! A unit in the making: its lock, its staging folder and its commit.
 
 use std::{
-    fs, io,
+    fs,
     path::{Path, PathBuf},
     time::{Duration, SystemTime},
 };
 
-use dataflow::{Advised, Digest, Making, Record, RecordOutcome};
+use dataflow::{Advised, Digest, Making, Record, RecordOutcome, UnitName};
 
 use crate::{
     LakeError,
-    atomic::io_error,
+    atomic::{self, io_error},
     clock::{host, nanoseconds, now, program},
     lake::Lake,
     lock::{Lock, Waiting},
@@ -32,17 +32,15 @@ impl<'a> UnitInProgress<'a> {
     pub(crate) fn begin(
         lake: &'a Lake,
         fingerprint: &Digest,
-        unit: &str,
+        unit: &UnitName,
         waiting: &Waiting,
     ) -> Result<Self, LakeError> {
         let lock = lake.locks.unit(fingerprint, unit, waiting)?;
         let name = fingerprint.to_hex();
         let folder = lake.folder.staging().join(&name);
-        if folder.exists() {
-            fs::remove_dir_all(&folder).map_err(io_error("remove", &folder))?;
-        }
+        atomic::remove_folder_if_there(&folder)?;
         fs::create_dir_all(&folder).map_err(io_error("create", &folder))?;
-        lake.flight.begin(&folder);
+        lake.in_flight.begin(&folder);
         Ok(Self {
             lake,
             folder,
@@ -56,7 +54,7 @@ impl<'a> UnitInProgress<'a> {
         // Bytes that this unit is about to need are not collected meanwhile.
         let _shared = self.lake.locks.block_collection()?;
         // From here on the unit is stored even at an interrupt.
-        let _landing = self.lake.flight.land();
+        let _permit = self.lake.in_flight.permit_commit();
         if let RecordOutcome::Made { files, metrics, .. } = &mut record.outcome {
             if let Some((metric, value)) = metrics.iter().find(|(_, v)| !v.is_finite()) {
                 return Err(LakeError::Metric {
@@ -84,17 +82,8 @@ impl<'a> UnitInProgress<'a> {
         };
         self.lake.records.keep(&record, provenance)?;
         // Leftovers are removed by the next garbage collection.
-        let _left = self.remove_resume_folder();
+        let _left = self.start_over();
         Ok(record)
-    }
-
-    fn remove_resume_folder(&self) -> Result<(), LakeError> {
-        match fs::remove_dir_all(&self.resume_folder) {
-            Err(err) if err.kind() != io::ErrorKind::NotFound => {
-                Err(io_error("remove", &self.resume_folder)(err))
-            }
-            _ => Ok(()),
-        }
     }
 }
 
@@ -120,7 +109,7 @@ impl Making for UnitInProgress<'_> {
     }
 
     fn start_over(&self) -> Result<(), Advised> {
-        Ok(self.remove_resume_folder()?)
+        Ok(atomic::remove_folder_if_there(&self.resume_folder)?)
     }
 
     fn commit(self: Box<Self>, result: Record) -> Result<Record, Advised> {
@@ -132,6 +121,6 @@ impl Drop for UnitInProgress<'_> {
     fn drop(&mut self) {
         // Leftovers are removed by the next process that makes the unit.
         let _left = fs::remove_dir_all(&self.folder);
-        self.lake.flight.end(&self.folder);
+        self.lake.in_flight.end(&self.folder);
     }
 }

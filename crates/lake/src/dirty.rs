@@ -6,7 +6,7 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    sync::{Mutex, MutexGuard, PoisonError},
+    sync::Mutex,
 };
 
 use dataflow::NodeName;
@@ -15,10 +15,11 @@ use crate::{
     LakeError, atomic,
     folder::{Folder, names_in},
     lock::Locks,
+    mutex::lock,
 };
 
 /// The publications of this process, by pipeline, and the marks of all processes.
-pub(crate) struct Changing {
+pub(crate) struct DirtyMarks {
     folder: Folder,
     known: Mutex<BTreeMap<String, Progress>>,
 }
@@ -33,7 +34,7 @@ struct Progress {
     whole: bool,
 }
 
-impl Changing {
+impl DirtyMarks {
     pub(crate) fn new(folder: Folder) -> Self {
         Self {
             folder,
@@ -41,14 +42,9 @@ impl Changing {
         }
     }
 
-    fn known(&self) -> MutexGuard<'_, BTreeMap<String, Progress>> {
-        self.known.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Begins a run of a pipeline.
     pub(crate) fn enter(&self, pipeline: &str) {
-        self.known()
-            .insert(pipeline.to_owned(), Progress::default());
+        lock(&self.known).insert(pipeline.to_owned(), Progress::default());
     }
 
     /// Notes whether a publication succeeded.
@@ -58,7 +54,7 @@ impl Changing {
         node: Option<&NodeName>,
         result: Result<T, LakeError>,
     ) -> Result<T, LakeError> {
-        let mut known = self.known();
+        let mut known = lock(&self.known);
         let progress = known.entry(pipeline.to_owned()).or_default();
         progress.failed |= result.is_err();
         progress.shown.extend(node.cloned());
@@ -67,14 +63,14 @@ impl Changing {
 
     /// Notes that a pipeline has these nodes and no others.
     pub(crate) fn has<'n>(&self, pipeline: &str, mut nodes: impl Iterator<Item = &'n NodeName>) {
-        let mut known = self.known();
+        let mut known = lock(&self.known);
         let progress = known.entry(pipeline.to_owned()).or_default();
         progress.whole = !progress.failed && nodes.all(|node| progress.shown.contains(node));
     }
 
     /// Marks a pipeline before its published files change.
     pub(crate) fn mark(&self, pipeline: &str) -> Result<(), LakeError> {
-        let path = self.folder.changing().join(mine(pipeline));
+        let path = self.folder.dirty().join(mine(pipeline));
         if path.exists() {
             return Ok(());
         }
@@ -84,8 +80,8 @@ impl Changing {
     /// Removes this process's mark once the publication is recorded, and those of dead processes
     /// once their unfinished publications are replaced.
     pub(crate) fn unmark(&self, pipeline: &str, locks: &Locks) -> Result<(), LakeError> {
-        let folder = self.folder.changing();
-        let known = self.known();
+        let folder = self.folder.dirty();
+        let known = lock(&self.known);
         let Some(progress) = known.get(pipeline).filter(|progress| !progress.failed) else {
             return Ok(());
         };
@@ -111,7 +107,7 @@ impl Changing {
 
     /// The names of all marks.
     pub(crate) fn marks(&self) -> Result<Vec<String>, LakeError> {
-        names_in(&self.folder.changing())
+        names_in(&self.folder.dirty())
     }
 }
 

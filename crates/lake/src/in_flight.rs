@@ -9,40 +9,40 @@ use std::{
     time::{Duration, Instant},
 };
 
+use crate::mutex::lock;
+
 /// Grace period for pending writes at an interrupt.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// The units in flight.
 #[derive(Default)]
-pub(crate) struct Flight {
+pub(crate) struct InFlight {
     folders: Mutex<BTreeSet<PathBuf>>,
     /// Read-locked while a file is written under its final name; write-locked to stop all further
     /// writes.
     gate: RwLock<()>,
 }
 
-impl Flight {
+impl InFlight {
     pub(crate) fn begin(&self, folder: &Path) {
-        let mut folders = self.folders.lock().unwrap_or_else(PoisonError::into_inner);
-        folders.insert(folder.to_owned());
+        lock(&self.folders).insert(folder.to_owned());
     }
 
     pub(crate) fn end(&self, folder: &Path) {
-        let mut folders = self.folders.lock().unwrap_or_else(PoisonError::into_inner);
-        folders.remove(folder);
+        lock(&self.folders).remove(folder);
     }
 
     /// Permits a commit; blocks forever once the flight is dropped.
-    pub(crate) fn land(&self) -> RwLockReadGuard<'_, ()> {
+    pub(crate) fn permit_commit(&self) -> RwLockReadGuard<'_, ()> {
         self.gate.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Waits for pending commits, blocks further ones while the guard lives, and removes the units
     /// in flight. Returns the number of units dropped. Does not wait for units that wait for
     /// another process: they have written nothing.
-    pub(crate) fn drop_all(&self) -> (Option<RwLockWriteGuard<'_, ()>>, usize) {
+    pub(crate) fn abort(&self) -> (Option<RwLockWriteGuard<'_, ()>>, usize) {
         let gate = self.close();
-        let folders = self.folders.lock().unwrap_or_else(PoisonError::into_inner);
+        let folders = lock(&self.folders);
         for folder in folders.iter() {
             // A stage may still be writing into it, so a second try may be needed; leftovers are
             // removed by the next process that makes the unit.

@@ -9,7 +9,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Artifact, Digest, NodeName, RecordOutcome, RunStatus, UnitRef};
+use dataflow::{Artifact, Digest, NodeName, PartitionKey, RunStatus, StageName, UnitRef};
 
 use crate::{
     LakeError, digests::check_digests, folder::ShownFolders, lake::Lake, register::Run, table,
@@ -29,12 +29,12 @@ pub struct StageTable {
     /// The pipeline.
     pub pipeline: String,
     /// The stage.
-    pub stage: String,
+    pub stage: StageName,
     /// The column of partitions' keys.
     pub column: String,
     /// The table's file of each partition, by key, below a folder `COLUMN=KEY` and one
     /// `fingerprint=DIGITS`.
-    pub files: BTreeMap<String, PathBuf>,
+    pub files: BTreeMap<PartitionKey, PathBuf>,
 }
 
 /// The remaining partitions of a table.
@@ -68,11 +68,12 @@ impl Lake {
             }
             let mut promised = Vec::new();
             let mut found = TableFiles::default();
-            for shown in recorded.shown_nodes(&pipeline, |node| node.artifact == table)? {
+            for shown in recorded.shown_nodes(&pipeline, |node| node.artifact == *table)? {
                 let mut files = BTreeMap::new();
                 for unit in &shown.units {
-                    let outcome = self.outcome_of(&unit.fingerprint)?;
-                    if let Some(file) = outcome.files().and_then(|files| files.get(table::FILE)) {
+                    let stored = self.records.read(&unit.fingerprint)?;
+                    let stored = stored.ok_or_else(|| self.lost_record(&unit.fingerprint))?;
+                    if let Some(file) = stored.outcome.file(table::FILE) {
                         let path = self.every_path(&shown.column, unit);
                         promised.push((path.clone(), file.digest));
                         files.insert(unit.partition.clone(), path);
@@ -93,7 +94,10 @@ impl Lake {
     /// # Errors
     ///
     /// Fails if a record or a file of it is lost or damaged.
-    pub fn newest_partitions(&self, name: &str) -> Result<BTreeMap<String, Artifact>, LakeError> {
+    pub fn newest_partitions(
+        &self,
+        name: &str,
+    ) -> Result<BTreeMap<PartitionKey, Artifact>, LakeError> {
         let stages = self.newest_table(name)?.stages.into_iter();
         let files = stages.flat_map(|stage| stage.files);
         let artifacts = files.map(|(key, file)| {
@@ -152,7 +156,7 @@ impl Lake {
         promised: &mut Vec<Promised>,
     ) -> Result<TableFiles, LakeError> {
         let mut found = TableFiles::default();
-        for node in run.shown().filter(|node| node.artifact == table) {
+        for node in run.shown().filter(|node| node.artifact == *table) {
             let Some(column) = run.column_of(node) else {
                 continue;
             };
@@ -167,8 +171,7 @@ impl Lake {
                     found.n_collected += 1;
                     continue;
                 };
-                let made = stored.outcome.files();
-                if let Some(file) = made.and_then(|files| files.get(table::FILE)) {
+                if let Some(file) = stored.outcome.file(table::FILE) {
                     promised.push((path.clone(), file.digest));
                     files.insert(unit.partition.clone(), path);
                 }
@@ -228,13 +231,6 @@ impl Lake {
         Ok(promised)
     }
 
-    /// The outcome of a newest unit, whose record must exist.
-    fn outcome_of(&self, fingerprint: &Digest) -> Result<RecordOutcome, LakeError> {
-        let stored = self.records.read(fingerprint)?;
-        let stored = stored.ok_or_else(|| self.lost_record(fingerprint))?;
-        Ok(stored.outcome)
-    }
-
     fn lost_record(&self, fingerprint: &Digest) -> LakeError {
         let path = self.records.path(fingerprint);
         if path.exists() {
@@ -286,11 +282,17 @@ impl Lake {
 }
 
 impl TableFiles {
-    fn add(&mut self, pipeline: &str, stage: &str, column: &str, files: BTreeMap<String, PathBuf>) {
+    fn add(
+        &mut self,
+        pipeline: &str,
+        stage: &StageName,
+        column: &str,
+        files: BTreeMap<PartitionKey, PathBuf>,
+    ) {
         if !files.is_empty() {
             self.stages.push(StageTable {
                 pipeline: pipeline.to_owned(),
-                stage: stage.to_owned(),
+                stage: stage.clone(),
                 column: column.to_owned(),
                 files,
             });

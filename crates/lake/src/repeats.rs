@@ -6,12 +6,12 @@ use std::path::Path;
 use dataflow::{RunRecord, RunStatus};
 use serde::{Deserialize, Serialize};
 
-use crate::{LakeError, folder::Folder, register::Register, sealed, twice};
+use crate::{LakeError, folder::Folder, register::Register, replicas, sealed};
 
 /// The most recently repeated run.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Again {
+pub(crate) struct RepeatedRun {
     /// Its number.
     run: u64,
     /// The highest run number at that time: a run that begins later is newer.
@@ -19,25 +19,25 @@ pub(crate) struct Again {
 }
 
 /// Parses the file's bytes.
-pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Again, LakeError> {
+pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<RepeatedRun, LakeError> {
     sealed::parse(path, bytes)
 }
 
-impl Again {
+impl RepeatedRun {
     /// Keeps it.
     pub(crate) fn keep(&self, folder: &Folder) -> Result<(), LakeError> {
-        let path = folder.again();
-        twice::write(folder, &path, &sealed::seal(&path, self)?)
+        let path = folder.repeated_run();
+        replicas::write(folder, &path, &sealed::seal(&path, self)?)
     }
 }
 
 impl Register {
     /// Returns the number of the newest finished run with exactly these units, and, unless it
     /// already counts as the newest of all, the mark to store so that it does.
-    pub(crate) fn find_again(
+    pub(crate) fn find_repeated(
         &self,
         record: &RunRecord,
-    ) -> Result<Option<(u64, Option<Again>)>, LakeError> {
+    ) -> Result<Option<(u64, Option<RepeatedRun>)>, LakeError> {
         let numbers = self.numbers()?;
         let (_, manifest) = self.manifest_of(&record.units)?;
         for &number in numbers.iter().rev() {
@@ -54,7 +54,7 @@ impl Register {
             }
             let is_newest = self.ordered()?.last() == Some(&number);
             let newest = numbers.last().copied().unwrap_or(number);
-            let again = Again {
+            let again = RepeatedRun {
                 run: number,
                 newest,
             };
@@ -67,7 +67,7 @@ impl Register {
     pub(crate) fn ordered(&self) -> Result<Vec<u64>, LakeError> {
         let mut numbers = self.numbers()?;
         let folder = self.folder();
-        if let Some(again) = twice::read(folder, &folder.again(), parse)?
+        if let Some(again) = replicas::read(folder, &folder.repeated_run(), parse)?
             && let Some(place) = numbers.iter().position(|&number| number == again.run)
         {
             numbers.remove(place);

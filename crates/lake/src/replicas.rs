@@ -58,14 +58,14 @@ pub(crate) fn remove(folder: &Folder, path: &Path) -> Result<(), LakeError> {
 
 /// Restores a lost or damaged file from its copy, or the copy from the file. Returns whether one of
 /// them was intact.
-pub(crate) fn mend(
+pub(crate) fn repair(
     folder: &Folder,
     path: &Path,
-    is_right: impl Fn(&Path, &[u8]) -> bool,
+    is_intact: impl Fn(&Path, &[u8]) -> bool,
 ) -> Result<bool, LakeError> {
     let copy = folder.copy_of(path);
     let (there, copied) = (atomic::read_if_there(path)?, atomic::read_if_there(&copy)?);
-    let is_whole = |bytes: &Option<Vec<u8>>| bytes.as_ref().is_some_and(|b| is_right(path, b));
+    let is_whole = |bytes: &Option<Vec<u8>>| bytes.as_ref().is_some_and(|b| is_intact(path, b));
     match (&there, &copied) {
         (Some(bytes), _) if is_whole(&there) => {
             if copied.as_ref() != Some(bytes) {
