@@ -1,6 +1,7 @@
 //! Why a table violates its schema.
 
 use arrow_schema::ArrowError;
+use motion::MotionError;
 use nalgebra::{Unit, Vector3};
 use spatial::NotAPose;
 
@@ -55,6 +56,14 @@ pub enum SchemaError {
         column: String,
         /// Why.
         source: NotAPose,
+    },
+    /// The steps of a row, or of a table's rows, are no motion.
+    #[error("`{name}` is no motion")]
+    Motion {
+        /// The candidate, or the trajectory's sequence.
+        name: String,
+        /// What is wrong with them.
+        source: MotionError,
     },
     /// The columns do not make a batch.
     #[error("columns do not fit together")]

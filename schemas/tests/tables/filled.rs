@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use motion::{HandRates, JointRates, Step};
+use motion::{HandRates, JointRates, Motion, Step};
 use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
     Table,
@@ -141,36 +141,34 @@ pub(crate) fn demonstration() -> Demonstration {
 }
 
 pub(crate) fn trajectory() -> Trajectory {
-    let step = |time_s: f64| trajectories::Step {
-        hand: Step {
-            time_s,
-            frame_from_palm: pose(0.1),
-            q_rad: vec![0.3, time_s],
-            rates: trajectories::Rates {
-                palm_velocity: Twist::from_array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
-                joints: JointRates {
-                    velocity: vec![1.0, 2.0],
-                    acceleration: vec![3.0, 4.0],
-                },
+    let step = |time_s: f64| Step {
+        time_s,
+        frame_from_palm: pose(0.1),
+        q_rad: vec![0.3, time_s],
+        rates: trajectories::Rates {
+            palm_velocity: Twist::from_array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
+            joints: JointRates {
+                velocity: vec![1.0, 2.0],
+                acceleration: vec![3.0, 4.0],
             },
         },
-        tracking: trajectories::Tracking {
-            keypoint_errors_m: vec![0.03, 0.04],
-            tip_errors_m: vec![0.03],
-            contact_gaps_m: vec![-0.001],
-            limit_margin_rad: 0.1,
-            penetration_m: 0.002,
-            table_penetration_m: 0.001,
-        },
+    };
+    let tracking = trajectories::Tracking {
+        keypoint_errors_m: vec![0.03, 0.04],
+        tip_errors_m: vec![0.03],
+        contact_gaps_m: vec![-0.001],
+        limit_margin_rad: 0.1,
+        penetration_m: 0.002,
+        table_penetration_m: 0.001,
     };
     Trajectory {
         sequence: "a".to_owned(),
         object: "can".to_owned(),
-        joints: joints(),
         keypoints: vec!["thumb_tip".to_owned(), "wrist".to_owned()],
         tips: vec!["thumb_tip".to_owned()],
         rest: rest(),
-        steps: vec![step(0.1), step(0.2)],
+        motion: Motion::new(&joints(), vec![step(0.1), step(0.2)]).unwrap(),
+        tracking: vec![tracking; 2],
     }
 }
 
@@ -194,11 +192,15 @@ pub(crate) fn candidates() -> Candidates {
         latent: vec![0.5; times.len()],
         table_from_object: pose(0.9),
         limit_excess_rad: 0.01,
-        steps: times.iter().map(|&time_s| step(time_s)).collect(),
+        motion: Motion::new(
+            &joints(),
+            times.iter().map(|&time_s| step(time_s)).collect(),
+        )
+        .unwrap(),
     };
     Candidates {
         object: "can".to_owned(),
-        joints: joints(),
+        joints: joints().into(),
         candidates: vec![
             motion("can-0", &[0.0, 0.5, 1.0]),
             motion("can-1", &[0.0, 0.25]),

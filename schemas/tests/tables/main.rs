@@ -3,7 +3,7 @@
 mod filled;
 mod snapshots;
 
-use std::fmt::Debug;
+use std::{fmt::Debug, sync::Arc};
 
 use arrow_array::RecordBatch;
 use schemas::{
@@ -69,11 +69,11 @@ fn trials_add_up() {
 #[test]
 fn refuses_numbers_that_are_not_finite() {
     let mut broken = filled::trajectory();
-    broken.steps[0].hand.q_rad[1] = f64::NAN;
+    broken.tracking[1].tip_errors_m[0] = f64::NAN;
     let refused = broken.to_batch().unwrap_err();
     assert_eq!(
         refused.to_string(),
-        "column `q_rad` holds a number that is not finite in row 0"
+        "column `tip_errors_m` holds a number that is not finite in row 1"
     );
     let endless = latents::Row {
         kl_nats: f64::INFINITY,
@@ -92,18 +92,30 @@ fn refuses_another_schema() {
 #[test]
 fn refuses_lists_that_do_not_fit_the_joints_or_the_steps() {
     let mut broken = filled::trajectory();
-    broken.steps[0].hand.q_rad.push(0.0);
+    broken.tracking[0].tip_errors_m.push(0.0);
     let batch = broken.to_batch().unwrap();
     let refused = Trajectory::from_batch("a", &batch).unwrap_err();
     assert_eq!(
         refused.to_string(),
-        "column `q_rad`: 3 joint positions, expected 2"
+        "column `tip_errors_m`: 2 errors, expected 1"
     );
+    broken.tracking.pop();
+    assert!(broken.to_batch().is_err());
 
+    let batch = of_three_joints(&filled::trajectory().to_batch().unwrap());
+    let refused = Trajectory::from_batch("a", &batch).unwrap_err();
+    assert!(matches!(refused, SchemaError::Motion { .. }), "{refused}");
+
+    let batch = of_three_joints(&filled::candidates().to_batch().unwrap());
+    let refused = Candidates::from_batch("can", &batch).unwrap_err();
+    assert_eq!(
+        refused.to_string(),
+        "column `q_rad`: 6 joint positions, expected 9"
+    );
     let mut broken = filled::candidates();
-    broken.joints.push("joint_2".to_owned());
-    let batch = broken.to_batch().unwrap();
-    assert!(Candidates::from_batch("can", &batch).is_err());
+    broken.joints = ["joint_0".to_owned()].into();
+    let refused = broken.to_batch().unwrap_err();
+    assert!(refused.to_string().contains("`can-0`"), "{refused}");
 
     let mut broken = filled::reconstruction();
     broken.rows[1] = reconstruction::Row {
@@ -116,6 +128,15 @@ fn refuses_lists_that_do_not_fit_the_joints_or_the_steps() {
         refused.to_string().contains("joint_errors_rad"),
         "{refused}"
     );
+}
+
+/// Returns the rows under the names of three joints.
+fn of_three_joints(batch: &RecordBatch) -> RecordBatch {
+    let schema = batch.schema().as_ref().clone();
+    let mut metadata = schema.metadata().clone();
+    metadata.insert("joints".to_owned(), "a,b,c".to_owned());
+    let schema = Arc::new(schema.with_metadata(metadata));
+    RecordBatch::try_new(schema, batch.columns().to_vec()).unwrap()
 }
 
 #[test]

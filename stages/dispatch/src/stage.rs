@@ -290,15 +290,13 @@ fn send(
         let (goal, mut report, moved) = sender.execute_or_resume(goal)?;
         sent.known_n += usize::from(moved == Moved::Before);
         names.of_hand(&mut report.joints);
-        let grasp = candidate.steps.last();
-        let grasp = grasp.ok_or_else(|| missing("step of a motion"))?;
         let setting = Setting {
             robots,
             hand_path: &config.hand,
             object,
             cell: &capabilities.cell,
             gap: &capabilities.gap,
-            object_from_grasp: grasp.frame_from_palm.isometry(),
+            object_from_grasp: candidate.motion.grasp().frame_from_palm.isometry(),
         };
         record(&setting, &goal, &report, cx.folder())?;
         sent.executions.push(cell.execution(candidate, &report));

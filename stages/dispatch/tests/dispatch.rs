@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, fs, path::Path};
 use dataflow::{
     Advise, Artifact, Context, Inputs, Made, Outcome, Output, SourceFile, Stage, Summary,
 };
-use motion::{HandRates, Step};
+use motion::{HandRates, Motion, Step};
 use nalgebra::{Isometry3, Vector3};
 use report_dispatch::DispatchReport;
 use schemas::{
@@ -89,11 +89,15 @@ fn candidate(id: &str, closed_m: f64) -> Candidate {
         latent: Vec::new(),
         table_from_object: rest().table_from_object(),
         limit_excess_rad: 0.0,
-        steps: vec![
-            step(0.0, 0.15, 0.0),
-            step(0.7, 0.02, 0.0),
-            step(1.0, 0.02, closed_m),
-        ],
+        motion: Motion::new(
+            &joints(),
+            vec![
+                step(0.0, 0.15, 0.0),
+                step(0.7, 0.02, 0.0),
+                step(1.0, 0.02, closed_m),
+            ],
+        )
+        .unwrap(),
     }
 }
 
@@ -134,7 +138,7 @@ fn inputs(folder: &Path, config: &DispatchConfig, verdict: Verdict) -> Inputs {
     let ids = ["cube-0", "cube-1", "cube-2", "cube-3"];
     let candidates = Candidates {
         object: OBJECT.to_owned(),
-        joints: joints(),
+        joints: joints().into(),
         candidates: ids
             .iter()
             .map(|id| candidate(id, if *id == "cube-2" { 0.0 } else { 0.04 }))

@@ -4,6 +4,7 @@ use std::{io, path::PathBuf};
 
 use dataflow::{Advise, missing};
 use lake::LakeError;
+use motion::MotionError;
 use robot::{RobotError, WrongDof};
 use robot_meshes::LoadError;
 
@@ -38,6 +39,9 @@ pub enum RetargetError {
     /// The robot cannot be loaded.
     #[error(transparent)]
     LoadRobot(#[from] LoadError),
+    /// The steps of a demonstration make no motion.
+    #[error(transparent)]
+    Motion(#[from] MotionError),
     /// Nothing of the robot moves.
     #[error("the robot has no joint that moves")]
     NoJoint,
@@ -151,6 +155,7 @@ impl Advise for RetargetError {
             }
             Self::NoDemonstrations
             | Self::NoObjects
+            | Self::Motion(_)
             | Self::Solver(_)
             | Self::Dof(_) => None,
         }

@@ -3,6 +3,7 @@
 use cgf::CgfError;
 use dataflow::Advise;
 use lake::LakeError;
+use motion::MotionError;
 use robot::{JointMismatch, WrongDof};
 use robot_meshes::LoadError;
 
@@ -40,6 +41,9 @@ pub enum SampleError {
     /// A motion has another number of joints than the hand.
     #[error("a motion does not fit the hand: {0}")]
     Dof(#[from] WrongDof),
+    /// The grasping function's outputs are no motion.
+    #[error("the grasping function gives no motion")]
+    Motion(#[from] MotionError),
     /// The collision shapes are far larger than a hand's.
     #[error("the collision shapes up to those of link `{link}` are far larger than a hand")]
     LargeShapes {
@@ -88,7 +92,7 @@ impl Advise for SampleError {
                 | CgfError::Tensor { .. }
                 | CgfError::Version { .. },
             ) => Some("train again with `pipeline run FILE --fresh`".to_owned()),
-            Self::Cgf(_) => None,
+            Self::Motion(_) | Self::Cgf(_) => None,
         }
     }
 }

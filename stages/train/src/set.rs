@@ -6,7 +6,7 @@ use cgf::{Random, Scene, Split, Track, TrainingSet};
 use dataflow::{Artifact, Inputs};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, table};
-use motion::{Motion, MotionError, Step};
+use motion::MotionError;
 use nalgebra::Point3;
 use schemas::{
     Table,
@@ -138,15 +138,8 @@ fn track(
     joints: &[String],
 ) -> Result<Track, TrainError> {
     let table_from_object = rest.table_from_object();
-    let steps = trajectory.steps.iter().map(|step| &step.hand);
-    let steps = steps.map(|step| Step {
-        time_s: step.time_s,
-        frame_from_palm: table_from_object * step.frame_from_palm,
-        q_rad: step.q_rad.clone(),
-        rates: (),
-    });
-    let motion = Motion::new(&trajectory.joints, steps.collect());
-    let motion = motion.and_then(|motion| motion.reordered(joints));
+    let motion = trajectory.motion.with_rates(|_| ());
+    let motion = motion.and_then(|one| one.seen_from(&table_from_object).reordered(joints));
     let sequence = || trajectory.sequence.clone();
     Ok(Track {
         name: sequence(),

@@ -6,8 +6,7 @@ use dataflow::{
 };
 use diversity::{Diversity, Motion};
 use lake::{ReadInputs, WriteArtifact};
-use motion::{HandRates, Step};
-use robot::{JointOrder, WrongDof};
+use motion::MotionError;
 use schemas::{
     Table,
     candidates::Candidates,
@@ -15,17 +14,13 @@ use schemas::{
     sampling::{Sampled, Sampling},
     trajectories::Trajectory,
 };
-use spatial::Object;
 use stage_sample::{
     Sample, SampleConfig, SampleError,
     inputs::{ROBOT, hand_file, hand_meshes, order, read_field},
     room::{Gauge, Room},
 };
 
-use crate::{
-    SampleReportError, charts,
-    measure::{Measure, Shown},
-};
+use crate::{SampleReportError, charts, measure::Measure};
 
 /// Depth in the object, in meters, up to which a motion counts as clear of it before the grasp.
 const CLEAR_M: f64 = 0.005;
@@ -122,7 +117,6 @@ impl Output for SamplingReport {
             .iter()
             .map(|artifact| read_shown(artifact, &drawn.joints))
             .collect::<Result<Vec<_>, _>>()?;
-        let shown: Vec<Shown> = shown.into_iter().flatten().collect();
         let measure = Measure {
             gauge: Gauge {
                 room: &Room::new(&hand)?,
@@ -184,27 +178,15 @@ fn line(summary: &Summary<SamplingMetrics>) -> String {
     }
 }
 
-/// Reads a demonstration with its joints in this order; `None` if it has no step.
-fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, SampleReportError> {
+/// Reads a demonstration with its joints in this order.
+fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Trajectory, SampleReportError> {
     let shown: Trajectory = lake::table::read(artifact)?;
-    let order =
-        JointOrder::new(&shown.joints, joints).map_err(|source| SampleError::AnotherHand {
+    let motion = shown.motion.reordered(joints).map_err(|err| match err {
+        MotionError::Joints(source) => SampleError::AnotherHand {
             what: format!("trajectory `{}`", artifact.key),
             source,
-        })?;
-    let steps = shown.steps.iter().map(|step| &step.hand).map(|step| {
-        Ok(Step {
-            time_s: step.time_s,
-            frame_from_palm: step.frame_from_palm,
-            q_rad: order.apply(&step.q_rad)?,
-            rates: HandRates::still(joints.len()),
-        })
-    });
-    let mut approach: Vec<Step<Object>> = steps.collect::<Result<_, WrongDof>>()?;
-    Ok(approach.pop().map(|grasp| Shown {
-        sequence: shown.sequence.clone(),
-        rest: shown.rest,
-        approach,
-        grasp,
-    }))
+        },
+        other => SampleError::Motion(other),
+    })?;
+    Ok(Trajectory { motion, ..shown })
 }

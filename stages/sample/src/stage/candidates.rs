@@ -99,7 +99,7 @@ pub(super) fn make(
     let sample = sample(config, &cgf, &object, gauge, cx.seed())?;
     let drawn = Candidates {
         object: object.name.clone(),
-        joints: cgf.description().joints.clone(),
+        joints: cgf.description().joints.as_slice().into(),
         candidates: sample.candidates,
     };
     cx.write(&drawn)?;

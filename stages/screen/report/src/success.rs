@@ -207,7 +207,7 @@ fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, S
 fn grasp(candidate: &Candidate) -> Motion<'_> {
     Motion {
         table_from_object: candidate.table_from_object,
-        steps: candidate.steps.last().into_iter().collect(),
+        steps: vec![candidate.motion.grasp()],
     }
 }
 
@@ -295,8 +295,8 @@ mod tests {
 
     /// A motion that ends at `x`, turned by `angle` about z, its joints at `q`.
     fn motion(name: &str, height_m: f64, x: f64, angle: f64, q: f64) -> Candidate {
-        let step = |x: f64, q: f64| Step {
-            time_s: 0.0,
+        let step = |time_s: f64, x: f64, q: f64| Step {
+            time_s,
             frame_from_palm: Pose::new(Isometry3::new(
                 Vector3::new(x, 0.0, 0.1),
                 Vector3::z() * angle,
@@ -310,7 +310,8 @@ mod tests {
             latent: Vec::new(),
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
             limit_excess_rad: 0.0,
-            steps: vec![step(9.0, 9.0), step(x, q)],
+            motion: ::motion::Motion::new(&["j", "k"], vec![step(0.0, 9.0, 9.0), step(1.0, x, q)])
+                .unwrap(),
         }
     }
 
@@ -333,7 +334,7 @@ mod tests {
     fn given() -> Candidates {
         Candidates {
             object: "can".to_owned(),
-            joints: vec!["j".to_owned(), "k".to_owned()],
+            joints: ["j".to_owned(), "k".to_owned()].into(),
             candidates: vec![
                 motion("a", 0.05, 0.02, 0.3, 0.2),
                 motion("b", 0.05, 8.0, 3.0, 8.0),
