@@ -25,6 +25,16 @@ pub enum SchemaError {
         /// The expected type.
         expected: &'static str,
     },
+    /// A cell, or an entry of the list in it, is null.
+    #[error("table `{table}` has a null in column `{column}`, row {row}")]
+    Null {
+        /// The table's schema.
+        table: String,
+        /// The column's name.
+        column: String,
+        /// The row.
+        row: usize,
+    },
     /// A number is NaN or infinite.
     #[error("column `{column}` holds a number that is not finite in row {row}")]
     NotFinite {

@@ -33,19 +33,19 @@ table! {"executions", 3, rows: Execution}
 
 words! {
     /// How an execution ended.
-    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
     pub enum Outcome: "outcome" {
         /// The object was lifted and held.
         Succeeded = "succeeded",
         /// The motion was executed and the object not held.
         Failed = "failed",
-        /// The cell refused the goal; nothing moved.
-        Rejected = "rejected",
         /// The cell aborted the motion.
         Aborted = "aborted",
-        /// A person canceled the motion.
-        Stopped = "stopped",
         /// The outcome is unknown; a person has to check.
         Unknown = "unknown",
+        /// The cell refused the goal; nothing moved.
+        Rejected = "rejected",
+        /// A person canceled the motion.
+        Stopped = "stopped",
     }
 }

@@ -26,7 +26,8 @@ fn a_stage_of_one_file_makes_typed_tables_and_is_told_once() {
         files: BTreeMap::from([(lake::table::FILE.to_owned(), place.lake().join(table))]),
     };
     let trials: AllTrials = lake::table::read(&artifact).unwrap();
-    assert_eq!((trials[0].trials_n(), trials[0].successes_n()), (3, 2));
+    let outcomes = &trials[0].outcomes;
+    assert_eq!((outcomes.total_n(), outcomes.successes_n()), (3, 2));
     let again = stderr(&place.run_well(&[]));
     assert!(again.contains("cached"), "{again}");
 }

@@ -8,7 +8,8 @@ use dataflow::{
 };
 use lake::{LakeError, WriteArtifact};
 use schemars::JsonSchema;
-use schemas::{Table, executions, trials::AllTrials, trials::Trials};
+use schemas::executions::Outcome::{Failed, Succeeded};
+use schemas::{Table, tally::Tally, trials::AllTrials, trials::Trials};
 use serde::{Deserialize, Serialize};
 
 /// Options of `kind = "logged"`.
@@ -65,11 +66,7 @@ impl Output for Logged {
             cell: "bench".to_owned(),
             simulated: false,
             gap: String::new(),
-            outcomes_n: executions::Outcome::ALL.map(|outcome| match outcome {
-                executions::Outcome::Succeeded => succeeded,
-                executions::Outcome::Failed => failed,
-                _ => 0,
-            }),
+            outcomes: Tally::from_iter([(Succeeded, succeeded), (Failed, failed)]),
         };
         cx.write(&vec![trials])?;
         let trials_n = (succeeded + failed) as f64;

@@ -17,7 +17,7 @@ use schemas::{
     sampling::{self, Sampled},
     success::Success,
     tracking::TrackingReport,
-    training,
+    training::{self, Split},
     trajectories::{self, Trajectory},
     trials::Trials,
 };
@@ -231,13 +231,14 @@ pub(crate) fn success() -> Vec<Success> {
     let row = |generator: &str, successes_n: i64| Success {
         object: "can".to_owned(),
         generator: generator.to_owned(),
-        verdicts_n: [successes_n, 2, 3, 4, 5, 6, 7, 8, 9],
+        verdicts: Verdict::ALL
+            .into_iter()
+            .zip([successes_n, 2, 3, 4, 5, 6, 7, 8, 9])
+            .collect(),
         control_steps_n: 1000,
-        spread: sampling::GraspDistance {
-            palm_m: 1.0,
-            palm_rad: 2.0,
-            q_rad: 3.0,
-        },
+        spread_palm_m: 1.0,
+        spread_palm_rad: 2.0,
+        spread_q_rad: 3.0,
         spread_n: successes_n,
     };
     vec![row("cgf", 40), row("interpolate", 0)]
@@ -298,15 +299,18 @@ pub(crate) fn trials() -> Vec<Trials> {
         cell: "lab".to_owned(),
         simulated: false,
         gap: String::new(),
-        // Succeeded, failed, rejected, aborted, stopped, unknown.
-        outcomes_n: [11, 4, 5, 3, 7, 2],
+        // Succeeded, failed, aborted, unknown, rejected, stopped.
+        outcomes: executions::Outcome::ALL
+            .into_iter()
+            .zip([11, 4, 3, 2, 5, 7])
+            .collect(),
     }]
 }
 
 pub(crate) fn training() -> Vec<training::Row> {
-    let row = |epoch: i64, split: &str| training::Row {
+    let row = |epoch: i64, split: Split| training::Row {
         epoch,
-        split: split.to_owned(),
+        split,
         learning_rate: 1e-3,
         total: 2.0,
         q: 3.0,
@@ -317,14 +321,18 @@ pub(crate) fn training() -> Vec<training::Row> {
         contact_m2: 8.0,
         penetration_m2: 2e-5,
     };
-    vec![row(1, "training"), row(1, "held_out"), row(2, "training")]
+    vec![
+        row(1, Split::Training),
+        row(1, Split::HeldOut),
+        row(2, Split::Training),
+    ]
 }
 
 pub(crate) fn reconstruction() -> Reconstruction {
     let row = reconstruction::Row {
         sequence: "a".to_owned(),
         object: "can".to_owned(),
-        split: "unseen".to_owned(),
+        split: Split::Unseen,
         tip_error_mean_m: 1.0,
         tip_error_grasp_m: 2.0,
         palm_error_mean_m: 3.0,

@@ -5,7 +5,8 @@ mod snapshots;
 
 use std::{fmt::Debug, sync::Arc};
 
-use arrow_array::RecordBatch;
+use arrow_array::{ArrayRef, Float64Array, ListArray, RecordBatch, types::Float64Type};
+use arrow_schema::{Field, Schema};
 use schemas::{
     SchemaError, Table,
     candidates::Candidates,
@@ -42,11 +43,11 @@ fn a_joint_outside_its_limits_is_told_apart() {
 #[test]
 fn successes_add_up() {
     let rows = filled::success();
-    let of_rows = |number: fn(&Success) -> i64| rows.iter().map(number).collect::<Vec<_>>();
-    assert_eq!(of_rows(Success::candidates_n), [84, 44]);
+    let totals = rows.iter().map(|row| row.verdicts.total_n());
+    assert_eq!(totals.collect::<Vec<_>>(), [84, 44]);
     let per_success = rows.iter().map(Success::control_steps_per_success);
     assert_eq!(per_success.collect::<Vec<_>>(), [25.0, 0.0]);
-    assert_eq!(rows[0].count(Verdict::Table), 3);
+    assert_eq!(rows[0].verdicts.count(Verdict::Table), 3);
 
     // Counts that do not add up are another's.
     let batch = rows.to_batch().unwrap();
@@ -55,15 +56,18 @@ fn successes_add_up() {
     columns[idx] = batch.column(idx + 1).clone();
     let wrong = RecordBatch::try_new(batch.schema(), columns).unwrap();
     let err = Successes::from_batch("all", &wrong).unwrap_err();
-    assert!(err.to_string().contains("40 candidates, and 84"), "{err}");
+    assert!(
+        err.to_string().contains("40, and 84 by how they ended"),
+        "{err}"
+    );
 }
 
 #[test]
 fn trials_add_up() {
-    let trials = filled::trials();
-    assert_eq!((trials[0].trials_n(), trials[0].successes_n()), (20, 11));
-    let [low, high] = trials[0].interval();
-    assert!(low < 0.55 && 0.55 < high && trials[0].rate() == 0.55);
+    let outcomes = &filled::trials()[0].outcomes;
+    assert_eq!((outcomes.total_n(), outcomes.successes_n()), (20, 11));
+    let [low, high] = outcomes.interval();
+    assert!(low < 0.55 && 0.55 < high && outcomes.rate() == 0.55);
 }
 
 #[test]
@@ -80,6 +84,43 @@ fn refuses_numbers_that_are_not_finite() {
         ..filled::latents()[0].clone()
     };
     assert!(Latents::to_batch(&vec![endless]).is_err());
+}
+
+#[test]
+fn refuses_nulls() {
+    let with_column = |batch: &RecordBatch, name: &str, column: ArrayRef| {
+        let mut columns = batch.columns().to_vec();
+        columns[batch.schema().index_of(name).unwrap()] = column;
+        let fields = batch
+            .schema()
+            .fields()
+            .iter()
+            .zip(&columns)
+            .map(|(field, column)| {
+                let field = field.as_ref().clone().with_nullable(true);
+                field.with_data_type(column.data_type().clone())
+            });
+        let fields: Vec<Field> = fields.collect();
+        let schema = Schema::new_with_metadata(fields, batch.schema().metadata().clone());
+        RecordBatch::try_new(Arc::new(schema), columns).unwrap()
+    };
+    let batch = filled::latents().to_batch().unwrap();
+    let mut numbers = vec![Some(0.5); batch.num_rows()];
+    numbers[1] = None;
+    let numbers = Arc::new(Float64Array::from(numbers));
+    let found = Latents::from_batch("cgf", &with_column(&batch, "kl_nats", numbers));
+    assert_eq!(
+        found.unwrap_err().to_string(),
+        "table `latents/1` has a null in column `kl_nats`, row 1"
+    );
+    let batch = filled::trajectory().to_batch().unwrap();
+    let lists = [vec![Some(0.03)], vec![None]].map(Some);
+    let lists = Arc::new(ListArray::from_iter_primitive::<Float64Type, _, _>(lists));
+    let found = Trajectory::from_batch("a", &with_column(&batch, "tip_errors_m", lists));
+    assert_eq!(
+        found.unwrap_err().to_string(),
+        "table `trajectories/2` has a null in column `tip_errors_m`, row 1"
+    );
 }
 
 #[test]

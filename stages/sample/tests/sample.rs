@@ -16,7 +16,7 @@ use ::motion::{Motion, Step};
 use cgf::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
     JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Scene, Schedule,
-    Split, Times, Track, TrainingConfig, TrainingDevice, TrainingSet,
+    Times, Track, TrainingConfig, TrainingDevice, TrainingSet,
 };
 use dataflow::{
     Advise, Artifact, Context, Inputs, Made, Outcome, Output, SourceFile, Stage, Summary,
@@ -33,6 +33,7 @@ use schemas::{
     objects::{Object, RestingOrientation},
     ros2::{TfMessage, motion},
     sampling::Sampled,
+    training::Split,
     trajectories,
     trajectories::Trajectory,
 };

@@ -11,6 +11,7 @@ use schemas::{
     candidates::Candidates,
     objects::Object,
     rollouts::{Rollout, Rollouts, Verdict},
+    tally::Tally,
 };
 use simulation::{Flexion, Record, SimulationError, check_hand};
 
@@ -166,13 +167,12 @@ impl Output for Screen {
 
 impl ScreenMetrics {
     fn of(rollouts: &[Rollout]) -> Self {
-        let count =
-            |verdict: Verdict| rollouts.iter().filter(|r| r.verdict == verdict).count() as f64;
+        let verdicts: Tally<Verdict> = rollouts.iter().map(|r| (r.verdict, 1)).collect();
         Self {
             candidates_n: rollouts.len() as f64,
-            accepted_n: count(Verdict::Held),
+            accepted_n: verdicts.successes_n() as f64,
             control_steps_n: rollouts.iter().map(|r| f64::from(r.cost_n)).sum(),
-            verdicts_n: Verdict::ALL.map(count),
+            verdicts_n: verdicts,
         }
     }
 }

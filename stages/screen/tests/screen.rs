@@ -267,14 +267,14 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
         (row.object.as_str(), row.generator.as_str()),
         ("can", "test")
     );
-    assert_eq!((row.candidates_n(), row.successes_n()), (3, 1));
-    let counted = [Verdict::Limit, Verdict::NotGrasped].map(|verdict| row.count(verdict));
+    assert_eq!((row.verdicts.total_n(), row.verdicts.successes_n()), (3, 1));
+    let counted = [Verdict::Limit, Verdict::NotGrasped].map(|verdict| row.verdicts.count(verdict));
     assert_eq!(counted, [1, 1]);
     let rollouts = rows(folder.path());
     let cost_n: i64 = rollouts.iter().map(|r| i64::from(r.cost_n)).sum();
     assert_eq!(row.control_steps_n, cost_n);
     // One grasp has no spread.
-    assert_eq!((row.spread_n, row.spread.palm_m), (0, 0.0));
+    assert_eq!((row.spread_n, row.spread_palm_m), (0, 0.0));
     let svg = fs::read_to_string(success.join("rates.svg")).unwrap();
     for text in [
         ">can</text>",

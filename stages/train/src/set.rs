@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use cgf::{Random, Scene, Split, Track, TrainingSet};
+use cgf::{Random, Scene, Track, TrainingSet};
 use dataflow::{Artifact, Inputs};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, table};
@@ -12,6 +12,7 @@ use schemas::{
     Table,
     distance_fields::{self, FieldInfo},
     objects::Object,
+    training::Split,
     trajectories::Trajectory,
 };
 use spatial::Rest;

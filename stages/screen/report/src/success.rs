@@ -12,7 +12,8 @@ use schemas::{
     Table,
     candidates::{Candidate, Candidates},
     rollouts::{Rollout, Rollouts, Verdict},
-    success::{self, Success, Successes},
+    success::{Success, Successes},
+    tally::wilson,
 };
 use stage_screen::{Screen, ScreenConfig};
 
@@ -191,13 +192,13 @@ fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, S
         Ok(Success {
             object: given.object.clone(),
             generator: generator.to_owned(),
-            verdicts_n: Verdict::ALL.map(|verdict| {
-                let so = rollouts.iter().filter(|r| r.verdict == verdict);
-                as_stored(so.count())
-            }),
+            verdicts: rollouts.iter().map(|r| (r.verdict, 1)).collect(),
             control_steps_n: rollouts.iter().map(|r| i64::from(r.cost_n)).sum(),
-            spread: diversity.at_grasp,
-            spread_n: as_stored(diversity.compared_n),
+            spread_palm_m: diversity.at_grasp.palm_m,
+            spread_palm_rad: diversity.at_grasp.palm_rad,
+            spread_q_rad: diversity.at_grasp.q_rad,
+            // No count in memory is larger than the largest `i64`.
+            spread_n: i64::try_from(diversity.compared_n).unwrap_or(i64::MAX),
         })
     };
     by_generator.into_iter().map(row).collect()
@@ -211,22 +212,17 @@ fn grasp(candidate: &Candidate) -> Motion<'_> {
     }
 }
 
-/// A count as it is stored; no count in memory is larger than the largest `i64`.
-fn as_stored(n: usize) -> i64 {
-    i64::try_from(n).unwrap_or(i64::MAX)
-}
-
 impl SuccessMetrics {
     fn of(rows: &[Success], touched_n: usize) -> Self {
         let sum = |number: &dyn Fn(&Success) -> i64| rows.iter().map(number).sum::<i64>() as f64;
         Self {
             objects_n: objects(rows).len() as f64,
-            candidates_n: sum(&Success::candidates_n),
-            accepted_n: sum(&Success::successes_n),
+            candidates_n: sum(&|row| row.verdicts.total_n()),
+            accepted_n: sum(&|row| row.verdicts.successes_n()),
             control_steps_n: sum(&|row| row.control_steps_n),
             touched_n: touched_n as f64,
-            limit_n: sum(&|row| row.count(Verdict::Limit)),
-            table_n: sum(&|row| row.count(Verdict::Table)),
+            limit_n: sum(&|row| row.verdicts.count(Verdict::Limit)),
+            table_n: sum(&|row| row.verdicts.count(Verdict::Table)),
         }
     }
 
@@ -237,7 +233,7 @@ impl SuccessMetrics {
 
     /// The 95 % interval of that share.
     fn interval(&self) -> [f64; 2] {
-        success::wilson(self.accepted_n, self.candidates_n)
+        wilson(self.accepted_n, self.candidates_n)
     }
 }
 
@@ -257,9 +253,9 @@ fn chart(rows: &[Success]) -> Result<String, ChartError> {
     let estimate = |object: &String, generator: &str| {
         let mut rows = rows.iter();
         let row = rows.find(|row| row.object == *object && row.generator == generator)?;
-        let [low, high] = row.interval().map(|end| 100.0 * end);
+        let [low, high] = row.verdicts.interval().map(|end| 100.0 * end);
         Some(Estimate {
-            value: 100.0 * row.rate(),
+            value: 100.0 * row.verdicts.rate(),
             low,
             high,
         })
@@ -361,18 +357,18 @@ mod tests {
         };
         let names = [another, cgf].map(|row| (row.object.as_str(), row.generator.as_str()));
         assert_eq!(names, [("can", "another"), ("can", "cgf")]);
-        assert_eq!((cgf.candidates_n(), cgf.successes_n()), (4, 3));
-        assert_eq!(cgf.count(Verdict::Dropped), 1);
+        assert_eq!((cgf.verdicts.total_n(), cgf.verdicts.successes_n()), (4, 3));
+        assert_eq!(cgf.verdicts.count(Verdict::Dropped), 1);
         assert_eq!(cgf.control_steps_n, 400);
         assert_eq!(cgf.spread_n, 2);
         let near = |found: f64, expected: f64| {
             assert!((found - expected).abs() < 1e-9, "{found} {expected}");
         };
-        near(cgf.spread.palm_m, 0.02);
-        near(cgf.spread.palm_rad, 0.3);
-        near(cgf.spread.q_rad, 0.2);
-        assert_eq!((another.successes_n(), another.spread_n), (0, 0));
-        assert_eq!(another.count(Verdict::Table), 1);
+        near(cgf.spread_palm_m, 0.02);
+        near(cgf.spread_palm_rad, 0.3);
+        near(cgf.spread_q_rad, 0.2);
+        assert_eq!((another.verdicts.successes_n(), another.spread_n), (0, 0));
+        assert_eq!(another.verdicts.count(Verdict::Table), 1);
         assert_eq!(another.control_steps_per_success(), 0.0);
         let metrics = SuccessMetrics::of(&rows, 4);
         assert_eq!((metrics.touched_n, metrics.table_n), (4.0, 1.0));

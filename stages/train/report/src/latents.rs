@@ -1,6 +1,6 @@
 //! What is used of the latent code.
 
-use cgf::{Demonstration, Description, Split};
+use cgf::{Demonstration, Description};
 use charts::{Captions, Scale, Series, lines, scatter};
 use dataflow::{
     Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
@@ -9,12 +9,13 @@ use lake::WriteArtifact;
 use schemas::{
     Table,
     latents::{Latents, Row},
+    training::Split,
 };
 use stage_train::{Train, TrainConfig};
 
 use crate::{
     TrainReportError,
-    report::{SPLITS, description, mean, of_description, of_split, put},
+    report::{description, mean, of_description, put, shown_split},
 };
 
 /// Variance of the means beyond which a dimension is active (Burda, Grosse and Salakhutdinov,
@@ -82,7 +83,7 @@ fn rows(description: &Description) -> Vec<Row> {
     (0..description.network.latent_dim)
         .map(|dimension| {
             let codes = || {
-                let learned = of_split(description, Split::Training);
+                let learned = description.of_split(Split::Training);
                 learned.filter_map(move |demonstration| code(demonstration, dimension))
             };
             let center = mean(codes().map(|(mean, _)| mean));
@@ -148,9 +149,10 @@ fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), Tra
         x: &x,
         y: &y,
     };
-    let sets = SPLITS.map(|(split, _, name)| Series {
-        name: name.to_owned(),
-        points: of_split(description, split)
+    let sets = Split::ALL.map(|split| Series {
+        name: shown_split(split),
+        points: description
+            .of_split(split)
             .filter_map(|motion| Some([code(motion, first)?.0, code(motion, second)?.0]))
             .collect(),
     });

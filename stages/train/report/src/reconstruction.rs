@@ -5,7 +5,7 @@ use std::{
     sync::Arc,
 };
 
-use cgf::{Cgf, CgfError, Demonstration, Description, Grasp, Split, Track};
+use cgf::{Cgf, CgfError, Demonstration, Description, Grasp, Track};
 use charts::{Bars, Captions, Scale, Series, bars, lines};
 use dataflow::{
     Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
@@ -16,12 +16,13 @@ use robot::RobotModel;
 use schemas::{
     Table, checkpoint,
     reconstruction::{Reconstruction, Row},
+    training::Split,
 };
 use stage_train::{BySplit, Train, TrainConfig, hand, set};
 
 use crate::{
     TrainReportError,
-    report::{SPLITS, mean, of_function, of_split, put, shown},
+    report::{mean, of_function, put, shown, shown_split},
 };
 
 /// Parts of a motion over which errors are shown.
@@ -145,13 +146,13 @@ impl Output for ReconstructionReport {
 
 fn line(summary: &Summary<ReconstructionMetrics>) -> String {
     let all = &summary.metrics;
-    let errors_mm = |split: usize| {
+    let errors_mm = |split: Split| {
         let errors_m = [all.tip_error_mean_m[split], all.tip_error_grasp_m[split]];
         errors_m.map(|error_m| shown(error_m.map(|m| 1e3 * m), 1))
     };
-    let [mean, grasp] = errors_mm(0);
+    let [mean, grasp] = errors_mm(Split::Training);
     let mut text = format!("tip error {mean} mm (grasp {grasp})");
-    for (split, what) in [(1, "held out"), (2, "unseen")] {
+    for (split, what) in [(Split::HeldOut, "held out"), (Split::Unseen, "unseen")] {
         if all.trajectories_n[split].is_some_and(|n| n > 0.0) {
             let [mean, grasp] = errors_mm(split);
             text += &format!(", {what} {mean} ({grasp})");
@@ -196,7 +197,7 @@ fn rebuilt<'a>(
     let row = Row {
         sequence: track.name.clone(),
         object: demonstration.object.clone(),
-        split: name_of(demonstration.split).to_owned(),
+        split: demonstration.split,
         tip_error_mean_m: of_steps(|step| step.tip_m),
         tip_error_grasp_m: at_grasp(|step| step.tip_m),
         palm_error_mean_m: of_steps(|step| step.palm_m),
@@ -243,23 +244,17 @@ fn step_error(
     })
 }
 
-fn name_of(split: Split) -> &'static str {
-    let mut splits = SPLITS.iter();
-    let found = splits.find(|(known, ..)| *known == split);
-    found.map_or("", |(_, name, ..)| name)
-}
-
 impl ReconstructionMetrics {
     fn of(description: &Description, all: &[Rebuilt]) -> Self {
-        let count = |split: Split| of_split(description, split).count();
+        let count = |split: Split| description.of_split(split).count();
         let means = |figure: fn(&Row) -> f64| {
-            SPLITS.map(|(split, ..)| {
+            BySplit::of(|split| {
                 let of_split = all.iter().filter(|m| m.demonstration.split == split);
                 (count(split) > 0).then(|| mean(of_split.map(|motion| figure(&motion.row))))
             })
         };
         Self {
-            trajectories_n: SPLITS.map(|(split, ..)| Some(count(split) as f64)),
+            trajectories_n: BySplit::of(|split| Some(count(split) as f64)),
             tip_error_mean_m: means(|row| row.tip_error_mean_m),
             tip_error_grasp_m: means(|row| row.tip_error_grasp_m),
             palm_error_mean_m: means(|row| row.palm_error_mean_m),
@@ -273,11 +268,11 @@ impl ReconstructionMetrics {
 }
 
 fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainReportError> {
-    let splits = SPLITS
-        .into_iter()
-        .filter(|(split, ..)| all.iter().any(|m| m.demonstration.split == *split));
-    let splits: Vec<(Split, &str)> = splits.map(|(split, _, name)| (split, name)).collect();
     let of_split = |split: Split| all.iter().filter(move |m| m.demonstration.split == split);
+    let splits = Split::ALL
+        .into_iter()
+        .filter(|&split| of_split(split).next().is_some());
+    let splits: Vec<Split> = splits.collect();
     let objects: BTreeSet<&String> = all.iter().map(|motion| &motion.row.object).collect();
     let names: Vec<String> = objects.iter().map(|name| (*name).clone()).collect();
     for (file, title, number) in [
@@ -292,12 +287,12 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainRep
             |row| row.tip_error_grasp_m,
         ),
     ] {
-        let series = splits.iter().map(|(split, name)| Bars {
-            name: (*name).to_owned(),
+        let series = splits.iter().map(|&split| Bars {
+            name: shown_split(split),
             values: objects
                 .iter()
                 .map(|object| {
-                    let rows = of_split(*split).map(|motion| &motion.row);
+                    let rows = of_split(split).map(|motion| &motion.row);
                     1e3 * mean(rows.filter(|row| row.object == **object).map(number))
                 })
                 .collect(),
@@ -310,11 +305,11 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainRep
         let chart = bars(&captions, &names, &series.collect::<Vec<_>>());
         put(cx, file, chart)?;
     }
-    let series = splits.iter().map(|(split, name)| Bars {
-        name: (*name).to_owned(),
+    let series = splits.iter().map(|&split| Bars {
+        name: shown_split(split),
         values: (0..hand.dof())
             .map(|joint| {
-                let rows = of_split(*split).map(|motion| &motion.row);
+                let rows = of_split(split).map(|motion| &motion.row);
                 mean(rows.filter_map(|row| row.joint_errors_rad.get(joint).copied())).to_degrees()
             })
             .collect(),
@@ -326,9 +321,9 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainRep
     };
     let chart = bars(&captions, &hand.joint_names(), &series.collect::<Vec<_>>());
     put(cx, "joints", chart)?;
-    let series = splits.iter().map(|(split, name)| Series {
-        name: (*name).to_owned(),
-        points: over_time(of_split(*split)),
+    let series = splits.iter().map(|&split| Series {
+        name: shown_split(split),
+        points: over_time(of_split(split)),
     });
     let captions = Captions {
         title: "Finger tips over time",

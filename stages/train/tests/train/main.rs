@@ -15,6 +15,7 @@ use nalgebra::{Isometry3, Vector3};
 use schemas::{
     Table, checkpoint, distance_fields,
     objects::{Object, RestingOrientation},
+    training::Split,
     trajectories::{Rates, Tracking, Trajectory},
 };
 use spatial::{Pose, Rest};
@@ -195,7 +196,7 @@ fn a_checkpoint_is_made_of_all_trajectories() {
     let Outcome::Made(made) = Train::make(&config(), &inputs(lake.path()), &cx).unwrap() else {
         panic!("nothing was made");
     };
-    assert_eq!(made.metrics.trajectories[0], Some(3.0));
+    assert_eq!(made.metrics.trajectories[Split::Training], Some(3.0));
     let file = |name: &str| out.path().join(name);
     let files = checkpoint::LAST;
     let cgf = Cgf::load(&file(files.weights), &file(files.description)).unwrap();
