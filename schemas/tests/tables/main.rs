@@ -91,15 +91,11 @@ fn refuses_nulls() {
     let with_column = |batch: &RecordBatch, name: &str, column: ArrayRef| {
         let mut columns = batch.columns().to_vec();
         columns[batch.schema().index_of(name).unwrap()] = column;
-        let fields = batch
-            .schema()
-            .fields()
-            .iter()
-            .zip(&columns)
-            .map(|(field, column)| {
-                let field = field.as_ref().clone().with_nullable(true);
-                field.with_data_type(column.data_type().clone())
-            });
+        let schema = batch.schema();
+        let fields = schema.fields().iter().zip(&columns).map(|(field, column)| {
+            let field = field.as_ref().clone().with_nullable(true);
+            field.with_data_type(column.data_type().clone())
+        });
         let fields: Vec<Field> = fields.collect();
         let schema = Schema::new_with_metadata(fields, batch.schema().metadata().clone());
         RecordBatch::try_new(Arc::new(schema), columns).unwrap()
