@@ -1,7 +1,8 @@
 //! Bars beside names.
 
+use std::collections::BTreeMap;
+
 use crate::{
-    ChartError,
     axis::{Axis, Ends, Scale},
     canvas::Stroke,
     captions::Captions,
@@ -14,8 +15,8 @@ use crate::{
 pub struct Bars {
     /// Its name in the legend.
     pub name: String,
-    /// One value per name; where it is not finite there is no bar.
-    pub values: Vec<f64>,
+    /// The value of each name; without one, or where it is not finite, there is no bar.
+    pub values: BTreeMap<String, f64>,
 }
 
 /// Height of a bar that is one of several beside a name, and of one alone.
@@ -23,26 +24,10 @@ const BAR: [f64; 2] = [12.0, 16.0];
 
 /// Draws a bar to the right for each name, from the top; of several series, one below the other.
 /// `captions.x` says what the bars measure; `captions.y` may be empty where the names speak for
-/// themselves.
-///
-/// # Errors
-///
-/// Fails with [`ChartError::Nothing`] if no value is finite, and with [`ChartError::WrongCount`] if a
-/// series has not one value per name.
-pub fn bars(captions: &Captions, names: &[String], series: &[Bars]) -> Result<String, ChartError> {
-    if let Some(wrong) = series.iter().find(|bars| bars.values.len() != names.len()) {
-        return Err(ChartError::WrongCount {
-            title: captions.title.to_owned(),
-            series: wrong.name.clone(),
-            found: wrong.values.len(),
-            expected: names.len(),
-        });
-    }
-    let values = series.iter().flat_map(|bars| bars.values.iter().copied());
-    let axis = Axis::new(Scale::Linear, Ends::Zero, 6, values);
-    let axis = axis.ok_or_else(|| ChartError::Nothing {
-        title: captions.title.to_owned(),
-    })?;
+/// themselves. `None` if no value is finite.
+pub fn bars(captions: &Captions, names: &[String], series: &[Bars]) -> Option<String> {
+    let values = series.iter().flat_map(|bars| bars.values.values().copied());
+    let axis = Axis::new(Scale::Linear, Ends::Zero, 6, values)?;
     let [several, alone] = BAR;
     let bar = if series.len() > 1 { several } else { alone };
     let share = (bar * series.len() as f64 + GAP).max(TEXT_SIZE * 1.4);
@@ -55,8 +40,9 @@ pub fn bars(captions: &Captions, names: &[String], series: &[Bars]) -> Result<St
     let [_, bottom] = figure.at([0.0, 0.0]);
     let share = (bottom - top) / names.len() as f64;
     for (idx, bars) in series.iter().enumerate() {
-        for (number, value) in bars.values.iter().enumerate() {
-            let Some(end) = axis.place(*value) else {
+        for (number, name) in names.iter().enumerate() {
+            let value = bars.values.get(name);
+            let Some(end) = value.and_then(|value| axis.place(*value)) else {
                 continue;
             };
             let middle = top + (number as f64 + 0.5) * share;
@@ -68,5 +54,5 @@ pub fn bars(captions: &Captions, names: &[String], series: &[Bars]) -> Result<St
     }
     let (from, to) = (figure.at([zero, 0.0]), figure.at([zero, 1.0]));
     figure.canvas.line(from, to, Stroke::solid(BASE, 1.0));
-    Ok(figure.canvas.finish())
+    Some(figure.canvas.finish())
 }

@@ -1,7 +1,6 @@
 //! How often values occur.
 
 use crate::{
-    ChartError,
     axis::{Axis, Ends, Scale},
     canvas::Stroke,
     captions::Captions,
@@ -20,29 +19,18 @@ pub struct Sample {
 
 /// Draws how many values of each sample fall into each of `n_bins` equal ranges of the axis, as shares
 /// of the sample in percent, so that samples of different sizes compare. `captions.y` is usually `share [%]`.
-///
-/// # Errors
-///
-/// Fails with [`ChartError::Nothing`] if no value is finite or there are no ranges.
-pub fn histogram(
-    captions: &Captions,
-    n_bins: usize,
-    samples: &[Sample],
-) -> Result<String, ChartError> {
-    let nothing = || ChartError::Nothing {
-        title: captions.title.to_owned(),
-    };
+/// `None` if no value is finite or there are no ranges.
+pub fn histogram(captions: &Captions, n_bins: usize, samples: &[Sample]) -> Option<String> {
     let all = samples
         .iter()
         .flat_map(|sample| sample.values.iter().copied());
-    let x = Axis::new(Scale::Linear, Ends::Round, 6, all).filter(|_| n_bins > 0);
-    let x = x.ok_or_else(nothing)?;
+    let x = Axis::new(Scale::Linear, Ends::Round, 6, all).filter(|_| n_bins > 0)?;
     let shares: Vec<Vec<f64>> = samples
         .iter()
         .map(|sample| shares(&x, n_bins, &sample.values))
         .collect();
     let highest = shares.iter().flatten().copied();
-    let y = Axis::new(Scale::Linear, Ends::Zero, 5, highest).ok_or_else(nothing)?;
+    let y = Axis::new(Scale::Linear, Ends::Zero, 5, highest)?;
     let names: Vec<&str> = samples.iter().map(|sample| sample.name.as_str()).collect();
     let around = (&x, &Side::Axis(&y));
     let mut figure = Figure::new(captions, DATA_HEIGHT, around, (&names, Mark::Area));
@@ -64,7 +52,7 @@ pub fn histogram(
         outline.push(figure.at([1.0, 0.0]));
         figure.canvas.path(&outline, Stroke::solid(color(idx), 1.5));
     }
-    Ok(figure.canvas.finish())
+    Some(figure.canvas.finish())
 }
 
 /// The share of the values in each bin of an axis, in percent of those that have a place.

@@ -12,14 +12,13 @@
 //!     name: "training".to_owned(),
 //!     points: vec![[1.0, 0.8], [2.0, 0.4], [3.0, 0.3]],
 //! };
-//! let svg = lines(&captions, Scale::Log, &[falling])?;
+//! let svg = lines(&captions, Scale::Log, &[falling]).unwrap();
 //! assert!(svg.starts_with("<svg "));
-//! # Ok::<(), charts::ChartError>(())
 //! ```
 //!
 //! Invariants: equal arguments give equal bytes, with no clock, no fonts of the system and no
 //! randomness; numbers that are not finite, and on a logarithmic axis those that are not positive,
-//! are left out, so that a line breaks there; a chart with nothing left to draw is an error, not an
+//! are left out, so that a line breaks there; a chart with nothing left to draw is `None`, not an
 //! empty picture. The plot area has a fixed size: the legend is to the right of it and widens the
 //! picture. Colors are distinguishable for color-blind readers (Okabe and Ito, *Color universal
 //! design*, 2008), and dashes distinguish further lines.
@@ -30,7 +29,6 @@ mod axis;
 mod bars;
 mod canvas;
 mod captions;
-mod error;
 mod figure;
 mod histogram;
 mod intervals;
@@ -41,7 +39,6 @@ mod style;
 pub use axis::Scale;
 pub use bars::{Bars, bars};
 pub use captions::{Captions, Series};
-pub use error::ChartError;
 pub use histogram::{Sample, histogram};
 pub use intervals::{Estimate, Estimates, intervals};
 pub use lines::lines;

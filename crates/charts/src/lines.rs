@@ -1,7 +1,6 @@
 //! Lines through points.
 
 use crate::{
-    ChartError,
     axis::{Axis, Ends, Scale},
     canvas::Stroke,
     captions::{Captions, Series},
@@ -13,21 +12,14 @@ use crate::{
 const FEW: usize = 40;
 
 /// Draws a line through the points of each series; `scale` is that of the upward axis. A line breaks
-/// where a point has no place.
-///
-/// # Errors
-///
-/// Fails with [`ChartError::Nothing`] if no point has a place.
-pub fn lines(captions: &Captions, scale: Scale, series: &[Series]) -> Result<String, ChartError> {
-    let nothing = || ChartError::Nothing {
-        title: captions.title.to_owned(),
-    };
+/// where a point has no place; `None` if none has one.
+pub fn lines(captions: &Captions, scale: Scale, series: &[Series]) -> Option<String> {
     let points = || series.iter().flat_map(|series| &series.points);
     let has_place = |[x, y]: &[f64; 2]| x.is_finite() && y.is_finite();
     let drawn = || points().filter(|point| has_place(point));
     let x = Axis::new(Scale::Linear, Ends::Tight, 6, drawn().map(|[x, _]| *x));
     let y = Axis::new(scale, Ends::Round, 5, drawn().map(|[_, y]| *y));
-    let (x, y) = x.zip(y).ok_or_else(nothing)?;
+    let (x, y) = x.zip(y)?;
     let names: Vec<&str> = series.iter().map(|series| series.name.as_str()).collect();
     let around = (&x, &Side::Axis(&y));
     let mut figure = Figure::new(captions, DATA_HEIGHT, around, (&names, Mark::Line));
@@ -52,5 +44,5 @@ pub fn lines(captions: &Captions, scale: Scale, series: &[Series]) -> Result<Str
             }
         }
     }
-    Ok(figure.canvas.finish())
+    Some(figure.canvas.finish())
 }

@@ -1,7 +1,6 @@
 //! Scattered points.
 
 use crate::{
-    ChartError,
     axis::{Axis, Ends, Scale},
     captions::{Captions, Series},
     figure::{Figure, Mark, Side},
@@ -11,15 +10,9 @@ use crate::{
 /// More points than this are drawn small.
 const MANY: usize = 300;
 
-/// Draws a dot at each point of each series; where many lie on each other the color is deeper.
-///
-/// # Errors
-///
-/// Fails with [`ChartError::Nothing`] if no point is finite.
-pub fn scatter(captions: &Captions, series: &[Series]) -> Result<String, ChartError> {
-    let nothing = || ChartError::Nothing {
-        title: captions.title.to_owned(),
-    };
+/// Draws a dot at each point of each series; where many lie on each other the color is deeper. `None` if
+/// no point is finite.
+pub fn scatter(captions: &Captions, series: &[Series]) -> Option<String> {
     let points = series.iter().flat_map(|series| &series.points);
     let drawn: Vec<[f64; 2]> = points
         .filter(|[x, y]| x.is_finite() && y.is_finite())
@@ -27,7 +20,7 @@ pub fn scatter(captions: &Captions, series: &[Series]) -> Result<String, ChartEr
         .collect();
     let x = Axis::new(Scale::Linear, Ends::Round, 6, drawn.iter().map(|[x, _]| *x));
     let y = Axis::new(Scale::Linear, Ends::Round, 5, drawn.iter().map(|[_, y]| *y));
-    let (x, y) = x.zip(y).ok_or_else(nothing)?;
+    let (x, y) = x.zip(y)?;
     let names: Vec<&str> = series.iter().map(|series| series.name.as_str()).collect();
     let around = (&x, &Side::Axis(&y));
     let mut figure = Figure::new(captions, DATA_HEIGHT, around, (&names, Mark::Dot));
@@ -40,5 +33,5 @@ pub fn scatter(captions: &Captions, series: &[Series]) -> Result<String, ChartEr
             }
         }
     }
-    Ok(figure.canvas.finish())
+    Some(figure.canvas.finish())
 }

@@ -1,17 +1,15 @@
 //! What shows how different and how plausible the motions of an object are, beside its demonstrations.
 
-use charts::{Bars, Captions, ChartError, Sample, Scale, Series, bars, histogram, lines, scatter};
+use charts::{Bars, Captions, Sample, Scale, Series, bars, histogram, lines, scatter};
 use dataflow::Context;
 use diversity::{Diversity, Motion};
-use lake::WriteArtifact;
+use lake::{LakeError, WriteArtifact};
 use motion::Step;
 use schemas::{
     sampling::Sampled,
     trajectories::{Rates, Trajectory},
 };
 use spatial::{Object, Pose, Rest, Table};
-
-use crate::SampleReportError;
 
 /// Motions of which each is a dot of its own; more would make pictures of megabytes.
 const DOTS: usize = 1000;
@@ -71,7 +69,7 @@ fn at_equal_times(shown: &::motion::Motion<Object, Rates>, n: usize) -> Vec<&Ste
 
 impl Charts<'_> {
     /// Writes all charts; those in which there is nothing to draw are left out.
-    pub(crate) fn put(&self, cx: &Context) -> Result<(), SampleReportError> {
+    pub(crate) fn put(&self, cx: &Context) -> Result<(), LakeError> {
         for (name, chart) in [
             ("grasps", self.grasps()),
             ("palm", self.palm()),
@@ -79,10 +77,8 @@ impl Charts<'_> {
             ("depth", self.depth()),
             ("limits", self.limits()),
         ] {
-            match chart {
-                Ok(svg) => cx.write_file(&format!("{name}.svg"), svg.as_bytes())?,
-                Err(ChartError::Nothing { .. }) => {}
-                Err(err) => return Err(err.into()),
+            if let Some(svg) = chart {
+                cx.write_file(&format!("{name}.svg"), svg.as_bytes())?;
             }
         }
         Ok(())
@@ -95,7 +91,7 @@ impl Charts<'_> {
             .filter(|(_, diversity)| diversity.compared_n > 0)
     }
 
-    fn grasps(&self) -> Result<String, ChartError> {
+    fn grasps(&self) -> Option<String> {
         let series = self.both().map(|(name, diversity)| {
             let compared = diversity.from_mean.iter().zip(&diversity.is_compared);
             let distances = compared.filter_map(|(distance, is_compared)| {
@@ -115,7 +111,7 @@ impl Charts<'_> {
         scatter(&captions, &series.collect::<Vec<_>>())
     }
 
-    fn palm(&self) -> Result<String, ChartError> {
+    fn palm(&self) -> Option<String> {
         let series = self.both().map(|(name, diversity)| {
             let last = diversity.by_step.len().saturating_sub(1).max(1) as f64;
             let steps = diversity.by_step.iter().enumerate();
@@ -134,13 +130,19 @@ impl Charts<'_> {
         lines(&captions, Scale::Linear, &series.collect::<Vec<_>>())
     }
 
-    fn joints(&self) -> Result<String, ChartError> {
+    fn joints(&self) -> Option<String> {
         let series = self.both().map(|(name, diversity)| Bars {
             name: name.to_owned(),
-            values: diversity
-                .joints_rad
+            values: self
+                .joints
                 .iter()
-                .map(|spread| spread.to_degrees())
+                .cloned()
+                .zip(
+                    diversity
+                        .joints_rad
+                        .iter()
+                        .map(|spread| spread.to_degrees()),
+                )
                 .collect(),
         });
         let captions = Captions {
@@ -151,7 +153,7 @@ impl Charts<'_> {
         bars(&captions, self.joints, &series.collect::<Vec<_>>())
     }
 
-    fn depth(&self) -> Result<String, ChartError> {
+    fn depth(&self) -> Option<String> {
         let sample = |name: &str, depth_m: fn(&Sampled) -> f64| Sample {
             name: name.to_owned(),
             values: self.sampled.iter().map(|s| 1e3 * depth_m(s)).collect(),
@@ -168,7 +170,7 @@ impl Charts<'_> {
         histogram(&captions, BINS, &samples)
     }
 
-    fn limits(&self) -> Result<String, ChartError> {
+    fn limits(&self) -> Option<String> {
         let excess = self.sampled.iter().map(|s| s.limit_excess_rad.to_degrees());
         let sample = Sample {
             name: "drawn".to_owned(),

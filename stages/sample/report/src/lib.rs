@@ -6,11 +6,9 @@
 //! nothing again.
 
 mod charts;
-mod error;
 mod measure;
 mod report;
 mod sampling;
 
-pub use error::SampleReportError;
 pub use report::SampleReport;
 pub use sampling::{SamplingMetrics, SamplingReport};

@@ -20,7 +20,7 @@ use stage_sample::{
     room::{Gauge, Room},
 };
 
-use crate::{SampleReportError, charts, measure::Measure};
+use crate::{charts, measure::Measure};
 
 /// Depth in the object, in meters, up to which a motion counts as clear of it before the grasp.
 const CLEAR_M: f64 = 0.005;
@@ -57,7 +57,7 @@ pub struct SamplingReport;
 impl Output for SamplingReport {
     type Stage = Sample;
     type Metrics = SamplingMetrics;
-    type Error = SampleReportError;
+    type Error = SampleError;
 
     const ARTIFACT: &'static str = Sampling::NAME;
     const SCHEMA: &'static str = Sampling::VERSION;
@@ -66,7 +66,7 @@ impl Output for SamplingReport {
     const LINE: OwnLine<SamplingMetrics> = Some(line);
 
     /// One unit per object that has candidates.
-    fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleReportError> {
+    fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
         let meshes = hand_meshes(config)?;
         let fields = scope.partitions(FieldInfo::NAME);
         let trajectories = scope.partitions(Trajectory::NAME);
@@ -101,7 +101,7 @@ impl Output for SamplingReport {
         _config: &SampleConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<SamplingMetrics>, SampleReportError> {
+    ) -> Result<Outcome<SamplingMetrics>, SampleError> {
         let drawn: Candidates = inputs.one()?;
         let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
             return Ok(Outcome::skipped(
@@ -109,9 +109,7 @@ impl Output for SamplingReport {
             ));
         };
         let field = read_field(field)?;
-        let hand = robot_meshes::load(&inputs.source("hand")?.path)
-            .map_err(SampleError::from)?
-            .model;
+        let hand = robot_meshes::load(&inputs.source("hand")?.path)?.model;
         let shown = inputs
             .artifacts(Trajectory::NAME)
             .iter()
@@ -179,7 +177,7 @@ fn line(summary: &Summary<SamplingMetrics>) -> String {
 }
 
 /// Reads a demonstration with its joints in this order.
-fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Trajectory, SampleReportError> {
+fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Trajectory, SampleError> {
     let shown: Trajectory = lake::table::read(artifact)?;
     let motion = shown.motion.reordered(joints).map_err(|err| match err {
         MotionError::Joints(source) => SampleError::AnotherHand {

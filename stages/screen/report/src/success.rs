@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use charts::{Captions, ChartError, Estimate, Estimates, intervals};
+use charts::{Captions, Estimate, Estimates, intervals};
 use dataflow::{
     Context, Inputs, Labels, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
 };
@@ -88,10 +88,8 @@ impl Output for SuccessReport {
             rows.extend(of_object(&rollouts, &table::read(given)?)?);
         }
         cx.write(&rows)?;
-        match chart(&rows) {
-            Ok(svg) => cx.write_file("rates.svg", svg.as_bytes())?,
-            Err(ChartError::Nothing { .. }) => {}
-            Err(err) => return Err(err.into()),
+        if let Some(svg) = chart(&rows) {
+            cx.write_file("rates.svg", svg.as_bytes())?;
         }
         Ok(Outcome::made(
             Labels::new(),
@@ -245,20 +243,18 @@ fn objects(rows: &[Success]) -> Vec<String> {
 }
 
 /// Draws how often the candidates of each object hold, with the interval of each share.
-fn chart(rows: &[Success]) -> Result<String, ChartError> {
+fn chart(rows: &[Success]) -> Option<String> {
     let objects = objects(rows);
     let mut generators: Vec<&str> = rows.iter().map(|row| row.generator.as_str()).collect();
     generators.sort_unstable();
     generators.dedup();
-    let estimate = |object: &String, generator: &str| {
-        let mut rows = rows.iter();
-        let row = rows.find(|row| row.object == *object && row.generator == generator)?;
+    let estimate = |row: &Success| {
         let [low, high] = row.verdicts.interval().map(|end| 100.0 * end);
-        Some(Estimate {
+        Estimate {
             value: 100.0 * row.verdicts.rate(),
             low,
             high,
-        })
+        }
     };
     let title = match generators[..] {
         [only] => format!("Candidates of `{only}` that hold, by object"),
@@ -266,9 +262,10 @@ fn chart(rows: &[Success]) -> Result<String, ChartError> {
     };
     let series = generators.into_iter().map(|generator| Estimates {
         name: generator.to_owned(),
-        values: objects
+        values: rows
             .iter()
-            .map(|object| estimate(object, generator))
+            .filter(|row| row.generator == generator)
+            .map(|row| (row.object.clone(), estimate(row)))
             .collect(),
     });
     let captions = Captions {

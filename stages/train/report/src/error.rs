@@ -1,7 +1,6 @@
 //! Why a report on a training could not be made.
 
 use cgf::CgfError;
-use charts::ChartError;
 use dataflow::Advise;
 use lake::LakeError;
 use robot::WrongDof;
@@ -23,9 +22,6 @@ pub enum TrainReportError {
         /// The trajectory's sequence.
         sequence: String,
     },
-    /// A chart's data is not as it should be.
-    #[error(transparent)]
-    Chart(#[from] ChartError),
 }
 
 impl From<TrainError> for TrainReportError {
@@ -50,14 +46,14 @@ impl Advise for TrainReportError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::Train(err) => err.hint(),
-            Self::Dof(_) | Self::Chart(_) | Self::UnknownTrajectory { .. } => None,
+            Self::Dof(_) | Self::UnknownTrajectory { .. } => None,
         }
     }
 
     fn lacks(&self) -> Option<&'static str> {
         match self {
             Self::Train(err) => err.lacks(),
-            Self::Dof(_) | Self::Chart(_) | Self::UnknownTrajectory { .. } => None,
+            Self::Dof(_) | Self::UnknownTrajectory { .. } => None,
         }
     }
 }

@@ -5,7 +5,7 @@ use charts::{Captions, Scale, Series, lines, scatter};
 use dataflow::{
     Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
 };
-use lake::WriteArtifact;
+use lake::{LakeError, WriteArtifact};
 use schemas::{
     Table,
     latents::{Latents, Row},
@@ -109,7 +109,7 @@ fn code(demonstration: &Demonstration, dimension: usize) -> Option<(f64, f64)> {
     Some((*mean, *deviation))
 }
 
-fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), TrainReportError> {
+fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), LakeError> {
     let mut ranked: Vec<(usize, &Row)> = rows.iter().enumerate().collect();
     ranked.sort_by(|(_, a), (_, b)| b.kl_nats.total_cmp(&a.kl_nats));
     let by_rank = |name: &str, number: fn(&Row) -> f64| Series {

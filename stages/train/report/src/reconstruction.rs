@@ -10,7 +10,7 @@ use charts::{Bars, Captions, Scale, Series, bars, lines};
 use dataflow::{
     Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
 };
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::{Isometry3, Point3};
 use robot::RobotModel;
 use schemas::{
@@ -267,7 +267,7 @@ impl ReconstructionMetrics {
     }
 }
 
-fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainReportError> {
+fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), LakeError> {
     let of_split = |split: Split| all.iter().filter(move |m| m.demonstration.split == split);
     let splits = Split::ALL
         .into_iter()
@@ -293,7 +293,8 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainRep
                 .iter()
                 .map(|object| {
                     let rows = of_split(split).map(|motion| &motion.row);
-                    1e3 * mean(rows.filter(|row| row.object == **object).map(number))
+                    let error_m = mean(rows.filter(|row| row.object == **object).map(number));
+                    ((*object).clone(), 1e3 * error_m)
                 })
                 .collect(),
         });
@@ -305,12 +306,16 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainRep
         let chart = bars(&captions, &names, &series.collect::<Vec<_>>());
         put(cx, file, chart)?;
     }
+    let joints = hand.joint_names();
     let series = splits.iter().map(|&split| Bars {
         name: shown_split(split),
-        values: (0..hand.dof())
-            .map(|joint| {
+        values: joints
+            .iter()
+            .enumerate()
+            .map(|(joint, name)| {
                 let rows = of_split(split).map(|motion| &motion.row);
-                mean(rows.filter_map(|row| row.joint_errors_rad.get(joint).copied())).to_degrees()
+                let errors = rows.filter_map(|row| row.joint_errors_rad.get(joint).copied());
+                (name.clone(), mean(errors).to_degrees())
             })
             .collect(),
     });
@@ -319,7 +324,7 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainRep
         x: "absolute error [°]",
         y: "",
     };
-    let chart = bars(&captions, &hand.joint_names(), &series.collect::<Vec<_>>());
+    let chart = bars(&captions, &joints, &series.collect::<Vec<_>>());
     put(cx, "joints", chart)?;
     let series = splits.iter().map(|&split| Series {
         name: shown_split(split),

@@ -1,9 +1,8 @@
 //! The reports: their units, and what they have in common.
 
 use cgf::Description;
-use charts::ChartError;
 use dataflow::{Code, Context, Inputs, Line, Lines, Output, Outputs, Report, Scope, Summary, Unit};
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{checkpoint, training::Split};
 use stage_train::{Train, TrainConfig, TrainMetrics};
 
@@ -102,16 +101,9 @@ pub(crate) fn description(inputs: &Inputs) -> Result<Description, TrainReportErr
 }
 
 /// Writes a chart; one in which there is nothing to draw is left out.
-pub(crate) fn put(
-    cx: &Context,
-    name: &str,
-    chart: Result<String, ChartError>,
-) -> Result<(), TrainReportError> {
-    match chart {
-        Ok(svg) => Ok(cx.write_file(&format!("{name}.svg"), svg.as_bytes())?),
-        Err(ChartError::Nothing { .. }) => Ok(()),
-        Err(err) => Err(err.into()),
-    }
+pub(crate) fn put(cx: &Context, name: &str, chart: Option<String>) -> Result<(), LakeError> {
+    let Some(svg) = chart else { return Ok(()) };
+    cx.write_file(&format!("{name}.svg"), svg.as_bytes())
 }
 
 /// `3 motions` or `1 motion`.

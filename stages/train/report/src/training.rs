@@ -5,7 +5,7 @@ use charts::{Captions, Scale, Series, lines};
 use dataflow::{
     Context, Inputs, Labels, Max, Mean, Options, Outcome, Output, OwnLine, Scope, Summary, Unit,
 };
-use lake::WriteArtifact;
+use lake::{LakeError, WriteArtifact};
 use schemas::{
     Table,
     training::{Row, Split, Training},
@@ -173,7 +173,7 @@ impl TrainingMetrics {
     }
 }
 
-fn draw(description: &Description, cx: &Context) -> Result<(), TrainReportError> {
+fn draw(description: &Description, cx: &Context) -> Result<(), LakeError> {
     let curve = &description.training_curve;
     let captions = |title, y| Captions {
         title,
