@@ -355,6 +355,12 @@ impl Description {
                 found: description.version,
             });
         }
+        let mut demonstrations = description.demonstrations.iter();
+        if let Some(one) = demonstrations.find(|one| !one.has_rest()) {
+            return Err(CgfError::Rest {
+                demonstration: one.name.clone(),
+            });
+        }
         Ok(description)
     }
 }
@@ -368,6 +374,11 @@ fn read(path: &Path) -> Result<Vec<u8>, CgfError> {
 }
 
 impl Demonstration {
+    /// Whether the direction against gravity is one, about a unit vector.
+    fn has_rest(&self) -> bool {
+        (Vector3::from(self.rest_up).norm() - 1.0).abs() < 1e-3 && self.rest_height_m.is_finite()
+    }
+
     /// Returns how the object lay.
     pub fn rest(&self) -> Rest {
         Rest {

@@ -125,6 +125,14 @@ pub enum LakeError {
         /// What it is.
         value: f64,
     },
+    /// A file of an artifact is not of its format.
+    #[error("the file `{file}` of artifact `{key}` is not of its format")]
+    BadFile {
+        /// The partition's key.
+        key: String,
+        /// The file's name.
+        file: String,
+    },
     /// An artifact lacks a file that its kind requires.
     #[error("artifact `{key}` has no file `{file}`")]
     MissingFile {
@@ -180,7 +188,7 @@ impl Advise for LakeError {
                  only digits nor `newest`"
                     .to_owned(),
             ),
-            Self::Schema { .. } | Self::MissingFile { .. } => {
+            Self::Schema { .. } | Self::BadFile { .. } | Self::MissingFile { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Parquet { .. }

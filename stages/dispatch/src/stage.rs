@@ -81,8 +81,9 @@ impl Stage for Dispatch {
         config.faults()
     }
 
-    /// Checks the robot's URDF, and that the robot can satisfy the options.
+    /// Checks the credentials and the robot's URDF, and that the robot can satisfy the options.
     fn prepare(config: &DispatchConfig) -> Result<(), DispatchError> {
+        config.credentials()?;
         let robots = Robots::load(config, &config.hand, |arm| Ok(arm.robot.as_path()))?;
         JointNames::new(&config.joint_names, robots.whole())?;
         robots.planner(config).map(drop)
@@ -494,12 +495,8 @@ fn check_name(candidate: &Candidate) -> Result<(), DispatchError> {
     let mut components = Path::new(&candidate.candidate_id).components();
     match (components.next(), components.next()) {
         (Some(Component::Normal(_)), None) => Ok(()),
-        _ => Err(DispatchError::BadOption {
-            key: "candidates",
-            problem: format!(
-                "`{}` cannot name a recording's file",
-                candidate.candidate_id
-            ),
+        _ => Err(DispatchError::CandidateName {
+            candidate_id: candidate.candidate_id.clone(),
         }),
     }
 }

@@ -395,8 +395,12 @@ fn a_cell_that_cannot_be_reached_as_asked_is_refused_before_anything_runs() {
         assert!(said.contains("needs an access file"), "{said}");
         assert!(said.contains("`--set dispatch.access=FILE`"), "{said}");
     }
-    let said = refused("tls/localhost:7447", Some("/nowhere.json5"));
-    assert!(said.starts_with("`access` "), "{said}");
+    let mut unreadable = config();
+    unreadable.cell = "tls/localhost:7447".to_owned();
+    unreadable.access = Some("/nowhere.json5".into());
+    // Options are checked without reading files.
+    assert!(Dispatch::check(&unreadable).is_empty());
+    let said = Dispatch::prepare(&unreadable).unwrap_err().to_string();
     assert!(said.contains("/nowhere.json5"), "{said}");
     let said = refused("tcp/10.0.0.7:7447", None);
     assert!(said.starts_with("`cell` `tcp/"), "{said}");

@@ -99,12 +99,6 @@ pub enum RetargetError {
         /// What is wrong with it.
         source: Box<Self>,
     },
-    /// What lies in the lake is no distance field.
-    #[error("the distance field of object `{object}` is not one")]
-    BadField {
-        /// The object's name.
-        object: String,
-    },
     /// There is no demonstration at all.
     #[error("there are no demonstrations to retarget")]
     NoDemonstrations,
@@ -150,9 +144,6 @@ impl Advise for RetargetError {
                 "add a point on the root link beside that line, e.g. for `wrist`".to_owned(),
             ),
             Self::Lake(err) => err.hint(),
-            Self::BadField { .. } => {
-                Some("make it again with `pipeline run FILE --fresh`".to_owned())
-            }
             Self::NoDemonstrations
             | Self::NoObjects
             | Self::Motion(_)

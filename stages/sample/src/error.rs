@@ -50,12 +50,6 @@ pub enum SampleError {
         /// The link at which they became too large.
         link: String,
     },
-    /// An object's distance field is damaged.
-    #[error("the distance field of object `{object}` is damaged")]
-    BadField {
-        /// The object's name.
-        object: String,
-    },
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
@@ -81,14 +75,13 @@ impl Advise for SampleError {
                     .to_owned(),
             ),
             Self::LargeShapes { .. } => Some("URDFs are in meters".to_owned()),
-            Self::BadField { .. } | Self::Dof(_) => {
-                Some("make it again with `pipeline run FILE --fresh`".to_owned())
-            }
+            Self::Dof(_) => Some("make it again with `pipeline run FILE --fresh`".to_owned()),
             Self::Lake(err) => err.hint(),
             Self::LoadRobot(err) => err.hint(),
             Self::Cgf(
                 CgfError::Weights(_)
                 | CgfError::Description(_)
+                | CgfError::Rest { .. }
                 | CgfError::Tensor { .. }
                 | CgfError::Version { .. },
             ) => Some("train again with `pipeline run FILE --fresh`".to_owned()),

@@ -22,6 +22,7 @@ use dataflow::{
     Advise, Artifact, Context, Inputs, Made, Outcome, Output, SourceFile, Stage, Summary,
 };
 use geometry::{DistanceField, TriMesh};
+use lake::LakeError;
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use report_sample::{SamplingMetrics, SamplingReport};
 use robot::RobotModel;
@@ -912,7 +913,10 @@ fn another_hand_and_a_damaged_field_are_errors() {
     let damaged = Inputs::new(artifacts, inputs.files().to_vec());
     let cx = Context::detached("can", 7, out.path());
     let err = SamplingReport::make(&config(), &damaged, &cx).unwrap_err();
-    assert!(matches!(err, SampleError::BadField { .. }), "{err}");
+    assert!(
+        matches!(err, SampleError::Lake(LakeError::BadFile { .. })),
+        "{err}"
+    );
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, sync::Arc};
 
 use cgf::{Random, Scene, Track, TrainingSet};
-use dataflow::{Artifact, Inputs};
+use dataflow::Inputs;
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, table};
 use motion::MotionError;
@@ -44,7 +44,7 @@ pub fn read(
         distances: BTreeMap::new(),
     };
     for artifact in inputs.artifacts(FieldInfo::NAME) {
-        let field = read_field(artifact)?;
+        let field = artifact.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
         set.distances.insert(artifact.key.clone(), Arc::new(field));
     }
     let mut scenes = BTreeMap::new();
@@ -69,13 +69,6 @@ pub fn read(
     }
     hold_out(&mut set, config.held_out_share, seed);
     Ok(set)
-}
-
-fn read_field(artifact: &Artifact) -> Result<DistanceField, TrainError> {
-    let bytes = artifact.bytes(distance_fields::FIELD)?;
-    DistanceField::from_bytes(&bytes).ok_or_else(|| TrainError::BadField {
-        object: artifact.key.clone(),
-    })
 }
 
 /// Keeps back a share of the motions that would be learned from, never the last one of an object.

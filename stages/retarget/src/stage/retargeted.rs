@@ -110,9 +110,6 @@ pub(super) fn unusable(demonstration: &Demonstration, table: &crate::HandTable) 
 
 fn read_scene(field: &Artifact, demonstration: &Demonstration) -> Result<Scene, RetargetError> {
     let info = lake::table::read(field)?;
-    let bytes = field.bytes(distance_fields::FIELD)?;
-    let grid = DistanceField::from_bytes(&bytes).ok_or_else(|| RetargetError::BadField {
-        object: field.key.clone(),
-    })?;
+    let grid = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
     Ok(Scene::new(grid, &info, &demonstration.rest))
 }

@@ -5,18 +5,19 @@ use dataflow::{
     Summary, Unit, labels,
 };
 use diversity::{Diversity, Motion};
-use lake::{ReadInputs, WriteArtifact};
+use geometry::DistanceField;
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use motion::MotionError;
 use schemas::{
     Table,
     candidates::Candidates,
-    distance_fields::FieldInfo,
+    distance_fields::{self, FieldInfo},
     sampling::{Sampled, Sampling},
     trajectories::Trajectory,
 };
 use stage_sample::{
     Sample, SampleConfig, SampleError,
-    inputs::{ROBOT, hand_file, hand_meshes, order, read_field},
+    inputs::{ROBOT, hand_file, hand_meshes, order},
     room::{Gauge, Room},
 };
 
@@ -108,7 +109,7 @@ impl Output for SamplingReport {
                 "it is not among the objects with a surface",
             ));
         };
-        let field = read_field(field)?;
+        let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
         let hand = robot_meshes::load(&inputs.source("hand")?.path)?.model;
         let shown = inputs
             .artifacts(Trajectory::NAME)
