@@ -145,6 +145,7 @@ impl Row {
 
 impl Table for Candidates {
     const NAME: &'static str = "candidates";
+    const PARTITION: &'static str = "object";
     const VERSION: &'static str = "candidates/2";
 
     fn schema() -> Schema {

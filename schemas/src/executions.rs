@@ -29,7 +29,7 @@ columns! {
 
 /// The outcomes of the motions for one object.
 pub type Executions = Vec<Execution>;
-table! {"executions", 3, rows: Execution}
+table! {"executions", 3, per "object", rows: Execution}
 
 words! {
     /// How an execution ended.

@@ -44,6 +44,7 @@ pub struct Reconstruction {
 
 impl Table for Reconstruction {
     const NAME: &'static str = "reconstruction";
+    const PARTITION: &'static str = "model";
     const VERSION: &'static str = "reconstruction/1";
 
     fn schema() -> Schema {

@@ -32,7 +32,7 @@ columns! {
 
 /// The losses of one training.
 pub type Training = Vec<Row>;
-table! {"training", 2, rows: Row}
+table! {"training", 2, per "model", rows: Row}
 
 words! {
     /// Whether a motion is learned from, or what it is kept back for.

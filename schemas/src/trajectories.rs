@@ -128,6 +128,7 @@ columns! {
 
 impl Table for Trajectory {
     const NAME: &'static str = "trajectories";
+    const PARTITION: &'static str = "sequence";
     const VERSION: &'static str = "trajectories/2";
 
     fn schema() -> Schema {

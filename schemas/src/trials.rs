@@ -53,4 +53,4 @@ impl Ending for Outcome {
 
 /// The trials of all objects.
 pub type AllTrials = Vec<Trials>;
-table! {"trials", 2, rows: Trials}
+table! {"trials", 2, per "dispatching", rows: Trials}

@@ -19,9 +19,9 @@ fn a_stage_of_one_file_makes_typed_tables_and_is_told_once() {
     let place = Place::new(PIPELINE);
     let said = stderr(&place.run_well(&[]));
     assert!(said.contains("7 trials by hand"), "{said}");
-    let table = "tables/trials/pipeline=own/stage=bench/object=can/part.parquet";
+    let table = "tables/trials/pipeline=own/stage=bench/dispatching=all/part.parquet";
     let artifact = Artifact {
-        key: "can".to_owned(),
+        key: "all".to_owned(),
         labels: BTreeMap::new(),
         files: BTreeMap::from([(lake::table::FILE.to_owned(), place.lake().join(table))]),
     };

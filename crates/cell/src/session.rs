@@ -99,7 +99,7 @@ impl<'a> Endpoint<'a> {
     }
 
     /// Checks that an access file is given where one is required.
-    fn check_access<T>(&self, endpoint: &str, access: Option<T>) -> Result<(), CellError> {
+    fn check_access<T: ?Sized>(&self, endpoint: &str, access: Option<&T>) -> Result<(), CellError> {
         if self.protection == Protection::Tls && access.is_none() {
             return Err(CellError::NoAccess {
                 endpoint: endpoint.to_owned(),

@@ -97,7 +97,7 @@ impl Output for Dispatch {
 
     const ARTIFACT: &'static str = Executions::NAME;
     const SCHEMA: &'static str = Executions::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = Executions::PARTITION;
     const EXECUTION: dataflow::Execution = dataflow::Execution::OneByOne;
 
     fn units(config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, DispatchError> {

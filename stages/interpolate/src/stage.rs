@@ -38,7 +38,7 @@ impl Output for Interpolate {
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = Candidates::PARTITION;
     const LINE: OwnLine<InterpolateMetrics> = Some(|summary| {
         let candidates = summary.metrics.candidates;
         format!("{} objects → {candidates} straight lines", summary.n_made)

@@ -52,7 +52,7 @@ impl Output for Replay {
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = Candidates::PARTITION;
     const LINE: OwnLine<ReplayMetrics> = Some(|summary| {
         let candidates = summary.metrics.candidates;
         format!("{} objects → {candidates} candidates", summary.n_made)

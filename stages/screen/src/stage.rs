@@ -78,7 +78,7 @@ impl Output for Screen {
 
     const ARTIFACT: &'static str = Rollouts::NAME;
     const SCHEMA: &'static str = Rollouts::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = Rollouts::PARTITION;
 
     fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
         let candidates = scope.partitions(Candidates::NAME);

@@ -79,7 +79,7 @@ impl Output for Train {
 
     const ARTIFACT: &'static str = checkpoint::NAME;
     const SCHEMA: &'static str = checkpoint::VERSION;
-    const PARTITION: &'static str = "model";
+    const PARTITION: &'static str = checkpoint::PARTITION;
 
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
         let known: Vec<String> = scope

@@ -50,7 +50,7 @@ impl Output for TrialsReport {
 
     const ARTIFACT: &'static str = AllTrials::NAME;
     const SCHEMA: &'static str = AllTrials::VERSION;
-    const PARTITION: &'static str = "dispatching";
+    const PARTITION: &'static str = AllTrials::PARTITION;
     const OPTIONS: Options = Options::NONE;
     const LINE: OwnLine<TrialsMetrics> = Some(line);
 

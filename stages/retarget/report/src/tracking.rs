@@ -34,7 +34,7 @@ impl Output for Tracking {
 
     const ARTIFACT: &'static str = TrackingReport::NAME;
     const SCHEMA: &'static str = TrackingReport::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = TrackingReport::PARTITION;
     const OPTIONS: Options = Options::NONE;
     /// Says how far finger tips are from their landmarks, of whichever object.
     const LINE: OwnLine<TrackingMetrics> = Some(|summary| {

@@ -62,7 +62,7 @@ impl Output for SamplingReport {
 
     const ARTIFACT: &'static str = Sampling::NAME;
     const SCHEMA: &'static str = Sampling::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = Sampling::PARTITION;
     const OPTIONS: Options = Options::NONE;
     const LINE: OwnLine<SamplingMetrics> = Some(line);
 

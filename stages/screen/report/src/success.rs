@@ -57,7 +57,7 @@ impl Output for SuccessReport {
 
     const ARTIFACT: &'static str = Successes::NAME;
     const SCHEMA: &'static str = Successes::VERSION;
-    const PARTITION: &'static str = "screening";
+    const PARTITION: &'static str = Successes::PARTITION;
     const OPTIONS: Options = Options::NONE;
     const LINE: OwnLine<SuccessMetrics> = Some(line);
 

@@ -44,7 +44,7 @@ impl Output for LatentsReport {
 
     const ARTIFACT: &'static str = Latents::NAME;
     const SCHEMA: &'static str = Latents::VERSION;
-    const PARTITION: &'static str = "model";
+    const PARTITION: &'static str = Latents::PARTITION;
     const OPTIONS: Options = Options::NONE;
     const LINE: OwnLine<LatentMetrics> = Some(line);
 

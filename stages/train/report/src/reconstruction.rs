@@ -86,7 +86,7 @@ impl Output for ReconstructionReport {
 
     const ARTIFACT: &'static str = Reconstruction::NAME;
     const SCHEMA: &'static str = Reconstruction::VERSION;
-    const PARTITION: &'static str = "model";
+    const PARTITION: &'static str = Reconstruction::PARTITION;
     const OPTIONS: Options = Options::NONE;
     const LINE: OwnLine<ReconstructionMetrics> = Some(line);
 

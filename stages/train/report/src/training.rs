@@ -85,7 +85,7 @@ impl Output for TrainingReport {
 
     const ARTIFACT: &'static str = Training::NAME;
     const SCHEMA: &'static str = Training::VERSION;
-    const PARTITION: &'static str = "model";
+    const PARTITION: &'static str = Training::PARTITION;
     const OPTIONS: Options = Options::NONE;
     const LINE: OwnLine<TrainingMetrics> = Some(line);
 
