@@ -3,6 +3,7 @@
 use cgf::CgfError;
 use dataflow::Advise;
 use lake::LakeError;
+use motion::MotionError;
 use robot::{JointMismatch, WrongDof};
 use robot_meshes::LoadError;
 
@@ -40,17 +41,14 @@ pub enum SampleError {
     /// A motion has another number of joints than the hand.
     #[error("a motion does not fit the hand: {0}")]
     Dof(#[from] WrongDof),
+    /// The grasping function's outputs are no motion.
+    #[error("the grasping function gives no motion")]
+    Motion(#[from] MotionError),
     /// The collision shapes are far larger than a hand's.
     #[error("the collision shapes up to those of link `{link}` are far larger than a hand")]
     LargeShapes {
         /// The link at which they became too large.
         link: String,
-    },
-    /// An object's distance field is damaged.
-    #[error("the distance field of object `{object}` is damaged")]
-    BadField {
-        /// The object's name.
-        object: String,
     },
     /// An artifact cannot be read or written.
     #[error(transparent)]
@@ -76,18 +74,17 @@ impl Advise for SampleError {
                     .to_owned(),
             ),
             Self::LargeShapes { .. } => Some("URDFs are in meters".to_owned()),
-            Self::BadField { .. } | Self::Dof(_) => {
-                Some("make it again with `pipeline run FILE --fresh`".to_owned())
-            }
+            Self::Dof(_) => Some("make it again with `pipeline run FILE --fresh`".to_owned()),
             Self::Lake(err) => err.hint(),
             Self::LoadRobot(err) => err.hint(),
             Self::Cgf(
                 CgfError::Weights(_)
                 | CgfError::Description(_)
+                | CgfError::Rest { .. }
                 | CgfError::Tensor { .. }
                 | CgfError::Version { .. },
             ) => Some("train again with `pipeline run FILE --fresh`".to_owned()),
-            Self::Cgf(_) => None,
+            Self::Motion(_) | Self::Cgf(_) => None,
         }
     }
 }
