@@ -3,9 +3,11 @@
 //! Positions of prismatic joints are in meters, and so are their rates (per second) and limit
 //! excess.
 
+use std::sync::Arc;
+
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
-use motion::{HandRates, JointRates, Motion, MotionError, Step};
+use motion::{HandRates, JointRates, Motion, Step};
 use spatial::{Object, Palm, Pose, Twist};
 
 use crate::{
@@ -27,8 +29,8 @@ pub struct Candidate {
     /// Greatest joint limit excess as drawn, before clamping, in radians (meters if prismatic); 0
     /// if none.
     pub limit_excess_rad: f64,
-    /// The steps in time order; the last one is the grasp.
-    pub steps: Vec<Step<Object>>,
+    /// The hand in the object's frame, with the joints of [`Candidates`]; its last step is the grasp.
+    pub motion: Motion<Object>,
 }
 
 /// All candidates of one object.
@@ -36,21 +38,10 @@ pub struct Candidate {
 pub struct Candidates {
     /// The object's name.
     pub object: String,
-    /// Names of the hand's joints, in the order of [`Step::q_rad`].
-    pub joints: Vec<String>,
+    /// Names of the hand's joints.
+    pub joints: Arc<[String]>,
     /// The motions.
     pub candidates: Vec<Candidate>,
-}
-
-impl Candidates {
-    /// Returns the motion of a candidate.
-    ///
-    /// # Errors
-    ///
-    /// Fails if its steps are not a valid motion.
-    pub fn motion(&self, candidate: &Candidate) -> Result<Motion<Object>, MotionError> {
-        Motion::new(&self.joints, candidate.steps.clone())
-    }
 }
 
 columns! {
@@ -79,7 +70,7 @@ columns! {
 
 impl From<&Candidate> for Row {
     fn from(candidate: &Candidate) -> Self {
-        let steps = || candidate.steps.iter();
+        let steps = || candidate.motion.steps().iter();
         Self {
             candidate_id: candidate.candidate_id.clone(),
             generator: candidate.generator.clone(),
@@ -106,9 +97,9 @@ impl From<&Candidate> for Row {
 }
 
 impl Row {
-    /// Returns the motion of a hand of `dof` joints, if every step is complete.
-    fn candidate(self, dof: usize) -> Result<Candidate, SchemaError> {
-        let steps_n = self.time_s.len();
+    /// Returns the motion of a hand with these joints, if every step is complete.
+    fn candidate(self, joints: &Arc<[String]>) -> Result<Candidate, SchemaError> {
+        let (dof, steps_n) = (joints.len(), self.time_s.len());
         let of_joints = |column, numbers: &[f64]| {
             SchemaError::check_length(column, "joint positions", numbers, dof * steps_n)
         };
@@ -137,20 +128,24 @@ impl Row {
                 },
             }
         };
-        let steps = (0..steps_n).map(step).collect();
+        let motion = Motion::of_joints(Arc::clone(joints), (0..steps_n).map(step).collect());
         Ok(Candidate {
+            motion: motion.map_err(|source| SchemaError::Motion {
+                name: self.candidate_id.clone(),
+                source,
+            })?,
             candidate_id: self.candidate_id,
             generator: self.generator,
             latent: self.latent,
             table_from_object: self.table_from_object,
             limit_excess_rad: self.limit_excess_rad,
-            steps,
         })
     }
 }
 
 impl Table for Candidates {
     const NAME: &'static str = "candidates";
+    const PARTITION: &'static str = "object";
     const VERSION: &'static str = "candidates/2";
 
     fn schema() -> Schema {
@@ -158,6 +153,11 @@ impl Table for Candidates {
     }
 
     fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        let mut candidates = self.candidates.iter();
+        if let Some(other) = candidates.find(|one| *one.motion.joints() != self.joints) {
+            let message = format!("`{}` has other joints", other.candidate_id);
+            return Err(SchemaError::invalid(JOINTS, message));
+        }
         let rows: Vec<Row> = self.candidates.iter().map(Row::from).collect();
         let writer = Writer::of(Self::VERSION, &rows);
         writer.with_names(JOINTS, &self.joints).into_batch()
@@ -165,9 +165,9 @@ impl Table for Candidates {
 
     fn from_batch(object: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
         let reader = Reader::new(batch, Self::VERSION)?;
-        let joints = reader.joints()?;
+        let joints = reader.joints()?.into();
         let rows = reader.rows()?.into_iter();
-        let candidates = rows.map(|row: Row| row.candidate(joints.len()));
+        let candidates = rows.map(|row: Row| row.candidate(&joints));
         Ok(Self {
             object: object.to_owned(),
             candidates: candidates.collect::<Result<_, _>>()?,

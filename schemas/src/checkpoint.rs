@@ -8,6 +8,8 @@
 pub const VERSION: &str = "checkpoint/3";
 /// Name of the artifact.
 pub const NAME: &str = "checkpoint";
+/// What one partition stands for.
+pub const PARTITION: &str = "model";
 
 /// File names of the weights and of their description.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

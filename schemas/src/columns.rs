@@ -106,9 +106,8 @@ macro_rules! columns {
                     $(
                         let unit = columns!(@unit $($derived_unit)?);
                         let value: fn(&Self) -> $derived_type = $value;
-                        let cells: Vec<$derived_type> = rows.iter().map(|row| value(row)).collect();
-                        let cells: Vec<&$derived_type> = cells.iter().collect();
-                        to.column(stringify!($derived), unit, $derived_about, &cells);
+                        let cells: Vec<_> = rows.iter().map(|row| value(row)).collect();
+                        to.computed(stringify!($derived), unit, $derived_about, &cells);
                     )*
                 )*
             }

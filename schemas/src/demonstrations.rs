@@ -114,6 +114,7 @@ columns! {
 
 impl Table for Demonstration {
     const NAME: &'static str = "demonstrations";
+    const PARTITION: &'static str = "sequence";
     const VERSION: &'static str = "demonstrations/2";
 
     fn schema() -> Schema {

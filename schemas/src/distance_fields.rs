@@ -18,4 +18,4 @@ columns! {
     }
 }
 
-table! {"distance_fields", 1, row: FieldInfo}
+table! {"distance_fields", 1, per "object", row: FieldInfo}

@@ -1,6 +1,7 @@
 //! Why a table violates its schema.
 
 use arrow_schema::ArrowError;
+use motion::MotionError;
 use nalgebra::{Unit, Vector3};
 use spatial::NotAPose;
 
@@ -23,6 +24,16 @@ pub enum SchemaError {
         column: String,
         /// The expected type.
         expected: &'static str,
+    },
+    /// A cell, or an entry of the list in it, is null.
+    #[error("table `{table}` has a null in column `{column}`, row {row}")]
+    Null {
+        /// The table's schema.
+        table: String,
+        /// The column's name.
+        column: String,
+        /// The row.
+        row: usize,
     },
     /// A number is NaN or infinite.
     #[error("column `{column}` holds a number that is not finite in row {row}")]
@@ -55,6 +66,14 @@ pub enum SchemaError {
         column: String,
         /// Why.
         source: NotAPose,
+    },
+    /// The steps of a row, or of a table's rows, are no motion.
+    #[error("`{name}` is no motion")]
+    Motion {
+        /// The candidate, or the trajectory's sequence.
+        name: String,
+        /// What is wrong with them.
+        source: MotionError,
     },
     /// The columns do not make a batch.
     #[error("columns do not fit together")]

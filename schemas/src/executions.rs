@@ -29,23 +29,23 @@ columns! {
 
 /// The outcomes of the motions for one object.
 pub type Executions = Vec<Execution>;
-table! {"executions", 3, rows: Execution}
+table! {"executions", 3, per "object", rows: Execution}
 
 words! {
     /// How an execution ended.
-    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
     pub enum Outcome: "outcome" {
         /// The object was lifted and held.
         Succeeded = "succeeded",
         /// The motion was executed and the object not held.
         Failed = "failed",
-        /// The cell refused the goal; nothing moved.
-        Rejected = "rejected",
         /// The cell aborted the motion.
         Aborted = "aborted",
-        /// A person canceled the motion.
-        Stopped = "stopped",
         /// The outcome is unknown; a person has to check.
         Unknown = "unknown",
+        /// The cell refused the goal; nothing moved.
+        Rejected = "rejected",
+        /// A person canceled the motion.
+        Stopped = "stopped",
     }
 }

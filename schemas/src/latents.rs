@@ -21,4 +21,4 @@ columns! {
 
 /// The dimensions of one model.
 pub type Latents = Vec<Row>;
-table! {"latents", 1, rows: Row}
+table! {"latents", 1, per "model", rows: Row}

@@ -31,6 +31,7 @@ pub mod ros2;
 pub mod sampling;
 pub mod success;
 mod table;
+pub mod tally;
 pub mod tracking;
 pub mod training;
 pub mod trajectories;

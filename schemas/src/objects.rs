@@ -208,6 +208,7 @@ fn count<T: TryFrom<i64>>(column: &str, n: i64) -> Result<T, SchemaError> {
 
 impl Table for Object {
     const NAME: &'static str = "objects";
+    const PARTITION: &'static str = "object";
     const VERSION: &'static str = "objects/2";
 
     fn schema() -> Schema {

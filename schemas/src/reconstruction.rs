@@ -10,6 +10,7 @@ use arrow_schema::Schema;
 use crate::{
     SchemaError, Table,
     columns::{JOINTS, Reader, Writer, columns},
+    training::Split,
 };
 
 columns! {
@@ -18,7 +19,7 @@ columns! {
     pub struct Row {
         sequence: String => "the recording",
         object: String => "its object",
-        split: String => "training, held_out or unseen",
+        split: Split => "training, held_out or unseen",
         tip_error_mean_m: f64 ["m"] => "mean distance of the finger tips",
         tip_error_grasp_m: f64 ["m"] => "the same at the grasp",
         palm_error_mean_m: f64 ["m"] => "mean distance of the palm's origin",
@@ -43,6 +44,7 @@ pub struct Reconstruction {
 
 impl Table for Reconstruction {
     const NAME: &'static str = "reconstruction";
+    const PARTITION: &'static str = "model";
     const VERSION: &'static str = "reconstruction/1";
 
     fn schema() -> Schema {

@@ -30,7 +30,7 @@ columns! {
 
 /// The rollouts of one object's candidates.
 pub type Rollouts = Vec<Rollout>;
-table! {"rollouts", 2, rows: Rollout}
+table! {"rollouts", 2, per "object", rows: Rollout}
 
 words! {
     /// How a rollout ended; success is first.

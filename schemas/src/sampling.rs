@@ -55,7 +55,7 @@ impl Sampled {
 
 /// The motions drawn for one object.
 pub type Sampling = Vec<Sampled>;
-table! {"sampling", 1, rows: Sampled}
+table! {"sampling", 1, per "object", rows: Sampled}
 
 columns! {
     /// The columns of a [`Sampled`].

@@ -12,6 +12,8 @@ use crate::SchemaError;
 pub trait Table: Sized {
     /// Name of the artifact, e.g. `candidates`.
     const NAME: &'static str;
+    /// What one partition stands for, e.g. `object`: the name of the Hive partition column.
+    const PARTITION: &'static str;
     /// Name and version of its columns, e.g. `candidates/2`; readers refuse every other version.
     const VERSION: &'static str;
 
@@ -33,18 +35,19 @@ pub trait Table: Sized {
     fn from_batch(key: &str, batch: &RecordBatch) -> Result<Self, SchemaError>;
 }
 
-/// Declares the table of a name and version whose partitions are rows, or one row, with the columns of
+/// Declares the table of a name and version, and what a partition stands for, whose partitions are rows, or one row, with the columns of
 /// `columns!`.
 macro_rules! table {
-    ($name:literal, $version:literal, rows: $row:ty) => {
-        table! {@impl $name, $version, $row, Vec<$row>, |table| table, |reader| reader.rows()}
+    ($name:literal, $version:literal, per $partition:literal, rows: $row:ty) => {
+        table! {@impl $name, $version, $partition, $row, Vec<$row>, |table| table, |reader| reader.rows()}
     };
-    ($name:literal, $version:literal, row: $row:ty) => {
-        table! {@impl $name, $version, $row, $row, std::slice::from_ref, |reader| reader.row()}
+    ($name:literal, $version:literal, per $partition:literal, row: $row:ty) => {
+        table! {@impl $name, $version, $partition, $row, $row, std::slice::from_ref, |reader| reader.row()}
     };
-    (@impl $name:literal, $version:literal, $row:ty, $table:ty, $rows:expr, $read:expr) => {
+    (@impl $name:literal, $version:literal, $partition:literal, $row:ty, $table:ty, $rows:expr, $read:expr) => {
         impl crate::Table for $table {
             const NAME: &'static str = $name;
+            const PARTITION: &'static str = $partition;
             const VERSION: &'static str = concat!($name, "/", $version);
 
             fn schema() -> arrow_schema::Schema {

@@ -29,4 +29,4 @@ columns! {
     }
 }
 
-table! {"tracking", 1, row: TrackingReport}
+table! {"tracking", 1, per "object", row: TrackingReport}

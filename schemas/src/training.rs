@@ -5,14 +5,19 @@
 //! as the motions were seen, turned and with noise; the others as they were recorded, after the epoch,
 //! decoded from their mean codes.
 
-use crate::{columns::columns, table::table};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    columns::{columns, words},
+    table::table,
+};
 
 columns! {
     /// The losses of one set of motions in one epoch.
     #[derive(Debug, Clone, PartialEq)]
     pub struct Row {
         epoch: i64 => "number of the epoch, from 1",
-        split: String => "training, held_out or unseen",
+        split: Split => "training, held_out or unseen",
         learning_rate: f64 ["1"] => "the optimizer's",
         total: f64 ["1"] => "weighted sum of the losses",
         q: f64 ["1"] => "squared errors of the outputs, in the network's units",
@@ -27,4 +32,18 @@ columns! {
 
 /// The losses of one training.
 pub type Training = Vec<Row>;
-table! {"training", 2, rows: Row}
+table! {"training", 2, per "model", rows: Row}
+
+words! {
+    /// Whether a motion is learned from, or what it is kept back for.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Split: "split" {
+        /// It is learned from.
+        Training = "training",
+        /// It is kept back; other motions with its object are learned from.
+        HeldOut = "held_out",
+        /// It is kept back with all motions of its object.
+        Unseen = "unseen",
+    }
+}

@@ -5,7 +5,8 @@
 
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
-use motion::JointRates;
+use motion::{JointRates, Motion, Step};
+use robot::{JointOrder, WrongDof};
 use spatial::{Object, Palm, Pose, Rest, Twist};
 
 use crate::{
@@ -25,25 +26,16 @@ pub struct Trajectory {
     pub sequence: String,
     /// The grasped object's name.
     pub object: String,
-    /// Names of the hand's joints, in the order of the steps' joint positions.
-    pub joints: Vec<String>,
     /// Names of the landmarks that are followed, in the order of [`Tracking::keypoint_errors_m`].
     pub keypoints: Vec<String>,
     /// Names of the fingertips among them, in the order of [`Tracking::tip_errors_m`].
     pub tips: Vec<String>,
     /// The object's resting pose.
     pub rest: Rest,
-    /// The steps in time order; the last one is the grasp.
-    pub steps: Vec<Step>,
-}
-
-/// One step of a trajectory.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Step {
-    /// The hand.
-    pub hand: motion::Step<Object, Rates>,
-    /// Its tracking of the demonstration.
-    pub tracking: Tracking,
+    /// The hand in the object's frame; its last step is the grasp.
+    pub motion: Motion<Object, Rates>,
+    /// Its tracking of the demonstration at each step.
+    pub tracking: Vec<Tracking>,
 }
 
 /// Velocities of the hand at a step.
@@ -65,21 +57,39 @@ impl Rates {
     }
 }
 
-/// Tracking errors of the hand at a step, and its margins.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Tracking {
-    /// Distance of each point of the robot to its landmark, in meters.
-    pub keypoint_errors_m: Vec<f64>,
-    /// Those of fingertips.
-    pub tip_errors_m: Vec<f64>,
-    /// Signed distance from the object's surface of each fingertip that should touch it, in meters.
-    pub contact_gaps_m: Vec<f64>,
-    /// Least distance of a joint to one of its limits, in radians.
-    pub limit_margin_rad: f64,
-    /// Greatest depth of a link inside the object, in meters.
-    pub penetration_m: f64,
-    /// Greatest depth of a link below the table, in meters.
-    pub table_penetration_m: f64,
+impl motion::Rates for Rates {
+    fn joints(&self) -> Option<&JointRates> {
+        Some(&self.joints)
+    }
+
+    fn is_whole(&self, dof: usize) -> bool {
+        self.palm_velocity.is_finite() && self.joints.is_whole(dof)
+    }
+
+    fn reordered(&self, order: &JointOrder) -> Result<Self, WrongDof> {
+        Ok(Self {
+            joints: self.joints.reordered(order)?,
+            ..self.clone()
+        })
+    }
+}
+
+columns! {
+    /// Tracking errors of the hand at a step, and its margins.
+    #[derive(Debug, Clone, Default, PartialEq)]
+    pub struct Tracking {
+        keypoint_errors_m: Vec<f64> ["m"]
+            => "distance to each landmark, in the order of metadata `keypoints`",
+        + keypoint_error_m: f64 ["m"] = Self::keypoint_error_m
+            => "root mean square distance to the landmarks followed",
+        tip_errors_m: Vec<f64> ["m"]
+            => "distance of each finger tip to its landmark, in the order of metadata `tips`",
+        contact_gaps_m: Vec<f64> ["m"]
+            => "signed distance from the surface of each finger tip that should touch it",
+        limit_margin_rad: f64 ["rad"] => "least distance of a joint to one of its limits",
+        penetration_m: f64 ["m"] => "greatest depth of a link inside the object",
+        table_penetration_m: f64 ["m"] => "greatest depth of a link below the table",
+    }
 }
 
 impl Tracking {
@@ -111,22 +121,14 @@ columns! {
             => "the palm's velocity and angular velocity along the object's axes",
         q_velocity_rad_per_s: Vec<f64> ["rad/s"] => "joint velocities",
         q_acceleration_rad_per_s2: Vec<f64> ["rad/s²"] => "joint accelerations",
-        keypoint_errors_m: Vec<f64> ["m"]
-            => "distance to each landmark, in the order of metadata `keypoints`",
-        keypoint_error_m: f64 ["m"] => "root mean square distance to the landmarks followed",
-        tip_errors_m: Vec<f64> ["m"]
-            => "distance of each finger tip to its landmark, in the order of metadata `tips`",
-        contact_gaps_m: Vec<f64> ["m"]
-            => "signed distance from the surface of each finger tip that should touch it",
-        limit_margin_rad: f64 ["rad"] => "least distance of a joint to one of its limits",
-        penetration_m: f64 ["m"] => "greatest depth of a link inside the object",
-        table_penetration_m: f64 ["m"] => "greatest depth of a link below the table",
+        tracking: Tracking,
         rest: Rest,
     }
 }
 
 impl Table for Trajectory {
     const NAME: &'static str = "trajectories";
+    const PARTITION: &'static str = "sequence";
     const VERSION: &'static str = "trajectories/2";
 
     fn schema() -> Schema {
@@ -134,27 +136,24 @@ impl Table for Trajectory {
     }
 
     fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
-        let steps = (0..).zip(self.steps.iter().cloned());
-        let rows = steps.map(|(number, step)| Row {
+        let steps = self.motion.steps();
+        let column = "keypoint_errors_m";
+        SchemaError::check_length(column, "steps", &self.tracking, steps.len())?;
+        let steps = steps.iter().cloned().zip(&self.tracking);
+        let rows = (0..).zip(steps).map(|(number, (step, tracking))| Row {
             object: self.object.clone(),
             step: number,
-            time_s: step.hand.time_s,
-            object_from_palm: step.hand.frame_from_palm,
-            q_rad: step.hand.q_rad,
-            palm_velocity: step.hand.rates.palm_velocity.to_array(),
-            q_velocity_rad_per_s: step.hand.rates.joints.velocity,
-            q_acceleration_rad_per_s2: step.hand.rates.joints.acceleration,
-            keypoint_error_m: step.tracking.keypoint_error_m(),
-            keypoint_errors_m: step.tracking.keypoint_errors_m,
-            tip_errors_m: step.tracking.tip_errors_m,
-            contact_gaps_m: step.tracking.contact_gaps_m,
-            limit_margin_rad: step.tracking.limit_margin_rad,
-            penetration_m: step.tracking.penetration_m,
-            table_penetration_m: step.tracking.table_penetration_m,
+            time_s: step.time_s,
+            object_from_palm: step.frame_from_palm,
+            q_rad: step.q_rad,
+            palm_velocity: step.rates.palm_velocity.to_array(),
+            q_velocity_rad_per_s: step.rates.joints.velocity,
+            q_acceleration_rad_per_s2: step.rates.joints.acceleration,
+            tracking: tracking.clone(),
             rest: self.rest,
         });
         Writer::of(Self::VERSION, &rows.collect::<Vec<_>>())
-            .with_names(JOINTS, &self.joints)
+            .with_names(JOINTS, self.motion.joints())
             .with_names(KEYPOINTS, &self.keypoints)
             .with_names(TIPS, &self.tips)
             .into_batch()
@@ -163,55 +162,39 @@ impl Table for Trajectory {
     fn from_batch(sequence: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
         let reader = Reader::new(batch, Self::VERSION)?;
         let first: Row = reader.first()?;
-        let joints = reader.joints()?;
         let (keypoints, tips) = (reader.names(KEYPOINTS), reader.names(TIPS));
-        let tracking_errors = |column, errors: Vec<f64>, names: &[String]| {
-            SchemaError::check_length(column, "errors", &errors, names.len()).map(|()| errors)
-        };
-        let of_joints = |column, numbers: Vec<f64>| {
-            SchemaError::check_length(column, "joint positions", &numbers, joints.len())
-                .map(|()| numbers)
-        };
-        let steps = reader.rows()?.into_iter().map(|row: Row| {
-            Ok(Step {
-                hand: motion::Step {
-                    time_s: row.time_s,
-                    frame_from_palm: row.object_from_palm,
-                    q_rad: of_joints("q_rad", row.q_rad)?,
-                    rates: Rates {
-                        palm_velocity: Twist::from_array(row.palm_velocity),
-                        joints: JointRates {
-                            velocity: of_joints("q_velocity_rad_per_s", row.q_velocity_rad_per_s)?,
-                            acceleration: of_joints(
-                                "q_acceleration_rad_per_s2",
-                                row.q_acceleration_rad_per_s2,
-                            )?,
-                        },
+        let (mut steps, mut tracking) = (Vec::new(), Vec::new());
+        for row in reader.rows::<Row>()? {
+            let errors = &row.tracking.keypoint_errors_m;
+            SchemaError::check_length("keypoint_errors_m", "errors", errors, keypoints.len())?;
+            let errors = &row.tracking.tip_errors_m;
+            SchemaError::check_length("tip_errors_m", "errors", errors, tips.len())?;
+            tracking.push(row.tracking);
+            steps.push(Step {
+                time_s: row.time_s,
+                frame_from_palm: row.object_from_palm,
+                q_rad: row.q_rad,
+                rates: Rates {
+                    palm_velocity: Twist::from_array(row.palm_velocity),
+                    joints: JointRates {
+                        velocity: row.q_velocity_rad_per_s,
+                        acceleration: row.q_acceleration_rad_per_s2,
                     },
                 },
-                tracking: Tracking {
-                    keypoint_errors_m: tracking_errors(
-                        "keypoint_errors_m",
-                        row.keypoint_errors_m,
-                        &keypoints,
-                    )?,
-                    tip_errors_m: tracking_errors("tip_errors_m", row.tip_errors_m, &tips)?,
-                    contact_gaps_m: row.contact_gaps_m,
-                    limit_margin_rad: row.limit_margin_rad,
-                    penetration_m: row.penetration_m,
-                    table_penetration_m: row.table_penetration_m,
-                },
-            })
-        });
-        let steps = steps.collect::<Result<_, SchemaError>>()?;
+            });
+        }
+        let motion = Motion::of_joints(reader.joints()?.into(), steps);
         Ok(Self {
             sequence: sequence.to_owned(),
             object: first.object,
             keypoints,
             tips,
-            joints,
             rest: first.rest,
-            steps,
+            motion: motion.map_err(|source| SchemaError::Motion {
+                name: sequence.to_owned(),
+                source,
+            })?,
+            tracking,
         })
     }
 }

@@ -77,7 +77,7 @@ fn main() -> ExitCode {
         };
         let object = ObjectShape::from_artifact(&lake::table::read(object).unwrap());
         let candidates: Candidates = lake::table::read(&candidates).unwrap();
-        assert_eq!(candidates.joints, hand.joint_names());
+        assert_eq!(*candidates.joints, *hand.joint_names());
         let counts = compare(&mut mujoco, &hand, &object, &candidates);
         println!("{name:24} {}", counts.line());
         totals.add(&counts);
@@ -192,10 +192,10 @@ fn compare(
             templates.push((pose, template));
             templates.len() - 1
         });
-        let (template, motion) = (&templates[at].1, candidates.motion(candidate).unwrap());
+        let (template, motion) = (&templates[at].1, &candidate.motion);
         counts.here_s += thread_time::cpu_s() - before;
         let before = thread_time::cpu_s();
-        let rollout = template.rollout(&motion, &protocol, Record::Nothing);
+        let rollout = template.rollout(motion, &protocol, Record::Nothing);
         let cpu_s = thread_time::cpu_s() - before;
         let rollout = rollout.unwrap();
         held.push(rollout.verdict == Verdict::Held);

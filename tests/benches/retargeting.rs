@@ -24,7 +24,7 @@ use std::{cell::RefCell, process::ExitCode, time::Instant};
 
 use limits::Limits;
 use nalgebra::Point3;
-use ours::{FAST, Objective, TIGHT, points_at, true_minimum};
+use ours::{FAST, Objective, TIGHT, best_of, points_at, true_minimum};
 use peer::Peer;
 use problem::{HANDS, Problem};
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
@@ -307,11 +307,7 @@ fn minima(problem: &Problem, objective: Objective) {
     let mut posture = before.clone();
     if objective != Objective::Peer {
         let starts = solver.starts(&first).unwrap();
-        posture = solver
-            .best_of(&first, starts, &FAST, &mut NoTerms)
-            .unwrap()
-            .unwrap()
-            .0;
+        posture = best_of(&mut solver, &first, starts, &FAST).0;
         before = posture.clone();
     }
     for frame in 0..problem.targets.len() {

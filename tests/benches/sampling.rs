@@ -20,7 +20,7 @@ use std::{
 };
 
 use cgf::{
-    Activation, Cgf, NetworkConfig, ObjectFeature, Random, Scene, Split, Track, TrainingConfig,
+    Activation, Cgf, NetworkConfig, ObjectFeature, Random, Scene, Track, TrainingConfig,
     TrainingSet,
 };
 use dataflow::Pipeline;
@@ -193,7 +193,7 @@ impl Ours {
         let track = |name: &str, x: f64| Track {
             name: name.to_owned(),
             scene: 0,
-            split: Split::Training,
+            split: schemas::training::Split::Training,
             motion: Motion::new(
                 &hand.joint_names(),
                 (0..20)

@@ -97,10 +97,8 @@ fn main() -> ExitCode {
                 .candidates
                 .iter()
                 .map(|c| Rest::of(&c.table_from_object));
-            let motions = candidates.candidates.iter();
-            let motions = motions.map(|candidate| candidates.motion(candidate).unwrap());
-            let motions: Vec<Motion<Object>> = motions.collect();
-            let motions: Vec<(Rest, &Motion<Object>)> = rests.zip(&motions).collect();
+            let motions = candidates.candidates.iter().map(|one| &one.motion);
+            let motions: Vec<(Rest, &Motion<Object>)> = rests.zip(motions).collect();
             compare(
                 name.as_str(),
                 &hand,

@@ -239,7 +239,7 @@ fn reruns(place: &Path, code: [u8; 2]) -> Vec<String> {
     let ran = run(&pipeline, &lake, &options, None, &|_| {}).unwrap();
     let nodes = ran.nodes.iter();
     let made = nodes.filter(|node| node.units.iter().any(|unit| unit.made_now));
-    let made: Vec<String> = made.map(|node| node.node.to_string()).collect();
+    let made: Vec<String> = made.map(|node| node.record.node.to_string()).collect();
     assert_eq!(left, made.iter().cloned().collect());
     made
 }

@@ -19,14 +19,15 @@ fn a_stage_of_one_file_makes_typed_tables_and_is_told_once() {
     let place = Place::new(PIPELINE);
     let said = stderr(&place.run_well(&[]));
     assert!(said.contains("7 trials by hand"), "{said}");
-    let table = "tables/trials/pipeline=own/stage=bench/object=can/part.parquet";
+    let table = "tables/trials/pipeline=own/stage=bench/dispatching=all/part.parquet";
     let artifact = Artifact {
-        key: "can".parse().unwrap(),
+        key: "all".parse().unwrap(),
         labels: BTreeMap::new(),
         files: BTreeMap::from([(lake::table::FILE.to_owned(), place.lake().join(table))]),
     };
     let trials: AllTrials = lake::table::read(&artifact).unwrap();
-    assert_eq!((trials[0].trials_n(), trials[0].successes_n()), (3, 2));
+    let outcomes = &trials[0].outcomes;
+    assert_eq!((outcomes.total_n(), outcomes.successes_n()), (3, 2));
     let again = stderr(&place.run_well(&[]));
     assert!(again.contains("cached"), "{again}");
 }

@@ -95,7 +95,7 @@ fn check(place: &Place, world: &mut World, model: &mut Model, step: &Step) -> Ve
     let visited: BTreeSet<String> = ran
         .nodes
         .iter()
-        .map(|node| node.node.stage.to_string())
+        .map(|node| node.record.node.stage.to_string())
         .collect();
     let expected = model.run(world, &visited, |stage| {
         step.fresh_all || step.fresh.iter().any(|fresh| fresh == stage)
@@ -158,7 +158,7 @@ fn compare_made(expected: &BTreeMap<Unit, Expected>, ran: &RunReport, faults: &m
         let units = node.units.iter();
         units.map(|unit| {
             (
-                Unit::new(node.node.stage.as_str(), unit.partition.as_str()),
+                Unit::new(node.record.node.stage.as_str(), unit.partition.as_str()),
                 unit.made_now,
             )
         })
@@ -188,7 +188,7 @@ fn compare_planned(
 ) {
     let nodes = |names: Vec<String>| names.join(", ");
     let of_plan = planned.nodes.iter().map(|node| node.node.to_string());
-    let of_run = ran.nodes.iter().map(|node| node.node.to_string());
+    let of_run = ran.nodes.iter().map(|node| node.record.node.to_string());
     if nodes(of_plan.clone().collect()) != nodes(of_run.clone().collect()) {
         faults.push(format!(
             "plan goes through {}; run through {}",

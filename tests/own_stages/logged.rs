@@ -1,12 +1,13 @@
 //! `logged`: a whole stage in one file, as a lab would add it: hand-logged trials become the table
-//! `trials`, a row per object. A crate writes `dataflow::code!()` where this names a version.
+//! `trials`, one row per object. A crate writes `dataflow::code!()` where this names a version.
 
 use std::collections::BTreeMap;
 
 use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
 use lake::{LakeError, WriteArtifact};
 use schemars::JsonSchema;
-use schemas::{Table, executions, trials::AllTrials, trials::Trials};
+use schemas::executions::Outcome::{Failed, Succeeded};
+use schemas::{Table, tally::Tally, trials::AllTrials, trials::Trials};
 use serde::{Deserialize, Serialize};
 
 /// Options of `kind = "logged"`.
@@ -46,35 +47,26 @@ impl Output for Logged {
 
     const ARTIFACT: &'static str = AllTrials::NAME;
     const SCHEMA: &'static str = AllTrials::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = AllTrials::PARTITION;
     const LINE: Option<Line<Count>> =
         Some(|summary| format!("{} trials by hand", summary.metrics.trials_n));
 
-    fn units(config: &LoggedConfig, _scope: &Scope) -> Result<Vec<Unit>, LakeError> {
-        Ok(config
-            .objects
-            .keys()
-            .map(|object| Unit::new(object).with_label("object", object))
-            .collect())
+    fn units(_config: &LoggedConfig, _scope: &Scope) -> Result<Vec<Unit>, LakeError> {
+        Ok(vec![Unit::new("all")])
     }
 
     fn make(config: &LoggedConfig, _: &Inputs, cx: &Context) -> Result<Outcome<Count>, LakeError> {
-        let Some([succeeded, failed]) = config.objects.get(cx.partition().as_str()).copied() else {
-            return Ok(Outcome::skipped("it is not in `objects`"));
-        };
-        let trials = Trials {
-            object: cx.partition().to_string(),
+        let trials = config.objects.iter();
+        let trials = trials.map(|(object, &[succeeded, failed])| Trials {
+            object: object.clone(),
             cell: "bench".to_owned(),
             simulated: false,
             gap: String::new(),
-            outcomes_n: executions::Outcome::ALL.map(|outcome| match outcome {
-                executions::Outcome::Succeeded => succeeded,
-                executions::Outcome::Failed => failed,
-                _ => 0,
-            }),
-        };
-        cx.write(&vec![trials])?;
-        let trials_n = (succeeded + failed) as f64;
+            outcomes: Tally::from_iter([(Succeeded, succeeded), (Failed, failed)]),
+        });
+        let trials: AllTrials = trials.collect();
+        cx.write(&trials)?;
+        let trials_n = trials.iter().map(|row| row.outcomes.total_n()).sum::<i64>() as f64;
         Ok(Outcome::Made(Count { trials_n }))
     }
 }

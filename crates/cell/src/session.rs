@@ -3,6 +3,7 @@
 use std::{
     io::ErrorKind,
     net::{IpAddr, SocketAddr, TcpListener, ToSocketAddrs},
+    path::Path,
     time::Duration,
 };
 
@@ -98,7 +99,7 @@ impl<'a> Endpoint<'a> {
     }
 
     /// Checks that an access file is given where one is required.
-    fn check_access(&self, endpoint: &str, access: Option<&Access>) -> Result<(), CellError> {
+    fn check_access<T: ?Sized>(&self, endpoint: &str, access: Option<&T>) -> Result<(), CellError> {
         if self.protection == Protection::Tls && access.is_none() {
             return Err(CellError::NoAccess {
                 endpoint: endpoint.to_owned(),
@@ -136,9 +137,9 @@ impl<'a> Endpoint<'a> {
 ///
 /// # Errors
 ///
-/// Fails if it is not an endpoint, if other machines could read its traffic, or if a required
-/// access file is missing.
-pub fn check_endpoint(endpoint: &str, access: Option<&Access>) -> Result<(), CellError> {
+/// Fails if it is not an endpoint, if other machines could read its traffic, or if no access file
+/// is given where one is required; the file is not read.
+pub fn check_endpoint(endpoint: &str, access: Option<&Path>) -> Result<(), CellError> {
     match Endpoint::parse(endpoint) {
         Ok(found) => found.check_access(endpoint, access),
         Err(CellError::Host { .. }) if endpoint.starts_with("tls/") && access.is_none() => {

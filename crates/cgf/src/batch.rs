@@ -3,12 +3,13 @@
 use std::{collections::BTreeMap, sync::Arc};
 
 use nalgebra::{Point3, UnitQuaternion};
+use schemas::training::Split;
 
 use crate::{
     CgfError, TrainingSet,
     augmentation::Rotations,
     config::{EncoderRotation, EncoderTimes, LatentNoise, NetworkConfig, Times, TrainingConfig},
-    data::{Split, Track, View, turned},
+    data::{Track, View, turned},
     grasp::Normalization,
     model::equal_times,
     penetration::Surroundings,

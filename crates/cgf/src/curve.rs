@@ -1,5 +1,6 @@
 //! How a training went.
 
+use schemas::training::Split;
 use serde::{Deserialize, Serialize};
 
 use crate::Losses;
@@ -19,4 +20,15 @@ pub struct Epoch {
     pub held_out: Option<Losses>,
     /// The same of motions with unseen objects.
     pub unseen: Option<Losses>,
+}
+
+impl Epoch {
+    /// Returns the losses of a split; `None` if they were not measured.
+    pub fn losses(&self, split: Split) -> Option<&Losses> {
+        match split {
+            Split::Training => Some(&self.training),
+            Split::HeldOut => self.held_out.as_ref(),
+            Split::Unseen => self.unseen.as_ref(),
+        }
+    }
 }

@@ -2,7 +2,7 @@
 
 use motion::Motion;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
-use serde::{Deserialize, Serialize};
+use schemas::training::Split;
 use spatial::{Pose, Rest, Table};
 
 use crate::{CgfError, config::Frame, grasp::Grasp, precision::narrow, random::Random};
@@ -87,18 +87,6 @@ pub struct Track {
     pub split: Split,
     /// The hand over time, its joints in the hand's order; the last step is the grasp.
     pub motion: Motion<Table, ()>,
-}
-
-/// Whether a motion is learned from, or what it is kept back for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Split {
-    /// It is learned from.
-    Training,
-    /// It is kept back; other motions with its object are learned from.
-    HeldOut,
-    /// It is kept back with all motions of its object.
-    Unseen,
 }
 
 impl Track {
@@ -197,8 +185,9 @@ mod tests {
     use nalgebra::{Isometry3, Vector3};
     use spatial::{Pose, Table};
 
-    use super::{Grasp, Motion, Split, Track};
+    use super::{Grasp, Motion, Track};
     use crate::GraspError;
+    use schemas::training::Split;
 
     fn step(time_s: f64, x: f64, angle: f64) -> Step<Table, ()> {
         let isometry = Isometry3::new(Vector3::new(x, 0.0, 0.0), Vector3::new(0.0, 0.0, angle));

@@ -116,6 +116,12 @@ pub enum CgfError {
         /// The version found.
         found: String,
     },
+    /// The checkpoint does not say how a demonstration's object lay.
+    #[error("the checkpoint's demonstration `{demonstration}` has no direction against gravity")]
+    Rest {
+        /// The demonstration's name.
+        demonstration: String,
+    },
     /// The checkpoint's weights do not have the shapes that its description says.
     #[error("the checkpoint's tensor `{name}` is {found}, expected {expected}")]
     Tensor {

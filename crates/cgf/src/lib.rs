@@ -41,12 +41,12 @@ pub use config::{
     TrainingConfig, TrainingDevice,
 };
 pub use curve::Epoch;
-pub use data::{Scene, Split, Track};
+pub use data::{Scene, Track};
 pub use decoder::{HandRate, MovingGrasp};
 pub use error::CgfError;
 pub use grasp::{Grasp, Normalization};
 pub use limits::JointRange;
-pub use model::{Cgf, Demonstration, Description, GraspError, ObjectFeature, Posterior, VERSION};
+pub use model::{Cgf, Demonstration, Description, GraspError, ObjectFeature, Posterior};
 pub use random::Random;
 pub use step::Losses;
 pub use training::{Trained, Trainer, TrainingSet, train};

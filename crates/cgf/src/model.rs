@@ -7,11 +7,12 @@ use std::{
 };
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use schemas::{checkpoint::VERSION, training::Split};
 use serde::{Deserialize, Serialize};
 use spatial::Rest;
 
 use crate::{
-    CgfError, Epoch, MovingGrasp, Scene, Split, Track, TrainingSet,
+    CgfError, Epoch, MovingGrasp, Scene, Track, TrainingSet,
     batch::{encoder_motion, encoder_times},
     config::{NetworkConfig, TrainingConfig},
     data::View,
@@ -22,9 +23,6 @@ use crate::{
     point_net::{Clouds, PointNet, Statistics},
     weights::{Leaves, Weights},
 };
-
-/// Version of the two files' form.
-pub const VERSION: &str = "checkpoint/3";
 
 /// A continuous grasping function f(t, z, object) with the encoder it was trained with.
 #[derive(Debug, Clone)]
@@ -39,7 +37,7 @@ pub struct Cgf {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Description {
-    /// Version of the form, [`VERSION`].
+    /// Version of the form, [`schemas::checkpoint::VERSION`].
     pub version: String,
     /// Number of the epoch after which the weights were taken, from 1.
     pub epoch: usize,
@@ -338,6 +336,12 @@ pub(crate) fn equal_times(n: usize) -> impl Iterator<Item = f64> {
 }
 
 impl Description {
+    /// Returns the demonstrations of a split.
+    pub fn of_split(&self, split: Split) -> impl Iterator<Item = &Demonstration> {
+        let all = self.demonstrations.iter();
+        all.filter(move |demonstration| demonstration.split == split)
+    }
+
     /// Reads a checkpoint's JSON.
     ///
     /// # Errors
@@ -349,6 +353,12 @@ impl Description {
             return Err(CgfError::Version {
                 expected: VERSION,
                 found: description.version,
+            });
+        }
+        let mut demonstrations = description.demonstrations.iter();
+        if let Some(one) = demonstrations.find(|one| !one.has_rest()) {
+            return Err(CgfError::Rest {
+                demonstration: one.name.clone(),
             });
         }
         Ok(description)
@@ -364,6 +374,11 @@ fn read(path: &Path) -> Result<Vec<u8>, CgfError> {
 }
 
 impl Demonstration {
+    /// Whether the direction against gravity is one, about a unit vector.
+    fn has_rest(&self) -> bool {
+        (Vector3::from(self.rest_up).norm() - 1.0).abs() < 1e-3 && self.rest_height_m.is_finite()
+    }
+
     /// Returns how the object lay.
     pub fn rest(&self) -> Rest {
         Rest {

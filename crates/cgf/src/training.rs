@@ -4,6 +4,7 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use geometry::DistanceField;
 use robot::RobotModel;
+use schemas::{checkpoint::VERSION, training::Split};
 
 use crate::{
     Cgf, CgfError,
@@ -12,10 +13,10 @@ use crate::{
     batch::{Batches, Seen},
     config::{Initialization, NetworkConfig, TrainingConfig},
     curve::Epoch,
-    data::{Scene, Split, Track, turned},
+    data::{Scene, Track, turned},
     grasp::Normalization,
     limits::{JointRange, Limits},
-    model::{Description, VERSION},
+    model::Description,
     network,
     penetration::Body,
     point_net::{self, PointNet, Statistics},

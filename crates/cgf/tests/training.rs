@@ -5,13 +5,14 @@ use std::{collections::BTreeMap, sync::Arc};
 use cgf::{
     Activation, Augmentation, Cgf, CgfError, Contact, EncoderRotation, EncoderTimes, Frame,
     GraspError, Initialization, JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs,
-    Reduction, Scene, Schedule, Split, Times, Track, Trainer, TrainingConfig, TrainingDevice,
-    TrainingSet, train,
+    Reduction, Scene, Schedule, Times, Track, Trainer, TrainingConfig, TrainingDevice, TrainingSet,
+    train,
 };
 use geometry::{DistanceField, TriMesh};
 use motion::{Motion, Step};
 use nalgebra::{Isometry3, Point3, Vector3};
 use robot::RobotModel;
+use schemas::training::Split;
 use spatial::{Pose, Rest};
 
 const HAND: &str = r#"<robot name="h">

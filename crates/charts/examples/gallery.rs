@@ -23,18 +23,19 @@ const OBJECTS: [&str; 6] = [
 fn main() -> Result<(), Box<dyn Error>> {
     let folder: PathBuf = env::args_os().nth(1).ok_or("which folder?")?.into();
     for (name, svg) in [
-        ("lines", curves(Scale::Linear)?),
-        ("lines_log", curves(Scale::Log)?),
-        ("few", few()?),
-        ("many", many()?),
-        ("bars", errors(1)?),
-        ("bars_grouped", errors(3)?),
-        ("bars_signed", signed()?),
-        ("intervals", rates(1)?),
-        ("intervals_grouped", rates(2)?),
-        ("scatter", spread()?),
-        ("histogram", spread_of_one()?),
+        ("lines", curves(Scale::Linear)),
+        ("lines_log", curves(Scale::Log)),
+        ("few", few()),
+        ("many", many()),
+        ("bars", errors(1)),
+        ("bars_grouped", errors(3)),
+        ("bars_signed", signed()),
+        ("intervals", rates(1)),
+        ("intervals_grouped", rates(2)),
+        ("scatter", spread()),
+        ("histogram", spread_of_one()),
     ] {
+        let svg = svg.ok_or("nothing to draw")?;
         File::create(folder.join(format!("{name}.svg")))?.write_all(svg.as_bytes())?;
     }
     Ok(())
@@ -46,7 +47,7 @@ fn wave(number: usize) -> f64 {
     ((x * 1.7).sin() + (x * 0.61).cos() + (x * 13.37).sin()) / 3.0
 }
 
-fn curves(scale: Scale) -> Result<String, charts::ChartError> {
+fn curves(scale: Scale) -> Option<String> {
     let captions = Captions {
         title: "Training of the continuous grasping function",
         x: "epoch",
@@ -69,7 +70,7 @@ fn curves(scale: Scale) -> Result<String, charts::ChartError> {
     lines(&captions, scale, &series)
 }
 
-fn few() -> Result<String, charts::ChartError> {
+fn few() -> Option<String> {
     let captions = Captions {
         title: "Learning rate",
         x: "epoch",
@@ -92,7 +93,7 @@ fn few() -> Result<String, charts::ChartError> {
     lines(&captions, Scale::Linear, &[series])
 }
 
-fn many() -> Result<String, charts::ChartError> {
+fn many() -> Option<String> {
     let captions = Captions {
         title: "Loss terms <weighted> & summed",
         x: "epoch",
@@ -115,7 +116,7 @@ fn many() -> Result<String, charts::ChartError> {
     lines(&captions, Scale::Linear, &series)
 }
 
-fn errors(n_series: usize) -> Result<String, charts::ChartError> {
+fn errors(n_series: usize) -> Option<String> {
     let captions = Captions {
         title: "Reconstruction by object",
         x: "mean error at the finger tips [mm]",
@@ -129,13 +130,10 @@ fn errors(n_series: usize) -> Result<String, charts::ChartError> {
         .map(|(idx, name)| Bars {
             name: (*name).to_owned(),
             values: (0..OBJECTS.len())
+                .filter(|object| idx < 2 || *object >= 3)
                 .map(|object| {
                     let error = 5.0 + 4.0 * idx as f64 + 3.0 * wave(object * 3 + idx);
-                    if idx == 2 && object < 3 {
-                        f64::NAN
-                    } else {
-                        error
-                    }
+                    (names[object].clone(), error)
                 })
                 .collect(),
         })
@@ -143,13 +141,14 @@ fn errors(n_series: usize) -> Result<String, charts::ChartError> {
     bars(&captions, &names, &series)
 }
 
-fn signed() -> Result<String, charts::ChartError> {
+fn signed() -> Option<String> {
     let captions = Captions {
         title: "Difference to the preset of the paper",
         x: "difference in success [percentage points]",
         y: "object",
     };
-    let values = (0..OBJECTS.len()).map(|object| 12.0 * wave(object * 5 + 2));
+    let objects = OBJECTS.iter().enumerate();
+    let values = objects.map(|(idx, name)| ((*name).to_owned(), 12.0 * wave(idx * 5 + 2)));
     let series = Bars {
         name: "difference".to_owned(),
         values: values.collect(),
@@ -157,7 +156,7 @@ fn signed() -> Result<String, charts::ChartError> {
     bars(&captions, &OBJECTS.map(str::to_owned), &[series])
 }
 
-fn rates(n_series: usize) -> Result<String, charts::ChartError> {
+fn rates(n_series: usize) -> Option<String> {
     let captions = Captions {
         title: "Success by object",
         x: "share that held, 95 % interval [%]",
@@ -167,13 +166,15 @@ fn rates(n_series: usize) -> Result<String, charts::ChartError> {
     let series = series.map(|(idx, name)| Estimates {
         name: (*name).to_owned(),
         values: (0..OBJECTS.len())
+            .filter(|object| idx + object != 4)
             .map(|object| {
                 let value = 60.0 - 30.0 * idx as f64 + 25.0 * wave(object * 3 + idx);
-                (idx + object != 4).then_some(Estimate {
+                let estimate = Estimate {
                     value,
                     low: value - 8.0,
                     high: value + 9.0,
-                })
+                };
+                (OBJECTS[object].to_owned(), estimate)
             })
             .collect(),
     });
@@ -184,7 +185,7 @@ fn rates(n_series: usize) -> Result<String, charts::ChartError> {
     )
 }
 
-fn spread() -> Result<String, charts::ChartError> {
+fn spread() -> Option<String> {
     let captions = Captions {
         title: "Palms at the grasp",
         x: "x in the object's frame [m]",
@@ -208,7 +209,7 @@ fn spread() -> Result<String, charts::ChartError> {
     scatter(&captions, &series)
 }
 
-fn spread_of_one() -> Result<String, charts::ChartError> {
+fn spread_of_one() -> Option<String> {
     let captions = Captions {
         title: "Spread of sampled grasps",
         x: "distance from the mean palm [mm]",

@@ -1,5 +1,7 @@
 //! Bars beside names.
 
+use std::collections::BTreeMap;
+
 use crate::{
     axis::{Axis, Ends, Scale},
     canvas::Stroke,
@@ -13,8 +15,8 @@ use crate::{
 pub struct Bars {
     /// Its name in the legend.
     pub name: String,
-    /// One value per name; where it is not finite there is no bar.
-    pub values: Vec<f64>,
+    /// The value of each name; without one, or where it is not finite, there is no bar.
+    pub values: BTreeMap<String, f64>,
 }
 
 /// Height of a bar that is one of several beside a name, and of one alone.
@@ -22,19 +24,10 @@ const BAR: [f64; 2] = [12.0, 16.0];
 
 /// Draws a bar to the right for each name, from the top; of several series, one below the other.
 /// `captions.x` says what the bars measure; `captions.y` may be empty where the names speak for
-/// themselves.
-/// Returns `None` if no value is finite.
-///
-/// # Panics
-///
-/// Panics if a series has not one value per name.
+/// themselves. `None` if no value is finite.
 pub fn bars(captions: &Captions, names: &[String], series: &[Bars]) -> Option<String> {
-    for bars in series {
-        captions.check_count(&bars.name, bars.values.len(), names);
-    }
-    let values = series.iter().flat_map(|bars| bars.values.iter().copied());
-    let axis = Axis::new(Scale::Linear, Ends::Zero, 6, values);
-    let axis = axis?;
+    let values = series.iter().flat_map(|bars| bars.values.values().copied());
+    let axis = Axis::new(Scale::Linear, Ends::Zero, 6, values)?;
     let [several, alone] = BAR;
     let bar = if series.len() > 1 { several } else { alone };
     let share = (bar * series.len() as f64 + GAP).max(TEXT_SIZE * 1.4);
@@ -47,8 +40,9 @@ pub fn bars(captions: &Captions, names: &[String], series: &[Bars]) -> Option<St
     let [_, bottom] = figure.at([0.0, 0.0]);
     let share = (bottom - top) / names.len() as f64;
     for (idx, bars) in series.iter().enumerate() {
-        for (number, value) in bars.values.iter().enumerate() {
-            let Some(end) = axis.place(*value) else {
+        for (number, name) in names.iter().enumerate() {
+            let value = bars.values.get(name);
+            let Some(end) = value.and_then(|value| axis.place(*value)) else {
                 continue;
             };
             let middle = top + (number as f64 + 0.5) * share;

@@ -11,17 +11,6 @@ pub struct Captions<'a> {
     pub y: &'a str,
 }
 
-impl Captions<'_> {
-    /// Checks that a series has one value per name.
-    pub(crate) fn check_count(&self, series: &str, found: usize, names: &[String]) {
-        let (title, expected) = (self.title, names.len());
-        assert!(
-            found == expected,
-            "the series `{series}` of the chart `{title}` has {found} values for {expected} names"
-        );
-    }
-}
-
 /// Points that belong together. Points that are not finite are left out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {

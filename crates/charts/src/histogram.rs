@@ -19,13 +19,12 @@ pub struct Sample {
 
 /// Draws how many values of each sample fall into each of `n_bins` equal ranges of the axis, as shares
 /// of the sample in percent, so that samples of different sizes compare. `captions.y` is usually `share [%]`.
-/// Returns `None` if no value is finite or there are no ranges.
+/// `None` if no value is finite or there are no ranges.
 pub fn histogram(captions: &Captions, n_bins: usize, samples: &[Sample]) -> Option<String> {
     let all = samples
         .iter()
         .flat_map(|sample| sample.values.iter().copied());
-    let x = Axis::new(Scale::Linear, Ends::Round, 6, all).filter(|_| n_bins > 0);
-    let x = x?;
+    let x = Axis::new(Scale::Linear, Ends::Round, 6, all).filter(|_| n_bins > 0)?;
     let shares: Vec<Vec<f64>> = samples
         .iter()
         .map(|sample| shares(&x, n_bins, &sample.values))

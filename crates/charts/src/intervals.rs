@@ -1,5 +1,7 @@
 //! Estimates with their intervals beside names.
 
+use std::collections::BTreeMap;
+
 use crate::{
     axis::{Axis, Ends, Scale},
     canvas::Stroke,
@@ -24,8 +26,8 @@ pub struct Estimate {
 pub struct Estimates {
     /// Its name in the legend.
     pub name: String,
-    /// One estimate per name, or none.
-    pub values: Vec<Option<Estimate>>,
+    /// The estimate of each name that has one.
+    pub values: BTreeMap<String, Estimate>,
 }
 
 /// Height of an estimate that is one of several beside a name.
@@ -36,21 +38,12 @@ const HALF_END: f64 = 3.5;
 /// Draws a dot for each name, from the top, and a line from the lower to the upper end of its interval; of
 /// several series, one below the other. `captions.x` says what is estimated, and with what confidence;
 /// `captions.y` may be empty where the names speak for themselves. The axis begins at zero. An estimate
-/// that is not finite is left out.
-/// Returns `None` if no estimate is left.
-///
-/// # Panics
-///
-/// Panics if a series has not one estimate per name.
+/// that is not finite is left out; `None` if none is left.
 pub fn intervals(captions: &Captions, names: &[String], series: &[Estimates]) -> Option<String> {
-    for all in series {
-        captions.check_count(&all.name, all.values.len(), names);
-    }
-    let estimates = series.iter().flat_map(|all| all.values.iter().flatten());
+    let estimates = series.iter().flat_map(|all| all.values.values());
     let numbers = estimates.filter(|estimate| estimate.is_finite());
     let numbers = numbers.flat_map(|estimate| [estimate.low, estimate.value, estimate.high]);
-    let axis = Axis::new(Scale::Linear, Ends::Zero, 6, numbers);
-    let axis = axis?;
+    let axis = Axis::new(Scale::Linear, Ends::Zero, 6, numbers)?;
     let share = (EACH * series.len() as f64 + GAP).max(TEXT_SIZE * 1.4);
     let legend: Vec<&str> = series.iter().map(|all| all.name.as_str()).collect();
     let around = (&axis, &Side::Names(names));
@@ -63,11 +56,9 @@ pub fn intervals(captions: &Captions, names: &[String], series: &[Estimates]) ->
     let share = (bottom - top) / names.len() as f64;
     for (idx, all) in series.iter().enumerate() {
         let below = EACH * (idx as f64 - (series.len() as f64 - 1.0) / 2.0);
-        for (number, estimate) in all.values.iter().enumerate() {
-            let Some(estimate) = estimate.filter(Estimate::is_finite) else {
-                continue;
-            };
-            let Some([low, value, high]) = estimate.places(&axis) else {
+        for (number, name) in names.iter().enumerate() {
+            let estimate = all.values.get(name).filter(|estimate| estimate.is_finite());
+            let Some([low, value, high]) = estimate.and_then(|it| it.places(&axis)) else {
                 continue;
             };
             let y = top + (number as f64 + 0.5) * share + below;

@@ -12,14 +12,14 @@
 //!     name: "training".to_owned(),
 //!     points: vec![[1.0, 0.8], [2.0, 0.4], [3.0, 0.3]],
 //! };
-//! let svg = lines(&captions, Scale::Log, &[falling]);
-//! assert!(svg.is_some_and(|svg| svg.starts_with("<svg ")));
+//! let svg = lines(&captions, Scale::Log, &[falling]).unwrap();
+//! assert!(svg.starts_with("<svg "));
 //! ```
 //!
 //! Invariants: equal arguments give equal bytes, with no clock, no fonts of the system and no
 //! randomness; numbers that are not finite, and on a logarithmic axis those that are not positive,
-//! are left out, so that a line breaks there; where nothing is left to draw there is no chart, not
-//! an empty picture. The plot area has a fixed size: the legend is to the right of it and widens the
+//! are left out, so that a line breaks there; a chart with nothing left to draw is `None`, not an
+//! empty picture. The plot area has a fixed size: the legend is to the right of it and widens the
 //! picture. Colors are distinguishable for color-blind readers (Okabe and Ito, *Color universal
 //! design*, 2008), and dashes distinguish further lines.
 //!

@@ -12,8 +12,7 @@ use crate::{
 const FEW: usize = 40;
 
 /// Draws a line through the points of each series; `scale` is that of the upward axis. A line breaks
-/// where a point has no place.
-/// Returns `None` if no point has a place.
+/// where a point has no place; `None` if none has one.
 pub fn lines(captions: &Captions, scale: Scale, series: &[Series]) -> Option<String> {
     let points = || series.iter().flat_map(|series| &series.points);
     let has_place = |[x, y]: &[f64; 2]| x.is_finite() && y.is_finite();

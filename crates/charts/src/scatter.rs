@@ -10,8 +10,8 @@ use crate::{
 /// More points than this are drawn small.
 const MANY: usize = 300;
 
-/// Draws a dot at each point of each series; where many lie on each other the color is deeper.
-/// Returns `None` if no point is finite.
+/// Draws a dot at each point of each series; where many lie on each other the color is deeper. `None` if
+/// no point is finite.
 pub fn scatter(captions: &Captions, series: &[Series]) -> Option<String> {
     let points = series.iter().flat_map(|series| &series.points);
     let drawn: Vec<[f64; 2]> = points

@@ -1,24 +1,24 @@
 //! Mean hands, and distances from them: if drawn motions do not differ, the function has collapsed.
 
-use motion::Step;
+use motion::{HandRates, Step};
 use nalgebra::{Matrix4, Quaternion, UnitQuaternion, Vector3, Vector4};
 use schemas::{candidates::Candidate, sampling::GraspDistance};
 use spatial::{Object, Pose, Table};
 
 /// A motion that is compared with others.
 #[derive(Debug, Clone)]
-pub struct Motion<'a> {
+pub struct Motion<'a, R = HandRates> {
     /// Resting pose of the object.
     pub table_from_object: Pose<Table, Object>,
     /// The hand at equal parts of the motion's time; the last one is the grasp.
-    pub steps: Vec<&'a Step<Object>>,
+    pub steps: Vec<&'a Step<Object, R>>,
 }
 
 impl<'a> From<&'a Candidate> for Motion<'a> {
     fn from(candidate: &'a Candidate) -> Self {
         Self {
             table_from_object: candidate.table_from_object,
-            steps: candidate.steps.iter().collect(),
+            steps: candidate.motion.steps().iter().collect(),
         }
     }
 }
@@ -55,7 +55,7 @@ struct MeanHand {
 
 impl MeanHand {
     /// Returns the mean of hands in one frame.
-    fn of(steps: &[&Step<Object>]) -> Self {
+    fn of<R>(steps: &[&Step<Object, R>]) -> Self {
         let n = steps.len().max(1) as f64;
         let poses = || steps.iter().map(|step| step.frame_from_palm.isometry());
         let dof = steps.first().map_or(0, |step| step.q_rad.len());
@@ -76,7 +76,7 @@ impl MeanHand {
     }
 
     /// Returns a hand's distance from the mean.
-    fn distance(&self, step: &Step<Object>) -> GraspDistance {
+    fn distance<R>(&self, step: &Step<Object, R>) -> GraspDistance {
         let pose = step.frame_from_palm.isometry();
         GraspDistance {
             palm_m: (pose.translation.vector - self.position).norm(),
@@ -96,7 +96,7 @@ impl Diversity {
     };
 
     /// Measures motions with equal numbers of steps.
-    pub fn of(motions: &[Motion]) -> Self {
+    pub fn of<R>(motions: &[Motion<R>]) -> Self {
         let mut lying: Vec<Pose<Table, Object>> = Vec::new();
         let mut group_of = Vec::with_capacity(motions.len());
         for motion in motions {
@@ -118,7 +118,7 @@ impl Diversity {
                 .filter(|&number| group_of[number] == group)
                 .collect();
             let grasp_of = |&number: &usize| motions[number].steps.last().copied();
-            let grasps: Vec<&Step<Object>> = members.iter().filter_map(grasp_of).collect();
+            let grasps: Vec<&Step<Object, R>> = members.iter().filter_map(grasp_of).collect();
             let mean = MeanHand::of(&grasps);
             for number in &members {
                 from_mean[*number] = grasp_of(number).map(|grasp| mean.distance(grasp));
@@ -131,7 +131,7 @@ impl Diversity {
             }
             at_grasp.add(&grasps);
             for (step, squares) in by_step.iter_mut().enumerate() {
-                let steps: Vec<&Step<Object>> = members
+                let steps: Vec<&Step<Object, R>> = members
                     .iter()
                     .filter_map(|&number| motions[number].steps.get(step).copied())
                     .collect();
@@ -189,7 +189,7 @@ struct Squares {
 }
 
 impl Squares {
-    fn add(&mut self, steps: &[&Step<Object>]) {
+    fn add<R>(&mut self, steps: &[&Step<Object, R>]) {
         let mean = MeanHand::of(steps);
         self.of_joints.resize(mean.q.len(), 0.0);
         for step in steps {
@@ -230,7 +230,6 @@ pub fn root_mean_square(a: &[f64], b: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use motion::HandRates;
     use nalgebra::Isometry3;
     use spatial::Pose;
 
@@ -253,7 +252,7 @@ mod tests {
             latent: Vec::new(),
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
             limit_excess_rad: 0.0,
-            steps: vec![step(0.0), step(1.0)],
+            motion: motion::Motion::new(&["j", "k"], vec![step(0.0), step(1.0)]).unwrap(),
         }
     }
 

@@ -16,12 +16,12 @@ pub trait ReadArtifact {
     /// Fails if the artifact lacks it.
     fn path(&self, file: &str) -> Result<&Path, LakeError>;
 
-    /// Reads the file of this name.
+    /// Parses the file of this name with a function that returns `None` for other bytes.
     ///
     /// # Errors
     ///
-    /// Fails if the artifact lacks it, or it cannot be read.
-    fn bytes(&self, file: &str) -> Result<Vec<u8>, LakeError>;
+    /// Fails if the artifact lacks it, or it cannot be read or parsed.
+    fn parsed<T>(&self, file: &str, parse: fn(&[u8]) -> Option<T>) -> Result<T, LakeError>;
 
     /// Reads the file of this name as text.
     ///
@@ -39,9 +39,13 @@ impl ReadArtifact for Artifact {
         })
     }
 
-    fn bytes(&self, file: &str) -> Result<Vec<u8>, LakeError> {
+    fn parsed<T>(&self, file: &str, parse: fn(&[u8]) -> Option<T>) -> Result<T, LakeError> {
         let path = self.path(file)?;
-        fs::read(path).map_err(io_error("read", path))
+        let bytes = fs::read(path).map_err(io_error("read", path))?;
+        parse(&bytes).ok_or_else(|| LakeError::BadFile {
+            key: self.key.clone(),
+            file: file.to_owned(),
+        })
     }
 
     fn text(&self, file: &str) -> Result<String, LakeError> {

@@ -129,6 +129,14 @@ pub enum LakeError {
         /// What it is.
         value: f64,
     },
+    /// A file of an artifact is not of its format.
+    #[error("the file `{file}` of artifact `{key}` is not of its format")]
+    BadFile {
+        /// The partition's key.
+        key: PartitionKey,
+        /// The file's name.
+        file: String,
+    },
     /// An artifact lacks a file that its kind requires.
     #[error("artifact `{key}` has no file `{file}`")]
     MissingFile {
@@ -213,7 +221,7 @@ impl Advise for LakeError {
                  only digits nor `newest`"
                     .to_owned(),
             ),
-            Self::Schema { .. } | Self::MissingFile { .. } => {
+            Self::Schema { .. } | Self::BadFile { .. } | Self::MissingFile { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Parquet { .. }

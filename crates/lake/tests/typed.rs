@@ -45,7 +45,11 @@ fn written_artifact_is_read_by_type() {
     cx.write_file("note.txt", "μ".as_bytes()).unwrap();
     let made = artifact("cgf", folder.path());
     assert_eq!(made.text("note.txt").unwrap(), "μ");
-    assert_eq!(made.bytes("note.txt").unwrap(), "μ".as_bytes());
+    assert_eq!(
+        made.parsed("note.txt", |bytes| Some(bytes.to_vec()))
+            .unwrap(),
+        "μ".as_bytes()
+    );
     let one = inputs(Latents::NAME, vec![made.clone()]);
     assert_eq!(one.one::<Latents>().unwrap(), latents(0.5));
     assert_eq!(one.optional::<Latents>().unwrap(), Some(latents(0.5)));
@@ -103,6 +107,8 @@ fn unreadable_and_unwritable_tables_are_errors_with_a_hint() {
     );
     let gone = artifact("cgf", folder.path());
     fs::remove_file(folder.path().join(table::FILE)).unwrap();
-    let err = gone.bytes(table::FILE).unwrap_err();
+    let err = gone
+        .parsed(table::FILE, |bytes| Some(bytes.to_vec()))
+        .unwrap_err();
     assert!(err.to_string().starts_with("cannot read `"), "{err}");
 }

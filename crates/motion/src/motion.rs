@@ -119,6 +119,25 @@ impl<F, R: Rates> Motion<F, R> {
         })
     }
 
+    /// Returns the same motion with the rates that `rates` returns for each step's index.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a rate is not finite, or there is not one number per joint.
+    pub fn with_rates<S: Rates>(
+        &self,
+        rates: impl Fn(usize) -> S,
+    ) -> Result<Motion<F, S>, MotionError> {
+        let step = |(idx, step): (usize, &Step<F, R>)| Step {
+            time_s: step.time_s,
+            frame_from_palm: step.frame_from_palm,
+            q_rad: step.q_rad.clone(),
+            rates: rates(idx),
+        };
+        let steps = self.steps.iter().enumerate().map(step);
+        Motion::of_joints(Arc::clone(&self.joints), steps.collect())
+    }
+
     /// Returns the motion displaced along the frame's axes, in meters.
     #[must_use]
     pub fn shifted(&self, by_m: &Translation3<f64>) -> Self {

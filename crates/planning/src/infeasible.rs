@@ -62,6 +62,9 @@ pub enum Infeasible {
         /// Number of object rotations tried.
         turns: usize,
     },
+    /// The arm cannot follow between two places where it can.
+    #[error("the arm cannot follow: {0}")]
+    ArmBetween(#[from] ArmFault),
     /// The arm reaches the grasp, but not along the whole path.
     #[error(
         "the arm cannot follow in any of {postures} postures at {turns} turns of the object; at best {fault}"

@@ -61,17 +61,15 @@ impl Planner<'_> {
                     path.arm().limits(),
                 ));
             }
-            Some(parts)
+            Ok(parts)
         };
         let pace = course.duration_s() / asked_s;
-        let timing = Timing::fastest(course.duration_s(), pace, self.window_s(), parts_at);
-        let timing = timing.ok_or_else(endless)?;
+        let timing = Timing::fastest(course.duration_s(), pace, self.window_s(), parts_at)?;
         let lengths = self.lengths(timing.duration_s(), fingers);
         let mut motion = WholeMotion {
             course,
             timing,
             fingers,
-            arm,
             table_from_object: *table_from_object.isometry(),
             lift_m: self.protocol.lift_m,
             lengths,
@@ -86,19 +84,20 @@ impl Planner<'_> {
                 return Err(slow(times));
             }
             let palm = sampled(motion.lengths.lifted_s(), self.rates.palm_hz, |time_s| {
-                Some(motion.palm(time_s))
+                motion.palm(time_s)
             });
             let hand = sampled(motion.lengths.squeezed_s(), self.rates.hand_hz, |time_s| {
-                Some(motion.hand(time_s))
+                motion.hand(time_s)
             });
             let (palm, hand) = (palm.ok_or_else(endless)?, hand.ok_or_else(endless)?);
             let told = match arm {
                 None => None,
                 Some(path) => {
                     let points = sampled(motion.lengths.lifted_s(), self.rates.palm_hz, |time_s| {
-                        motion.arm(time_s)
+                        motion.arm(path, time_s)
                     });
-                    Some((path.arm(), points.ok_or_else(endless)?))
+                    let points = points.ok_or_else(endless)?.into_iter();
+                    Some((path.arm(), points.collect::<Result<Vec<_>, _>>()?))
                 }
             };
             let mut excess = Excess::default();
@@ -196,12 +195,11 @@ fn check_range(points: &[JointPoint], joints: &[Joint], tolerance: f64) -> Resul
 
 /// Returns what is told over `duration_s` at no more than a rate, in equal periods; `None` if that is
 /// more than memory can hold.
-fn sampled<T>(duration_s: f64, rate_hz: f64, at: impl Fn(f64) -> Option<T>) -> Option<Vec<T>> {
+fn sampled<T>(duration_s: f64, rate_hz: f64, at: impl Fn(f64) -> T) -> Option<Vec<T>> {
     // A period that is shorter by rounding is none.
     let ticks = whole((duration_s * rate_hz * (1.0 + ROUNDING)).floor().max(1.0))?;
-    (0..=ticks)
-        .map(|tick| at(duration_s * tick as f64 / ticks as f64))
-        .collect()
+    let at = |tick| at(duration_s * tick as f64 / ticks as f64);
+    Some((0..=ticks).map(at).collect())
 }
 
 pub(crate) fn whole(ticks: f64) -> Option<usize> {

@@ -17,7 +17,7 @@
 //! Melchiorri, *FIR Filters for Online Trajectory Planning with Time- and Frequency-Domain
 //! Specifications*, 2012, §2).
 
-use crate::limits::Part;
+use crate::{Infeasible, limits::Part};
 
 /// Number of places of a course at which speeds are computed.
 const PLACES_N: usize = 600;
@@ -48,19 +48,22 @@ struct Passed {
 
 impl Timing {
     /// Returns the fastest timing of a course that lasts `duration_s`, never faster than `pace`
-    /// seconds of the course per second, averaged over `window_s`; `None` if the course has no
-    /// length. `parts_at` returns the moving parts at a time of the course, with their derivatives
-    /// by it and their limits.
+    /// seconds of the course per second, averaged over `window_s`. `parts_at` returns the moving
+    /// parts at a time of the course, with their derivatives by it and their limits.
+    ///
+    /// # Errors
+    ///
+    /// Fails as `parts_at` does.
     pub(crate) fn fastest(
         duration_s: f64,
         pace: f64,
         window_s: f64,
-        parts_at: impl Fn(f64) -> Option<Vec<Part>>,
-    ) -> Option<Self> {
+        parts_at: impl Fn(f64) -> Result<Vec<Part>, Infeasible>,
+    ) -> Result<Self, Infeasible> {
         let step = duration_s / PLACES_N as f64;
         let places: Vec<Place> = (0..=PLACES_N)
-            .map(|idx| Some(Place::new(parts_at(step * idx as f64)?, pace)))
-            .collect::<Option<_>>()?;
+            .map(|idx| Ok(Place::new(parts_at(step * idx as f64)?, pace)))
+            .collect::<Result<_, Infeasible>>()?;
         let greatest = greatest(&places, step);
         let mut passed = vec![Passed {
             time_s: 0.0,
@@ -69,8 +72,8 @@ impl Timing {
             sum: 0.0,
         }];
         let (mut x, mut time_s, mut sum) = (0.0, 0.0, 0.0);
-        for (idx, (pair, &most)) in places.windows(2).zip(greatest.get(1..)?).enumerate() {
-            let [from, to] = pair else { return None };
+        let pairs = places.iter().zip(places.iter().skip(1));
+        for (idx, ((from, to), &most)) in pairs.zip(greatest.iter().skip(1)).enumerate() {
             // Rounding may leave an empty range: then the speed is kept, and the sampled motion is
             // checked.
             let faster = changes(from, to, step, x, most).map_or(0.0, |[_, faster]| faster);
@@ -87,7 +90,7 @@ impl Timing {
                 sum,
             });
         }
-        Some(Self { passed, window_s })
+        Ok(Self { passed, window_s })
     }
 
     /// Returns the duration in seconds; infinite if the limits allow no motion at all.

@@ -6,6 +6,7 @@ use simulation::{Approach, Protocol};
 use spatial::{Object, Pose, Twist, quintic};
 
 use crate::{
+    Infeasible,
     arm::{ArmMoving, ArmPath},
     timing::Timing,
 };
@@ -97,8 +98,6 @@ pub(crate) struct WholeMotion<'a> {
     pub(crate) course: &'a Course<Object>,
     pub(crate) timing: Timing,
     pub(crate) fingers: &'a Fingers,
-    /// The arm's joints, if one carries the palm.
-    pub(crate) arm: Option<&'a ArmPath<'a>>,
     pub(crate) table_from_object: Isometry3<f64>,
     pub(crate) lift_m: f64,
     pub(crate) lengths: Lengths,
@@ -136,9 +135,8 @@ impl WholeMotion<'_> {
         }
     }
 
-    /// Returns the arm; `None` if there is none.
-    pub(crate) fn arm(&self, time_s: f64) -> Option<JointPoint> {
-        let arm = self.arm?;
+    /// Returns the arm.
+    pub(crate) fn arm(&self, arm: &ArmPath<'_>, time_s: f64) -> Result<JointPoint, Infeasible> {
         let [height_m, speed, change] = self.height(time_s);
         let lifts = time_s > self.lengths.lift_from_s();
         let (moving, [once, twice]) = if lifts {
@@ -148,7 +146,7 @@ impl WholeMotion<'_> {
             (arm.at(course_s)?, [once, twice])
         };
         let ArmMoving { q, rates } = moving;
-        Some(JointPoint {
+        Ok(JointPoint {
             time_s,
             q_rad: q,
             rates: paced(&rates, once, twice),

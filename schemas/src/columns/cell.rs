@@ -285,6 +285,13 @@ impl<To, From> Cell for Vec<Pose<To, From>> {
     }
 }
 
+/// Whether a cell is null, or an entry of the list in it.
+pub(super) fn is_null(array: &dyn Array, row: usize) -> bool {
+    let list = array.as_list_opt::<i32>().map(|lists| lists.value(row));
+    let list = list.or_else(|| Some(array.as_fixed_size_list_opt()?.value(row)));
+    array.is_null(row) || list.is_some_and(|list| (0..list.len()).any(|idx| is_null(&list, idx)))
+}
+
 fn pose<To, From>(column: &Column<'_>, numbers: [f64; 7]) -> Result<Pose<To, From>, SchemaError> {
     Pose::from_array(numbers).map_err(|source| SchemaError::Pose {
         column: column.name.to_owned(),

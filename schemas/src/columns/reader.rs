@@ -2,7 +2,10 @@
 
 use arrow_array::RecordBatch;
 
-use super::{Cell, Column, Row};
+use super::{
+    Row,
+    cell::{Cell, Column, is_null},
+};
 use crate::SchemaError;
 
 /// Key of the schema's name and version in the file's metadata.
@@ -64,6 +67,13 @@ impl<'a> Reader<'a> {
             column: name.to_owned(),
             expected: T::TYPE,
         })?;
+        if is_null(array, row) {
+            return Err(SchemaError::Null {
+                table: self.noted(SCHEMA).to_owned(),
+                column: name.to_owned(),
+                row,
+            });
+        }
         T::read(&Column { name, array }, row)
     }
 

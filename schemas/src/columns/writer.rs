@@ -63,6 +63,17 @@ impl Writer {
         self.arrays.push(array);
     }
 
+    /// Adds a column that follows from the rows.
+    pub(crate) fn computed<T: Cell>(
+        &mut self,
+        name: &str,
+        unit: Option<&str>,
+        about: &str,
+        cells: &[T],
+    ) {
+        self.column(name, unit, about, &cells.iter().collect::<Vec<_>>());
+    }
+
     /// Returns the columns without their rows.
     pub(crate) fn schema(&self) -> Schema {
         Schema::new_with_metadata(self.fields.clone(), self.metadata.clone())

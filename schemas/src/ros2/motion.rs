@@ -47,8 +47,6 @@ const NS_PER_S: i64 = 1_000_000_000;
 pub const OBJECT_COLOR: ColorRgba = color(0.85, 0.65, 0.35);
 /// Color of a person's landmarks.
 pub const LANDMARK_COLOR: ColorRgba = color(0.25, 0.55, 0.95);
-/// Color of contacts.
-pub const CONTACT_COLOR: ColorRgba = color(0.9, 0.2, 0.2);
 
 const fn color(r: f32, g: f32, b: f32) -> ColorRgba {
     ColorRgba { r, g, b, a: 1.0 }

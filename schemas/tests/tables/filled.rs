@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use motion::{HandRates, JointRates, Step};
+use motion::{HandRates, JointRates, Motion, Step};
 use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
     Table,
@@ -17,7 +17,7 @@ use schemas::{
     sampling::{self, Sampled},
     success::Success,
     tracking::TrackingReport,
-    training,
+    training::{self, Split},
     trajectories::{self, Trajectory},
     trials::Trials,
 };
@@ -141,36 +141,34 @@ pub(crate) fn demonstration() -> Demonstration {
 }
 
 pub(crate) fn trajectory() -> Trajectory {
-    let step = |time_s: f64| trajectories::Step {
-        hand: Step {
-            time_s,
-            frame_from_palm: pose(0.1),
-            q_rad: vec![0.3, time_s],
-            rates: trajectories::Rates {
-                palm_velocity: Twist::from_array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
-                joints: JointRates {
-                    velocity: vec![1.0, 2.0],
-                    acceleration: vec![3.0, 4.0],
-                },
+    let step = |time_s: f64| Step {
+        time_s,
+        frame_from_palm: pose(0.1),
+        q_rad: vec![0.3, time_s],
+        rates: trajectories::Rates {
+            palm_velocity: Twist::from_array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
+            joints: JointRates {
+                velocity: vec![1.0, 2.0],
+                acceleration: vec![3.0, 4.0],
             },
         },
-        tracking: trajectories::Tracking {
-            keypoint_errors_m: vec![0.03, 0.04],
-            tip_errors_m: vec![0.03],
-            contact_gaps_m: vec![-0.001],
-            limit_margin_rad: 0.1,
-            penetration_m: 0.002,
-            table_penetration_m: 0.001,
-        },
+    };
+    let tracking = trajectories::Tracking {
+        keypoint_errors_m: vec![0.03, 0.04],
+        tip_errors_m: vec![0.03],
+        contact_gaps_m: vec![-0.001],
+        limit_margin_rad: 0.1,
+        penetration_m: 0.002,
+        table_penetration_m: 0.001,
     };
     Trajectory {
         sequence: "a".to_owned(),
         object: "can".to_owned(),
-        joints: joints(),
         keypoints: vec!["thumb_tip".to_owned(), "wrist".to_owned()],
         tips: vec!["thumb_tip".to_owned()],
         rest: rest(),
-        steps: vec![step(0.1), step(0.2)],
+        motion: Motion::new(&joints(), vec![step(0.1), step(0.2)]).unwrap(),
+        tracking: vec![tracking; 2],
     }
 }
 
@@ -194,11 +192,15 @@ pub(crate) fn candidates() -> Candidates {
         latent: vec![0.5; times.len()],
         table_from_object: pose(0.9),
         limit_excess_rad: 0.01,
-        steps: times.iter().map(|&time_s| step(time_s)).collect(),
+        motion: Motion::new(
+            &joints(),
+            times.iter().map(|&time_s| step(time_s)).collect(),
+        )
+        .unwrap(),
     };
     Candidates {
         object: "can".to_owned(),
-        joints: joints(),
+        joints: joints().into(),
         candidates: vec![
             motion("can-0", &[0.0, 0.5, 1.0]),
             motion("can-1", &[0.0, 0.25]),
@@ -229,13 +231,14 @@ pub(crate) fn success() -> Vec<Success> {
     let row = |generator: &str, successes_n: i64| Success {
         object: "can".to_owned(),
         generator: generator.to_owned(),
-        verdicts_n: [successes_n, 2, 3, 4, 5, 6, 7, 8, 9],
+        verdicts: Verdict::ALL
+            .into_iter()
+            .zip([successes_n, 2, 3, 4, 5, 6, 7, 8, 9])
+            .collect(),
         control_steps_n: 1000,
-        spread: sampling::GraspDistance {
-            palm_m: 1.0,
-            palm_rad: 2.0,
-            q_rad: 3.0,
-        },
+        spread_palm_m: 1.0,
+        spread_palm_rad: 2.0,
+        spread_q_rad: 3.0,
         spread_n: successes_n,
     };
     vec![row("cgf", 40), row("interpolate", 0)]
@@ -296,15 +299,18 @@ pub(crate) fn trials() -> Vec<Trials> {
         cell: "lab".to_owned(),
         simulated: false,
         gap: String::new(),
-        // Succeeded, failed, rejected, aborted, stopped, unknown.
-        outcomes_n: [11, 4, 5, 3, 7, 2],
+        // Succeeded, failed, aborted, unknown, rejected, stopped.
+        outcomes: executions::Outcome::ALL
+            .into_iter()
+            .zip([11, 4, 3, 2, 5, 7])
+            .collect(),
     }]
 }
 
 pub(crate) fn training() -> Vec<training::Row> {
-    let row = |epoch: i64, split: &str| training::Row {
+    let row = |epoch: i64, split: Split| training::Row {
         epoch,
-        split: split.to_owned(),
+        split,
         learning_rate: 1e-3,
         total: 2.0,
         q: 3.0,
@@ -315,14 +321,18 @@ pub(crate) fn training() -> Vec<training::Row> {
         contact_m2: 8.0,
         penetration_m2: 2e-5,
     };
-    vec![row(1, "training"), row(1, "held_out"), row(2, "training")]
+    vec![
+        row(1, Split::Training),
+        row(1, Split::HeldOut),
+        row(2, Split::Training),
+    ]
 }
 
 pub(crate) fn reconstruction() -> Reconstruction {
     let row = reconstruction::Row {
         sequence: "a".to_owned(),
         object: "can".to_owned(),
-        split: "unseen".to_owned(),
+        split: Split::Unseen,
         tip_error_mean_m: 1.0,
         tip_error_grasp_m: 2.0,
         palm_error_mean_m: 3.0,

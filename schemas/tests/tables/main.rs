@@ -3,9 +3,10 @@
 mod filled;
 mod snapshots;
 
-use std::fmt::Debug;
+use std::{fmt::Debug, sync::Arc};
 
-use arrow_array::RecordBatch;
+use arrow_array::{ArrayRef, Float64Array, ListArray, RecordBatch, types::Float64Type};
+use arrow_schema::{Field, Schema};
 use schemas::{
     SchemaError, Table,
     candidates::Candidates,
@@ -42,11 +43,11 @@ fn a_joint_outside_its_limits_is_told_apart() {
 #[test]
 fn successes_add_up() {
     let rows = filled::success();
-    let of_rows = |number: fn(&Success) -> i64| rows.iter().map(number).collect::<Vec<_>>();
-    assert_eq!(of_rows(Success::candidates_n), [84, 44]);
+    let totals = rows.iter().map(|row| row.verdicts.total_n());
+    assert_eq!(totals.collect::<Vec<_>>(), [84, 44]);
     let per_success = rows.iter().map(Success::control_steps_per_success);
     assert_eq!(per_success.collect::<Vec<_>>(), [25.0, 0.0]);
-    assert_eq!(rows[0].count(Verdict::Table), 3);
+    assert_eq!(rows[0].verdicts.count(Verdict::Table), 3);
 
     // Counts that do not add up are another's.
     let batch = rows.to_batch().unwrap();
@@ -55,31 +56,67 @@ fn successes_add_up() {
     columns[idx] = batch.column(idx + 1).clone();
     let wrong = RecordBatch::try_new(batch.schema(), columns).unwrap();
     let err = Successes::from_batch("all", &wrong).unwrap_err();
-    assert!(err.to_string().contains("40 candidates, and 84"), "{err}");
+    assert!(
+        err.to_string().contains("40, and 84 by how they ended"),
+        "{err}"
+    );
 }
 
 #[test]
 fn trials_add_up() {
-    let trials = filled::trials();
-    assert_eq!((trials[0].trials_n(), trials[0].successes_n()), (20, 11));
-    let [low, high] = trials[0].interval();
-    assert!(low < 0.55 && 0.55 < high && trials[0].rate() == 0.55);
+    let outcomes = &filled::trials()[0].outcomes;
+    assert_eq!((outcomes.total_n(), outcomes.successes_n()), (20, 11));
+    let [low, high] = outcomes.interval();
+    assert!(low < 0.55 && 0.55 < high && outcomes.rate() == 0.55);
 }
 
 #[test]
 fn refuses_numbers_that_are_not_finite() {
     let mut broken = filled::trajectory();
-    broken.steps[0].hand.q_rad[1] = f64::NAN;
+    broken.tracking[1].tip_errors_m[0] = f64::NAN;
     let refused = broken.to_batch().unwrap_err();
     assert_eq!(
         refused.to_string(),
-        "column `q_rad` holds a number that is not finite in row 0"
+        "column `tip_errors_m` holds a number that is not finite in row 1"
     );
     let endless = latents::Row {
         kl_nats: f64::INFINITY,
         ..filled::latents()[0].clone()
     };
     assert!(Latents::to_batch(&vec![endless]).is_err());
+}
+
+#[test]
+fn refuses_nulls() {
+    let with_column = |batch: &RecordBatch, name: &str, column: ArrayRef| {
+        let mut columns = batch.columns().to_vec();
+        columns[batch.schema().index_of(name).unwrap()] = column;
+        let schema = batch.schema();
+        let fields = schema.fields().iter().zip(&columns).map(|(field, column)| {
+            let field = field.as_ref().clone().with_nullable(true);
+            field.with_data_type(column.data_type().clone())
+        });
+        let fields: Vec<Field> = fields.collect();
+        let schema = Schema::new_with_metadata(fields, batch.schema().metadata().clone());
+        RecordBatch::try_new(Arc::new(schema), columns).unwrap()
+    };
+    let batch = filled::latents().to_batch().unwrap();
+    let mut numbers = vec![Some(0.5); batch.num_rows()];
+    numbers[1] = None;
+    let numbers = Arc::new(Float64Array::from(numbers));
+    let found = Latents::from_batch("cgf", &with_column(&batch, "kl_nats", numbers));
+    assert_eq!(
+        found.unwrap_err().to_string(),
+        "table `latents/1` has a null in column `kl_nats`, row 1"
+    );
+    let batch = filled::trajectory().to_batch().unwrap();
+    let lists = [vec![Some(0.03)], vec![None]].map(Some);
+    let lists = Arc::new(ListArray::from_iter_primitive::<Float64Type, _, _>(lists));
+    let found = Trajectory::from_batch("a", &with_column(&batch, "tip_errors_m", lists));
+    assert_eq!(
+        found.unwrap_err().to_string(),
+        "table `trajectories/2` has a null in column `tip_errors_m`, row 1"
+    );
 }
 
 #[test]
@@ -92,18 +129,30 @@ fn refuses_another_schema() {
 #[test]
 fn refuses_lists_that_do_not_fit_the_joints_or_the_steps() {
     let mut broken = filled::trajectory();
-    broken.steps[0].hand.q_rad.push(0.0);
+    broken.tracking[0].tip_errors_m.push(0.0);
     let batch = broken.to_batch().unwrap();
     let refused = Trajectory::from_batch("a", &batch).unwrap_err();
     assert_eq!(
         refused.to_string(),
-        "column `q_rad`: 3 joint positions, expected 2"
+        "column `tip_errors_m`: 2 errors, expected 1"
     );
+    broken.tracking.pop();
+    assert!(broken.to_batch().is_err());
 
+    let batch = of_three_joints(&filled::trajectory().to_batch().unwrap());
+    let refused = Trajectory::from_batch("a", &batch).unwrap_err();
+    assert!(matches!(refused, SchemaError::Motion { .. }), "{refused}");
+
+    let batch = of_three_joints(&filled::candidates().to_batch().unwrap());
+    let refused = Candidates::from_batch("can", &batch).unwrap_err();
+    assert_eq!(
+        refused.to_string(),
+        "column `q_rad`: 6 joint positions, expected 9"
+    );
     let mut broken = filled::candidates();
-    broken.joints.push("joint_2".to_owned());
-    let batch = broken.to_batch().unwrap();
-    assert!(Candidates::from_batch("can", &batch).is_err());
+    broken.joints = ["joint_0".to_owned()].into();
+    let refused = broken.to_batch().unwrap_err();
+    assert!(refused.to_string().contains("`can-0`"), "{refused}");
 
     let mut broken = filled::reconstruction();
     broken.rows[1] = reconstruction::Row {
@@ -116,6 +165,15 @@ fn refuses_lists_that_do_not_fit_the_joints_or_the_steps() {
         refused.to_string().contains("joint_errors_rad"),
         "{refused}"
     );
+}
+
+/// Returns the rows under the names of three joints.
+fn of_three_joints(batch: &RecordBatch) -> RecordBatch {
+    let schema = batch.schema().as_ref().clone();
+    let mut metadata = schema.metadata().clone();
+    metadata.insert("joints".to_owned(), "a,b,c".to_owned());
+    let schema = Arc::new(schema.with_metadata(metadata));
+    RecordBatch::try_new(schema, batch.columns().to_vec()).unwrap()
 }
 
 #[test]

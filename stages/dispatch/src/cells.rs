@@ -6,7 +6,7 @@ use std::{
 };
 
 use cell::{
-    Access, Capabilities, Carrier, CellArm, CellClient, Gap, Goal, ObjectError, Offer, Service,
+    Capabilities, Carrier, CellArm, CellClient, Gap, Goal, ObjectError, Offer, Service,
     SimulatedCell, SimulatedCellConfig,
 };
 use planning::{ArmConfig, MOST_HZ};
@@ -65,11 +65,8 @@ pub(crate) fn connect(
     let endpoint = simulated
         .as_ref()
         .map_or(config.cell.as_str(), |cell| cell.endpoint());
-    // The simulated cell is in this process: no credentials are needed.
-    let access = config.access.as_deref().filter(|_| simulated.is_none());
-    let access = access.map(Access::read).transpose()?;
     let client = CellClient::connect_as(
-        access.as_ref(),
+        config.credentials()?.as_ref(),
         endpoint,
         &config.cell_name,
         config.answer_timeout(),

@@ -98,6 +98,12 @@ pub enum DispatchError {
         /// The motion.
         candidate_id: String,
     },
+    /// A motion's name cannot be the name of its recording.
+    #[error("motion `{candidate_id}` cannot name a recording's file")]
+    CandidateName {
+        /// The motion.
+        candidate_id: String,
+    },
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
@@ -143,7 +149,7 @@ impl Advise for DispatchError {
                 Some("wire `candidates` to the stage whose motions were screened".to_owned())
             }
             Self::Lake(err) => err.hint(),
-            Self::Report { .. } => None,
+            Self::Report { .. } | Self::CandidateName { .. } => None,
         }
     }
 }

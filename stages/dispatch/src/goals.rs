@@ -1,7 +1,7 @@
 //! The motions to send, as goals.
 
 use cell::Goal;
-use planning::{Feasible, Infeasible, Planner};
+use planning::{Feasible, Planner};
 use schemas::{
     candidates::{Candidate, Candidates},
     rollouts::{Rollout, Verdict},
@@ -44,10 +44,7 @@ pub(crate) fn goal(
         carrier,
         hand,
         grasp,
-    } = planner.plan(
-        &candidates.motion(candidate).map_err(Infeasible::from)?,
-        &candidate.table_from_object,
-    )?;
+    } = planner.plan(&candidate.motion, &candidate.table_from_object)?;
     let mut goal = Goal {
         candidate_id: candidate.candidate_id.clone(),
         object: candidates.object.clone(),

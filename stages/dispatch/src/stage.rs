@@ -81,8 +81,9 @@ impl Stage for Dispatch {
         config.faults()
     }
 
-    /// Checks the robot's URDF, and that the robot can satisfy the options.
+    /// Checks the credentials and the robot's URDF, and that the robot can satisfy the options.
     fn prepare(config: &DispatchConfig) -> Result<(), DispatchError> {
+        config.credentials()?;
         let robots = Robots::load(config, &config.hand, |arm| Ok(arm.robot.as_path()))?;
         JointNames::new(&config.joint_names, robots.whole())?;
         robots.planner(config).map(drop)
@@ -96,7 +97,7 @@ impl Output for Dispatch {
 
     const ARTIFACT: &'static str = Executions::NAME;
     const SCHEMA: &'static str = Executions::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = Executions::PARTITION;
     const EXECUTION: dataflow::Execution = dataflow::Execution::OneByOne;
 
     fn units(config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, DispatchError> {
@@ -284,15 +285,13 @@ fn send(
         let (goal, mut report, moved) = sender.execute_or_resume(goal)?;
         sent.known_n += usize::from(moved == Moved::Before);
         names.of_hand(&mut report.joints);
-        let grasp = candidate.steps.last();
-        let grasp = grasp.ok_or_else(|| missing("step of a motion"))?;
         let setting = Setting {
             robots,
             hand_path: &config.hand,
             object,
             cell: &capabilities.cell,
             gap: &capabilities.gap,
-            object_from_grasp: grasp.frame_from_palm.isometry(),
+            object_from_grasp: candidate.motion.grasp().frame_from_palm.isometry(),
         };
         record(&setting, &goal, &report, cx.folder())?;
         sent.executions.push(cell.execution(candidate, &report));
@@ -490,12 +489,8 @@ fn check_name(candidate: &Candidate) -> Result<(), DispatchError> {
     let mut components = Path::new(&candidate.candidate_id).components();
     match (components.next(), components.next()) {
         (Some(Component::Normal(_)), None) => Ok(()),
-        _ => Err(DispatchError::BadOption {
-            key: "candidates",
-            problem: format!(
-                "`{}` cannot name a recording's file",
-                candidate.candidate_id
-            ),
+        _ => Err(DispatchError::CandidateName {
+            candidate_id: candidate.candidate_id.clone(),
         }),
     }
 }

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, fs, path::Path};
 
 use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, SourceFile, Stage, Summary};
-use motion::{HandRates, Step};
+use motion::{HandRates, Motion, Step};
 use nalgebra::{Isometry3, Vector3};
 use report_dispatch::DispatchReport;
 use schemas::{
@@ -87,11 +87,15 @@ fn candidate(id: &str, closed_m: f64) -> Candidate {
         latent: Vec::new(),
         table_from_object: rest().table_from_object(),
         limit_excess_rad: 0.0,
-        steps: vec![
-            step(0.0, 0.15, 0.0),
-            step(0.7, 0.02, 0.0),
-            step(1.0, 0.02, closed_m),
-        ],
+        motion: Motion::new(
+            &joints(),
+            vec![
+                step(0.0, 0.15, 0.0),
+                step(0.7, 0.02, 0.0),
+                step(1.0, 0.02, closed_m),
+            ],
+        )
+        .unwrap(),
     }
 }
 
@@ -132,7 +136,7 @@ fn inputs(folder: &Path, config: &DispatchConfig, verdict: Verdict) -> Inputs {
     let ids = ["cube-0", "cube-1", "cube-2", "cube-3"];
     let candidates = Candidates {
         object: OBJECT.to_owned(),
-        joints: joints(),
+        joints: joints().into(),
         candidates: ids
             .iter()
             .map(|id| candidate(id, if *id == "cube-2" { 0.0 } else { 0.04 }))
@@ -389,8 +393,12 @@ fn a_cell_that_cannot_be_reached_as_asked_is_refused_before_anything_runs() {
         assert!(said.contains("needs an access file"), "{said}");
         assert!(said.contains("`--set dispatch.access=FILE`"), "{said}");
     }
-    let said = refused("tls/localhost:7447", Some("/nowhere.json5"));
-    assert!(said.starts_with("`access` "), "{said}");
+    let mut unreadable = config();
+    unreadable.cell = "tls/localhost:7447".to_owned();
+    unreadable.access = Some("/nowhere.json5".into());
+    // Options are checked without reading files.
+    assert!(Dispatch::check(&unreadable).is_empty());
+    let said = Dispatch::prepare(&unreadable).unwrap_err().to_string();
     assert!(said.contains("/nowhere.json5"), "{said}");
     let said = refused("tcp/10.0.0.7:7447", None);
     assert!(said.starts_with("`cell` `tcp/"), "{said}");

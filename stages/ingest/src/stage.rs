@@ -83,7 +83,7 @@ impl Output for Demonstrations {
 
     const ARTIFACT: &'static str = Demonstration::NAME;
     const SCHEMA: &'static str = Demonstration::VERSION;
-    const PARTITION: &'static str = "sequence";
+    const PARTITION: &'static str = Demonstration::PARTITION;
     /// The others choose units and files, or decide shapes.
     const OPTIONS: Options = Options::Except(&[
         "subjects",
@@ -119,7 +119,7 @@ impl Output for Objects {
 
     const ARTIFACT: &'static str = Object::NAME;
     const SCHEMA: &'static str = Object::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = Object::PARTITION;
     const OPTIONS: Options = Options::NONE;
 
     fn units(_config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, IngestError> {

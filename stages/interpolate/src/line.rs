@@ -1,6 +1,8 @@
 //! The straight line between the ends of one motion.
 
-use motion::{HandRates, JointRates, Step};
+use std::sync::Arc;
+
+use motion::{HandRates, JointRates, Motion, MotionError, Step};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use schemas::candidates::Candidate;
 use spatial::{Object, Pose, Twist};
@@ -8,49 +10,31 @@ use spatial::{Object, Pose, Twist};
 /// What the candidates say drew them.
 const GENERATOR: &str = "interpolate";
 
-/// Why a motion has no line.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub(crate) enum NoLine {
-    /// Its first step is its last.
-    #[error("it has {steps_n} of at least 2 steps, and no line between its ends")]
-    TooFewSteps {
-        /// How many steps it has.
-        steps_n: usize,
-    },
-    /// Its ends are at one time.
-    #[error("it takes {duration_s} s from its first step to its last, and nothing is that fast")]
-    NoDuration {
-        /// From the first step to the last.
-        duration_s: f64,
-    },
-}
-
 /// Returns the motion that goes from the first step of another straight to its last one, at its times:
 /// the linear baseline (Ye et al., *Learning Continuous Grasping Function with a Dexterous Hand from
 /// Human Demonstrations*, 2023, section IV).
 ///
 /// # Errors
 ///
-/// Fails if the motion has fewer than two steps or takes no time.
-pub(crate) fn line(motion: &Candidate) -> Result<Candidate, NoLine> {
-    let [first, .., last] = motion.steps.as_slice() else {
-        return Err(NoLine::TooFewSteps {
-            steps_n: motion.steps.len(),
+/// Fails if the motion has fewer than two steps, or is so fast that its rates are not finite.
+pub(crate) fn line(given: &Candidate) -> Result<Candidate, MotionError> {
+    let motion = &given.motion;
+    let [first, .., last] = motion.steps() else {
+        return Err(MotionError::Steps {
+            found: motion.steps().len(),
+            expected: 2,
         });
     };
-    let line = Line::between(first, last)?;
+    let line = Line::between(first, last);
+    let steps = motion.steps().iter().map(|step| line.at(step.time_s));
     Ok(Candidate {
-        candidate_id: format!("{}-line", motion.candidate_id),
+        candidate_id: format!("{}-line", given.candidate_id),
         generator: GENERATOR.to_owned(),
-        latent: motion.latent.clone(),
-        table_from_object: motion.table_from_object,
+        latent: given.latent.clone(),
+        table_from_object: given.table_from_object,
         // Both ends are within the limits, and so is what lies between them.
         limit_excess_rad: 0.0,
-        steps: motion
-            .steps
-            .iter()
-            .map(|step| line.at(step.time_s))
-            .collect(),
+        motion: Motion::of_joints(Arc::clone(motion.joints()), steps.collect())?,
     })
 }
 
@@ -65,11 +49,9 @@ struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    fn between(first: &'a Step<Object>, last: &'a Step<Object>) -> Result<Self, NoLine> {
+    /// The last step is after the first.
+    fn between(first: &'a Step<Object>, last: &'a Step<Object>) -> Self {
         let duration_s = last.time_s - first.time_s;
-        if duration_s.is_nan() || duration_s <= 0.0 {
-            return Err(NoLine::NoDuration { duration_s });
-        }
         let [from, to] = [first, last].map(|step| step.frame_from_palm.isometry());
         let way = to.translation.vector - from.translation.vector;
         // Of the two quaternions of a rotation, `scaled_axis` takes the one with the smaller angle.
@@ -89,13 +71,13 @@ impl<'a> Line<'a> {
             },
             ..HandRates::still(dof)
         };
-        Ok(Self {
+        Self {
             first,
             last,
             duration_s,
             turn,
             rates,
-        })
+        }
     }
 
     /// Returns the hand at a time, in seconds on the motion's clock.
@@ -157,13 +139,17 @@ mod tests {
             latent: vec![0.5],
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, 0.05)),
             limit_excess_rad: 0.3,
-            steps: vec![
+            motion: of_steps(vec![
                 step(0.5, [0.3, -0.1, 0.2], turned([0.4, -1.0, 0.2]), [0.1, 1.2]),
                 step(0.7, [9.0, 9.0, 9.0], turned([0.0, 0.0, 3.0]), [5.0, -5.0]),
                 step(1.1, [8.0, 8.0, 8.0], turned([3.0, 0.0, 0.0]), [5.0, -5.0]),
                 step(2.0, [0.0, 0.05, 0.1], turned([-0.8, 0.6, 1.1]), [0.7, 0.3]),
-            ],
+            ]),
         }
+    }
+
+    fn of_steps(steps: Vec<Step<Object>>) -> Motion<Object> {
+        Motion::new(&["j", "k"], steps).unwrap()
     }
 
     fn assert_near(found: &Step<Object>, expected: &Step<Object>) {
@@ -184,23 +170,25 @@ mod tests {
         assert_eq!(line.table_from_object, motion.table_from_object);
         assert_eq!(line.limit_excess_rad, 0.0);
         let times = |motion: &Candidate| -> Vec<f64> {
-            motion.steps.iter().map(|step| step.time_s).collect()
+            let steps = motion.motion.steps().iter();
+            steps.map(|step| step.time_s).collect()
         };
         assert_eq!(times(&line), times(&motion));
-        assert_near(&line.steps[0], &motion.steps[0]);
-        assert_near(&line.steps[3], &motion.steps[3]);
+        let (steps, given) = (line.motion.steps(), motion.motion.steps());
+        assert_near(&steps[0], &given[0]);
+        assert_near(&steps[3], &given[3]);
         // 0.2 s of 1.5 s later, not a third of the steps.
         let share = 0.2 / 1.5;
-        let place = line.steps[1].frame_from_palm.isometry().translation;
+        let place = steps[1].frame_from_palm.isometry().translation;
         assert!((place.x - 0.3 * (1.0 - share)).abs() < 1e-12, "{place}");
-        assert!((line.steps[1].q_rad[0] - (0.1 + 0.6 * share)).abs() < 1e-12);
+        assert!((steps[1].q_rad[0] - (0.1 + 0.6 * share)).abs() < 1e-12);
     }
 
     #[test]
     fn rates_are_those_of_central_differences() {
         const H_S: f64 = 1e-4;
-        let motion = motion();
-        let line = Line::between(&motion.steps[0], &motion.steps[3]).unwrap();
+        let motion = motion().motion;
+        let line = Line::between(motion.first(), motion.grasp());
         for time_s in [0.6, 1.0, 1.9] {
             let [before, now, after] = [-H_S, 0.0, H_S].map(|by_s| line.at(time_s + by_s));
             let [a, b, c] = [&before, &now, &after].map(|step| *step.frame_from_palm.isometry());
@@ -235,12 +223,11 @@ mod tests {
 
     #[test]
     fn the_palm_turns_the_shorter_way_whichever_quaternion_it_is_given() {
-        let mut motion = motion();
         let [from, to] = [turned([0.0, 0.0, -2.0]), turned([0.0, 0.0, 2.5])];
         for to in [to, UnitQuaternion::new_unchecked(-to.into_inner())] {
-            motion.steps[0] = step(0.0, [0.0; 3], from, [0.0; 2]);
-            motion.steps[3] = step(2.0, [0.0; 3], to, [0.0; 2]);
-            let line = Line::between(&motion.steps[0], &motion.steps[3]).unwrap();
+            let first = step(0.0, [0.0; 3], from, [0.0; 2]);
+            let last = step(2.0, [0.0; 3], to, [0.0; 2]);
+            let line = Line::between(&first, &last);
             // 4.5 rad one way is 1.78 rad the other way.
             let angle = 2.0 * std::f64::consts::PI - 4.5;
             assert!((line.rates.palm_velocity.angular.z + angle / 2.0).abs() < 1e-12);
@@ -254,11 +241,8 @@ mod tests {
     #[test]
     fn a_motion_without_two_ends_has_no_line() {
         let mut short = motion();
-        short.steps.truncate(1);
+        short.motion = of_steps(short.motion.steps()[..1].to_vec());
         let refused = line(&short).unwrap_err().to_string();
-        assert!(refused.contains("1 of at least 2 steps"), "{refused}");
-        let mut still = motion();
-        still.steps[3].time_s = 0.5;
-        assert_eq!(line(&still), Err(NoLine::NoDuration { duration_s: 0.0 }));
+        assert_eq!(refused, "1 steps, expected at least 2");
     }
 }

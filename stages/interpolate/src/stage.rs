@@ -37,7 +37,7 @@ impl Output for Interpolate {
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = Candidates::PARTITION;
     const LINE: Option<Line<InterpolateMetrics>> = Some(|summary| {
         let candidates = summary.metrics.candidates;
         format!("{} objects → {candidates} straight lines", summary.n_made)
@@ -106,7 +106,7 @@ mod tests {
     use std::{collections::BTreeMap, fs, path::Path};
 
     use dataflow::{Advise, Artifact, Partition};
-    use motion::{HandRates, Step};
+    use motion::{HandRates, Motion, Step};
     use nalgebra::Isometry3;
     use schemas::candidates::Candidate;
     use spatial::Pose;
@@ -126,7 +126,7 @@ mod tests {
             latent: Vec::new(),
             table_from_object: Pose::identity(),
             limit_excess_rad: 0.0,
-            steps: (0..steps_n).map(step).collect(),
+            motion: Motion::new(&["j"], (0..steps_n).map(step).collect()).unwrap(),
         }
     }
 
@@ -147,7 +147,7 @@ mod tests {
         }
         let motions = Candidates {
             object: "can".to_owned(),
-            joints: vec!["j".to_owned()],
+            joints: ["j".to_owned()].into(),
             candidates: motions,
         };
         lake::table::write(&given, &motions).unwrap();
@@ -167,15 +167,15 @@ mod tests {
         assert_eq!(made.candidates, 2.0);
         let made = artifact(&folder.path().join("out"));
         let read: Candidates = lake::table::read(&made).unwrap();
-        assert_eq!(read.joints, ["j"]);
+        assert_eq!(*read.joints, ["j"]);
         for (found, given) in read.candidates.iter().zip(&motions) {
             assert_eq!(found.candidate_id, format!("{}-line", given.candidate_id));
-            let last = found.steps.last().unwrap();
-            assert_eq!(found.steps.len(), given.steps.len());
-            assert_eq!(last.q_rad, given.steps.last().unwrap().q_rad);
+            let [found, given] = [found, given].map(|one| &one.motion);
+            assert_eq!(found.steps().len(), given.steps().len());
+            assert_eq!(found.grasp().q_rad, given.grasp().q_rad);
         }
         // The joint of the first goes straight to 16, not along squares.
-        assert_eq!(read.candidates[0].steps[1].q_rad, [4.0]);
+        assert_eq!(read.candidates[0].motion.steps()[1].q_rad, [4.0]);
     }
 
     #[test]
@@ -185,7 +185,7 @@ mod tests {
         let Outcome::Skipped { reason } = outcome else {
             panic!("{outcome:?}");
         };
-        assert!(reason.contains("`can-1`") && reason.contains("1 of at least 2 steps"));
+        assert!(reason.contains("`can-1`") && reason.contains("1 steps, expected at least 2"));
     }
 
     #[test]

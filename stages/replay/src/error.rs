@@ -2,6 +2,7 @@
 
 use dataflow::Advise;
 use lake::LakeError;
+use motion::MotionError;
 
 /// Why trajectories could not be offered.
 #[derive(Debug, thiserror::Error)]
@@ -28,6 +29,9 @@ pub enum ReplayError {
         /// A sequence whose hand has other joints.
         second: String,
     },
+    /// A trajectory changes too fast for its rates to be numbers.
+    #[error("a trajectory has no accelerations")]
+    Motion(#[from] MotionError),
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
@@ -41,7 +45,7 @@ impl Advise for ReplayError {
                 Some("make them again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Lake(err) => err.hint(),
-            Self::NoTrajectories => None,
+            Self::NoTrajectories | Self::Motion(_) => None,
         }
     }
 

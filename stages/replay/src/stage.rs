@@ -4,13 +4,13 @@ use std::collections::BTreeSet;
 
 use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
 use lake::{ReadInputs, WriteArtifact};
-use motion::{HandRates, Step};
+use motion::{HandRates, Motion, MotionError};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
-    trajectories::{self, Trajectory},
+    trajectories::{Rates, Trajectory},
 };
-use spatial::Twist;
+use spatial::{Object, Twist};
 
 use crate::{ReplayConfig, ReplayError};
 
@@ -49,7 +49,7 @@ impl Output for Replay {
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = Candidates::PARTITION;
     const LINE: Option<Line<ReplayMetrics>> = Some(|summary| {
         let candidates = summary.metrics.candidates;
         format!("{} objects → {candidates} candidates", summary.n_made)
@@ -96,7 +96,10 @@ impl Output for Replay {
         let object = cx.partition();
         let trajectories: Vec<Trajectory> = inputs.all()?;
         let first = trajectories.first().ok_or(ReplayError::NoTrajectories)?;
-        if let Some(other) = trajectories.iter().find(|t| t.joints != first.joints) {
+        if let Some(other) = trajectories
+            .iter()
+            .find(|t| t.motion.joints() != first.motion.joints())
+        {
             return Err(ReplayError::DifferentHands {
                 object: object.to_string(),
                 first: first.sequence.clone(),
@@ -105,8 +108,11 @@ impl Output for Replay {
         }
         cx.write(&Candidates {
             object: object.to_string(),
-            joints: first.joints.clone(),
-            candidates: trajectories.iter().map(candidate).collect(),
+            joints: first.motion.joints().clone(),
+            candidates: trajectories
+                .iter()
+                .map(candidate)
+                .collect::<Result<_, _>>()?,
         })?;
         let metrics = ReplayMetrics {
             candidates: trajectories.len() as f64,
@@ -116,49 +122,36 @@ impl Output for Replay {
 }
 
 /// Returns a trajectory as the motion that it is.
-fn candidate(trajectory: &Trajectory) -> Candidate {
-    Candidate {
+fn candidate(trajectory: &Trajectory) -> Result<Candidate, MotionError> {
+    let motion = &trajectory.motion;
+    Ok(Candidate {
         candidate_id: format!("{}-{}", trajectory.object, trajectory.sequence),
         generator: GENERATOR.to_owned(),
         latent: Vec::new(),
         table_from_object: trajectory.rest.table_from_object(),
         limit_excess_rad: 0.0,
-        steps: trajectory
-            .steps
-            .iter()
-            .map(|step| &step.hand)
-            .enumerate()
-            .map(|(idx, step)| Step {
-                time_s: step.time_s,
-                frame_from_palm: step.frame_from_palm,
-                q_rad: step.q_rad.clone(),
-                rates: HandRates {
-                    palm_velocity: step.rates.palm_velocity,
-                    palm_acceleration: palm_acceleration(&trajectory.steps, idx),
-                    joints: step.rates.joints.clone(),
-                },
-            })
-            .collect(),
-    }
+        motion: motion.with_rates(|idx| {
+            let rates = &motion.steps()[idx].rates;
+            HandRates {
+                palm_velocity: rates.palm_velocity,
+                palm_acceleration: palm_acceleration(motion, idx),
+                joints: rates.joints.clone(),
+            }
+        })?,
+    })
 }
 
 /// Returns how fast the palm's velocity changes about a step: its difference between the neighbors (the
 /// step itself at an end) over the time between them; 0 of a single step.
-fn palm_acceleration(steps: &[trajectories::Step], idx: usize) -> Twist {
+fn palm_acceleration(motion: &Motion<Object, Rates>, idx: usize) -> Twist {
+    let steps = motion.steps();
     let (before, after) = (idx.saturating_sub(1), (idx + 1).min(steps.len() - 1));
-    let (Some(before), Some(after)) = (steps.get(before), steps.get(after)) else {
+    if before == after {
         return Twist::zero();
-    };
-    let between_s = after.hand.time_s - before.hand.time_s;
-    let [next, last] = [after, before].map(|step| step.hand.rates.palm_velocity.to_array());
-    Twist::from_array(std::array::from_fn(|k| {
-        let change = next[k] - last[k];
-        if between_s > 0.0 {
-            change / between_s
-        } else {
-            0.0
-        }
-    }))
+    }
+    let between_s = steps[after].time_s - steps[before].time_s;
+    let [next, last] = [after, before].map(|idx| steps[idx].rates.palm_velocity.to_array());
+    Twist::from_array(std::array::from_fn(|k| (next[k] - last[k]) / between_s))
 }
 
 #[cfg(test)]
@@ -166,35 +159,34 @@ mod tests {
     use std::collections::BTreeMap;
 
     use dataflow::{Artifact, Partition};
+    use motion::Step;
     use nalgebra::{Isometry3, Unit as UnitVector, Vector3};
+    use schemas::trajectories::Tracking;
     use spatial::{Pose, Rest};
 
     use super::*;
 
     fn trajectory(sequence: &str, joints: &[&str]) -> Trajectory {
-        let step = |time_s: f64| trajectories::Step {
-            hand: Step {
-                time_s,
-                frame_from_palm: Pose::new(Isometry3::translation(time_s, 0.0, 0.1)),
-                q_rad: joints.iter().map(|_| time_s).collect(),
-                rates: trajectories::Rates {
-                    palm_velocity: Twist::from_array([time_s, 0.0, 0.0, 0.0, 0.0, -3.0 * time_s]),
-                    ..trajectories::Rates::still(joints.len())
-                },
+        let step = |time_s: f64| Step {
+            time_s,
+            frame_from_palm: Pose::new(Isometry3::translation(time_s, 0.0, 0.1)),
+            q_rad: joints.iter().map(|_| time_s).collect(),
+            rates: Rates {
+                palm_velocity: Twist::from_array([time_s, 0.0, 0.0, 0.0, 0.0, -3.0 * time_s]),
+                ..Rates::still(joints.len())
             },
-            tracking: trajectories::Tracking::default(),
         };
         Trajectory {
             sequence: sequence.to_owned(),
             object: "can".to_owned(),
-            joints: joints.iter().map(|&name| name.to_owned()).collect(),
             keypoints: Vec::new(),
             tips: Vec::new(),
             rest: Rest {
                 up_in_object: UnitVector::new_normalize(Vector3::x()),
                 height_m: 0.03,
             },
-            steps: vec![step(0.0), step(0.1)],
+            motion: Motion::new(joints, vec![step(0.0), step(0.1)]).unwrap(),
+            tracking: vec![Tracking::default(); 2],
         }
     }
 
@@ -237,7 +229,7 @@ mod tests {
             files: BTreeMap::from([(file.to_owned(), folder.path().join(file))]),
         };
         let read: Candidates = lake::table::read(&made).unwrap();
-        assert_eq!(read.joints, ["j"]);
+        assert_eq!(*read.joints, ["j"]);
         let ids: Vec<&str> = read
             .candidates
             .iter()
@@ -249,8 +241,8 @@ mod tests {
                 candidate.table_from_object,
                 shown[0].rest.table_from_object()
             );
-            for (found, expected) in candidate.steps.iter().zip(&shown[0].steps) {
-                let expected = &expected.hand;
+            let (found, expected) = (&candidate.motion, &shown[0].motion);
+            for (found, expected) in found.steps().iter().zip(expected.steps()) {
                 assert_eq!(found.time_s, expected.time_s);
                 assert_eq!(found.frame_from_palm, expected.frame_from_palm);
                 assert_eq!(found.q_rad, expected.q_rad);

@@ -4,6 +4,7 @@ use std::{io, path::PathBuf};
 
 use dataflow::{Advise, missing};
 use lake::LakeError;
+use motion::MotionError;
 use robot::{RobotError, WrongDof};
 use robot_meshes::LoadError;
 
@@ -38,6 +39,9 @@ pub enum RetargetError {
     /// The robot cannot be loaded.
     #[error(transparent)]
     LoadRobot(#[from] LoadError),
+    /// The steps of a demonstration make no motion.
+    #[error(transparent)]
+    Motion(#[from] MotionError),
     /// Nothing of the robot moves.
     #[error("the robot has no joint that moves")]
     NoJoint,
@@ -95,12 +99,6 @@ pub enum RetargetError {
         /// What is wrong with it.
         source: Box<Self>,
     },
-    /// What lies in the lake is no distance field.
-    #[error("the distance field of object `{object}` is not one")]
-    BadField {
-        /// The object's name.
-        object: String,
-    },
     /// There is no demonstration at all.
     #[error("there are no demonstrations to retarget")]
     NoDemonstrations,
@@ -146,11 +144,9 @@ impl Advise for RetargetError {
                 "add a point on the root link beside that line, e.g. for `wrist`".to_owned(),
             ),
             Self::Lake(err) => err.hint(),
-            Self::BadField { .. } => {
-                Some("make it again with `pipeline run FILE --fresh`".to_owned())
-            }
             Self::NoDemonstrations
             | Self::NoObjects
+            | Self::Motion(_)
             | Self::Solver(_)
             | Self::Dof(_) => None,
         }

@@ -158,8 +158,8 @@ proptest! {
         );
         let (hand, tracked) = shown_itself(&posture);
         prop_assert!(tracked.grasp_keypoint_error_m < 1e-3, "{} m", tracked.grasp_keypoint_error_m);
-        for step in &tracked.steps {
-            for (q, joint) in step.hand.q_rad.iter().zip(hand.model.joints()) {
+        for step in tracked.motion.steps() {
+            for (q, joint) in step.q_rad.iter().zip(hand.model.joints()) {
                 prop_assert!((joint.lower..=joint.upper).contains(q));
             }
         }

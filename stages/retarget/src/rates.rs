@@ -1,60 +1,38 @@
 //! How fast a trajectory moves.
 
-use nalgebra::Isometry3;
-use schemas::trajectories::{Rates, Step};
-use spatial::Twist;
+use motion::{Motion, MotionError, Step};
+use schemas::trajectories::Rates;
+use spatial::{Object, Twist};
 
-/// Fills in the velocities and accelerations of steps from their positions.
+/// Returns a motion with the velocities and accelerations that follow from its positions.
 ///
 /// At each step they are those of the parabola through it and its neighbors (at an end, through the
-/// three steps there), which needs no equal spacing; two steps share one velocity.
-pub(crate) fn fill_rates(steps: &mut [Step]) {
+/// three steps there), which needs no equal spacing; two steps share one velocity, one has none.
+pub(crate) fn differentiated(
+    motion: &Motion<Object, ()>,
+) -> Result<Motion<Object, Rates>, MotionError> {
+    let steps = motion.steps();
     let n = steps.len();
-    let times: Vec<f64> = steps.iter().map(|step| step.hand.time_s).collect();
-    let rates: Vec<Rates> = (0..n)
-        .map(|at| {
-            let middle = at.clamp(1, n.saturating_sub(2).max(1));
-            let window = middle - 1..(middle + 2).min(n);
-            let weights = derivative_weights(times.get(window.clone()).unwrap_or(&[]), times[at]);
-            let near = steps.get(window).unwrap_or(&[]);
-            rates(
-                near,
-                &weights,
-                steps
-                    .get(at)
-                    .map(|step| step.hand.frame_from_palm.isometry()),
-            )
-        })
-        .collect();
-    for (step, mut rates) in steps.iter_mut().zip(rates) {
-        if rates.joints.velocity.is_empty() {
-            rates = Rates::still(step.hand.q_rad.len());
-        }
-        step.hand.rates = rates;
-    }
+    motion.with_rates(|at| {
+        let middle = at.clamp(1, n.saturating_sub(2).max(1));
+        rates(&steps[middle - 1..(middle + 2).min(n)], &steps[at])
+    })
 }
 
-/// Returns the rates at one of a few neighboring steps, whose palm is at `here`.
-fn rates(near: &[Step], weights: &[[f64; 2]], here: Option<&Isometry3<f64>>) -> Rates {
-    let dof = near.first().map_or(0, |step| step.hand.q_rad.len());
-    let mut rates = Rates::still(dof);
+/// Returns the rates at one of a few neighboring steps.
+fn rates(near: &[Step<Object, ()>], here: &Step<Object, ()>) -> Rates {
+    let times: Vec<f64> = near.iter().map(|step| step.time_s).collect();
+    let mut rates = Rates::still(here.q_rad.len());
     let mut palm_velocity = Twist::zero();
-    for (step, [first, second]) in near.iter().zip(weights) {
-        for (idx, q) in step.hand.q_rad.iter().enumerate() {
-            if let Some(rate) = rates.joints.velocity.get_mut(idx) {
-                *rate += first * q;
-            }
-            if let Some(rate) = rates.joints.acceleration.get_mut(idx) {
-                *rate += second * q;
-            }
+    for (step, [first, second]) in near.iter().zip(derivative_weights(&times, here.time_s)) {
+        for (idx, q) in step.q_rad.iter().enumerate() {
+            rates.joints.velocity[idx] += first * q;
+            rates.joints.acceleration[idx] += second * q;
         }
-        let palm = step.hand.frame_from_palm.isometry();
-        palm_velocity.linear += palm.translation.vector * *first;
-        if let Some(here) = here {
-            // Turns from here, small between neighbors, add like vectors.
-            palm_velocity.angular +=
-                (palm.rotation * here.rotation.inverse()).scaled_axis() * *first;
-        }
+        let [palm, here] = [step, here].map(|step| step.frame_from_palm.isometry());
+        palm_velocity.linear += palm.translation.vector * first;
+        // Turns from here, small between neighbors, add like vectors.
+        palm_velocity.angular += (palm.rotation * here.rotation.inverse()).scaled_axis() * first;
     }
     rates.palm_velocity = palm_velocity;
     rates
@@ -64,8 +42,8 @@ fn rates(near: &[Step], weights: &[[f64; 2]], here: Option<&Isometry3<f64>>) -> 
 /// derivative at `at` of the polynomial through all.
 fn derivative_weights(times: &[f64], at: f64) -> Vec<[f64; 2]> {
     match *times {
-        [a, b] if b > a => vec![[-1.0 / (b - a), 0.0], [1.0 / (b - a), 0.0]],
-        [a, b, c] if b > a && c > b => [(a, b, c), (b, a, c), (c, a, b)]
+        [a, b] => vec![[-1.0 / (b - a), 0.0], [1.0 / (b - a), 0.0]],
+        [a, b, c] => [(a, b, c), (b, a, c), (c, a, b)]
             .map(|(own, one, other)| {
                 let scale = 1.0 / ((own - one) * (own - other));
                 [scale * (2.0 * at - one - other), 2.0 * scale]
@@ -77,38 +55,32 @@ fn derivative_weights(times: &[f64], at: f64) -> Vec<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{UnitQuaternion, Vector3};
-    use schemas::trajectories::Tracking;
+    use nalgebra::{Isometry3, UnitQuaternion, Vector3};
     use spatial::Pose;
 
     use super::*;
 
-    fn steps(times: &[f64]) -> Vec<Step> {
-        times
-            .iter()
-            .map(|&t| Step {
-                hand: motion::Step {
-                    time_s: t,
-                    frame_from_palm: Pose::new(Isometry3::from_parts(
-                        Vector3::new(0.3 * t, 0.0, t * t).into(),
-                        UnitQuaternion::new(Vector3::new(0.0, 0.2, 0.0))
-                            * UnitQuaternion::new(Vector3::new(0.0, 0.0, 0.5 * t)),
-                    )),
-                    q_rad: vec![1.0 + 2.0 * t - 3.0 * t * t, 0.7],
-                    rates: Rates::still(2),
-                },
-                tracking: Tracking::default(),
-            })
-            .collect()
+    /// Returns the steps at these times with their rates.
+    fn with_rates(times: &[f64]) -> Vec<Step<Object, Rates>> {
+        let step = |&t: &f64| Step {
+            time_s: t,
+            frame_from_palm: Pose::new(Isometry3::from_parts(
+                Vector3::new(0.3 * t, 0.0, t * t).into(),
+                UnitQuaternion::new(Vector3::new(0.0, 0.2, 0.0))
+                    * UnitQuaternion::new(Vector3::new(0.0, 0.0, 0.5 * t)),
+            )),
+            q_rad: vec![1.0 + 2.0 * t - 3.0 * t * t, 0.7],
+            rates: (),
+        };
+        let motion = Motion::new(&["a", "b"], times.iter().map(step).collect()).unwrap();
+        differentiated(&motion).unwrap().steps().to_vec()
     }
 
     #[test]
     fn rates_of_a_parabola_are_exact() {
-        let mut steps = steps(&[0.0, 0.1, 0.15, 0.3, 0.4]);
-        fill_rates(&mut steps);
         let about = UnitQuaternion::new(Vector3::new(0.0, 0.2, 0.0)) * Vector3::z() * 0.5;
-        for step in &steps {
-            let (t, rates) = (step.hand.time_s, &step.hand.rates);
+        for step in &with_rates(&[0.0, 0.1, 0.15, 0.3, 0.4]) {
+            let (t, rates) = (step.time_s, &step.rates);
             assert!((rates.joints.velocity[0] - (2.0 - 6.0 * t)).abs() < 1e-9);
             assert!((rates.joints.acceleration[0] + 6.0).abs() < 1e-9);
             assert!(rates.joints.velocity[1].abs() < 1e-9);
@@ -121,15 +93,12 @@ mod tests {
 
     #[test]
     fn few_steps_have_the_rates_that_they_can() {
-        let mut two = steps(&[0.0, 0.5]);
-        fill_rates(&mut two);
-        let [first, last] = [0, 1].map(|idx: usize| two[idx].hand.rates.clone());
+        let two = with_rates(&[0.0, 0.5]);
+        let [first, last] = [0, 1].map(|idx: usize| two[idx].rates.clone());
         assert_eq!(first.joints, last.joints);
         let linear = [&first, &last].map(|rates| rates.palm_velocity.linear);
         assert_eq!(linear[0], linear[1]);
-        assert!((two[0].hand.rates.joints.velocity[0] - 0.5).abs() < 1e-12);
-        let mut one = steps(&[0.0]);
-        fill_rates(&mut one);
-        assert_eq!(one[0].hand.rates, Rates::still(2));
+        assert!((first.joints.velocity[0] - 0.5).abs() < 1e-12);
+        assert_eq!(with_rates(&[0.0])[0].rates, Rates::still(2));
     }
 }

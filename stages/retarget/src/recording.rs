@@ -34,7 +34,7 @@ pub(crate) fn record(
     let vertices_m: Vec<[f64; 3]> = mesh.vertices_m.iter().map(|&p| p.into()).collect();
     let scene = Scene {
         urdf,
-        joints: &trajectory.joints,
+        joints: trajectory.motion.joints(),
         hand: &hand,
         palm_from_links: &model.link_poses(|_| 0.0),
         vertices_m: &vertices_m,
@@ -48,16 +48,18 @@ pub(crate) fn record(
     .map(|(key, value)| (key.to_owned(), value.to_owned()));
     let mut recording = Recording::create(&folder.join(FILE), &BTreeMap::from(about))?;
     recording.write_scene(&scene)?;
-    let steps = || trajectory.steps.iter().map(|step| &step.hand);
-    let positions = steps().map(|step| TrajectoryPoint::positions(step.time_s, &step.q_rad));
+    let steps = trajectory.motion.steps();
+    let positions = steps
+        .iter()
+        .map(|step| TrajectoryPoint::positions(step.time_s, &step.q_rad));
     recording.write_latched(
         JOINT_TRAJECTORY,
         START_NS,
-        &motion::joint_trajectory(START_NS, &trajectory.joints, positions),
+        &motion::joint_trajectory(START_NS, trajectory.motion.joints(), positions),
     )?;
     let table_from_object = trajectory.rest.table_from_object();
     let object_on_table = *table_from_object.isometry();
-    for step in steps() {
+    for step in steps {
         recording.write_step(
             &scene,
             &SceneStep {

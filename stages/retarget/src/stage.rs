@@ -74,7 +74,7 @@ impl Output for DistanceFields {
 
     const ARTIFACT: &'static str = FieldInfo::NAME;
     const SCHEMA: &'static str = FieldInfo::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = FieldInfo::PARTITION;
     const OPTIONS: Options = Options::Only(&["field_spacing_m"]);
 
     fn units(_config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
@@ -113,7 +113,7 @@ impl Output for Trajectories {
 
     const ARTIFACT: &'static str = Trajectory::NAME;
     const SCHEMA: &'static str = Trajectory::VERSION;
-    const PARTITION: &'static str = "sequence";
+    const PARTITION: &'static str = Trajectory::PARTITION;
     const OPTIONS: Options = Options::Except(&["field_spacing_m"]);
 
     fn units(config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {

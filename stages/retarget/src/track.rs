@@ -1,18 +1,19 @@
 //! A whole demonstration, step by step, backward from the grasp.
 
 use dataflow::{Max, Mean, Sum};
-use motion::Step;
+use motion::{Motion, Step};
 use schemas::{
     demonstrations::Demonstration,
-    trajectories::{self, Rates, Tracking},
+    trajectories::{Rates, Tracking},
 };
-use spatial::Pose;
+use spatial::{Object, Pose};
 
 use crate::{
     RetargetConfig, RetargetError,
     follow::{Follower, Solved},
     goal::{Goal, goal},
     hand::Hand,
+    rates::differentiated,
     scene::Scene,
     smoothing::smoothed,
 };
@@ -26,8 +27,10 @@ const WORTH_A_JUMP: f64 = 0.7;
 
 /// What a demonstration became.
 pub(crate) struct Tracked {
-    /// The steps in time order, without their rates.
-    pub(crate) steps: Vec<trajectories::Step>,
+    /// The hand in the object's frame.
+    pub(crate) motion: Motion<Object, Rates>,
+    /// How well it follows at each step.
+    pub(crate) tracking: Vec<Tracking>,
     /// Keypoint error at the grasp, in meters.
     pub(crate) grasp_keypoint_error_m: f64,
     /// Number of steps that were searched afresh and found a better minimum.
@@ -40,15 +43,15 @@ pub(crate) struct Tracked {
 impl Tracked {
     /// Returns the figures of the trajectory.
     pub(crate) fn metrics(&self) -> TrajectoryMetrics {
-        let tracking = || self.steps.iter().map(|step| &step.tracking);
+        let tracking = || self.tracking.iter();
         let keypoint_errors: f64 = tracking().map(Tracking::keypoint_error_m).sum();
         let still = Tracking::default();
         let grasp = tracking().next_back().unwrap_or(&still);
         let gaps = grasp.contact_gaps_m.iter().map(|gap| gap.abs());
         let contacts_n = grasp.contact_gaps_m.len().max(1) as f64;
         TrajectoryMetrics {
-            steps_n: self.steps.len() as f64,
-            keypoint_error_m: keypoint_errors / self.steps.len().max(1) as f64,
+            steps_n: self.tracking.len() as f64,
+            keypoint_error_m: keypoint_errors / self.tracking.len().max(1) as f64,
             fingertip_error_m: grasp.fingertip_error_m(),
             penetration_m: grasp.penetration_m,
             table_penetration_m: tracking()
@@ -87,7 +90,8 @@ dataflow::metrics! {
 ///
 /// # Errors
 ///
-/// Fails if the hand and the configuration do not fit together.
+/// Fails if the hand and the configuration do not fit together, or the demonstration's times do not
+/// increase.
 pub(crate) fn track(
     hand: &Hand,
     scene: &Scene,
@@ -136,19 +140,20 @@ pub(crate) fn track(
         solved.push(best);
     }
     solved.reverse();
-    let steps = demonstration.steps.iter().zip(solved);
+    let (mut steps, mut tracking) = (Vec::new(), Vec::new());
+    for (shown, solved) in demonstration.steps.iter().zip(solved) {
+        steps.push(Step {
+            time_s: shown.time_s,
+            frame_from_palm: Pose::new(solved.posture.root.isometry()),
+            q_rad: solved.posture.q,
+            rates: (),
+        });
+        tracking.push(solved.tracking);
+    }
+    let motion = Motion::new(&hand.model.joint_names(), steps)?;
     Ok(Some(Tracked {
-        steps: steps
-            .map(|(shown, solved)| trajectories::Step {
-                hand: Step {
-                    time_s: shown.time_s,
-                    frame_from_palm: Pose::new(solved.posture.root.isometry()),
-                    rates: Rates::still(solved.posture.q.len()),
-                    q_rad: solved.posture.q,
-                },
-                tracking: solved.tracking,
-            })
-            .collect(),
+        motion: differentiated(&motion)?,
+        tracking,
         grasp_keypoint_error_m: grasp_error_m,
         restarts_n,
         iterations_n,
@@ -221,8 +226,8 @@ mod tests {
             let mut later = keypoints;
             later.reverse();
             let (hand, tracked) = run(&config, vec![keypoints, later]);
-            for step in &tracked.steps {
-                for (q, joint) in step.hand.q_rad.iter().zip(hand.model.joints()) {
+            for step in tracked.motion.steps() {
+                for (q, joint) in step.q_rad.iter().zip(hand.model.joints()) {
                     prop_assert!((joint.lower..=joint.upper).contains(q), "{q} outside {joint:?}");
                 }
             }
@@ -239,8 +244,7 @@ mod tests {
                 vec![fixture::own_points(&hand, &reaching(-0.02, 0.3))],
             )
             .1
-            .steps[0]
-                .tracking
+            .tracking[0]
                 .penetration_m
         };
         let without = shown(&fixture::following_only());
@@ -263,8 +267,7 @@ mod tests {
             let posture = Posture::new(&pose, reaching(-0.3, 0.3).q);
             run(config, vec![fixture::own_points(&hand, &posture)])
                 .1
-                .steps[0]
-                .tracking
+                .tracking[0]
                 .table_penetration_m
         };
         let without = shown(&fixture::following_only());
@@ -286,9 +289,10 @@ mod tests {
         let grasp = fixture::own_points(&hand, &reaching(-0.042, 0.2));
         let (hand, tracked) = run(&config, vec![grasp; 31]);
         let scene = fixture::scene();
-        let gap = |step: &trajectories::Step| {
-            let links = hand.model.forward_kinematics(&step.hand.q_rad).unwrap();
-            let object_from_palm = step.hand.frame_from_palm.isometry();
+        let gap = |idx: usize| {
+            let step: &Step<Object, Rates> = &tracked.motion.steps()[idx];
+            let links = hand.model.forward_kinematics(&step.q_rad).unwrap();
+            let object_from_palm = step.frame_from_palm.isometry();
             let balls = hand
                 .model
                 .links()
@@ -302,16 +306,8 @@ mod tests {
                 .map(|(center, radius)| scene.gap(&(object_from_palm * center)).distance_m - radius)
                 .fold(f64::MAX, f64::min)
         };
-        assert!(
-            gap(&tracked.steps[10]) > 0.004,
-            "{} m",
-            gap(&tracked.steps[10])
-        );
-        assert!(
-            gap(&tracked.steps[30]) < 0.003,
-            "{} m",
-            gap(&tracked.steps[30])
-        );
+        assert!(gap(10) > 0.004, "{} m", gap(10));
+        assert!(gap(30) < 0.003, "{} m", gap(30));
     }
 
     #[test]
@@ -326,7 +322,7 @@ mod tests {
         }
         keypoints[4] = [-0.01, y + 0.005, 0.0];
         let (_, tracked) = run(&config, vec![keypoints]);
-        let gaps = &tracked.steps[0].tracking.contact_gaps_m;
+        let gaps = &tracked.tracking[0].contact_gaps_m;
         assert_eq!(gaps.len(), 4);
         let gap = gaps.iter().map(|gap| gap.abs()).sum::<f64>() / 4.0;
         assert!(gap < 0.004, "{gaps:?} m");
@@ -347,10 +343,8 @@ mod tests {
         };
         let off = |config: &RetargetConfig| {
             let (_, tracked) = run(config, vec![keypoints; 2]);
-            let poses = tracked
-                .steps
-                .iter()
-                .map(|step| *step.hand.frame_from_palm.isometry());
+            let steps = tracked.motion.steps().iter();
+            let poses = steps.map(|step| *step.frame_from_palm.isometry());
             poses
                 .map(|pose| {
                     (pose.inverse() * posture.root.isometry())
@@ -376,10 +370,7 @@ mod tests {
             };
             let (_, tracked) = run(&config, vec![keypoints]);
             // Of the finger tips but the one that is shown elsewhere.
-            tracked.steps[0].tracking.tip_errors_m[1..]
-                .iter()
-                .sum::<f64>()
-                / 3.0
+            tracked.tracking[0].tip_errors_m[1..].iter().sum::<f64>() / 3.0
         };
         let (squared, linear) = (error(crate::Loss::Squared), error(crate::Loss::SmoothL1));
         assert!(linear < 0.8 * squared, "{linear} m, {squared} m");

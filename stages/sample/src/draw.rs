@@ -1,8 +1,8 @@
 //! Which orientation and which latent code each motion gets.
 
-use cgf::{Cgf, Demonstration, Random, Split};
+use cgf::{Cgf, Demonstration, Random};
 use nalgebra::{Unit, Vector3};
-use schemas::objects::Object;
+use schemas::{objects::Object, training::Split};
 use spatial::Rest;
 
 use crate::{

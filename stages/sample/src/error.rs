@@ -3,6 +3,7 @@
 use cgf::CgfError;
 use dataflow::Advise;
 use lake::LakeError;
+use motion::MotionError;
 use robot::{JointMismatch, WrongDof};
 use robot_meshes::LoadError;
 
@@ -40,17 +41,14 @@ pub enum SampleError {
     /// A motion has another number of joints than the hand.
     #[error("a motion does not fit the hand: {0}")]
     Dof(#[from] WrongDof),
+    /// The grasping function's outputs are no motion.
+    #[error("the grasping function gives no motion")]
+    Motion(#[from] MotionError),
     /// The collision shapes are far larger than a hand's.
     #[error("the collision shapes up to those of link `{link}` are far larger than a hand")]
     LargeShapes {
         /// The link at which they became too large.
         link: String,
-    },
-    /// An object's distance field is damaged.
-    #[error("the distance field of object `{object}` is damaged")]
-    BadField {
-        /// The object's name.
-        object: String,
     },
     /// An artifact cannot be read or written.
     #[error(transparent)]
@@ -65,30 +63,28 @@ impl Advise for SampleError {
         match self {
             Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
             Self::UnknownDemonstration { name, known } => {
-                let near = dataflow::nearest(name, known.iter().map(String::as_str));
+                let near = dataflow::did_you_mean(name, known.iter().map(String::as_str));
                 let some: Vec<&str> = known.iter().take(5).map(String::as_str).collect();
-                Some(near.map_or_else(
-                    || format!("there are {}, such as {}", known.len(), some.join(", ")),
-                    |near| format!("did you mean `{near}`?"),
-                ))
+                Some(near.unwrap_or_else(|| {
+                    format!("there are {}, such as {}", known.len(), some.join(", "))
+                }))
             }
             Self::AnotherHand { .. } => Some(
                 "give `sample.hand` the URDF with which `retarget` and `train` made them"
                     .to_owned(),
             ),
             Self::LargeShapes { .. } => Some("URDFs are in meters".to_owned()),
-            Self::BadField { .. } | Self::Dof(_) => {
-                Some("make it again with `pipeline run FILE --fresh`".to_owned())
-            }
+            Self::Dof(_) => Some("make it again with `pipeline run FILE --fresh`".to_owned()),
             Self::Lake(err) => err.hint(),
             Self::LoadRobot(err) => err.hint(),
             Self::Cgf(
                 CgfError::Weights(_)
                 | CgfError::Description(_)
+                | CgfError::Rest { .. }
                 | CgfError::Tensor { .. }
                 | CgfError::Version { .. },
             ) => Some("train again with `pipeline run FILE --fresh`".to_owned()),
-            Self::Cgf(_) => None,
+            Self::Motion(_) | Self::Cgf(_) => None,
         }
     }
 }

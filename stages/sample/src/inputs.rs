@@ -1,10 +1,7 @@
-//! What the units of `candidates` and of their report read: the hand, its joints, an object's field.
+//! What the units of `candidates` and of their report read: the hand and its joints.
 
-use dataflow::{Artifact, Form, SourceFile};
-use geometry::DistanceField;
-use lake::ReadArtifact;
+use dataflow::{Form, SourceFile};
 use robot::{JointOrder, RobotModel};
-use schemas::distance_fields;
 
 use crate::{SampleConfig, SampleError};
 
@@ -26,18 +23,6 @@ pub fn hand_meshes(config: &SampleConfig) -> Result<Vec<SourceFile>, SampleError
 /// The hand's URDF, of which some units read nothing.
 pub fn hand_file(config: &SampleConfig) -> SourceFile {
     SourceFile::named("hand", &config.hand)
-}
-
-/// Reads the distances about an object.
-///
-/// # Errors
-///
-/// Fails if they are missing or damaged.
-pub fn read_field(artifact: &Artifact) -> Result<DistanceField, SampleError> {
-    let bytes = artifact.bytes(distance_fields::FIELD)?;
-    DistanceField::from_bytes(&bytes).ok_or_else(|| SampleError::BadField {
-        object: artifact.key.to_string(),
-    })
 }
 
 /// Returns how vectors of `joints`, those of `what`, are put into the order of the hand's.

@@ -1,7 +1,9 @@
 //! From latent codes to candidates: decoded, in the object's frame, in seconds, within limits.
 
+use std::sync::Arc;
+
 use cgf::{Cgf, JointRange, MovingGrasp, ObjectFeature, Random, Scene};
-use motion::{HandRates, JointRates, Step};
+use motion::{HandRates, JointRates, Motion, Step};
 use nalgebra::{Point3, UnitQuaternion};
 use rayon::prelude::*;
 use robot::WrongDof;
@@ -87,6 +89,7 @@ struct Decoder<'a> {
     config: &'a SampleConfig,
     cgf: &'a Cgf,
     object: &'a Object,
+    joints: Arc<[String]>,
     /// How the object can lie, and what the function knows of it then.
     rests: Vec<(&'a Rest, ObjectFeature)>,
     times: Vec<f64>,
@@ -113,6 +116,7 @@ impl<'a> Decoder<'a> {
             config,
             cgf,
             object,
+            joints: cgf.description().joints.as_slice().into(),
             rests: rests
                 .iter()
                 .map(with_feature)
@@ -140,7 +144,7 @@ impl<'a> Decoder<'a> {
                     latent,
                     table_from_object: rest.table_from_object(),
                     limit_excess_rad,
-                    steps,
+                    motion: Motion::of_joints(Arc::clone(&self.joints), steps)?,
                 };
                 candidates.push((*number, candidate));
             }

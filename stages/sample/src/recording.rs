@@ -80,12 +80,12 @@ pub(crate) fn record(
     recording.write_latched(TF_STATIC, START_NS, &TfMessage { transforms: fixed })?;
     let markers = shown.iter().flat_map(Shown::markers);
     recording.write_latched(MARKERS, START_NS, &motion::markers(markers))?;
-    let n_steps = motions.iter().map(|motion| motion.steps.len()).min();
+    let n_steps = motions.iter().map(|one| one.motion.steps().len()).min();
     for idx in 0..n_steps.unwrap_or(0) {
         let mut transforms = Vec::new();
         let mut time_ns = START_NS;
         for shown in &shown {
-            let Some(step) = shown.candidate.steps.get(idx) else {
+            let Some(step) = shown.candidate.motion.steps().get(idx) else {
                 continue;
             };
             time_ns = motion::stamp_ns(step.time_s);
@@ -181,7 +181,7 @@ impl<'a> Shown<'a> {
         let in_object = self.name("object");
         let (vertices_m, triangles) = (&object.vertices_m, &object.triangles);
         let mesh = motion::mesh_marker(START_NS, &in_object, vertices_m, triangles, OBJECT_COLOR);
-        let steps = self.candidate.steps.iter();
+        let steps = self.candidate.motion.steps().iter();
         let trail: Vec<Point3<f64>> = steps
             .map(|step| step.frame_from_palm.isometry().translation.vector.into())
             .collect();

@@ -106,7 +106,8 @@ impl Gauge<'_> {
 
     /// Returns how deep the hand is in object or table at its deepest, in meters.
     pub(crate) fn deepest_m(&self, candidate: &Candidate) -> Result<f64, WrongDof> {
-        candidate.steps.iter().try_fold(0.0_f64, |deepest_m, step| {
+        let mut steps = candidate.motion.steps().iter();
+        steps.try_fold(0.0_f64, |deepest_m, step| {
             let depth = self.depth(candidate, step)?;
             Ok(deepest_m.max(depth.object_m.max(depth.table_m)))
         })

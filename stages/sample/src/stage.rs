@@ -63,7 +63,7 @@ impl Output for Sample {
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = Candidates::PARTITION;
     /// `objects` only redraws units.
     const OPTIONS: Options = Options::Except(&["objects"]);
 

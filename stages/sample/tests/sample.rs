@@ -16,10 +16,11 @@ use ::motion::{Motion, Step};
 use cgf::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
     JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Scene, Schedule,
-    Split, Times, Track, TrainingConfig, TrainingDevice, TrainingSet,
+    Times, Track, TrainingConfig, TrainingDevice, TrainingSet,
 };
 use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, SourceFile, Stage, Summary};
 use geometry::{DistanceField, TriMesh};
+use lake::LakeError;
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use report_sample::{SamplingMetrics, SamplingReport};
 use robot::RobotModel;
@@ -31,6 +32,7 @@ use schemas::{
     objects::{Object, RestingOrientation},
     ros2::{TfMessage, motion},
     sampling::Sampled,
+    training::Split,
     trajectories,
     trajectories::Trajectory,
 };
@@ -246,23 +248,21 @@ fn inputs(folder: &Path) -> Inputs {
 
 /// The grasp of a demonstration, beside the object.
 fn trajectory(name: &str, x: f64) -> Trajectory {
+    let step = Step {
+        time_s: 1.0,
+        frame_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.07)),
+        q_rad: vec![-0.15, 0.25],
+        rates: trajectories::Rates::still(2),
+    };
     Trajectory {
         sequence: name.to_owned(),
         object: "can".to_owned(),
-        // Not in the hand's order.
-        joints: ["k", "j"].map(str::to_owned).to_vec(),
         keypoints: Vec::new(),
         tips: Vec::new(),
         rest: object().rests[0].rest,
-        steps: vec![trajectories::Step {
-            hand: Step {
-                time_s: 1.0,
-                frame_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.07)),
-                q_rad: vec![-0.15, 0.25],
-                rates: trajectories::Rates::still(2),
-            },
-            tracking: trajectories::Tracking::default(),
-        }],
+        // Not in the hand's order.
+        motion: Motion::new(&["k", "j"], vec![step]).unwrap(),
+        tracking: vec![trajectories::Tracking::default()],
     }
 }
 
@@ -358,15 +358,15 @@ fn candidates_end_at_the_grasp_within_limits_in_seen_orientations() {
     let inputs = inputs(folder.path());
     let drawn = sample(&config(), &inputs, 7);
     assert_eq!(drawn.candidates.len(), 40);
-    assert_eq!(drawn.joints, ["j", "k"]);
+    assert_eq!(*drawn.joints, ["j", "k"]);
     let mut standing = 0;
     for candidate in &drawn.candidates {
-        assert_eq!(candidate.steps.len(), 11);
-        assert_eq!(candidate.steps[0].time_s, 0.0);
-        assert_eq!(candidate.steps[10].time_s, 2.0);
+        let steps = candidate.motion.steps();
+        assert_eq!(steps.len(), 11);
+        assert_eq!(steps[0].time_s, 0.0);
+        assert_eq!(steps[10].time_s, 2.0);
         assert!(
-            candidate
-                .steps
+            steps
                 .iter()
                 .all(|step| (0.2..=0.25).contains(&step.q_rad[0]))
         );
@@ -435,7 +435,7 @@ fn rates_are_those_of_the_motion_per_second_and_zero_at_a_limit() {
     let (mut moving, mut at_limit) = (0, 0);
     for candidate in sample(&config, &inputs, 7).candidates {
         assert!(candidate.limit_excess_rad > 0.01);
-        for near in candidate.steps.windows(3).step_by(50) {
+        for near in candidate.motion.steps().windows(3).step_by(50) {
             let [before, here, after] = near else {
                 unreachable!()
             };
@@ -485,8 +485,8 @@ fn any_number_of_steps_is_the_same_motion() {
     for (two, many) in drawn(2).iter().zip(drawn(101)) {
         assert_eq!(two.latent, many.latent);
         assert_eq!(
-            (&two.steps[0], &two.steps[1]),
-            (&many.steps[0], &many.steps[100])
+            (two.motion.first(), two.motion.grasp()),
+            (many.motion.first(), many.motion.grasp())
         );
     }
 }
@@ -512,7 +512,7 @@ fn a_path_goes_from_one_demonstration_to_the_other() {
         }
         // Three of four were seen standing, and both demonstrations are.
         assert!(candidate.table_from_object.direction(&Vector3::z()).z > 0.9);
-        let grasp = |candidate: &candidates::Candidate| candidate.steps[10].q_rad.clone();
+        let grasp = |candidate: &candidates::Candidate| candidate.motion.steps()[10].q_rad.clone();
         assert_eq!(candidate.latent.len(), 3);
         let other = &back[4 - k];
         for (a, b) in grasp(candidate).iter().zip(grasp(other)) {
@@ -870,7 +870,7 @@ fn a_recording_shows_motions_side_by_side() {
         sides.push(table_from_base.translation.y);
         assert_eq!(table_from_base.rotation, UnitQuaternion::identity());
         let base_from_object = pose(&fixed[0], &base, &format!("{base}/object"));
-        for (message, step) in steps.iter().zip(&drawn[candidate].steps) {
+        for (message, step) in steps.iter().zip(drawn[candidate].motion.steps()) {
             let base_from_palm = pose(message, &base, &format!("{base}/palm"));
             let object_from_palm = base_from_object.inverse() * base_from_palm;
             let off = object_from_palm.inverse() * step.frame_from_palm.isometry();
@@ -911,8 +911,10 @@ fn another_hand_and_a_damaged_field_are_errors() {
     let damaged = Inputs::new(artifacts, inputs.files().to_vec());
     let cx = Context::detached(&"can".parse().unwrap(), 7, out.path());
     let err = SamplingReport::make(&config(), &damaged, &cx).unwrap_err();
-    let is_told = matches!(err, SampleError::BadField { .. });
-    assert!(is_told, "{err}");
+    assert!(
+        matches!(err, SampleError::Lake(LakeError::BadFile { .. })),
+        "{err}"
+    );
 }
 
 #[test]

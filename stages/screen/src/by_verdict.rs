@@ -1,34 +1,31 @@
 //! Counts by verdict, as figures.
 
-use dataflow::{Figure, Figures, Gather, MissingFigure, Sum};
-use schemas::rollouts::Verdict;
+use dataflow::{Figures, Gather, MissingFigure, Sum};
+use schemas::{rollouts::Verdict, tally::Tally};
 
-/// A count for each of [`Verdict::ALL`], e.g. `held_n`.
+/// A [`Tally`] by verdict, e.g. `held_n`.
 #[derive(Debug, Clone, Copy)]
 pub enum ByVerdict {}
 
 impl Gather for ByVerdict {
-    type Value = [f64; Verdict::ALL.len()];
+    type Value = Tally<Verdict>;
 
-    fn write(_field: &str, counts: &Self::Value, figures: &mut Figures) {
-        figures.extend(Verdict::ALL.map(name).into_iter().zip(*counts));
+    fn write(_field: &str, tally: &Self::Value, figures: &mut Figures) {
+        figures.extend(tally.iter().map(|(verdict, n)| (name(verdict), n as f64)));
     }
 
     fn read(_field: &str, figures: &Figures) -> Result<Self::Value, MissingFigure> {
-        let mut counts = Self::Value::default();
-        for (count, verdict) in counts.iter_mut().zip(Verdict::ALL) {
-            *count = <Sum as Gather>::read(&name(verdict), figures)?;
-        }
-        Ok(counts)
+        let count = |verdict: Verdict| {
+            let n = <Sum as Gather>::read(&name(verdict), figures)?;
+            #[expect(clippy::cast_possible_truncation, reason = "it was a count")]
+            let n = n as i64;
+            Ok((verdict, n))
+        };
+        Verdict::ALL.into_iter().map(count).collect()
     }
 
     fn gather<'a>(partitions: impl Iterator<Item = &'a Self::Value>) -> Self::Value {
-        partitions.fold(Self::Value::default(), |mut all, counts| {
-            for (all, count) in all.iter_mut().zip(counts) {
-                *all = Sum::of([*all, *count].into_iter());
-            }
-            all
-        })
+        partitions.flat_map(Tally::iter).collect()
     }
 }
 

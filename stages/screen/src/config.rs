@@ -19,7 +19,7 @@ pub struct ScreenConfig {
     /// URDF of the robot hand; its root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// Accepted rollouts per object that are recorded for a viewer (1): a recording has about 1 MB.
+    /// Number of accepted rollouts per object recorded for a viewer: a recording has about 1 MB.
     #[serde(default = "defaults::recorded_per_object")]
     pub recorded_per_object: usize,
     /// Noise on the object's position, for a study: each motion is executed as if the object were

@@ -11,6 +11,7 @@ use schemas::{
     candidates::Candidates,
     objects::Object,
     rollouts::{Rollout, Rollouts, Verdict},
+    tally::Tally,
 };
 use simulation::{Flexion, Record, SimulationError, check_hand};
 
@@ -77,7 +78,7 @@ impl Output for Screen {
 
     const ARTIFACT: &'static str = Rollouts::NAME;
     const SCHEMA: &'static str = Rollouts::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = Rollouts::PARTITION;
 
     fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
         let candidates = scope.partitions(Candidates::NAME);
@@ -162,13 +163,12 @@ impl Output for Screen {
 
 impl ScreenMetrics {
     fn of(rollouts: &[Rollout]) -> Self {
-        let count =
-            |verdict: Verdict| rollouts.iter().filter(|r| r.verdict == verdict).count() as f64;
+        let verdicts: Tally<Verdict> = rollouts.iter().map(|r| (r.verdict, 1)).collect();
         Self {
             candidates_n: rollouts.len() as f64,
-            accepted_n: count(Verdict::Held),
+            accepted_n: verdicts.successes_n() as f64,
             control_steps_n: rollouts.iter().map(|r| f64::from(r.cost_n)).sum(),
-            verdicts_n: Verdict::ALL.map(count),
+            verdicts_n: verdicts,
         }
     }
 }

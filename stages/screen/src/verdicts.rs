@@ -102,8 +102,8 @@ impl<'a> Screening<'a> {
 
     /// Returns a candidate's motion with the joints in the hand's order.
     fn in_order(&self, candidate: &Candidate) -> Result<Motion<InObject>, SimulationError> {
-        let motion = self.candidates.motion(candidate).map_err(unfit)?;
-        motion.reordered(&self.model.joint_names()).map_err(unfit)
+        let joints = self.model.joint_names();
+        candidate.motion.reordered(&joints).map_err(unfit)
     }
 
     /// Returns the same, shifted with the object's place if that is mistaken.

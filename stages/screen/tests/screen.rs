@@ -6,7 +6,7 @@ use dataflow::{
     Advise, Artifact, Context, Inputs, Outcome, Output, Partition, Scope, SourceFile, Stage,
     Summary,
 };
-use motion::{HandRates, Step};
+use motion::{HandRates, Motion, Step};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use report_screen::SuccessReport;
 use robot::RobotModel;
@@ -153,14 +153,14 @@ fn candidate(id: &str, flexion: [f64; 3], thumb: [f64; 4]) -> Candidate {
         latent: Vec::new(),
         table_from_object: upright().table_from_object(),
         limit_excess_rad: 0.0,
-        steps: steps.collect(),
+        motion: Motion::new(&joints(), steps.collect()).unwrap(),
     }
 }
 
 fn three() -> Candidates {
     Candidates {
         object: "can".to_owned(),
-        joints: joints(),
+        joints: joints().into(),
         candidates: vec![
             candidate("can-0000", [2.5, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]),
             candidate("can-0001", [0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]),
@@ -270,14 +270,14 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
         (row.object.as_str(), row.generator.as_str()),
         ("can", "test")
     );
-    assert_eq!((row.candidates_n(), row.successes_n()), (3, 1));
-    let counted = [Verdict::Limit, Verdict::NotGrasped].map(|verdict| row.count(verdict));
+    assert_eq!((row.verdicts.total_n(), row.verdicts.successes_n()), (3, 1));
+    let counted = [Verdict::Limit, Verdict::NotGrasped].map(|verdict| row.verdicts.count(verdict));
     assert_eq!(counted, [1, 1]);
     let rollouts = rows(folder.path());
     let cost_n: i64 = rollouts.iter().map(|r| i64::from(r.cost_n)).sum();
     assert_eq!(row.control_steps_n, cost_n);
     // One grasp has no spread.
-    assert_eq!((row.spread_n, row.spread.palm_m), (0, 0.0));
+    assert_eq!((row.spread_n, row.spread_palm_m), (0, 0.0));
     let svg = fs::read_to_string(success.join("rates.svg")).unwrap();
     for text in [
         ">can</text>",
@@ -333,20 +333,22 @@ fn candidates_for_another_hand_are_an_error_with_a_hint() {
         assert!(source.contains(expected), "{error}: {source}");
         assert!(error.hint().is_some());
     };
-    check(
-        &|candidates| candidates.joints[3] = "wrist".to_owned(),
-        "`wrist`",
-    );
-    check(
-        &|candidates| {
-            candidates.joints.pop();
-            for step in &mut candidates.candidates[0].steps {
-                step.q_rad.pop();
-                step.rates = HandRates::still(step.q_rad.len());
+    let of_joints = |candidates: &mut Candidates, joints: &[String]| {
+        candidates.joints = joints.into();
+        for candidate in &mut candidates.candidates {
+            let mut steps = candidate.motion.steps().to_vec();
+            for step in &mut steps {
+                step.q_rad.truncate(joints.len());
+                step.rates = HandRates::still(joints.len());
             }
-        },
-        "`joint_0.0`",
-    );
+            candidate.motion = Motion::new(joints, steps).unwrap();
+        }
+    };
+    let mut renamed = joints();
+    renamed[3] = "wrist".to_owned();
+    check(&|candidates| of_joints(candidates, &renamed), "`wrist`");
+    let fewer = &joints()[..15];
+    check(&|candidates| of_joints(candidates, fewer), "`joint_0.0`");
 }
 
 #[test]
@@ -499,9 +501,11 @@ fn smoothness_of_a_straight_reach_is_that_of_a_line_for_the_palm() {
     let mut candidates = three();
     // One finger joint moves with the palm, evenly.
     for candidate in &mut candidates.candidates {
-        for (idx, step) in candidate.steps.iter_mut().enumerate() {
+        let mut steps = candidate.motion.steps().to_vec();
+        for (idx, step) in steps.iter_mut().enumerate() {
             step.q_rad[15] = 0.01 * idx as f64;
         }
+        candidate.motion = Motion::new(&joints(), steps).unwrap();
     }
     made(run(&config(), &can(0.35), &candidates, folder.path()).unwrap());
     for row in rows(folder.path()) {

@@ -1,36 +1,55 @@
-//! Figures of each set of motions.
+//! Values of each split of the motions, and their aggregation over partitions.
 
-use std::marker::PhantomData;
+use std::ops::Index;
 
-use cgf::Split;
 use dataflow::{Figure, Figures, Gather, MissingFigure};
+use schemas::training::Split;
 
-/// The sets of motions in the order in which figures of them stand.
-pub const SPLITS: [Split; 3] = [Split::Training, Split::HeldOut, Split::Unseen];
+/// A value of each [`Split`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BySplit<T>([T; Split::ALL.len()]);
 
-/// The end of the names of a set's figures.
-const ENDS: [&str; 3] = ["", "_held_out", "_unseen"];
+impl<T> BySplit<T> {
+    /// Returns the values that `value` returns.
+    pub fn of(value: impl FnMut(Split) -> T) -> Self {
+        Self(Split::ALL.map(value))
+    }
+}
 
-/// A figure of each of [`SPLITS`], where it is known, e.g. `loss`, `loss_held_out` and `loss_unseen`.
-pub struct BySplit<F>(PhantomData<F>);
+impl<T> Index<Split> for BySplit<T> {
+    type Output = T;
 
+    fn index(&self, split: Split) -> &T {
+        &self.0[split as usize]
+    }
+}
+
+/// A figure of each split in which it is known, e.g. `loss`, `loss_held_out` and `loss_unseen`.
 impl<F: Figure> Gather for BySplit<F> {
-    type Value = [Option<f64>; 3];
+    type Value = BySplit<Option<f64>>;
 
     fn write(field: &str, values: &Self::Value, figures: &mut Figures) {
-        for (value, end) in values.iter().zip(ENDS) {
-            figures.extend(value.map(|value| (format!("{field}{end}"), value)));
+        for split in Split::ALL {
+            figures.extend(values[split].map(|value| (name(field, split), value)));
         }
     }
 
     fn read(field: &str, figures: &Figures) -> Result<Self::Value, MissingFigure> {
-        Ok(ENDS.map(|end| figures.get(&format!("{field}{end}")).copied()))
+        let figure = |split| figures.get(&name(field, split)).copied();
+        Ok(BySplit::of(figure))
     }
 
     fn gather<'a>(partitions: impl Iterator<Item = &'a Self::Value>) -> Self::Value {
         let partitions: Vec<&Self::Value> = partitions.collect();
-        std::array::from_fn(|split| {
+        BySplit::of(|split| {
             <Option<F> as Gather>::gather(partitions.iter().map(|values| &values[split]))
         })
+    }
+}
+
+fn name(field: &str, split: Split) -> String {
+    match split {
+        Split::Training => field.to_owned(),
+        Split::HeldOut | Split::Unseen => format!("{field}_{}", split.as_str()),
     }
 }

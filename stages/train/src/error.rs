@@ -75,12 +75,6 @@ pub enum TrainError {
         /// Why it failed.
         source: io::Error,
     },
-    /// An object's distance field is damaged.
-    #[error("the distance field of object `{object}` is damaged")]
-    BadField {
-        /// The object's name.
-        object: String,
-    },
     /// An artifact cannot be read.
     #[error(transparent)]
     Lake(#[from] LakeError),
@@ -99,7 +93,7 @@ impl Advise for TrainError {
             }
             Self::Lake(err) => err.hint(),
             Self::LoadRobot(err) => err.hint(),
-            Self::BadField { .. } | Self::NoObject { .. } | Self::NoRests { .. } => {
+            Self::NoObject { .. } | Self::NoRests { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Cgf(CgfError::Diverged { .. }) => {

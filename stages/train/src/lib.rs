@@ -12,7 +12,7 @@ mod resume;
 pub mod set;
 mod stage;
 
-pub use by_split::{BySplit, SPLITS};
+pub use by_split::BySplit;
 pub use config::TrainConfig;
 pub use error::TrainError;
 pub use stage::{Train, TrainMetrics, hand};

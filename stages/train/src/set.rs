@@ -2,16 +2,17 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use cgf::{Random, Scene, Split, Track, TrainingSet};
-use dataflow::{Artifact, Inputs};
+use cgf::{Random, Scene, Track, TrainingSet};
+use dataflow::Inputs;
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, table};
-use motion::{Motion, MotionError, Step};
+use motion::MotionError;
 use nalgebra::Point3;
 use schemas::{
     Table,
     distance_fields::{self, FieldInfo},
     objects::Object,
+    training::Split,
     trajectories::Trajectory,
 };
 use spatial::Rest;
@@ -37,7 +38,7 @@ pub fn read(inputs: &Inputs, joints: &[String]) -> Result<TrainingSet, TrainErro
         distances: BTreeMap::new(),
     };
     for artifact in inputs.artifacts(FieldInfo::NAME) {
-        let field = read_field(artifact)?;
+        let field = artifact.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
         set.distances
             .insert(artifact.key.to_string(), Arc::new(field));
     }
@@ -68,13 +69,6 @@ pub(crate) fn split(set: &mut TrainingSet, config: &TrainConfig, seed: u64) {
         }
     }
     hold_out(set, config.held_out_share, seed);
-}
-
-fn read_field(artifact: &Artifact) -> Result<DistanceField, TrainError> {
-    let bytes = artifact.bytes(distance_fields::FIELD)?;
-    DistanceField::from_bytes(&bytes).ok_or_else(|| TrainError::BadField {
-        object: artifact.key.to_string(),
-    })
 }
 
 /// Keeps back a share of the motions that would be learned from, never the last one of an object.
@@ -138,15 +132,8 @@ fn track(
     joints: &[String],
 ) -> Result<Track, TrainError> {
     let table_from_object = rest.table_from_object();
-    let steps = trajectory.steps.iter().map(|step| &step.hand);
-    let steps = steps.map(|step| Step {
-        time_s: step.time_s,
-        frame_from_palm: table_from_object * step.frame_from_palm,
-        q_rad: step.q_rad.clone(),
-        rates: (),
-    });
-    let motion = Motion::new(&trajectory.joints, steps.collect());
-    let motion = motion.and_then(|motion| motion.reordered(joints));
+    let motion = trajectory.motion.with_rates(|_| ());
+    let motion = motion.and_then(|one| one.seen_from(&table_from_object).reordered(joints));
     let sequence = || trajectory.sequence.clone();
     Ok(Track {
         name: sequence(),

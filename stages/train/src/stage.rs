@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeSet, sync::Arc, time::Instant};
 
-use cgf::{GraspError, Losses, Split, Trained, Trainer, TrainingSet};
+use cgf::{GraspError, Trained, Trainer, TrainingSet};
 use dataflow::{
     Code, Context, Form, Inputs, Max, Mean, OptionFault, Outcome, Output, Outputs, Scope,
     SourceFile, Stage, Sum, Unit,
@@ -14,7 +14,7 @@ use schemas::{
 };
 
 use crate::{
-    BySplit, SPLITS, TrainConfig, TrainError,
+    BySplit, TrainConfig, TrainError,
     resume::{self, Found, Saver},
     set,
 };
@@ -79,7 +79,7 @@ impl Output for Train {
 
     const ARTIFACT: &'static str = checkpoint::NAME;
     const SCHEMA: &'static str = checkpoint::VERSION;
-    const PARTITION: &'static str = "model";
+    const PARTITION: &'static str = checkpoint::PARTITION;
 
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
         let known: Vec<String> = scope
@@ -198,33 +198,23 @@ fn train(
 impl TrainMetrics {
     fn of(trained: &Trained) -> Self {
         let description = trained.last.description();
-        let motions = |split: Split| {
-            let all = description.demonstrations.iter();
-            all.filter(move |motion| motion.split == split)
-        };
         let mean = |error: fn(&GraspError) -> f64| {
-            SPLITS.map(|split| {
-                let n = motions(split).count();
-                let errors = motions(split).map(|motion| error(&motion.grasp_error));
+            BySplit::of(|split| {
+                let n = description.of_split(split).count();
+                let errors = description
+                    .of_split(split)
+                    .map(|motion| error(&motion.grasp_error));
                 (n > 0).then(|| errors.sum::<f64>() / n as f64)
             })
         };
         let last = description.epoch.checked_sub(1);
         let last = last.map(|epoch| &description.training_curve[epoch]);
-        let loss = |losses: &Losses| f64::from(losses.total);
         Self {
             epochs: description.training.epochs as f64,
             best_epoch: trained.best.description().epoch as f64,
-            loss: last.map_or([None; 3], |last| {
-                let measured = [
-                    Some(&last.training),
-                    last.held_out.as_ref(),
-                    last.unseen.as_ref(),
-                ];
-                measured.map(|losses| losses.map(loss))
-            }),
+            loss: BySplit::of(|split| Some(last?.losses(split)?.total.into())),
             kl: last.map(|last| f64::from(last.training.kl)),
-            trajectories: SPLITS.map(|split| Some(motions(split).count() as f64)),
+            trajectories: BySplit::of(|split| Some(description.of_split(split).count() as f64)),
             position_error_m: mean(|error| error.position_m),
             rotation_error_rad: mean(|error| error.rotation_rad),
             joints_error_rad: mean(|error| error.joints_rad),

@@ -102,7 +102,20 @@ pub(crate) fn true_minimum(
         });
     }
     starts.extend(solver.starts(task).unwrap());
-    let found: Option<(Posture, Outcome)> =
-        solver.best_of(task, starts, &TIGHT, &mut NoTerms).unwrap();
-    found.map_or(f64::INFINITY, |(_, outcome)| outcome.cost)
+    best_of(solver, task, starts, &TIGHT).1.cost
+}
+
+/// Minimizes from each of at least one start and returns the best posture.
+pub(crate) fn best_of(
+    solver: &mut Solver<'_>,
+    task: &Task<'_>,
+    starts: Vec<Posture>,
+    options: &Options,
+) -> (Posture, Outcome) {
+    let found = starts.into_iter().map(|mut posture| {
+        let outcome = solver.minimize(task, &mut posture, options, &mut NoTerms);
+        (posture, outcome.unwrap())
+    });
+    let best = found.min_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost));
+    best.unwrap()
 }

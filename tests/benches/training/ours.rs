@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, fs, sync::Arc};
 use cgf::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
     JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Random, Reduction, Scene,
-    Schedule, Split, Times, Track, Trainer, TrainingConfig, TrainingDevice, TrainingSet,
+    Schedule, Times, Track, Trainer, TrainingConfig, TrainingDevice, TrainingSet,
 };
 use motion::{Motion, Step};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -80,7 +80,7 @@ fn track(number: usize, dof: usize) -> Track {
     Track {
         name: format!("motion {number}"),
         scene: number,
-        split: Split::Training,
+        split: schemas::training::Split::Training,
         motion: Motion::new(&joints, steps.collect()).unwrap(),
     }
 }

@@ -134,12 +134,13 @@ impl FileReader<'_> {
     ) -> Option<Location> {
         let mut given = self.overrides.iter().rev();
         let given = given.find(|given| {
-            let is_related = path.starts_with(&given.keys) || given.keys.starts_with(path);
-            given.stage.as_deref() == stage && is_related && !path.is_empty()
+            let is_related =
+                path.starts_with(&given.path.keys) || given.path.keys.starts_with(path);
+            given.path.stage.as_deref() == stage && is_related && !path.is_empty()
         })?;
         let (argument, value) = given.argument();
         let part = match path.split_last() {
-            Some((key, above)) if part == Part::Key && path.len() <= given.keys.len() => {
+            Some((key, above)) if part == Part::Key && path.len() <= given.path.keys.len() => {
                 let above = stage.into_iter().chain(above.iter().map(String::as_str));
                 let start: usize = above.map(|key| key.len() + 1).sum();
                 start..start + key.len()
@@ -203,9 +204,9 @@ impl FileReader<'_> {
             }
             for given in overrides
                 .iter()
-                .filter(|given| given.stage.as_deref() == Some(name))
+                .filter(|given| given.path.stage.as_deref() == Some(name))
             {
-                set_value(&mut table, &given.keys, &given.value);
+                set_value(&mut table, &given.path.keys, &given.value);
             }
             stages.extend(self.stage(name, span, table, &shared));
         }
@@ -240,7 +241,7 @@ impl FileReader<'_> {
     fn check_overrides(&mut self, tables: &InlineTable) {
         let names: Vec<&str> = tables.iter().map(|(name, _)| name).collect();
         for given in self.overrides {
-            let stage = given.stage.as_deref();
+            let stage = given.path.stage.as_deref();
             let Some(stage) = stage.filter(|stage| *stage != SHARED && !names.contains(stage))
             else {
                 continue;
@@ -259,11 +260,19 @@ impl FileReader<'_> {
 
     fn seed(&mut self, root: &InlineTable, profile: Option<&InlineTable>) -> Option<u64> {
         let overrides = self.overrides;
-        let at_top = || overrides.iter().rev().filter(|given| given.stage.is_none());
-        if let Some(given) = at_top().find(|given| given.keys != ["seed"]) {
+        let at_top = || {
+            overrides
+                .iter()
+                .rev()
+                .filter(|given| given.path.stage.is_none())
+        };
+        if let Some(given) = at_top().find(|given| given.path.keys != ["seed"]) {
             self.problem_at(
-                format!("`--set` names an unknown key `{}`", given.keys.join(".")),
-                self.in_set(None, &given.keys, Part::Key),
+                format!(
+                    "`--set` names an unknown key `{}`",
+                    given.path.keys.join(".")
+                ),
+                self.in_set(None, &given.path.keys, Part::Key),
                 Some("write `stage.key=value`, or `seed=NUMBER`".to_owned()),
             );
             return None;

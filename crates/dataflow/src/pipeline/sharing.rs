@@ -30,8 +30,8 @@ impl FileReader<'_> {
             }
         }
         for given in self.overrides {
-            if given.stage.as_deref() == Some(SHARED) {
-                set_value(&mut shared, &given.keys, &given.value);
+            if given.path.stage.as_deref() == Some(SHARED) {
+                set_value(&mut shared, &given.path.keys, &given.value);
             }
         }
         shared

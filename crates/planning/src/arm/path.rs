@@ -8,7 +8,7 @@ use super::{
     trace::{Knot, Tracer},
     way::Way,
 };
-use crate::infeasible::Place;
+use crate::infeasible::{ArmFault, Infeasible, Place};
 
 /// The arm's joints over a course and the lift from its end.
 #[derive(Debug, Clone)]
@@ -51,37 +51,37 @@ impl<'a> ArmPath<'a> {
     /// Returns the joints at a time of the course, in seconds after its first step; before that and after
     /// its last they are as there.
     ///
-    /// They are those of inverse kinematics at that very time, within 10⁻¹⁰ m and rad. `None` only
-    /// where the time is no number.
-    pub(crate) fn at(&self, course_s: f64) -> Option<ArmMoving> {
-        let time_s = course_s.clamp(0.0, self.to_grasp.last()?.at.number());
+    /// They are those of inverse kinematics at that very time, within 10⁻¹⁰ m and rad.
+    pub(crate) fn at(&self, course_s: f64) -> Result<ArmMoving, Infeasible> {
+        let time_s = course_s.clamp(0.0, end(&self.to_grasp));
         self.moving(&self.to_grasp, Place::Way { time_s })
     }
 
     /// Returns the joints with the palm this high above the grasp, in meters; below and beyond the lift
     /// they are as at its ends.
-    pub(crate) fn lifted(&self, height_m: f64) -> Option<ArmMoving> {
-        let height_m = height_m.clamp(0.0, self.lift.last()?.at.number());
+    pub(crate) fn lifted(&self, height_m: f64) -> Result<ArmMoving, Infeasible> {
+        let height_m = height_m.clamp(0.0, end(&self.lift));
         self.moving(&self.lift, Place::Lift { height_m })
     }
 
     /// Seeks the joints from the nearest knot.
-    fn moving(&self, knots: &[Knot], at: Place) -> Option<ArmMoving> {
+    fn moving(&self, knots: &[Knot], at: Place) -> Result<ArmMoving, Infeasible> {
         let number = at.number();
         let after = knots.partition_point(|knot| knot.at.number() < number);
         let near = [after.checked_sub(1), Some(after)].into_iter().flatten();
         let nearest = near.filter_map(|idx| knots.get(idx)).min_by(|a, b| {
             let far = |knot: &Knot| (knot.at.number() - number).abs();
             far(a).total_cmp(&far(b))
-        })?;
+        });
+        let nearest = nearest.ok_or(ArmFault::Jump { at })?;
         let tracer = Tracer {
             arm: self.arm,
             way: &self.way,
             // It has been followed: between two knots it is what it is.
             least: 0.0,
         };
-        let knot = tracer.next(nearest, &self.way.at(at)).ok()?;
-        Some(ArmMoving {
+        let knot = tracer.next(nearest, &self.way.at(at))?;
+        Ok(ArmMoving {
             q: knot.q,
             rates: JointRates {
                 velocity: knot.rates.velocity,
@@ -89,4 +89,9 @@ impl<'a> ArmPath<'a> {
             },
         })
     }
+}
+
+/// Returns the time or the height of the last knot.
+fn end(knots: &[Knot]) -> f64 {
+    knots.last().map_or(0.0, |knot| knot.at.number())
 }

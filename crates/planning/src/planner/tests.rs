@@ -492,8 +492,8 @@ fn candidates_of_a_lake_stay_where_they_were_screened() {
         let planner = Planner::new(&config.setup(&hand)).unwrap();
         let (mut made_n, mut farthest, mut slowest) = (0, [0.0_f64; 3], 0.0_f64);
         for candidate in &given.candidates {
-            let screened = given.motion(candidate).unwrap();
-            let sent = match planner.plan(&screened, &candidate.table_from_object) {
+            let screened = &candidate.motion;
+            let sent = match planner.plan(screened, &candidate.table_from_object) {
                 Ok(sent) => sent,
                 Err(reason) => {
                     eprintln!("{}: {reason}", candidate.candidate_id);

@@ -7,7 +7,7 @@ use lake::WriteArtifact;
 use schemas::{
     Table,
     executions::{self, Execution, Executions},
-    success::wilson,
+    tally::wilson,
     trials::{AllTrials, Trials},
 };
 use stage_dispatch::{Dispatch, DispatchConfig, DispatchError};
@@ -48,7 +48,7 @@ impl Output for TrialsReport {
 
     const ARTIFACT: &'static str = AllTrials::NAME;
     const SCHEMA: &'static str = AllTrials::VERSION;
-    const PARTITION: &'static str = "dispatching";
+    const PARTITION: &'static str = AllTrials::PARTITION;
     const OPTIONS: Options = Options::NONE;
     const LINE: Option<Line<TrialsMetrics>> = Some(line);
 
@@ -119,24 +119,24 @@ fn line(summary: &Summary<TrialsMetrics>) -> String {
 
 /// Returns one row for each cell that was to move for an object, in the order of their names.
 fn of_object(object: &str, executions: &[Execution]) -> Vec<Trials> {
-    let mut by_cell: BTreeMap<(&str, bool), Trials> = BTreeMap::new();
+    let mut by_cell: BTreeMap<(&str, bool), Vec<&Execution>> = BTreeMap::new();
     for execution in executions {
         let key = (execution.cell.as_str(), execution.simulated);
-        let row = by_cell.entry(key).or_insert_with(|| Trials {
-            object: object.to_owned(),
-            cell: execution.cell.clone(),
-            simulated: execution.simulated,
-            gap: String::new(),
-            outcomes_n: [0; executions::Outcome::ALL.len()],
-        });
-        if row.gap.is_empty() {
-            row.gap.clone_from(&execution.gap);
-        }
-        for (n, outcome) in row.outcomes_n.iter_mut().zip(executions::Outcome::ALL) {
-            *n += i64::from(outcome == execution.outcome);
-        }
+        by_cell.entry(key).or_default().push(execution);
     }
-    by_cell.into_values().collect()
+    let row = |((cell, simulated), executions): ((&str, bool), Vec<&Execution>)| {
+        let gap = executions
+            .iter()
+            .find(|execution| !execution.gap.is_empty());
+        Trials {
+            object: object.to_owned(),
+            cell: cell.to_owned(),
+            simulated,
+            gap: gap.map_or(String::new(), |execution| execution.gap.clone()),
+            outcomes: executions.iter().map(|e| (e.outcome, 1)).collect(),
+        }
+    };
+    by_cell.into_iter().map(row).collect()
 }
 
 impl TrialsMetrics {
@@ -146,11 +146,17 @@ impl TrialsMetrics {
         objects.dedup();
         Self {
             objects_n: objects.len() as f64,
-            trials_n: sum(&Trials::trials_n),
-            successes_n: sum(&Trials::successes_n),
-            simulated_n: sum(&|row| if row.simulated { row.trials_n() } else { 0 }),
-            unknown_n: sum(&|row| row.count(executions::Outcome::Unknown)),
-            stopped_n: sum(&|row| row.count(executions::Outcome::Stopped)),
+            trials_n: sum(&|row| row.outcomes.total_n()),
+            successes_n: sum(&|row| row.outcomes.successes_n()),
+            simulated_n: sum(&|row| {
+                if row.simulated {
+                    row.outcomes.total_n()
+                } else {
+                    0
+                }
+            }),
+            unknown_n: sum(&|row| row.outcomes.count(executions::Outcome::Unknown)),
+            stopped_n: sum(&|row| row.outcomes.count(executions::Outcome::Stopped)),
         }
     }
 
@@ -199,8 +205,17 @@ mod tests {
         };
         assert!(!real.simulated && simulated.simulated);
         assert_eq!(real.gap, "mass");
-        assert_eq!((real.trials_n(), real.successes_n()), (3, 2));
-        assert_eq!((simulated.trials_n(), simulated.successes_n()), (1, 0));
+        assert_eq!(
+            (real.outcomes.total_n(), real.outcomes.successes_n()),
+            (3, 2)
+        );
+        assert_eq!(
+            (
+                simulated.outcomes.total_n(),
+                simulated.outcomes.successes_n()
+            ),
+            (1, 0)
+        );
         let summary = Summary::made(&[TrialsMetrics::of(&rows)]);
         assert_eq!(
             line(&summary),

@@ -32,7 +32,7 @@ impl Output for Tracking {
 
     const ARTIFACT: &'static str = TrackingReport::NAME;
     const SCHEMA: &'static str = TrackingReport::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = TrackingReport::PARTITION;
     const OPTIONS: Options = Options::NONE;
     /// Says how far finger tips are from their landmarks, of whichever object.
     const LINE: Option<Line<TrackingMetrics>> = Some(|summary| {
@@ -78,8 +78,8 @@ impl Output for Tracking {
         cx.write(&report)?;
         let tips_n = trajectories
             .iter()
-            .flat_map(|trajectory| &trajectory.steps)
-            .map(|step| step.tracking.tip_errors_m.len())
+            .flat_map(|trajectory| &trajectory.tracking)
+            .map(|tracking| tracking.tip_errors_m.len())
             .sum::<usize>() as f64;
         let metrics = TrackingMetrics {
             trajectories_n: trajectories.len() as f64,
@@ -92,19 +92,18 @@ impl Output for Tracking {
 
 /// Sums up the trajectories of one object.
 fn report(trajectories: &[Trajectory]) -> TrackingReport {
-    let steps = || trajectories.iter().flat_map(|trajectory| &trajectory.steps);
-    let grasps = || {
-        trajectories
-            .iter()
-            .filter_map(|trajectory| Some(&trajectory.steps.last()?.tracking))
+    let rates = || {
+        let steps = trajectories.iter().flat_map(|one| one.motion.steps());
+        steps.map(|step| &step.rates.joints)
     };
-    let tips = Spread::of(steps().flat_map(|step| step.tracking.tip_errors_m.iter().copied()));
+    let tracking = || trajectories.iter().flat_map(|one| &one.tracking);
+    let grasps = || trajectories.iter().filter_map(|one| one.tracking.last());
+    let tips = Spread::of(tracking().flat_map(|step| step.tip_errors_m.iter().copied()));
     let gaps = Spread::of(grasps().flat_map(|grasp| grasp.contact_gaps_m.iter().map(|g| g.abs())));
     let depths = Spread::of(grasps().map(|grasp| grasp.penetration_m));
-    let speeds =
-        Spread::of(steps().flat_map(|s| s.hand.rates.joints.velocity.iter().map(|v| v.abs())));
+    let speeds = Spread::of(rates().flat_map(|joints| joints.velocity.iter().map(|v| v.abs())));
     let accelerations =
-        Spread::of(steps().flat_map(|s| s.hand.rates.joints.acceleration.iter().map(|a| a.abs())));
+        Spread::of(rates().flat_map(|joints| joints.acceleration.iter().map(|a| a.abs())));
     let below = Spread::of(grasps().map(|grasp| {
         if grasp.table_penetration_m > BELOW_TABLE_M {
             1.0
@@ -112,10 +111,10 @@ fn report(trajectories: &[Trajectory]) -> TrackingReport {
             0.0
         }
     }));
-    let margins = Spread::of(steps().map(|step| step.tracking.limit_margin_rad));
+    let margins = Spread::of(tracking().map(|step| step.limit_margin_rad));
     TrackingReport {
         trajectories_n: count(trajectories.len()),
-        steps_n: count(steps().count()),
+        steps_n: count(tracking().count()),
         tip_error_mean_m: tips.mean(),
         tip_error_median_m: tips.quantile(0.5),
         tip_error_p95_m: tips.quantile(0.95),
@@ -169,49 +168,47 @@ impl Spread {
 
 #[cfg(test)]
 mod tests {
-    use motion::JointRates;
+    use motion::{JointRates, Motion, Step};
     use nalgebra::{Isometry3, Vector3};
-    use schemas::trajectories::{Rates, Step, Tracking};
+    use schemas::trajectories::{Rates, Tracking};
     use spatial::{Pose, Rest};
 
     use super::*;
 
     #[test]
     fn a_report_sums_up_steps_and_grasps() {
-        let step = |tip: f64, depth: f64| Step {
-            hand: motion::Step {
-                time_s: 0.0,
-                frame_from_palm: Pose::new(Isometry3::identity()),
-                q_rad: vec![0.0],
-                rates: Rates {
-                    joints: JointRates {
-                        velocity: vec![-tip],
-                        acceleration: vec![0.0],
-                    },
-                    ..Rates::still(1)
+        let step = |time_s: f64, speed: f64| Step {
+            time_s,
+            frame_from_palm: Pose::new(Isometry3::identity()),
+            q_rad: vec![0.0],
+            rates: Rates {
+                joints: JointRates {
+                    velocity: vec![-speed],
+                    acceleration: vec![0.0],
                 },
+                ..Rates::still(1)
             },
-            tracking: Tracking {
-                tip_errors_m: vec![tip, 2.0 * tip],
-                contact_gaps_m: vec![-depth],
-                limit_margin_rad: tip,
-                penetration_m: depth,
-                table_penetration_m: depth,
-                ..Tracking::default()
-            },
+        };
+        let tracking = |tip: f64, depth: f64| Tracking {
+            tip_errors_m: vec![tip, 2.0 * tip],
+            contact_gaps_m: vec![-depth],
+            limit_margin_rad: tip,
+            penetration_m: depth,
+            table_penetration_m: depth,
+            ..Tracking::default()
         };
         let trajectory = |depth: f64| Trajectory {
             sequence: "s".to_owned(),
             object: "box".to_owned(),
-            joints: vec!["j".to_owned()],
             keypoints: Vec::new(),
             tips: Vec::new(),
             rest: Rest {
                 up_in_object: Vector3::z_axis(),
                 height_m: 0.0,
             },
+            motion: Motion::new(&["j"], vec![step(0.0, 0.01), step(1.0, 0.03)]).unwrap(),
             // What is deep before the grasp does not count.
-            steps: vec![step(0.01, 1.0), step(0.03, depth)],
+            tracking: vec![tracking(0.01, 1.0), tracking(0.03, depth)],
         };
         let report = report(&[trajectory(0.002), trajectory(0.004)]);
         assert_eq!(

@@ -122,31 +122,6 @@ impl Solver<'_> {
         }
         Ok(best)
     }
-
-    /// Minimizes from each start and returns the best posture found; `None` without starts.
-    ///
-    /// # Errors
-    ///
-    /// Fails if the task or a start does not fit the hand.
-    pub fn best_of<T: Terms>(
-        &mut self,
-        task: &Task<'_>,
-        starts: impl IntoIterator<Item = Posture>,
-        options: &Options,
-        terms: &mut T,
-    ) -> Result<Option<(Posture, Outcome)>, SolverError> {
-        let mut best: Option<(Posture, Outcome)> = None;
-        for mut posture in starts {
-            let outcome = self.minimize(task, &mut posture, options, terms)?;
-            if best
-                .as_ref()
-                .is_none_or(|(_, best)| outcome.cost < best.cost)
-            {
-                best = Some((posture, outcome));
-            }
-        }
-        Ok(best)
-    }
 }
 
 /// Returns the range of a joint's positions in the starts tried.

@@ -13,9 +13,7 @@ use schemas::{
 
 use super::{LoadedHand, fields::read_mesh, load_hand};
 use crate::{
-    RetargetConfig, RetargetError,
-    rates::fill_rates,
-    recording,
+    RetargetConfig, RetargetError, recording,
     scene::Scene,
     track::{TrajectoryMetrics, track},
 };
@@ -50,8 +48,11 @@ pub(super) fn make(
         Err(reason) => return Ok(Outcome::skipped(reason)),
     };
     let scene = read_scene(field, &demonstration)?;
-    let Some(mut tracked) = track(&hand, &scene, config, &demonstration)? else {
-        return Ok(Outcome::skipped("it has no step"));
+    let tracked = match track(&hand, &scene, config, &demonstration) {
+        Ok(Some(tracked)) => tracked,
+        Ok(None) => return Ok(Outcome::skipped("it has no step")),
+        Err(RetargetError::Motion(err)) => return Ok(Outcome::skipped(err.to_string())),
+        Err(err) => return Err(err),
     };
     if tracked.grasp_keypoint_error_m > config.max_keypoint_error_m {
         return Ok(Outcome::filtered(format!(
@@ -60,7 +61,6 @@ pub(super) fn make(
             1000.0 * tracked.grasp_keypoint_error_m
         )));
     }
-    fill_rates(&mut tracked.steps);
     let metrics = tracked.metrics();
     let of_tips = |is_tip: bool| {
         let points = table.points.iter();
@@ -73,11 +73,11 @@ pub(super) fn make(
     let trajectory = trajectories::Trajectory {
         sequence: demonstration.sequence,
         object: demonstration.object,
-        joints: hand.model.joint_names(),
         keypoints: of_tips(false),
         tips: of_tips(true),
         rest: scene.rest(),
-        steps: tracked.steps,
+        motion: tracked.motion,
+        tracking: tracked.tracking,
     };
     cx.write(&trajectory)?;
     recording::record(&urdf, &hand.model, &mesh, &trajectory, cx.folder())?;
@@ -109,9 +109,6 @@ pub(super) fn unusable(demonstration: &Demonstration, table: &crate::HandTable) 
 
 fn read_scene(field: &Artifact, demonstration: &Demonstration) -> Result<Scene, RetargetError> {
     let info = lake::table::read(field)?;
-    let bytes = field.bytes(distance_fields::FIELD)?;
-    let grid = DistanceField::from_bytes(&bytes).ok_or_else(|| RetargetError::BadField {
-        object: field.key.to_string(),
-    })?;
+    let grid = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
     Ok(Scene::new(grid, &info, &demonstration.rest))
 }

@@ -60,12 +60,22 @@ fn demonstration() -> Demonstration {
     fixture::demonstration(vec![keypoints_m; 3])
 }
 
-/// Retargets one demonstration, after its object's field was made.
+/// Retargets the demonstration, after its object's field was made.
 fn run(config: &RetargetConfig, unit: &Unit, folder: &Path) -> Outcome<TrajectoryMetrics> {
+    run_on(&demonstration(), config, unit, folder)
+}
+
+/// Retargets a demonstration, after its object's field was made.
+fn run_on(
+    shown: &Demonstration,
+    config: &RetargetConfig,
+    unit: &Unit,
+    folder: &Path,
+) -> Outcome<TrajectoryMetrics> {
     let (out, _) = place(folder, "out");
-    let (path, shown) = place(folder, "s");
-    lake::table::write(&path, &demonstration()).unwrap();
-    let mut artifacts = BTreeMap::from([("demonstrations".to_owned(), vec![shown])]);
+    let (path, artifact) = place(folder, "s");
+    lake::table::write(&path, shown).unwrap();
+    let mut artifacts = BTreeMap::from([("demonstrations".to_owned(), vec![artifact])]);
     if unit
         .reads
         .get("objects")
@@ -112,16 +122,14 @@ fn a_demonstration_becomes_a_trajectory() {
     assert_eq!(made.steps_n, 3.0);
     let (_, artifact) = place(folder.path(), "out");
     let trajectory: Trajectory = lake::table::read(&artifact).unwrap();
-    assert_eq!((trajectory.steps.len(), trajectory.joints.len()), (3, 16));
+    let motion = &trajectory.motion;
+    assert_eq!((motion.steps().len(), motion.joints().len()), (3, 16));
     assert_eq!(trajectory.object, "box");
     assert_eq!((trajectory.keypoints.len(), trajectory.tips.len()), (9, 4));
-    let grasp = &trajectory.steps[2];
-    assert_eq!(grasp.tracking.keypoint_errors_m.len(), 9);
-    assert_eq!(
-        grasp.tracking.tip_errors_m,
-        grasp.tracking.keypoint_errors_m[..4]
-    );
-    assert!(grasp.tracking.limit_margin_rad >= 0.0);
+    let grasp = &trajectory.tracking[2];
+    assert_eq!(grasp.keypoint_errors_m.len(), 9);
+    assert_eq!(grasp.tip_errors_m, grasp.keypoint_errors_m[..4]);
+    assert!(grasp.limit_margin_rad >= 0.0);
     let recording = folder.path().join("out").join(recording::FILE);
     let contents = lake::recording::read(&recording).unwrap();
     assert_eq!(contents.topic("/joint_states").count(), 3);
@@ -146,6 +154,17 @@ fn the_reach_of_the_other_hand_is_skipped() {
     let expected =
         "a right hand's reach, but the hand's table says that the robot's is a left hand";
     assert!(matches!(outcome, Outcome::Skipped { reason } if reason == expected));
+}
+
+#[test]
+fn a_demonstration_whose_times_do_not_increase_is_skipped() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = fixture::config();
+    let units = Trajectories::units(&config, &scope("box")).unwrap();
+    let mut shown = demonstration();
+    shown.steps[2].time_s = shown.steps[1].time_s;
+    let outcome = run_on(&shown, &config, &units[0], folder.path());
+    assert!(matches!(outcome, Outcome::Skipped { reason } if reason.contains("step 2 is at")));
 }
 
 #[test]

@@ -3,13 +3,13 @@
 use charts::{Bars, Captions, Sample, Scale, Series, bars, histogram, lines, scatter};
 use dataflow::Context;
 use diversity::{Diversity, Motion};
-use lake::WriteArtifact;
+use lake::{LakeError, WriteArtifact};
 use motion::Step;
-use schemas::sampling::Sampled;
+use schemas::{
+    sampling::Sampled,
+    trajectories::{Rates, Trajectory},
+};
 use spatial::{Object, Pose, Rest, Table};
-use stage_sample::SampleError;
-
-use crate::measure::Shown;
 
 /// Motions of which each is a dot of its own; more would make pictures of megabytes.
 const DOTS: usize = 1000;
@@ -33,12 +33,12 @@ pub(crate) struct Charts<'a> {
 
 /// Measures how different an object's demonstrations are, of those in which it lies as in one of the
 /// motions that were drawn.
-pub(crate) fn of_shown(shown: &[Shown], drawn: &[Motion]) -> Diversity {
+pub(crate) fn of_shown(shown: &[Trajectory], drawn: &[Motion]) -> Diversity {
     let n_steps = drawn.iter().map(|motion| motion.steps.len()).min();
     let motions = shown.iter().filter_map(|shown| {
         Some(Motion {
             table_from_object: alike(drawn, &shown.rest)?,
-            steps: at_equal_times(shown, n_steps?),
+            steps: at_equal_times(&shown.motion, n_steps?),
         })
     });
     Diversity::of(&motions.collect::<Vec<_>>())
@@ -53,22 +53,23 @@ fn alike(drawn: &[Motion], rest: &Rest) -> Option<Pose<Table, Object>> {
 }
 
 /// The recorded steps nearest to `n` equal times from the first to the grasp.
-fn at_equal_times(shown: &Shown, n: usize) -> Vec<&Step<Object>> {
-    let all = || shown.approach.iter().chain([&shown.grasp]);
-    let first_s = all().next().map_or(0.0, |step| step.time_s);
-    let duration_s = shown.grasp.time_s - first_s;
+fn at_equal_times(shown: &::motion::Motion<Object, Rates>, n: usize) -> Vec<&Step<Object, Rates>> {
+    let (first_s, duration_s) = (shown.first().time_s, shown.duration_s());
     let last = n.saturating_sub(1).max(1) as f64;
     let nearest = |number: usize| {
         let time_s = first_s + duration_s * number as f64 / last;
-        let off = |step: &&Step<Object>| (step.time_s - time_s).abs();
-        all().min_by(|a, b| off(a).total_cmp(&off(b)))
+        let off = |step: &&Step<Object, Rates>| (step.time_s - time_s).abs();
+        shown
+            .steps()
+            .iter()
+            .min_by(|a, b| off(a).total_cmp(&off(b)))
     };
     (0..n).filter_map(nearest).collect()
 }
 
 impl Charts<'_> {
     /// Writes all charts; those in which there is nothing to draw are left out.
-    pub(crate) fn put(&self, cx: &Context) -> Result<(), SampleError> {
+    pub(crate) fn put(&self, cx: &Context) -> Result<(), LakeError> {
         for (name, chart) in [
             ("grasps", self.grasps()),
             ("palm", self.palm()),
@@ -130,10 +131,16 @@ impl Charts<'_> {
     fn joints(&self) -> Option<String> {
         let series = self.both().map(|(name, diversity)| Bars {
             name: name.to_owned(),
-            values: diversity
-                .joints_rad
+            values: self
+                .joints
                 .iter()
-                .map(|spread| spread.to_degrees())
+                .cloned()
+                .zip(
+                    diversity
+                        .joints_rad
+                        .iter()
+                        .map(|spread| spread.to_degrees()),
+                )
                 .collect(),
         });
         let captions = Captions {
@@ -180,15 +187,16 @@ impl Charts<'_> {
 mod tests {
     use motion::HandRates;
     use nalgebra::{Isometry3, Unit, Vector3};
+    use schemas::trajectories::Tracking;
 
     use super::*;
 
-    fn step(time_s: f64, x: f64) -> Step<Object> {
+    fn step<R>(time_s: f64, x: f64, rates: R) -> Step<Object, R> {
         Step {
             time_s,
             frame_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.2)),
             q_rad: vec![10.0 * x],
-            rates: HandRates::still(1),
+            rates,
         }
     }
 
@@ -200,18 +208,23 @@ mod tests {
     }
 
     /// Comes from `x` in three steps, the second of them late.
-    fn shown(tilt_rad: f64, x: f64) -> Shown {
-        Shown {
+    fn shown(tilt_rad: f64, x: f64) -> Trajectory {
+        let steps = [(0.5, x), (2.0, 0.5 * x), (2.5, 0.1 * x)];
+        let steps = steps.map(|(time_s, x)| step(time_s, x, Rates::still(1)));
+        Trajectory {
             sequence: String::new(),
+            object: "can".to_owned(),
+            keypoints: Vec::new(),
+            tips: Vec::new(),
             rest: rest(tilt_rad),
-            approach: vec![step(0.5, x), step(2.0, 0.5 * x)],
-            grasp: step(2.5, 0.1 * x),
+            motion: ::motion::Motion::new(&["j"], steps.into()).unwrap(),
+            tracking: vec![Tracking::default(); 3],
         }
     }
 
     #[test]
     fn demonstrations_are_compared_in_the_orientation_of_the_draw() {
-        let grasp = step(1.0, 0.0);
+        let grasp = step(1.0, 0.0, HandRates::still(1));
         let drawn = [0.0, 1.5].map(|tilt_rad| Motion {
             table_from_object: rest(tilt_rad).table_from_object(),
             steps: vec![&grasp; 5],

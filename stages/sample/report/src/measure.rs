@@ -7,30 +7,19 @@ use robot::WrongDof;
 use schemas::{
     candidates::Candidate,
     sampling::{GraspDistance, Sampled},
+    trajectories::{Rates, Trajectory},
 };
-use spatial::{Object, Rest};
+use spatial::Object;
 use stage_sample::room::Gauge;
 
 /// Meters that count as much as a radian where grasps are compared: about a hand's length.
 const ARM_M: f64 = 0.1;
 
-/// A demonstration, its joints in the candidates' order.
-pub(crate) struct Shown {
-    /// Name of its sequence.
-    pub(crate) sequence: String,
-    /// How the object lay.
-    pub(crate) rest: Rest,
-    /// The steps before the grasp.
-    pub(crate) approach: Vec<Step<Object>>,
-    /// The hand at the grasp.
-    pub(crate) grasp: Step<Object>,
-}
-
 /// What motions of an object are measured against.
 pub(crate) struct Measure<'a> {
     pub(crate) gauge: Gauge<'a>,
-    /// The object's demonstrations.
-    pub(crate) shown: &'a [Shown],
+    /// The object's demonstrations, their joints in the candidates' order.
+    pub(crate) shown: &'a [Trajectory],
 }
 
 impl Measure<'_> {
@@ -44,10 +33,9 @@ impl Measure<'_> {
             .par_iter()
             .enumerate()
             .map(|(idx, candidate)| {
-                let grasp = candidate.steps.last();
                 let from_mean = diversity.from_mean.get(idx).copied().flatten();
                 Ok(Sampled {
-                    demonstration: grasp.and_then(|grasp| self.nearest(grasp)),
+                    demonstration: self.nearest(candidate.motion.grasp()),
                     from_mean: from_mean.unwrap_or_default(),
                     ..self.depths(candidate)?
                 })
@@ -67,10 +55,8 @@ impl Measure<'_> {
             demonstration: None,
             from_mean: GraspDistance::default(),
         };
-        let Some((grasp, approach)) = candidate.steps.split_last() else {
-            return Ok(sampled);
-        };
-        for step in approach {
+        let motion = &candidate.motion;
+        for step in &motion.steps()[..motion.steps().len() - 1] {
             let depth = self.gauge.depth(candidate, step)?;
             if depth.object_m > sampled.approach_depth_m {
                 sampled.approach_depth_m = depth.object_m;
@@ -78,7 +64,7 @@ impl Measure<'_> {
             }
             sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
         }
-        let depth = self.gauge.depth(candidate, grasp)?;
+        let depth = self.gauge.depth(candidate, motion.grasp())?;
         sampled.grasp_depth_m = depth.object_m;
         sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
         Ok(sampled)
@@ -91,13 +77,13 @@ impl Measure<'_> {
         let all = self
             .shown
             .iter()
-            .map(|shown| (shown, between(grasp, &shown.grasp)));
+            .map(|shown| (shown, between(grasp, shown.motion.grasp())));
         let (shown, distance) = all.min_by(|(_, a), (_, b)| far(a).total_cmp(&far(b)))?;
         Some((shown.sequence.clone(), distance))
     }
 }
 
-fn between(a: &Step<Object>, b: &Step<Object>) -> GraspDistance {
+fn between(a: &Step<Object>, b: &Step<Object, Rates>) -> GraspDistance {
     let (pose_a, pose_b) = (a.frame_from_palm.isometry(), b.frame_from_palm.isometry());
     GraspDistance {
         palm_m: (pose_a.translation.vector - pose_b.translation.vector).norm(),

@@ -4,27 +4,23 @@ use dataflow::{
     Artifact, Context, Inputs, Line, Mean, Options, Outcome, Output, Scope, Sum, Summary, Unit,
 };
 use diversity::{Diversity, Motion};
-use lake::{ReadInputs, WriteArtifact};
-use motion::{HandRates, Step};
-use robot::{JointOrder, WrongDof};
+use geometry::DistanceField;
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use motion::MotionError;
 use schemas::{
     Table,
     candidates::Candidates,
-    distance_fields::FieldInfo,
+    distance_fields::{self, FieldInfo},
     sampling::{Sampled, Sampling},
     trajectories::Trajectory,
 };
-use spatial::Object;
 use stage_sample::{
     Sample, SampleConfig, SampleError,
-    inputs::{ROBOT, hand_file, hand_meshes, order, read_field},
+    inputs::{ROBOT, hand_file, hand_meshes, order},
     room::{Gauge, Room},
 };
 
-use crate::{
-    charts,
-    measure::{Measure, Shown},
-};
+use crate::{charts, measure::Measure};
 
 /// Depth in the object, in meters, up to which a motion counts as clear of it before the grasp.
 const CLEAR_M: f64 = 0.005;
@@ -65,7 +61,7 @@ impl Output for SamplingReport {
 
     const ARTIFACT: &'static str = Sampling::NAME;
     const SCHEMA: &'static str = Sampling::VERSION;
-    const PARTITION: &'static str = "object";
+    const PARTITION: &'static str = Sampling::PARTITION;
     const OPTIONS: Options = Options::NONE;
     const LINE: Option<Line<SamplingMetrics>> = Some(line);
 
@@ -109,14 +105,13 @@ impl Output for SamplingReport {
                 "it is not among the objects with a surface",
             ));
         };
-        let field = read_field(field)?;
+        let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
         let hand = robot_meshes::load(&inputs.source("hand")?.path)?.model;
         let shown = inputs
             .artifacts(Trajectory::NAME)
             .iter()
             .map(|artifact| read_shown(artifact, &drawn.joints))
             .collect::<Result<Vec<_>, _>>()?;
-        let shown: Vec<Shown> = shown.into_iter().flatten().collect();
         let measure = Measure {
             gauge: Gauge {
                 room: &Room::new(&hand)?,
@@ -177,27 +172,15 @@ fn line(summary: &Summary<SamplingMetrics>) -> String {
     }
 }
 
-/// Reads a demonstration with its joints in this order; `None` if it has no step.
-fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Option<Shown>, SampleError> {
+/// Reads a demonstration with its joints in this order.
+fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Trajectory, SampleError> {
     let shown: Trajectory = lake::table::read(artifact)?;
-    let order =
-        JointOrder::new(&shown.joints, joints).map_err(|source| SampleError::AnotherHand {
+    let motion = shown.motion.reordered(joints).map_err(|err| match err {
+        MotionError::Joints(source) => SampleError::AnotherHand {
             what: format!("trajectory `{}`", artifact.key),
             source,
-        })?;
-    let steps = shown.steps.iter().map(|step| &step.hand).map(|step| {
-        Ok(Step {
-            time_s: step.time_s,
-            frame_from_palm: step.frame_from_palm,
-            q_rad: order.apply(&step.q_rad)?,
-            rates: HandRates::still(joints.len()),
-        })
-    });
-    let mut approach: Vec<Step<Object>> = steps.collect::<Result<_, WrongDof>>()?;
-    Ok(approach.pop().map(|grasp| Shown {
-        sequence: shown.sequence.clone(),
-        rest: shown.rest,
-        approach,
-        grasp,
-    }))
+        },
+        other => SampleError::Motion(other),
+    })?;
+    Ok(Trajectory { motion, ..shown })
 }

@@ -2,19 +2,20 @@
 
 use cgf::Cgf;
 use dataflow::{Artifact, Context, Inputs, Outcome, Scope, Unit};
+use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
     checkpoint,
-    distance_fields::FieldInfo,
+    distance_fields::{self, FieldInfo},
     objects::Object,
 };
 
 use super::{SHOWN_ROBOT, SampleMetrics};
 use crate::{
     Epoch, SampleConfig, SampleError,
-    inputs::{ROBOT, hand_file, hand_meshes, order, read_field},
+    inputs::{ROBOT, hand_file, hand_meshes, order},
     motions::sample,
     recording,
     room::{Gauge, Room},
@@ -91,7 +92,8 @@ pub(super) fn make(
     });
     let order = order.transpose()?;
     let field = inputs.artifacts(FieldInfo::NAME).first();
-    let field = field.map(read_field).transpose()?;
+    let field = field.map(|field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes));
+    let field = field.transpose()?;
     let room = hand
         .as_ref()
         .map(|hand| Room::new(&hand.model))
@@ -102,7 +104,7 @@ pub(super) fn make(
     let sample = sample(config, &cgf, &object, gauge, cx.seed())?;
     let drawn = Candidates {
         object: object.name.clone(),
-        joints: cgf.description().joints.clone(),
+        joints: cgf.description().joints.as_slice().into(),
         candidates: sample.candidates,
     };
     cx.write(&drawn)?;

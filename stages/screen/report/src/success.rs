@@ -10,7 +10,8 @@ use schemas::{
     Table,
     candidates::{Candidate, Candidates},
     rollouts::{Rollout, Rollouts, Verdict},
-    success::{self, Success, Successes},
+    success::{Success, Successes},
+    tally::wilson,
 };
 use stage_screen::{Screen, ScreenConfig, ScreenError};
 
@@ -52,7 +53,7 @@ impl Output for SuccessReport {
 
     const ARTIFACT: &'static str = Successes::NAME;
     const SCHEMA: &'static str = Successes::VERSION;
-    const PARTITION: &'static str = "screening";
+    const PARTITION: &'static str = Successes::PARTITION;
     const OPTIONS: Options = Options::NONE;
     const LINE: Option<Line<SuccessMetrics>> = Some(line);
 
@@ -176,13 +177,13 @@ fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, S
         Ok(Success {
             object: given.object.clone(),
             generator: generator.to_owned(),
-            verdicts_n: Verdict::ALL.map(|verdict| {
-                let so = rollouts.iter().filter(|r| r.verdict == verdict);
-                as_stored(so.count())
-            }),
+            verdicts: rollouts.iter().map(|r| (r.verdict, 1)).collect(),
             control_steps_n: rollouts.iter().map(|r| i64::from(r.cost_n)).sum(),
-            spread: diversity.at_grasp,
-            spread_n: as_stored(diversity.compared_n),
+            spread_palm_m: diversity.at_grasp.palm_m,
+            spread_palm_rad: diversity.at_grasp.palm_rad,
+            spread_q_rad: diversity.at_grasp.q_rad,
+            // No count in memory is larger than the largest `i64`.
+            spread_n: i64::try_from(diversity.compared_n).unwrap_or(i64::MAX),
         })
     };
     by_generator.into_iter().map(row).collect()
@@ -192,13 +193,8 @@ fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, S
 fn grasp(candidate: &Candidate) -> Motion<'_> {
     Motion {
         table_from_object: candidate.table_from_object,
-        steps: candidate.steps.last().into_iter().collect(),
+        steps: vec![candidate.motion.grasp()],
     }
-}
-
-/// A count as it is stored; no count in memory is larger than the largest `i64`.
-fn as_stored(n: usize) -> i64 {
-    i64::try_from(n).unwrap_or(i64::MAX)
 }
 
 impl SuccessMetrics {
@@ -206,12 +202,12 @@ impl SuccessMetrics {
         let sum = |number: &dyn Fn(&Success) -> i64| rows.iter().map(number).sum::<i64>() as f64;
         Self {
             objects_n: objects(rows).len() as f64,
-            candidates_n: sum(&Success::candidates_n),
-            accepted_n: sum(&Success::successes_n),
+            candidates_n: sum(&|row| row.verdicts.total_n()),
+            accepted_n: sum(&|row| row.verdicts.successes_n()),
             control_steps_n: sum(&|row| row.control_steps_n),
             touched_n: touched_n as f64,
-            limit_n: sum(&|row| row.count(Verdict::Limit)),
-            table_n: sum(&|row| row.count(Verdict::Table)),
+            limit_n: sum(&|row| row.verdicts.count(Verdict::Limit)),
+            table_n: sum(&|row| row.verdicts.count(Verdict::Table)),
         }
     }
 
@@ -222,7 +218,7 @@ impl SuccessMetrics {
 
     /// The 95 % interval of that share.
     fn interval(&self) -> [f64; 2] {
-        success::wilson(self.accepted_n, self.candidates_n)
+        wilson(self.accepted_n, self.candidates_n)
     }
 }
 
@@ -239,15 +235,13 @@ fn chart(rows: &[Success]) -> Option<String> {
     let mut generators: Vec<&str> = rows.iter().map(|row| row.generator.as_str()).collect();
     generators.sort_unstable();
     generators.dedup();
-    let estimate = |object: &String, generator: &str| {
-        let mut rows = rows.iter();
-        let row = rows.find(|row| row.object == *object && row.generator == generator)?;
-        let [low, high] = row.interval().map(|end| 100.0 * end);
-        Some(Estimate {
-            value: 100.0 * row.rate(),
+    let estimate = |row: &Success| {
+        let [low, high] = row.verdicts.interval().map(|end| 100.0 * end);
+        Estimate {
+            value: 100.0 * row.verdicts.rate(),
             low,
             high,
-        })
+        }
     };
     let title = match generators[..] {
         [only] => format!("Candidates of `{only}` that hold, by object"),
@@ -255,9 +249,10 @@ fn chart(rows: &[Success]) -> Option<String> {
     };
     let series = generators.into_iter().map(|generator| Estimates {
         name: generator.to_owned(),
-        values: objects
+        values: rows
             .iter()
-            .map(|object| estimate(object, generator))
+            .filter(|row| row.generator == generator)
+            .map(|row| (row.object.clone(), estimate(row)))
             .collect(),
     });
     let captions = Captions {
@@ -280,8 +275,8 @@ mod tests {
 
     /// A motion that ends at `x`, turned by `angle` about z, its joints at `q`.
     fn motion(name: &str, height_m: f64, x: f64, angle: f64, q: f64) -> Candidate {
-        let step = |x: f64, q: f64| Step {
-            time_s: 0.0,
+        let step = |time_s: f64, x: f64, q: f64| Step {
+            time_s,
             frame_from_palm: Pose::new(Isometry3::new(
                 Vector3::new(x, 0.0, 0.1),
                 Vector3::z() * angle,
@@ -295,7 +290,8 @@ mod tests {
             latent: Vec::new(),
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
             limit_excess_rad: 0.0,
-            steps: vec![step(9.0, 9.0), step(x, q)],
+            motion: ::motion::Motion::new(&["j", "k"], vec![step(0.0, 9.0, 9.0), step(1.0, x, q)])
+                .unwrap(),
         }
     }
 
@@ -318,7 +314,7 @@ mod tests {
     fn given() -> Candidates {
         Candidates {
             object: "can".to_owned(),
-            joints: vec!["j".to_owned(), "k".to_owned()],
+            joints: ["j".to_owned(), "k".to_owned()].into(),
             candidates: vec![
                 motion("a", 0.05, 0.02, 0.3, 0.2),
                 motion("b", 0.05, 8.0, 3.0, 8.0),
@@ -345,18 +341,18 @@ mod tests {
         };
         let names = [another, cgf].map(|row| (row.object.as_str(), row.generator.as_str()));
         assert_eq!(names, [("can", "another"), ("can", "cgf")]);
-        assert_eq!((cgf.candidates_n(), cgf.successes_n()), (4, 3));
-        assert_eq!(cgf.count(Verdict::Dropped), 1);
+        assert_eq!((cgf.verdicts.total_n(), cgf.verdicts.successes_n()), (4, 3));
+        assert_eq!(cgf.verdicts.count(Verdict::Dropped), 1);
         assert_eq!(cgf.control_steps_n, 400);
         assert_eq!(cgf.spread_n, 2);
         let near = |found: f64, expected: f64| {
             assert!((found - expected).abs() < 1e-9, "{found} {expected}");
         };
-        near(cgf.spread.palm_m, 0.02);
-        near(cgf.spread.palm_rad, 0.3);
-        near(cgf.spread.q_rad, 0.2);
-        assert_eq!((another.successes_n(), another.spread_n), (0, 0));
-        assert_eq!(another.count(Verdict::Table), 1);
+        near(cgf.spread_palm_m, 0.02);
+        near(cgf.spread_palm_rad, 0.3);
+        near(cgf.spread_q_rad, 0.2);
+        assert_eq!((another.verdicts.successes_n(), another.spread_n), (0, 0));
+        assert_eq!(another.verdicts.count(Verdict::Table), 1);
         assert_eq!(another.control_steps_per_success(), 0.0);
         let metrics = SuccessMetrics::of(&rows, 4);
         assert_eq!((metrics.touched_n, metrics.table_n), (4.0, 1.0));

@@ -1,16 +1,17 @@
 //! What is used of the latent code.
 
-use cgf::{Demonstration, Description, Split};
+use cgf::{Demonstration, Description};
 use charts::{Captions, Scale, Series, lines, scatter};
 use dataflow::{Context, Inputs, Line, Mean, Options, Outcome, Output, Scope, Sum, Summary, Unit};
-use lake::WriteArtifact;
+use lake::{LakeError, WriteArtifact};
 use schemas::{
     Table,
     latents::{Latents, Row},
+    training::Split,
 };
 use stage_train::{Train, TrainConfig, TrainError};
 
-use crate::report::{SPLITS, description, mean, of_description, of_split};
+use crate::report::{description, mean, of_description, shown_split};
 
 /// Variance of the means beyond which a dimension is active (Burda, Grosse and Salakhutdinov,
 /// *Importance Weighted Autoencoders*, 2016, section 5.2).
@@ -38,7 +39,7 @@ impl Output for LatentsReport {
 
     const ARTIFACT: &'static str = Latents::NAME;
     const SCHEMA: &'static str = Latents::VERSION;
-    const PARTITION: &'static str = "model";
+    const PARTITION: &'static str = Latents::PARTITION;
     const OPTIONS: Options = Options::NONE;
     const LINE: Option<Line<LatentMetrics>> = Some(line);
 
@@ -77,7 +78,7 @@ fn rows(description: &Description) -> Vec<Row> {
     (0..description.network.latent_dim)
         .map(|dimension| {
             let codes = || {
-                let learned = of_split(description, Split::Training);
+                let learned = description.of_split(Split::Training);
                 learned.filter_map(move |demonstration| code(demonstration, dimension))
             };
             let center = mean(codes().map(|(mean, _)| mean));
@@ -103,7 +104,7 @@ fn code(demonstration: &Demonstration, dimension: usize) -> Option<(f64, f64)> {
     Some((*mean, *deviation))
 }
 
-fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), TrainError> {
+fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), LakeError> {
     let mut ranked: Vec<(usize, &Row)> = rows.iter().enumerate().collect();
     ranked.sort_by(|(_, a), (_, b)| b.kl_nats.total_cmp(&a.kl_nats));
     let by_rank = |name: &str, number: fn(&Row) -> f64| Series {
@@ -143,9 +144,10 @@ fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), Tra
         x: &x,
         y: &y,
     };
-    let sets = SPLITS.map(|(split, _, name)| Series {
-        name: name.to_owned(),
-        points: of_split(description, split)
+    let sets = Split::ALL.map(|split| Series {
+        name: shown_split(split),
+        points: description
+            .of_split(split)
             .filter_map(|motion| Some([code(motion, first)?.0, code(motion, second)?.0]))
             .collect(),
     });
@@ -153,5 +155,5 @@ fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), Tra
         .into_iter()
         .filter(|set| !set.points.is_empty())
         .collect();
-    Ok(cx.write_chart("means", scatter(&captions, &sets))?)
+    cx.write_chart("means", scatter(&captions, &sets))
 }

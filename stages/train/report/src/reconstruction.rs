@@ -5,19 +5,20 @@ use std::{
     sync::Arc,
 };
 
-use cgf::{Cgf, CgfError, Demonstration, Description, Grasp, Split, Track};
+use cgf::{Cgf, CgfError, Demonstration, Description, Grasp, Track};
 use charts::{Bars, Captions, Scale, Series, bars, lines};
 use dataflow::{Context, Inputs, Line, Mean, Options, Outcome, Output, Scope, Sum, Summary, Unit};
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::{Isometry3, Point3};
 use robot::RobotModel;
 use schemas::{
     Table, checkpoint,
     reconstruction::{Reconstruction, Row},
+    training::Split,
 };
 use stage_train::{BySplit, Train, TrainConfig, TrainError, hand, set};
 
-use crate::report::{SPLITS, mean, of_function, of_split, shown};
+use crate::report::{mean, of_function, shown, shown_split};
 
 /// Parts of a motion over which errors are shown.
 const PARTS: usize = 20;
@@ -80,7 +81,7 @@ impl Output for ReconstructionReport {
 
     const ARTIFACT: &'static str = Reconstruction::NAME;
     const SCHEMA: &'static str = Reconstruction::VERSION;
-    const PARTITION: &'static str = "model";
+    const PARTITION: &'static str = Reconstruction::PARTITION;
     const OPTIONS: Options = Options::NONE;
     const LINE: Option<Line<ReconstructionMetrics>> = Some(line);
 
@@ -141,13 +142,13 @@ impl Output for ReconstructionReport {
 
 fn line(summary: &Summary<ReconstructionMetrics>) -> String {
     let all = &summary.metrics;
-    let errors_mm = |split: usize| {
+    let errors_mm = |split: Split| {
         let errors_m = [all.tip_error_mean_m[split], all.tip_error_grasp_m[split]];
         errors_m.map(|error_m| shown(error_m.map(|m| 1e3 * m), 1))
     };
-    let [mean, grasp] = errors_mm(0);
+    let [mean, grasp] = errors_mm(Split::Training);
     let mut text = format!("tip error {mean} mm (grasp {grasp})");
-    for (split, what) in [(1, "held out"), (2, "unseen")] {
+    for (split, what) in [(Split::HeldOut, "held out"), (Split::Unseen, "unseen")] {
         if all.trajectories_n[split].is_some_and(|n| n > 0.0) {
             let [mean, grasp] = errors_mm(split);
             text += &format!(", {what} {mean} ({grasp})");
@@ -192,7 +193,7 @@ fn rebuilt<'a>(
     let row = Row {
         sequence: track.name.clone(),
         object: demonstration.object.clone(),
-        split: name_of(demonstration.split).to_owned(),
+        split: demonstration.split,
         tip_error_mean_m: of_steps(|step| step.tip_m),
         tip_error_grasp_m: at_grasp(|step| step.tip_m),
         palm_error_mean_m: of_steps(|step| step.palm_m),
@@ -239,23 +240,17 @@ fn step_error(
     })
 }
 
-fn name_of(split: Split) -> &'static str {
-    let mut splits = SPLITS.iter();
-    let found = splits.find(|(known, ..)| *known == split);
-    found.map_or("", |(_, name, ..)| name)
-}
-
 impl ReconstructionMetrics {
     fn of(description: &Description, all: &[Rebuilt]) -> Self {
-        let count = |split: Split| of_split(description, split).count();
+        let count = |split: Split| description.of_split(split).count();
         let means = |figure: fn(&Row) -> f64| {
-            SPLITS.map(|(split, ..)| {
+            BySplit::of(|split| {
                 let of_split = all.iter().filter(|m| m.demonstration.split == split);
                 (count(split) > 0).then(|| mean(of_split.map(|motion| figure(&motion.row))))
             })
         };
         Self {
-            trajectories_n: SPLITS.map(|(split, ..)| Some(count(split) as f64)),
+            trajectories_n: BySplit::of(|split| Some(count(split) as f64)),
             tip_error_mean_m: means(|row| row.tip_error_mean_m),
             tip_error_grasp_m: means(|row| row.tip_error_grasp_m),
             palm_error_mean_m: means(|row| row.palm_error_mean_m),
@@ -268,12 +263,12 @@ impl ReconstructionMetrics {
     }
 }
 
-fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainError> {
-    let splits = SPLITS
-        .into_iter()
-        .filter(|(split, ..)| all.iter().any(|m| m.demonstration.split == *split));
-    let splits: Vec<(Split, &str)> = splits.map(|(split, _, name)| (split, name)).collect();
+fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), LakeError> {
     let of_split = |split: Split| all.iter().filter(move |m| m.demonstration.split == split);
+    let splits = Split::ALL
+        .into_iter()
+        .filter(|&split| of_split(split).next().is_some());
+    let splits: Vec<Split> = splits.collect();
     let objects: BTreeSet<&String> = all.iter().map(|motion| &motion.row.object).collect();
     let names: Vec<String> = objects.iter().map(|name| (*name).clone()).collect();
     for (file, title, number) in [
@@ -288,13 +283,14 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainErr
             |row| row.tip_error_grasp_m,
         ),
     ] {
-        let series = splits.iter().map(|(split, name)| Bars {
-            name: (*name).to_owned(),
+        let series = splits.iter().map(|&split| Bars {
+            name: shown_split(split),
             values: objects
                 .iter()
                 .map(|object| {
-                    let rows = of_split(*split).map(|motion| &motion.row);
-                    1e3 * mean(rows.filter(|row| row.object == **object).map(number))
+                    let rows = of_split(split).map(|motion| &motion.row);
+                    let error_m = mean(rows.filter(|row| row.object == **object).map(number));
+                    ((*object).clone(), 1e3 * error_m)
                 })
                 .collect(),
         });
@@ -305,12 +301,16 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainErr
         };
         cx.write_chart(file, bars(&captions, &names, &series.collect::<Vec<_>>()))?;
     }
-    let series = splits.iter().map(|(split, name)| Bars {
-        name: (*name).to_owned(),
-        values: (0..hand.dof())
-            .map(|joint| {
-                let rows = of_split(*split).map(|motion| &motion.row);
-                mean(rows.filter_map(|row| row.joint_errors_rad.get(joint).copied())).to_degrees()
+    let joints = hand.joint_names();
+    let series = splits.iter().map(|&split| Bars {
+        name: shown_split(split),
+        values: joints
+            .iter()
+            .enumerate()
+            .map(|(joint, name)| {
+                let rows = of_split(split).map(|motion| &motion.row);
+                let errors = rows.filter_map(|row| row.joint_errors_rad.get(joint).copied());
+                (name.clone(), mean(errors).to_degrees())
             })
             .collect(),
     });
@@ -319,11 +319,11 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainErr
         x: "absolute error [°]",
         y: "",
     };
-    let chart = bars(&captions, &hand.joint_names(), &series.collect::<Vec<_>>());
+    let chart = bars(&captions, &joints, &series.collect::<Vec<_>>());
     cx.write_chart("joints", chart)?;
-    let series = splits.iter().map(|(split, name)| Series {
-        name: (*name).to_owned(),
-        points: over_time(of_split(*split)),
+    let series = splits.iter().map(|&split| Series {
+        name: shown_split(split),
+        points: over_time(of_split(split)),
     });
     let captions = Captions {
         title: "Finger tips over time",
@@ -331,7 +331,7 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainErr
         y: "distance from where they were [mm]",
     };
     let chart = lines(&captions, Scale::Linear, &series.collect::<Vec<_>>());
-    Ok(cx.write_chart("time", chart)?)
+    cx.write_chart("time", chart)
 }
 
 /// The mean distance of the finger tips in each part of the motions' time, in millimeters.

@@ -1,9 +1,9 @@
 //! The reports: their units, and what they have in common.
 
-use cgf::{Demonstration, Description, Split};
+use cgf::Description;
 use dataflow::{Code, Inputs, Lines, Output, Outputs, PartitionKey, Report, Scope, Summary, Unit};
 use lake::{ReadArtifact, ReadInputs};
-use schemas::checkpoint;
+use schemas::{checkpoint, training::Split};
 use stage_train::{Train, TrainConfig, TrainError, TrainMetrics};
 
 use crate::{LatentsReport, ReconstructionReport, TrainingReport};
@@ -24,10 +24,11 @@ impl Report for TrainReport {
 
 fn line(summary: &Summary<TrainMetrics>) -> String {
     let all = &summary.metrics;
-    let error_mm = |split: usize| shown(all.position_error_m[split].map(|m| 1e3 * m), 1);
-    let n = shown(all.trajectories[0], 0);
-    let mut text = format!("{n} trajectories → error {} mm", error_mm(0));
-    for (split, what) in [(1, "held out"), (2, "unseen")] {
+    let error_mm = |split: Split| shown(all.position_error_m[split].map(|m| 1e3 * m), 1);
+    let n = shown(all.trajectories[Split::Training], 0);
+    let error = error_mm(Split::Training);
+    let mut text = format!("{n} trajectories → error {error} mm");
+    for (split, what) in [(Split::HeldOut, "held out"), (Split::Unseen, "unseen")] {
         if let Some(n) = all.trajectories[split].filter(|n| *n > 0.0) {
             text += &format!(", {n} {what} {} mm", error_mm(split));
         }
@@ -78,12 +79,15 @@ fn trained(
     Ok(units.zip(models.map(|model| model.key.clone())))
 }
 
-/// Sets of motions, in the order of their figures: what tables call them, and what charts call them.
-pub(crate) const SPLITS: [(Split, &str, &str); 3] = [
-    (Split::Training, "training", "training"),
-    (Split::HeldOut, "held_out", "held out"),
-    (Split::Unseen, "unseen", "unseen objects"),
-];
+/// What charts call a split.
+pub(crate) fn shown_split(split: Split) -> String {
+    let name = match split {
+        Split::Training => "training",
+        Split::HeldOut => "held out",
+        Split::Unseen => "unseen objects",
+    };
+    name.to_owned()
+}
 
 /// Everything about the trained function but its weights.
 pub(crate) fn description(inputs: &Inputs) -> Result<Description, TrainError> {
@@ -91,15 +95,6 @@ pub(crate) fn description(inputs: &Inputs) -> Result<Description, TrainError> {
     Ok(Description::read(
         model.path(checkpoint::LAST.description)?,
     )?)
-}
-
-/// The motions of a set.
-pub(crate) fn of_split(
-    description: &Description,
-    split: Split,
-) -> impl Iterator<Item = &Demonstration> {
-    let demonstrations = description.demonstrations.iter();
-    demonstrations.filter(move |demonstration| demonstration.split == split)
 }
 
 /// `3 motions` or `1 motion`.

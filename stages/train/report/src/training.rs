@@ -1,16 +1,16 @@
 //! Losses and learning rate over the epochs.
 
-use cgf::{Description, Epoch, Losses, Split, TrainingConfig};
+use cgf::{Description, Epoch, Losses, TrainingConfig};
 use charts::{Captions, Scale, Series, lines};
 use dataflow::{Context, Inputs, Line, Max, Mean, Options, Outcome, Output, Scope, Summary, Unit};
-use lake::WriteArtifact;
+use lake::{LakeError, WriteArtifact};
 use schemas::{
     Table,
-    training::{Row, Training},
+    training::{Row, Split, Training},
 };
 use stage_train::{BySplit, Train, TrainConfig, TrainError};
 
-use crate::report::{SPLITS, counted, description, of_description, shown};
+use crate::report::{counted, description, of_description, shown, shown_split};
 
 /// A term of the loss: its name, its number, its weight.
 type Term = (&'static str, fn(&Losses) -> f32, fn(&TrainingConfig) -> f64);
@@ -80,7 +80,7 @@ impl Output for TrainingReport {
 
     const ARTIFACT: &'static str = Training::NAME;
     const SCHEMA: &'static str = Training::VERSION;
-    const PARTITION: &'static str = "model";
+    const PARTITION: &'static str = Training::PARTITION;
     const OPTIONS: Options = Options::NONE;
     const LINE: Option<Line<TrainingMetrics>> = Some(line);
 
@@ -106,35 +106,29 @@ impl Output for TrainingReport {
 fn line(summary: &Summary<TrainingMetrics>) -> String {
     let all = &summary.metrics;
     let epochs = counted(all.epochs, "epoch");
-    let (first, last) = (shown(all.loss_first, 4), shown(all.loss[0], 4));
+    let (first, last) = (
+        shown(all.loss_first, 4),
+        shown(all.loss[Split::Training], 4),
+    );
     let mut text = format!("{epochs}, loss {first} → {last}");
-    for ((_, _, name), loss) in SPLITS.iter().zip(all.loss).skip(1) {
-        if let Some(loss) = loss {
-            text += &format!(", {name} {loss:.4}");
+    for split in [Split::HeldOut, Split::Unseen] {
+        if let Some(loss) = all.loss[split] {
+            text += &format!(", {} {loss:.4}", shown_split(split));
         }
     }
     text
 }
 
-/// The losses of a set of motions, where they were measured.
-fn losses(epoch: &Epoch, split: Split) -> Option<&Losses> {
-    match split {
-        Split::Training => Some(&epoch.training),
-        Split::HeldOut => epoch.held_out.as_ref(),
-        Split::Unseen => epoch.unseen.as_ref(),
-    }
-}
-
 fn rows(curve: &[Epoch]) -> Vec<Row> {
     let mut rows = Vec::new();
     for epoch in curve {
-        for (split, name, _) in SPLITS {
-            let Some(losses) = losses(epoch, split) else {
+        for split in Split::ALL {
+            let Some(losses) = epoch.losses(split) else {
                 continue;
             };
             rows.push(Row {
                 epoch: number(epoch.epoch),
-                split: name.to_owned(),
+                split,
                 learning_rate: epoch.learning_rate,
                 total: losses.total.into(),
                 q: losses.q.into(),
@@ -156,31 +150,25 @@ fn number(epoch: usize) -> i64 {
 
 impl TrainingMetrics {
     fn of(curve: &[Epoch]) -> Self {
-        let measured = SPLITS.map(|(split, ..)| {
+        let measured = |split: Split| {
             let epochs = curve.iter();
-            let losses =
-                epochs.filter_map(|epoch| Some((epoch.epoch, losses(epoch, split)?.total)));
-            losses.collect::<Vec<_>>()
-        });
-        let minima = measured.each_ref().map(|measured| {
-            let losses = measured.iter();
-            losses.min_by(|(_, a), (_, b)| a.total_cmp(b)).copied()
-        });
-        let [loss_least, loss_held_out_least, loss_unseen_least] =
-            minima.map(|minimum| Some(f64::from(minimum?.1)));
+            epochs.filter_map(move |epoch| Some((epoch.epoch, epoch.losses(split)?.total)))
+        };
+        let minimum = |split| measured(split).min_by(|(_, a), (_, b)| a.total_cmp(b));
+        let least = |split| Some(f64::from(minimum(split)?.1));
         Self {
             epochs: curve.len() as f64,
             loss_first: curve.first().map(|first| first.training.total.into()),
-            loss: measured.map(|measured| Some(f64::from(measured.last()?.1))),
-            least_epoch: minima.map(|minimum| Some(minimum?.0 as f64)),
-            loss_least,
-            loss_held_out_least,
-            loss_unseen_least,
+            loss: BySplit::of(|split| Some(f64::from(measured(split).next_back()?.1))),
+            least_epoch: BySplit::of(|split| Some(minimum(split)?.0 as f64)),
+            loss_least: least(Split::Training),
+            loss_held_out_least: least(Split::HeldOut),
+            loss_unseen_least: least(Split::Unseen),
         }
     }
 }
 
-fn draw(description: &Description, cx: &Context) -> Result<(), TrainError> {
+fn draw(description: &Description, cx: &Context) -> Result<(), LakeError> {
     let curve = &description.training_curve;
     let captions = |title, y| Captions {
         title,
@@ -188,12 +176,12 @@ fn draw(description: &Description, cx: &Context) -> Result<(), TrainError> {
         y,
     };
     let by_split = |number: fn(&Losses) -> f32| {
-        let all = SPLITS.map(|(split, _, name)| {
+        let all = Split::ALL.map(|split| {
             let measured = curve.iter().filter_map(|epoch| {
-                let losses = losses(epoch, split)?;
+                let losses = epoch.losses(split)?;
                 Some([epoch.epoch as f64, number(losses).into()])
             });
-            series(name, measured)
+            series(&shown_split(split), measured)
         });
         measured(all)
     };
@@ -225,7 +213,7 @@ fn draw(description: &Description, cx: &Context) -> Result<(), TrainError> {
         let terms = TERMS.map(|(name, number, weight)| {
             let weight = weight(&description.training);
             let measured = curve.iter().filter_map(|epoch| {
-                let weighted = weight * f64::from(number(losses(epoch, split)?));
+                let weighted = weight * f64::from(number(epoch.losses(split)?));
                 Some([epoch.epoch as f64, weighted])
             });
             series(name, measured.filter(|_| weight > 0.0))
@@ -237,7 +225,7 @@ fn draw(description: &Description, cx: &Context) -> Result<(), TrainError> {
     let rates = rates.map(|epoch| [epoch.epoch as f64, epoch.learning_rate]);
     let captions = captions("Learning rate", "learning rate");
     let rate = lines(&captions, Scale::Linear, &[series("learning rate", rates)]);
-    Ok(cx.write_chart("learning_rate", rate)?)
+    cx.write_chart("learning_rate", rate)
 }
 
 fn series(name: &str, points: impl Iterator<Item = [f64; 2]>) -> Series {

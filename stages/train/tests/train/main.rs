@@ -10,11 +10,13 @@ use cgf::{
     TrainingConfig, TrainingDevice,
 };
 use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, Partition, Scope, SourceFile};
+use motion::{Motion, Step};
 use nalgebra::{Isometry3, Vector3};
 use schemas::{
     Table, checkpoint, distance_fields,
     objects::{Object, RestingOrientation},
-    trajectories::{Rates, Step, Tracking, Trajectory},
+    training::Split,
+    trajectories::{Rates, Tracking, Trajectory},
 };
 use spatial::{Pose, Rest};
 use stage_train::{Train, TrainConfig, TrainError};
@@ -118,23 +120,21 @@ fn object(name: &str) -> Object {
 
 fn trajectory(sequence: &str, object: &str, up: Vector3<f64>) -> Trajectory {
     let steps = (0..20).map(|k| Step {
-        hand: motion::Step {
-            time_s: f64::from(k) / 30.0,
-            frame_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, 0.3 - f64::from(k) * 0.01)),
-            q_rad: vec![0.3; JOINTS],
-            rates: Rates::still(JOINTS),
-        },
-        tracking: Tracking::default(),
+        time_s: f64::from(k) / 30.0,
+        frame_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, 0.3 - f64::from(k) * 0.01)),
+        q_rad: vec![0.3; JOINTS],
+        rates: Rates::still(JOINTS),
     });
+    // The order of the URDF turned around: positions are found by name.
+    let joints: Vec<String> = (0..JOINTS).rev().map(|k| format!("joint_{k}.0")).collect();
     Trajectory {
         sequence: sequence.to_owned(),
         object: object.to_owned(),
-        // The order of the URDF turned around: positions are found by name.
-        joints: (0..JOINTS).rev().map(|k| format!("joint_{k}.0")).collect(),
         keypoints: Vec::new(),
         tips: Vec::new(),
         rest: rest(up),
-        steps: steps.collect(),
+        motion: Motion::new(&joints, steps.collect()).unwrap(),
+        tracking: vec![Tracking::default(); 20],
     }
 }
 
@@ -196,7 +196,7 @@ fn a_checkpoint_is_made_of_all_trajectories() {
     let Outcome::Made(made) = Train::make(&config(), &inputs(lake.path()), &cx).unwrap() else {
         panic!("nothing was made");
     };
-    assert_eq!(made.trajectories[0], Some(3.0));
+    assert_eq!(made.trajectories[Split::Training], Some(3.0));
     let file = |name: &str| out.path().join(name);
     let files = checkpoint::LAST;
     let cgf = Cgf::load(&file(files.weights), &file(files.description)).unwrap();

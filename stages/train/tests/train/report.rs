@@ -2,11 +2,14 @@
 
 use std::{collections::BTreeMap, fs, path::Path};
 
-use cgf::{Description, Split};
+use cgf::Description;
 use dataflow::{Artifact, Context, Inputs, Outcome, Output, Partition, Report, Scope, Summary};
 use report_train::{LatentsReport, ReconstructionReport, TrainReport, TrainingReport};
 use schemas::{
-    Table, checkpoint, latents::Latents, reconstruction::Reconstruction, training::Training,
+    Table, checkpoint,
+    latents::Latents,
+    reconstruction::Reconstruction,
+    training::{Split, Training},
 };
 use stage_train::{Train, TrainConfig, TrainError};
 use tempfile::TempDir;
@@ -109,14 +112,14 @@ fn said<O: Output>(made: O::Metrics) -> String {
 fn losses_of_every_epoch_are_shown() {
     let trained = Trained::new(unseen());
     let (rows, charts, made) = trained.table_of::<TrainingReport, Training>();
-    let splits: Vec<(i64, &str)> = rows.iter().map(|row| (row.epoch, &*row.split)).collect();
-    let of_epoch = |epoch| [(epoch, "training"), (epoch, "unseen")];
+    let splits: Vec<(i64, Split)> = rows.iter().map(|row| (row.epoch, row.split)).collect();
+    let of_epoch = |epoch| [(epoch, Split::Training), (epoch, Split::Unseen)];
     assert_eq!(splits, [1, 2, 3].map(of_epoch).concat());
     let curve = &trained.description.training_curve;
     assert_eq!(rows[5].total, f64::from(curve[2].unseen.unwrap().total));
     assert_eq!(rows[4].kl_nats, f64::from(curve[2].training.kl));
     assert_eq!(rows[4].learning_rate, curve[2].learning_rate);
-    assert_eq!(made.loss[2], Some(rows[5].total));
+    assert_eq!(made.loss[Split::Unseen], Some(rows[5].total));
     let expected = ["kl", "learning_rate", "loss", "terms", "terms_unseen"];
     assert_eq!(charts, expected.map(|name| format!("{name}.svg")));
     let line = said::<TrainingReport>(made);
@@ -137,8 +140,7 @@ fn every_motion_is_compared_with_its_execution() {
     for (row, demonstration) in rows.iter().zip(&trained.description.demonstrations) {
         assert_eq!(row.sequence, demonstration.name);
         assert_eq!(row.object, demonstration.object);
-        let is_unseen = demonstration.split == Split::Unseen;
-        assert_eq!(row.split, if is_unseen { "unseen" } else { "training" });
+        assert_eq!(row.split, demonstration.split);
         // The training has measured the grasps itself.
         let known = &demonstration.grasp_error;
         assert!((row.palm_error_grasp_m - known.position_m).abs() < 1e-9);
@@ -151,7 +153,7 @@ fn every_motion_is_compared_with_its_execution() {
         assert!(row.tip_error_grasp_m <= known.position_m + reach_m);
         assert!(row.tip_error_grasp_m > 0.0 && row.tip_error_mean_m > 0.0);
     }
-    let unseen = made.tip_error_mean_m[2].unwrap();
+    let unseen = made.tip_error_mean_m[Split::Unseen].unwrap();
     assert!((unseen - rows[2].tip_error_mean_m).abs() < 1e-12);
     let expected = ["joints", "objects", "objects_grasp", "time"];
     assert_eq!(charts, expected.map(|name| format!("{name}.svg")));

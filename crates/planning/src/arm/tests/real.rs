@@ -78,12 +78,12 @@ fn accepted(lake: &lake::Lake) -> Vec<Drawn> {
             .map(|rollout| rollout.candidate_id.as_str())
             .collect();
         let all: Candidates = lake::table::read(&artifact).unwrap();
-        assert_eq!(all.joints, hand().joint_names());
+        assert_eq!(*all.joints, *hand().joint_names());
         let all_held = all.candidates.iter();
         let all_held = all_held.filter(|one| held.contains(&one.candidate_id.as_str()));
         accepted.extend(all_held.map(|one| Drawn {
-            joints: all.joints.clone(),
-            steps: all.motion(one).unwrap().steps().to_vec(),
+            joints: all.joints.to_vec(),
+            steps: one.motion.steps().to_vec(),
             table_from_object: one.table_from_object,
         }));
     }
