@@ -6,8 +6,8 @@ use crate::{
     advice::{Advise, Advised},
     metrics::MissingFigure,
     name::{ArtifactName, InvalidName, NodeName, PartitionKey, StageName, UnitName},
-    near::{did_you_mean, missing},
     source::Location,
+    suggestions::{did_you_mean, missing},
 };
 
 /// Everything that is wrong with a pipeline file.

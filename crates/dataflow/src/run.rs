@@ -9,16 +9,16 @@ use std::{
 use crate::{
     advice::Advised,
     digest::Digest,
-    elsewhere::{Elsewhere, Forced},
     error::Failure,
     event::{Event, Events},
+    executor::{Maker, UnitReport},
     graph::Node,
-    make::{Maker, UnitReport},
     name::{NodeName, PartitionKey},
     options::RunOptions,
     output::Execution,
     pipeline::{Pipeline, StageEntry},
     record::RecordOutcome,
+    remote::{Elsewhere, Forced},
     state::{Known, State},
     store::{
         NewestUnit, NodeRecord, OutputRecord, RunRecord, RunStatus, Showing, StageRecord, Store,

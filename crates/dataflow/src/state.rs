@@ -12,11 +12,11 @@ use std::{
 
 use crate::{
     advice::Advised,
+    canonical_form::Form,
     code::Code,
     digest::Digest,
     error::Failure,
     fingerprint::{Fingerprint, Recipe},
-    form::Form,
     graph::Node,
     name::{NodeName, PartitionKey, UnitName},
     outcome::Labels,

@@ -6,7 +6,7 @@ use toml_edit::{Key, Value};
 
 use crate::{
     error::{FileError, Problem},
-    extended::Extended,
+    inheritance::Extended,
     overrides::{KeyPath, Override, OverrideError, parse_value, split},
 };
 

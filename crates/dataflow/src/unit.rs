@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::{
-    form::Form,
+    canonical_form::Form,
     name::{ArtifactName, InvalidName, PartitionKey},
     outcome::Labels,
     scope::Partition,

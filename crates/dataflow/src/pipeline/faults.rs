@@ -6,7 +6,7 @@ use std::ops::Range;
 use serde_json::Value as Json;
 use toml_edit::{InlineTable, Value};
 
-use crate::{kind::Kind, near::nearest, tables::found};
+use crate::{kind::Kind, suggestions::nearest, tables::found};
 
 /// Keys of every stage, beside its kind's options.
 const COMMON: [&str; 4] = ["inputs", "kind", "max_skipped_fraction", "shared"];

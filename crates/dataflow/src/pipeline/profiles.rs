@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, ops::Range};
 use toml_edit::{InlineTable, Key, Value};
 
 use super::reader::FileReader;
-use crate::{near::did_you_mean, shared::SHARED, source::Source};
+use crate::{shared::SHARED, source::Source, suggestions::did_you_mean};
 
 impl FileReader<'_> {
     /// Returns the profile of this name.

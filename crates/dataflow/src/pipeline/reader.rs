@@ -15,14 +15,14 @@ use super::{
 };
 use crate::{
     error::{FileError, Problem},
-    extended::{EXTENDS, Extended, WITHOUT},
+    inheritance::{EXTENDS, Extended, WITHOUT},
     kind::Kind,
     name::{ArtifactName, NodeName, StageName},
-    near::did_you_mean,
     overrides::Override,
     shared::{SHARED, Taken},
     source::Location,
     store::Origin,
+    suggestions::did_you_mean,
     tables::{found, merge_values, set_value},
 };
 

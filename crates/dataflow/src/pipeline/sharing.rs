@@ -4,9 +4,9 @@ use toml_edit::{InlineTable, Key};
 
 use super::{faults::Part, reader::FileReader};
 use crate::{
-    near::did_you_mean,
     shared::{self, SHARED},
     source::Location,
+    suggestions::did_you_mean,
     tables::{found, merge_values, set_value},
 };
 

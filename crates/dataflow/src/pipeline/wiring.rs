@@ -3,7 +3,7 @@
 use toml_edit::{InlineTable, Key, Value};
 
 use super::{StageEntry, faults::Part, reader::FileReader};
-use crate::near::nearest;
+use crate::suggestions::nearest;
 
 impl FileReader<'_> {
     /// Checks that every input is wired to an output that exists and holds the right artifact.

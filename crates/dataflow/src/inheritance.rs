@@ -10,10 +10,10 @@ use toml_edit::{Document, InlineTable, Key, Value};
 
 use crate::{
     error::Problem,
-    near::{did_you_mean, missing},
     shared,
+    source_map::Texts,
+    suggestions::{did_you_mean, missing},
     tables::{copy_table, found, merge_values},
-    texts::Texts,
 };
 
 /// The key that names the extended file.

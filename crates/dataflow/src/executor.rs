@@ -10,7 +10,6 @@ use std::{
 use crate::{
     context::{Artifact, Context, Inputs},
     digest::Digest,
-    elsewhere::{Elsewhere, Forced, Relay},
     error::Failure,
     event::{Event, Events, Fraction},
     fingerprint::Fingerprint,
@@ -19,6 +18,7 @@ use crate::{
     outcome::{Labels, Outcome},
     pipeline::Pipeline,
     record::{FileRef, Record, RecordOutcome},
+    remote::{Elsewhere, Forced, Relay},
     seed::unit_seed,
     state::{Certainty, Known, Listing, State, digest_source},
     store::Store,
