@@ -48,7 +48,7 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
         folder.as_deref().unwrap_or(temporary.path()),
         dataset.filter(|folder| folder.is_dir()),
     )?;
-    let (mut n_wrong, mut n_same) = (0, 0);
+    let (mut n_same, mut n_written, mut n_wrong) = (0, 0, 0);
     for mut readme in Readme::all()? {
         let is_chosen = unknown.remove(readme.name());
         for idx in 0..readme.tables().len() {
@@ -85,6 +85,7 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
             } else {
                 readme.replace(table.lines, made)?;
                 println!("       written");
+                n_written += 1;
             }
         }
     }
@@ -95,7 +96,9 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
         )
         .into());
     }
-    println!("{n_same} tables are as the READMEs show them, {n_wrong} are not");
+    println!(
+        "{n_same} tables are as READMEs show them, {n_written} were written, {n_wrong} are wrong"
+    );
     Ok(ExitCode::from(u8::from(n_wrong > 0)))
 }
 

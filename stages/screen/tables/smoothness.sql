@@ -3,7 +3,10 @@
 --
 -- pipeline run pipelines/feedforward.toml
 with
-    motions as (select * from all_rollouts where run in (select max(run) from runs)),
+    -- The motions are the same in every run at this speed.
+    motions as (
+        select * from all_rollouts where run in (select run from runs) and run in (
+            select run from settings where key = 'protocol.reach_s' and number = 0.8)),
     measured as (
         select 0 as place, 'the paper''s' as definition,
             avg(paper_joints_position) as q, log10(avg(paper_joints_velocity)) as dq,
