@@ -54,52 +54,52 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
         for idx in 0..readme.tables().len() {
             let table = readme.tables().swap_remove(idx);
             let Some(path) = table.query else { continue };
-            let name = path.strip_prefix(env!("CARGO_MANIFEST_DIR"))?.to_owned();
-            if !(unknown.remove(name.as_path()) || is_chosen || is_asked_for_all) {
+            let name = path.strip_prefix(env!("CARGO_MANIFEST_DIR"))?;
+            if !(unknown.remove(name) || is_chosen || is_asked_for_all) {
                 continue;
             }
             println!("table  {}", name.display());
-            let query = Query::read(&path)?;
-            if let Some(reason) = studies.lacks(&query) {
-                println!("       skipped: {reason}");
-                continue;
-            }
-            let before = Instant::now();
-            let made = studies.answer(&query).and_then(|rows| query.table(&rows));
-            let made = match made {
-                Ok(made) => made,
+            match make(&mut studies, &path) {
+                Ok(None) => println!("       skipped: `PIPELINE_REAL_DATA` has no `{DATASET}`"),
+                Ok(Some(made)) => {
+                    print(&readme.lines[table.lines.clone()], &made);
+                    if readme.lines[table.lines.clone()] == made {
+                        n_same += 1;
+                    } else if flags.is_empty() {
+                        n_wrong += 1;
+                    } else {
+                        readme.replace(table.lines, made)?;
+                        n_written += 1;
+                    }
+                }
+                // The others are made all the same.
                 Err(reason) => {
                     println!("       not made: {reason}");
                     n_wrong += 1;
-                    continue;
                 }
-            };
-            println!("       made in {:.0} s", before.elapsed().as_secs_f64());
-            let shown = &readme.lines[table.lines.clone()];
-            let is_same = shown == made;
-            print(shown, &made);
-            if is_same {
-                n_same += 1;
-            } else if flags.is_empty() {
-                n_wrong += 1;
-            } else {
-                readme.replace(table.lines, made)?;
-                println!("       written");
-                n_written += 1;
             }
         }
     }
     if let Some(name) = unknown.first() {
-        return Err(format!(
-            "`{}` is no README with a table, and no query of one",
-            name.display()
-        )
-        .into());
+        let name = name.display();
+        return Err(format!("`{name}` is no README with a table, and no query of one").into());
     }
     println!(
         "{n_same} tables are as READMEs show them, {n_written} were written, {n_wrong} are wrong"
     );
     Ok(ExitCode::from(u8::from(n_wrong > 0)))
+}
+
+/// Makes the table of a query; `None` if that takes a dataset that is not there.
+fn make(studies: &mut Studies, path: &Path) -> Result<Option<Vec<String>>, String> {
+    let query = Query::read(path)?;
+    if studies.lack(&query) {
+        return Ok(None);
+    }
+    let before = Instant::now();
+    let table = query.table(&studies.answer(&query)?)?;
+    println!("       made in {:.0} s", before.elapsed().as_secs_f64());
+    Ok(Some(table))
 }
 
 /// Prints a table; lines that the README shows otherwise, or has not, begin with `-` and `+`.

@@ -65,11 +65,10 @@ impl Studies {
         })
     }
 
-    /// Returns why a query cannot be answered here, if so.
-    pub(crate) fn lacks(&self, query: &Query) -> Option<String> {
+    /// Whether a query takes the dataset, and it is not there.
+    pub(crate) fn lack(&self, query: &Query) -> bool {
         let mut words = query.commands.iter().flatten();
-        let asks = words.any(|word| word.contains(DATASET)) && self.dataset.is_none();
-        asks.then(|| "`PIPELINE_REAL_DATA` names no folder with `dexycb-right`".to_owned())
+        self.dataset.is_none() && words.any(|word| word.contains(DATASET))
     }
 
     /// Runs the commands of a query, as far as this has not happened yet, and answers it over their runs.
