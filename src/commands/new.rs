@@ -28,7 +28,7 @@ macro_rules! files {
 }
 
 /// The files of a new project, by path.
-const FILES: [(&str, &str); 29] = files![
+const FILES: [(&str, &str); 31] = files![
     "data/access/README.md",
     "data/access/certificates/cell.json5",
     "data/access/certificates/dispatcher.json5",
@@ -52,11 +52,13 @@ const FILES: [(&str, &str); 29] = files![
     "pipelines/baseline.toml",
     "pipelines/cgf.toml",
     "pipelines/feedforward.toml",
+    "pipelines/frames.toml",
     "pipelines/interpolation.toml",
     "pipelines/noise.toml",
     "pipelines/paper.toml",
     "pipelines/released.toml",
     "pipelines/replay.toml",
+    "pipelines/unseen.toml",
     ".gitignore",
 ];
 

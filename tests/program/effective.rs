@@ -10,16 +10,18 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 9] = [
+const FILES: [&str; 11] = [
     "cgf",
     "arm",
     "baseline",
     "feedforward",
+    "frames",
     "interpolation",
     "noise",
     "paper",
     "released",
     "replay",
+    "unseen",
 ];
 
 /// The values of a file by their keys.

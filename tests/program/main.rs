@@ -30,4 +30,5 @@ mod shipped;
 mod stopping;
 mod studies;
 mod sweeps;
+mod tables;
 mod terminal;

@@ -4,13 +4,12 @@
 //! A line `…` stands for any lines. Times depend on the machine and may be any. Training rounds
 //! differently on other processors: whole numbers may differ by a tenth, other figures by half.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    process::Command,
-};
+use std::{fs, path::Path, process::Command};
 
-use crate::bench::{stderr, stdout};
+use crate::{
+    bench::{stderr, stdout},
+    tables::readme::Readme,
+};
 
 /// A command of a README with its output.
 #[derive(Debug)]
@@ -21,29 +20,12 @@ struct Shown {
     printed: Vec<String>,
 }
 
-/// The READMEs of the repository, that of the top level first.
-fn readmes() -> Vec<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut found = vec![root.join("README.md")];
-    for name in ["crates", "data", "pipelines", "schemas", "stages", "tests"] {
-        let folder = root.join(name);
-        let entries = fs::read_dir(&folder).unwrap();
-        let below = entries.map(|entry| entry.unwrap().path().join("README.md"));
-        let mut below: Vec<PathBuf> = below.filter(|path| path.is_file()).collect();
-        below.sort();
-        found.push(folder.join("README.md"));
-        found.extend(below);
-    }
-    found
-}
-
 /// The commands in the `console` blocks of a README.
-fn shown(readme: &Path) -> Vec<Shown> {
-    let text = fs::read_to_string(readme).unwrap();
-    let name = readme.strip_prefix(env!("CARGO_MANIFEST_DIR")).unwrap();
+fn shown(readme: &Readme) -> Vec<Shown> {
+    let name = readme.name();
     let mut commands: Vec<Shown> = Vec::new();
     let mut is_console = false;
-    for (idx, line) in text.lines().enumerate() {
+    for (idx, line) in readme.lines.iter().enumerate() {
         if let Some(language) = line.strip_prefix("```") {
             is_console = language == "console";
         } else if !is_console {
@@ -152,7 +134,7 @@ fn is_same(expected: &[String], printed: &[&str]) -> bool {
 
 #[test]
 fn every_command_of_a_readme_prints_what_stands_below_it() {
-    let commands: Vec<Shown> = readmes().iter().flat_map(|readme| shown(readme)).collect();
+    let commands: Vec<Shown> = Readme::all().unwrap().iter().flat_map(shown).collect();
     assert!(commands.len() > 5, "{commands:#?}");
     let folder = tempfile::tempdir().unwrap();
     let run = |arguments: &[String], folder: &Path| {

@@ -1,11 +1,14 @@
 //! Claims of `pipelines/feedforward.toml` and `pipelines/noise.toml`: every variant is screened
-//! over shared stages, and the SQL query in the screen's README makes the table.
+//! over shared stages, and the query beside the screen's README makes its table.
 
-use std::{fs, process::Command};
+use std::{path::Path, process::Command};
 
 use serde_json::Value;
 
-use crate::bench::{Bench, stderr};
+use crate::{
+    bench::{Bench, stderr},
+    tables::query::Query,
+};
 
 /// Runs a study with little training and few motions, its sweeps cut short.
 fn studied(file: &str, objects: &[&str], values: &[&str]) -> Bench {
@@ -32,13 +35,11 @@ fn studied(file: &str, objects: &[&str], values: &[&str]) -> Bench {
     bench
 }
 
-/// Returns the question in the screen's README that contains a word, without its quotes.
-fn documented(word: &str) -> String {
-    let path = format!("{}/stages/screen/README.md", env!("CARGO_MANIFEST_DIR"));
-    let text = fs::read_to_string(path).unwrap();
-    let blocks = text.split("pipeline query \"").skip(1);
-    let mut questions = blocks.map(|block| block.split('"').next().unwrap());
-    questions.find(|sql| sql.contains(word)).unwrap().to_owned()
+/// Returns the query of a table in the screen's README.
+fn documented(table: &str) -> String {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/stages/screen/tables");
+    let query = Query::read(&Path::new(folder).join(table)).unwrap();
+    query.sql
 }
 
 fn ask(bench: &Bench, sql: &str) -> Vec<Value> {
@@ -76,19 +77,25 @@ fn feedforward_is_compared_with_pd_at_every_speed_and_mass() {
     let made: Vec<f64> = made.iter().map(|row| number(row, "n")).collect();
     assert_eq!(made, [2.0, 2.0 * 8.0]);
 
-    let rows = ask(&bench, &documented("feedforward"));
+    let screened = ask(
+        &bench,
+        "select sum(candidates_n) as n from all_success group by run",
+    );
+    let screened: Vec<f64> = screened.iter().map(|row| number(row, "n")).collect();
+    assert_eq!(screened, [PER_OBJECT * OBJECTS.len() as f64; 8]);
+
+    let rows = ask(&bench, &documented("feedforward.sql"));
     let settings: Vec<(f64, f64)> = rows
         .iter()
-        .map(|row| (number(row, "speed"), number(row, "mass")))
+        .map(|row| (number(row, "speed"), number(row, "hand's mass")))
         .collect();
     assert_eq!(settings, [(1.0, 1.0), (1.0, 3.0), (2.0, 1.0), (2.0, 3.0)]);
     for row in &rows {
-        assert_eq!(number(row, "n"), PER_OBJECT * OBJECTS.len() as f64);
-        for column in ["pd_pct", "feedforward_pct"] {
-            assert!((0.0..=100.0).contains(&number(row, column)), "{row}");
+        let [pd, ahead] = ["PD, %", "with feedforward, %"].map(|column| number(row, column));
+        for share in [pd, ahead] {
+            assert!((0.0..=100.0).contains(&share), "{row}");
         }
-        let gain = number(row, "feedforward_pct") - number(row, "pd_pct");
-        assert!((gain - number(row, "gain")).abs() < 0.11, "{row}");
+        assert!((ahead - pd - number(row, "gain")).abs() < 0.11, "{row}");
     }
 
     // The controllers do differ: not every figure of every rollout is the same.
@@ -115,25 +122,17 @@ fn noise_on_points_and_poses_is_screened_over_one_training() {
             "train.unseen_objects=[\"025_mug\"]",
         ],
     );
-    let rows = ask(&bench, &documented("point_noise"));
-    let found: Vec<(&str, &str, f64)> = rows
+    let rows = ask(&bench, &documented("noise.sql"));
+    let found: Vec<(&str, f64)> = rows
         .iter()
-        .map(|row| {
-            let text = |column: &str| row[column].as_str().unwrap();
-            (text("noise_on"), text("split"), number(row, "s"))
-        })
+        .map(|row| (row["noise on"].as_str().unwrap(), number(row, "s")))
         .collect();
-    for expected in [
-        ("points", "seen", 0.0),
-        ("points", "seen", 1.0),
-        ("points", "unseen", 0.0),
-        ("points", "unseen", 1.0),
-        ("pose", "seen", 1.0),
-        ("pose", "unseen", 1.0),
-    ] {
-        assert!(found.contains(&expected), "{expected:?} in {found:?}");
+    assert_eq!(found, [("points", 0.0), ("points", 1.0), ("pose", 1.0)]);
+    for row in &rows {
+        for column in ["seen: hold, %", "unseen: hold, %"] {
+            assert!((0.0..=100.0).contains(&number(row, column)), "{row}");
+        }
     }
-    assert_eq!(found.len(), 6);
 
     // A mistaken pose leaves the motions as they are, mistaken points do not.
     let distinct = |stage: &str| {
