@@ -10,12 +10,12 @@ use report_train::TrainReport;
 use stage_interpolate::Interpolate;
 use stage_replay::Replay;
 
-use crate::sample::Sample;
+use crate::sample;
 
 /// Returns the kinds in the order of the flow, each named by its report if it has one.
 pub fn kinds() -> Vec<Kind> {
     vec![
-        Kind::generated::<IngestReport, Sample>(),
+        Kind::generated::<IngestReport, _>(sample::generate),
         Kind::reported::<RetargetReport>(),
         Kind::of::<Replay>(),
         Kind::reported::<TrainReport>(),

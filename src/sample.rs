@@ -2,12 +2,9 @@
 
 use std::path::PathBuf;
 
-use dataflow::{Advise, Generator};
+use dataflow::Advise;
 use demonstrator::DemonstratorError;
-use stage_ingest::{Ingest, IngestConfig};
-
-/// Generates the dataset of a stage `ingest` whose folder holds a recipe.
-pub(crate) enum Sample {}
+use stage_ingest::IngestConfig;
 
 /// Why the sample could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -23,19 +20,15 @@ impl Advise for SampleError {
     }
 }
 
-impl Generator for Sample {
-    type Stage = Ingest;
-    type Error = SampleError;
-
-    fn generate(config: &IngestConfig) -> Result<(), SampleError> {
-        // Its presence marks a generated dataset.
-        if !config.root.join(demonstrator::RECIPE_FILE).is_file() {
-            return Ok(());
-        }
-        let made = demonstrator::ensure_sample(&config.root);
-        made.map(drop).map_err(|source| SampleError {
-            root: config.root.clone(),
-            source,
-        })
+/// Generates the dataset of a stage `ingest` if its folder holds a recipe.
+pub(crate) fn generate(config: &IngestConfig) -> Result<(), SampleError> {
+    // Its presence marks a generated dataset.
+    if !config.root.join(demonstrator::RECIPE_FILE).is_file() {
+        return Ok(());
     }
+    let made = demonstrator::ensure_sample(&config.root);
+    made.map(drop).map_err(|source| SampleError {
+        root: config.root.clone(),
+        source,
+    })
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use dataflow::{NodeName, UnitRef, nearest};
+use dataflow::{NodeName, UnitRef, did_you_mean};
 use lake::{Lake, LakeError, Run};
 
 use crate::outcome::CommandError;
@@ -55,11 +55,8 @@ pub(crate) fn units<'a>(
     }
     let mut known: Vec<String> = units.iter().map(|unit| unit.node.to_string()).collect();
     known.dedup();
-    let near = nearest(artifact, known.iter().map(String::as_str));
-    let hint = near.map_or_else(
-        || format!("run {} has: {}", run.number, known.join(", ")),
-        |near| format!("did you mean `{near}`?"),
-    );
+    let near = did_you_mean(artifact, known.iter().map(String::as_str));
+    let hint = near.unwrap_or_else(|| format!("run {} has: {}", run.number, known.join(", ")));
     Err(CommandError::usage(
         format!("no artifact `{artifact}` in run {}", run.number),
         hint,
@@ -75,13 +72,12 @@ pub(crate) fn unit<'a>(
 ) -> Result<&'a UnitRef, CommandError> {
     let found = units.iter().find(|unit| unit.partition == partition);
     found.copied().ok_or_else(|| {
-        let near = nearest(partition, units.iter().map(|unit| unit.partition.as_str()));
+        let near = did_you_mean(partition, units.iter().map(|unit| unit.partition.as_str()));
         CommandError::usage(
             format!("`{artifact}` has no partition `{partition}`"),
-            near.map_or_else(
-                || format!("list them with `pipeline inspect {artifact} --run {run}`"),
-                |near| format!("did you mean `{near}`?"),
-            ),
+            near.unwrap_or_else(|| {
+                format!("list them with `pipeline inspect {artifact} --run {run}`")
+            }),
         )
     })
 }

@@ -58,14 +58,18 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     let events = |event: &Event| screen.show(event);
     let ran = dataflow::run(&pipeline, store, &options, elsewhere, &events)?;
     let last = ran.nodes.last();
-    let said = last.map_or_else(String::new, |node| node.description.clone());
+    let said = last.map_or_else(String::new, |node| node.record.description.clone());
     if program.quiet == Quiet::No {
         let result = &said;
         let line = if ran.n_made_now() == 0 {
             let n_stages = pipeline
                 .stages
                 .iter()
-                .filter(|stage| ran.nodes.iter().any(|node| node.node.stage == stage.name))
+                .filter(|stage| {
+                    ran.nodes
+                        .iter()
+                        .any(|node| node.record.node.stage == stage.name)
+                })
                 .count();
             report::short_line(&format!("done   {n_stages} stages cached, nothing to run"));
             format!("       {result}")
@@ -80,12 +84,12 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     let n_skipped = ran.n_skipped();
     if n_skipped > 0 {
         report::line(&format!("note   {n_skipped} items were skipped"));
-        let skipping = ran.nodes.iter().filter(|node| node.summary.n_skipped > 0);
+        let skipping = ran.nodes.iter().filter(|node| node.record.n_skipped > 0);
         for node in skipping {
             if let Some(run) = left_by(store, &ran, node) {
                 report::line(&format!(
                     "hint: see each reason with `pipeline inspect {} --skipped --run {run}`",
-                    node.node
+                    node.record.node
                 ));
             }
         }
@@ -98,7 +102,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
         let last = ran
             .nodes
             .last()
-            .map_or_else(String::new, |node| node.node.to_string());
+            .map_or_else(String::new, |node| node.record.node.to_string());
         report::line(&format!(
             "next   `pipeline inspect {last}`, or edit `{}` and run",
             args.pipeline.file.display()
@@ -120,7 +124,7 @@ fn left_by(lake: &Lake, ran: &RunReport, node: &NodeReport) -> Option<u64> {
                 .record
                 .units
                 .iter()
-                .filter(|unit| unit.node == node.node);
+                .filter(|unit| unit.node == node.record.node);
             let found = node.units.iter().map(|unit| unit.fingerprint);
             left.map(|unit| unit.fingerprint).eq(found)
         })

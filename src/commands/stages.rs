@@ -1,6 +1,6 @@
 //! `pipeline stages`
 
-use dataflow::{Kind, nearest};
+use dataflow::{Kind, did_you_mean};
 
 use crate::{
     arguments::StagesArgs,
@@ -20,11 +20,8 @@ pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, Co
         None => overview(kinds),
         Some(name) => {
             let kind = kinds.iter().find(|kind| kind.name == name).ok_or_else(|| {
-                let near = nearest(name, kinds.iter().map(|kind| kind.name));
-                let hint = near.map_or_else(
-                    || "`pipeline stages` lists every kind".to_owned(),
-                    |near| format!("did you mean `{near}`?"),
-                );
+                let near = did_you_mean(name, kinds.iter().map(|kind| kind.name));
+                let hint = near.unwrap_or_else(|| "`pipeline stages` lists every kind".to_owned());
                 CommandError::usage(format!("no kind of stage `{name}`"), hint)
             })?;
             options(kind, Page::of_stdout().width)
@@ -37,7 +34,7 @@ pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, Co
 fn overview(kinds: &[Kind]) -> String {
     let mut rows = Vec::new();
     for kind in kinds {
-        let outputs = kind.outputs();
+        let outputs = &kind.outputs;
         let makes: Vec<&str> = outputs.iter().map(|output| output.artifact).collect();
         rows.push(vec![kind.name.to_owned(), kind.about.to_owned()]);
         if !kind.inputs.is_empty() {
@@ -57,7 +54,7 @@ fn options(kind: &Kind, width: Option<usize>) -> String {
     for input in kind.inputs {
         text.push_str(&format!("inputs.{input} = \"STAGE.{input}\"\n"));
     }
-    for output in kind.outputs() {
+    for output in &kind.outputs {
         text.push_str(&format!(
             "makes `{}`, one partition per {}, schema {}\n",
             output.artifact, output.partition, output.schema

@@ -6,7 +6,7 @@ use std::{
     thread,
 };
 
-use dataflow::{Event, Events, Forced, NodeName, UnitName, make_one, nearest};
+use dataflow::{Event, Events, Forced, NodeName, UnitName, did_you_mean, make_one};
 use lake::Lake;
 
 use crate::{
@@ -28,13 +28,10 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Comman
             .iter()
             .map(|node| node.name.to_string())
             .collect();
-        let near = nearest(&args.artifact, known.iter().map(String::as_str));
+        let near = did_you_mean(&args.artifact, known.iter().map(String::as_str));
         CommandError::usage(
             format!("`{}` is not of the form `stage.artifact`", args.artifact),
-            near.map_or_else(
-                || format!("its outputs are: {}", known.join(", ")),
-                |near| format!("did you mean `{near}`?"),
-            ),
+            near.unwrap_or_else(|| format!("its outputs are: {}", known.join(", "))),
         )
     })?;
     let lake = Arc::new(Lake::open(&program.lake));

@@ -18,7 +18,7 @@ use std::{
 };
 
 use dataflow::{
-    Fingerprint, Made, NodeName, NodeRecord, Origin, Outcome, OutputRecord, PendingResult, Recipe,
+    Fingerprint, NodeName, NodeRecord, Origin, OutputRecord, Recipe, Record, RecordOutcome,
     RunRecord, RunStatus, Store, UnitRef,
 };
 use lake::Lake;
@@ -105,8 +105,12 @@ fn make(folder: &Path, rows_per_file: usize) -> Result<Vec<PathBuf>, Box<dyn Err
         let digest = fingerprint.digest();
         let making = lake.begin(&digest, &object, &|_| {})?;
         lake::table::write(making.folder(), &rollouts)?;
-        let outcome = Outcome::Made(Made::default());
-        let record = making.commit(PendingResult {
+        let outcome = RecordOutcome::Made {
+            files: BTreeMap::new(),
+            labels: BTreeMap::new(),
+            metrics: BTreeMap::new(),
+        };
+        let record = making.commit(Record {
             fingerprint,
             outcome,
         })?;

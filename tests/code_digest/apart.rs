@@ -8,9 +8,8 @@ use std::{
 };
 
 use dataflow::{
-    Advise, Code, Context, Generator, Inputs, Kind, Labels, Line, Lines, Options, Outcome, Output,
-    Outputs, OwnLine, Pipeline, Report, RunOptions, Scope, SourceFile, Stage, Unit, UnitState,
-    plan, run,
+    Advise, Code, Context, Inputs, Kind, Line, Lines, Options, Outcome, Output, Outputs, Pipeline,
+    Report, RunOptions, Scope, SourceFile, Stage, Unit, UnitState, plan, run,
 };
 use lake::Lake;
 use schemars::JsonSchema;
@@ -240,7 +239,7 @@ fn reruns(place: &Path, code: [u8; 2]) -> Vec<String> {
     let ran = run(&pipeline, &lake, &options, None, &|_| {}).unwrap();
     let nodes = ran.nodes.iter();
     let made = nodes.filter(|node| node.units.iter().any(|unit| unit.made_now));
-    let made: Vec<String> = made.map(|node| node.node.to_string()).collect();
+    let made: Vec<String> = made.map(|node| node.record.node.to_string()).collect();
     assert_eq!(left, made.iter().cloned().collect());
     made
 }
@@ -249,10 +248,10 @@ fn pipeline(place: &Path, code: [u8; 2]) -> Pipeline {
     let root = place.join("data").display().to_string();
     let text = format!("seed = 7\n[stages.count]\nkind = \"count\"\nroot = {root:?}\n");
     let kind = match code {
-        [1, 1] => Kind::generated::<CountReport<1, 1>, Recipe<1>>(),
-        [1, _] => Kind::generated::<CountReport<1, 2>, Recipe<1>>(),
-        [_, 1] => Kind::generated::<CountReport<2, 1>, Recipe<2>>(),
-        [_, _] => Kind::generated::<CountReport<2, 2>, Recipe<2>>(),
+        [1, 1] => Kind::generated::<CountReport<1, 1>, _>(generate),
+        [1, _] => Kind::generated::<CountReport<1, 2>, _>(generate),
+        [_, 1] => Kind::generated::<CountReport<2, 1>, _>(generate),
+        [_, _] => Kind::generated::<CountReport<2, 2>, _>(generate),
     };
     let path = place.join("pipeline.toml");
     Pipeline::parse(&path, &text, &[kind], None, &[]).unwrap()
@@ -323,7 +322,7 @@ impl<const STAGE: u8> Output for Count<STAGE> {
             let text = format!("{STAGE} {}", fs::read_to_string(&file.path)?);
             put(cx.folder(), "count.txt", &text);
         }
-        Ok(Outcome::made(Labels::new(), ()))
+        Ok(Outcome::Made(()))
     }
 }
 
@@ -334,10 +333,11 @@ impl<const STAGE: u8, const REPORT: u8> Report for CountReport<STAGE, REPORT> {
     type Stage = Count<STAGE>;
 
     const CODE: Code = code(REPORT);
-    const LINES: Lines<Count<STAGE>> = &[&Line::<Count<STAGE>>(|summary| {
-        format!("{} counts", summary.n_made)
-    })];
     const OUTPUTS: Outputs<Count<STAGE>> = &[&Picture::<STAGE>];
+
+    fn lines(lines: &mut Lines<Count<STAGE>>) {
+        lines.add::<Count<STAGE>>(|summary| format!("{} counts", summary.n_made));
+    }
 }
 
 /// Draws what was copied.
@@ -352,7 +352,7 @@ impl<const STAGE: u8> Output for Picture<STAGE> {
     const SCHEMA: &'static str = "any/1";
     const PARTITION: &'static str = "file";
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<()> = Some(|summary| format!("{} pictures", summary.n_made));
+    const LINE: Option<Line<()>> = Some(|summary| format!("{} pictures", summary.n_made));
 
     fn units(_: &CountConfig, scope: &Scope) -> Result<Vec<Unit>, CountError> {
         let counts = scope.partitions("counts").iter();
@@ -363,21 +363,14 @@ impl<const STAGE: u8> Output for Picture<STAGE> {
 
     fn make(_: &CountConfig, _: &Inputs, cx: &Context) -> Result<Outcome<()>, CountError> {
         put(cx.folder(), "picture.svg", "<svg/>");
-        Ok(Outcome::made(Labels::new(), ()))
+        Ok(Outcome::Made(()))
     }
 }
 
 /// Writes a file where a folder has a recipe.
-enum Recipe<const STAGE: u8> {}
-
-impl<const STAGE: u8> Generator for Recipe<STAGE> {
-    type Stage = Count<STAGE>;
-    type Error = CountError;
-
-    fn generate(config: &CountConfig) -> Result<(), CountError> {
-        if config.root.join("recipe").is_file() {
-            put(&config.root, "generated.txt", "made up");
-        }
-        Ok(())
+fn generate(config: &CountConfig) -> Result<(), CountError> {
+    if config.root.join("recipe").is_file() {
+        put(&config.root, "generated.txt", "made up");
     }
+    Ok(())
 }

@@ -1,8 +1,8 @@
 //! Only an option's value counts, not whether it is set in the pipeline file or is the default.
 
 use dataflow::{
-    Cause, Code, Context, Inputs, Kind, Labels, Outcome, Output, Outputs, OwnLine, Pipeline,
-    RunOptions, Scope, Stage, Unit, UnitState, plan, run,
+    Cause, Code, Context, Inputs, Kind, Line, Outcome, Output, Outputs, Pipeline, RunOptions,
+    Scope, Stage, Unit, UnitState, plan, run,
 };
 use lake::Lake;
 use schemars::JsonSchema;
@@ -44,7 +44,7 @@ impl<const DEFAULT: u8> Output for Number<DEFAULT> {
     const ARTIFACT: &'static str = "numbers";
     const SCHEMA: &'static str = "numbers/1";
     const PARTITION: &'static str = "number";
-    const LINE: OwnLine<()> = Some(|summary| format!("{} numbers", summary.n_made));
+    const LINE: Option<Line<()>> = Some(|summary| format!("{} numbers", summary.n_made));
 
     fn units(_config: &NumberConfig<DEFAULT>, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         Ok(vec![Unit::new("all")])
@@ -57,27 +57,34 @@ impl<const DEFAULT: u8> Output for Number<DEFAULT> {
     ) -> Result<Outcome<()>, OwnError> {
         let path = cx.folder().join("number.txt");
         lake::write_whole(&path, config.number.to_string().as_bytes())?;
-        Ok(Outcome::made(Labels::new(), ()))
+        Ok(Outcome::Made(()))
     }
 }
 
 /// Says whether the number would be written again, and why.
-fn planned(place: &Place, kind: Kind, table: &str) -> UnitState {
+fn planned(place: &Place, kind: &Kind, table: &str) -> UnitState {
     let lake = Lake::open(&place.lake());
     let plan = plan(&read(place, kind, table), &lake, &RunOptions::default()).unwrap();
     let units = plan.nodes.into_iter().next().unwrap().units.unwrap();
     units.into_iter().next().unwrap().state
 }
 
-fn read(place: &Place, kind: Kind, table: &str) -> Pipeline {
+fn read(place: &Place, kind: &Kind, table: &str) -> Pipeline {
     let text = format!("seed = 7\n[stages.number]\nkind = \"number\"\n{table}");
-    Pipeline::parse(&place.pipeline(), &text, &[kind], None, &[]).unwrap()
+    Pipeline::parse(
+        &place.pipeline(),
+        &text,
+        std::slice::from_ref(kind),
+        None,
+        &[],
+    )
+    .unwrap()
 }
 
 #[test]
 fn a_default_that_changes_in_the_code_is_a_changed_value() {
     let place = Place::new("");
-    let [three, four] = [Kind::of::<Number<3>>(), Kind::of::<Number<4>>()];
+    let [three, four] = [&Kind::of::<Number<3>>(), &Kind::of::<Number<4>>()];
     let options = RunOptions::default();
     let lake = Lake::open(&place.lake());
     run(&read(&place, three, ""), &lake, &options, None, &|_| {}).unwrap();

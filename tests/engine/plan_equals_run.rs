@@ -95,7 +95,7 @@ fn check(place: &Place, world: &mut World, model: &mut Model, step: &Step) -> Ve
     let visited: BTreeSet<String> = ran
         .nodes
         .iter()
-        .map(|node| node.node.stage.clone())
+        .map(|node| node.record.node.stage.clone())
         .collect();
     let expected = model.run(world, &visited, |stage| {
         step.fresh_all || step.fresh.iter().any(|fresh| fresh == stage)
@@ -156,7 +156,12 @@ fn without_recalled(mut planned: Plan, only: Option<&str>, faults: &mut Vec<Stri
 fn compare_made(expected: &BTreeMap<Unit, Expected>, ran: &RunReport, faults: &mut Vec<String>) {
     let units = ran.nodes.iter().flat_map(|node| {
         let units = node.units.iter();
-        units.map(|unit| (Unit::new(&node.node.stage, &unit.partition), unit.made_now))
+        units.map(|unit| {
+            (
+                Unit::new(&node.record.node.stage, &unit.partition),
+                unit.made_now,
+            )
+        })
     });
     let ran: BTreeMap<Unit, bool> = units.collect();
     let model: BTreeMap<Unit, bool> = expected
@@ -183,7 +188,7 @@ fn compare_planned(
 ) {
     let nodes = |names: Vec<String>| names.join(", ");
     let of_plan = planned.nodes.iter().map(|node| node.node.to_string());
-    let of_run = ran.nodes.iter().map(|node| node.node.to_string());
+    let of_run = ran.nodes.iter().map(|node| node.record.node.to_string());
     if nodes(of_plan.clone().collect()) != nodes(of_run.clone().collect()) {
         faults.push(format!(
             "plan goes through {}; run through {}",

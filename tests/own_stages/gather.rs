@@ -1,8 +1,6 @@
 //! `gather`: all partitions become one table.
 
-use dataflow::{
-    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit,
-};
+use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -39,7 +37,7 @@ impl<const VERSION: u8> Output for Gather<VERSION> {
     const ARTIFACT: &'static str = "whole";
     const SCHEMA: &'static str = "whole/1";
     const PARTITION: &'static str = "of";
-    const LINE: OwnLine<()> = Some(|summary| format!("{} table of all parts", summary.n_made));
+    const LINE: Option<Line<()>> = Some(|summary| format!("{} table of all parts", summary.n_made));
 
     fn units(_config: &GatherConfig, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         let keys = scope.partitions("parts").iter().map(|part| &part.key);
@@ -60,6 +58,6 @@ impl<const VERSION: u8> Output for Gather<VERSION> {
             }
         }
         bytes::write_table(cx.folder(), &tallies)?;
-        Ok(Outcome::made(Labels::new(), ()))
+        Ok(Outcome::Made(()))
     }
 }

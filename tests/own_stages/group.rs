@@ -2,9 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{
-    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit,
-};
+use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +39,7 @@ impl<const VERSION: u8> Output for Group<VERSION> {
     const ARTIFACT: &'static str = "groups";
     const SCHEMA: &'static str = "groups/1";
     const PARTITION: &'static str = "letter";
-    const LINE: OwnLine<()> = Some(|summary| format!("{} groups", summary.n_made));
+    const LINE: Option<Line<()>> = Some(|summary| format!("{} groups", summary.n_made));
 
     fn units(_config: &GroupConfig, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         let mut groups: BTreeMap<&str, Vec<&String>> = BTreeMap::new();
@@ -65,6 +63,6 @@ impl<const VERSION: u8> Output for Group<VERSION> {
             }
         }
         bytes::write_table(cx.folder(), &tallies)?;
-        Ok(Outcome::made(Labels::new(), ()))
+        Ok(Outcome::Made(()))
     }
 }

@@ -3,9 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{
-    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Sum, Unit,
-};
+use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
 use lake::{LakeError, WriteArtifact};
 use schemars::JsonSchema;
 use schemas::executions::Outcome::{Failed, Succeeded};
@@ -50,7 +48,7 @@ impl Output for Logged {
     const ARTIFACT: &'static str = AllTrials::NAME;
     const SCHEMA: &'static str = AllTrials::VERSION;
     const PARTITION: &'static str = AllTrials::PARTITION;
-    const LINE: OwnLine<Count> =
+    const LINE: Option<Line<Count>> =
         Some(|summary| format!("{} trials by hand", summary.metrics.trials_n));
 
     fn units(_config: &LoggedConfig, _scope: &Scope) -> Result<Vec<Unit>, LakeError> {
@@ -69,6 +67,6 @@ impl Output for Logged {
         let trials: AllTrials = trials.collect();
         cx.write(&trials)?;
         let trials_n = trials.iter().map(|row| row.outcomes.total_n()).sum::<i64>() as f64;
-        Ok(Outcome::made(Labels::new(), Count { trials_n }))
+        Ok(Outcome::Made(Count { trials_n }))
     }
 }

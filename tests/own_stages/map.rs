@@ -1,8 +1,6 @@
 //! `map`: each partition becomes one.
 
-use dataflow::{
-    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit, labels,
-};
+use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
 use lake::ReadInputs;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -53,21 +51,17 @@ impl<const VERSION: u8> Output for Map<VERSION> {
     const ARTIFACT: &'static str = "parts";
     const SCHEMA: &'static str = "parts/1";
     const PARTITION: &'static str = "part";
-    const LINE: OwnLine<Bytes> = Some(|summary| format!("{} parts mapped", summary.n_made));
+    const LINE: Option<Line<Bytes>> = Some(|summary| format!("{} parts mapped", summary.n_made));
 
     fn units(_config: &MapConfig, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         let parts = scope.partitions("parts").iter();
         Ok(parts
-            .map(|part| Unit::new(&part.key).reading("parts", [&part.key]))
+            .map(|part| {
+                Unit::new(&part.key)
+                    .with_label_of("group", part)
+                    .reading("parts", [&part.key])
+            })
             .collect())
-    }
-
-    fn labels(_config: &MapConfig, unit: &Unit, scope: &Scope) -> Option<Labels> {
-        let parts = scope.partitions("parts");
-        let place = parts.binary_search_by(|part| part.key.cmp(&unit.partition));
-        // A part has no other label, and passes it on.
-        let group = parts.get(place.ok()?)?.label("group")?;
-        Some(labels([("group", group)]))
     }
 
     fn make(config: &MapConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome<Bytes>, OwnError> {
@@ -87,6 +81,6 @@ impl<const VERSION: u8> Output for Map<VERSION> {
         if config.table {
             bytes::write_table(cx.folder(), &[tally])?;
         }
-        Ok(Outcome::made(part.labels.clone(), metrics))
+        Ok(Outcome::Made(metrics))
     }
 }

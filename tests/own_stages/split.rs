@@ -3,8 +3,7 @@
 use std::{fs, path::PathBuf};
 
 use dataflow::{
-    Code, Context, Inputs, Outcome, Output, Outputs, OwnLine, Scope, SourceFile, Stage, Unit,
-    labels,
+    Code, Context, Inputs, Labels, Line, Outcome, Output, Outputs, Scope, SourceFile, Stage, Unit,
 };
 use lake::LakeError;
 use schemars::JsonSchema;
@@ -63,7 +62,7 @@ impl<const VERSION: u8> Output for Split<VERSION> {
     const ARTIFACT: &'static str = "parts";
     const SCHEMA: &'static str = "parts/1";
     const PARTITION: &'static str = "part";
-    const LINE: OwnLine<Bytes> =
+    const LINE: Option<Line<Bytes>> =
         Some(|summary| format!("{} files → {} parts", summary.n_items(), summary.n_made));
 
     fn units(config: &SplitConfig, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
@@ -72,7 +71,7 @@ impl<const VERSION: u8> Output for Split<VERSION> {
         for entry in entries {
             let path = entry.map_err(OwnError::at(&config.root))?.path();
             if let Some(name) = path.file_stem().filter(|_| path.is_file()) {
-                let unit = Unit::new(name.to_string_lossy());
+                let unit = Unit::new(name.to_string_lossy()).labeled_by_data();
                 units.push(unit.with_file(SourceFile::named_by_file(&path)));
             }
         }
@@ -108,8 +107,8 @@ impl<const VERSION: u8> Output for Split<VERSION> {
         if config.table {
             bytes::write_table(cx.folder(), &[tally])?;
         }
-        let group = group_of(&beginning);
-        Ok(Outcome::made(labels([("group", &group)]), metrics))
+        let labels = Labels::from([("group".to_owned(), group_of(&beginning))]);
+        Ok(Outcome::Labeled(metrics, labels))
     }
 }
 

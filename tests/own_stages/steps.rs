@@ -2,9 +2,7 @@
 
 use std::{fs, io, path::Path};
 
-use dataflow::{
-    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Unit,
-};
+use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -63,7 +61,7 @@ impl<const VERSION: u8> Output for Steps<VERSION> {
     const ARTIFACT: &'static str = "sum";
     const SCHEMA: &'static str = "sum/1";
     const PARTITION: &'static str = "of";
-    const LINE: OwnLine<()> = Some(|summary| format!("{} sum of steps", summary.n_made));
+    const LINE: Option<Line<()>> = Some(|summary| format!("{} sum of steps", summary.n_made));
 
     fn units(_config: &StepsConfig, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         Ok(vec![Unit::new("steps")])
@@ -88,6 +86,6 @@ impl<const VERSION: u8> Output for Steps<VERSION> {
         };
         bytes::write_table(cx.folder(), &[tally])?;
         hooks::fail("end")?;
-        Ok(Outcome::made(Labels::new(), ()))
+        Ok(Outcome::Made(()))
     }
 }

@@ -53,7 +53,7 @@ fn options() -> Vec<StageOption> {
     for (file, text) in FILES {
         let read = Pipeline::parse(file.as_ref(), text, &pipeline::kinds(), None, &[]).unwrap();
         for stage in &read.stages {
-            let (name, kind) = (stage.kind.name, stage.kind);
+            let (name, kind) = (stage.kind.name, &stage.kind);
             for option in kind.options() {
                 let known = |known: &StageOption| known.kind == name && known.key == option.key;
                 if options.iter().any(known) {

@@ -2,7 +2,6 @@
 
 use std::{
     collections::BTreeMap,
-    fs,
     path::{Path, PathBuf},
 };
 
@@ -19,7 +18,7 @@ pub struct Context<'a> {
     pub(crate) seed: u64,
     /// Empty folder for this unit's files.
     pub(crate) folder: PathBuf,
-    /// Folder for the resume state of an interrupted unit; it may not exist yet.
+    /// Folder for the resume state of an interrupted unit.
     pub(crate) resume_folder: PathBuf,
     /// Where progress goes.
     pub(crate) progress: &'a Progress<'a>,
@@ -57,14 +56,12 @@ impl Context<'_> {
     /// A folder that outlives this attempt: it is kept for the next attempt at the same unit, with
     /// the same fingerprint, after a failure, an interrupt or a kill.
     ///
-    /// It is empty at the first attempt, not shared, and not part of the artifact. It is removed
+    /// It does not exist before the first attempt writes to it (`lake::write_whole` makes it), is
+    /// not shared, and is no part of the artifact. It is removed
     /// when the unit's result is stored or a rerun is requested (`--fresh`). The process may be
     /// killed between any two writes: write files whole (`lake::write_whole`), and check what is
     /// read back. The result must not depend on how often the unit was interrupted.
     pub fn resume_folder(&self) -> &Path {
-        // Created on request, so that units without resume state leave no folder. If this fails,
-        // the first write to it fails and says so.
-        let _made = fs::create_dir_all(&self.resume_folder);
         &self.resume_folder
     }
 
@@ -134,14 +131,17 @@ impl Artifact {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]
-    fn a_folder_to_resume_from_is_there_when_it_is_asked_for_and_not_before() {
+    fn a_later_attempt_finds_what_an_earlier_one_left_and_asking_leaves_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let first = Context::detached("all", 7, folder.path());
+        let left = first.resume_folder().join("left");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
-        fs::create_dir(first.resume_folder().join("left")).unwrap();
+        fs::create_dir_all(&left).unwrap();
         let second = Context::detached("all", 7, folder.path());
         assert!(second.resume_folder().join("left").is_dir());
     }

@@ -6,6 +6,7 @@ use crate::{
     advice::{Advise, Advised},
     metrics::MissingFigure,
     name::{NodeName, UnitName},
+    near::{did_you_mean, missing},
     source::Location,
 };
 
@@ -227,6 +228,14 @@ pub enum Failure {
         /// What it names.
         what: String,
     },
+    /// A unit and its outcome both say which labels its artifact has, or neither does.
+    #[error("stage `{stage}` does not say once which labels `{partition}` has")]
+    Labels {
+        /// The stage's name.
+        stage: String,
+        /// The partition's key.
+        partition: String,
+    },
     /// No stage of this name is in the file.
     #[error("no stage `{name}` in the pipeline")]
     NoStage {
@@ -254,14 +263,11 @@ pub enum Failure {
 /// Suggests the nearest known name, or lists the first known ones.
 fn offer(what: &str, name: &str, known: &[String]) -> String {
     const NAMED: usize = 12;
-    crate::near::nearest(name, known.iter().map(String::as_str)).map_or_else(
-        || {
-            let more = if known.len() > NAMED { ", …" } else { "" };
-            let named = known.get(..NAMED).unwrap_or(known).join(", ");
-            format!("its {what} are: {named}{more}")
-        },
-        |near| format!("did you mean `{near}`?"),
-    )
+    did_you_mean(name, known.iter().map(String::as_str)).unwrap_or_else(|| {
+        let more = if known.len() > NAMED { ", …" } else { "" };
+        let named = known.get(..NAMED).unwrap_or(known).join(", ");
+        format!("its {what} are: {named}{more}")
+    })
 }
 
 /// Joins the hint with the advice to look at the skipped items.
@@ -399,12 +405,12 @@ impl Advise for Failure {
             Self::ChangedMeanwhile { .. } => {
                 Some("run the same command again when nobody writes to it any more".to_owned())
             }
-            Self::Twice { .. } => Some(
+            Self::Twice { .. } | Self::Labels { .. } => Some(
                 "this is a fault of the stage: please report it with the command and the file"
                     .to_owned(),
             ),
             Self::SourceFile { path, source } if source.kind() == io::ErrorKind::NotFound => {
-                Some(crate::near::missing(path))
+                Some(missing(path))
             }
             Self::Nothing { left_out, .. } => left_out.as_ref().map(ToString::to_string),
             Self::Lost { .. }

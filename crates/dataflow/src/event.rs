@@ -107,19 +107,14 @@ impl From<Fraction> for f64 {
     }
 }
 
-/// A number outside of 0..=1.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("{0} is no fraction: it is not in 0..=1")]
-pub struct NotAFraction(f64);
-
 impl TryFrom<f64> for Fraction {
-    type Error = NotAFraction;
+    type Error = String;
 
-    fn try_from(number: f64) -> Result<Self, NotAFraction> {
+    fn try_from(number: f64) -> Result<Self, String> {
         if (0.0..=1.0).contains(&number) {
             Ok(Self(number))
         } else {
-            Err(NotAFraction(number))
+            Err(format!("{number} is no fraction: it is not in 0..=1"))
         }
     }
 }

@@ -10,7 +10,7 @@ use toml_edit::{Document, InlineTable, Key, Value};
 
 use crate::{
     error::Problem,
-    near::{missing, nearest},
+    near::{did_you_mean, missing},
     shared,
     tables::{copy_table, found, merge_values},
     texts::Texts,
@@ -158,11 +158,8 @@ impl Extended {
                 let word = name
                     .as_str()
                     .map_or_else(|| found(name), |word| format!("`{word}`"));
-                let near = nearest(word.trim_matches('`'), known.iter().map(String::as_str));
-                let hint = near.map_or_else(
-                    || format!("its stages are: {}", known.join(", ")),
-                    |near| format!("did you mean `{near}`?"),
-                );
+                let near = did_you_mean(word.trim_matches('`'), known.iter().map(String::as_str));
+                let hint = near.unwrap_or_else(|| format!("its stages are: {}", known.join(", ")));
                 let location = name.span().map(|span| self.texts.location(span));
                 let message = format!("the extended file has no stage {word} to leave out");
                 self.problems

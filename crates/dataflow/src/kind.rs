@@ -1,28 +1,29 @@
 //! Type-erased stage kinds, so that a pipeline can hold stages of every kind.
 
-use std::{any::Any, marker::PhantomData, ops::Range};
+use std::{any::Any, ops::Range, sync::Arc};
 
 use serde::{Deserialize, de::IntoDeserializer};
 use serde_json::Value;
 use toml_edit::InlineTable;
 
 use crate::{
-    advice::Advised,
+    advice::{Advise, Advised},
+    code::Code,
     context::{Context, Inputs},
     metrics::MissingFigure,
     option_faults::OptionFault,
-    outcome::{Labels, Outcome},
+    outcome::Outcome,
     output::OutputInfo,
     record::RecordOutcome,
-    report::{Generator, Recorded, Report, Unreported},
+    report::Report,
     scope::Scope,
-    stage::{OutputOf, Stage},
-    summary::{Summarize, SummaryLine},
+    stage::{ErasedLine, Lines, OutputOf, Outputs, Stage},
+    summary::Summary,
     unit::Unit,
 };
 
 /// One kind of stage, as named by `kind = "…"` in a pipeline file.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Kind {
     /// The value of `kind`.
     pub name: &'static str,
@@ -30,10 +31,14 @@ pub struct Kind {
     pub about: &'static str,
     /// The artifacts it reads.
     pub inputs: &'static [&'static str],
-    outputs: fn() -> Vec<OutputInfo>,
-    configure: fn(InlineTable) -> Result<Box<dyn Configured>, ConfigFault>,
+    /// The artifacts it makes, in the order in which they are made: results, then reports.
+    pub outputs: Vec<OutputInfo>,
+    configure: Arc<Configure>,
     schema: fn() -> Value,
 }
+
+/// Parses a stage's table.
+type Configure = dyn Fn(InlineTable) -> Result<Box<dyn Configured>, ConfigFault> + Send + Sync;
 
 /// One option of a kind, for people.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
@@ -58,15 +63,14 @@ pub(crate) trait Configured: Send + Sync {
     fn config(&self) -> Value;
     fn check(&self) -> Vec<OptionFault>;
     fn prepare(&self) -> Result<(), Advised>;
-    // Of the output at this position in `Kind::outputs`:
+    // Of the output at this position in [`Kind::outputs`]:
     fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, Advised>;
-    fn labels(&self, output_idx: usize, unit: &Unit, scope: &Scope) -> Option<Labels>;
     fn make(&self, output_idx: usize, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised>;
-    fn tell(
+    fn summarize(
         &self,
         output_idx: usize,
         outcomes: &[&RecordOutcome],
-    ) -> Result<SummaryLine, MissingFigure>;
+    ) -> Result<(Summary, String), MissingFigure>;
 }
 
 /// A fault in a stage's table.
@@ -75,53 +79,39 @@ pub(crate) struct ConfigFault {
     pub(crate) span: Option<Range<usize>>,
 }
 
-/// A configured stage with the outputs of it and of its report, and its generator.
-struct ConfiguredStage<R: Report, G> {
-    options: Config<R>,
+/// A stage with its configuration and its type.
+struct ConfiguredStage<S: Stage> {
+    options: S::Config,
     /// The options as fingerprints hold them: serialized once, where that can fail.
     config: Value,
-    outputs: Vec<Listed<R::Stage>>,
-    generator: PhantomData<fn() -> G>,
+    parts: Arc<Parts<S>>,
+}
+
+/// What all stages of a kind have in common.
+struct Parts<S: Stage> {
+    outputs: Vec<Listed<S>>,
+    generate: Option<Generate<S>>,
 }
 
 /// An output of a kind.
 struct Listed<S: Stage> {
     info: OutputInfo,
     output: &'static dyn OutputOf<S>,
-    summarize_fn: Summarize,
+    line: ErasedLine,
 }
 
-/// Lists the outputs of a stage, then those of its report, each with its line.
-fn outputs<R: Report>() -> Vec<Listed<R::Stage>> {
-    let results = R::Stage::OUTPUTS
-        .iter()
-        .map(|output| (output, R::Stage::CODE));
-    let reports = R::OUTPUTS.iter().map(|output| (output, R::CODE));
-    let listed = results.chain(reports).map(|(output, code)| {
-        let info = output.info(code);
-        let lines = R::LINES.iter().filter(|line| line.output() == output.id());
-        let mut tellings = lines.map(|line| line.summarize_fn()).chain(output.line());
-        let (Some(summarize_fn), None) = (tellings.next(), tellings.next()) else {
-            unreachable!("the output `{}` has no line, or two", info.artifact);
-        };
-        Listed {
-            info,
-            output: *output,
-            summarize_fn,
-        }
-    });
-    listed.collect()
-}
+/// Makes the dataset that the options name.
+type Generate<S> = Box<dyn Fn(&<S as Stage>::Config) -> Result<(), Advised> + Send + Sync>;
 
-impl<R: Report, G> ConfiguredStage<R, G> {
+impl<S: Stage> ConfiguredStage<S> {
     /// Parses the options of a stage's table.
-    fn read(table: InlineTable) -> Result<Self, ConfigFault> {
+    fn read(table: InlineTable, parts: Arc<Parts<S>>) -> Result<Self, ConfigFault> {
         // Every such number is `null` in JSON, so that recipes with different ones would be equal.
         if let Some(fault) = not_finite(&table) {
             return Err(fault);
         }
         let deserializer = toml_edit::Value::InlineTable(table).into_deserializer();
-        let options = Config::<R>::deserialize(deserializer).map_err(|err| ConfigFault {
+        let options = S::Config::deserialize(deserializer).map_err(|err| ConfigFault {
             message: err.message().to_owned(),
             span: err.span(),
         })?;
@@ -132,8 +122,7 @@ impl<R: Report, G> ConfiguredStage<R, G> {
         Ok(Self {
             options,
             config,
-            outputs: outputs::<R>(),
-            generator: PhantomData,
+            parts,
         })
     }
 }
@@ -157,13 +146,7 @@ fn not_finite(table: &InlineTable) -> Option<ConfigFault> {
     table.iter().find_map(|(key, value)| within(key, value))
 }
 
-type Config<R> = <<R as Report>::Stage as Stage>::Config;
-
-impl<R, G> Configured for ConfiguredStage<R, G>
-where
-    R: Report,
-    G: Generator<Stage = R::Stage>,
-{
+impl<S: Stage> Configured for ConfiguredStage<S> {
     fn options(&self) -> &dyn Any {
         &self.options
     }
@@ -173,65 +156,111 @@ where
     }
 
     fn check(&self) -> Vec<OptionFault> {
-        R::Stage::check(&self.options)
+        S::check(&self.options)
     }
 
     fn prepare(&self) -> Result<(), Advised> {
-        G::generate(&self.options)?;
-        Ok(R::Stage::prepare(&self.options)?)
+        if let Some(generate) = &self.parts.generate {
+            generate(&self.options)?;
+        }
+        Ok(S::prepare(&self.options)?)
     }
 
     fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, Advised> {
-        self.outputs[output_idx].output.units(&self.options, scope)
-    }
-
-    fn labels(&self, output_idx: usize, unit: &Unit, scope: &Scope) -> Option<Labels> {
-        let output = self.outputs[output_idx].output;
-        output.labels(&self.options, unit, scope)
+        let output = self.parts.outputs[output_idx].output;
+        output.units(&self.options, scope)
     }
 
     fn make(&self, output_idx: usize, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised> {
-        let output = self.outputs[output_idx].output;
+        let output = self.parts.outputs[output_idx].output;
         output.make(&self.options, inputs, cx)
     }
 
-    fn tell(
+    fn summarize(
         &self,
         output_idx: usize,
         outcomes: &[&RecordOutcome],
-    ) -> Result<SummaryLine, MissingFigure> {
-        (self.outputs[output_idx].summarize_fn)(outcomes)
+    ) -> Result<(Summary, String), MissingFigure> {
+        (self.parts.outputs[output_idx].line)(outcomes)
     }
 }
 
 impl Kind {
-    /// Returns the kind of a stage without a report.
-    pub fn of<S: Stage>() -> Self {
-        Self::generated::<Unreported<S>, Recorded<S>>()
-    }
-
-    /// Returns the kind of a stage with its report.
-    pub fn reported<R: Report>() -> Self {
-        Self::generated::<R, Recorded<R::Stage>>()
-    }
-
-    /// Returns the kind of a stage with its report and the generator of its dataset.
+    /// Returns the kind of a stage without a report: its outputs have their own lines.
     ///
     /// # Panics
     ///
     /// Panics if an output of the stage or its report has no line or two, or
     /// [`Output::OPTIONS`](crate::Output::OPTIONS) names an unknown option.
-    pub fn generated<R: Report, G: Generator<Stage = R::Stage>>() -> Self {
+    pub fn of<S: Stage>() -> Self {
+        Self::new::<S>(&[], S::CODE, Lines::new(), None)
+    }
+
+    /// Returns the kind of a stage with its report.
+    ///
+    /// # Panics
+    ///
+    /// Panics as [`Kind::of`] does.
+    pub fn reported<R: Report>() -> Self {
+        Self::with_report::<R>(None)
+    }
+
+    /// Returns the kind of a stage with its report, of which datasets may be generated: `generate`
+    /// makes the one that the options name, before [`Stage::prepare`].
+    ///
+    /// Its code is not part of any fingerprint: files outside the lake are fingerprinted by their
+    /// bytes.
+    ///
+    /// # Panics
+    ///
+    /// Panics as [`Kind::of`] does.
+    pub fn generated<R: Report, E: Advise>(
+        generate: fn(&<R::Stage as Stage>::Config) -> Result<(), E>,
+    ) -> Self {
+        Self::with_report::<R>(Some(Box::new(move |options| Ok(generate(options)?))))
+    }
+
+    fn with_report<R: Report>(generate: Option<Generate<R::Stage>>) -> Self {
+        let mut lines = Lines::new();
+        R::lines(&mut lines);
+        Self::new(R::OUTPUTS, R::CODE, lines, generate)
+    }
+
+    /// Lists the outputs of a stage, then those of its report, each with its line.
+    fn new<S: Stage>(
+        reports: Outputs<S>,
+        report_code: Code,
+        mut lines: Lines<S>,
+        generate: Option<Generate<S>>,
+    ) -> Self {
+        let results = S::OUTPUTS.iter().map(|output| (output, S::CODE));
+        let reports = reports.iter().map(|output| (output, report_code));
+        let listed = results.chain(reports).map(|(output, code)| {
+            output.add_line(&mut lines);
+            let info = output.info(code);
+            let Some(line) = lines.take(*output) else {
+                unreachable!("the output `{}` has no line", info.artifact);
+            };
+            Listed {
+                info,
+                output: *output,
+                line,
+            }
+        });
+        let parts = Arc::new(Parts {
+            outputs: listed.collect(),
+            generate,
+        });
         let kind = Self {
-            name: R::Stage::KIND,
-            about: R::Stage::ABOUT,
-            inputs: R::Stage::INPUTS,
-            outputs: || outputs::<R>().iter().map(|listed| listed.info).collect(),
-            configure: |table| {
-                let configured = ConfiguredStage::<R, G>::read(table)?;
+            name: S::KIND,
+            about: S::ABOUT,
+            inputs: S::INPUTS,
+            outputs: parts.outputs.iter().map(|listed| listed.info).collect(),
+            configure: Arc::new(move |table| {
+                let configured = ConfiguredStage::<S>::read(table, Arc::clone(&parts))?;
                 Ok(Box::new(configured) as Box<dyn Configured>)
-            },
-            schema: || schemars::schema_for!(Config<R>).to_value(),
+            }),
+            schema: || schemars::schema_for!(S::Config).to_value(),
         };
         kind.check_declared();
         kind
@@ -239,16 +268,9 @@ impl Kind {
 
     /// Checks that outputs name existing options.
     fn check_declared(&self) {
-        let outputs = self.outputs();
-        if outputs
-            .iter()
-            .all(|output| output.options.named().is_empty())
-        {
-            return;
-        }
         let schema = self.schema();
         let known = schema.get("properties").and_then(Value::as_object);
-        for output in outputs {
+        for output in &self.outputs {
             for option in output.options.named() {
                 assert!(
                     known.is_some_and(|known| known.contains_key(*option)),
@@ -258,11 +280,6 @@ impl Kind {
                 );
             }
         }
-    }
-
-    /// Returns the artifacts it makes, in the order in which they are made: results, then reports.
-    pub fn outputs(&self) -> Vec<OutputInfo> {
-        (self.outputs)()
     }
 
     pub(crate) fn configure(&self, table: InlineTable) -> Result<Box<dyn Configured>, ConfigFault> {
@@ -357,11 +374,7 @@ fn type_name(schema: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        code::Code,
-        output::Options,
-        stage::{Output, Outputs, OwnLine},
-    };
+    use crate::{code::Code, output::Options, stage::Output, summary::Line};
 
     /// A stage with an option that cannot always be serialized.
     enum Fixture {}
@@ -427,7 +440,7 @@ mod tests {
         } else {
             &["weights"]
         });
-        const LINE: OwnLine<()> = if FAULT == 2 {
+        const LINE: Option<Line<()>> = if FAULT == 2 {
             None
         } else {
             Some(|_| String::new())

@@ -10,8 +10,8 @@
 //! depends on, how it is made and how it is summarized. The metrics of its partitions are a type
 //! too, whose fields say how they aggregate ([`metrics!`]). A stage makes results; its [`Report`],
 //! in a separate crate, has outputs that show them and lines that summarize them, so that
-//! presentation is no part of a result's fingerprint. Neither is a [`Generator`], which makes the
-//! files that a stage reads.
+//! presentation is no part of a result's fingerprint. Neither is what generates the files that a
+//! stage reads ([`Kind::generated`]).
 //!
 //! Invariants: equal fingerprints give equal bytes on any number of threads; an artifact appears
 //! whole or not at all; the inputs of a unit are checked against their digests before it starts.
@@ -31,7 +31,6 @@ mod fingerprint;
 mod form;
 mod graph;
 mod kind;
-mod line;
 mod make;
 mod metrics;
 mod name;
@@ -69,36 +68,35 @@ pub use context::{Artifact, Context, Inputs};
 pub use digest::{Digest, NotADigest};
 pub use elsewhere::{Elsewhere, Forced, Relay};
 pub use error::{Failure, FileError, LeftOut, Problem};
-pub use event::{Event, Events, Fraction, NotAFraction};
+pub use event::{Event, Events, Fraction};
 pub use fingerprint::{Cause, Change, Fingerprint, Recipe};
 pub use form::Form;
 pub use graph::Node;
 pub use kind::{Kind, OptionInfo};
-pub use line::{Line, LineOf, Lines};
 pub use make::{UnitReport, make_one};
 pub use metrics::{Figure, Figures, Gather, Max, Mean, Metrics, MissingFigure, Sum, With};
 pub use name::{NodeName, UnitName};
-pub use near::{missing, nearest};
+pub use near::{did_you_mean, missing, nearest};
 pub use option_faults::{OptionFault, OptionFaults};
 pub use options::{FreshAll, RunOptions};
-pub use outcome::{Labels, Made, Outcome, labels};
+pub use outcome::{Labels, Outcome};
 pub use output::{Execution, Options, OutputInfo};
 pub use overrides::{Override, OverrideError};
 pub use pipeline::{Pipeline, StageEntry};
 pub use plan::{Plan, PlannedNode, PlannedUnit, UnitState, plan};
 pub use reach::reached;
-pub use readiness::{Outside, Readiness, readiness};
+pub use readiness::{Outside, outside};
 pub use record::{FileRef, Record, RecordOutcome};
-pub use report::{Generator, Report};
+pub use report::Report;
 pub use run::{NodeReport, RunReport, run};
 pub use scope::{Partition, Scope};
 pub use source::{Location, Source};
 pub use source_file::SourceFile;
-pub use stage::{ConfigOf, Output, OutputOf, Outputs, OwnLine, Stage};
+pub use stage::{ConfigOf, Lines, Output, OutputOf, Outputs, Stage};
 pub use store::{
-    Making, NewestUnit, NodeRecord, Origin, OutputRecord, PendingResult, RunRecord, RunStatus,
-    Showing, StageRecord, Store, UnitRef,
+    Making, NewestUnit, NodeRecord, Origin, OutputRecord, RunRecord, RunStatus, Showing,
+    StageRecord, Store, UnitRef,
 };
-pub use summary::{Summarize, Summary, SummaryLine};
+pub use summary::{Line, Summary};
 pub use sweep::{Sweep, Variant};
 pub use unit::Unit;

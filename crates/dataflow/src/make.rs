@@ -16,12 +16,12 @@ use crate::{
     fingerprint::Fingerprint,
     graph::Node,
     name::{NodeName, UnitName},
-    outcome::Labels,
+    outcome::{Labels, Outcome},
     pipeline::Pipeline,
-    record::{FileRef, RecordOutcome},
+    record::{FileRef, Record, RecordOutcome},
     seed::unit_seed,
     state::{Certainty, Known, Listing, State, digest_source},
-    store::{PendingResult, Store},
+    store::Store,
     unit::Unit,
 };
 
@@ -176,7 +176,11 @@ impl<'a> Maker<'a> {
             making.start_over()?;
             return Err(err);
         }
-        let record = making.commit(PendingResult {
+        let outcome = result(unit, outcome).ok_or_else(|| Failure::Labels {
+            stage: stage.name.clone(),
+            partition: unit.partition.clone(),
+        })?;
+        let record = making.commit(Record {
             fingerprint,
             outcome,
         })?;
@@ -278,7 +282,7 @@ impl<'a> Maker<'a> {
                 };
                 // Labels are not part of the fingerprint where only some files are read.
                 let labels = match parts {
-                    None => outcome.labels(),
+                    None => outcome.labels().clone(),
                     Some(_) => Labels::new(),
                 };
                 opened.push(Artifact {
@@ -337,9 +341,7 @@ pub fn make_one(
     let mut state = State::new(pipeline, store);
     store.enter(&pipeline.name)?;
     for node in pipeline.upstream_of(node) {
-        state.recall_some(node, Certainty::ConfiguredStage, |digest| {
-            store.recall(digest)
-        })?;
+        state.recall_some(node, Certainty::Whole, |digest| store.recall(digest))?;
     }
     let mut nodes = pipeline.nodes.iter();
     let node = nodes
@@ -369,12 +371,29 @@ pub fn make_one(
             known: units.iter().map(|unit| unit.partition.clone()).collect(),
         })?;
     // Inputs that are not made yet may change what the unit reads.
-    if sure != Certainty::ConfiguredStage
+    if sure != Certainty::Whole
         && let Some(open) = state.first_open(node)
     {
         return Err(not_made(open));
     }
     Maker::new(pipeline, store, 0, events).make(&state, node, unit, forced)
+}
+
+/// Returns the result of a unit, without its files; `None` if not exactly one of unit and outcome
+/// says which labels a made artifact has.
+fn result(unit: &Unit, outcome: Outcome) -> Option<RecordOutcome> {
+    let (metrics, labels) = match (outcome, &unit.labels) {
+        (Outcome::Skipped { reason }, _) => return Some(RecordOutcome::Skipped { reason }),
+        (Outcome::Filtered { reason }, _) => return Some(RecordOutcome::Filtered { reason }),
+        (Outcome::Made(metrics), Some(labels)) => (metrics, labels.clone()),
+        (Outcome::Labeled(metrics, labels), None) => (metrics, labels),
+        (Outcome::Made(_), None) | (Outcome::Labeled(..), Some(_)) => return None,
+    };
+    Some(RecordOutcome::Made {
+        files: BTreeMap::new(),
+        labels,
+        metrics,
+    })
 }
 
 fn panic_message(payload: &(dyn std::any::Any + Send)) -> String {

@@ -49,6 +49,14 @@ fn near_path(path: &Path) -> Option<String> {
     Some(path.to_string_lossy().trim_end_matches('/').to_owned())
 }
 
+/// Returns the hint that names the candidate nearest to `word`, if one is near enough.
+pub fn did_you_mean<'a>(
+    word: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+) -> Option<String> {
+    nearest(word, candidates).map(|near| format!("did you mean `{near}`?"))
+}
+
 /// Returns the candidate nearest to `word`, if it is near enough to be a misspelling of it: by
 /// insertions, deletions, replacements and swaps of neighbors (optimal string alignment; Boytsov,
 /// *Indexing methods for approximate dictionary searching*, 2011, §2.2).

@@ -66,13 +66,12 @@ impl OptionFaults {
         });
     }
 
-    /// Adds the faults of a table inside the stage's, e.g. `training`.
-    pub fn of_table(&mut self, table: &str, found: Vec<OptionFault>) {
-        self.found
-            .extend(found.into_iter().map(|fault| OptionFault {
-                key: format!("{table}.{}", fault.key),
-                ..fault
-            }));
+    /// Adds the faults of a table inside the stage's, e.g. `scene`: each a key in it and what is
+    /// wrong.
+    pub fn of_table<F: Into<(&'static str, String)>>(&mut self, table: &str, found: Vec<F>) {
+        for (key, problem) in found.into_iter().map(Into::into) {
+            self.note(&format!("{table}.{key}"), problem);
+        }
     }
 
     /// Returns the faults reported so far.
@@ -100,15 +99,15 @@ mod tests {
         faults.within("n", 4_000_000_000_u64, 1..=3, "each is held in memory");
         faults.within("share", f64::NAN, 0.0..=1.0, "it is a share");
         faults.above("rate_hz", f64::INFINITY, 0.0, 10.0, "nothing is faster");
-        let mut outer = OptionFaults::default();
-        outer.of_table("inner", faults.found());
-        let said: Vec<String> = outer.found().iter().map(ToString::to_string).collect();
+        faults.of_table("inner", vec![("n", "is odd".to_owned())]);
+        let said: Vec<String> = faults.found().iter().map(ToString::to_string).collect();
         assert_eq!(
             said,
             [
-                "`inner.n` is 4000000000, and must be from 1 to 3: each is held in memory",
-                "`inner.share` is NaN, and must be from 0 to 1: it is a share",
-                "`inner.rate_hz` is inf, and must be more than 0 and at most 10: nothing is faster",
+                "`n` is 4000000000, and must be from 1 to 3: each is held in memory",
+                "`share` is NaN, and must be from 0 to 1: it is a share",
+                "`rate_hz` is inf, and must be more than 0 and at most 10: nothing is faster",
+                "`inner.n` is odd",
             ]
         );
     }

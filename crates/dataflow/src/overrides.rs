@@ -7,10 +7,7 @@ use toml_edit::Value;
 /// One value that overrides the pipeline file.
 #[derive(Debug, Clone)]
 pub struct Override {
-    /// The stage, or `None` for a key at the top of the file, e.g. `seed`.
-    pub(crate) stage: Option<String>,
-    /// Path of keys inside the stage's table.
-    pub(crate) keys: Vec<String>,
+    pub(crate) path: KeyPath,
     pub(crate) value: Value,
 }
 
@@ -33,20 +30,15 @@ impl FromStr for Override {
     /// quotes.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let (path, value) = split(text)?;
-        Ok(path.with(parse_value(value).unwrap_or_else(|| Value::from(value))))
+        let value = parse_value(value).unwrap_or_else(|| Value::from(value));
+        Ok(Self { path, value })
     }
 }
 
 impl Override {
     /// Returns it as it is written after `--set`, and where its value begins.
     pub(crate) fn argument(&self) -> (String, usize) {
-        let keys: Vec<&str> = self
-            .stage
-            .iter()
-            .chain(&self.keys)
-            .map(String::as_str)
-            .collect();
-        let keys = keys.join(".");
+        let keys = self.path.to_string();
         let value = match &self.value {
             // Only text that would parse as another type needs quotes.
             Value::String(text) if parse_value(text.value()).is_none() => text.value().clone(),
@@ -58,32 +50,28 @@ impl Override {
 
 impl fmt::Display for Override {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(stage) = &self.stage {
-            write!(f, "{stage}.")?;
-        }
-        write!(
-            f,
-            "{}={}",
-            self.keys.join("."),
-            self.value.to_string().trim()
-        )
+        write!(f, "{}={}", self.path, self.value.to_string().trim())
     }
 }
 
 /// The target of a value.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct KeyPath {
+    /// The stage, or `None` for a key at the top of the file, e.g. `seed`.
     pub(crate) stage: Option<String>,
+    /// Path of keys inside the stage's table.
     pub(crate) keys: Vec<String>,
 }
 
-impl KeyPath {
-    pub(crate) fn with(&self, value: Value) -> Override {
-        Override {
-            stage: self.stage.clone(),
-            keys: self.keys.clone(),
-            value,
-        }
+impl fmt::Display for KeyPath {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let words: Vec<&str> = self
+            .stage
+            .iter()
+            .chain(&self.keys)
+            .map(String::as_str)
+            .collect();
+        f.write_str(&words.join("."))
     }
 }
 
@@ -130,12 +118,12 @@ mod tests {
     #[test]
     fn reads_numbers_and_unquoted_paths() {
         let number: Override = "train.kl_weight=1e-3".parse().unwrap();
-        assert_eq!(number.stage.as_deref(), Some("train"));
+        assert_eq!(number.path.stage.as_deref(), Some("train"));
         assert_eq!(number.value.as_float(), Some(1e-3));
         let path: Override = "ingest.root=/data/dexycb".parse().unwrap();
         assert_eq!(path.value.as_str(), Some("/data/dexycb"));
         let seed: Override = "seed=9".parse().unwrap();
-        assert_eq!((seed.stage, seed.value.as_integer()), (None, Some(9)));
+        assert_eq!((seed.path.stage, seed.value.as_integer()), (None, Some(9)));
     }
 
     #[test]

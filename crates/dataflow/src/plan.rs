@@ -176,9 +176,9 @@ impl Planner<'_> {
                 state,
             });
         }
-        for (unit, predicted) in open.iter().zip(self.state.predict_labels(node, &open)) {
-            let (labels, predicted) = match predicted {
-                Some(labels) => (labels, LabelsPredicted::Yes),
+        for unit in open {
+            let (labels, predicted) = match &unit.labels {
+                Some(labels) => (labels.clone(), LabelsPredicted::Yes),
                 None => (self.last_labels(node, unit)?, LabelsPredicted::No),
             };
             known.insert(unit.partition.clone(), Known::Open { labels, predicted });
@@ -238,7 +238,7 @@ impl Planner<'_> {
             self.store.lookup(&digest)?
         };
         let state = match &cached {
-            Some(_) if sure == Certainty::ConfiguredStage => UnitState::Cached,
+            Some(_) if sure == Certainty::Whole => UnitState::Cached,
             Some(_) => UnitState::Perhaps {
                 upstream: self.open_inputs(node),
                 causes: Vec::new(),
@@ -249,7 +249,7 @@ impl Planner<'_> {
                 } else {
                     self.causes(node, &fingerprint)?
                 };
-                if sure == Certainty::ConfiguredStage || (forced && sure >= Certainty::Present) {
+                if sure == Certainty::Whole || (forced && sure >= Certainty::Present) {
                     let upstream = Vec::new();
                     UnitState::Run { causes, upstream }
                 } else {
@@ -336,7 +336,7 @@ impl Planner<'_> {
             Some(last) => self.store.recall(last)?,
             None => None,
         };
-        Ok(outcome.map_or_else(Labels::new, |outcome| outcome.labels()))
+        Ok(outcome.map_or_else(Labels::new, |outcome| outcome.labels().clone()))
     }
 
     /// The outputs of which a unit reads a partition that is not made yet.

@@ -2,20 +2,7 @@
 
 use std::{collections::BTreeSet, fs, path::Path};
 
-use crate::{
-    error::Failure,
-    pipeline::{Pipeline, StageEntry},
-    scope::Scope,
-};
-
-/// Whether one stage can begin.
-#[derive(Debug)]
-pub struct Readiness {
-    /// The stage's name.
-    pub stage: String,
-    /// Its resources outside the lake, or why it cannot begin.
-    pub found: Result<Outside, Failure>,
-}
+use crate::{error::Failure, pipeline::StageEntry, scope::Scope};
 
 /// A stage's resources outside the lake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,22 +14,15 @@ pub struct Outside {
     pub n_files: usize,
 }
 
-/// Returns for each stage, in file order, whether it can begin.
+/// Returns the resources outside the lake with which a stage can begin.
 ///
-/// Every stage prepares its resources outside the lake, as before a plan. A stage without inputs
-/// lists its units too, and every file that they read must exist.
-pub fn readiness(pipeline: &Pipeline) -> Vec<Readiness> {
-    pipeline
-        .stages
-        .iter()
-        .map(|stage| Readiness {
-            stage: stage.name.clone(),
-            found: outside(stage),
-        })
-        .collect()
-}
-
-fn outside(stage: &StageEntry) -> Result<Outside, Failure> {
+/// It prepares them, as before a plan. A stage without inputs lists its units too, and every file
+/// that they read must exist.
+///
+/// # Errors
+///
+/// Fails if the stage cannot begin.
+pub fn outside(stage: &StageEntry) -> Result<Outside, Failure> {
     stage.prepare()?;
     if !stage.kind.inputs.is_empty() {
         return Ok(Outside {
@@ -51,7 +31,7 @@ fn outside(stage: &StageEntry) -> Result<Outside, Failure> {
         });
     }
     let (mut units, mut most) = (Vec::new(), (0, ""));
-    for (idx, output) in stage.kind.outputs().iter().enumerate() {
+    for (idx, output) in stage.kind.outputs.iter().enumerate() {
         let listed = stage.units(idx, &Scope::default())?;
         if listed.len() > most.0 {
             most = (listed.len(), output.partition);

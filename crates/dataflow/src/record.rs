@@ -78,10 +78,11 @@ impl RecordOutcome {
     }
 
     /// Returns the labels of a made artifact.
-    pub fn labels(&self) -> Labels {
+    pub fn labels(&self) -> &Labels {
+        static NONE: Labels = Labels::new();
         match self {
-            Self::Made { labels, .. } => labels.clone(),
-            Self::Skipped { .. } | Self::Filtered { .. } => Labels::new(),
+            Self::Made { labels, .. } => labels,
+            Self::Skipped { .. } | Self::Filtered { .. } => &NONE,
         }
     }
 

@@ -24,7 +24,6 @@ use crate::{
         NewestUnit, NodeRecord, OutputRecord, RunRecord, RunStatus, Showing, StageRecord, Store,
         UnitRef,
     },
-    summary::{Summary, SummaryLine},
     unit::Unit,
     workers,
 };
@@ -44,32 +43,22 @@ pub struct RunReport {
 impl RunReport {
     /// Number of units that this run made.
     pub fn n_made_now(&self) -> usize {
-        self.nodes.iter().map(|node| node.n_made_now).sum()
+        self.nodes.iter().map(|node| node.record.n_made_now).sum()
     }
 
     /// Number of items skipped.
     pub fn n_skipped(&self) -> usize {
-        self.nodes.iter().map(|node| node.summary.n_skipped).sum()
+        self.nodes.iter().map(|node| node.record.n_skipped).sum()
     }
 }
 
 /// The outcome of one output.
 #[derive(Debug, Clone)]
 pub struct NodeReport {
-    /// The output.
-    pub node: NodeName,
-    /// Counts and figures.
-    pub summary: Summary,
-    /// The stage's own line about it.
-    pub description: String,
-    /// Whether its partitions are published: not if the run failed in it.
-    pub shown: bool,
-    /// Units that this run made.
-    pub n_made_now: usize,
+    /// The outcome as it is stored.
+    pub record: NodeRecord,
     /// Every unit.
     pub units: Vec<UnitReport>,
-    /// Seconds it took.
-    pub seconds: f64,
 }
 
 /// Runs a pipeline; `elsewhere` makes its units, or the threads of this process if there is none.
@@ -141,7 +130,7 @@ impl Runner<'_> {
         let mended = self.maker.mended().clone();
         for report in &self.reports {
             let mut nodes = self.pipeline.nodes.iter();
-            let node = nodes.find(|node| node.name == report.node);
+            let node = nodes.find(|node| node.name == report.record.node);
             if let Some(node) = node.filter(|node| mended.contains(&node.name)) {
                 self.publish(node, report)?;
             }
@@ -170,8 +159,8 @@ impl Runner<'_> {
         if units.is_empty() {
             let mut before = self.reports.iter().rev();
             let leaving = before
-                .find(|report| report.summary.n_skipped + report.summary.n_filtered > 0)
-                .map(|report| report.node.clone().into());
+                .find(|report| report.record.n_skipped + report.record.n_filtered > 0)
+                .map(|report| report.record.node.clone().into());
             return Err(Failure::Nothing {
                 node: node.name.clone(),
                 left_out: leaving,
@@ -207,12 +196,12 @@ impl Runner<'_> {
         let failure = failure.or_else(|| too_many_skipped(node, stage, &report));
         if failure.is_none() {
             self.publish(node, &report)?;
-            report.shown = true;
+            report.record.shown = true;
             (self.events)(&Event::OutputDone {
                 output: node.name.clone(),
-                description: report.description.clone(),
-                n_made_now: report.n_made_now,
-                seconds: report.seconds,
+                description: report.record.description.clone(),
+                n_made_now: report.record.n_made_now,
+                seconds: report.record.seconds,
             });
         }
         let known = report.units.iter().filter_map(|unit| {
@@ -352,7 +341,7 @@ impl Runner<'_> {
         });
         let units = self.reports.iter().flat_map(|report| {
             report.units.iter().map(|unit| UnitRef {
-                node: report.node.clone(),
+                node: report.record.node.clone(),
                 partition: unit.partition.clone(),
                 fingerprint: unit.fingerprint,
                 made_now: unit.made_now,
@@ -368,7 +357,11 @@ impl Runner<'_> {
             seed: self.pipeline.seed,
             stages: stages.collect(),
             outputs: outputs.collect(),
-            nodes: self.reports.iter().map(NodeReport::to_record).collect(),
+            nodes: self
+                .reports
+                .iter()
+                .map(|report| report.record.clone())
+                .collect(),
             units: units.collect(),
             status,
             seconds: self.started.elapsed().as_secs_f64(),
@@ -376,35 +369,21 @@ impl Runner<'_> {
     }
 }
 
-impl NodeReport {
-    fn to_record(&self) -> NodeRecord {
-        NodeRecord {
-            node: self.node.clone(),
-            description: self.description.clone(),
-            shown: self.shown,
-            n_made_now: self.n_made_now,
-            n_made: self.summary.n_made,
-            n_skipped: self.summary.n_skipped,
-            n_filtered: self.summary.n_filtered,
-            metrics: self.summary.metrics.clone(),
-            seconds: self.seconds,
-        }
-    }
-}
-
 /// Whether a run that made nothing found exactly the units of the newest runs.
 fn is_unchanged(reports: &[NodeReport], newest: &[NewestUnit]) -> bool {
-    let nodes: BTreeSet<&NodeName> = reports.iter().map(|report| &report.node).collect();
+    let nodes: BTreeSet<&NodeName> = reports.iter().map(|report| &report.record.node).collect();
     let mut left: BTreeMap<(&NodeName, &str), &Digest> = newest
         .iter()
         .filter(|unit| unit.current && nodes.contains(&unit.node))
         .map(|unit| ((&unit.node, unit.partition.as_str()), &unit.fingerprint))
         .collect();
     let mut found = reports.iter().flat_map(|report| {
-        report
-            .units
-            .iter()
-            .map(|unit| ((&report.node, unit.partition.as_str()), &unit.fingerprint))
+        report.units.iter().map(|unit| {
+            (
+                (&report.record.node, unit.partition.as_str()),
+                &unit.fingerprint,
+            )
+        })
     });
     found.all(|(unit, fingerprint)| left.remove(&unit) == Some(fingerprint)) && left.is_empty()
 }
@@ -419,25 +398,28 @@ fn report(
     // Units end in any order, and floating-point sums depend on it.
     units.sort_by(|a, b| a.partition.cmp(&b.partition));
     let outcomes: Vec<&RecordOutcome> = units.iter().map(|unit| &*unit.outcome).collect();
-    let told = stage.configured.tell(node.output_idx, &outcomes);
-    let SummaryLine { summary, line } = told.map_err(|source| Failure::Figures {
+    let summarized = stage.configured.summarize(node.output_idx, &outcomes);
+    let (summary, description) = summarized.map_err(|source| Failure::Figures {
         node: node.name.clone(),
         source,
     })?;
-    Ok(NodeReport {
+    let record = NodeRecord {
         node: node.name.clone(),
-        description: line,
-        summary,
+        description,
         shown: false,
         n_made_now: units.iter().filter(|unit| unit.made_now).count(),
-        units,
+        n_made: summary.n_made,
+        n_skipped: summary.n_skipped,
+        n_filtered: summary.n_filtered,
+        metrics: summary.metrics,
         seconds: started.elapsed().as_secs_f64(),
-    })
+    };
+    Ok(NodeReport { record, units })
 }
 
 fn too_many_skipped(node: &Node, stage: &StageEntry, report: &NodeReport) -> Option<Failure> {
-    let n_skipped = report.summary.n_skipped;
-    let n_items = report.summary.n_made + n_skipped;
+    let n_skipped = report.record.n_skipped;
+    let n_items = report.record.n_made + n_skipped;
     let first = report.units.iter().find_map(|unit| match &*unit.outcome {
         RecordOutcome::Skipped { reason } => Some(format!("`{}`: {reason}", unit.partition)),
         RecordOutcome::Made { .. } | RecordOutcome::Filtered { .. } => None,

@@ -80,13 +80,18 @@ impl Partition {
         if let Some(asked) = &self.asked {
             asked.store(true, Ordering::Relaxed);
         }
-        let labels = match &self.labels {
+        self.labels().get(name).map(String::as_str)
+    }
+
+    /// Returns the labels; `None` if they may still change.
+    pub(crate) fn certain_labels(&self) -> Option<&Labels> {
+        self.asked.is_none().then(|| self.labels())
+    }
+
+    fn labels(&self) -> &Labels {
+        match &self.labels {
             LabelsOf::Own(labels) => labels,
-            LabelsOf::Made(outcome) => match outcome.as_ref() {
-                RecordOutcome::Made { labels, .. } => labels,
-                RecordOutcome::Skipped { .. } | RecordOutcome::Filtered { .. } => return None,
-            },
-        };
-        labels.get(name).map(String::as_str)
+            LabelsOf::Made(outcome) => outcome.labels(),
+        }
     }
 }

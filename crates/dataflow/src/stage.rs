@@ -1,6 +1,6 @@
 //! The contract of a stage and of its outputs.
 
-use std::any::TypeId;
+use std::{any::TypeId, collections::HashMap, marker::PhantomData};
 
 use schemars::JsonSchema;
 use serde::{Serialize, de::DeserializeOwned};
@@ -9,12 +9,13 @@ use crate::{
     advice::{Advise, Advised},
     code::Code,
     context::{Context, Inputs},
-    metrics::Metrics,
+    metrics::{Metrics, MissingFigure},
     option_faults::OptionFault,
-    outcome::{Labels, Outcome},
+    outcome::Outcome,
     output::{Execution, Options, OutputInfo},
+    record::RecordOutcome,
     scope::Scope,
-    summary::{Summarize, Summary, summarize_fn},
+    summary::{Line, Summary},
     unit::Unit,
 };
 
@@ -86,11 +87,11 @@ pub trait Output: Sync + 'static {
     /// Options that only select units or files, or reach the unit as one of its [`Unit::facts`],
     /// are not among them.
     const OPTIONS: Options = Options::All;
-    /// Summarizes all partitions in the user's terms, e.g. `24 recordings → 23 demonstrations`.
+    /// Its line, if it has its own.
     ///
-    /// Its source counts in the output's code digest: for costly results, use a
-    /// [`Line`](crate::Line) of the stage's report instead.
-    const LINE: OwnLine<Self::Metrics> = None;
+    /// The line's source counts in the output's code digest: for costly results, the stage's
+    /// [`Report`](crate::Report) has the line instead.
+    const LINE: Option<Line<Self::Metrics>> = None;
 
     /// Lists the partitions and what each of them reads.
     ///
@@ -98,14 +99,6 @@ pub trait Output: Sync + 'static {
     ///
     /// Fails if there is nothing to work on.
     fn units(config: &ConfigOf<Self>, scope: &Scope) -> Result<Vec<Unit>, Self::Error>;
-
-    /// Predicts the labels of a unit if its outcome is made.
-    ///
-    /// A plan calls it for units that are not made yet, so that it need not assume that the labels
-    /// that later stages select by may change. `None` if the labels are only known afterwards.
-    fn labels(_config: &ConfigOf<Self>, _unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        None
-    }
 
     /// Makes one partition: writes its files into [`Context::folder`].
     ///
@@ -119,14 +112,53 @@ pub trait Output: Sync + 'static {
     ) -> Result<Outcome<Self::Metrics>, Self::Error>;
 }
 
-/// The summary line of an output with these metrics, if it has its own.
-pub type OwnLine<M> = Option<fn(&Summary<M>) -> String>;
-
 /// The configuration of an output's stage.
 pub type ConfigOf<O> = <<O as Output>::Stage as Stage>::Config;
 
 /// The outputs of a stage, or of its report, in the order in which they are made.
 pub type Outputs<S> = &'static [&'static dyn OutputOf<S>];
+
+/// The lines of the outputs of a stage and of its report, one each.
+pub struct Lines<S> {
+    lines: HashMap<TypeId, ErasedLine>,
+    stage: PhantomData<S>,
+}
+
+/// Summarizes the stored results of an output, in the order of their partitions, with its line.
+pub(crate) type ErasedLine =
+    Box<dyn Fn(&[&RecordOutcome]) -> Result<(Summary, String), MissingFigure> + Send + Sync>;
+
+impl<S: Stage> Lines<S> {
+    pub(crate) fn new() -> Self {
+        Self {
+            lines: HashMap::new(),
+            stage: PhantomData,
+        }
+    }
+
+    /// Adds the line of an output.
+    ///
+    /// # Panics
+    ///
+    /// Panics if the output has one already.
+    pub fn add<O: Output<Stage = S>>(&mut self, line: Line<O::Metrics>) {
+        let erased: ErasedLine = Box::new(move |outcomes| {
+            let summary = Summary::of(outcomes)?;
+            Ok((summary.stored(), line(&summary)))
+        });
+        let other = self.lines.insert(TypeId::of::<O>(), erased);
+        assert!(
+            other.is_none(),
+            "the output `{}` has two lines",
+            O::ARTIFACT
+        );
+    }
+
+    /// Takes the line of an output.
+    pub(crate) fn take(&mut self, output: &dyn OutputOf<S>) -> Option<ErasedLine> {
+        self.lines.remove(&output.id())
+    }
+}
 
 /// An [`Output`] of a stage without its type; every output is one.
 pub trait OutputOf<S: Stage>: Sync {
@@ -134,16 +166,14 @@ pub trait OutputOf<S: Stage>: Sync {
     fn id(&self) -> TypeId;
     /// Returns its metadata; the code is that of its stage or report.
     fn info(&self, code: Code) -> OutputInfo;
-    /// As [`Output::LINE`].
-    fn line(&self) -> Option<Summarize>;
+    /// Adds [`Output::LINE`].
+    fn add_line(&self, lines: &mut Lines<S>);
     /// As [`Output::units`].
     ///
     /// # Errors
     ///
     /// Fails as [`Output::units`] does.
     fn units(&self, config: &S::Config, scope: &Scope) -> Result<Vec<Unit>, Advised>;
-    /// As [`Output::labels`].
-    fn labels(&self, config: &S::Config, unit: &Unit, scope: &Scope) -> Option<Labels>;
     /// As [`Output::make`].
     ///
     /// # Errors
@@ -168,16 +198,14 @@ impl<O: Output> OutputOf<O::Stage> for O {
         }
     }
 
-    fn line(&self) -> Option<Summarize> {
-        O::LINE.map(summarize_fn)
+    fn add_line(&self, lines: &mut Lines<O::Stage>) {
+        if let Some(line) = O::LINE {
+            lines.add::<O>(line);
+        }
     }
 
     fn units(&self, config: &ConfigOf<O>, scope: &Scope) -> Result<Vec<Unit>, Advised> {
         Ok(O::units(config, scope)?)
-    }
-
-    fn labels(&self, config: &ConfigOf<O>, unit: &Unit, scope: &Scope) -> Option<Labels> {
-        O::labels(config, unit, scope)
     }
 
     fn make(

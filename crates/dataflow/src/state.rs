@@ -36,7 +36,7 @@ pub(crate) enum Known {
     Open {
         /// The labels that it will or may have.
         labels: Labels,
-        /// Whether its stage has predicted them.
+        /// Whether they are certain.
         predicted: LabelsPredicted,
     },
 }
@@ -75,7 +75,7 @@ pub(crate) enum Certainty {
     /// It exists with these files and facts, but its input partitions may change.
     Own,
     /// It exists with exactly these inputs.
-    ConfiguredStage,
+    Whole,
 }
 
 /// The partitions made so far, by node.
@@ -212,7 +212,7 @@ impl<'a> State<'a> {
     pub(crate) fn listing(&self, node: &Node) -> Result<Option<Listing>, Failure> {
         if !node.reads.values().any(|source| self.is_open(source)) {
             let units = self.units(node)?;
-            let sure = vec![Certainty::ConfiguredStage; units.len()];
+            let sure = vec![Certainty::Whole; units.len()];
             return Ok(Some(Listing {
                 units,
                 sure,
@@ -248,7 +248,7 @@ impl<'a> State<'a> {
         if let Ok(without) = without {
             let sure = units.iter().map(|unit| {
                 match without.binary_search_by(|other| other.partition.cmp(&unit.partition)) {
-                    Ok(idx) if without.get(idx) == Some(unit) => Certainty::ConfiguredStage,
+                    Ok(idx) if without.get(idx) == Some(unit) => Certainty::Whole,
                     Ok(idx) => present(unit, without.get(idx)),
                     Err(_) => Certainty::No,
                 }
@@ -277,20 +277,6 @@ impl<'a> State<'a> {
             }
         }
         sure
-    }
-
-    /// Returns the labels that each unit will have if it is made, where its stage can say so.
-    pub(crate) fn predict_labels(&self, node: &Node, units: &[&Unit]) -> Vec<Option<Labels>> {
-        let asked = Arc::default();
-        let scope = self.scope(node, Presence::Assumed, &asked);
-        let stage = self.pipeline.stage(node);
-        let predicted = units.iter().map(|unit| {
-            asked.store(false, Ordering::Relaxed);
-            let labels = stage.configured.labels(node.output_idx, unit, &scope)?;
-            // A prediction from labels that may change does not count.
-            (!asked.load(Ordering::Relaxed)).then_some(labels)
-        });
-        predicted.collect()
     }
 
     fn list(&self, node: &Node, scope: &Scope) -> Result<Vec<Unit>, Failure> {

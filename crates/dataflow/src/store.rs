@@ -15,7 +15,6 @@ use crate::{
     graph::Node,
     metrics::Figures,
     name::NodeName,
-    outcome::Outcome,
     record::{FileRef, Record, RecordOutcome},
 };
 
@@ -35,21 +34,13 @@ pub trait Making {
     /// Fails if it cannot be removed.
     fn start_over(&self) -> Result<(), Advised>;
 
-    /// Stores the files of the folder and the result, whole or not at all.
+    /// Stores the files of the folder and the result, whole or not at all, and returns it with
+    /// these files.
     ///
     /// # Errors
     ///
     /// Fails if the result cannot be stored; then nothing of it is visible.
-    fn commit(self: Box<Self>, result: PendingResult) -> Result<Record, Advised>;
-}
-
-/// A result that is not stored yet.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PendingResult {
-    /// Everything that it depends on.
-    pub fingerprint: Fingerprint,
-    /// The stage's outcome.
-    pub outcome: Outcome,
+    fn commit(self: Box<Self>, result: Record) -> Result<Record, Advised>;
 }
 
 /// One unit of a run.

@@ -69,27 +69,6 @@ impl<M: Metrics> Summary<M> {
     }
 }
 
-/// The summary of an output and its line.
-#[derive(Debug)]
-pub struct SummaryLine {
-    /// Counts and metrics.
-    pub(crate) summary: Summary,
-    /// The line.
-    pub(crate) line: String,
-}
-
-/// Summarizes the stored results of an output, in the order of their partitions.
-pub type Summarize =
-    Box<dyn Fn(&[&RecordOutcome]) -> Result<SummaryLine, MissingFigure> + Send + Sync>;
-
-/// Returns a function that reads stored results as typed metrics, aggregates them and writes the
-/// line.
-pub(crate) fn summarize_fn<M: Metrics>(line: fn(&Summary<M>) -> String) -> Summarize {
-    Box::new(move |outcomes| {
-        let summary = Summary::<M>::of(outcomes)?;
-        Ok(SummaryLine {
-            line: line(&summary),
-            summary: summary.stored(),
-        })
-    })
-}
+/// The line of an output in `run`: its summary in the user's terms, e.g.
+/// `24 recordings → 23 demonstrations`.
+pub type Line<M> = fn(&Summary<M>) -> String;

@@ -38,12 +38,8 @@ pub struct Variant {
 
 impl From<Override> for Sweep {
     fn from(given: Override) -> Self {
-        let path = KeyPath {
-            stage: given.stage,
-            keys: given.keys,
-        };
         Self {
-            keys: vec![(path, vec![given.value])],
+            keys: vec![(given.path, vec![given.value])],
         }
     }
 }
@@ -166,16 +162,15 @@ fn extend(variant: &Variant, keys: &[&(KeyPath, Vec<Value>)], number: usize) -> 
         let Some(value) = values.get(number) else {
             continue;
         };
-        extended.overrides.push(path.with(value.clone()));
+        extended.overrides.push(Override {
+            path: path.clone(),
+            value: value.clone(),
+        });
         if values.len() > 1 {
             if !extended.label.is_empty() {
                 extended.label.push_str(", ");
             }
-            let words = path.stage.iter().chain(&path.keys);
-            let words: Vec<&str> = words.map(String::as_str).collect();
-            extended
-                .label
-                .push_str(&format!("{}={}", words.join("."), shown(value)));
+            extended.label += &format!("{path}={}", shown(value));
         }
     }
     extended

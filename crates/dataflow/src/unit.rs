@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::{form::Form, source_file::SourceFile};
+use crate::{form::Form, outcome::Labels, scope::Partition, source_file::SourceFile};
 
 /// One partition to make and what it reads.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Unit {
     /// The partition's key, e.g. the sequence's or the object's name.
     pub partition: String,
@@ -21,14 +21,22 @@ pub struct Unit {
     /// Facts found while it was listed that [`crate::Output::make`] depends on, by name. A changed
     /// fact reruns the unit, unlike an option that only selects units.
     pub facts: BTreeMap<String, String>,
+    /// Facts by which later stages choose partitions, if it is made; `None` if they are known only
+    /// afterwards, or an input that is not made yet decides them.
+    pub labels: Option<Labels>,
 }
 
 impl Unit {
-    /// Returns a unit that reads nothing yet.
+    /// Returns a unit that reads nothing yet, and has no labels.
     pub fn new(partition: impl Into<String>) -> Self {
         Self {
             partition: partition.into(),
-            ..Self::default()
+            reads: BTreeMap::new(),
+            parts: BTreeMap::new(),
+            files: Vec::new(),
+            forms: BTreeMap::new(),
+            facts: BTreeMap::new(),
+            labels: Some(Labels::new()),
         }
     }
 
@@ -62,6 +70,35 @@ impl Unit {
     #[must_use]
     pub fn with_fact(mut self, name: &str, value: impl Into<String>) -> Self {
         self.facts.insert(name.to_owned(), value.into());
+        self
+    }
+
+    /// Adds a label.
+    #[must_use]
+    pub fn with_label(mut self, name: &str, value: impl Into<String>) -> Self {
+        if let Some(labels) = &mut self.labels {
+            labels.insert(name.to_owned(), value.into());
+        }
+        self
+    }
+
+    /// Adds the label of this name that a partition has.
+    #[must_use]
+    pub fn with_label_of(self, name: &str, partition: &Partition) -> Self {
+        match partition.certain_labels() {
+            None => self.labeled_by_data(),
+            Some(labels) => match labels.get(name) {
+                Some(value) => self.with_label(name, value),
+                None => self,
+            },
+        }
+    }
+
+    /// Leaves the labels to what [`Output::make`](crate::Output::make) finds in the data: its
+    /// outcome is [`Outcome::Labeled`](crate::Outcome::Labeled).
+    #[must_use]
+    pub fn labeled_by_data(mut self) -> Self {
+        self.labels = None;
         self
     }
 

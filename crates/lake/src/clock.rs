@@ -21,6 +21,14 @@ pub(crate) fn nanoseconds(time: SystemTime) -> u64 {
     u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
 }
 
+/// The running program's name, and the version of the crates it is built with.
+pub(crate) fn program() -> String {
+    let path = std::env::current_exe().unwrap_or_default();
+    let name = path.file_stem().map(|stem| stem.to_string_lossy());
+    let name = name.unwrap_or("pipeline".into());
+    format!("{name} {}", env!("CARGO_PKG_VERSION"))
+}
+
 /// The machine's name.
 pub(crate) fn host() -> String {
     let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();

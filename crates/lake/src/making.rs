@@ -1,18 +1,17 @@
 //! A unit in the making: its lock, its staging folder and its commit.
 
 use std::{
-    collections::BTreeMap,
     fs, io,
     path::{Path, PathBuf},
     time::{Duration, SystemTime},
 };
 
-use dataflow::{Advised, Digest, Making, Outcome, PendingResult, Record, RecordOutcome};
+use dataflow::{Advised, Digest, Making, Record, RecordOutcome};
 
 use crate::{
     LakeError,
     atomic::io_error,
-    clock::{host, nanoseconds, now},
+    clock::{host, nanoseconds, now, program},
     lake::Lake,
     lock::{Lock, Waiting},
     records::Provenance,
@@ -53,39 +52,25 @@ impl<'a> UnitInProgress<'a> {
         })
     }
 
-    fn keep(&self, pending: PendingResult) -> Result<Record, LakeError> {
+    fn keep(&self, mut record: Record) -> Result<Record, LakeError> {
         // Bytes that this unit is about to need are not collected meanwhile.
         let _shared = self.lake.locks.block_collection()?;
         // From here on the unit is stored even at an interrupt.
         let _landing = self.lake.flight.land();
-        let outcome = match pending.outcome {
-            Outcome::Made(made) => {
-                if let Some((metric, value)) = made.metrics.iter().find(|(_, v)| !v.is_finite()) {
-                    return Err(LakeError::Metric {
-                        metric: metric.clone(),
-                        value: *value,
-                    });
-                }
-                let mut files = BTreeMap::new();
-                for path in files_of(&self.folder)? {
-                    let name = path
-                        .file_name()
-                        .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-                    files.insert(name, self.lake.blobs.take(&path)?);
-                }
-                RecordOutcome::Made {
-                    files,
-                    labels: made.labels,
-                    metrics: made.metrics,
-                }
+        if let RecordOutcome::Made { files, metrics, .. } = &mut record.outcome {
+            if let Some((metric, value)) = metrics.iter().find(|(_, v)| !v.is_finite()) {
+                return Err(LakeError::Metric {
+                    metric: metric.clone(),
+                    value: *value,
+                });
             }
-            Outcome::Skipped { reason } => RecordOutcome::Skipped { reason },
-            Outcome::Filtered { reason } => RecordOutcome::Filtered { reason },
-        };
-        let record = Record {
-            fingerprint: pending.fingerprint,
-            outcome,
-        };
+            for path in files_of(&self.folder)? {
+                let name = path
+                    .file_name()
+                    .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+                files.insert(name, self.lake.blobs.take(&path)?);
+            }
+        }
         let provenance = Provenance {
             started_ns: nanoseconds(self.started),
             took_s: self
@@ -93,7 +78,7 @@ impl<'a> UnitInProgress<'a> {
                 .elapsed()
                 .unwrap_or(Duration::ZERO)
                 .as_secs_f64(),
-            program: concat!("pipeline ", env!("CARGO_PKG_VERSION")).to_owned(),
+            program: program(),
             host: host(),
             threads: std::thread::available_parallelism().map_or(0, usize::from),
         };
@@ -138,7 +123,7 @@ impl Making for UnitInProgress<'_> {
         Ok(self.remove_resume_folder()?)
     }
 
-    fn commit(self: Box<Self>, result: PendingResult) -> Result<Record, Advised> {
+    fn commit(self: Box<Self>, result: Record) -> Result<Record, Advised> {
         Ok(self.keep(result)?)
     }
 }

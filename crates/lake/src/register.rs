@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     LakeError, atomic,
-    clock::{host, nanoseconds, now},
+    clock::{host, nanoseconds, now, program},
     folder::{Folder, digest_named, names_in},
     lock::Locks,
     sealed, twice,
@@ -60,7 +60,7 @@ impl Run {
             host: host(),
             folder: env::current_dir().unwrap_or_default(),
             process: atomic::process_name(),
-            program: concat!("pipeline ", env!("CARGO_PKG_VERSION")).to_owned(),
+            program: program(),
             record,
             manifest: None,
             made_now: Vec::new(),

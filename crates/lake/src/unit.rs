@@ -100,6 +100,17 @@ pub trait WriteArtifact {
     ///
     /// Fails if the file cannot be written.
     fn write_file(&self, file: &str, bytes: &[u8]) -> Result<(), LakeError>;
+
+    /// Writes a chart of the artifact, `NAME.svg`, if there is anything to draw.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the file cannot be written.
+    fn write_chart(&self, name: &str, svg: Option<String>) -> Result<(), LakeError> {
+        svg.map_or(Ok(()), |svg| {
+            self.write_file(&format!("{name}.svg"), svg.as_bytes())
+        })
+    }
 }
 
 impl WriteArtifact for Context<'_> {

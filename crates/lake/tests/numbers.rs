@@ -4,8 +4,8 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use arrow_array::{ArrayRef, Float64Array, RecordBatch, cast::AsArray, types::Float64Type};
 use dataflow::{
-    Artifact, Fingerprint, Made, NodeName, NodeRecord, Origin, Outcome, OutputRecord,
-    PendingResult, Recipe, RecordOutcome, RunRecord, RunStatus, StageRecord, Store, UnitRef,
+    Artifact, Fingerprint, NodeName, NodeRecord, Origin, OutputRecord, Recipe, Record,
+    RecordOutcome, RunRecord, RunStatus, StageRecord, Store, UnitRef,
 };
 use lake::{Lake, table};
 use serde_json::json;
@@ -99,12 +99,12 @@ fn every_number_comes_back_from_records_runs_caches_and_tables() {
     let values: ArrayRef = Arc::new(Float64Array::from(numbers.clone()));
     let batch = RecordBatch::try_from_iter([("value", values)]).unwrap();
     table::write_batch(making.folder(), &batch).unwrap();
-    let made = Made {
+    let outcome = RecordOutcome::Made {
+        files: BTreeMap::new(),
+        labels: BTreeMap::new(),
         metrics: by_name(&numbers),
-        ..Made::default()
     };
-    let outcome = Outcome::Made(made);
-    let kept = making.commit(PendingResult {
+    let kept = making.commit(Record {
         fingerprint: fingerprint.clone(),
         outcome,
     });

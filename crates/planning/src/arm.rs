@@ -14,8 +14,9 @@ mod way;
 
 use nalgebra::Isometry3;
 use robot::{Chain, RobotModel, WrongDof};
+use simulation::SettingFault;
 
-use crate::{OptionError, limits::Most};
+use crate::limits::Most;
 use clearance::Clearance;
 pub use config::{ArmConfig, Base};
 pub(crate) use path::{ArmMoving, ArmPath};
@@ -50,9 +51,9 @@ impl Arm {
         config: &ArmConfig,
         robot: &RobotModel,
         hand: &RobotModel,
-    ) -> Result<Self, OptionError> {
+    ) -> Result<Self, SettingFault> {
         config.check()?;
-        let of_palm = |err: robot::RobotError| OptionError::new("arm.palm", err.to_string());
+        let of_palm = |err: robot::RobotError| SettingFault::new("arm.palm", err.to_string());
         let palm = robot.require_link(&config.palm).map_err(of_palm)?;
         let chain = Chain::to_link(robot, &config.palm).map_err(of_palm)?;
         if chain.dof() != JOINTS {
@@ -60,13 +61,13 @@ impl Arm {
                 "{} joints lead from the arm's foot to it, not {JOINTS}",
                 chain.dof()
             );
-            return Err(OptionError::new("arm.palm", problem));
+            return Err(SettingFault::new("arm.palm", problem));
         }
         let fingers = hand::joints_of_hand(robot, &chain, palm, hand)?;
         let joints = || chain.model().joints().iter();
         if let Some(joint) = joints().find(|joint| joint.velocity <= 0.0) {
             let problem = format!("it gives joint `{}` no speed", joint.name);
-            return Err(OptionError::new("arm.robot", problem));
+            return Err(SettingFault::new("arm.robot", problem));
         }
         let limits = joints().map(|joint| Most {
             velocity: joint.velocity * config.velocity_scale,

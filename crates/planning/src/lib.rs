@@ -48,7 +48,6 @@
 //! cells, files or the lake, and it searches for no other path than the given one.
 
 mod arm;
-mod error;
 mod excess;
 mod infeasible;
 mod limits;
@@ -61,7 +60,6 @@ mod timing;
 mod whole;
 
 pub use arm::{ArmConfig, Base};
-pub use error::OptionError;
 pub use infeasible::{ArmFault, Infeasible, Place};
 pub use limits::LimitsConfig;
 pub use planner::{ArmSetup, Feasible, Planner, Setup};

@@ -5,9 +5,8 @@ use nalgebra::Vector3;
 use robot::RobotModel;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use simulation::SettingFault;
 use spatial::{Peaks, Twist};
-
-use crate::OptionError;
 
 /// Largest slowdown factor accepted.
 const MAX_SLOWDOWN: f64 = 1000.0;
@@ -84,7 +83,7 @@ pub(crate) struct Part {
 
 impl Limits {
     /// Creates the limits of a hand.
-    pub(crate) fn new(config: &LimitsConfig, hand: &RobotModel) -> Result<Self, OptionError> {
+    pub(crate) fn new(config: &LimitsConfig, hand: &RobotModel) -> Result<Self, SettingFault> {
         config.check()?;
         let velocity = |joint: &robot::Joint| {
             let most = config.joint_velocity_rad_per_s.unwrap_or(joint.velocity);
@@ -98,7 +97,10 @@ impl Limits {
                 "the URDF gives joint `{}` no speed, so that this option must",
                 joint.name
             );
-            Err(OptionError::new("limits.joint_velocity_rad_per_s", problem))
+            Err(SettingFault::new(
+                "limits.joint_velocity_rad_per_s",
+                problem,
+            ))
         };
         Ok(Self {
             config: config.clone(),
@@ -184,7 +186,7 @@ impl LimitsConfig {
     /// # Errors
     ///
     /// Fails with the first limit that is out of range.
-    pub fn check(&self) -> Result<(), OptionError> {
+    pub fn check(&self) -> Result<(), SettingFault> {
         let positive = [
             (
                 "limits.joint_velocity_rad_per_s",
@@ -208,7 +210,7 @@ impl LimitsConfig {
         for (key, value) in positive {
             if !(value.is_finite() && value > 0.0) {
                 let problem = format!("{value:?} is not more than 0");
-                return Err(OptionError::new(key, problem));
+                return Err(SettingFault::new(key, problem));
             }
         }
         if (1.0..=MAX_SLOWDOWN).contains(&self.max_slowdown) {
@@ -218,7 +220,7 @@ impl LimitsConfig {
             "{:?} is not from 1 to {MAX_SLOWDOWN}: a goal holds every point of a motion",
             self.max_slowdown
         );
-        Err(OptionError::new("limits.max_slowdown", problem))
+        Err(SettingFault::new("limits.max_slowdown", problem))
     }
 }
 

@@ -3,12 +3,12 @@
 use motion::{Carrier, Course, JointTrack, Motion};
 use nalgebra::{Isometry3, Vector3};
 use robot::{Joint, JointKind, RobotModel};
-use simulation::{Approach, Flexion, Protocol, Trial};
+use simulation::{Approach, Flexion, Protocol, SettingFault, Trial};
 use spatial::{Object, Pose, Table};
 
 use crate::{
-    ArmConfig, Infeasible, LimitsConfig, OptionError, RatesConfig, arm::Arm, limits::Limits,
-    timed::whole, whole::Fingers,
+    ArmConfig, Infeasible, LimitsConfig, RatesConfig, arm::Arm, limits::Limits, timed::whole,
+    whole::Fingers,
 };
 
 /// Excess of a position over a limit attributed to rounding, in radians (meters if prismatic).
@@ -67,7 +67,7 @@ impl<'a> Planner<'a> {
     /// # Errors
     ///
     /// Fails if an option is invalid, in itself or for this robot.
-    pub fn new(setup: &Setup<'a>) -> Result<Self, OptionError> {
+    pub fn new(setup: &Setup<'a>) -> Result<Self, SettingFault> {
         let Setup {
             hand,
             arm,
@@ -79,15 +79,15 @@ impl<'a> Planner<'a> {
         let arm = arm.transpose()?;
         let limits = Limits::new(limits, hand)?;
         let flexion = Flexion::new(protocol, hand)
-            .map_err(|err| OptionError::new("grasp.flexion_joints", err.to_string()))?;
+            .map_err(|err| SettingFault::new("grasp.flexion_joints", err.to_string()))?;
         let path_s = path_s(protocol);
         if !(path_s.is_finite() && path_s > 0.0) {
             let problem = format!("it leaves the palm {path_s} s for its way");
-            return Err(OptionError::new("grasp.reach_s", problem));
+            return Err(SettingFault::new("grasp.reach_s", problem));
         }
         if protocol.trial != Trial::Lift {
             let problem = "a cell lifts what it grasps, and pulls at nothing";
-            return Err(OptionError::new("grasp.trial", problem));
+            return Err(SettingFault::new("grasp.trial", problem));
         }
         Ok(Self {
             hand,

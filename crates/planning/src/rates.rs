@@ -2,8 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-use crate::OptionError;
+use simulation::SettingFault;
 
 /// Highest rate accepted, in 1/s: ten times that of the fastest controllers.
 pub const MOST_HZ: f64 = 10_000.0;
@@ -36,14 +35,14 @@ impl RatesConfig {
     /// # Errors
     ///
     /// Fails with the first rate that is out of range.
-    pub fn check(&self) -> Result<(), OptionError> {
+    pub fn check(&self) -> Result<(), SettingFault> {
         for (key, rate_hz) in [
             ("rates.palm_hz", self.palm_hz),
             ("rates.hand_hz", self.hand_hz),
         ] {
             if !(1.0..=MOST_HZ).contains(&rate_hz) {
                 let problem = format!("{rate_hz} is not between 1 and {MOST_HZ} per second");
-                return Err(OptionError::new(key, problem));
+                return Err(SettingFault::new(key, problem));
             }
         }
         Ok(())

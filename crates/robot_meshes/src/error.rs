@@ -23,7 +23,7 @@ pub enum LoadError {
         /// The file.
         path: PathBuf,
         /// What is wrong with it.
-        source: RobotError,
+        source: Box<RobotError>,
     },
     /// There is no such file.
     #[error("link `{link}` of `{}` collides with the mesh `{file}`, which is not there", urdf.display())]

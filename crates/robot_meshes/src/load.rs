@@ -34,7 +34,7 @@ pub(crate) fn without_meshes(urdf: &Path) -> Result<(String, RobotModel), LoadEr
     })?;
     let model = RobotModel::from_urdf(&text).map_err(|source| LoadError::Urdf {
         path: urdf.to_owned(),
-        source,
+        source: Box::new(source),
     })?;
     Ok((text, model))
 }

@@ -20,12 +20,27 @@ const MOST_LINKS: u32 = 5000;
 const MOST: f64 = 1e6;
 
 /// What is wrong with one setting.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{key}` {problem}")]
 pub struct SettingFault {
     /// Dotted name of the setting, e.g. `drive.stiffness`.
     pub key: &'static str,
     /// What is wrong, to be read after the name.
     pub problem: String,
+}
+
+impl SettingFault {
+    /// Returns what is wrong with the setting of this name.
+    pub fn new(key: &'static str, problem: impl Into<String>) -> Self {
+        let problem = problem.into();
+        Self { key, problem }
+    }
+}
+
+impl From<SettingFault> for (&'static str, String) {
+    fn from(fault: SettingFault) -> Self {
+        (fault.key, fault.problem)
+    }
 }
 
 impl SceneConfig {

@@ -5,7 +5,7 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Advise, Failure, Outside, Pipeline, StageEntry, readiness};
+use dataflow::{Advise, Failure, Outside, Pipeline, StageEntry, outside};
 use stage_dispatch::{Dispatch, DispatchConfig};
 
 use super::{Check, State};
@@ -35,16 +35,14 @@ pub(super) fn compute() -> Check {
 
 /// Checks the resources of every stage outside the lake.
 pub(super) fn stages(pipeline: &Pipeline) -> Vec<Check> {
-    readiness(pipeline)
-        .into_iter()
-        .map(|stage| match stage.found {
-            Ok(outside) => Check::new(State::Ok, &stage.stage, found(outside)),
-            Err(failure) => {
-                let hint = failure.hint();
-                Check::new(State::Missing, &stage.stage, cause(failure)).with_hint(hint)
-            }
-        })
-        .collect()
+    let stages = pipeline.stages.iter().map(|stage| match outside(stage) {
+        Ok(outside) => Check::new(State::Ok, &stage.name, found(outside)),
+        Err(failure) => {
+            let hint = failure.hint();
+            Check::new(State::Missing, &stage.name, cause(failure)).with_hint(hint)
+        }
+    });
+    stages.collect()
 }
 
 fn found(outside: Outside) -> String {

@@ -7,7 +7,7 @@ use dataflow::{Advise, OptionFault, OptionFaults};
 use planning::{ArmConfig, LimitsConfig, RatesConfig};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use simulation::{Protocol, SceneConfig, SettingFault};
+use simulation::{Protocol, SceneConfig};
 
 use crate::DispatchError;
 
@@ -137,9 +137,8 @@ impl DispatchConfig {
         let why = "it is an angle by which a joint may be off";
         let tolerance_rad = self.start_tolerance_rad;
         faults.within("start_tolerance_rad", tolerance_rad, 0.0..=MOST_ERROR, why);
-        let grasp = self.grasp.faults(&self.simulated.scene);
-        faults.of_table("grasp", option_faults(grasp));
-        faults.of_table("simulated", self.simulated.faults());
+        faults.of_table("grasp", self.grasp.faults(&self.simulated.scene));
+        self.simulated.check(&mut faults);
         faults.found()
     }
 
@@ -197,20 +196,18 @@ impl DispatchConfig {
 }
 
 impl SimulatedConfig {
-    fn faults(&self) -> Vec<OptionFault> {
-        let mut faults = OptionFaults::default();
+    fn check(&self, faults: &mut OptionFaults) {
         let why = "what is told later is not told in time";
-        faults.within("latency_s", self.latency_s, 0.0..=LATEST_S, why);
+        faults.within("simulated.latency_s", self.latency_s, 0.0..=LATEST_S, why);
         for (key, error) in [
-            ("object_error_m", self.object_error_m),
-            ("object_error_rad", self.object_error_rad),
-            ("encoder_noise_rad", self.encoder_noise_rad),
+            ("simulated.object_error_m", self.object_error_m),
+            ("simulated.object_error_rad", self.object_error_rad),
+            ("simulated.encoder_noise_rad", self.encoder_noise_rad),
         ] {
             let why = "it is the size of an error";
             faults.within(key, error, 0.0..=MOST_ERROR, why);
         }
-        faults.of_table("scene", option_faults(self.scene.faults()));
-        faults.found()
+        faults.of_table("simulated.scene", self.scene.faults());
     }
 }
 
@@ -220,14 +217,6 @@ fn option_behind(err: &DispatchError) -> &'static str {
         DispatchError::Cell(CellError::Name { .. }) => "cell_name",
         _ => "cell",
     }
-}
-
-fn option_faults(faults: Vec<SettingFault>) -> Vec<OptionFault> {
-    let faults = faults.into_iter().map(|fault| OptionFault {
-        key: fault.key.to_owned(),
-        problem: fault.problem,
-    });
-    faults.collect()
 }
 
 /// Defaults of options; the options' docs give the reasons.

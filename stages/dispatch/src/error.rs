@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use cell::CellError;
 use dataflow::Advise;
 use lake::LakeError;
-use planning::OptionError;
 use robot_meshes::LoadError;
+use simulation::SettingFault;
 
 /// Why motions could not be dispatched; a failed motion is a row of `executions`.
 #[derive(Debug, thiserror::Error)]
@@ -109,8 +109,8 @@ pub enum DispatchError {
     Lake(#[from] LakeError),
 }
 
-impl From<OptionError> for DispatchError {
-    fn from(OptionError { key, problem }: OptionError) -> Self {
+impl From<SettingFault> for DispatchError {
+    fn from(SettingFault { key, problem }: SettingFault) -> Self {
         Self::BadOption { key, problem }
     }
 }

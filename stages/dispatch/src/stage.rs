@@ -7,8 +7,8 @@ use std::{
 
 use cell::{CellClient, Executed, Goal, Recovered, Rejection, RejectionCode, Report, with_causes};
 use dataflow::{
-    Code, Context, Form, Inputs, Labels, OptionFault, Outcome, Output, Outputs, Scope, SourceFile,
-    Stage, Sum, Unit, labels,
+    Code, Context, Form, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage,
+    Sum, Unit,
 };
 use lake::{LakeError, ReadInputs, WriteArtifact};
 use robot::Joint;
@@ -117,6 +117,7 @@ impl Output for Dispatch {
             .iter()
             .map(|rollouts| {
                 let unit = Unit::new(&rollouts.key)
+                    .with_label("object", &rollouts.key)
                     .reading(Rollouts::NAME, [&rollouts.key])
                     .reading(Candidates::NAME, [&rollouts.key])
                     .reading(Object::NAME, [&rollouts.key])
@@ -131,10 +132,6 @@ impl Output for Dispatch {
                 meshes.iter().cloned().fold(unit, Unit::with_file)
             })
             .collect())
-    }
-
-    fn labels(_config: &DispatchConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        Some(labels([("object", &unit.partition)]))
     }
 
     fn make(
@@ -155,10 +152,7 @@ impl Output for Dispatch {
             send(config, &robots, &object, &candidates, &motions, cx)?
         };
         cx.write(&sent.executions)?;
-        Ok(Outcome::made(
-            labels([("object", &object.name)]),
-            sent.metrics(),
-        ))
+        Ok(Outcome::Made(sent.metrics()))
     }
 }
 

@@ -2,9 +2,7 @@
 
 use std::{collections::BTreeMap, fs, path::Path};
 
-use dataflow::{
-    Advise, Artifact, Context, Inputs, Made, Outcome, Output, SourceFile, Stage, Summary,
-};
+use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, SourceFile, Stage, Summary};
 use motion::{HandRates, Motion, Step};
 use nalgebra::{Isometry3, Vector3};
 use report_dispatch::DispatchReport;
@@ -169,7 +167,7 @@ fn inputs(folder: &Path, config: &DispatchConfig, verdict: Verdict) -> Inputs {
 }
 
 struct Ran {
-    made: Made<DispatchMetrics>,
+    made: DispatchMetrics,
     executions: Vec<Execution>,
     folder: tempfile::TempDir,
 }
@@ -192,8 +190,8 @@ fn run(change: impl Fn(&mut DispatchConfig), verdict: Verdict) -> Result<Ran, Di
     })
 }
 
-fn line(made: &Made<DispatchMetrics>) -> String {
-    DispatchReport::line(&Summary::made(std::slice::from_ref(&made.metrics)))
+fn line(made: &DispatchMetrics) -> String {
+    DispatchReport::line(&Summary::made(std::slice::from_ref(&made)))
 }
 
 #[test]

@@ -6,8 +6,7 @@ mod metrics;
 mod units;
 
 use dataflow::{
-    Code, Context, Inputs, Labels, OptionFault, Options, Outcome, Output, Outputs, Scope, Stage,
-    Unit, labels,
+    Code, Context, Inputs, OptionFault, Options, Outcome, Output, Outputs, Scope, Stage, Unit,
 };
 use schemas::{Table, demonstrations::Demonstration, objects::Object};
 
@@ -65,12 +64,6 @@ impl Output for Shapes {
         units::shapes(config)
     }
 
-    fn labels(_config: &IngestConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        let mut labels = units::added(&unit.files);
-        labels.insert("object".to_owned(), unit.partition.clone());
-        Some(labels)
-    }
-
     fn make(
         config: &IngestConfig,
         inputs: &Inputs,
@@ -107,14 +100,6 @@ impl Output for Demonstrations {
         units::demonstrations(config, scope)
     }
 
-    fn labels(config: &IngestConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        let about = reader::reader(config).about(&unit.files).ok()?;
-        Some(labels([
-            ("object", &about.object),
-            ("subject", &about.subject),
-        ]))
-    }
-
     fn make(
         config: &IngestConfig,
         inputs: &Inputs,
@@ -139,10 +124,6 @@ impl Output for Objects {
 
     fn units(_config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
         Ok(units::objects(scope))
-    }
-
-    fn labels(_config: &IngestConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        Some(labels([("object", &unit.partition)]))
     }
 
     fn make(

@@ -1,8 +1,7 @@
 //! The stage: one unit per object.
 
 use dataflow::{
-    Code, Context, Inputs, Labels, Options, Outcome, Output, Outputs, OwnLine, Scope, Stage, Sum,
-    Unit, labels,
+    Code, Context, Inputs, Line, Options, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{Table, candidates::Candidates};
@@ -39,7 +38,7 @@ impl Output for Interpolate {
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
     const PARTITION: &'static str = Candidates::PARTITION;
-    const LINE: OwnLine<InterpolateMetrics> = Some(|summary| {
+    const LINE: Option<Line<InterpolateMetrics>> = Some(|summary| {
         let candidates = summary.metrics.candidates;
         format!("{} objects → {candidates} straight lines", summary.n_made)
     });
@@ -65,14 +64,11 @@ impl Output for Interpolate {
             |object: &&String| config.objects.is_empty() || config.objects.contains(object);
         let units = keys.into_iter().filter(chosen).map(|object| {
             Unit::new(object)
+                .with_label("object", object)
                 .reading(Candidates::NAME, [object])
                 .only_files(Candidates::NAME, [lake::table::FILE])
         });
         Ok(units.collect())
-    }
-
-    fn labels(_config: &InterpolateConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        Some(labels([("object", &unit.partition)]))
     }
 
     fn make(
@@ -99,7 +95,7 @@ impl Output for Interpolate {
             ..given
         };
         cx.write(&lines)?;
-        Ok(Outcome::made(labels([("object", &lines.object)]), metrics))
+        Ok(Outcome::Made(metrics))
     }
 }
 
@@ -166,8 +162,7 @@ mod tests {
         let Outcome::Made(made) = run(motions.clone(), folder.path()) else {
             panic!("not made");
         };
-        assert_eq!(made.metrics.candidates, 2.0);
-        assert_eq!(made.labels["object"], "can");
+        assert_eq!(made.candidates, 2.0);
         let made = artifact(&folder.path().join("out"));
         let read: Candidates = lake::table::read(&made).unwrap();
         assert_eq!(*read.joints, ["j"]);
@@ -204,6 +199,7 @@ mod tests {
         let one = units(&["can"], &scope).unwrap();
         assert_eq!((one.len(), one[0].partition.as_str()), (1, "can"));
         assert_eq!(one[0].reads[Candidates::NAME], ["can"]);
+        assert_eq!(one[0].labels.as_ref().unwrap()["object"], "can");
         let unknown = units(&["cup"], &scope).unwrap_err();
         assert!(unknown.to_string().contains("`cup`"));
         assert!(unknown.hint().unwrap().contains("box, can"));

@@ -2,10 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use dataflow::{
-    Code, Context, Inputs, Labels, Outcome, Output, Outputs, OwnLine, Scope, Stage, Sum, Unit,
-    labels,
-};
+use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
 use lake::{ReadInputs, WriteArtifact};
 use motion::{HandRates, Motion, MotionError};
 use schemas::{
@@ -53,7 +50,7 @@ impl Output for Replay {
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
     const PARTITION: &'static str = Candidates::PARTITION;
-    const LINE: OwnLine<ReplayMetrics> = Some(|summary| {
+    const LINE: Option<Line<ReplayMetrics>> = Some(|summary| {
         let candidates = summary.metrics.candidates;
         format!("{} objects → {candidates} candidates", summary.n_made)
     });
@@ -84,13 +81,11 @@ impl Output for Replay {
                     .iter()
                     .filter(|trajectory| trajectory.label(OBJECT) == Some(object))
                     .map(|trajectory| trajectory.key.as_str());
-                Unit::new(object).reading(Trajectory::NAME, of_object)
+                Unit::new(object)
+                    .with_label(OBJECT, object)
+                    .reading(Trajectory::NAME, of_object)
             })
             .collect())
-    }
-
-    fn labels(_config: &ReplayConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        Some(labels([(OBJECT, &unit.partition)]))
     }
 
     fn make(
@@ -122,7 +117,7 @@ impl Output for Replay {
         let metrics = ReplayMetrics {
             candidates: trajectories.len() as f64,
         };
-        Ok(Outcome::made(labels([(OBJECT, object)]), metrics))
+        Ok(Outcome::Made(metrics))
     }
 }
 
@@ -271,7 +266,12 @@ mod tests {
 
     #[test]
     fn one_unit_per_object_reads_its_trajectories() {
-        let labeled = |key: &str, object: &str| Partition::new(key, labels([(OBJECT, object)]));
+        let labeled = |key: &str, object: &str| {
+            Partition::new(
+                key,
+                BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]),
+            )
+        };
         let scope = Scope::new(BTreeMap::from([(
             "trajectories".to_owned(),
             vec![

@@ -6,8 +6,8 @@ mod retargeted;
 use std::{fs, path::Path};
 
 use dataflow::{
-    Code, Context, Form, Inputs, Labels, OptionFault, Options, Outcome, Output, Outputs, Scope,
-    SourceFile, Stage, Unit, labels,
+    Code, Context, Form, Inputs, OptionFault, Options, Outcome, Output, Outputs, Scope, SourceFile,
+    Stage, Unit,
 };
 use robot_meshes::LoadedRobot;
 use schemas::{
@@ -84,14 +84,11 @@ impl Output for DistanceFields {
         }
         let unit = |object: &str| {
             Unit::new(object)
+                .with_label("object", object)
                 .reading(Object::NAME, [object])
                 .only_files(Object::NAME, [objects::MESH])
         };
         Ok(objects.iter().map(|object| unit(&object.key)).collect())
-    }
-
-    fn labels(_config: &RetargetConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        Some(labels([("object", &unit.partition)]))
     }
 
     fn make(
@@ -135,6 +132,7 @@ impl Output for Trajectories {
                     object.filter(|name| known.iter().any(|one| one.key == *name))
                 };
                 let unit = Unit::new(&demonstration.key)
+                    .with_label_of("object", demonstration)
                     .reading(Demonstration::NAME, [&demonstration.key])
                     .reading(Object::NAME, among(objects))
                     .reading(FieldInfo::NAME, among(fields))
@@ -144,14 +142,6 @@ impl Output for Trajectories {
                 meshes.iter().cloned().fold(unit, Unit::with_file)
             })
             .collect())
-    }
-
-    fn labels(_config: &RetargetConfig, unit: &Unit, scope: &Scope) -> Option<Labels> {
-        let demonstrations = scope.partitions(Demonstration::NAME);
-        let moved = demonstrations
-            .iter()
-            .find(|demonstration| demonstration.key == unit.partition)?;
-        Some(labels([("object", moved.label("object")?)]))
     }
 
     fn make(

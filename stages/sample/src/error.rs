@@ -63,12 +63,11 @@ impl Advise for SampleError {
         match self {
             Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
             Self::UnknownDemonstration { name, known } => {
-                let near = dataflow::nearest(name, known.iter().map(String::as_str));
+                let near = dataflow::did_you_mean(name, known.iter().map(String::as_str));
                 let some: Vec<&str> = known.iter().take(5).map(String::as_str).collect();
-                Some(near.map_or_else(
-                    || format!("there are {}, such as {}", known.len(), some.join(", ")),
-                    |near| format!("did you mean `{near}`?"),
-                ))
+                Some(near.unwrap_or_else(|| {
+                    format!("there are {}, such as {}", known.len(), some.join(", "))
+                }))
             }
             Self::AnotherHand { .. } => Some(
                 "give `sample.hand` the URDF with which `retarget` and `train` made them"

@@ -3,8 +3,8 @@
 mod candidates;
 
 use dataflow::{
-    Code, Context, Form, Inputs, Labels, OptionFault, Options, Outcome, Output, Outputs, Scope,
-    Stage, Sum, Unit, labels,
+    Code, Context, Form, Inputs, OptionFault, Options, Outcome, Output, Outputs, Scope, Stage, Sum,
+    Unit,
 };
 use schemas::{
     Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, objects::Object,
@@ -69,10 +69,6 @@ impl Output for Sample {
 
     fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
         candidates::units(config, scope)
-    }
-
-    fn labels(_config: &SampleConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        Some(labels([("object", &unit.partition)]))
     }
 
     fn make(

@@ -18,9 +18,7 @@ use cgf::{
     JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Scene, Schedule,
     Times, Track, TrainingConfig, TrainingDevice, TrainingSet,
 };
-use dataflow::{
-    Advise, Artifact, Context, Inputs, Made, Outcome, Output, SourceFile, Stage, Summary,
-};
+use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, SourceFile, Stage, Summary};
 use geometry::{DistanceField, TriMesh};
 use lake::LakeError;
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
@@ -290,7 +288,7 @@ fn config() -> SampleConfig {
 }
 
 /// Draws motions into a folder, which is returned.
-fn run(config: &SampleConfig, inputs: &Inputs, seed: u64) -> (TempDir, Made<SampleMetrics>) {
+fn run(config: &SampleConfig, inputs: &Inputs, seed: u64) -> (TempDir, SampleMetrics) {
     let out = tempfile::tempdir().unwrap();
     let cx = Context::detached("can", seed, out.path());
     let Outcome::Made(made) = Sample::make(config, inputs, &cx).unwrap() else {
@@ -318,13 +316,13 @@ fn sample(config: &SampleConfig, inputs: &Inputs, seed: u64) -> Candidates {
 }
 
 /// Samples, then measures what was sampled.
-fn measure(config: &SampleConfig, inputs: &Inputs) -> (Vec<Sampled>, Made<SamplingMetrics>) {
+fn measure(config: &SampleConfig, inputs: &Inputs) -> (Vec<Sampled>, SamplingMetrics) {
     let (out, made) = measured(config, inputs);
     (lake::table::read(&made_in(out.path())).unwrap(), made)
 }
 
 /// Samples, then measures into a folder, which is returned.
-fn measured(config: &SampleConfig, inputs: &Inputs) -> (TempDir, Made<SamplingMetrics>) {
+fn measured(config: &SampleConfig, inputs: &Inputs) -> (TempDir, SamplingMetrics) {
     let (out, _) = run(config, inputs, 7);
     let mut artifacts: BTreeMap<String, Vec<Artifact>> = ["distance_fields", "trajectories"]
         .map(|input| (input.to_owned(), inputs.artifacts(input).to_vec()))
@@ -681,7 +679,7 @@ fn motions_are_measured_against_object_table_and_demonstrations() {
         assert!((0.0..2.0).contains(&motion.approach_depth_time_s));
         assert_eq!(motion.within_limits(), motion.limit_excess_rad <= 0.05);
     }
-    let metrics = &made.metrics;
+    let metrics = &made;
     let count = |is_one: &dyn Fn(&Sampled) -> bool| sampled.iter().filter(|s| is_one(s)).count();
     assert_eq!(metrics.candidates_n, 60.0);
     assert_eq!(
@@ -774,15 +772,15 @@ fn a_decoder_that_ignores_the_code_is_flagged_as_collapsed() {
     };
     let (_, made) = measure(&wide, &inputs);
     for spread in [
-        made.metrics.grasp_spread_m,
-        made.metrics.grasp_spread_rad,
-        made.metrics.grasp_q_spread_rad,
-        made.metrics.motion_spread_m,
+        made.grasp_spread_m,
+        made.grasp_spread_rad,
+        made.grasp_q_spread_rad,
+        made.motion_spread_m,
     ] {
         assert!(spread < 1e-6, "{made:?}");
     }
-    assert_eq!(made.metrics.collapsed_n, 1.0);
-    let said = SamplingReport::LINE.unwrap()(&Summary::made(&[made.metrics]));
+    assert_eq!(made.collapsed_n, 1.0);
+    let said = SamplingReport::LINE.unwrap()(&Summary::made(&[made]));
     assert!(
         said.contains("COLLAPSED for 1 objects") && said.contains("spread 0 mm"),
         "{said}"
@@ -808,7 +806,7 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
             in_object.max(s.table_depth_m)
         };
         let depths: Vec<f64> = sampled.iter().map(deepest).collect();
-        (candidates, depths, made.metrics.draws)
+        (candidates, depths, made.draws)
     };
     let (once, deep, drawn) = make(1);
     assert_eq!(drawn, 40.0);

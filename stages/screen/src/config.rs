@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use dataflow::{OptionFault, OptionFaults};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use simulation::{Protocol, SceneConfig, SettingFault};
+use simulation::{Protocol, SceneConfig};
 
 /// Most rollouts of an object that are recorded: a recording has about 1 MB.
 const MOST_RECORDED: usize = 10_000;
@@ -42,18 +42,10 @@ impl ScreenConfig {
         faults.within("recorded_per_object", recorded, 0..=MOST_RECORDED, why);
         let why = "it is a share of the object's extent";
         faults.within("pose_noise", self.pose_noise, 0.0..=MAX_POSE_NOISE, why);
-        faults.of_table("scene", option_faults(self.scene.faults()));
-        faults.of_table("protocol", option_faults(self.protocol.faults(&self.scene)));
+        faults.of_table("scene", self.scene.faults());
+        faults.of_table("protocol", self.protocol.faults(&self.scene));
         faults.found()
     }
-}
-
-fn option_faults(faults: Vec<SettingFault>) -> Vec<OptionFault> {
-    let faults = faults.into_iter().map(|fault| OptionFault {
-        key: fault.key.to_owned(),
-        problem: fault.problem,
-    });
-    faults.collect()
 }
 
 /// Values of options that a pipeline file leaves out; the options say why.

@@ -46,6 +46,14 @@ pub enum ScreenError {
     /// There is nothing to screen.
     #[error("there are no candidates to screen")]
     NoCandidates,
+    /// A rollout is of a candidate that there is not.
+    #[error("a rollout of `{partition}` is of `{candidate}`, which is not among the candidates")]
+    UnknownCandidate {
+        /// The object.
+        partition: String,
+        /// The candidate's name.
+        candidate: String,
+    },
     /// A rollout has another number of joints than the hand.
     #[error("a rollout cannot be recorded: {0}")]
     Dof(#[from] WrongDof),
@@ -65,6 +73,9 @@ impl Advise for ScreenError {
             }
             Self::AnotherHand { .. } => {
                 Some("use the same `hand` in `retarget` and in `screen`, then run again".to_owned())
+            }
+            Self::UnknownCandidate { .. } => {
+                Some("make them again with `pipeline run FILE --fresh`".to_owned())
             }
             Self::Lake(err) => err.hint(),
             Self::NoCandidates | Self::Dof(_) => None,

@@ -1,8 +1,8 @@
 //! The stage: the rollouts of one object's candidates.
 
 use dataflow::{
-    Code, Context, Form, Inputs, Labels, OptionFault, Outcome, Output, Outputs, Scope, SourceFile,
-    Stage, Sum, Unit, labels,
+    Code, Context, Form, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage,
+    Sum, Unit,
 };
 use lake::{ReadInputs, WriteArtifact};
 use robot::JointOrder;
@@ -93,16 +93,13 @@ impl Output for Screen {
                 // An object that is missing is planned without, and skipped.
                 let object = objects.iter().find(|object| object.key == partition.key);
                 let unit = Unit::new(&partition.key)
+                    .with_label("object", &partition.key)
                     .reading(Candidates::NAME, [&partition.key])
                     .reading(Object::NAME, object.map(|object| &object.key))
                     .with_file_of_form(SourceFile::named("hand", &config.hand), SHOWN_ROBOT);
                 meshes.iter().cloned().fold(unit, Unit::with_file)
             })
             .collect())
-    }
-
-    fn labels(_config: &ScreenConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        Some(labels([("object", &unit.partition)]))
     }
 
     fn make(
@@ -160,8 +157,7 @@ impl Output for Screen {
                 Err((candidate, err)) => return failed(Some(candidate), err),
             }
         }
-        let labels = labels([("object", &object.name)]);
-        Ok(Outcome::made(labels, ScreenMetrics::of(&rollouts)))
+        Ok(Outcome::Made(ScreenMetrics::of(&rollouts)))
     }
 }
 

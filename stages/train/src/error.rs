@@ -6,7 +6,7 @@ use cgf::CgfError;
 use dataflow::Advise;
 use lake::LakeError;
 use motion::MotionError;
-use robot::JointMismatch;
+use robot::{JointMismatch, WrongDof};
 use robot_meshes::LoadError;
 
 /// Why no grasping function could be trained.
@@ -49,6 +49,15 @@ pub enum TrainError {
         sequence: String,
         /// How its joints differ from the hand's.
         source: JointMismatch,
+    },
+    /// The hand has another number of joints than a motion.
+    #[error(transparent)]
+    Dof(#[from] WrongDof),
+    /// The checkpoint does not know a trajectory.
+    #[error("the checkpoint was not trained with trajectory `{sequence}` in view")]
+    UnknownTrajectory {
+        /// The trajectory's sequence.
+        sequence: String,
     },
     /// A trajectory's steps are no motion.
     #[error("trajectory `{sequence}` cannot be followed")]
@@ -100,7 +109,11 @@ impl Advise for TrainError {
                 Some("give `training.tips` the names of the hand's finger tip links".to_owned())
             }
             Self::Cgf(CgfError::LargeShapes { .. }) => Some("URDFs are in meters".to_owned()),
-            Self::Curve { .. } | Self::Motion { .. } | Self::Cgf(_) => None,
+            Self::Curve { .. }
+            | Self::Motion { .. }
+            | Self::Dof(_)
+            | Self::UnknownTrajectory { .. }
+            | Self::Cgf(_) => None,
         }
     }
 

@@ -22,18 +22,12 @@ use crate::{TrainConfig, TrainError};
 /// Stream of the random numbers that say which motions are held out.
 const HELD_OUT: u64 = 3;
 
-/// Reads objects and trajectories, puts every motion above the table of its scene and says which are
-/// learned from.
+/// Reads objects and trajectories, and puts every motion above the table of its scene.
 ///
 /// # Errors
 ///
 /// Fails if an artifact cannot be read, or a trajectory is of another hand or of no object.
-pub fn read(
-    config: &TrainConfig,
-    inputs: &Inputs,
-    joints: &[String],
-    seed: u64,
-) -> Result<TrainingSet, TrainError> {
+pub fn read(inputs: &Inputs, joints: &[String]) -> Result<TrainingSet, TrainError> {
     let objects = inputs.all::<Object>()?.into_iter();
     let known: BTreeMap<String, Object> = objects
         .map(|object| (object.name.clone(), object))
@@ -61,14 +55,19 @@ pub fn read(
             set.scenes.push(scene(object, rest));
             set.scenes.len() - 1
         });
-        let mut track = track(&trajectory, rest, scene, joints)?;
-        if config.is_unseen(&object.name) {
+        set.tracks.push(track(&trajectory, rest, scene, joints)?);
+    }
+    Ok(set)
+}
+
+/// Says which motions are learned from.
+pub(crate) fn split(set: &mut TrainingSet, config: &TrainConfig, seed: u64) {
+    for track in &mut set.tracks {
+        if config.is_unseen(&set.scenes[track.scene].object) {
             track.split = Split::Unseen;
         }
-        set.tracks.push(track);
     }
-    hold_out(&mut set, config.held_out_share, seed);
-    Ok(set)
+    hold_out(set, config.held_out_share, seed);
 }
 
 /// Keeps back a share of the motions that would be learned from, never the last one of an object.

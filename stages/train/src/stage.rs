@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, sync::Arc, time::Instant};
 
 use cgf::{GraspError, Trained, Trainer, TrainingSet};
 use dataflow::{
-    Code, Context, Form, Inputs, Labels, Max, Mean, OptionFault, Outcome, Output, Outputs, Scope,
+    Code, Context, Form, Inputs, Max, Mean, OptionFault, Outcome, Output, Outputs, Scope,
     SourceFile, Stage, Sum, Unit,
 };
 use lake::ReadInputs;
@@ -137,7 +137,8 @@ impl Output for Train {
         cx: &Context,
     ) -> Result<Outcome<TrainMetrics>, TrainError> {
         let hand = Arc::new(hand(inputs)?);
-        let set = set::read(config, inputs, &hand.joint_names(), cx.seed())?;
+        let mut set = set::read(inputs, &hand.joint_names())?;
+        set::split(&mut set, config, cx.seed());
         let trained = train(config, &set, &hand, cx)?;
         for (cgf, files) in [
             (&trained.best, checkpoint::BEST),
@@ -146,7 +147,7 @@ impl Output for Train {
             let file = |name| cx.folder().join(name);
             cgf.save(&file(files.weights), &file(files.description))?;
         }
-        Ok(Outcome::made(Labels::new(), TrainMetrics::of(&trained)))
+        Ok(Outcome::Made(TrainMetrics::of(&trained)))
     }
 }
 

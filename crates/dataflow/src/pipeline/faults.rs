@@ -129,7 +129,7 @@ impl Reader<'_> {
             (Expected::Tagged(tag, variants), Value::InlineTable(table)) => {
                 return self.tagged(tag, &variants, table, path);
             }
-            (Expected::ConfiguredStage | Expected::Number, Value::Integer(number)) => {
+            (Expected::Integer | Expected::Number, Value::Integer(number)) => {
                 in_range(schema, *number.value() as f64)
             }
             (Expected::Number, Value::Float(number)) => in_range(schema, *number.value()),
@@ -214,7 +214,7 @@ enum Expected<'s> {
     Words(Vec<String>),
     /// A table whose variant is named by this key.
     Tagged(&'s str, Vec<&'s Json>),
-    ConfiguredStage,
+    Integer,
     Number,
     Text,
     Bool,
@@ -254,7 +254,7 @@ fn kind_of(schema: &Json) -> Expected<'_> {
         _ => Vec::new(),
     };
     match types.iter().find(|name| **name != "null") {
-        Some(&"integer") => Expected::ConfiguredStage,
+        Some(&"integer") => Expected::Integer,
         Some(&"number") => Expected::Number,
         Some(&"string") => Expected::Text,
         Some(&"boolean") => Expected::Bool,
@@ -311,7 +311,7 @@ fn expected(root: &Json, schema: &Json) -> String {
                 _ => words.concat(),
             }
         }
-        Expected::ConfiguredStage => format!("a whole number{}", range(schema)),
+        Expected::Integer => format!("a whole number{}", range(schema)),
         Expected::Number => format!("a number{}", range(schema)),
         Expected::Text => "text".to_owned(),
         Expected::Bool => "`true` or `false`".to_owned(),
@@ -332,7 +332,7 @@ fn expected(root: &Json, schema: &Json) -> String {
 /// The expected type of list elements, in words.
 fn plural(root: &Json, schema: &Json) -> &'static str {
     match kind_of(plain(root, schema)) {
-        Expected::ConfiguredStage => "whole numbers",
+        Expected::Integer => "whole numbers",
         Expected::Number => "numbers",
         Expected::Words(_) | Expected::Text => "texts",
         Expected::Bool => "`true` and `false`",

@@ -34,13 +34,13 @@ pub(super) fn order(stages: &[StageEntry]) -> Result<Vec<Node>, Problem> {
         placed[idx] = true;
         let stage = &stages[idx];
         let mut reads = stage.inputs.clone();
-        for (output_idx, output) in stage.kind.outputs().into_iter().enumerate() {
+        for (output_idx, output) in stage.kind.outputs.iter().enumerate() {
             let name = NodeName::new(&stage.name, output.artifact);
             nodes.push(Node {
                 name: name.clone(),
                 stage_idx: idx,
                 output_idx,
-                output,
+                output: *output,
                 reads: reads.clone(),
             });
             reads.insert(output.artifact.to_owned(), name);

@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, ops::Range};
 use toml_edit::{InlineTable, Key, Value};
 
 use super::reader::FileReader;
-use crate::{near::nearest, shared::SHARED, source::Source};
+use crate::{near::did_you_mean, shared::SHARED, source::Source};
 
 impl FileReader<'_> {
     /// Returns the profile of this name.
@@ -46,15 +46,14 @@ impl FileReader<'_> {
                 self.problem(
                     format!("profile `{name}` changes an unknown stage `{key}`"),
                     span,
-                    nearest(
+                    did_you_mean(
                         key,
                         stages
                             .into_iter()
                             .flat_map(InlineTable::iter)
                             .map(|(name, _)| name)
                             .chain([SHARED]),
-                    )
-                    .map(|near| format!("did you mean `{near}`?")),
+                    ),
                 );
             }
         }

@@ -18,7 +18,7 @@ use crate::{
     extended::{EXTENDS, Extended, WITHOUT},
     kind::Kind,
     name::NodeName,
-    near::nearest,
+    near::did_you_mean,
     overrides::Override,
     shared::{SHARED, Taken},
     source::Location,
@@ -134,12 +134,13 @@ impl FileReader<'_> {
     ) -> Option<Location> {
         let mut given = self.overrides.iter().rev();
         let given = given.find(|given| {
-            let is_related = path.starts_with(&given.keys) || given.keys.starts_with(path);
-            given.stage.as_deref() == stage && is_related && !path.is_empty()
+            let is_related =
+                path.starts_with(&given.path.keys) || given.path.keys.starts_with(path);
+            given.path.stage.as_deref() == stage && is_related && !path.is_empty()
         })?;
         let (argument, value) = given.argument();
         let part = match path.split_last() {
-            Some((key, above)) if part == Part::Key && path.len() <= given.keys.len() => {
+            Some((key, above)) if part == Part::Key && path.len() <= given.path.keys.len() => {
                 let above = stage.into_iter().chain(above.iter().map(String::as_str));
                 let start: usize = above.map(|key| key.len() + 1).sum();
                 start..start + key.len()
@@ -171,8 +172,11 @@ impl FileReader<'_> {
         for (key, _) in root {
             if !KEYS.contains(&key) {
                 let span = root.key(key).and_then(Key::span);
-                let hint = nearest(key, KEYS).map(|near| format!("did you mean `{near}`?"));
-                self.problem(format!("unknown key `{key}`"), span, hint);
+                self.problem(
+                    format!("unknown key `{key}`"),
+                    span,
+                    did_you_mean(key, KEYS),
+                );
             }
         }
         let profile_name = profile;
@@ -203,9 +207,9 @@ impl FileReader<'_> {
             }
             for given in overrides
                 .iter()
-                .filter(|given| given.stage.as_deref() == Some(name))
+                .filter(|given| given.path.stage.as_deref() == Some(name))
             {
-                set_value(&mut table, &given.keys, &given.value);
+                set_value(&mut table, &given.path.keys, &given.value);
             }
             stages.extend(self.stage(name, span, table, &shared));
         }
@@ -240,15 +244,13 @@ impl FileReader<'_> {
     fn check_overrides(&mut self, tables: &InlineTable) {
         let names: Vec<&str> = tables.iter().map(|(name, _)| name).collect();
         for given in self.overrides {
-            let stage = given.stage.as_deref();
+            let stage = given.path.stage.as_deref();
             let Some(stage) = stage.filter(|stage| *stage != SHARED && !names.contains(stage))
             else {
                 continue;
             };
-            let hint = nearest(stage, names.iter().copied().chain([SHARED])).map_or_else(
-                || format!("its stages are: {}", names.join(", ")),
-                |near| format!("did you mean `{near}`?"),
-            );
+            let hint = did_you_mean(stage, names.iter().copied().chain([SHARED]))
+                .unwrap_or_else(|| format!("its stages are: {}", names.join(", ")));
             let (argument, _) = given.argument();
             let location = Location::in_set(&argument, 0..stage.len());
             self.problem_at(
@@ -261,11 +263,19 @@ impl FileReader<'_> {
 
     fn seed(&mut self, root: &InlineTable, profile: Option<&InlineTable>) -> Option<u64> {
         let overrides = self.overrides;
-        let at_top = || overrides.iter().rev().filter(|given| given.stage.is_none());
-        if let Some(given) = at_top().find(|given| given.keys != ["seed"]) {
+        let at_top = || {
+            overrides
+                .iter()
+                .rev()
+                .filter(|given| given.path.stage.is_none())
+        };
+        if let Some(given) = at_top().find(|given| given.path.keys != ["seed"]) {
             self.problem_at(
-                format!("`--set` names an unknown key `{}`", given.keys.join(".")),
-                self.in_set(None, &given.keys, Part::Key),
+                format!(
+                    "`--set` names an unknown key `{}`",
+                    given.path.keys.join(".")
+                ),
+                self.in_set(None, &given.path.keys, Part::Key),
                 Some("write `stage.key=value`, or `seed=NUMBER`".to_owned()),
             );
             return None;
@@ -324,7 +334,7 @@ impl FileReader<'_> {
         self.take(name, &mut table, shared);
         let is_whole = self.problems.len() == n_problems;
         let kind = self.kind(name, span.as_ref(), &mut table);
-        let inputs = self.inputs(name, &mut table, kind);
+        let inputs = self.inputs(name, &mut table, kind.as_ref());
         let max_skipped_fraction = self.max_skipped_fraction(name, &mut table);
         // The missing inputs have been reported.
         let kind = kind.filter(|_| is_whole)?;
@@ -382,13 +392,11 @@ impl FileReader<'_> {
             return None;
         };
         let word = value.as_str().unwrap_or_default().to_owned();
-        let found = self.kinds.iter().find(|kind| kind.name == word).copied();
+        let found = self.kinds.iter().find(|kind| kind.name == word).cloned();
         if found.is_none() {
-            let near = nearest(&word, self.kinds.iter().map(|kind| kind.name));
-            let hint = near.map_or_else(
-                || "`pipeline stages` lists every kind".to_owned(),
-                |near| format!("did you mean `{near}`? `pipeline stages` lists every kind"),
-            );
+            let near = did_you_mean(&word, self.kinds.iter().map(|kind| kind.name));
+            let near = near.map_or_else(String::new, |near| format!("{near} "));
+            let hint = format!("{near}`pipeline stages` lists every kind");
             let place = self.place(name, &["kind".to_owned()], Part::Value, value.span());
             self.problem_at(
                 format!("stage `{name}` has an unknown kind `{word}`"),
@@ -404,7 +412,7 @@ impl FileReader<'_> {
         &mut self,
         name: &str,
         table: &mut InlineTable,
-        kind: Option<Kind>,
+        kind: Option<&Kind>,
     ) -> Option<BTreeMap<String, NodeName>> {
         let mut inputs = BTreeMap::new();
         let Some(value) = table.remove("inputs") else {
@@ -425,10 +433,9 @@ impl FileReader<'_> {
             if let Some(kind) = kind
                 && !kind.inputs.contains(&input)
             {
-                let hint = nearest(input, kind.inputs.iter().copied()).map_or_else(
-                    || format!("`{}` reads: {}", kind.name, kind.inputs.join(", ")),
-                    |near| format!("did you mean `{near}`?"),
-                );
+                let hint = did_you_mean(input, kind.inputs.iter().copied()).unwrap_or_else(|| {
+                    format!("`{}` reads: {}", kind.name, kind.inputs.join(", "))
+                });
                 let place = self.place(name, &path, Part::Key, value.span());
                 self.problem_at(
                     format!("stage `{name}` has no input `{input}`"),

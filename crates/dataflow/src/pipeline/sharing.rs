@@ -4,7 +4,7 @@ use toml_edit::{InlineTable, Key};
 
 use super::{faults::Part, reader::FileReader};
 use crate::{
-    near::nearest,
+    near::did_you_mean,
     shared::{self, SHARED},
     source::Location,
     tables::{found, merge_values, set_value},
@@ -30,8 +30,8 @@ impl FileReader<'_> {
             }
         }
         for given in self.overrides {
-            if given.stage.as_deref() == Some(SHARED) {
-                set_value(&mut shared, &given.keys, &given.value);
+            if given.path.stage.as_deref() == Some(SHARED) {
+                set_value(&mut shared, &given.path.keys, &given.value);
             }
         }
         shared
@@ -66,8 +66,8 @@ impl FileReader<'_> {
             };
             let Some(value) = shared.get(name) else {
                 let known: Vec<&str> = shared.iter().map(|(name, _)| name).collect();
-                let hint = match nearest(name, known.iter().copied()) {
-                    Some(near) => format!("did you mean `{near}`?"),
+                let hint = match did_you_mean(name, known.iter().copied()) {
+                    Some(near) => near,
                     None if known.is_empty() => {
                         format!("write `{name} = …` under `[{SHARED}]` in the file")
                     }
@@ -94,11 +94,10 @@ impl FileReader<'_> {
             let span = shared.key(name).and_then(Key::span);
             let in_set = || self.in_set(Some(SHARED), &[name.to_owned()], Part::Key);
             let place = span.map(|span| self.location(span)).or_else(in_set);
-            let near = nearest(name, self.taken_names.iter().map(String::as_str));
-            let hint = near.map_or_else(
-                || format!("write `shared.OPTION = \"{name}\"` in a stage, or remove it"),
-                |near| format!("did you mean `{near}`?"),
-            );
+            let near = did_you_mean(name, self.taken_names.iter().map(String::as_str));
+            let hint = near.unwrap_or_else(|| {
+                format!("write `shared.OPTION = \"{name}\"` in a stage, or remove it")
+            });
             let message = format!("no stage takes the shared value `{name}`");
             self.problem_at(message, place, Some(hint));
         }

@@ -13,8 +13,11 @@ impl FileReader<'_> {
             for &input in stage.kind.inputs {
                 let Some(node) = stage.inputs.get(input) else {
                     let offer = stages.iter().find(|other| {
-                        let outputs = other.kind.outputs();
-                        outputs.iter().any(|output| output.artifact == input)
+                        other
+                            .kind
+                            .outputs
+                            .iter()
+                            .any(|output| output.artifact == input)
                     });
                     let hint = offer.map(|other| {
                         format!("write `inputs.{input} = \"{}.{input}\"`", other.name)
@@ -55,7 +58,7 @@ impl FileReader<'_> {
                 let Some(maker) = stages.iter().find(|other| other.name == node.stage) else {
                     continue;
                 };
-                let outputs = maker.kind.outputs().into_iter();
+                let outputs = maker.kind.outputs.iter();
                 let outputs: Vec<&str> = outputs.map(|output| output.artifact).collect();
                 if !outputs.contains(&node.artifact.as_str()) {
                     self.problem_at(

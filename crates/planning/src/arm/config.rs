@@ -4,9 +4,8 @@ use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use simulation::SettingFault;
 use spatial::Pose;
-
-use crate::OptionError;
 
 /// Most yaw angles of the object that may be tried.
 const MOST_TURNS: usize = 360;
@@ -60,10 +59,10 @@ impl ArmConfig {
     /// # Errors
     ///
     /// Fails if the option's numbers are not a pose.
-    pub fn table_from_base(&self) -> Result<Pose<spatial::Table, Base>, OptionError> {
+    pub fn table_from_base(&self) -> Result<Pose<spatial::Table, Base>, SettingFault> {
         Pose::from_array(self.table_from_base).map_err(|err| {
             let problem = err.to_string();
-            OptionError::new("arm.table_from_base", problem)
+            SettingFault::new("arm.table_from_base", problem)
         })
     }
 
@@ -72,8 +71,8 @@ impl ArmConfig {
     /// # Errors
     ///
     /// Fails with the first invalid option.
-    pub fn check(&self) -> Result<(), OptionError> {
-        let wrong = |key: &'static str, problem: String| OptionError::new(key, problem);
+    pub fn check(&self) -> Result<(), SettingFault> {
+        let wrong = |key: &'static str, problem: String| SettingFault::new(key, problem);
         let positive = [
             ("arm.velocity_scale", self.velocity_scale),
             ("arm.acceleration_rad_per_s2", self.acceleration_rad_per_s2),

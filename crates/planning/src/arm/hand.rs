@@ -2,8 +2,7 @@
 
 use nalgebra::Isometry3;
 use robot::{Chain, Joint, JointKind, RobotModel};
-
-use crate::OptionError;
+use simulation::SettingFault;
 
 /// How far links may be from where the other description has them, in meters and radians.
 const SAME: f64 = 1e-9;
@@ -21,7 +20,7 @@ pub(crate) fn joints_of_hand(
     chain: &Chain,
     palm: usize,
     hand: &RobotModel,
-) -> Result<Vec<usize>, OptionError> {
+) -> Result<Vec<usize>, SettingFault> {
     let carried = beyond(robot, palm);
     let is_carried = |link: usize| carried[link];
     let joints = hand
@@ -96,7 +95,7 @@ fn off(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
     way.max(turn)
 }
 
-fn wrong(problem: &str) -> OptionError {
+fn wrong(problem: &str) -> SettingFault {
     let problem = format!("what its link `arm.palm` carries is not the hand of `hand`: {problem}");
-    OptionError::new("arm.robot", problem)
+    SettingFault::new("arm.robot", problem)
 }

@@ -1,6 +1,6 @@
 //! The report and the line of `run`.
 
-use dataflow::{Code, Line, Lines, Outputs, Report, Summary};
+use dataflow::{Code, Lines, Outputs, Report, Summary};
 use stage_dispatch::{Dispatch, DispatchMetrics};
 
 use crate::TrialsReport;
@@ -13,7 +13,10 @@ impl Report for DispatchReport {
 
     const CODE: Code = dataflow::code!();
     const OUTPUTS: Outputs<Dispatch> = &[&TrialsReport];
-    const LINES: Lines<Dispatch> = &[&Line::<Dispatch>(Self::line)];
+
+    fn lines(lines: &mut Lines<Dispatch>) {
+        lines.add::<Dispatch>(Self::line);
+    }
 }
 
 impl DispatchReport {

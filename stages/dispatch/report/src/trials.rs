@@ -2,9 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{
-    Context, Inputs, Labels, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
-};
+use dataflow::{Context, Inputs, Line, Options, Outcome, Output, Scope, Sum, Summary, Unit};
 use lake::WriteArtifact;
 use schemas::{
     Table,
@@ -52,7 +50,7 @@ impl Output for TrialsReport {
     const SCHEMA: &'static str = AllTrials::VERSION;
     const PARTITION: &'static str = AllTrials::PARTITION;
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<TrialsMetrics> = Some(line);
+    const LINE: Option<Line<TrialsMetrics>> = Some(line);
 
     /// One unit, of all objects of which motions were to be sent.
     fn units(_config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, DispatchError> {
@@ -67,10 +65,6 @@ impl Output for TrialsReport {
         Ok(vec![unit])
     }
 
-    fn labels(_config: &DispatchConfig, _unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        Some(Labels::new())
-    }
-
     fn make(
         _config: &DispatchConfig,
         inputs: &Inputs,
@@ -82,7 +76,7 @@ impl Output for TrialsReport {
             rows.extend(of_object(&artifact.key, &sent));
         }
         cx.write(&rows)?;
-        Ok(Outcome::made(Labels::new(), TrialsMetrics::of(&rows)))
+        Ok(Outcome::Made(TrialsMetrics::of(&rows)))
     }
 }
 

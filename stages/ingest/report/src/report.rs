@@ -1,6 +1,6 @@
 //! The lines of `run`.
 
-use dataflow::{Code, Line, Lines, Report};
+use dataflow::{Code, Lines, Report};
 use stage_ingest::{Demonstrations, Ingest, Objects, Shapes};
 
 /// Sums up what `ingest` made.
@@ -10,16 +10,17 @@ impl Report for IngestReport {
     type Stage = Ingest;
 
     const CODE: Code = dataflow::code!();
-    const LINES: Lines<Ingest> = &[
-        &Line::<Shapes>(|summary| {
+
+    fn lines(lines: &mut Lines<Ingest>) {
+        lines.add::<Shapes>(|summary| {
             format!(
                 "{} shapes in {} convex parts{}",
                 summary.n_made,
                 summary.metrics.convex_parts_n,
                 counted(summary.n_skipped, "skipped")
             )
-        }),
-        &Line::<Demonstrations>(|summary| {
+        });
+        lines.add::<Demonstrations>(|summary| {
             format!(
                 "{} recordings → {} demonstrations{}{}",
                 summary.n_items(),
@@ -27,12 +28,12 @@ impl Report for IngestReport {
                 counted(summary.n_filtered, "left out"),
                 counted(summary.n_skipped, "skipped"),
             )
-        }),
-        &Line::<Objects>(|summary| {
+        });
+        lines.add::<Objects>(|summary| {
             let skipped = counted(summary.n_skipped, "skipped");
             format!("{} objects{skipped}", summary.n_made)
-        }),
-    ];
+        });
+    }
 }
 
 /// Returns `, 3 skipped`, or nothing for none.

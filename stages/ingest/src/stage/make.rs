@@ -2,14 +2,14 @@
 
 use std::mem;
 
-use dataflow::{Context, Inputs, Labels, Outcome, Output, SourceFile, labels};
+use dataflow::{Context, Inputs, Outcome, Output, SourceFile};
 use geometry::TriMesh;
 use lake::{LakeError, WriteArtifact};
 use schemas::{demonstrations::Demonstration, objects::Object};
 
 use super::{
     Agreement, DemonstrationMetrics, Demonstrations, LEFT_OUT, MASS, MESHES, ShapeMetrics, Shapes,
-    UNREADABLE, units::added,
+    UNREADABLE,
 };
 use crate::{
     aftermath::{self, After},
@@ -54,7 +54,7 @@ pub(super) fn shape(
         })
     });
     match made {
-        Ok((object, mesh)) => Ok(write_object(cx, &object, &mesh, added(inputs.files()))?),
+        Ok((object, mesh)) => Ok(write_object(cx, &object, &mesh)?),
         Err(unusable) => Ok(Outcome::skipped(unusable.to_string())),
     }
 }
@@ -95,11 +95,7 @@ pub(super) fn demonstration(
         bridged_n: bridged.count() as f64,
         agreement: recording.agreement,
     };
-    let labels = labels([
-        ("object", &demonstration.object),
-        ("subject", &demonstration.subject),
-    ]);
-    Ok(Outcome::made(labels, metrics))
+    Ok(Outcome::Made(metrics))
 }
 
 /// Makes a recording's demonstration, and what is filmed after it.
@@ -179,7 +175,7 @@ pub(super) fn object(inputs: &Inputs, cx: &Context) -> Result<Outcome<ShapeMetri
         vertices_m: object.vertices_m.iter().map(|&v| v.into()).collect(),
         triangles: object.triangles.clone(),
     };
-    Ok(write_object(cx, &object, &mesh, Labels::new())?)
+    Ok(write_object(cx, &object, &mesh)?)
 }
 
 /// Writes an object's table and its mesh.
@@ -187,9 +183,7 @@ fn write_object(
     cx: &Context,
     object: &Object,
     mesh: &TriMesh,
-    mut labels: Labels,
 ) -> Result<Outcome<ShapeMetrics>, LakeError> {
-    labels.insert("object".to_owned(), object.name.clone());
     cx.write(object)?;
     cx.write_file(schemas::objects::MESH, mesh.to_obj().as_bytes())?;
     let metrics = ShapeMetrics {
@@ -197,5 +191,5 @@ fn write_object(
         rests_n: object.rests.len() as f64,
         watertight: f64::from(u8::from(object.watertight)),
     };
-    Ok(Outcome::made(labels, metrics))
+    Ok(Outcome::Made(metrics))
 }

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataflow::{Labels, Output, Scope, SourceFile, Unit, labels};
+use dataflow::{Output, Scope, SourceFile, Unit};
 
 use super::{ADDED, Demonstrations, LEFT_OUT, MASS, MESHES, Shapes, UNREADABLE};
 use crate::{
@@ -46,7 +46,12 @@ pub(super) fn shapes(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
             // Said before anything is computed, not after.
             let mass_kg = mass_kg(config, &object)?;
             let file = mesh_file(config, &object);
-            let mut unit = Unit::new(object).with_fact(MASS, mass_kg.to_string());
+            let mut unit = Unit::new(&object)
+                .with_label("object", &object)
+                .with_fact(MASS, mass_kg.to_string());
+            if config.meshes.contains_key(&object) {
+                unit = unit.with_label(ADDED, "true");
+            }
             match file {
                 Ok(file) => unit.files.extend(file),
                 Err(unusable) => unit = unit.with_fact(UNREADABLE, unusable.to_string()),
@@ -75,16 +80,6 @@ fn mesh_file(config: &IngestConfig, object: &str) -> Result<Option<SourceFile>, 
     Ok(place::is_there(&file, MAX_MESH_BYTES)?.then_some(file))
 }
 
-/// The label of a shape whose mesh comes from the pipeline file.
-pub(super) fn added(files: &[SourceFile]) -> Labels {
-    let is_added = files.iter().any(|file| file.name.starts_with(MESHES));
-    if is_added {
-        labels([(ADDED, "true")])
-    } else {
-        Labels::new()
-    }
-}
-
 fn mass_kg(config: &IngestConfig, object: &str) -> Result<f64, IngestError> {
     let added = config.meshes.get(object).map(|mesh| mesh.mass_kg);
     added
@@ -111,7 +106,7 @@ pub(super) fn demonstrations(
             (Some(fault), _) => unreadable(&listed.key, fault),
             (None, Choice::Leave(reason)) => {
                 // What it is about is all that is read of it.
-                Unit::new(&listed.key)
+                recording(&listed)
                     .with_fact(LEFT_OUT, reason)
                     .with_file(listed.file(reader.description()))
             }
@@ -120,7 +115,7 @@ pub(super) fn demonstrations(
                     Ok(files) => files,
                     Err(unusable) => return unreadable(&listed.key, &unusable),
                 };
-                let mut unit = Unit::new(&listed.key);
+                let mut unit = recording(&listed);
                 unit.files = files;
                 let object = listed.about.as_ref().map(|about| about.object.as_str());
                 // What is wrong with a mesh is told where its shape is made.
@@ -142,9 +137,22 @@ pub(super) fn demonstrations(
     Ok(units.collect())
 }
 
+/// Returns the unit of a recording, with its labels.
+fn recording(listed: &Listed) -> Unit {
+    let unit = Unit::new(&listed.key);
+    match &listed.about {
+        Some(about) => unit
+            .with_label("object", &about.object)
+            .with_label("subject", &about.subject),
+        None => unit.labeled_by_data(),
+    }
+}
+
 /// Returns a unit that only says why its recording cannot be read.
 fn unreadable(key: &str, why: &Unusable) -> Unit {
-    Unit::new(key).with_fact(UNREADABLE, why.to_string())
+    Unit::new(key)
+        .with_fact(UNREADABLE, why.to_string())
+        .labeled_by_data()
 }
 
 /// Lists one unit per shape that is grasped in a demonstration or that the pipeline file adds.
@@ -161,7 +169,9 @@ pub(super) fn objects(scope: &Scope) -> Vec<Unit> {
     let shapes = scope.partitions(Shapes::ARTIFACT).iter();
     shapes
         .filter_map(|shape| {
-            let unit = Unit::new(&shape.key).reading(Shapes::ARTIFACT, [&shape.key]);
+            let unit = Unit::new(&shape.key)
+                .with_label("object", &shape.key)
+                .reading(Shapes::ARTIFACT, [&shape.key]);
             match by_object.remove(shape.key.as_str()) {
                 Some(keys) => Some(unit.reading(Demonstrations::ARTIFACT, keys)),
                 None => shape.label(ADDED).is_some().then_some(unit),

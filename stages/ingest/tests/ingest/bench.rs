@@ -7,7 +7,7 @@ use std::{
 };
 
 use dataflow::{
-    Artifact, Context, Inputs, Labels, Made, Outcome, Output, Partition, Scope, Stage, Unit,
+    Artifact, Context, Figures, Inputs, Labels, Outcome, Output, Partition, Scope, Stage, Unit,
 };
 use schemas::{
     demonstrations::{Demonstration, Side},
@@ -87,11 +87,9 @@ impl Bench {
     fn make<O: Output<Stage = Ingest, Error = IngestError>>(&mut self) -> Result<(), IngestError> {
         let units = O::units(&self.config, &self.scope())?;
         for unit in &units {
-            let outcome = self.run::<O>(unit)?;
-            if let (Outcome::Made(made), Some(foretold)) =
-                (&outcome, O::labels(&self.config, unit, &self.scope()))
-            {
-                assert_eq!(made.labels, foretold, "{} {}", O::ARTIFACT, unit.partition);
+            let mut outcome = self.run::<O>(unit)?;
+            if let Outcome::Made(metrics) = outcome {
+                outcome = Outcome::Labeled(metrics, unit.labels.clone().unwrap());
             }
             let place = (O::ARTIFACT, unit.partition.clone());
             self.outcomes.insert(place, outcome);
@@ -104,8 +102,8 @@ impl Bench {
     fn scope(&self) -> Scope {
         let mut partitions: BTreeMap<String, Vec<Partition>> = BTreeMap::new();
         for ((output, key), outcome) in &self.outcomes {
-            if let Outcome::Made(made) = outcome {
-                let partition = Partition::new(key.clone(), made.labels.clone());
+            if let Outcome::Labeled(_, labels) = outcome {
+                let partition = Partition::new(key.clone(), labels.clone());
                 let of = partitions.entry((*output).to_owned()).or_default();
                 of.push(partition);
             }
@@ -147,17 +145,17 @@ impl Bench {
         Artifact {
             key: key.to_owned(),
             labels: match labels {
-                Some((_, Outcome::Made(made))) => made.labels.clone(),
+                Some((_, Outcome::Labeled(_, labels))) => labels.clone(),
                 _ => Labels::new(),
             },
             files: files.collect(),
         }
     }
 
-    /// What was said about a partition; panics if it was not made.
-    pub(crate) fn made(&self, output: &'static str, key: &str) -> &Made {
+    /// The metrics and labels of a partition; panics if it was not made.
+    pub(crate) fn made(&self, output: &'static str, key: &str) -> (&Figures, &Labels) {
         match &self.outcomes[&(output, key.to_owned())] {
-            Outcome::Made(made) => made,
+            Outcome::Labeled(metrics, labels) => (metrics, labels),
             other => panic!("{output} {key}: {other:?}"),
         }
     }
@@ -168,8 +166,13 @@ impl Bench {
     }
 
     pub(crate) fn demonstration(&self, key: &str) -> Demonstration {
-        self.made("demonstrations", key);
-        lake::table::read(&self.artifact("demonstrations", key)).unwrap()
+        let (_, labels) = self.made("demonstrations", key);
+        let made: Demonstration = lake::table::read(&self.artifact("demonstrations", key)).unwrap();
+        assert_eq!(
+            (&labels["object"], &labels["subject"]),
+            (&made.object, &made.subject)
+        );
+        made
     }
 
     /// The only demonstration.
@@ -188,7 +191,7 @@ impl Bench {
         match &self.outcomes[&("demonstrations", unit.partition.clone())] {
             Outcome::Skipped { reason } => ("skipped", reason.clone()),
             Outcome::Filtered { reason } => ("filtered", reason.clone()),
-            Outcome::Made(_) => panic!("made"),
+            Outcome::Made(_) | Outcome::Labeled(..) => panic!("made"),
         }
     }
 }

@@ -99,7 +99,7 @@ fn both_routes_are_compared_and_the_chosen_one_is_taken() {
             config.landmarks = landmarks;
         });
         let key = bench.units["demonstrations"][0].partition.clone();
-        let metrics = &bench.made("demonstrations", &key).metrics;
+        let (metrics, _) = bench.made("demonstrations", &key);
         let mean_m = metrics["mano_difference_m"];
         assert!(metrics["mano_largest_difference_m"] > mean_m);
         (bench.only(), mean_m)

@@ -36,7 +36,7 @@ impl Bench {
     fn demonstrations(&self) -> impl Iterator<Item = (&Unit, Demonstration)> {
         let made = self.units["demonstrations"].iter().filter(|unit| {
             let outcome = &self.outcomes[&("demonstrations", unit.partition.clone())];
-            matches!(outcome, Outcome::Made(_))
+            matches!(outcome, Outcome::Labeled(..))
         });
         made.map(|unit| (unit, self.demonstration(&unit.partition)))
     }
@@ -272,7 +272,7 @@ fn left_hands_become_right_ones() {
     let mirrored: Vec<_> = made.iter().filter(|(_, d)| d.mirrored).collect();
     for unit in &bench.units["demonstrations"] {
         match &bench.outcomes[&("demonstrations", unit.partition.clone())] {
-            Outcome::Made(_) => {}
+            Outcome::Made(_) | Outcome::Labeled(..) => {}
             Outcome::Skipped { reason } => eprintln!("{}: {reason}", unit.partition),
             Outcome::Filtered { reason } => panic!("{}: {reason}", unit.partition),
         }

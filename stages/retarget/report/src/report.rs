@@ -1,6 +1,6 @@
 //! The report and the lines of `run`.
 
-use dataflow::{Code, Line, Lines, Outputs, Report};
+use dataflow::{Code, Lines, Outputs, Report};
 use stage_retarget::{DistanceFields, Retarget, Trajectories};
 
 use crate::tracking::Tracking;
@@ -13,15 +13,18 @@ impl Report for RetargetReport {
 
     const CODE: Code = dataflow::code!();
     const OUTPUTS: Outputs<Retarget> = &[&Tracking];
-    const LINES: Lines<Retarget> = &[
-        &Line::<DistanceFields>(|summary| format!("{} objects → distance fields", summary.n_made)),
-        &Line::<Trajectories>(|summary| {
+
+    fn lines(lines: &mut Lines<Retarget>) {
+        lines.add::<DistanceFields>(|summary| {
+            format!("{} objects → distance fields", summary.n_made)
+        });
+        lines.add::<Trajectories>(|summary| {
             format!(
                 "{} demonstrations → {} trajectories, error {:.0} mm",
                 summary.n_items(),
                 summary.n_made,
                 1000.0 * summary.metrics.keypoint_error_m
             )
-        }),
-    ];
+        });
+    }
 }

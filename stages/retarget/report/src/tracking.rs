@@ -2,9 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{
-    Context, Inputs, Labels, Options, Outcome, Output, OwnLine, Scope, Sum, Unit, labels,
-};
+use dataflow::{Context, Inputs, Line, Options, Outcome, Output, Scope, Sum, Unit};
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{Table, tracking::TrackingReport, trajectories::Trajectory};
 use stage_retarget::{Retarget, RetargetConfig, RetargetError};
@@ -37,7 +35,7 @@ impl Output for Tracking {
     const PARTITION: &'static str = TrackingReport::PARTITION;
     const OPTIONS: Options = Options::NONE;
     /// Says how far finger tips are from their landmarks, of whichever object.
-    const LINE: OwnLine<TrackingMetrics> = Some(|summary| {
+    const LINE: Option<Line<TrackingMetrics>> = Some(|summary| {
         let all = &summary.metrics;
         format!(
             "{} objects, {} trajectories, tip error {:.1} mm",
@@ -57,12 +55,12 @@ impl Output for Tracking {
         }
         Ok(by_object
             .into_iter()
-            .map(|(object, keys)| Unit::new(object).reading(Trajectory::NAME, keys))
+            .map(|(object, keys)| {
+                Unit::new(object)
+                    .with_label("object", object)
+                    .reading(Trajectory::NAME, keys)
+            })
             .collect())
-    }
-
-    fn labels(_config: &RetargetConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        Some(labels([("object", &unit.partition)]))
     }
 
     /// Makes the report on one object's trajectories.
@@ -87,7 +85,7 @@ impl Output for Tracking {
             tips_n,
             tip_error_sum_m: tips_n * report.tip_error_mean_m,
         };
-        Ok(Outcome::made(labels([("object", cx.partition())]), metrics))
+        Ok(Outcome::Made(metrics))
     }
 }
 

@@ -1,6 +1,6 @@
 //! One object's distances.
 
-use dataflow::{Artifact, Context, Inputs, Outcome, Sum, labels};
+use dataflow::{Artifact, Context, Inputs, Outcome, Sum};
 use geometry::TriMesh;
 use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
@@ -39,7 +39,7 @@ pub(super) fn make(
     let metrics = FieldMetrics {
         hull_vertices_n: info.hull_m.len() as f64,
     };
-    Ok(Outcome::made(labels([("object", &object.key)]), metrics))
+    Ok(Outcome::Made(metrics))
 }
 
 /// Reads an object's mesh; the inner error is the reason to skip it.

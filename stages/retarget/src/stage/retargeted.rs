@@ -1,6 +1,6 @@
 //! One demonstration's trajectory.
 
-use dataflow::{Artifact, Context, Inputs, Outcome, labels};
+use dataflow::{Artifact, Context, Inputs, Outcome};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
@@ -81,8 +81,7 @@ pub(super) fn make(
     };
     cx.write(&trajectory)?;
     recording::record(&urdf, &hand.model, &mesh, &trajectory, cx.folder())?;
-    let labels = labels([("object", &trajectory.object)]);
-    Ok(Outcome::made(labels, metrics))
+    Ok(Outcome::Made(metrics))
 }
 
 /// Returns why a demonstration cannot be retargeted to this hand, if it cannot.

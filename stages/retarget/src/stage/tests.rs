@@ -11,11 +11,16 @@ use schemas::{
 use super::*;
 use crate::{fixture, recording};
 
+/// The labels of what is about an object.
+fn labeled(object: &str) -> BTreeMap<String, String> {
+    BTreeMap::from([("object".to_owned(), object.to_owned())])
+}
+
 fn scope(object: &str) -> Scope {
     Scope::new(BTreeMap::from([
         (
             "demonstrations".to_owned(),
-            vec![Partition::new("s", labels([("object", object)]))],
+            vec![Partition::new("s", labeled(object))],
         ),
         (
             "objects".to_owned(),
@@ -108,8 +113,8 @@ fn a_demonstration_becomes_a_trajectory() {
     let Outcome::Made(made) = run(&config, &units[0], folder.path()) else {
         panic!("nothing was made");
     };
-    assert_eq!(made.labels["object"], "box");
-    assert_eq!(made.metrics.steps_n, 3.0);
+    assert_eq!(units[0].labels.as_ref().unwrap()["object"], "box");
+    assert_eq!(made.steps_n, 3.0);
     let (_, artifact) = place(folder.path(), "out");
     let trajectory: Trajectory = lake::table::read(&artifact).unwrap();
     let motion = &trajectory.motion;

@@ -3,13 +3,14 @@
 use charts::{Bars, Captions, Sample, Scale, Series, bars, histogram, lines, scatter};
 use dataflow::Context;
 use diversity::{Diversity, Motion};
-use lake::{LakeError, WriteArtifact};
+use lake::WriteArtifact;
 use motion::Step;
 use schemas::{
     sampling::Sampled,
     trajectories::{Rates, Trajectory},
 };
 use spatial::{Object, Pose, Rest, Table};
+use stage_sample::SampleError;
 
 /// Motions of which each is a dot of its own; more would make pictures of megabytes.
 const DOTS: usize = 1000;
@@ -69,7 +70,7 @@ fn at_equal_times(shown: &::motion::Motion<Object, Rates>, n: usize) -> Vec<&Ste
 
 impl Charts<'_> {
     /// Writes all charts; those in which there is nothing to draw are left out.
-    pub(crate) fn put(&self, cx: &Context) -> Result<(), LakeError> {
+    pub(crate) fn put(&self, cx: &Context) -> Result<(), SampleError> {
         for (name, chart) in [
             ("grasps", self.grasps()),
             ("palm", self.palm()),
@@ -77,9 +78,7 @@ impl Charts<'_> {
             ("depth", self.depth()),
             ("limits", self.limits()),
         ] {
-            if let Some(svg) = chart {
-                cx.write_file(&format!("{name}.svg"), svg.as_bytes())?;
-            }
+            cx.write_chart(name, chart)?;
         }
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! The report and the line of `run`.
 
-use dataflow::{Code, Line, Lines, Outputs, Report};
+use dataflow::{Code, Lines, Outputs, Report};
 use stage_sample::Sample;
 
 use crate::SamplingReport;
@@ -13,14 +13,17 @@ impl Report for SampleReport {
 
     const CODE: Code = dataflow::code!();
     const OUTPUTS: Outputs<Sample> = &[&SamplingReport];
+
     /// Says how many motions were drawn, and of how many draws if they were chosen.
-    const LINES: Lines<Sample> = &[&Line::<Sample>(|summary| {
-        let (candidates, draws) = (summary.metrics.candidates, summary.metrics.draws);
-        let of = if draws > candidates {
-            format!(" of {draws} draws")
-        } else {
-            String::new()
-        };
-        format!("{} objects → {candidates} candidates{of}", summary.n_made)
-    })];
+    fn lines(lines: &mut Lines<Sample>) {
+        lines.add::<Sample>(|summary| {
+            let (candidates, draws) = (summary.metrics.candidates, summary.metrics.draws);
+            let of = if draws > candidates {
+                format!(" of {draws} draws")
+            } else {
+                String::new()
+            };
+            format!("{} objects → {candidates} candidates{of}", summary.n_made)
+        });
+    }
 }

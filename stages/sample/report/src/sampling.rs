@@ -1,8 +1,7 @@
 //! How plausible and different the motions of one object are.
 
 use dataflow::{
-    Artifact, Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum,
-    Summary, Unit, labels,
+    Artifact, Context, Inputs, Line, Mean, Options, Outcome, Output, Scope, Sum, Summary, Unit,
 };
 use diversity::{Diversity, Motion};
 use geometry::DistanceField;
@@ -64,7 +63,7 @@ impl Output for SamplingReport {
     const SCHEMA: &'static str = Sampling::VERSION;
     const PARTITION: &'static str = Sampling::PARTITION;
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<SamplingMetrics> = Some(line);
+    const LINE: Option<Line<SamplingMetrics>> = Some(line);
 
     /// One unit per object that has candidates.
     fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
@@ -79,6 +78,7 @@ impl Output for SamplingReport {
                 .iter()
                 .filter(|trajectory| trajectory.label("object") == Some(object));
             let unit = Unit::new(object)
+                .with_label("object", object)
                 .reading(Candidates::NAME, [object])
                 .only_files(Candidates::NAME, [lake::table::FILE])
                 .reading(FieldInfo::NAME, field.map(|field| field.key.as_str()))
@@ -91,10 +91,6 @@ impl Output for SamplingReport {
             meshes.iter().cloned().fold(unit, Unit::with_file)
         });
         Ok(units.collect())
-    }
-
-    fn labels(_config: &SampleConfig, unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        Some(labels([("object", &unit.partition)]))
     }
 
     /// Measures the motions of one object.
@@ -135,8 +131,7 @@ impl Output for SamplingReport {
             shown: &charts::of_shown(&shown, &motions),
         }
         .put(cx)?;
-        let metrics = SamplingMetrics::of(&sampled, &diversity);
-        Ok(Outcome::made(labels([("object", &drawn.object)]), metrics))
+        Ok(Outcome::Made(SamplingMetrics::of(&sampled, &diversity)))
     }
 }
 

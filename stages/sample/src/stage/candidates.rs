@@ -1,7 +1,7 @@
 //! The motions of one object.
 
 use cgf::Cgf;
-use dataflow::{Artifact, Context, Inputs, Outcome, Scope, Unit, labels};
+use dataflow::{Artifact, Context, Inputs, Outcome, Scope, Unit};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
@@ -49,6 +49,7 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
         .filter(|object| config.objects.is_empty() || config.objects.contains(object))
         .map(|object| {
             let unit = Unit::new(object.as_str())
+                .with_label("object", object.as_str())
                 .reading(checkpoint::NAME, checkpoint.clone().map(String::as_str))
                 .reading(Object::NAME, [object.as_str()]);
             let unit = if config.redraws() {
@@ -126,7 +127,7 @@ pub(super) fn make(
         candidates: drawn.candidates.len() as f64,
         draws: sample.draws as f64,
     };
-    Ok(Outcome::made(labels([("object", &object.name)]), metrics))
+    Ok(Outcome::Made(metrics))
 }
 
 fn read_checkpoint(epoch: Epoch, artifact: &Artifact) -> Result<Cgf, SampleError> {

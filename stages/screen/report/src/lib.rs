@@ -3,10 +3,8 @@
 //! One table and its chart for all objects (`success`): a row for each object and generator. This
 //! crate links the stage `screen` and not the other way around: editing it screens nothing again.
 
-mod error;
 mod report;
 mod success;
 
-pub use error::ScreenReportError;
 pub use report::ScreenReport;
 pub use success::{SuccessMetrics, SuccessReport};

@@ -1,6 +1,6 @@
 //! The report and the line of `run`.
 
-use dataflow::{Code, Line, Lines, Outputs, Report};
+use dataflow::{Code, Lines, Outputs, Report};
 use stage_screen::Screen;
 
 use crate::SuccessReport;
@@ -13,11 +13,14 @@ impl Report for ScreenReport {
 
     const CODE: Code = dataflow::code!();
     const OUTPUTS: Outputs<Screen> = &[&SuccessReport];
-    const LINES: Lines<Screen> = &[&Line::<Screen>(|summary| {
-        let all = &summary.metrics;
-        format!(
-            "{:.0} candidates → {:.0} accepted",
-            all.candidates_n, all.accepted_n
-        )
-    })];
+
+    fn lines(lines: &mut Lines<Screen>) {
+        lines.add::<Screen>(|summary| {
+            let all = &summary.metrics;
+            format!(
+                "{:.0} candidates → {:.0} accepted",
+                all.candidates_n, all.accepted_n
+            )
+        });
+    }
 }

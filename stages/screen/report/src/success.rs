@@ -3,9 +3,7 @@
 use std::collections::BTreeMap;
 
 use charts::{Captions, Estimate, Estimates, intervals};
-use dataflow::{
-    Context, Inputs, Labels, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
-};
+use dataflow::{Context, Inputs, Line, Options, Outcome, Output, Scope, Sum, Summary, Unit};
 use diversity::{Diversity, Motion};
 use lake::{LakeError, WriteArtifact, table};
 use schemas::{
@@ -15,9 +13,7 @@ use schemas::{
     success::{Success, Successes},
     tally::wilson,
 };
-use stage_screen::{Screen, ScreenConfig};
-
-use crate::ScreenReportError;
+use stage_screen::{Screen, ScreenConfig, ScreenError};
 
 /// Key of the one partition.
 const ALL: &str = "all";
@@ -53,20 +49,16 @@ pub struct SuccessReport;
 impl Output for SuccessReport {
     type Stage = Screen;
     type Metrics = SuccessMetrics;
-    type Error = ScreenReportError;
+    type Error = ScreenError;
 
     const ARTIFACT: &'static str = Successes::NAME;
     const SCHEMA: &'static str = Successes::VERSION;
     const PARTITION: &'static str = Successes::PARTITION;
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<SuccessMetrics> = Some(line);
+    const LINE: Option<Line<SuccessMetrics>> = Some(line);
 
-    fn units(_config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenReportError> {
+    fn units(_config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
         Ok(units(scope))
-    }
-
-    fn labels(_config: &ScreenConfig, _unit: &Unit, _scope: &Scope) -> Option<Labels> {
-        Some(Labels::new())
     }
 
     /// Makes the table and its chart.
@@ -74,7 +66,7 @@ impl Output for SuccessReport {
         _config: &ScreenConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<SuccessMetrics>, ScreenReportError> {
+    ) -> Result<Outcome<SuccessMetrics>, ScreenError> {
         let mut rows = Vec::new();
         let mut touched_n = 0;
         for artifact in inputs.artifacts(Rollouts::NAME) {
@@ -88,13 +80,8 @@ impl Output for SuccessReport {
             rows.extend(of_object(&rollouts, &table::read(given)?)?);
         }
         cx.write(&rows)?;
-        if let Some(svg) = chart(&rows) {
-            cx.write_file("rates.svg", svg.as_bytes())?;
-        }
-        Ok(Outcome::made(
-            Labels::new(),
-            SuccessMetrics::of(&rows, touched_n),
-        ))
+        cx.write_chart("rates", chart(&rows))?;
+        Ok(Outcome::Made(SuccessMetrics::of(&rows, touched_n)))
     }
 }
 
@@ -162,7 +149,7 @@ fn untouched(all: &SuccessMetrics) -> String {
 }
 
 /// Returns one row for each generator of an object's candidates, in the order of their names.
-fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, ScreenReportError> {
+fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, ScreenError> {
     let by_name: BTreeMap<&str, &Candidate> = given
         .candidates
         .iter()
@@ -179,7 +166,7 @@ fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, S
             .map(|rollout| {
                 let name = rollout.candidate_id.as_str();
                 let candidate = by_name.get(name).copied();
-                candidate.ok_or_else(|| ScreenReportError::UnknownCandidate {
+                candidate.ok_or_else(|| ScreenError::UnknownCandidate {
                     partition: given.object.clone(),
                     candidate: name.to_owned(),
                 })
@@ -433,6 +420,7 @@ mod tests {
         assert_eq!(units.len(), 1);
         assert_eq!(units[0].reads[Rollouts::NAME], ["box", "can"]);
         assert_eq!(units[0].reads[Candidates::NAME], ["box", "can"]);
+        assert_eq!(units[0].labels, Some(BTreeMap::new()));
         assert!(super::units(&Scope::default()).is_empty());
     }
 }

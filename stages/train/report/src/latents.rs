@@ -2,21 +2,16 @@
 
 use cgf::{Demonstration, Description};
 use charts::{Captions, Scale, Series, lines, scatter};
-use dataflow::{
-    Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
-};
-use lake::{LakeError, WriteArtifact};
+use dataflow::{Context, Inputs, Line, Mean, Options, Outcome, Output, Scope, Sum, Summary, Unit};
+use lake::WriteArtifact;
 use schemas::{
     Table,
     latents::{Latents, Row},
     training::Split,
 };
-use stage_train::{Train, TrainConfig};
+use stage_train::{Train, TrainConfig, TrainError};
 
-use crate::{
-    TrainReportError,
-    report::{description, mean, of_description, put, shown_split},
-};
+use crate::report::{description, mean, of_description, shown_split};
 
 /// Variance of the means beyond which a dimension is active (Burda, Grosse and Salakhutdinov,
 /// *Importance Weighted Autoencoders*, 2016, section 5.2).
@@ -40,15 +35,15 @@ pub struct LatentsReport;
 impl Output for LatentsReport {
     type Stage = Train;
     type Metrics = LatentMetrics;
-    type Error = TrainReportError;
+    type Error = TrainError;
 
     const ARTIFACT: &'static str = Latents::NAME;
     const SCHEMA: &'static str = Latents::VERSION;
     const PARTITION: &'static str = Latents::PARTITION;
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<LatentMetrics> = Some(line);
+    const LINE: Option<Line<LatentMetrics>> = Some(line);
 
-    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainReportError> {
+    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
         of_description(config, scope)
     }
 
@@ -57,7 +52,7 @@ impl Output for LatentsReport {
         _config: &TrainConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<LatentMetrics>, TrainReportError> {
+    ) -> Result<Outcome<LatentMetrics>, TrainError> {
         let description = description(inputs)?;
         let rows = rows(&description);
         cx.write(&rows)?;
@@ -67,7 +62,7 @@ impl Output for LatentsReport {
             active_n: rows.iter().filter(|row| row.active).count() as f64,
             kl_nats: rows.iter().map(|row| row.kl_nats).sum(),
         };
-        Ok(Outcome::made(Labels::new(), metrics))
+        Ok(Outcome::Made(metrics))
     }
 }
 
@@ -109,7 +104,7 @@ fn code(demonstration: &Demonstration, dimension: usize) -> Option<(f64, f64)> {
     Some((*mean, *deviation))
 }
 
-fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), LakeError> {
+fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), TrainError> {
     let mut ranked: Vec<(usize, &Row)> = rows.iter().enumerate().collect();
     ranked.sort_by(|(_, a), (_, b)| b.kl_nats.total_cmp(&a.kl_nats));
     let by_rank = |name: &str, number: fn(&Row) -> f64| Series {
@@ -129,7 +124,7 @@ fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), Lak
         Scale::Linear,
         &[by_rank("divergence", |row| row.kl_nats)],
     );
-    put(cx, "kl", used)?;
+    cx.write_chart("kl", used)?;
     let deviations = lines(
         &captions("Spread of the latent codes", "standard deviation"),
         Scale::Linear,
@@ -138,7 +133,7 @@ fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), Lak
             by_rank("of one motion, mean", |row| row.deviation_mean),
         ],
     );
-    put(cx, "spread", deviations)?;
+    cx.write_chart("spread", deviations)?;
     let [(first, _), (second, _), ..] = ranked[..] else {
         return Ok(());
     };
@@ -160,5 +155,5 @@ fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), Lak
         .into_iter()
         .filter(|set| !set.points.is_empty())
         .collect();
-    put(cx, "means", scatter(&captions, &sets))
+    Ok(cx.write_chart("means", scatter(&captions, &sets))?)
 }

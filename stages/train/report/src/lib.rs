@@ -5,13 +5,11 @@
 //! (`reconstruction`). This crate links the stage `train` and not the other way around: editing it
 //! makes no checkpoint again.
 
-mod error;
 mod latents;
 mod reconstruction;
 mod report;
 mod training;
 
-pub use error::TrainReportError;
 pub use latents::{LatentMetrics, LatentsReport};
 pub use reconstruction::{ReconstructionMetrics, ReconstructionReport};
 pub use report::TrainReport;

@@ -7,10 +7,8 @@ use std::{
 
 use cgf::{Cgf, CgfError, Demonstration, Description, Grasp, Track};
 use charts::{Bars, Captions, Scale, Series, bars, lines};
-use dataflow::{
-    Context, Inputs, Labels, Mean, Options, Outcome, Output, OwnLine, Scope, Sum, Summary, Unit,
-};
-use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
+use dataflow::{Context, Inputs, Line, Mean, Options, Outcome, Output, Scope, Sum, Summary, Unit};
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::{Isometry3, Point3};
 use robot::RobotModel;
 use schemas::{
@@ -18,12 +16,9 @@ use schemas::{
     reconstruction::{Reconstruction, Row},
     training::Split,
 };
-use stage_train::{BySplit, Train, TrainConfig, hand, set};
+use stage_train::{BySplit, Train, TrainConfig, TrainError, hand, set};
 
-use crate::{
-    TrainReportError,
-    report::{mean, of_function, put, shown, shown_split},
-};
+use crate::report::{mean, of_function, shown, shown_split};
 
 /// Parts of a motion over which errors are shown.
 const PARTS: usize = 20;
@@ -82,31 +77,31 @@ pub struct ReconstructionReport;
 impl Output for ReconstructionReport {
     type Stage = Train;
     type Metrics = ReconstructionMetrics;
-    type Error = TrainReportError;
+    type Error = TrainError;
 
     const ARTIFACT: &'static str = Reconstruction::NAME;
     const SCHEMA: &'static str = Reconstruction::VERSION;
     const PARTITION: &'static str = Reconstruction::PARTITION;
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<ReconstructionMetrics> = Some(line);
+    const LINE: Option<Line<ReconstructionMetrics>> = Some(line);
 
-    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainReportError> {
+    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
         of_function(config, scope)
     }
 
     /// Makes the table of errors and its charts.
     fn make(
-        config: &TrainConfig,
+        _config: &TrainConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<ReconstructionMetrics>, TrainReportError> {
+    ) -> Result<Outcome<ReconstructionMetrics>, TrainError> {
         let (model, files) = (inputs.artifact(checkpoint::NAME)?, checkpoint::LAST);
         let cgf = Cgf::load(model.path(files.weights)?, model.path(files.description)?)?;
         let description = cgf.description();
         let hand = Arc::new(hand(inputs)?);
         cgf.check_hand(&hand.joint_names())?;
         let tips = tips(description, &hand)?;
-        let set = set::read(config, inputs, &hand.joint_names(), cx.seed())?;
+        let set = set::read(inputs, &hand.joint_names())?;
         let known: BTreeMap<&str, &Demonstration> = description
             .demonstrations
             .iter()
@@ -116,11 +111,12 @@ impl Output for ReconstructionReport {
         let mut all = Vec::new();
         for track in &set.tracks {
             // Which motions were learned from is what the training says, not what this would draw.
-            let demonstration = known.get(track.name.as_str()).ok_or_else(|| {
-                TrainReportError::UnknownTrajectory {
-                    sequence: track.name.clone(),
-                }
-            })?;
+            let demonstration =
+                known
+                    .get(track.name.as_str())
+                    .ok_or_else(|| TrainError::UnknownTrajectory {
+                        sequence: track.name.clone(),
+                    })?;
             let feature = match features.entry(track.scene) {
                 std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
                 std::collections::btree_map::Entry::Vacant(entry) => {
@@ -140,7 +136,7 @@ impl Output for ReconstructionReport {
         })?;
         draw(&all, &hand, cx)?;
         let metrics = ReconstructionMetrics::of(description, &all);
-        Ok(Outcome::made(Labels::new(), metrics))
+        Ok(Outcome::Made(metrics))
     }
 }
 
@@ -162,7 +158,7 @@ fn line(summary: &Summary<ReconstructionMetrics>) -> String {
 }
 
 /// The links whose origins the training calls finger tips; those of the hand's fingers if it names none.
-fn tips(description: &Description, hand: &RobotModel) -> Result<Vec<Tip>, TrainReportError> {
+fn tips(description: &Description, hand: &RobotModel) -> Result<Vec<Tip>, TrainError> {
     let named = &description.training.tips;
     if named.is_empty() {
         let fingers = hand.fingers().into_iter();
@@ -185,7 +181,7 @@ fn rebuilt<'a>(
     decoded: &[Grasp],
     hand: &RobotModel,
     tips: &[Tip],
-) -> Result<Rebuilt<'a>, TrainReportError> {
+) -> Result<Rebuilt<'a>, TrainError> {
     let steps = track.motion.steps().iter().zip(decoded);
     let errors = steps
         .map(|(step, grasp)| step_error(&Grasp::from(step), grasp, hand, tips))
@@ -221,8 +217,8 @@ fn step_error(
     decoded: &Grasp,
     hand: &RobotModel,
     tips: &[Tip],
-) -> Result<StepError, TrainReportError> {
-    let points = |grasp: &Grasp| -> Result<Vec<Point3<f64>>, TrainReportError> {
+) -> Result<StepError, TrainError> {
+    let points = |grasp: &Grasp| -> Result<Vec<Point3<f64>>, TrainError> {
         let table_from_palm = grasp.table_from_palm.isometry();
         let palm_from_links: Vec<Isometry3<f64>> = hand.forward_kinematics(&grasp.q_rad)?;
         let tips = tips.iter();
@@ -267,7 +263,7 @@ impl ReconstructionMetrics {
     }
 }
 
-fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), LakeError> {
+fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), TrainError> {
     let of_split = |split: Split| all.iter().filter(move |m| m.demonstration.split == split);
     let splits = Split::ALL
         .into_iter()
@@ -303,8 +299,7 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), LakeErro
             x: "distance from where they were [mm]",
             y: "",
         };
-        let chart = bars(&captions, &names, &series.collect::<Vec<_>>());
-        put(cx, file, chart)?;
+        cx.write_chart(file, bars(&captions, &names, &series.collect::<Vec<_>>()))?;
     }
     let joints = hand.joint_names();
     let series = splits.iter().map(|&split| Bars {
@@ -325,7 +320,7 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), LakeErro
         y: "",
     };
     let chart = bars(&captions, &joints, &series.collect::<Vec<_>>());
-    put(cx, "joints", chart)?;
+    cx.write_chart("joints", chart)?;
     let series = splits.iter().map(|&split| Series {
         name: shown_split(split),
         points: over_time(of_split(split)),
@@ -336,7 +331,7 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), LakeErro
         y: "distance from where they were [mm]",
     };
     let chart = lines(&captions, Scale::Linear, &series.collect::<Vec<_>>());
-    put(cx, "time", chart)
+    Ok(cx.write_chart("time", chart)?)
 }
 
 /// The mean distance of the finger tips in each part of the motions' time, in millimeters.

@@ -1,12 +1,12 @@
 //! The reports: their units, and what they have in common.
 
 use cgf::Description;
-use dataflow::{Code, Context, Inputs, Line, Lines, Output, Outputs, Report, Scope, Summary, Unit};
-use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
+use dataflow::{Code, Inputs, Lines, Output, Outputs, Report, Scope, Summary, Unit};
+use lake::{ReadArtifact, ReadInputs};
 use schemas::{checkpoint, training::Split};
-use stage_train::{Train, TrainConfig, TrainMetrics};
+use stage_train::{Train, TrainConfig, TrainError, TrainMetrics};
 
-use crate::{LatentsReport, ReconstructionReport, TrainReportError, TrainingReport};
+use crate::{LatentsReport, ReconstructionReport, TrainingReport};
 
 /// Shows how a training went.
 pub enum TrainReport {}
@@ -16,7 +16,10 @@ impl Report for TrainReport {
 
     const CODE: Code = dataflow::code!();
     const OUTPUTS: Outputs<Train> = &[&TrainingReport, &LatentsReport, &ReconstructionReport];
-    const LINES: Lines<Train> = &[&Line::<Train>(line)];
+
+    fn lines(lines: &mut Lines<Train>) {
+        lines.add::<Train>(line);
+    }
 }
 
 fn line(summary: &Summary<TrainMetrics>) -> String {
@@ -42,10 +45,7 @@ pub(crate) fn shown(figure: Option<f64>, decimals: usize) -> String {
 }
 
 /// Units that read what a checkpoint says of itself.
-pub(crate) fn of_description(
-    config: &TrainConfig,
-    scope: &Scope,
-) -> Result<Vec<Unit>, TrainReportError> {
+pub(crate) fn of_description(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
     let files = [checkpoint::LAST.description];
     let trained = trained(config, scope)?;
     Ok(trained
@@ -58,10 +58,7 @@ pub(crate) fn of_description(
 }
 
 /// Units that read a function and what it was trained on.
-pub(crate) fn of_function(
-    config: &TrainConfig,
-    scope: &Scope,
-) -> Result<Vec<Unit>, TrainReportError> {
+pub(crate) fn of_function(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
     let files = [checkpoint::LAST.description, checkpoint::LAST.weights];
     let trained = trained(config, scope)?;
     Ok(trained
@@ -76,7 +73,7 @@ pub(crate) fn of_function(
 fn trained(
     config: &TrainConfig,
     scope: &Scope,
-) -> Result<impl Iterator<Item = (Unit, String)>, TrainReportError> {
+) -> Result<impl Iterator<Item = (Unit, String)>, TrainError> {
     let units = Train::units(config, scope)?.into_iter();
     let models = scope.partitions(checkpoint::NAME).iter();
     Ok(units.zip(models.map(|model| model.key.clone())))
@@ -93,17 +90,11 @@ pub(crate) fn shown_split(split: Split) -> String {
 }
 
 /// Everything about the trained function but its weights.
-pub(crate) fn description(inputs: &Inputs) -> Result<Description, TrainReportError> {
+pub(crate) fn description(inputs: &Inputs) -> Result<Description, TrainError> {
     let model = inputs.artifact(checkpoint::NAME)?;
     Ok(Description::read(
         model.path(checkpoint::LAST.description)?,
     )?)
-}
-
-/// Writes a chart; one in which there is nothing to draw is left out.
-pub(crate) fn put(cx: &Context, name: &str, chart: Option<String>) -> Result<(), LakeError> {
-    let Some(svg) = chart else { return Ok(()) };
-    cx.write_file(&format!("{name}.svg"), svg.as_bytes())
 }
 
 /// `3 motions` or `1 motion`.

@@ -2,20 +2,15 @@
 
 use cgf::{Description, Epoch, Losses, TrainingConfig};
 use charts::{Captions, Scale, Series, lines};
-use dataflow::{
-    Context, Inputs, Labels, Max, Mean, Options, Outcome, Output, OwnLine, Scope, Summary, Unit,
-};
-use lake::{LakeError, WriteArtifact};
+use dataflow::{Context, Inputs, Line, Max, Mean, Options, Outcome, Output, Scope, Summary, Unit};
+use lake::WriteArtifact;
 use schemas::{
     Table,
     training::{Row, Split, Training},
 };
-use stage_train::{BySplit, Train, TrainConfig};
+use stage_train::{BySplit, Train, TrainConfig, TrainError};
 
-use crate::{
-    TrainReportError,
-    report::{counted, description, of_description, put, shown, shown_split},
-};
+use crate::report::{counted, description, of_description, shown, shown_split};
 
 /// A term of the loss: its name, its number, its weight.
 type Term = (&'static str, fn(&Losses) -> f32, fn(&TrainingConfig) -> f64);
@@ -81,15 +76,15 @@ pub struct TrainingReport;
 impl Output for TrainingReport {
     type Stage = Train;
     type Metrics = TrainingMetrics;
-    type Error = TrainReportError;
+    type Error = TrainError;
 
     const ARTIFACT: &'static str = Training::NAME;
     const SCHEMA: &'static str = Training::VERSION;
     const PARTITION: &'static str = Training::PARTITION;
     const OPTIONS: Options = Options::NONE;
-    const LINE: OwnLine<TrainingMetrics> = Some(line);
+    const LINE: Option<Line<TrainingMetrics>> = Some(line);
 
-    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainReportError> {
+    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
         of_description(config, scope)
     }
 
@@ -98,13 +93,13 @@ impl Output for TrainingReport {
         _config: &TrainConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<TrainingMetrics>, TrainReportError> {
+    ) -> Result<Outcome<TrainingMetrics>, TrainError> {
         let description = description(inputs)?;
         let rows = rows(&description.training_curve);
         cx.write(&rows)?;
         draw(&description, cx)?;
         let metrics = TrainingMetrics::of(&description.training_curve);
-        Ok(Outcome::made(Labels::new(), metrics))
+        Ok(Outcome::Made(metrics))
     }
 }
 
@@ -173,7 +168,7 @@ impl TrainingMetrics {
     }
 }
 
-fn draw(description: &Description, cx: &Context) -> Result<(), LakeError> {
+fn draw(description: &Description, cx: &Context) -> Result<(), TrainError> {
     let curve = &description.training_curve;
     let captions = |title, y| Captions {
         title,
@@ -195,13 +190,13 @@ fn draw(description: &Description, cx: &Context) -> Result<(), LakeError> {
         Scale::Log,
         &by_split(|losses| losses.total),
     );
-    put(cx, "loss", loss)?;
+    cx.write_chart("loss", loss)?;
     let kl = lines(
         &captions("Divergence of the latent codes", "KL [nats]"),
         Scale::Linear,
         &by_split(|losses| losses.kl),
     );
-    put(cx, "kl", kl)?;
+    cx.write_chart("kl", kl)?;
     for (split, file, title) in [
         (Split::Training, "terms", "Terms of the loss, training"),
         (
@@ -224,13 +219,13 @@ fn draw(description: &Description, cx: &Context) -> Result<(), LakeError> {
             series(name, measured.filter(|_| weight > 0.0))
         });
         let captions = captions(title, "weighted");
-        put(cx, file, lines(&captions, Scale::Log, &measured(terms)))?;
+        cx.write_chart(file, lines(&captions, Scale::Log, &measured(terms)))?;
     }
     let rates = curve.iter();
     let rates = rates.map(|epoch| [epoch.epoch as f64, epoch.learning_rate]);
     let captions = captions("Learning rate", "learning rate");
     let rate = lines(&captions, Scale::Linear, &[series("learning rate", rates)]);
-    put(cx, "learning_rate", rate)
+    Ok(cx.write_chart("learning_rate", rate)?)
 }
 
 fn series(name: &str, points: impl Iterator<Item = [f64; 2]>) -> Series {

@@ -196,7 +196,7 @@ fn a_checkpoint_is_made_of_all_trajectories() {
     let Outcome::Made(made) = Train::make(&config(), &inputs(lake.path()), &cx).unwrap() else {
         panic!("nothing was made");
     };
-    assert_eq!(made.metrics.trajectories[Split::Training], Some(3.0));
+    assert_eq!(made.trajectories[Split::Training], Some(3.0));
     let file = |name: &str| out.path().join(name);
     let files = checkpoint::LAST;
     let cgf = Cgf::load(&file(files.weights), &file(files.description)).unwrap();

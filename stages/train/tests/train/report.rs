@@ -3,12 +3,8 @@
 use std::{collections::BTreeMap, fs, path::Path};
 
 use cgf::Description;
-use dataflow::{
-    Artifact, Context, Inputs, Made, Outcome, Output, Partition, Report, Scope, Summary,
-};
-use report_train::{
-    LatentsReport, ReconstructionReport, TrainReport, TrainReportError, TrainingReport,
-};
+use dataflow::{Artifact, Context, Inputs, Outcome, Output, Partition, Report, Scope, Summary};
+use report_train::{LatentsReport, ReconstructionReport, TrainReport, TrainingReport};
 use schemas::{
     Table, checkpoint,
     latents::Latents,
@@ -62,22 +58,23 @@ impl Trained {
         }
     }
 
-    fn report<O: Output<Stage = Train, Error = TrainReportError>>(
+    fn report<O: Output<Stage = Train, Error = TrainError>>(
         &self,
         seed: u64,
         folder: &Path,
-    ) -> Result<Made<O::Metrics>, Box<TrainReportError>> {
+    ) -> Result<O::Metrics, Box<TrainError>> {
         let cx = Context::detached("cgf", seed, folder);
         match O::make(&self.config, &self.inputs, &cx).map_err(Box::new)? {
             Outcome::Made(made) => Ok(made),
+            Outcome::Labeled(..) => panic!("labeled by data"),
             Outcome::Skipped { reason } | Outcome::Filtered { reason } => panic!("{reason}"),
         }
     }
 
     /// Makes a report; returns its table, its charts and its metrics.
-    fn table_of<O, T>(&self) -> (T, Vec<String>, Made<O::Metrics>)
+    fn table_of<O, T>(&self) -> (T, Vec<String>, O::Metrics)
     where
-        O: Output<Stage = Train, Error = TrainReportError>,
+        O: Output<Stage = Train, Error = TrainError>,
         T: Table,
     {
         let folder = TempDir::new().unwrap();
@@ -107,8 +104,8 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     files.collect()
 }
 
-fn said<O: Output>(made: Made<O::Metrics>) -> String {
-    O::LINE.unwrap()(&Summary::made(&[made.metrics]))
+fn said<O: Output>(made: O::Metrics) -> String {
+    O::LINE.unwrap()(&Summary::made(&[made]))
 }
 
 #[test]
@@ -122,7 +119,7 @@ fn losses_of_every_epoch_are_shown() {
     assert_eq!(rows[5].total, f64::from(curve[2].unseen.unwrap().total));
     assert_eq!(rows[4].kl_nats, f64::from(curve[2].training.kl));
     assert_eq!(rows[4].learning_rate, curve[2].learning_rate);
-    assert_eq!(made.metrics.loss[Split::Unseen], Some(rows[5].total));
+    assert_eq!(made.loss[Split::Unseen], Some(rows[5].total));
     let expected = ["kl", "learning_rate", "loss", "terms", "terms_unseen"];
     assert_eq!(charts, expected.map(|name| format!("{name}.svg")));
     let line = said::<TrainingReport>(made);
@@ -156,7 +153,7 @@ fn every_motion_is_compared_with_its_execution() {
         assert!(row.tip_error_grasp_m <= known.position_m + reach_m);
         assert!(row.tip_error_grasp_m > 0.0 && row.tip_error_mean_m > 0.0);
     }
-    let unseen = made.metrics.tip_error_mean_m[Split::Unseen].unwrap();
+    let unseen = made.tip_error_mean_m[Split::Unseen].unwrap();
     assert!((unseen - rows[2].tip_error_mean_m).abs() < 1e-12);
     let expected = ["joints", "objects", "objects_grasp", "time"];
     assert_eq!(charts, expected.map(|name| format!("{name}.svg")));
@@ -189,7 +186,7 @@ fn use_of_the_latent_code_is_that_of_the_motions_learned_from() {
         assert_eq!(row.active, row.mean_deviation > 0.1);
     }
     let total: f64 = rows.iter().map(|row| row.kl_nats).sum();
-    assert!((made.metrics.kl_nats - total).abs() < 1e-12);
+    assert!((made.kl_nats - total).abs() < 1e-12);
     assert_eq!(charts, ["kl.svg", "means.svg", "spread.svg"]);
     let n_active = rows.iter().filter(|row| row.active).count();
     let line = said::<LatentsReport>(made);
@@ -271,8 +268,5 @@ fn a_cut_off_checkpoint_is_a_clear_error() {
     let err = trained
         .report::<ReconstructionReport>(7, folder.path())
         .unwrap_err();
-    let TrainReportError::Train(err) = *err else {
-        panic!("{err:?}");
-    };
     assert!(matches!(*err, TrainError::Cgf(_)), "{err:?}");
 }
