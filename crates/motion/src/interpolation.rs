@@ -54,7 +54,7 @@ impl<F, R: Rates> Motion<F, R> {
 impl<F, R> Step<F, R> {
     /// Returns the interpolation to another step at a fraction `share`.
     fn blend(&self, to: &Self, share: f64, time_s: f64) -> Step<F, ()> {
-        let [a, b] = [self, to].map(|step| step.frame_from_palm.isometry());
+        let [a, b] = [self, to].map(|step| &step.frame_from_palm);
         // Rotations equal within rounding have no arc, and either end serves.
         let rotation = a.rotation.try_slerp(&b.rotation, share, 1e-9);
         let translation = a.translation.vector.lerp(&b.translation.vector, share);

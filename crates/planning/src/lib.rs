@@ -60,7 +60,7 @@ mod timed;
 mod timing;
 mod whole;
 
-pub use arm::{ArmConfig, Base};
+pub use arm::ArmConfig;
 pub use error::OptionError;
 pub use infeasible::{ArmFault, Infeasible, Place};
 pub use limits::LimitsConfig;

@@ -72,7 +72,7 @@ impl Planner<'_> {
             timing,
             fingers,
             arm,
-            table_from_object: *table_from_object.isometry(),
+            table_from_object,
             lift_m: self.protocol.lift_m,
             lengths,
         };

@@ -16,12 +16,11 @@ pub struct Rest {
 impl Rest {
     /// Returns what gravity can tell of an object's pose: how it lies, without its yaw and its place.
     pub fn of(table_from_object: &Pose<Table, Object>) -> Self {
-        let isometry = table_from_object.isometry();
         Self {
-            up_in_object: isometry
+            up_in_object: table_from_object
                 .rotation
                 .inverse_transform_unit_vector(&Vector3::z_axis()),
-            height_m: isometry.translation.z,
+            height_m: table_from_object.translation.z,
         }
     }
 

@@ -61,7 +61,7 @@ struct Line<'a> {
     duration_s: f64,
     /// From the first orientation to the last: an axis, object frame, times an angle of at most π.
     turn: Vector3<f64>,
-    rates: HandRates,
+    rates: HandRates<Object>,
 }
 
 impl<'a> Line<'a> {
@@ -70,7 +70,7 @@ impl<'a> Line<'a> {
         if duration_s.is_nan() || duration_s <= 0.0 {
             return Err(NoLine::NoDuration { duration_s });
         }
-        let [from, to] = [first, last].map(|step| step.frame_from_palm.isometry());
+        let [from, to] = [first, last].map(|step| &step.frame_from_palm);
         let way = to.translation.vector - from.translation.vector;
         // Of the two quaternions of a rotation, `scaled_axis` takes the one with the smaller angle.
         let turn = (to.rotation * from.rotation.inverse()).scaled_axis();
@@ -78,11 +78,8 @@ impl<'a> Line<'a> {
         let q_velocity = joints.map(|(from, to)| (to - from) / duration_s);
         let dof = first.q_rad.len();
         let rates = HandRates {
-            palm_velocity: Twist {
-                linear: way / duration_s,
-                // A turn leaves its own axis where it is: the angular velocity is the same all along.
-                angular: turn / duration_s,
-            },
+            // A turn leaves its own axis where it is: the angular velocity is the same all along.
+            palm_velocity: Twist::new(way / duration_s, turn / duration_s),
             joints: JointRates {
                 velocity: q_velocity.collect(),
                 ..JointRates::still(dof)
@@ -101,7 +98,7 @@ impl<'a> Line<'a> {
     /// Returns the hand at a time, in seconds on the motion's clock.
     fn at(&self, time_s: f64) -> Step<Object> {
         let share = (time_s - self.first.time_s) / self.duration_s;
-        let [from, to] = [self.first, self.last].map(|step| step.frame_from_palm.isometry());
+        let [from, to] = [self.first, self.last].map(|step| &step.frame_from_palm);
         let position = from.translation.vector.lerp(&to.translation.vector, share);
         let rotation = UnitQuaternion::from_scaled_axis(self.turn * share) * from.rotation;
         let joints = self.first.q_rad.iter().zip(&self.last.q_rad);
@@ -167,7 +164,7 @@ mod tests {
     }
 
     fn assert_near(found: &Step<Object>, expected: &Step<Object>) {
-        let [a, b] = [found, expected].map(|step| step.frame_from_palm.isometry());
+        let [a, b] = [found, expected].map(|step| step.frame_from_palm);
         let way = (a.translation.vector - b.translation.vector).norm();
         assert!(way < 1e-12 && a.rotation.angle_to(&b.rotation) < 1e-7);
         for (a, b) in found.q_rad.iter().zip(&expected.q_rad) {
@@ -191,7 +188,7 @@ mod tests {
         assert_near(&line.steps[3], &motion.steps[3]);
         // 0.2 s of 1.5 s later, not a third of the steps.
         let share = 0.2 / 1.5;
-        let place = line.steps[1].frame_from_palm.isometry().translation;
+        let place = line.steps[1].frame_from_palm.translation;
         assert!((place.x - 0.3 * (1.0 - share)).abs() < 1e-12, "{place}");
         assert!((line.steps[1].q_rad[0] - (0.1 + 0.6 * share)).abs() < 1e-12);
     }
@@ -203,7 +200,7 @@ mod tests {
         let line = Line::between(&motion.steps[0], &motion.steps[3]).unwrap();
         for time_s in [0.6, 1.0, 1.9] {
             let [before, now, after] = [-H_S, 0.0, H_S].map(|by_s| line.at(time_s + by_s));
-            let [a, b, c] = [&before, &now, &after].map(|step| *step.frame_from_palm.isometry());
+            let [a, b, c] = [&before, &now, &after].map(|step| *step.frame_from_palm);
             let near = |found: f64, expected: f64, tolerance: f64| {
                 assert!((found - expected).abs() < tolerance, "{found} {expected}");
             };
@@ -246,7 +243,7 @@ mod tests {
             assert!((line.rates.palm_velocity.angular.z + angle / 2.0).abs() < 1e-12);
             let middle = line.at(1.0);
             let expected = turned([0.0, 0.0, -2.0 - angle / 2.0]);
-            let found = middle.frame_from_palm.isometry().rotation;
+            let found = middle.frame_from_palm.rotation;
             assert!(found.angle_to(&expected) < 1e-7);
         }
     }

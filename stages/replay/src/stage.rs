@@ -13,7 +13,7 @@ use schemas::{
     candidates::{Candidate, Candidates},
     trajectories::{self, Trajectory},
 };
-use spatial::Twist;
+use spatial::{Object, Twist};
 
 use crate::{ReplayConfig, ReplayError};
 
@@ -149,7 +149,7 @@ fn candidate(trajectory: &Trajectory) -> Candidate {
 
 /// Returns how fast the palm's velocity changes about a step: its difference between the neighbors (the
 /// step itself at an end) over the time between them; 0 of a single step.
-fn palm_acceleration(steps: &[trajectories::Step], idx: usize) -> Twist {
+fn palm_acceleration(steps: &[trajectories::Step], idx: usize) -> Twist<Object> {
     let (before, after) = (idx.saturating_sub(1), (idx + 1).min(steps.len() - 1));
     let (Some(before), Some(after)) = (steps.get(before), steps.get(after)) else {
         return Twist::zero();

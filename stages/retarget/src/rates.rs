@@ -1,8 +1,7 @@
 //! How fast a trajectory moves.
 
-use nalgebra::Isometry3;
 use schemas::trajectories::{Rates, Step};
-use spatial::Twist;
+use spatial::{Object, Palm, Pose, Twist};
 
 /// Fills in the velocities and accelerations of steps from their positions.
 ///
@@ -20,9 +19,7 @@ pub(crate) fn fill_rates(steps: &mut [Step]) {
             rates(
                 near,
                 &weights,
-                steps
-                    .get(at)
-                    .map(|step| step.hand.frame_from_palm.isometry()),
+                steps.get(at).map(|step| &step.hand.frame_from_palm),
             )
         })
         .collect();
@@ -35,7 +32,7 @@ pub(crate) fn fill_rates(steps: &mut [Step]) {
 }
 
 /// Returns the rates at one of a few neighboring steps, whose palm is at `here`.
-fn rates(near: &[Step], weights: &[[f64; 2]], here: Option<&Isometry3<f64>>) -> Rates {
+fn rates(near: &[Step], weights: &[[f64; 2]], here: Option<&Pose<Object, Palm>>) -> Rates {
     let dof = near.first().map_or(0, |step| step.hand.q_rad.len());
     let mut rates = Rates::still(dof);
     let mut palm_velocity = Twist::zero();
@@ -48,7 +45,7 @@ fn rates(near: &[Step], weights: &[[f64; 2]], here: Option<&Isometry3<f64>>) -> 
                 *rate += second * q;
             }
         }
-        let palm = step.hand.frame_from_palm.isometry();
+        let palm = &step.hand.frame_from_palm;
         palm_velocity.linear += palm.translation.vector * *first;
         if let Some(here) = here {
             // Turns from here, small between neighbors, add like vectors.
@@ -77,7 +74,7 @@ fn derivative_weights(times: &[f64], at: f64) -> Vec<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{UnitQuaternion, Vector3};
+    use nalgebra::{Isometry3, UnitQuaternion, Vector3};
     use schemas::trajectories::Tracking;
     use spatial::Pose;
 

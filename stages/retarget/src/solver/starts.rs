@@ -1,6 +1,7 @@
 //! Where to search from when nothing is known, and how not to stay in a poor minimum.
 
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
+use spatial::Pose;
 
 use super::{
     SolverError,
@@ -66,9 +67,8 @@ impl Solver<'_> {
             })
             .collect();
         let (rotation, along) = align(&pairs);
-        let old = posture.root.isometry();
-        let moved = nalgebra::Isometry3::from_parts(along.into(), rotation) * old;
-        Ok(Posture::new(&moved, posture.q))
+        let moved = Isometry3::from_parts(along.into(), rotation) * *posture.root.pose();
+        Ok(Posture::new(&Pose::new(moved), posture.q))
     }
 
     /// Searches from a posture like [`Solver::minimize`], and then from the other side of each
