@@ -13,7 +13,7 @@ mod thread_time;
 use std::{hint::black_box, process::ExitCode};
 
 use limits::Limits;
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use parry3d::{
     math::{Pose, Rot3, Vector},
     query,
@@ -132,10 +132,7 @@ fn placed(rng: &mut ChaCha8Rng) -> Placed {
     };
     let q = rotation * along_y;
     Placed {
-        world_from_shape: spatial::Pose::new(Isometry3::from_parts(
-            Translation3::from(at_m),
-            rotation,
-        )),
+        world_from_shape: spatial::Pose::from_parts(at_m, rotation),
         shape,
         parry_pose: Pose::from_parts(
             Vector::new(single(at_m.x), single(at_m.y), single(at_m.z)),

@@ -1,7 +1,7 @@
 //! What the network learns from: motions above a table, and the objects that lie on it.
 
 use motion::Motion;
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
+use nalgebra::{Point3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 use spatial::{Object, Pose, Rest, Table};
 
@@ -199,8 +199,7 @@ pub(crate) fn turned(
     grasp: Grasp<NetworkFrame>,
     rotation: &UnitQuaternion<f64>,
 ) -> Grasp<NetworkFrame> {
-    let turn = Isometry3::from_parts(Translation3::identity(), *rotation);
-    grasp.moved(&Pose::new(turn))
+    grasp.moved(&Pose::from_parts([0.0; 3], *rotation))
 }
 
 #[cfg(test)]

@@ -1,7 +1,6 @@
 //! A hand's state as the network speaks of it, and the units in which it does.
 
 use motion::Step;
-use nalgebra::{Isometry3, Translation3};
 use serde::{Deserialize, Serialize};
 use spatial::{Palm, Pose, Table, rot6d, rotation_from_rot6d};
 
@@ -59,9 +58,8 @@ impl<F> Grasp<F> {
     pub(crate) fn from_numbers(numbers: &[f64]) -> Option<Self> {
         let (&[x, y, z, a, b, c, d, e, f], q) = numbers.split_first_chunk::<ROOT>()?;
         let rotation = rotation_from_rot6d([a, b, c, d, e, f])?;
-        let isometry = Isometry3::from_parts(Translation3::new(x, y, z), rotation);
         Some(Self {
-            frame_from_palm: Pose::new(isometry),
+            frame_from_palm: Pose::from_parts([x, y, z], rotation),
             q_rad: q.to_vec(),
         })
     }

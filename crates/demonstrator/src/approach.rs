@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use geometry::SurfacePoint;
-use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use spatial::{Object, Pose, Rest};
@@ -129,10 +129,7 @@ pub(crate) fn draw(
     Some(Approach {
         toward,
         targets,
-        object_from_hand: Pose::new(Isometry3::from_parts(
-            Translation3::from(grip.coords - rotation * in_hand),
-            rotation,
-        )),
+        object_from_hand: Pose::from_parts(grip.coords - rotation * in_hand, rotation),
         posture: posture_deg(
             [0.0, 0.0, 12.0, 18.0],
             [0.0, 32.0 + 30.0 * curl, 30.0 + 20.0 * curl],

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 use spatial::{Camera, Pose, Table, World};
 
 /// The camera whose frame is the world; it has no labels of its own.
@@ -90,5 +90,5 @@ fn looking<Eye>(from: [f64; 3]) -> Pose<Table, Eye> {
     let right = ahead.cross(&Vector3::z()).normalize();
     let axes = Matrix3::from_columns(&[right, ahead.cross(&right), ahead]);
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
-    Pose::new(Isometry3::from_parts(Translation3::from(from), rotation))
+    Pose::from_parts(from, rotation)
 }

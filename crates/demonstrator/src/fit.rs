@@ -2,7 +2,7 @@
 //! joints.
 
 use geometry::SurfacePoint;
-use nalgebra::{DMatrix, DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Point3, UnitQuaternion, Vector3};
 use spatial::{Object, Pose, Rest};
 
 use crate::{
@@ -107,10 +107,10 @@ fn moved(placed: &Placed, step: &DVector<f64>) -> Placed {
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(step[3], step[4], step[5]));
     let old = &placed.object_from_hand;
     Placed {
-        object_from_hand: Pose::new(Isometry3::from_parts(
-            Translation3::from(old.translation.vector + shift),
+        object_from_hand: Pose::from_parts(
+            old.translation.vector + shift,
             UnitQuaternion::new_normalize((turn * old.rotation).into_inner()),
-        )),
+        ),
         q: clamped(&std::array::from_fn(|idx| placed.q[idx] + step[6 + idx])),
     }
 }

@@ -66,10 +66,7 @@ impl Way {
                 minimum_jerk((time - self.open_at) / (1.0 - self.open_at)),
             )
         };
-        (
-            Pose::new(Isometry3::from_parts(position.into(), rotation)),
-            q,
-        )
+        (Pose::from_parts(position, rotation), q)
     }
 }
 
@@ -161,7 +158,6 @@ fn draw_way(
     let bow = sideways.normalize() * way.norm() * between(rng, [0.02, 0.05]);
     let turn =
         UnitQuaternion::from_scaled_axis(direction(rng).into_inner() * between(rng, [0.1, 0.45]));
-    let start = Isometry3::from_parts(start_position.into(), turn * end.rotation);
 
     let closed = grasp.placed.q;
     let mut flat = posture_deg([-20.0, 0.0, 0.0, 5.0], [0.0, 0.0, 8.0]);
@@ -178,7 +174,7 @@ fn draw_way(
     let at_start = hand.aperture_m(&open) * between(rng, [0.5, 0.75]);
     let first = opened(hand, &curled, &relaxed, at_start);
     Way {
-        start: Pose::new(start),
+        start: Pose::from_parts(start_position, turn * end.rotation),
         end,
         bow,
         postures: [clamped(&first), open, closed],
@@ -236,10 +232,10 @@ fn add_noise(recipe: &Recipe, frames: &mut [Frame], rng: &mut ChaCha8Rng) {
         let [x, y, z, a, b, c] = wrist.next(rng);
         let shift = Vector3::new(x, y, z) * recipe.wrist_noise_m;
         let turn = Vector3::new(a, b, c) * recipe.wrist_noise_rad;
-        *pose = Pose::new(Isometry3::from_parts(
-            Translation3::from(pose.translation.vector + shift),
+        *pose = Pose::from_parts(
+            pose.translation.vector + shift,
             UnitQuaternion::from_scaled_axis(turn) * pose.rotation,
-        ));
+        );
         for (angle, noise) in q.iter_mut().zip(joints.next(rng)) {
             *angle += noise * recipe.joint_noise_rad;
         }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use spatial::{Object, Pose, Rest, Table};
@@ -107,8 +107,7 @@ pub(crate) fn make(
 /// Puts an object down at a place with a random yaw.
 fn placed(rest: &Rest, place: Vector3<f64>, rng: &mut ChaCha8Rng) -> Pose<Table, Object> {
     let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), between(rng, [0.0, TAU]));
-    let put = Isometry3::from_parts(Translation3::from(place), yaw);
-    Pose::new(put * *rest.table_from_object())
+    Pose::<Table, Table>::from_parts(place, yaw) * rest.table_from_object()
 }
 
 /// Puts other objects where neither hand nor objects come.

@@ -106,11 +106,11 @@ fn scene(shapes: &[Shape], rng: &mut ChaCha8Rng) -> Scene {
                 Translation3::new(0.5 * rng.random::<f64>(), 0.5 * rng.random::<f64>(), 0.0);
             let table_from_object = on_table * yaw * *stable.rest.table_from_object();
             let exact = world_from_table * table_from_object;
-            Pose::new(Isometry3::from_parts(
-                Translation3::from(exact.translation.vector + noise(rng, 0.002)),
+            Pose::from_parts(
+                exact.translation.vector + noise(rng, 0.002),
                 // 2 degrees in all.
                 UnitQuaternion::new(noise(rng, 2_f64.to_radians() / 3_f64.sqrt())) * exact.rotation,
-            ))
+            )
         })
         .collect();
     Scene {
@@ -344,10 +344,10 @@ fn first_poses(sequence: &Path, n: usize) -> Vec<Pose<World, Object>> {
         .iter()
         .map(|&[x, y, z, w, tx, ty, tz]| {
             let parts = nalgebra::Vector4::new(x, y, z, w).cast::<f64>();
-            Pose::new(Isometry3::from_parts(
-                Translation3::from(Vector3::new(tx, ty, tz).cast::<f64>()),
+            Pose::from_parts(
+                Vector3::new(tx, ty, tz).cast::<f64>(),
                 Unit::new_normalize(nalgebra::Quaternion::from(parts)),
-            ))
+            )
         })
         .collect()
 }

@@ -1,6 +1,5 @@
 //! Interpolation between the steps of a motion.
 
-use nalgebra::{Isometry3, Translation3};
 use spatial::{Pose, quintic};
 
 use crate::{JointRates, Motion, Rates, Step};
@@ -58,14 +57,10 @@ impl<F, R> Step<F, R> {
         // Rotations equal within rounding have no arc, and either end serves.
         let rotation = a.rotation.try_slerp(&b.rotation, share, 1e-9);
         let translation = a.translation.vector.lerp(&b.translation.vector, share);
-        let pose = Isometry3::from_parts(
-            Translation3::from(translation),
-            rotation.unwrap_or(b.rotation),
-        );
         let joints = self.q_rad.iter().zip(&to.q_rad);
         Step {
             time_s,
-            frame_from_palm: Pose::new(pose),
+            frame_from_palm: Pose::from_parts(translation, rotation.unwrap_or(b.rotation)),
             q_rad: joints.map(|(a, b)| a + (b - a) * share).collect(),
             rates: (),
         }

@@ -1,6 +1,6 @@
 //! The joints from the root to one link: an arm, and how its end moves with them.
 
-mod branches;
+mod solutions;
 mod solve;
 
 use nalgebra::{Cholesky, Const, Matrix6, Matrix6xX, Point3, Vector3, Vector6};

@@ -214,7 +214,7 @@ fn nearest_between(corners: &[Vector3<f64>]) -> Option<Vector3<f64>> {
 mod tests {
     use std::{f64::consts::PI, sync::Arc};
 
-    use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+    use nalgebra::UnitQuaternion;
     use proptest::prelude::*;
     use spatial::World;
 
@@ -224,10 +224,10 @@ mod tests {
     fn pose() -> impl Strategy<Value = Pose<World, Shape>> {
         let axis = prop::array::uniform3(-PI..PI);
         (prop::array::uniform3(-0.5..0.5_f64), axis).prop_map(|(at, turn)| {
-            Pose::new(Isometry3::from_parts(
-                Translation3::from(Vector3::from(at)),
+            Pose::from_parts(
+                Vector3::from(at),
                 UnitQuaternion::from_scaled_axis(Vector3::from(turn)),
-            ))
+            )
         })
     }
 

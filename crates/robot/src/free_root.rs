@@ -1,6 +1,6 @@
 //! A root that moves freely: its pose, and small motions of it, without angles that can lock.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use spatial::{Palm, Pose, Twist, World};
 
 /// Below this angle in radians the series are more exact than the quotients.
@@ -60,8 +60,5 @@ pub fn pose_from_twist(twist: &Vector6<f64>) -> Pose<Palm, Palm> {
     };
     let once = angular.cross(&linear);
     let along = linear + once * b + angular.cross(&once) * c;
-    Pose::new(Isometry3::from_parts(
-        Translation3::from(along),
-        UnitQuaternion::from_scaled_axis(angular),
-    ))
+    Pose::from_parts(along, UnitQuaternion::from_scaled_axis(angular))
 }

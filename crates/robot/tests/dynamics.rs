@@ -1,8 +1,6 @@
 //! What must hold of kinematics and dynamics whatever the robot: derivatives, energy, symmetry.
 
-use nalgebra::{
-    DMatrix, DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector3, Vector6,
-};
+use nalgebra::{DMatrix, DVector, Point3, UnitQuaternion, Vector3, Vector6};
 use proptest::prelude::*;
 use robot::{Bodies, JointMotion, RobotModel, Root, pose_from_twist};
 use spatial::{Palm, Pose, Twist, World};
@@ -265,10 +263,10 @@ fn free_robot_in_free_fall_keeps_its_momentum() {
     let n = model.dof();
     let mut q = vec![0.2; n];
     // Nothing acts on it: from the bias and the mass matrix comes its acceleration.
-    let mut root = Root::still(Pose::new(Isometry3::from_parts(
-        Translation3::new(0.3, -0.2, 0.5),
+    let mut root = Root::still(Pose::from_parts(
+        Vector3::new(0.3, -0.2, 0.5),
         UnitQuaternion::from_euler_angles(0.3, 0.8, -0.4),
-    )));
+    ));
     root.velocity = Twist::from_array([0.2, 0.1, -0.3, 0.5, -0.4, 0.7]);
     let mut velocity: Vec<f64> = (0..n).map(|idx| 0.4 - 0.1 * idx as f64).collect();
     // The frame without mass does not move on its own.

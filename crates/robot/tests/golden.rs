@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::{
-    DMatrix, DVector, Isometry3, Matrix6xX, Point3, Quaternion, Translation3, UnitQuaternion,
-    Vector3,
+    DMatrix, DVector, Isometry3, Matrix6xX, Point3, Quaternion, UnitQuaternion, Vector3,
 };
 use robot::{Bodies, JointMotion, RobotModel, Root};
 use serde::Deserialize;
@@ -271,10 +270,7 @@ fn check(golden: &Golden, robot: &GoldenRobot, xml: &str) -> f64 {
             Vector3::new(xyzw[0], xyzw[1], xyzw[2]),
         ));
         let moving = Root {
-            world_from_palm: Pose::new(Isometry3::from_parts(
-                Translation3::new(place[0], place[1], place[2]),
-                rotation,
-            )),
+            world_from_palm: Pose::from_parts(Vector3::new(place[0], place[1], place[2]), rotation),
             velocity: twist(&velocity.as_slice()[..6]),
             acceleration: twist(&acceleration.as_slice()[..6]),
         };

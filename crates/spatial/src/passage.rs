@@ -1,6 +1,6 @@
 //! From one moving pose to the next, without a jump in place, velocity or acceleration.
 
-use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::{Palm, Pose, QuinticSegment, Twist};
 
@@ -97,10 +97,10 @@ impl<Frame: Copy> Passage<Frame> {
         let jacobian = left_jacobian(&phi);
         let rotation = from.frame_from_palm.rotation;
         MovingPose {
-            frame_from_palm: Pose::new(Isometry3::from_parts(
-                Translation3::from(place[0]),
+            frame_from_palm: Pose::from_parts(
+                place[0],
                 rotation * UnitQuaternion::from_scaled_axis(phi),
-            )),
+            ),
             velocity: Twist::new(place[1], rotation * (jacobian * phi_1)),
             acceleration: Twist::new(
                 place[2],
@@ -301,6 +301,7 @@ fn slopes(angle: f64) -> [f64; 2] {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Isometry3;
     use proptest::prelude::*;
 
     use super::*;

@@ -6,7 +6,7 @@ use std::{
     ops::{Deref, Mul},
 };
 
-use nalgebra::{Isometry3, Point3, Translation3, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::rotation::{NotARotation, quaternion_xyzw, xyzw};
 
@@ -26,6 +26,14 @@ impl<To, From> Pose<To, From> {
             isometry,
             frames: PhantomData,
         }
+    }
+
+    /// Builds the pose of a frame whose origin is at `position` in `To`, in meters.
+    pub fn from_parts(
+        position: impl Into<Translation3<f64>>,
+        rotation: UnitQuaternion<f64>,
+    ) -> Self {
+        Self::new(Isometry3::from_parts(position.into(), rotation))
     }
 
     /// Returns the transform between two frames that coincide.
@@ -56,10 +64,7 @@ impl<To, From> Pose<To, From> {
             return Err(NotAPose::Position([px, py, pz]));
         }
         let rotation = quaternion_xyzw([x, y, z, w])?;
-        Ok(Self::new(Isometry3::from_parts(
-            Translation3::new(px, py, pz),
-            rotation,
-        )))
+        Ok(Self::from_parts([px, py, pz], rotation))
     }
 }
 

@@ -1,6 +1,6 @@
 //! How an object lies on a table.
 
-use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use crate::{Object, Pose, Table};
 
@@ -31,9 +31,6 @@ impl Rest {
             .unwrap_or_else(|| {
                 UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)
             });
-        Pose::new(Isometry3::from_parts(
-            Translation3::new(0.0, 0.0, self.height_m),
-            rotation,
-        ))
+        Pose::from_parts([0.0, 0.0, self.height_m], rotation)
     }
 }

@@ -4,7 +4,7 @@
 //! where it should be.
 
 use geometry::MirrorPlane;
-use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Point3, Rotation3, UnitQuaternion};
 use schemas::demonstrations::KEYPOINTS;
 use spatial::{Object, Pose};
 
@@ -70,16 +70,14 @@ impl After {
         let rotation = Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_columns(
             &axes.map(|axis| image(axis) - origin),
         ));
-        self.rest_from_object = Pose::new(Isometry3::from_parts(
-            Translation3::from(origin),
-            UnitQuaternion::from_rotation_matrix(&rotation),
-        ));
+        self.rest_from_object =
+            Pose::from_parts(origin, UnitQuaternion::from_rotation_matrix(&rotation));
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Unit, Vector3};
+    use nalgebra::{Isometry3, Unit, Vector3};
 
     use super::*;
 

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, path::Path};
 
 use geometry::TriMesh;
 use lake::{LakeError, recording::Recording};
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 use schemas::{
     demonstrations::{Demonstration, KEYPOINTS},
     ros2::{
@@ -154,7 +154,7 @@ fn object_from_wrist(points: &[Point3<f64>; KEYPOINTS]) -> Pose<Object, Palm> {
     let rotation = axes.map_or_else(UnitQuaternion::identity, |axes| {
         UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes))
     });
-    Pose::new(Isometry3::from_parts(Translation3::from(wrist), rotation))
+    Pose::from_parts(wrist, rotation)
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! If no more than half of the cameras agree, there is no estimate: the image counts as one that does
 //! not show the hand or object.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3, Vector4};
+use nalgebra::{Translation3, UnitQuaternion, Vector3, Vector4};
 use spatial::Pose;
 
 use crate::recording::Keypoints;
@@ -66,7 +66,7 @@ pub(crate) fn pose<To, From>(
         }
         let rotation = UnitQuaternion::try_new(quaternion.into(), 1e-6)?;
         let translation = Translation3::from(translation / agreeing.len() as f64);
-        Some(Pose::new(Isometry3::from_parts(translation, rotation)))
+        Some(Pose::from_parts(translation, rotation))
     })
 }
 
@@ -113,7 +113,7 @@ fn fuse<T>(
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Point3;
+    use nalgebra::{Isometry3, Point3};
     use spatial::{Object, World};
 
     use super::*;

@@ -5,7 +5,7 @@
 //! its own jitter for several images; and the onset is found by going back from there while the
 //! object still gets closer to its rest.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use spatial::{Object, Pose, World};
 
 /// Images at the start that are initially assumed still.
@@ -202,10 +202,7 @@ fn median_pose(poses: &[(usize, Pose<World, Object>)]) -> Option<Pose<World, Obj
         .iter()
         .map(|rotation| (total_angle(rotation), rotation))
         .min_by(|(a, _), (b, _)| a.total_cmp(b))?;
-    Some(Pose::new(Isometry3::from_parts(
-        Translation3::from(translation),
-        *rotation,
-    )))
+    Some(Pose::from_parts(translation, *rotation))
 }
 
 /// Returns the median, of an even count the lower one, so that it is one of the values.
@@ -217,6 +214,7 @@ fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{Isometry3, Translation3};
     use rand_chacha::{
         ChaCha8Rng,
         rand_core::{RngCore, SeedableRng},

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use schemas::demonstrations::Side;
 use serde::{Deserialize, de::DeserializeOwned};
 use spatial::Pose;
@@ -121,10 +121,10 @@ pub(crate) fn pose<To, From>(rows: &[f64; 12]) -> Option<Pose<To, From>> {
         deviation = 2.25 * deviation.powi(2);
     }
     let rotation = Rotation3::from_matrix_unchecked(matrix);
-    Some(Pose::new(Isometry3::from_parts(
-        Translation3::new(x, y, z),
+    Some(Pose::from_parts(
+        [x, y, z],
         UnitQuaternion::from_rotation_matrix(&rotation),
-    )))
+    ))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The straight line between the ends of one motion.
 
 use motion::{HandRates, JointRates, Step};
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use schemas::candidates::Candidate;
 use spatial::{Object, Pose, Twist};
 
@@ -104,10 +104,7 @@ impl<'a> Line<'a> {
         let joints = self.first.q_rad.iter().zip(&self.last.q_rad);
         Step {
             time_s,
-            frame_from_palm: Pose::new(Isometry3::from_parts(
-                Translation3::from(position),
-                rotation,
-            )),
+            frame_from_palm: Pose::from_parts(position, rotation),
             q_rad: joints
                 .map(|(from, to)| from * (1.0 - share) + to * share)
                 .collect(),
@@ -118,6 +115,8 @@ impl<'a> Line<'a> {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Isometry3;
+
     use super::*;
 
     fn step(
@@ -126,10 +125,9 @@ mod tests {
         rotation: UnitQuaternion<f64>,
         q_rad: [f64; 2],
     ) -> Step<Object> {
-        let place = Translation3::from(Vector3::from(place));
         Step {
             time_s,
-            frame_from_palm: Pose::new(Isometry3::from_parts(place, rotation)),
+            frame_from_palm: Pose::from_parts(place, rotation),
             q_rad: q_rad.to_vec(),
             rates: HandRates {
                 palm_velocity: Twist::from_array([9.0; 6]),

@@ -74,7 +74,7 @@ fn derivative_weights(times: &[f64], at: f64) -> Vec<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+    use nalgebra::{UnitQuaternion, Vector3};
     use schemas::trajectories::Tracking;
     use spatial::Pose;
 
@@ -86,11 +86,11 @@ mod tests {
             .map(|&t| Step {
                 hand: motion::Step {
                     time_s: t,
-                    frame_from_palm: Pose::new(Isometry3::from_parts(
-                        Vector3::new(0.3 * t, 0.0, t * t).into(),
+                    frame_from_palm: Pose::from_parts(
+                        [0.3 * t, 0.0, t * t],
                         UnitQuaternion::new(Vector3::new(0.0, 0.2, 0.0))
                             * UnitQuaternion::new(Vector3::new(0.0, 0.0, 0.5 * t)),
-                    )),
+                    ),
                     q_rad: vec![1.0 + 2.0 * t - 3.0 * t * t, 0.7],
                     rates: Rates::still(2),
                 },

@@ -1,7 +1,7 @@
 //! How smooth a candidate is, by the definitions of [`Smoothness`].
 
 use motion::{Motion, Step};
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use robot::{RobotModel, WrongDof};
 use schemas::rollouts::{Smoothness, Variation, Variations};
 use spatial::{Object, Palm, Pose};
@@ -81,10 +81,10 @@ fn misread(pose: &Pose<Object, Palm>) -> Pose<Object, Palm> {
         r[(0, 2)].clamp(-1.0, 1.0).asin(),
         (-r[(0, 1)]).atan2(r[(0, 0)]),
     );
-    Pose::new(Isometry3::from_parts(
-        Translation3::from(pose.translation.vector),
+    Pose::from_parts(
+        pose.translation.vector,
         UnitQuaternion::from_scaled_axis(angles),
-    ))
+    )
 }
 
 /// Returns the mean over the channels that move; `steps` are `(step, channel)`.
@@ -218,10 +218,7 @@ mod tests {
         let [a, b, c] = [0.3, -0.5, 0.9];
         let about = |axis: Vector3<f64>, angle: f64| UnitQuaternion::from_scaled_axis(axis * angle);
         let rotation = about(Vector3::x(), a) * about(Vector3::y(), b) * about(Vector3::z(), c);
-        let pose = Pose::new(Isometry3::from_parts(
-            Translation3::new(1.0, 2.0, 3.0),
-            rotation,
-        ));
+        let pose = Pose::from_parts(Vector3::new(1.0, 2.0, 3.0), rotation);
         let found = misread(&pose);
         near(
             (found.rotation.scaled_axis() - Vector3::new(a, b, c)).norm(),

@@ -1,7 +1,7 @@
 //! Execution of one goal in physics.
 
 use motion::JointTrack;
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use robot::JointOrder;
 use schemas::{executions::Outcome, rollouts::Verdict};
 use simulation::{Flow, ObjectShape, SimulationError, Template, TraceStep, WatchedRollout};
@@ -191,7 +191,7 @@ fn level(
     let mut shift =
         table_from_object.translation.vector - turn * scene_from_object.translation.vector;
     shift.z = 0.0;
-    Pose::new(Isometry3::from_parts(Translation3::from(shift), turn))
+    Pose::from_parts(shift, turn)
 }
 
 /// Returns a cell's outcome for a physics verdict.

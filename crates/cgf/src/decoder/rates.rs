@@ -1,6 +1,6 @@
 //! How fast a hand moves: from derivatives of the network's outputs to those of its pose.
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use spatial::{Pose, Table, Twist};
 
 use crate::{
@@ -69,10 +69,7 @@ pub(super) fn moving_grasp(numbers: &[Vec<f64>; 3]) -> Option<MovingGrasp<Networ
     };
     Some(MovingGrasp {
         grasp: Grasp {
-            frame_from_palm: Pose::new(Isometry3::from_parts(
-                Translation3::from(position),
-                rotation,
-            )),
+            frame_from_palm: Pose::from_parts(position, rotation),
             q_rad: q(0)?,
         },
         velocity: rate(velocity, spin, 1)?,

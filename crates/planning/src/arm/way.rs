@@ -2,7 +2,7 @@
 //! arm's foot.
 
 use motion::{Course, Step};
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use spatial::{Base, Object, Palm, Pose, Table, Twist};
 
 use super::Arm;
@@ -39,9 +39,8 @@ impl<'a> Way<'a> {
     ) -> Self {
         let [x, y] = arm.config.object_m;
         let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
-        let place = Translation3::new(x, y, table_from_object.translation.z);
-        let turned = Isometry3::from_parts(place, yaw * table_from_object.rotation);
-        let table_from_object = Pose::new(turned);
+        let place = [x, y, table_from_object.translation.z];
+        let table_from_object = Pose::from_parts(place, yaw * table_from_object.rotation);
         Self {
             course,
             table_from_object,

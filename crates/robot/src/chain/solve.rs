@@ -27,24 +27,14 @@ const NOTHING: f64 = 0.98;
 const MOST_NOTHINGS: usize = 4;
 
 impl Chain {
-    /// Returns joint positions within the limits with which the end is at `base_from_palm`, within 10⁻¹⁰ m and
-    /// rad: those to which damped least squares come from `near`. `None` if they come to none, or to one
-    /// outside the limits.
+    /// Returns joint positions, within the limits or not, with which the end is at `base_from_palm`,
+    /// within 10⁻¹⁰ m and rad: those to which damped least squares come from `near`. `None` if they
+    /// come to none.
     ///
     /// From near enough that is the solution that `near` passes into as the target moves: on a path,
     /// start from the joints extrapolated, and see that they are found close to where they were looked
     /// for.
     pub fn solve(&self, base_from_palm: &Pose<Base, Palm>, near: &[f64]) -> Option<Vec<f64>> {
-        self.solve_beyond_limits(base_from_palm, near)
-            .filter(|q| self.is_within_limits(q))
-    }
-
-    /// Returns what [`Chain::solve`] does, within the limits or not.
-    pub fn solve_beyond_limits(
-        &self,
-        base_from_palm: &Pose<Base, Palm>,
-        near: &[f64],
-    ) -> Option<Vec<f64>> {
         let mut q = near.to_vec();
         let mut posture = self.posture(&q).ok()?;
         let mut missing = missing(base_from_palm, &posture);

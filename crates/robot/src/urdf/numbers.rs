@@ -1,6 +1,6 @@
 //! Numbers of a URDF: finite, and as many as they should be.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use nalgebra::UnitQuaternion;
 use spatial::Pose;
 
 use super::xml::Element;
@@ -60,12 +60,10 @@ impl Element {
         let Some(origin) = self.first("origin") else {
             return Ok(Pose::identity());
         };
-        let [x, y, z] = origin.triple("xyz")?.unwrap_or_default();
+        let position = origin.triple("xyz")?.unwrap_or_default();
         let [roll, pitch, yaw] = origin.triple("rpy")?.unwrap_or_default();
-        Ok(Pose::new(Isometry3::from_parts(
-            Translation3::new(x, y, z),
-            UnitQuaternion::from_euler_angles(roll, pitch, yaw),
-        )))
+        let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+        Ok(Pose::from_parts(position, rotation))
     }
 
     /// Returns the text of an attribute that must be there.

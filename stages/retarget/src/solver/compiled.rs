@@ -1,6 +1,6 @@
 //! A hand prepared for the solver: the bodies that move and what each unknown moves.
 
-use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 use robot::{JointKind, Link, RobotModel};
 use spatial::Pose;
 
@@ -158,10 +158,7 @@ fn bodies(model: &RobotModel) -> (Vec<Body>, Vec<LinkPlace>) {
         let parent_from_body = *body_from_joint * z_to_axis;
         links.push((
             bodies.len(),
-            Pose::new(Isometry3::from_parts(
-                Vector3::zeros().into(),
-                z_to_axis.inverse(),
-            )),
+            Pose::from_parts(Vector3::zeros(), z_to_axis.inverse()),
         ));
         bodies.push(Body {
             parent,

@@ -1,6 +1,6 @@
 //! Where a hand is and how its joints stand.
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use spatial::{Object, Palm, Pose};
 
 use super::trig::{LANES, sin_cos};
@@ -93,10 +93,10 @@ impl RootPose {
     /// Returns the transform.
     pub fn pose(&self) -> Pose<Object, Palm> {
         let rotation = Rotation3::from_matrix_unchecked(self.rotation);
-        Pose::new(Isometry3::from_parts(
-            Translation3::from(self.translation),
+        Pose::from_parts(
+            self.translation,
             UnitQuaternion::from_rotation_matrix(&rotation),
-        ))
+        )
     }
 
     /// Returns where the root's origin is in the object's frame, in meters.

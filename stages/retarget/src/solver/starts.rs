@@ -1,6 +1,6 @@
 //! Where to search from when nothing is known, and how not to stay in a poor minimum.
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use spatial::Pose;
 
 use super::{
@@ -67,8 +67,8 @@ impl Solver<'_> {
             })
             .collect();
         let (rotation, along) = align(&pairs);
-        let moved = Isometry3::from_parts(along.into(), rotation) * *posture.root.pose();
-        Ok(Posture::new(&Pose::new(moved), posture.q))
+        let moved = Pose::from_parts(along, rotation) * posture.root.pose();
+        Ok(Posture::new(&moved, posture.q))
     }
 
     /// Searches from a posture like [`Solver::minimize`], and then from the other side of each

@@ -131,7 +131,8 @@ impl JointPath {
         let grasp = arm.chain.posture(&q).unwrap().base_from_palm;
         for k in 0..=20 {
             let up = Translation3::new(0.0, 0.0, 0.05 * f64::from(k) / 20.0);
-            match arm.chain.solve(&Pose::new(up * *grasp), &q) {
+            let found = arm.chain.solve(&Pose::new(up * *grasp), &q);
+            match found.filter(|q| arm.chain.is_within_limits(q)) {
                 Some(found) => q = found,
                 None => given.is_free = false,
             }
