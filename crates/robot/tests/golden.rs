@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::{
-    DMatrix, DVector, Isometry3, Matrix6xX, Point3, Quaternion, Translation3, UnitQuaternion,
-    Vector3, Vector6,
+    DMatrix, DVector, Isometry3, Matrix6xX, Point3, Quaternion, UnitQuaternion, Vector3,
 };
 use robot::{Bodies, JointMotion, RobotModel, Root};
 use serde::Deserialize;
+use spatial::{Palm, Pose, Twist};
 
 /// Greatest difference, relative to the greatest number of the same kind in the same state: one of a
 /// thousandth of that, such as a finger's torque beside an arm's, then agrees to 1e-9.
@@ -106,6 +106,10 @@ impl Compare {
     }
 }
 
+fn twist(numbers: &[f64]) -> Twist<Palm> {
+    Twist::from_array(numbers.try_into().unwrap())
+}
+
 /// Returns the 12 entries of `[R | p]`, row by row.
 fn entries(pose: &Isometry3<f64>) -> Vec<f64> {
     let matrix = pose.to_homogeneous();
@@ -159,22 +163,22 @@ impl Robot {
         let n_root = if free.is_some() { 6 } else { 0 };
         let root = free
             .copied()
-            .unwrap_or_else(|| Root::still(Isometry3::identity()));
-        let world_from_root = &root.world_from_root;
+            .unwrap_or_else(|| Root::still(Pose::identity()));
+        let world_from_palm = &root.world_from_palm;
         let columns = self.columns(n_root);
-        let root_from_links = self.model.forward_kinematics(&q).unwrap();
+        let palm_from_links = self.model.forward_kinematics(&q).unwrap();
         let (mut poses, mut jacobians, mut rest) = (Vec::new(), Vec::new(), Vec::new());
         for &link in &self.links {
-            let pose = entries(&(world_from_root * root_from_links[link]));
-            let origin = Point3::from(root_from_links[link].translation.vector);
+            let pose = entries(&(*world_from_palm * palm_from_links[link]));
+            let origin = Point3::from(palm_from_links[link].translation.vector);
             let jacobian: Matrix6xX<f64> = match free {
                 Some(_) => {
                     self.model
-                        .free_jacobian(world_from_root, &root_from_links, link, &origin)
+                        .free_jacobian(world_from_palm, &palm_from_links, link, &origin)
                 }
                 None => self
                     .model
-                    .geometric_jacobian(&root_from_links, link, &origin),
+                    .geometric_jacobian(&palm_from_links, link, &origin),
             };
             let jacobian = by_rows(&DMatrix::from_fn(6, columns.len(), |row, column| {
                 jacobian[(row, columns[column])]
@@ -197,7 +201,7 @@ impl Robot {
             .unwrap();
         let held = self
             .bodies
-            .gravity_efforts(world_from_root, &q, &self.gravity)
+            .gravity_efforts(world_from_palm, &q, &self.gravity)
             .unwrap();
         for (what, efforts) in [("inverse dynamics", efforts), ("gravity", held)] {
             let all: Vec<f64> = efforts
@@ -266,12 +270,9 @@ fn check(golden: &Golden, robot: &GoldenRobot, xml: &str) -> f64 {
             Vector3::new(xyzw[0], xyzw[1], xyzw[2]),
         ));
         let moving = Root {
-            world_from_root: Isometry3::from_parts(
-                Translation3::new(place[0], place[1], place[2]),
-                rotation,
-            ),
-            velocity: Vector6::from_column_slice(&velocity.as_slice()[..6]),
-            acceleration: Vector6::from_column_slice(&acceleration.as_slice()[..6]),
+            world_from_palm: Pose::from_parts(Vector3::new(place[0], place[1], place[2]), rotation),
+            velocity: twist(&velocity.as_slice()[..6]),
+            acceleration: twist(&acceleration.as_slice()[..6]),
         };
         let joints = [
             q.as_slice(),
