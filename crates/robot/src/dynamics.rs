@@ -6,7 +6,7 @@
 //! positions `G q + o` of all joints, torques are `Gᵀ τ` and the mass matrix is `Gᵀ M G`.
 
 use nalgebra::{DMatrix, DVector, Point3, Vector3, Vector6};
-use spatial::{Palm, Pose, World};
+use spatial::Pose;
 
 use crate::{
     Bodies, Link, Root, WrongDof,
@@ -135,28 +135,6 @@ impl Bodies {
         of_links.reverse();
         let root = forces.first().map_or_else(Vector6::zeros, Spatial::vector);
         Ok((root, of_links))
-    }
-
-    /// Returns what holds the robot still against gravity.
-    ///
-    /// `gravity` is the acceleration of a falling body in the world's frame, in m/s².
-    ///
-    /// # Errors
-    ///
-    /// Fails if `q` does not hold exactly one number per joint.
-    pub fn gravity_efforts(
-        &self,
-        world_from_palm: &Pose<World, Palm>,
-        q: &[f64],
-        gravity: &Vector3<f64>,
-    ) -> Result<Efforts, WrongDof> {
-        let zeros = vec![0.0; self.dof];
-        let motion = JointMotion {
-            q,
-            velocity: &zeros,
-            acceleration: &zeros,
-        };
-        self.inverse_dynamics(&Root::still(*world_from_palm), &motion, gravity)
     }
 
     /// Returns the mass matrix of a robot whose root is held: `(dof, dof)`, in kg m² where both

@@ -168,13 +168,13 @@ proptest! {
         let point_in_link = Point3::from(point);
         let at = |q: &[f64]| hand.forward_kinematics::<Palm>(q).unwrap()[link] * point_in_link;
         let palm_from_links = hand.forward_kinematics::<Palm>(&q).unwrap();
-        let jacobian = hand.point_jacobian(&palm_from_links, link, &at(&q));
+        let jacobian = hand.geometric_jacobian(&palm_from_links, link, &at(&q));
         for joint in 0..16 {
             let (mut more, mut less) = (q.clone(), q.clone());
             more[joint] += STEP;
             less[joint] -= STEP;
             let numeric = (at(&more) - at(&less)) / (2.0 * STEP);
-            prop_assert!((numeric - jacobian.column(joint)).norm() < 1e-6);
+            prop_assert!((numeric - jacobian.column(joint).fixed_rows::<3>(0)).norm() < 1e-6);
         }
     }
 }

@@ -7,7 +7,7 @@ use nalgebra::{
 };
 use robot::{Bodies, JointMotion, RobotModel, Root};
 use serde::Deserialize;
-use spatial::{Palm, Pose, Twist};
+use spatial::{Palm, Pose, Twist, World};
 
 /// Greatest difference, relative to the greatest number of the same kind in the same state: one of a
 /// thousandth of that, such as a finger's torque beside an arm's, then agrees to 1e-9.
@@ -171,14 +171,12 @@ impl Robot {
         for &link in &self.links {
             let pose = entries(&(*world_from_palm * palm_from_links[link]));
             let origin = Point3::from(palm_from_links[link].translation.vector);
+            let held = self
+                .model
+                .geometric_jacobian(&palm_from_links, link, &origin);
             let jacobian: Matrix6xX<f64> = match free {
-                Some(_) => {
-                    self.model
-                        .free_jacobian(world_from_palm, &palm_from_links, link, &origin)
-                }
-                None => self
-                    .model
-                    .geometric_jacobian(&palm_from_links, link, &origin),
+                Some(_) => with_root(world_from_palm, &origin, &held),
+                None => held,
             };
             let jacobian = by_rows(&DMatrix::from_fn(6, columns.len(), |row, column| {
                 jacobian[(row, columns[column])]
@@ -199,9 +197,15 @@ impl Robot {
             .bodies
             .inverse_dynamics(&root, &motion, &self.gravity)
             .unwrap();
+        let zeros = vec![0.0; q.len()];
+        let still = JointMotion {
+            q: &q,
+            velocity: &zeros,
+            acceleration: &zeros,
+        };
         let held = self
             .bodies
-            .gravity_efforts(world_from_palm, &q, &self.gravity)
+            .inverse_dynamics(&Root::still(*world_from_palm), &still, &self.gravity)
             .unwrap();
         for (what, efforts) in [("inverse dynamics", efforts), ("gravity", held)] {
             let all: Vec<f64> = efforts
@@ -231,6 +235,27 @@ impl Robot {
             compare.check("entry of mass matrix", &by_rows(&mass));
         }
     }
+}
+
+/// Returns how a link moves with the root's twist and the joints, in the world's frame, from how it
+/// moves with the joints in the root's.
+fn with_root(
+    world_from_palm: &Pose<World, Palm>,
+    point_in_palm: &Point3<f64>,
+    held: &Matrix6xX<f64>,
+) -> Matrix6xX<f64> {
+    let rotation = *world_from_palm.rotation.to_rotation_matrix().matrix();
+    let about = -(rotation * point_in_palm.coords.cross_matrix());
+    let mut jacobian = Matrix6xX::zeros(6 + held.ncols());
+    jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(&rotation);
+    jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&about);
+    jacobian.fixed_view_mut::<3, 3>(3, 3).copy_from(&rotation);
+    for half in [0, 3] {
+        let turned = rotation * held.fixed_rows::<3>(half);
+        let mut joints = jacobian.view_mut((half, 6), (3, held.ncols()));
+        joints.copy_from(&turned);
+    }
+    jacobian
 }
 
 /// Compares a robot in all its states and returns the greatest relative difference.

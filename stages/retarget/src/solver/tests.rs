@@ -397,7 +397,8 @@ fn dense(model: &RobotModel, case: &Case) -> f64 {
             let at = palm_from_links[link] * offset;
             let away = at - object_from_palm.inverse_transform_point(&target.at);
             cost += target.weight * away.norm_squared();
-            let jacobian = model.point_jacobian(&palm_from_links, link, &at);
+            let jacobian = model.geometric_jacobian(&palm_from_links, link, &at);
+            let jacobian = jacobian.fixed_rows::<3>(0);
             gradient += jacobian.tr_mul(&away) * (2.0 * target.weight);
             hessian += jacobian.tr_mul(&jacobian) * (2.0 * target.weight);
         }
