@@ -41,8 +41,8 @@ pub struct Trajectory {
 /// Velocities of the hand at a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rates {
-    /// Of the palm, along the object's axes.
-    pub palm_velocity: Twist,
+    /// Of the palm.
+    pub palm_velocity: Twist<Object>,
     /// Of the joints.
     pub joints: JointRates,
 }

@@ -13,7 +13,7 @@ mod thread_time;
 use std::{hint::black_box, process::ExitCode};
 
 use limits::Limits;
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use parry3d::{
     math::{Pose, Rot3, Vector},
     query,
@@ -22,6 +22,7 @@ use parry3d::{
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use robot::Shape;
+use spatial::World;
 
 /// Pairs of shapes.
 const PAIRS: usize = 20_000;
@@ -32,7 +33,7 @@ const ROUNDING_M: f64 = 1e-6;
 
 /// A shape of a hand's or an arm's link, for both, and where it is.
 struct Placed {
-    frame_from_shape: Isometry3<f64>,
+    world_from_shape: spatial::Pose<World, Shape>,
     shape: Shape,
     parry_pose: Pose,
     parry: Box<dyn ParryShape>,
@@ -45,8 +46,8 @@ fn main() -> ExitCode {
         .collect();
     let ours = |[a, b]: &[Placed; 2]| {
         robot::gap(
-            (&a.frame_from_shape, &a.shape),
-            (&b.frame_from_shape, &b.shape),
+            (&a.world_from_shape, &a.shape),
+            (&b.world_from_shape, &b.shape),
         )
     };
     let parrys = |[a, b]: &[Placed; 2]| {
@@ -131,7 +132,7 @@ fn placed(rng: &mut ChaCha8Rng) -> Placed {
     };
     let q = rotation * along_y;
     Placed {
-        frame_from_shape: Isometry3::from_parts(Translation3::from(at_m), rotation),
+        world_from_shape: spatial::Pose::from_parts(at_m, rotation),
         shape,
         parry_pose: Pose::from_parts(
             Vector::new(single(at_m.x), single(at_m.y), single(at_m.z)),

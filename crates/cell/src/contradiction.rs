@@ -5,9 +5,9 @@
 //! `README.md` lists the checks and their tolerances.
 
 use motion::{Carrier, JointTrack, PalmPoint};
-use nalgebra::Isometry3;
 use robot::{Joint, JointKind};
 use schemas::executions::Outcome;
+use spatial::{Palm, Pose, Table};
 
 use crate::{Goal, Report, Sample};
 
@@ -308,19 +308,18 @@ fn check_times(samples: &[Sample], goal: &Goal, outcome: Outcome) -> Result<(), 
 fn check_places(samples: &[Sample], goal: &Goal) -> Result<(), Contradiction> {
     for (row, sample) in samples.iter().enumerate() {
         for (what, place) in [
-            ("palm", sample.table_from_palm.isometry()),
-            ("object", sample.table_from_object.isometry()),
+            ("palm", sample.table_from_palm.translation),
+            ("object", sample.table_from_object.translation),
         ] {
-            let far_m = place.translation.vector.amax();
+            let far_m = place.vector.amax();
             if far_m > IMPLAUSIBLE_M {
                 return Err(Contradiction::Far { row, what, far_m });
             }
         }
     }
-    let place = |pose: &Isometry3<f64>| pose.translation.vector;
-    let laid = place(goal.table_from_object.isometry());
+    let laid = goal.table_from_object.translation.vector;
     let off_m = samples.first().map_or(0.0, |first| {
-        (place(first.table_from_object.isometry()) - laid).norm()
+        (first.table_from_object.translation.vector - laid).norm()
     });
     if off_m > MAX_START_ERROR_M {
         return Err(Contradiction::Elsewhere { off_m });
@@ -434,7 +433,7 @@ fn check_success(
             return low(rise_m, sample.time_s);
         }
     }
-    let palm_m = |sample: &Sample| sample.table_from_palm.isometry().translation.z;
+    let palm_m = |sample: &Sample| sample.table_from_palm.translation.z;
     let mut grasped = report.samples.iter();
     let grasped = grasped.rfind(|sample| sample.time_s <= grasp.reach_s + GAP_S);
     let risen_m = palm_m(last) - palm_m(grasped.unwrap_or(first));
@@ -449,7 +448,7 @@ fn check_success(
 }
 
 fn height_m(sample: &Sample) -> f64 {
-    sample.table_from_object.isometry().translation.z
+    sample.table_from_object.translation.z
 }
 
 /// Returns the end of a goal's hold, in seconds.
@@ -465,7 +464,7 @@ struct Course {
     /// For each joint and sampled time, the least and the greatest up to then.
     until: Vec<Vec<[f64; 2]>>,
     /// Poses of the palm at each sampled time, if it is free-flying.
-    palm: Option<Vec<Isometry3<f64>>>,
+    palm: Option<Vec<Pose<Table, Palm>>>,
     looks_n: usize,
 }
 
@@ -477,7 +476,7 @@ impl Course {
         let (arm, palm) = match &goal.carrier {
             Carrier::Arm(arm) => (Some(arm), None),
             Carrier::Palm(points) => {
-                let pose = |time_s| Some(*PalmPoint::between(points, time_s)?.isometry());
+                let pose = |time_s| PalmPoint::between(points, time_s);
                 (None, Some(times().map(pose).collect::<Option<_>>()?))
             }
         };
@@ -523,8 +522,8 @@ impl Course {
             return Ok(());
         };
         let told = &palm[self.looks(sample.time_s, history)];
-        let seen = sample.table_from_palm.isometry();
-        let off = |pose: &Isometry3<f64>| {
+        let seen = &sample.table_from_palm;
+        let off = |pose: &Pose<Table, Palm>| {
             let off_m = (pose.translation.vector - seen.translation.vector).norm();
             (off_m, pose.rotation.angle_to(&seen.rotation))
         };

@@ -9,7 +9,7 @@ use crate::{
     CgfError, TrainingSet,
     augmentation::Rotations,
     config::{EncoderRotation, EncoderTimes, LatentNoise, NetworkConfig, Times, TrainingConfig},
-    data::{Track, View, turned},
+    data::{NetworkFrame, Track, View, turned},
     grasp::Normalization,
     model::equal_times,
     penetration::Surroundings,
@@ -30,7 +30,7 @@ pub(crate) struct Seen {
 pub(crate) struct SeenTrack {
     pub(crate) view: usize,
     pub(crate) split: Split,
-    pub(crate) track: Track,
+    pub(crate) track: Track<NetworkFrame>,
     /// Times that are drawn once, if times are.
     fixed_times: Vec<f64>,
     /// What the hand can be in, if the set says where it is.
@@ -103,8 +103,8 @@ impl Seen {
                 .get(&set.scenes[track.scene].object)
                 .map(|field| Surroundings {
                     field: field.clone(),
-                    object_from_seen: origins[track.scene].1,
-                    table_from_seen: origins[track.scene].0,
+                    object_from_network: origins[track.scene].1,
+                    table_from_network: origins[track.scene].0,
                 }),
             fixed_times: match training.times {
                 Times::Continuous => equal_times(training.random_times).collect(),
@@ -241,7 +241,7 @@ impl Batches<'_> {
         ));
         let last = seen.track.last_times(self.training.grasp_steps);
         for t in last.into_iter().chain(times.iter().copied()) {
-            let numbers = turned(&seen.track.at(t), rotation).to_numbers();
+            let numbers = turned(seen.track.at(t), rotation).to_numbers();
             batch.times.push(narrow(t));
             batch.targets.extend(self.normalization.normalize(&numbers));
             batch.physical.extend(numbers.into_iter().map(narrow));
@@ -250,7 +250,11 @@ impl Batches<'_> {
 }
 
 /// Returns the times at which the encoder sees a motion.
-pub(crate) fn encoder_times(network: &NetworkConfig, track: &Track, seed: u64) -> Vec<f64> {
+pub(crate) fn encoder_times(
+    network: &NetworkConfig,
+    track: &Track<NetworkFrame>,
+    seed: u64,
+) -> Vec<f64> {
     match network.encoder_times {
         EncoderTimes::Equal => equal_times(network.encoder_steps).collect(),
         EncoderTimes::Recorded => track.recorded_times(network.encoder_steps, seed),
@@ -260,13 +264,13 @@ pub(crate) fn encoder_times(network: &NetworkConfig, track: &Track, seed: u64) -
 /// Returns what the encoder sees of a motion at `times`, in the network's units.
 pub(crate) fn encoder_motion(
     network: &NetworkConfig,
-    track: &Track,
+    track: &Track<NetworkFrame>,
     times: &[f64],
     rotation: &UnitQuaternion<f64>,
     normalization: &Normalization,
 ) -> Vec<f32> {
     let numbers = |&t: &f64| {
-        let grasp = turned(&track.at(t), rotation);
+        let grasp = turned(track.at(t), rotation);
         match network.encoder_rotation {
             EncoderRotation::Columns => normalization.normalize(&grasp.to_numbers()),
             EncoderRotation::AxisAngle => {

@@ -1,9 +1,9 @@
 //! What the network learns from: motions above a table, and the objects that lie on it.
 
 use motion::Motion;
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
+use nalgebra::{Point3, UnitQuaternion};
 use schemas::training::Split;
-use spatial::{Pose, Rest, Table};
+use spatial::{Object, Pose, Rest, Table};
 
 use crate::{CgfError, config::Frame, grasp::Grasp, precision::narrow, random::Random};
 
@@ -18,14 +18,18 @@ pub struct Scene {
     pub points_in_object: Vec<Point3<f64>>,
 }
 
+/// The frame in which the network sees an object: the table's or the object's own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum NetworkFrame {}
+
 /// An object as the network sees it.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct View {
     /// The object's name.
     pub(crate) object: String,
     /// Where the network's frame is.
-    pub(crate) table_from_network: Isometry3<f64>,
-    pub(crate) object_from_network: Isometry3<f64>,
+    pub(crate) table_from_network: Pose<Table, NetworkFrame>,
+    pub(crate) object_from_network: Pose<Object, NetworkFrame>,
     /// Points on the surface in the network's frame, in meters.
     pub(crate) points: Vec<Point3<f64>>,
 }
@@ -34,10 +38,10 @@ impl View {
     /// Looks at an object as it lies.
     pub(crate) fn of(scene: &Scene, frame: Frame) -> Result<Self, CgfError> {
         const LEAST: usize = 32;
-        let table_from_object = *scene.rest.table_from_object().isometry();
+        let table_from_object = *scene.rest.table_from_object();
         let (table_from_network, network_from_object) = match frame {
-            Frame::Resting => (Isometry3::identity(), table_from_object),
-            Frame::Object => (table_from_object, Isometry3::identity()),
+            Frame::Resting => (Pose::identity(), Pose::new(table_from_object)),
+            Frame::Object => (Pose::new(table_from_object), Pose::identity()),
         };
         let found = scene.points_in_object.len();
         if found < LEAST {
@@ -48,7 +52,7 @@ impl View {
             });
         }
         let points = scene.points_in_object.iter();
-        let points: Vec<_> = points.map(|point| network_from_object * point).collect();
+        let points: Vec<_> = points.map(|&point| network_from_object * point).collect();
         if points
             .iter()
             .any(|p| !p.coords.iter().all(|x| x.is_finite()))
@@ -78,7 +82,7 @@ impl View {
 
 /// One motion to learn from.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Track {
+pub struct Track<F = Table> {
     /// The recording's name.
     pub name: String,
     /// Which scene it was recorded in.
@@ -86,10 +90,25 @@ pub struct Track {
     /// Whether it is learned from.
     pub split: Split,
     /// The hand over time, its joints in the hand's order; the last step is the grasp.
-    pub motion: Motion<Table, ()>,
+    pub motion: Motion<F, ()>,
 }
 
 impl Track {
+    /// Returns the motion as the network sees it.
+    pub(crate) fn seen_from(
+        &self,
+        table_from_network: &Pose<Table, NetworkFrame>,
+    ) -> Track<NetworkFrame> {
+        Track {
+            name: self.name.clone(),
+            scene: self.scene,
+            split: self.split,
+            motion: self.motion.seen_from(&table_from_network.inverse()),
+        }
+    }
+}
+
+impl<F> Track<F> {
     pub(crate) fn check(&self, dof: usize) -> Result<(), CgfError> {
         let name = || self.name.clone();
         let found = self.motion.steps().len();
@@ -149,15 +168,6 @@ impl Track {
         drawn.into_iter().map(|step| times[step]).collect()
     }
 
-    /// Returns the motion as the network sees it.
-    pub(crate) fn seen_from(&self, table_from_network: &Isometry3<f64>) -> Self {
-        let network_from_table = Pose::<Table, Table>::new(table_from_network.inverse());
-        Self {
-            motion: self.motion.seen_from(&network_from_table),
-            ..self.clone()
-        }
-    }
-
     /// The network's time of a second of the recording: 1 at the first step, 0 at the grasp.
     fn t_of(&self, time_s: f64) -> f64 {
         let (first, last) = (self.motion.first().time_s, self.motion.grasp().time_s);
@@ -166,17 +176,18 @@ impl Track {
 
     /// Returns the hand at the network's time `t` in 0..=1: between two steps, positions on a line and
     /// the rotation on the shortest arc.
-    pub fn at(&self, t: f64) -> Grasp {
+    pub fn at(&self, t: f64) -> Grasp<F> {
         let last = self.motion.grasp().time_s;
         Grasp::from(&self.motion.at(last - t * self.motion.duration_s()))
     }
 }
 
 /// Turns a hand about its frame's origin.
-pub(crate) fn turned(grasp: &Grasp, rotation: &UnitQuaternion<f64>) -> Grasp {
-    grasp
-        .clone()
-        .moved(&Isometry3::from_parts(Translation3::identity(), *rotation))
+pub(crate) fn turned(
+    grasp: Grasp<NetworkFrame>,
+    rotation: &UnitQuaternion<f64>,
+) -> Grasp<NetworkFrame> {
+    grasp.moved(&Pose::from_parts([0.0; 3], *rotation))
 }
 
 #[cfg(test)]
@@ -221,8 +232,8 @@ mod tests {
             );
         }
         let between = track.at(0.875);
-        assert!((between.table_from_palm.isometry().translation.x - 0.75).abs() < 1e-12);
-        assert!((between.table_from_palm.isometry().rotation.angle() - 0.2).abs() < 1e-12);
+        assert!((between.frame_from_palm.translation.x - 0.75).abs() < 1e-12);
+        assert!((between.frame_from_palm.rotation.angle() - 0.2).abs() < 1e-12);
         assert_eq!(track.last_times(2), [0.75, 0.0]);
         assert_eq!(track.last_times(5), [1.0, 1.0, 1.0, 0.75, 0.0]);
         assert_eq!(track.recorded_times(3, 7), [1.0, 0.75, 0.0]);

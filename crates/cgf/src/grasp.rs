@@ -1,7 +1,6 @@
 //! A hand's state as the network speaks of it, and the units in which it does.
 
 use motion::Step;
-use nalgebra::{Isometry3, Translation3};
 use serde::{Deserialize, Serialize};
 use spatial::{Palm, Pose, Table, rot6d, rotation_from_rot6d};
 
@@ -12,46 +11,45 @@ pub(crate) const ROOT: usize = 9;
 
 /// A hand at one time of a motion.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Grasp {
-    /// Pose of the palm above the table on which the object lies.
-    pub table_from_palm: Pose<Table, Palm>,
+pub struct Grasp<F = Table> {
+    /// Pose of the palm: above the table on which the object lies, or where the network sees it.
+    pub frame_from_palm: Pose<F, Palm>,
     /// Joint positions in radians, in the order of the hand's joints.
     pub q_rad: Vec<f64>,
 }
 
-impl<R> From<&Step<Table, R>> for Grasp {
-    fn from(step: &Step<Table, R>) -> Self {
+impl<F, R> From<&Step<F, R>> for Grasp<F> {
+    fn from(step: &Step<F, R>) -> Self {
         Self {
-            table_from_palm: step.frame_from_palm,
+            frame_from_palm: step.frame_from_palm,
             q_rad: step.q_rad.clone(),
         }
     }
 }
 
-impl Grasp {
+impl<F> Grasp<F> {
     /// Returns the same hand in another frame.
-    pub(crate) fn moved(self, other_from_frame: &Isometry3<f64>) -> Self {
-        Self {
-            table_from_palm: Pose::new(other_from_frame * self.table_from_palm.isometry()),
+    pub(crate) fn moved<G>(self, other_from_frame: &Pose<G, F>) -> Grasp<G> {
+        Grasp {
+            frame_from_palm: *other_from_frame * self.frame_from_palm,
             q_rad: self.q_rad,
         }
     }
 
     /// Returns translation in meters, the rotation's first two columns, joint positions in radians.
     pub(crate) fn to_numbers(&self) -> Vec<f64> {
-        let isometry = self.table_from_palm.isometry();
-        let t = &isometry.translation.vector;
+        let t = &self.frame_from_palm.translation.vector;
         let mut numbers = vec![t.x, t.y, t.z];
-        numbers.extend(rot6d(&isometry.rotation));
+        numbers.extend(rot6d(&self.frame_from_palm.rotation));
         numbers.extend(&self.q_rad);
         numbers
     }
 
     /// Returns translation in meters, rotation axis times angle in radians, joint positions in radians.
     pub(crate) fn to_axis_angle_numbers(&self) -> Vec<f64> {
-        let isometry = self.table_from_palm.isometry();
-        let turn = isometry.rotation.scaled_axis();
-        let root = isometry.translation.vector.iter().chain(turn.iter());
+        let pose = &self.frame_from_palm;
+        let turn = pose.rotation.scaled_axis();
+        let root = pose.translation.vector.iter().chain(turn.iter());
         root.chain(&self.q_rad).copied().collect()
     }
 
@@ -60,9 +58,8 @@ impl Grasp {
     pub(crate) fn from_numbers(numbers: &[f64]) -> Option<Self> {
         let (&[x, y, z, a, b, c, d, e, f], q) = numbers.split_first_chunk::<ROOT>()?;
         let rotation = rotation_from_rot6d([a, b, c, d, e, f])?;
-        let isometry = Isometry3::from_parts(Translation3::new(x, y, z), rotation);
         Some(Self {
-            table_from_palm: Pose::new(isometry),
+            frame_from_palm: Pose::from_parts([x, y, z], rotation),
             q_rad: q.to_vec(),
         })
     }

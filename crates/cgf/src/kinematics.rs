@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use candle_core::{CpuStorage, CustomOp1, DType, Device, Layout, Shape, Tensor};
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
-use robot::{JointKind, RobotModel};
+use robot::{JointKind, Link, RobotModel};
+use spatial::{Palm, Pose};
 
 use crate::{grasp::ROOT, precision::narrow};
 
@@ -89,7 +90,7 @@ pub(crate) struct Posed<'a> {
     hand: &'a RobotModel,
     frame: Frame,
     /// The links in the palm frame.
-    pub(crate) palm_from_links: Vec<Isometry3<f64>>,
+    pub(crate) palm_from_links: Vec<Pose<Palm, Link>>,
 }
 
 impl<'a> Posed<'a> {

@@ -6,16 +6,16 @@ use std::{
     path::Path,
 };
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use schemas::{checkpoint::VERSION, training::Split};
 use serde::{Deserialize, Serialize};
-use spatial::Rest;
+use spatial::{Pose, Rest, Table};
 
 use crate::{
     CgfError, Epoch, MovingGrasp, Scene, Track, TrainingSet,
     batch::{encoder_motion, encoder_times},
     config::{NetworkConfig, TrainingConfig},
-    data::View,
+    data::{NetworkFrame, View},
     decoder::Decoder,
     grasp::{Grasp, Normalization, ROOT},
     limits::{JointRange, Limits},
@@ -98,7 +98,7 @@ pub struct GraspError {
 pub struct ObjectFeature {
     pub(crate) values: Vec<f32>,
     /// Where the frame is in which the network speaks of this object.
-    pub(crate) table_from_network: Isometry3<f64>,
+    pub(crate) table_from_network: Pose<Table, NetworkFrame>,
 }
 
 /// The distribution of a motion's latent code: independent normal distributions.
@@ -391,7 +391,7 @@ impl Demonstration {
 impl GraspError {
     /// Measures how far two grasps of one hand are apart.
     pub fn between(a: &Grasp, b: &Grasp) -> Self {
-        let (pose_a, pose_b) = (a.table_from_palm.isometry(), b.table_from_palm.isometry());
+        let (pose_a, pose_b) = (a.frame_from_palm, b.frame_from_palm);
         let squares: f64 = a
             .q_rad
             .iter()

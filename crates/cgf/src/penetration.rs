@@ -4,15 +4,17 @@ use std::sync::Arc;
 
 use candle_core::{CpuStorage, CustomOp1, Device, Layout, Shape, Tensor};
 use geometry::DistanceField;
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use robot::{
     RobotModel,
     balls::{Cluster, TooLarge, clusters},
 };
+use spatial::{Object, Pose, Table};
 
 use crate::{
     CgfError,
+    data::NetworkFrame,
     kinematics::{Forces, Posed},
     precision::narrow,
 };
@@ -25,9 +27,9 @@ const SLACK: f64 = 1.1;
 pub(crate) struct Surroundings {
     /// Distances to the object's surface.
     pub(crate) field: Arc<DistanceField>,
-    pub(crate) object_from_seen: Isometry3<f64>,
+    pub(crate) object_from_network: Pose<Object, NetworkFrame>,
     /// The table's frame, in which it is the plane z = 0.
-    pub(crate) table_from_seen: Isometry3<f64>,
+    pub(crate) table_from_network: Pose<Table, NetworkFrame>,
 }
 
 impl Surroundings {
@@ -36,8 +38,8 @@ impl Surroundings {
         let back = rotation.inverse();
         Self {
             field: self.field.clone(),
-            object_from_seen: self.object_from_seen * back,
-            table_from_seen: self.table_from_seen * back,
+            object_from_network: Pose::new(*self.object_from_network * back),
+            table_from_network: Pose::new(*self.table_from_network * back),
         }
     }
 }
@@ -129,13 +131,14 @@ fn search(
 ) {
     let palm_from_link = &posed.palm_from_links[cluster.link];
     let place = |center_in_link: &Point3<f64>| {
-        let in_palm = (palm_from_link * center_in_link).coords;
+        let in_palm = (*palm_from_link * *center_in_link).coords;
         (in_palm, Point3::from(posed.seen(&in_palm)))
     };
     let (_, center) = place(&cluster.around.center_in_link);
     let reach_m = cluster.around.radius_m;
-    let distance = |seen: &Point3<f64>| around.field.distance(&(around.object_from_seen * seen));
-    let height = |seen: &Point3<f64>| (around.table_from_seen * seen).z;
+    let distance =
+        |seen: &Point3<f64>| around.field.distance(&(around.object_from_network * *seen));
+    let height = |seen: &Point3<f64>| (around.table_from_network * *seen).z;
     let may_be_in = [
         distance(&center).0 < SLACK * reach_m,
         height(&center) < reach_m,
@@ -157,11 +160,11 @@ fn search(
         };
         if may_be_in[0] {
             let (distance, away) = distance(&seen);
-            let turned = || around.object_from_seen.rotation.inverse() * away;
+            let turned = || around.object_from_network.rotation.inverse() * away;
             note(0, ball.radius_m - distance, &turned);
         }
         if may_be_in[1] {
-            let up = || around.table_from_seen.rotation.inverse() * Vector3::z();
+            let up = || around.table_from_network.rotation.inverse() * Vector3::z();
             note(1, ball.radius_m - height(&seen), &up);
         }
     }

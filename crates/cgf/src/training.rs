@@ -160,7 +160,7 @@ impl<'a> Trainer<'a> {
                 let fixed = rotations.fixed(idx, repeat);
                 let rotation = fixed.unwrap_or_else(|| rotations.draw(&mut random));
                 let times = (0..=20).map(|k| f64::from(k) / 20.0);
-                samples.extend(times.map(|t| turned(&motion.track.at(t), &rotation).to_numbers()));
+                samples.extend(times.map(|t| turned(motion.track.at(t), &rotation).to_numbers()));
             }
         }
         let initialization = training.initialization;

@@ -3,10 +3,10 @@
 use std::f64::consts::TAU;
 
 use geometry::SurfacePoint;
-use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
-use spatial::Rest;
+use spatial::{Object, Pose, Rest};
 
 use crate::{
     body::{Body, height_m, horizontal},
@@ -23,7 +23,7 @@ pub(crate) struct Approach {
     /// Where each finger's pad should touch; `None` where the object does not reach.
     pub(crate) targets: [Option<SurfacePoint>; FINGERS],
     /// The hand's pose from which the fit starts.
-    pub(crate) object_from_hand: Isometry3<f64>,
+    pub(crate) object_from_hand: Pose<Object, Hand>,
     /// The posture from which the fit starts.
     pub(crate) posture: Joints,
     /// Lower is more promising.
@@ -129,10 +129,7 @@ pub(crate) fn draw(
     Some(Approach {
         toward,
         targets,
-        object_from_hand: Isometry3::from_parts(
-            Translation3::from(grip.coords - rotation * in_hand),
-            rotation,
-        ),
+        object_from_hand: Pose::from_parts(grip.coords - rotation * in_hand, rotation),
         posture: posture_deg(
             [0.0, 0.0, 12.0, 18.0],
             [0.0, 32.0 + 30.0 * curl, 30.0 + 20.0 * curl],

@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
+use spatial::{Camera, Pose, Table, World};
 
 /// The camera whose frame is the world; it has no labels of its own.
 pub(crate) const MASTER: &str = "840412060917";
@@ -24,8 +25,8 @@ const MIDDLE: [f64; 3] = [0.58, 0.30, 0.05];
 
 /// Where the labeled camera and the table are in the world.
 pub(crate) struct Rig {
-    pub(crate) world_from_table: Isometry3<f64>,
-    pub(crate) world_from_camera: Isometry3<f64>,
+    pub(crate) world_from_table: Pose<World, Table>,
+    pub(crate) world_from_camera: Pose<World, Camera>,
 }
 
 impl Rig {
@@ -42,14 +43,17 @@ impl Rig {
     pub(crate) fn extrinsics_yaml(&self) -> String {
         let mut text = String::from("extrinsics:\n");
         let entries = [
-            (format!("'{LABELED}'"), self.world_from_camera),
-            (format!("'{MASTER}'"), Isometry3::identity()),
-            ("apriltag".to_owned(), self.world_from_table),
+            (format!("'{LABELED}'"), rows(&self.world_from_camera)),
+            (
+                format!("'{MASTER}'"),
+                rows(&Pose::<World, World>::identity()),
+            ),
+            ("apriltag".to_owned(), rows(&self.world_from_table)),
         ];
-        for (name, pose) in entries {
+        for (name, rows) in entries {
             // Writing to a string cannot fail.
             let _ = writeln!(text, "  {name}:");
-            for number in rows(&pose) {
+            for number in rows {
                 let _ = writeln!(text, "  - {number:?}");
             }
         }
@@ -73,18 +77,18 @@ pub(crate) fn intrinsics_yaml() -> String {
 }
 
 /// Returns a pose as the first three rows of its matrix.
-pub(crate) fn rows(pose: &Isometry3<f64>) -> [f64; 12] {
+pub(crate) fn rows<To, From>(pose: &Pose<To, From>) -> [f64; 12] {
     let matrix = pose.to_homogeneous();
     // `+ 0.0` turns −0 into 0.
     std::array::from_fn(|idx| matrix[(idx / 4, idx % 4)] + 0.0)
 }
 
 /// Returns the pose in the table's frame of a camera that looks at the middle, x right, y down.
-fn looking(from: [f64; 3]) -> Isometry3<f64> {
+fn looking<Eye>(from: [f64; 3]) -> Pose<Table, Eye> {
     let from = Vector3::from(from);
     let ahead = (Vector3::from(MIDDLE) - from).normalize();
     let right = ahead.cross(&Vector3::z()).normalize();
     let axes = Matrix3::from_columns(&[right, ahead.cross(&right), ahead]);
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
-    Isometry3::from_parts(Translation3::from(from), rotation)
+    Pose::from_parts(from, rotation)
 }

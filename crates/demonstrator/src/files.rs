@@ -7,14 +7,15 @@ use std::{
     path::Path,
 };
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Point3;
+use spatial::{Object, Pose, Table};
 
 use crate::{
     DemonstratorError,
     archive::{Archive, zeros},
     body::Body,
     camera::{CALIBRATION, LABELED, Rig, intrinsics_yaml, rows},
-    hand::{Side, point},
+    hand::{Hand, Side, point},
     scene::Scene,
 };
 
@@ -160,7 +161,7 @@ fn meta_yaml(bodies: &[Body], scene: &Scene) -> String {
 }
 
 /// Returns the poses of all objects in one frame, in the table's frame.
-fn objects_at(scene: &Scene, frame: usize) -> Vec<Isometry3<f64>> {
+fn objects_at(scene: &Scene, frame: usize) -> Vec<Pose<Table, Object>> {
     let mut poses = scene.table_from_objects.clone();
     poses[scene.grasped] = scene.frames[frame].table_from_object;
     poses
@@ -176,7 +177,7 @@ fn single(number: f64) -> f32 {
 
 /// Returns the hand as the dataset's numbers: orientation as axis-angle, zeros, position; all zero
 /// while it is out of sight.
-fn hand_numbers(hand: Option<Isometry3<f64>>) -> Vec<f32> {
+fn hand_numbers<Frame>(hand: Option<Pose<Frame, Hand>>) -> Vec<f32> {
     let Some(pose) = hand else {
         return vec![0.0; 51];
     };
@@ -193,19 +194,23 @@ fn hand_numbers(hand: Option<Isometry3<f64>>) -> Vec<f32> {
 /// Returns `pose.npz`: everything in the world's frame.
 fn pose_archive(rig: &Rig, scene: &Scene) -> io::Result<Vec<u8>> {
     let (n, objects) = (scene.frames.len(), scene.objects.len());
-    let world = rig.world_from_table;
+    let world_from_table = rig.world_from_table;
     let objects_in_world = (0..n)
         .flat_map(|frame| objects_at(scene, frame))
         .flat_map(|pose| {
-            let pose = world * pose;
+            let pose = world_from_table * pose;
             let [x, y, z, w] = spatial::xyzw(&pose.rotation);
             let t = pose.translation.vector;
             [x, y, z, w, t.x, t.y, t.z].map(single)
         });
-    let hands = scene
-        .frames
-        .iter()
-        .flat_map(|frame| hand_numbers(frame.hand.as_ref().map(|(pose, _)| world * pose)));
+    let hands = scene.frames.iter().flat_map(|frame| {
+        hand_numbers(
+            frame
+                .hand
+                .as_ref()
+                .map(|(pose, _)| world_from_table * *pose),
+        )
+    });
     let mut archive = Archive::new();
     archive.f32("pose_y", &[n as u64, objects as u64, 7], objects_in_world)?;
     archive.f32("pose_m", &[n as u64, 1, HAND_NUMBERS], hands)?;
@@ -217,7 +222,7 @@ fn label_archive(rig: &Rig, scene: &Scene, idx: usize, blank: &[u8]) -> io::Resu
     let camera_from_table = rig.world_from_camera.inverse() * rig.world_from_table;
     let frame = &scene.frames[idx];
     let landmarks: Option<Vec<Point3<f64>>> = frame.hand.as_ref().map(|(pose, q)| {
-        let points = scene.hand.points_in(&(camera_from_table * pose), q);
+        let points = scene.hand.points_in(&(camera_from_table * *pose), q);
         points.into_iter().take(point::LANDMARKS).collect()
     });
     let objects = objects_at(scene, idx)
@@ -249,7 +254,7 @@ fn label_archive(rig: &Rig, scene: &Scene, idx: usize, blank: &[u8]) -> io::Resu
         frame
             .hand
             .as_ref()
-            .map(|(pose, _)| camera_from_table * pose),
+            .map(|(pose, _)| camera_from_table * *pose),
     );
     archive.f32("pose_m", &[1, HAND_NUMBERS], hand)?;
     archive.f32("joint_3d", &[1, point::LANDMARKS as u64, 3], in_space)?;

@@ -2,8 +2,8 @@
 //! joints.
 
 use geometry::SurfacePoint;
-use nalgebra::{DMatrix, DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use spatial::Rest;
+use nalgebra::{DMatrix, DVector, Point3, UnitQuaternion, Vector3};
+use spatial::{Object, Pose, Rest};
 
 use crate::{
     approach::Approach,
@@ -14,7 +14,7 @@ use crate::{
 /// A hand at an object, in the object's frame.
 #[derive(Debug, Clone)]
 pub(crate) struct Placed {
-    pub(crate) object_from_hand: Isometry3<f64>,
+    pub(crate) object_from_hand: Pose<Object, Hand>,
     pub(crate) q: Joints,
 }
 
@@ -107,8 +107,8 @@ fn moved(placed: &Placed, step: &DVector<f64>) -> Placed {
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(step[3], step[4], step[5]));
     let old = &placed.object_from_hand;
     Placed {
-        object_from_hand: Isometry3::from_parts(
-            Translation3::from(old.translation.vector + shift),
+        object_from_hand: Pose::from_parts(
+            old.translation.vector + shift,
             UnitQuaternion::new_normalize((turn * old.rotation).into_inner()),
         ),
         q: clamped(&std::array::from_fn(|idx| placed.q[idx] + step[6 + idx])),
@@ -128,7 +128,7 @@ fn assemble(body: &Body, rest: &Rest, hand: &Hand, approach: &Approach, at: &Pla
         .collect();
     let rotation = at.object_from_hand.rotation;
     let wrist = at.object_from_hand.translation.vector;
-    let points: Vec<Point3<f64>> = local.iter().map(|p| at.object_from_hand * p).collect();
+    let points: Vec<Point3<f64>> = local.iter().map(|&p| at.object_from_hand * p).collect();
     // The derivative of direction · point.
     let row = |idx: usize, direction: &Vector3<f64>| {
         let mut row = DVector::zeros(UNKNOWNS);

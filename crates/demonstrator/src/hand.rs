@@ -4,8 +4,9 @@
 //! towards the thumb of a right hand (away from it in a left hand, which is the mirror image).
 //! Landmarks are in the dataset's order: wrist, then thumb to little finger from the palm outward.
 
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
+use spatial::Pose;
 
 use crate::noise::normal;
 
@@ -263,15 +264,13 @@ impl Hand {
     }
 
     /// Returns the hand's points in the frame of `frame_from_hand`, in meters.
-    pub(crate) fn points_in(
+    pub(crate) fn points_in<Frame>(
         &self,
-        frame_from_hand: &Isometry3<f64>,
+        frame_from_hand: &Pose<Frame, Self>,
         q: &Joints,
     ) -> Vec<Point3<f64>> {
-        self.points(q)
-            .iter()
-            .map(|point| frame_from_hand * point)
-            .collect()
+        let points = self.points(q).into_iter();
+        points.map(|point| *frame_from_hand * point).collect()
     }
 
     /// Returns the distance between the tips of thumb and index finger, in meters.

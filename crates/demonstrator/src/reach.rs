@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
+use spatial::{Object, Pose, Table};
 
 use crate::{
     Recipe,
@@ -15,9 +16,9 @@ use crate::{
 #[derive(Debug, Clone)]
 pub(crate) struct Frame {
     /// The wrist's pose and the joints; `None` while the hand is out of sight.
-    pub(crate) hand: Option<(Isometry3<f64>, Joints)>,
+    pub(crate) hand: Option<(Pose<Table, Hand>, Joints)>,
     /// The grasped object's pose.
-    pub(crate) table_from_object: Isometry3<f64>,
+    pub(crate) table_from_object: Pose<Table, Object>,
 }
 
 /// Deepest flesh below the surface, or below the table, on the way, in meters.
@@ -39,8 +40,8 @@ pub(crate) fn minimum_jerk(time: f64) -> f64 {
 
 /// A way to the grasp: the wrist's path and the fingers' postures.
 struct Way {
-    start: Isometry3<f64>,
-    end: Isometry3<f64>,
+    start: Pose<Table, Hand>,
+    end: Pose<Table, Hand>,
     bow: Vector3<f64>,
     postures: [Joints; 3],
     /// When the hand is open widest, as a share of the reach.
@@ -49,7 +50,7 @@ struct Way {
 
 impl Way {
     /// Returns the hand after a share of the reach's time.
-    fn at(&self, time: f64) -> (Isometry3<f64>, Joints) {
+    fn at(&self, time: f64) -> (Pose<Table, Hand>, Joints) {
         let share = minimum_jerk(time.powf(SKEW));
         let (from, to) = (self.start.translation.vector, self.end.translation.vector);
         let position = from + (to - from) * share + self.bow * (4.0 * share * (1.0 - share));
@@ -65,10 +66,7 @@ impl Way {
                 minimum_jerk((time - self.open_at) / (1.0 - self.open_at)),
             )
         };
-        (
-            Isometry3::from_parts(Translation3::from(position), rotation),
-            q,
-        )
+        (Pose::from_parts(position, rotation), q)
     }
 }
 
@@ -78,7 +76,7 @@ pub(crate) fn record(
     body: &Body,
     hand: &Hand,
     grasp: &Grasp,
-    table_from_object: &Isometry3<f64>,
+    table_from_object: &Pose<Table, Object>,
     rng: &mut ChaCha8Rng,
 ) -> Option<Vec<Frame>> {
     let frames_in = |time_s: f64| {
@@ -119,8 +117,8 @@ pub(crate) fn record(
         let about = Isometry3::rotation_wrt_point(rotation, pivot);
         let after = Translation3::from(shift) * about;
         Frame {
-            hand: Some((after * end, q)),
-            table_from_object: after * table_from_object,
+            hand: Some((Pose::new(after * *end), q)),
+            table_from_object: Pose::new(after * **table_from_object),
         }
     };
     frames.extend((1..=n_lift).map(|k| {
@@ -145,11 +143,11 @@ fn draw_way(
     recipe: &Recipe,
     hand: &Hand,
     grasp: &Grasp,
-    table_from_object: &Isometry3<f64>,
+    table_from_object: &Pose<Table, Object>,
     rng: &mut ChaCha8Rng,
 ) -> Way {
-    let end = table_from_object * grasp.placed.object_from_hand;
-    let back = -(table_from_object * grasp.toward);
+    let end = *table_from_object * grasp.placed.object_from_hand;
+    let back = -(*table_from_object * grasp.toward);
     let aim = (back + Vector3::z() * 0.25 + normal3(rng) * 0.18).normalize();
     let distance = between(rng, recipe.reach_distance_m);
     let mut start_position = end.translation.vector + aim * distance;
@@ -160,7 +158,6 @@ fn draw_way(
     let bow = sideways.normalize() * way.norm() * between(rng, [0.02, 0.05]);
     let turn =
         UnitQuaternion::from_scaled_axis(direction(rng).into_inner() * between(rng, [0.1, 0.45]));
-    let start = Isometry3::from_parts(Translation3::from(start_position), turn * end.rotation);
 
     let closed = grasp.placed.q;
     let mut flat = posture_deg([-20.0, 0.0, 0.0, 5.0], [0.0, 0.0, 8.0]);
@@ -177,7 +174,7 @@ fn draw_way(
     let at_start = hand.aperture_m(&open) * between(rng, [0.5, 0.75]);
     let first = opened(hand, &curled, &relaxed, at_start);
     Way {
-        start,
+        start: Pose::from_parts(start_position, turn * end.rotation),
         end,
         bow,
         postures: [clamped(&first), open, closed],
@@ -201,7 +198,7 @@ fn is_free(
     n: usize,
     body: &Body,
     hand: &Hand,
-    table_from_object: &Isometry3<f64>,
+    table_from_object: &Pose<Table, Object>,
 ) -> bool {
     let object_from_table = table_from_object.inverse();
     let mut widest = (0.0, 0.0);
@@ -217,7 +214,7 @@ fn is_free(
             if radius - flesh.z > DEEPEST_ON_THE_WAY_M {
                 return false;
             }
-            let near = body.surface.signed_distance(&(object_from_table * flesh));
+            let near = body.surface.signed_distance(&(object_from_table * *flesh));
             if radius - near.distance_m > DEEPEST_ON_THE_WAY_M {
                 return false;
             }
@@ -233,9 +230,12 @@ fn add_noise(recipe: &Recipe, frames: &mut [Frame], rng: &mut ChaCha8Rng) {
         LowPass::<{ crate::hand::DOF }>::new(recipe.noise_cutoff_hz, recipe.rate_hz, rng);
     for (pose, q) in frames.iter_mut().filter_map(|frame| frame.hand.as_mut()) {
         let [x, y, z, a, b, c] = wrist.next(rng);
-        pose.translation.vector += Vector3::new(x, y, z) * recipe.wrist_noise_m;
+        let shift = Vector3::new(x, y, z) * recipe.wrist_noise_m;
         let turn = Vector3::new(a, b, c) * recipe.wrist_noise_rad;
-        pose.rotation = UnitQuaternion::from_scaled_axis(turn) * pose.rotation;
+        *pose = Pose::from_parts(
+            pose.translation.vector + shift,
+            UnitQuaternion::from_scaled_axis(turn) * pose.rotation,
+        );
         for (angle, noise) in q.iter_mut().zip(joints.next(rng)) {
             *angle += noise * recipe.joint_noise_rad;
         }

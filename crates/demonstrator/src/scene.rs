@@ -2,10 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
-use spatial::Rest;
+use spatial::{Object, Pose, Rest, Table};
 
 use crate::{
     DemonstratorError, Recipe,
@@ -26,7 +26,7 @@ pub(crate) struct Scene {
     /// Where in `objects` the grasped one is.
     pub(crate) grasped: usize,
     /// Poses of all objects in the first frame; the grasped one's is also in the frames.
-    pub(crate) table_from_objects: Vec<Isometry3<f64>>,
+    pub(crate) table_from_objects: Vec<Pose<Table, Object>>,
     pub(crate) frames: Vec<Frame>,
 }
 
@@ -105,9 +105,9 @@ pub(crate) fn make(
 }
 
 /// Puts an object down at a place with a random yaw.
-fn placed(rest: &Rest, place: Vector3<f64>, rng: &mut ChaCha8Rng) -> Isometry3<f64> {
+fn placed(rest: &Rest, place: Vector3<f64>, rng: &mut ChaCha8Rng) -> Pose<Table, Object> {
     let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), between(rng, [0.0, TAU]));
-    Isometry3::from_parts(Translation3::from(place), yaw) * rest.table_from_object().isometry()
+    Pose::<Table, Table>::from_parts(place, yaw) * rest.table_from_object()
 }
 
 /// Puts other objects where neither hand nor objects come.
@@ -118,7 +118,7 @@ fn place_others(
     hand: &Hand,
     frames: &[Frame],
     rng: &mut ChaCha8Rng,
-) -> Vec<(usize, Isometry3<f64>)> {
+) -> Vec<(usize, Pose<Table, Object>)> {
     let [fewest, most] = recipe.distractors;
     let wanted = rng.random_range(fewest..=most);
     // What moves, as points with a radius.
@@ -138,7 +138,7 @@ fn place_others(
             );
         }
     }
-    let mut others: Vec<(usize, Isometry3<f64>)> = Vec::new();
+    let mut others: Vec<(usize, Pose<Table, Object>)> = Vec::new();
     for _ in 0..400 {
         if others.len() == wanted {
             break;
@@ -186,7 +186,7 @@ mod tests {
     }
 
     /// The hand while it reaches: until two frames are alike.
-    fn reach(scene: &Scene) -> Vec<(Isometry3<f64>, crate::hand::Joints)> {
+    fn reach(scene: &Scene) -> Vec<(Pose<Table, Hand>, crate::hand::Joints)> {
         let seen: Vec<_> = scene.frames.iter().filter_map(|frame| frame.hand).collect();
         let end = seen.windows(2).position(|pair| pair[0] == pair[1]).unwrap();
         seen[..=end].to_vec()
@@ -239,7 +239,7 @@ mod tests {
                 "{name}: flesh in the object"
             );
             assert!(
-                (table_from_object * flesh).z > *radius,
+                (table_from_object * *flesh).z > *radius,
                 "{name}: flesh in the table"
             );
         }

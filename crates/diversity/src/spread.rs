@@ -7,7 +7,7 @@ use spatial::{Object, Pose, Table};
 
 /// A motion that is compared with others.
 #[derive(Debug, Clone)]
-pub struct Motion<'a, R = HandRates> {
+pub struct Motion<'a, R = HandRates<Object>> {
     /// Resting pose of the object.
     pub table_from_object: Pose<Table, Object>,
     /// The hand at equal parts of the motion's time; the last one is the grasp.
@@ -57,7 +57,7 @@ impl MeanHand {
     /// Returns the mean of hands in one frame.
     fn of<R>(steps: &[&Step<Object, R>]) -> Self {
         let n = steps.len().max(1) as f64;
-        let poses = || steps.iter().map(|step| step.frame_from_palm.isometry());
+        let poses = || steps.iter().map(|step| step.frame_from_palm);
         let dof = steps.first().map_or(0, |step| step.q_rad.len());
         let mut q = vec![0.0; dof];
         for step in steps {
@@ -77,7 +77,7 @@ impl MeanHand {
 
     /// Returns a hand's distance from the mean.
     fn distance<R>(&self, step: &Step<Object, R>) -> GraspDistance {
-        let pose = step.frame_from_palm.isometry();
+        let pose = step.frame_from_palm;
         GraspDistance {
             palm_m: (pose.translation.vector - self.position).norm(),
             palm_rad: pose.rotation.angle_to(&self.rotation),

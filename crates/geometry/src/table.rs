@@ -97,8 +97,8 @@ fn votes(object: &Standing<'_>, toward: Option<Vector3<f64>>) -> Vec<Vote> {
             let up_in_object = stable.rest.up_in_object.into_inner();
             let below_in_object = Point3::from(up_in_object * -stable.rest.height_m);
             Vote {
-                up: object.world_from_object.direction(&up_in_object),
-                below: object.world_from_object.point(&below_in_object),
+                up: object.world_from_object * up_in_object,
+                below: object.world_from_object * below_in_object,
                 probability: stable.probability,
             }
         })
@@ -248,8 +248,8 @@ fn fitted_up(votes: &[Vote]) -> Option<Unit<Vector3<f64>>> {
 impl Standing<'_> {
     /// Returns how far along `up` the object's lowest point is, in meters.
     fn lowest_m(&self, up: &Vector3<f64>) -> Option<f64> {
-        let up_in_object = self.world_from_object.inverse().direction(up);
-        let origin_m = up.dot(&self.world_from_object.isometry().translation.vector);
+        let up_in_object = self.world_from_object.inverse() * *up;
+        let origin_m = up.dot(&self.world_from_object.translation.vector);
         self.vertices_m
             .iter()
             .map(|vertex| origin_m + up_in_object.dot(&vertex.coords))

@@ -104,13 +104,13 @@ fn scene(shapes: &[Shape], rng: &mut ChaCha8Rng) -> Scene {
                 UnitQuaternion::from_axis_angle(&Vector3::z_axis(), TAU * rng.random::<f64>());
             let on_table =
                 Translation3::new(0.5 * rng.random::<f64>(), 0.5 * rng.random::<f64>(), 0.0);
-            let table_from_object = on_table * yaw * stable.rest.table_from_object().isometry();
+            let table_from_object = on_table * yaw * *stable.rest.table_from_object();
             let exact = world_from_table * table_from_object;
-            Pose::new(Isometry3::from_parts(
-                Translation3::from(exact.translation.vector + noise(rng, 0.002)),
+            Pose::from_parts(
+                exact.translation.vector + noise(rng, 0.002),
                 // 2 degrees in all.
                 UnitQuaternion::new(noise(rng, 2_f64.to_radians() / 3_f64.sqrt())) * exact.rotation,
-            ))
+            )
         })
         .collect();
     Scene {
@@ -181,7 +181,7 @@ fn without_noise_the_plane_is_exact() {
                 Vector3::new(0.2 * f64::from(k), 0.1, 0.0),
                 Vector3::z() * f64::from(k),
             );
-            Pose::new(world_from_table * at * shape.rests[0].rest.table_from_object().isometry())
+            Pose::new(world_from_table * at * *shape.rests[0].rest.table_from_object())
         })
         .collect();
     let objects: Vec<_> = shapes
@@ -220,9 +220,9 @@ fn an_object_in_the_air_moves_nothing() {
         // Upright in the air, turned in the air, and so with two objects left on the table.
         let lift = scene.world_from_table * Vector3::new(0.0, 0.0, 0.15);
         let turned = UnitQuaternion::new(scene.world_from_table * Vector3::new(0.6, 0.0, 0.0));
-        let hanging = scene.poses[0].isometry();
+        let hanging = scene.poses[0];
         for pose in [
-            Translation3::from(lift) * hanging,
+            Translation3::from(lift) * *hanging,
             Isometry3::from_parts(
                 Translation3::from(hanging.translation.vector + lift),
                 turned * hanging.rotation,
@@ -242,7 +242,7 @@ fn one_object_is_enough_where_its_likeliest_rest_is_the_true_one() {
     let camera = Some(Vector3::new(0.1, 0.3, 0.9));
     for shape in &shapes() {
         let likeliest = &shape.rests[0].rest;
-        let pose = world_from_table * likeliest.table_from_object().isometry();
+        let pose = world_from_table * *likeliest.table_from_object();
         let plane = table_plane(&[shape.standing(Pose::new(pose))], camera).unwrap();
         let (angle, height_m) = errors(&plane, &world_from_table);
         assert!(angle < 1e-9 && height_m < 1e-9, "{plane:?}");
@@ -344,10 +344,10 @@ fn first_poses(sequence: &Path, n: usize) -> Vec<Pose<World, Object>> {
         .iter()
         .map(|&[x, y, z, w, tx, ty, tz]| {
             let parts = nalgebra::Vector4::new(x, y, z, w).cast::<f64>();
-            Pose::new(Isometry3::from_parts(
-                Translation3::from(Vector3::new(tx, ty, tz).cast::<f64>()),
+            Pose::from_parts(
+                Vector3::new(tx, ty, tz).cast::<f64>(),
                 Unit::new_normalize(nalgebra::Quaternion::from(parts)),
-            ))
+            )
         })
         .collect()
 }
@@ -387,10 +387,7 @@ fn real_scenes_stand_on_the_plane_of_their_tag() {
             .collect();
         let world_from_tag = world_from_tag(&root, &meta);
         // The first camera is the world's origin.
-        let middle: Vector3<f64> = poses
-            .iter()
-            .map(|pose| pose.isometry().translation.vector)
-            .sum();
+        let middle: Vector3<f64> = poses.iter().map(|pose| pose.translation.vector).sum();
         let plane = table_plane(&objects, Some(-middle)).unwrap();
         let up = world_from_tag * Vector3::z();
         // The height below the objects, not below the tag, which is not among them.

@@ -173,19 +173,23 @@ impl Recording {
     /// # Errors
     ///
     /// Fails if the file cannot be written.
-    pub fn write_scene(&mut self, scene: &Scene<'_>) -> Result<(), LakeError> {
+    pub fn write_scene<Root>(&mut self, scene: &Scene<'_, Root>) -> Result<(), LakeError> {
         self.attach("robot.urdf", "application/xml", scene.urdf.as_bytes())?;
         self.write_latched(ROBOT_DESCRIPTION, START_NS, &scene.description())?;
         self.write_latched(TF_STATIC, START_NS, &scene.fixed())?;
         self.write_latched(MARKERS, START_NS, &scene.shapes())
     }
 
-    /// Writes one moment: joint positions and the poses of the hand's links and of the object.
+    /// Writes one moment: joint positions and the poses of the robot's links and of the object.
     ///
     /// # Errors
     ///
     /// Fails if the file cannot be written.
-    pub fn write_step(&mut self, scene: &Scene<'_>, step: &SceneStep<'_>) -> Result<(), LakeError> {
+    pub fn write_step<Root>(
+        &mut self,
+        scene: &Scene<'_, Root>,
+        step: &SceneStep<'_, Root>,
+    ) -> Result<(), LakeError> {
         self.write(JOINT_STATES, step.time_ns(), &scene.state(step))?;
         self.write(TF, step.time_ns(), &scene.poses(step))
     }

@@ -1,6 +1,6 @@
 //! A motion as a continuous function of time: through every step with the step's rates.
 
-use spatial::{MovingPose, Passage, Pose};
+use spatial::{MovingPose, Passage};
 
 use crate::{HandRates, Motion, MotionError, Step, joints_between};
 
@@ -13,10 +13,10 @@ const MIN_STEPS: usize = 2;
 pub struct Course<F> {
     motion: Motion<F>,
     /// The palm's passage from each step to the next.
-    passages: Vec<Passage>,
+    passages: Vec<Passage<F>>,
 }
 
-impl<F> Course<F> {
+impl<F: Copy> Course<F> {
     /// Creates the course of a motion.
     ///
     /// # Errors
@@ -64,7 +64,7 @@ impl<F> Course<F> {
         );
         Step {
             time_s,
-            frame_from_palm: Pose::new(palm.pose),
+            frame_from_palm: palm.frame_from_palm,
             q_rad,
             rates: HandRates {
                 palm_velocity: palm.velocity,
@@ -80,11 +80,11 @@ impl<F> Course<F> {
     }
 }
 
-impl<F> Step<F> {
+impl<F: Copy> Step<F> {
     /// Returns the palm's motion.
-    fn palm(&self) -> MovingPose {
+    fn palm(&self) -> MovingPose<F> {
         MovingPose {
-            pose: *self.frame_from_palm.isometry(),
+            frame_from_palm: self.frame_from_palm,
             velocity: self.rates.palm_velocity,
             acceleration: self.rates.palm_acceleration,
         }

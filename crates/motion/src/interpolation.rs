@@ -1,6 +1,5 @@
 //! Interpolation between the steps of a motion.
 
-use nalgebra::{Isometry3, Translation3};
 use spatial::{Pose, quintic};
 
 use crate::{JointRates, Motion, Rates, Step};
@@ -54,18 +53,14 @@ impl<F, R: Rates> Motion<F, R> {
 impl<F, R> Step<F, R> {
     /// Returns the interpolation to another step at a fraction `share`.
     fn blend(&self, to: &Self, share: f64, time_s: f64) -> Step<F, ()> {
-        let [a, b] = [self, to].map(|step| step.frame_from_palm.isometry());
+        let [a, b] = [self, to].map(|step| &step.frame_from_palm);
         // Rotations equal within rounding have no arc, and either end serves.
         let rotation = a.rotation.try_slerp(&b.rotation, share, 1e-9);
         let translation = a.translation.vector.lerp(&b.translation.vector, share);
-        let pose = Isometry3::from_parts(
-            Translation3::from(translation),
-            rotation.unwrap_or(b.rotation),
-        );
         let joints = self.q_rad.iter().zip(&to.q_rad);
         Step {
             time_s,
-            frame_from_palm: Pose::new(pose),
+            frame_from_palm: Pose::from_parts(translation, rotation.unwrap_or(b.rotation)),
             q_rad: joints.map(|(a, b)| a + (b - a) * share).collect(),
             rates: (),
         }

@@ -13,14 +13,14 @@ use crate::{HandRates, MotionError, Rates};
 /// There is at least one step; times increase, every number is finite, and each step has one position per
 /// joint.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Motion<F, R = HandRates> {
+pub struct Motion<F, R = HandRates<F>> {
     joints: Arc<[String]>,
     steps: Vec<Step<F, R>>,
 }
 
 /// A hand at one time of a motion.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Step<F, R = HandRates> {
+pub struct Step<F, R = HandRates<F>> {
     /// Seconds, since the first step unless stated otherwise.
     pub time_s: f64,
     /// Pose of the palm in the motion's frame.
@@ -143,7 +143,7 @@ impl<F, R: Rates> Motion<F, R> {
     pub fn shifted(&self, by_m: &Translation3<f64>) -> Self {
         let step = |step: &Step<F, R>| Step {
             time_s: step.time_s,
-            frame_from_palm: Pose::new(by_m * step.frame_from_palm.isometry()),
+            frame_from_palm: Pose::new(by_m * *step.frame_from_palm),
             q_rad: step.q_rad.clone(),
             rates: step.rates.clone(),
         };
@@ -160,7 +160,7 @@ impl<F> Motion<F, ()> {
     pub fn seen_from<G>(&self, other_from_frame: &Pose<G, F>) -> Motion<G, ()> {
         let step = |step: &Step<F, ()>| Step {
             time_s: step.time_s,
-            frame_from_palm: other_from_frame * &step.frame_from_palm,
+            frame_from_palm: *other_from_frame * step.frame_from_palm,
             q_rad: step.q_rad.clone(),
             rates: (),
         };
@@ -174,7 +174,7 @@ impl<F> Motion<F, ()> {
 impl<F, R: Rates> Step<F, R> {
     /// Whether every number is finite, and there is one for each of `dof` joints.
     fn is_whole(&self, dof: usize) -> bool {
-        let pose = self.frame_from_palm.isometry();
+        let pose = self.frame_from_palm;
         let numbers = pose.translation.vector.iter();
         let numbers = numbers.chain(pose.rotation.coords.iter());
         self.q_rad.len() == dof

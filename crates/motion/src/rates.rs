@@ -28,13 +28,13 @@ pub struct JointRates {
     pub acceleration: Vec<f64>,
 }
 
-/// Velocities and accelerations of a palm and joints.
+/// Velocities and accelerations of a palm and joints, in the motion's frame.
 #[derive(Debug, Clone, PartialEq)]
-pub struct HandRates {
-    /// Velocity of the palm, along the axes of the motion's frame.
-    pub palm_velocity: Twist,
-    /// Acceleration of the palm, along the same axes.
-    pub palm_acceleration: Twist,
+pub struct HandRates<F> {
+    /// Velocity of the palm.
+    pub palm_velocity: Twist<F>,
+    /// Acceleration of the palm.
+    pub palm_acceleration: Twist<F>,
     /// Rates of the joints.
     pub joints: JointRates,
 }
@@ -49,7 +49,7 @@ impl JointRates {
     }
 }
 
-impl HandRates {
+impl<F> HandRates<F> {
     /// Returns zero rates for a palm and `dof` joints.
     pub fn still(dof: usize) -> Self {
         Self {
@@ -93,14 +93,14 @@ impl Rates for JointRates {
     }
 }
 
-impl Rates for HandRates {
+impl<F: Clone> Rates for HandRates<F> {
     fn joints(&self) -> Option<&JointRates> {
         Some(&self.joints)
     }
 
     fn is_whole(&self, dof: usize) -> bool {
-        let palm = [self.palm_velocity, self.palm_acceleration];
-        palm.iter().all(Twist::is_finite) && self.joints.is_whole(dof)
+        let palm = [&self.palm_velocity, &self.palm_acceleration];
+        palm.into_iter().all(Twist::is_finite) && self.joints.is_whole(dof)
     }
 
     fn reordered(&self, order: &JointOrder) -> Result<Self, WrongDof> {

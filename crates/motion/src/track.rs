@@ -44,10 +44,10 @@ pub struct PalmPoint {
     pub time_s: f64,
     /// Pose of the palm.
     pub table_from_palm: Pose<Table, Palm>,
-    /// Its velocity along the table's axes.
-    pub velocity: Twist,
-    /// Its acceleration along the table's axes.
-    pub acceleration: Twist,
+    /// Its velocity.
+    pub velocity: Twist<Table>,
+    /// Its acceleration.
+    pub acceleration: Twist<Table>,
 }
 
 impl JointTrack {
@@ -107,17 +107,17 @@ impl PalmPoint {
         if duration_s <= 0.0 {
             return Some(to.table_from_palm);
         }
-        Some(Pose::new(from.passage(to)?.at(after_s).pose))
+        Some(from.passage(to)?.at(after_s).frame_from_palm)
     }
 
     /// Returns the palm's passage to the next point; `None` if its turn cannot be interpolated.
-    pub fn passage(&self, to: &Self) -> Option<Passage> {
+    pub fn passage(&self, to: &Self) -> Option<Passage<Table>> {
         Passage::new(&self.moving(), &to.moving(), to.time_s - self.time_s)
     }
 
-    fn moving(&self) -> MovingPose {
+    fn moving(&self) -> MovingPose<Table> {
         MovingPose {
-            pose: *self.table_from_palm.isometry(),
+            frame_from_palm: self.table_from_palm,
             velocity: self.velocity,
             acceleration: self.acceleration,
         }
@@ -214,7 +214,7 @@ mod tests {
         let points = [point(0.0), point(1.0)];
         for time_s in [-1.0, 0.0, 0.3, 1.0, 2.0] {
             let found = PalmPoint::between(&points, time_s).unwrap();
-            let off = found.isometry().inv_mul(pose.isometry());
+            let off = found.inv_mul(&pose);
             assert!(off.translation.vector.norm() == 0.0 && off.rotation.angle() < 1e-7);
         }
     }

@@ -12,13 +12,13 @@ mod path;
 mod trace;
 mod way;
 
-use nalgebra::Isometry3;
-use robot::{Chain, RobotModel, WrongDof};
+use robot::{Chain, Link, RobotModel, WrongDof};
 use simulation::SettingFault;
+use spatial::{Base, Pose, Table};
 
 use crate::limits::Most;
 use clearance::Clearance;
-pub use config::{ArmConfig, Base};
+pub use config::ArmConfig;
 pub(crate) use path::{ArmMoving, ArmPath};
 
 /// Number of joints that an arm must have: fewer cannot reach every pose, more leave the joints of
@@ -34,7 +34,7 @@ pub(crate) struct Arm {
     chain: Chain,
     /// Index of each of the hand's joints among the robot's.
     fingers: Vec<usize>,
-    base_from_table: Isometry3<f64>,
+    base_from_table: Pose<Base, Table>,
     /// Limits of each of the arm's joints.
     limits: Vec<Most>,
     clearance: Clearance,
@@ -76,7 +76,7 @@ impl Arm {
         Ok(Self {
             limits: limits.collect(),
             clearance: Clearance::new(robot, palm, config.clearance_m),
-            base_from_table: config.table_from_base()?.isometry().inverse(),
+            base_from_table: config.table_from_base()?.inverse(),
             config: config.clone(),
             chain,
             fingers,
@@ -105,7 +105,7 @@ impl Arm {
     /// # Errors
     ///
     /// Fails unless there is one position per joint.
-    fn links(&self, arm: &[f64], hand: &[f64]) -> Result<Vec<Isometry3<f64>>, WrongDof> {
+    fn links(&self, arm: &[f64], hand: &[f64]) -> Result<Vec<Pose<Base, Link>>, WrongDof> {
         let mut q = vec![0.0; self.robot.dof()];
         for (joints, positions) in [(self.chain.joints(), arm), (&self.fingers, hand)] {
             if joints.len() != positions.len() {

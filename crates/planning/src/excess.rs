@@ -2,7 +2,7 @@
 
 use motion::{JointPoint, PalmPoint};
 use nalgebra::Vector3;
-use spatial::{Peaks, Twist};
+use spatial::{Peaks, Table, Twist};
 
 use crate::{
     limits::{self, Limits, Most},
@@ -44,9 +44,8 @@ impl Excess {
             };
             let passage = from.passage(to);
             let peaks = passage.map_or(endless, |passage| passage.peaks(&kept));
-            let along = |linear: f64, angular: f64| Twist {
-                linear: Vector3::x() * linear,
-                angular: Vector3::x() * angular,
+            let along = |linear: f64, angular: f64| {
+                Twist::<Table>::new(Vector3::x() * linear, Vector3::x() * angular)
             };
             let velocity = along(peaks.speed, peaks.angular_speed);
             let acceleration = along(peaks.acceleration, peaks.angular_acceleration);
@@ -56,21 +55,21 @@ impl Excess {
         }
         let velocity = |from: &PalmPoint, to: &PalmPoint| {
             let rate = 1.0 / (to.time_s - from.time_s);
-            let [a, b] = [from, to].map(|point| point.table_from_palm.isometry());
-            Twist {
-                linear: (b.translation.vector - a.translation.vector) * rate,
-                angular: (b.rotation * a.rotation.inverse()).scaled_axis() * rate,
-            }
+            let [a, b] = [from, to].map(|point| point.table_from_palm);
+            Twist::<Table>::new(
+                (b.translation.vector - a.translation.vector) * rate,
+                (b.rotation * a.rotation.inverse()).scaled_axis() * rate,
+            )
         };
         let mut before = Twist::zero();
         for (idx, point) in points.iter().enumerate() {
             let next = points.get(idx + 1);
             let after = next.map_or_else(Twist::zero, |next| velocity(point, next));
             let rate = rate(points.get(idx.wrapping_sub(1)), point, next, |p| p.time_s);
-            let change = Twist {
-                linear: (after.linear - before.linear) * rate,
-                angular: (after.angular - before.angular) * rate,
-            };
+            let change = Twist::new(
+                (after.linear - before.linear) * rate,
+                (after.angular - before.angular) * rate,
+            );
             self.see(lengths.part(point.time_s), limits.of_palm(&after, &change));
             before = after;
         }

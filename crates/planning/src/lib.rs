@@ -59,7 +59,7 @@ mod timed;
 mod timing;
 mod whole;
 
-pub use arm::{ArmConfig, Base};
+pub use arm::ArmConfig;
 pub use infeasible::{ArmFault, Infeasible, Place};
 pub use limits::LimitsConfig;
 pub use planner::{ArmSetup, Feasible, Planner, Setup};

@@ -113,7 +113,11 @@ impl Limits {
     }
 
     /// Returns the parts of a palm with these rates.
-    pub(crate) fn of_palm(&self, velocity: &Twist, acceleration: &Twist) -> [Part; 2] {
+    pub(crate) fn of_palm<Frame>(
+        &self,
+        velocity: &Twist<Frame>,
+        acceleration: &Twist<Frame>,
+    ) -> [Part; 2] {
         let config = &self.config;
         [
             Part {

@@ -1,10 +1,10 @@
 //! The planner of one hand's motions.
 
 use motion::{Carrier, Course, JointTrack, Motion};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
 use robot::{Joint, JointKind, RobotModel};
 use simulation::{Approach, Flexion, Protocol, SettingFault, Trial};
-use spatial::{Object, Pose, Table};
+use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
     ArmConfig, Infeasible, LimitsConfig, RatesConfig, arm::Arm, limits::Limits, timed::whole,
@@ -113,7 +113,7 @@ impl<'a> Planner<'a> {
         table_from_object: &Pose<Table, Object>,
     ) -> Result<Feasible, Infeasible> {
         let course = Course::through(motion.reordered(&self.hand.joint_names())?)?;
-        self.check_course(&course, table_from_object.isometry())?;
+        self.check_course(&course, table_from_object)?;
         let grasp = course.grasp().q_rad;
         let fingers = Fingers {
             opened: match self.protocol.approach {
@@ -143,7 +143,7 @@ impl<'a> Planner<'a> {
     fn check_course(
         &self,
         course: &Course<Object>,
-        table_from_object: &Isometry3<f64>,
+        table_from_object: &Pose<Table, Object>,
     ) -> Result<(), Infeasible> {
         let places = (course.duration_s() * self.rates.palm_hz).ceil().max(1.0);
         let places = whole(places).ok_or(Infeasible::Slow {
@@ -154,7 +154,7 @@ impl<'a> Planner<'a> {
             let time_s = course.duration_s() * place as f64 / places as f64;
             let hand = course.at(time_s);
             self.check_joints(&hand.q_rad, time_s)?;
-            let table_from_palm = table_from_object * hand.frame_from_palm.isometry();
+            let table_from_palm = *table_from_object * hand.frame_from_palm;
             self.check_table(&table_from_palm, &hand.q_rad, time_s)?;
         }
         Ok(())
@@ -170,14 +170,15 @@ impl<'a> Planner<'a> {
 
     fn check_table(
         &self,
-        table_from_palm: &Isometry3<f64>,
+        table_from_palm: &Pose<Table, Palm>,
         q: &[f64],
         time_s: f64,
     ) -> Result<(), Infeasible> {
         let palm_from_links = self.hand.forward_kinematics(q)?;
         for (link, palm_from_link) in self.hand.links().iter().zip(&palm_from_links) {
             for collision in &link.collisions {
-                let table_from_shape = table_from_palm * palm_from_link * collision.link_from_shape;
+                let table_from_shape =
+                    *table_from_palm * *palm_from_link * collision.link_from_shape;
                 let up = table_from_shape
                     .rotation
                     .inverse_transform_vector(&Vector3::z());

@@ -70,7 +70,7 @@ impl Planner<'_> {
             course,
             timing,
             fingers,
-            table_from_object: *table_from_object.isometry(),
+            table_from_object,
             lift_m: self.protocol.lift_m,
             lengths,
         };

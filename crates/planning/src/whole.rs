@@ -1,9 +1,9 @@
 //! A whole motion, from its start to the end of the lift, as functions of time.
 
 use motion::{Course, JointPoint, JointRates, PalmPoint};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
 use simulation::{Approach, Protocol};
-use spatial::{Object, Pose, Twist, quintic};
+use spatial::{Object, Pose, Table, Twist, quintic};
 
 use crate::{
     Infeasible,
@@ -98,7 +98,7 @@ pub(crate) struct WholeMotion<'a> {
     pub(crate) course: &'a Course<Object>,
     pub(crate) timing: Timing,
     pub(crate) fingers: &'a Fingers,
-    pub(crate) table_from_object: Isometry3<f64>,
+    pub(crate) table_from_object: Pose<Table, Object>,
     pub(crate) lift_m: f64,
     pub(crate) lengths: Lengths,
 }
@@ -116,22 +116,18 @@ impl WholeMotion<'_> {
         let hand = self.course.at(course_s);
         let [height_m, speed, change] = self.height(time_s);
         let up = Vector3::z();
-        let turn = self.table_from_object.rotation;
-        let velocity = hand.rates.palm_velocity.turned(&turn);
-        let acceleration = hand.rates.palm_acceleration.turned(&turn);
-        let mut table_from_palm = self.table_from_object * hand.frame_from_palm.isometry();
+        let velocity = hand.rates.palm_velocity.along(&self.table_from_object);
+        let acceleration = hand.rates.palm_acceleration.along(&self.table_from_object);
+        let mut table_from_palm = *(self.table_from_object * hand.frame_from_palm);
         table_from_palm.translation.vector += up * height_m;
         PalmPoint {
             time_s,
             table_from_palm: Pose::new(table_from_palm),
-            velocity: Twist {
-                linear: velocity.linear * once + up * speed,
-                angular: velocity.angular * once,
-            },
-            acceleration: Twist {
-                linear: chain(velocity.linear, acceleration.linear, once, twice) + up * change,
-                angular: chain(velocity.angular, acceleration.angular, once, twice),
-            },
+            velocity: Twist::new(velocity.linear * once + up * speed, velocity.angular * once),
+            acceleration: Twist::new(
+                chain(velocity.linear, acceleration.linear, once, twice) + up * change,
+                chain(velocity.angular, acceleration.angular, once, twice),
+            ),
         }
     }
 

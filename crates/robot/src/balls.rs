@@ -235,6 +235,7 @@ pub fn enclosing(balls: &[Ball]) -> Option<Ball> {
 #[cfg(test)]
 mod tests {
     use nalgebra::Isometry3;
+    use spatial::Pose;
 
     use super::*;
 
@@ -242,7 +243,7 @@ mod tests {
     fn balls_line_a_box_from_inside() {
         let half = Vector3::new(0.0098, 0.01375, 0.027);
         let collision = Collision {
-            link_from_shape: Isometry3::translation(0.0, 0.0, 0.027),
+            link_from_shape: Pose::new(Isometry3::translation(0.0, 0.0, 0.027)),
             shape: Shape::Box {
                 half_extents_m: half,
             },
@@ -264,7 +265,7 @@ mod tests {
     fn balls_fill_a_flat_cylinder_out_to_its_rim() {
         let (radius_m, half_length_m) = (0.045, 0.01);
         let collision = Collision {
-            link_from_shape: Isometry3::identity(),
+            link_from_shape: Pose::identity(),
             shape: Shape::Cylinder {
                 radius_m,
                 half_length_m,
@@ -320,7 +321,7 @@ mod tests {
             Shape::Sphere { radius_m: 0.3 },
         ] {
             let collision = Collision {
-                link_from_shape: Isometry3::identity(),
+                link_from_shape: Pose::identity(),
                 shape: shape.clone(),
             };
             let (made, foretold) = (fill(&collision).len() as f64, count(&collision));
@@ -345,7 +346,7 @@ mod tests {
     #[test]
     fn groups_hold_every_ball_once_and_are_small() {
         let collision = Collision {
-            link_from_shape: Isometry3::identity(),
+            link_from_shape: Pose::identity(),
             shape: Shape::Box {
                 half_extents_m: Vector3::new(0.02, 0.056, 0.0475),
             },

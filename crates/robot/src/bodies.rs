@@ -1,8 +1,9 @@
 //! The moving bodies of a robot: links that are fixed to each other, taken together.
 
-use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, Unit, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Translation3, Unit, UnitQuaternion, Vector3, Vector6};
+use spatial::{Palm, Pose, Twist};
 
-use crate::{Inertial, JointKind, RobotModel, WrongDof};
+use crate::{Inertial, JointKind, Link, RobotModel, WrongDof};
 
 /// A robot's moving bodies with their masses, made ready for dynamics.
 ///
@@ -44,19 +45,19 @@ pub(crate) struct BodyJoint {
     pub(crate) multiplier: f64,
     offset: f64,
     is_turning: bool,
-    parent_from_joint: Isometry3<f64>,
+    parent_from_joint: Pose<Link, Link>,
     axis: Unit<Vector3<f64>>,
 }
 
 impl BodyJoint {
     /// Returns the body's pose in its parent's frame.
-    fn parent_from_body(&self, q: &[f64]) -> Isometry3<f64> {
+    fn parent_from_body(&self, q: &[f64]) -> Pose<Link, Link> {
         let position = self.multiplier * q[self.number] + self.offset;
-        if self.is_turning {
-            self.parent_from_joint * UnitQuaternion::from_axis_angle(&self.axis, position)
+        Pose::new(if self.is_turning {
+            *self.parent_from_joint * UnitQuaternion::from_axis_angle(&self.axis, position)
         } else {
-            self.parent_from_joint * Translation3::from(self.axis.into_inner() * position)
-        }
+            *self.parent_from_joint * Translation3::from(self.axis.into_inner() * position)
+        })
     }
 
     /// Returns the body's motion relative to its parent per unit of its own position, in its frame.
@@ -87,11 +88,8 @@ impl Spatial {
         Self::new(Vector3::zeros(), Vector3::zeros())
     }
 
-    pub(crate) fn from_vector(v: &Vector6<f64>) -> Self {
-        Self::new(
-            v.fixed_rows::<3>(0).into_owned(),
-            v.fixed_rows::<3>(3).into_owned(),
-        )
+    pub(crate) fn from_twist(twist: &Twist<Palm>) -> Self {
+        Self::new(twist.linear, twist.angular)
     }
 
     pub(crate) fn vector(&self) -> Vector6<f64> {
@@ -113,14 +111,14 @@ impl Spatial {
     }
 
     /// Returns a motion of the parent as one of the body whose pose in it is given.
-    pub(crate) fn motion_in_child(&self, parent_from_body: &Isometry3<f64>) -> Self {
+    pub(crate) fn motion_in_child(&self, parent_from_body: &Pose<Link, Link>) -> Self {
         let at_body = self.linear + self.angular.cross(&parent_from_body.translation.vector);
         let body_from_parent = parent_from_body.rotation.inverse();
         Self::new(body_from_parent * at_body, body_from_parent * self.angular)
     }
 
     /// Returns a force on a body as one on the parent in which its pose is given.
-    pub(crate) fn force_in_parent(&self, parent_from_body: &Isometry3<f64>) -> Self {
+    pub(crate) fn force_in_parent(&self, parent_from_body: &Pose<Link, Link>) -> Self {
         let force = parent_from_body.rotation * self.linear;
         let torque = parent_from_body.rotation * self.angular;
         let arm = parent_from_body.translation.vector;
@@ -190,7 +188,7 @@ impl SpatialInertia {
     }
 
     /// Returns the same in the frame in which this one's pose is given.
-    pub(crate) fn in_parent(&self, parent_from_this: &Isometry3<f64>) -> Self {
+    pub(crate) fn in_parent(&self, parent_from_this: &Pose<Link, Link>) -> Self {
         let rotation = parent_from_this.rotation.to_rotation_matrix();
         let r = rotation.matrix();
         let shift = parent_from_this.translation.vector;
@@ -256,11 +254,11 @@ impl Bodies {
         let links = model.links();
         let mut bodies: Vec<Body> = Vec::new();
         // For each link: its body, and its pose in that body.
-        let mut places: Vec<(usize, Isometry3<f64>)> = Vec::with_capacity(links.len());
+        let mut places: Vec<(usize, Pose<Link, Link>)> = Vec::with_capacity(links.len());
         for link in links {
             let (parent, body_from_parent) = match link.parent {
                 Some(parent) => places[parent],
-                None => (0, Isometry3::identity()),
+                None => (0, Pose::identity()),
             };
             let parent_from_joint = body_from_parent * link.parent_from_joint;
             let place = if let (Some(kind), Some(number)) = (link.kind, link.joint) {
@@ -273,7 +271,7 @@ impl Bodies {
                     axis: link.axis,
                 };
                 bodies.push(Body::without_mass(parent, Some(joint)));
-                (bodies.len() - 1, Isometry3::identity())
+                (bodies.len() - 1, Pose::identity())
             } else {
                 if bodies.is_empty() {
                     bodies.push(Body::without_mass(0, None));
@@ -325,11 +323,11 @@ impl Bodies {
     }
 
     /// Returns the pose of each body in its parent's frame; the identity for the root.
-    pub(crate) fn parent_from_bodies(&self, q: &[f64]) -> Result<Vec<Isometry3<f64>>, WrongDof> {
+    pub(crate) fn parent_from_bodies(&self, q: &[f64]) -> Result<Vec<Pose<Link, Link>>, WrongDof> {
         self.check(q)?;
         let pose = |body: &Body| match &body.joint {
             Some(joint) => joint.parent_from_body(q),
-            None => Isometry3::identity(),
+            None => Pose::identity(),
         };
         Ok(self.all.iter().map(pose).collect())
     }

@@ -1,16 +1,18 @@
 //! The joints from the root to one link: an arm, and how its end moves with them.
 
-mod branches;
+mod solutions;
 mod solve;
 
-use nalgebra::{Cholesky, Const, Isometry3, Matrix6, Matrix6xX, Point3, Vector3, Vector6};
+use nalgebra::{Cholesky, Const, Matrix6, Matrix6xX, Point3, Vector3, Vector6};
+use spatial::{Base, Palm, Pose, Twist};
 
 use crate::{Joint, JointKind, Link, RobotError, RobotModel, WrongDof};
 
 /// Rows of a twist.
 const SIX: usize = 6;
 
-/// The joints from a robot's root to one of its links, in that order; the link is the chain's end.
+/// The joints from a robot's root, its base, to one of its links, in that order; the link is the
+/// chain's end: the palm of the hand that an arm carries.
 ///
 /// Positions of its joints are in radians (meters if prismatic).
 #[derive(Debug, Clone, PartialEq)]
@@ -24,10 +26,10 @@ pub struct Chain {
 /// A chain where it has certain joint positions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Posture {
-    /// Pose of the chain's end in the root's frame.
-    pub root_from_end: Isometry3<f64>,
+    /// Pose of the chain's end in the base's frame.
+    pub base_from_palm: Pose<Base, Palm>,
     /// The geometric Jacobian, `(6, dof)`: velocity of the end's origin in meters, then its angular
-    /// velocity in radians, per radian (or per meter), along the root's axes.
+    /// velocity in radians, per radian (or per meter), along the base's axes.
     pub jacobian: Matrix6xX<f64>,
 }
 
@@ -113,13 +115,13 @@ impl Chain {
     ///
     /// Fails if `q` does not hold exactly one position per joint of the chain.
     pub fn posture(&self, q: &[f64]) -> Result<Posture, WrongDof> {
-        let poses = self.links.forward_kinematics(q)?;
+        let poses = self.links.forward_kinematics::<Base>(q)?;
         // A chain has one link at least: its end.
         let end = poses.len() - 1;
-        let root_from_end = poses[end];
-        let origin = Point3::from(root_from_end.translation.vector);
+        let base_from_palm = Pose::new(*poses[end]);
+        let origin = Point3::from(base_from_palm.translation.vector);
         Ok(Posture {
-            root_from_end,
+            base_from_palm,
             jacobian: self.links.geometric_jacobian(&poses, end, &origin),
         })
     }
@@ -140,7 +142,7 @@ impl Chain {
 
 impl Posture {
     /// Returns the twist of the end while the joints move so: velocity of its origin, then angular
-    /// velocity, along the root's axes.
+    /// velocity, along the base's axes.
     ///
     /// # Panics
     ///
@@ -185,9 +187,10 @@ impl Posture {
     /// Returns the joint velocities and accelerations with which the end has a twist and a rate of
     /// it: `J q′ = twist` and `J q″ = rate − J′ q′`, the least ones where more than six joints leave
     /// a choice; `None` where the chain is singular.
-    pub fn rates(&self, twist: &Vector6<f64>, rate: &Vector6<f64>) -> Option<ChainRates> {
+    pub fn rates(&self, twist: &Twist<Base>, rate: &Twist<Base>) -> Option<ChainRates> {
+        let [twist, rate] = [twist, rate].map(|twist| Vector6::from(twist.to_array()));
         let square = self.square(0.0)?;
-        let velocity = self.least(&square, twist);
+        let velocity = self.least(&square, &twist);
         let acceleration = self.least(&square, &(rate - self.bias(&velocity)));
         let all = velocity.iter().chain(&acceleration);
         all.copied().all(f64::is_finite).then_some(ChainRates {

@@ -8,7 +8,8 @@
 //! Clearance needs a bound from below, which no library returns: `parry3d`, 0.7 times the time, is above the
 //! true distance in 40 % of pairs, by up to 10 mm (`cargo bench --bench distance`).
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
+use spatial::Pose;
 
 use crate::Shape;
 
@@ -30,11 +31,11 @@ pub struct Gap {
 
 /// Returns how far two shapes are from each other, within 0.01 mm; each is given with the pose of its
 /// center in one frame.
-pub fn gap(a: (&Isometry3<f64>, &Shape), b: (&Isometry3<f64>, &Shape)) -> Gap {
+pub fn gap<Frame>(a: (&Pose<Frame, Shape>, &Shape), b: (&Pose<Frame, Shape>, &Shape)) -> Gap {
     let (core_a, margin_a) = a.1.core();
     let (core_b, margin_b) = b.1.core();
     let farthest = |direction: &Vector3<f64>| {
-        let of = |pose: &Isometry3<f64>, core: &Shape, direction: Vector3<f64>| {
+        let of = |pose: &Pose<Frame, Shape>, core: &Shape, direction: Vector3<f64>| {
             let own = pose.rotation.inverse_transform_vector(&direction);
             pose.rotation * core.farthest(&own) + pose.translation.vector
         };
@@ -213,17 +214,18 @@ fn nearest_between(corners: &[Vector3<f64>]) -> Option<Vector3<f64>> {
 mod tests {
     use std::{f64::consts::PI, sync::Arc};
 
-    use nalgebra::{Translation3, UnitQuaternion};
+    use nalgebra::UnitQuaternion;
     use proptest::prelude::*;
+    use spatial::World;
 
     use super::*;
     use crate::{ConvexBody, convex::tests::cuboid};
 
-    fn pose() -> impl Strategy<Value = Isometry3<f64>> {
+    fn pose() -> impl Strategy<Value = Pose<World, Shape>> {
         let axis = prop::array::uniform3(-PI..PI);
         (prop::array::uniform3(-0.5..0.5_f64), axis).prop_map(|(at, turn)| {
-            Isometry3::from_parts(
-                Translation3::from(Vector3::from(at)),
+            Pose::from_parts(
+                Vector3::from(at),
                 UnitQuaternion::from_scaled_axis(Vector3::from(turn)),
             )
         })

@@ -5,10 +5,11 @@
 //! A joint that mimics another adds what it does to that one's row, times its multiplier: with
 //! positions `G q + o` of all joints, torques are `Gᵀ τ` and the mass matrix is `Gᵀ M G`.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Point3, Vector3, Vector6};
+use spatial::Pose;
 
 use crate::{
-    Bodies, Root, WrongDof,
+    Bodies, Link, Root, WrongDof,
     bodies::{Spatial, SpatialInertia},
 };
 
@@ -96,9 +97,9 @@ impl Bodies {
             let (velocity, acceleration) = match &body.joint {
                 None => {
                     // Gravity is the same as the world's accelerating upward.
-                    let mut acceleration = Spatial::from_vector(&root.acceleration);
-                    acceleration.linear -= root.world_from_root.rotation.inverse() * gravity;
-                    (Spatial::from_vector(&root.velocity), acceleration)
+                    let mut acceleration = Spatial::from_twist(&root.acceleration);
+                    acceleration.linear -= root.world_from_palm.rotation.inverse() * gravity;
+                    (Spatial::from_twist(&root.velocity), acceleration)
                 }
                 Some(joint) => {
                     let unit = joint.unit_motion().times(joint.multiplier);
@@ -134,28 +135,6 @@ impl Bodies {
         of_links.reverse();
         let root = forces.first().map_or_else(Vector6::zeros, Spatial::vector);
         Ok((root, of_links))
-    }
-
-    /// Returns what holds the robot still against gravity.
-    ///
-    /// `gravity` is the acceleration of a falling body in the world's frame, in m/s².
-    ///
-    /// # Errors
-    ///
-    /// Fails if `q` does not hold exactly one number per joint.
-    pub fn gravity_efforts(
-        &self,
-        world_from_root: &Isometry3<f64>,
-        q: &[f64],
-        gravity: &Vector3<f64>,
-    ) -> Result<Efforts, WrongDof> {
-        let zeros = vec![0.0; self.dof];
-        let motion = JointMotion {
-            q,
-            velocity: &zeros,
-            acceleration: &zeros,
-        };
-        self.inverse_dynamics(&Root::still(*world_from_root), &motion, gravity)
     }
 
     /// Returns the mass matrix of a robot whose root is held: `(dof, dof)`, in kg m² where both
@@ -229,7 +208,7 @@ impl Bodies {
     }
 
     /// Returns the inertia of each body with all that hangs on it, in its frame.
-    fn composites(&self, parent_from_bodies: &[Isometry3<f64>]) -> Vec<SpatialInertia> {
+    fn composites(&self, parent_from_bodies: &[Pose<Link, Link>]) -> Vec<SpatialInertia> {
         let mut composites: Vec<SpatialInertia> =
             self.all.iter().map(|body| body.inertia).collect();
         for idx in (0..composites.len()).rev() {

@@ -1,6 +1,7 @@
 //! Which chains of links are fingers: a first proposal, drawn from the tree alone.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
+use spatial::{Base, Pose};
 
 use crate::{JointKind, Link, RobotModel};
 
@@ -55,7 +56,7 @@ impl RobotModel {
                 has_moving_child[body_of[parent]] = true;
             }
         }
-        let palm_from_links = self.link_poses(|joint| self.joints()[joint].nearest_zero());
+        let base_from_links = self.link_poses(|joint| self.joints()[joint].nearest_zero());
         let mut fingers = Vec::new();
         for (body, link) in self.links().iter().enumerate() {
             if link.kind.is_none() || has_moving_child[body] {
@@ -63,7 +64,7 @@ impl RobotModel {
             }
             let leaves = (0..self.links().len())
                 .filter(|&idx| idx != body && body_of[idx] == body && !has_child[idx]);
-            let (tip_link, tip_offset_m) = self.tip(body, leaves, &palm_from_links);
+            let (tip_link, tip_offset_m) = self.tip(body, leaves, &base_from_links);
             let mut links: Vec<usize> = self
                 .up_from(tip_link)
                 .take_while(|&idx| body_of[idx] != palm_body)
@@ -86,7 +87,7 @@ impl RobotModel {
             let length_m = links
                 .windows(2)
                 .map(|pair| {
-                    let [from, to] = [pair[0], pair[1]].map(|idx| &palm_from_links[idx]);
+                    let [from, to] = [pair[0], pair[1]].map(|idx| &base_from_links[idx]);
                     (to.translation.vector - from.translation.vector).norm()
                 })
                 .sum::<f64>()
@@ -103,7 +104,7 @@ impl RobotModel {
         }
         if let Some(thumb) = self
             .thumb_by_name(&fingers)
-            .or_else(|| thumb_by_direction(&fingers, &palm_from_links))
+            .or_else(|| thumb_by_direction(&fingers, &base_from_links))
         {
             fingers[thumb].is_thumb = true;
         }
@@ -147,7 +148,7 @@ impl RobotModel {
         &self,
         body: usize,
         leaves: impl Iterator<Item = usize>,
-        palm_from_links: &[Isometry3<f64>],
+        base_from_links: &[Pose<Base, Link>],
     ) -> (usize, Vector3<f64>) {
         let rank = |idx: usize| {
             let link = &self.links()[idx];
@@ -156,7 +157,7 @@ impl RobotModel {
                 .iter()
                 .any(|name| name.to_lowercase().contains("tip"));
             let carries = link.inertial.is_some() || !link.collisions.is_empty();
-            let [body, tip] = [body, idx].map(|idx| palm_from_links[idx].translation.vector);
+            let [body, tip] = [body, idx].map(|idx| base_from_links[idx].translation.vector);
             let rank = (is_named, carries, (tip - body).norm());
             (is_named || carries).then_some((rank, idx))
         };
@@ -192,15 +193,15 @@ impl RobotModel {
 }
 
 /// Returns the finger that points least the way the others do, if there are at least three.
-fn thumb_by_direction(fingers: &[Finger], palm_from_links: &[Isometry3<f64>]) -> Option<usize> {
+fn thumb_by_direction(fingers: &[Finger], base_from_links: &[Pose<Base, Link>]) -> Option<usize> {
     if fingers.len() < 3 {
         return None;
     }
     let directions: Vec<Vector3<f64>> = fingers
         .iter()
         .map(|finger| {
-            let base = palm_from_links[finger.links[0]].translation.vector;
-            let tip = palm_from_links[finger.tip_link] * Point3::from(finger.tip_offset_m);
+            let base = base_from_links[finger.links[0]].translation.vector;
+            let tip = base_from_links[finger.tip_link] * Point3::from(finger.tip_offset_m);
             (tip.coords - base)
                 .try_normalize(1e-9)
                 .unwrap_or_else(Vector3::zeros)

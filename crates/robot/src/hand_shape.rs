@@ -1,8 +1,9 @@
 //! How a hand is built: side, palm, wrist and which finger is which; a guess from the tree.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
+use spatial::{Base, Pose};
 
-use crate::{Finger, Joint, RobotModel, Shape};
+use crate::{Finger, Joint, Link, RobotModel, Shape};
 
 /// What the fingers beside the thumb are called, in their order from it.
 const FINGERS: [[&str; 2]; 4] = [
@@ -49,13 +50,13 @@ impl RobotModel {
         let open = self.link_poses(|joint| q[joint]);
         let palm = fingers.first()?.palm;
         // In the palm's own frame, wherever an arm or a wrist has put it.
-        let tip = |finger: &Finger, root_from_links: &[Isometry3<f64>]| {
-            let in_root = root_from_links[finger.tip_link] * Point3::from(finger.tip_offset_m);
-            root_from_links[palm].inverse_transform_point(&in_root)
+        let tip = |finger: &Finger, base_from_links: &[Pose<Base, Link>]| {
+            let in_base = base_from_links[finger.tip_link] * Point3::from(finger.tip_offset_m);
+            base_from_links[palm].inverse_transform_point(&in_base)
         };
         let base = |finger: &Finger| {
-            let in_root = Point3::from(open[finger.links[0]].translation.vector);
-            open[palm].inverse_transform_point(&in_root)
+            let in_base = Point3::from(open[finger.links[0]].translation.vector);
+            open[palm].inverse_transform_point(&in_base)
         };
         let tips: Vec<Point3<f64>> = fingers.iter().map(|finger| tip(finger, &open)).collect();
         let mut across = farthest_apart(&tips);

@@ -13,13 +13,14 @@
 //!   </joint>
 //! </robot>"#;
 //! let model = robot::RobotModel::from_urdf(urdf)?;
-//! let palm_from_links = model.forward_kinematics(&[1.2])?;
+//! let palm_from_links = model.forward_kinematics::<spatial::Palm>(&[1.2])?;
 //! let finger = model.require_link("finger")?;
 //! assert_eq!(palm_from_links[finger].translation.z, 0.05);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Links are ordered parents first, and link 0, the root, is called the palm: of a hand alone it is.
+//! Links are ordered parents first, and link 0 is the root: a hand's palm or an arm's base, as who asks
+//! for poses says. A [`Link`], a [`Shape`] or a [`Mesh`] is a frame of a [`spatial::Pose`], too: its own.
 //! Joints are the independent movable ones, in the order in which a depth-first walk meets them:
 //! address them by name. Joints that mimic others move with them and have no position of their own.
 //! Lengths are in meters, angles in radians, masses in kilograms.
@@ -59,7 +60,7 @@ pub use dynamics::{Efforts, JointMotion};
 pub use error::{MimicFault, RobotError, WrongDof};
 pub use findings::{Finding, Part, Severity};
 pub use fingers::Finger;
-pub use free_root::{Root, pose_from_twist, twist_from_pose};
+pub use free_root::{Root, pose_from_twist};
 pub use hand_shape::HandShape;
 pub use joint_order::{JointMismatch, JointOrder};
 pub use model::{Collision, Inertial, Joint, JointKind, Link, Mesh, RobotModel, Shape};

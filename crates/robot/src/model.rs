@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, Vector3};
+use nalgebra::{Matrix3, Point3, Translation3, Unit, Vector3};
+use spatial::Pose;
 
 use crate::{ConvexBody, Finding, RobotError, near::near_names, urdf};
 
@@ -37,7 +38,7 @@ pub struct Link {
     /// See [`Link::multiplier`]; radians, or meters where prismatic.
     pub offset: f64,
     /// Pose of the joint's frame in the parent's frame; the link's frame where its position is 0.
-    pub parent_from_joint: Isometry3<f64>,
+    pub parent_from_joint: Pose<Self, Self>,
     /// Direction about or along which it moves, in the joint's frame (and its own).
     pub axis: Unit<Vector3<f64>>,
     /// Mass properties; `None` if the URDF gives none, or no mass.
@@ -57,7 +58,7 @@ pub struct Mesh {
     /// Is it what the link collides with, rather than what is drawn of it?
     pub is_collision: bool,
     /// Pose of the mesh's frame in the link's frame.
-    pub link_from_mesh: Isometry3<f64>,
+    pub link_from_mesh: Pose<Link, Self>,
     /// Factors on the file's numbers along its axes, by which they are meters.
     pub scale: Vector3<f64>,
 }
@@ -77,7 +78,7 @@ pub struct Inertial {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Collision {
     /// Pose of the shape's center in the link's frame.
-    pub link_from_shape: Isometry3<f64>,
+    pub link_from_shape: Pose<Link, Shape>,
     /// The shape about its center.
     pub shape: Shape,
 }
@@ -208,7 +209,9 @@ impl RobotModel {
                 for body in parts(&link.name, mesh)? {
                     let middle = body.middle_m();
                     link.collisions.push(Collision {
-                        link_from_shape: mesh.link_from_mesh * Translation3::from(middle),
+                        link_from_shape: Pose::new(
+                            *mesh.link_from_mesh * Translation3::from(middle),
+                        ),
                         shape: Shape::Convex(Arc::new(body.moved(&-middle))),
                     });
                 }

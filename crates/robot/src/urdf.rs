@@ -8,7 +8,8 @@ mod xml;
 
 pub use self::xml::MAX_BYTES;
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
+use spatial::Pose;
 
 use self::parts::RawJoint;
 use crate::{Joint, JointKind, Link, RobotError, RobotModel};
@@ -76,7 +77,7 @@ pub(crate) fn parse(text: &str) -> Result<RobotModel, RobotError> {
                 kind: None,
                 multiplier: 1.0,
                 offset: 0.0,
-                parent_from_joint: Isometry3::identity(),
+                parent_from_joint: Pose::identity(),
                 axis: Vector3::z_axis(),
                 inertial: raw.inertial.clone(),
                 collisions: raw.collisions.clone(),

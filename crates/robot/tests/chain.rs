@@ -1,8 +1,11 @@
 //! Arms from their root to their end: derivatives, and joint positions for a pose.
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
+use std::f64::consts::TAU;
+
+use nalgebra::{Point3, UnitQuaternion, Vector3, Vector6};
 use proptest::{prelude::*, strategy::ValueTree, test_runner::TestRunner};
 use robot::{Chain, RobotError, RobotModel};
+use spatial::{Base, Palm, Pose, Twist};
 
 const XARM: &str = include_str!("../../../data/robots/xarm6_allegro.urdf");
 /// Turns and slides along axes that are those of no frame.
@@ -37,13 +40,13 @@ fn within_limits(robot: &RobotModel, chain: &Chain, shares: &[f64]) -> Vec<f64> 
         .collect()
 }
 
-fn off(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
+fn off(a: &Pose<Base, Palm>, b: &Pose<Base, Palm>) -> f64 {
     let way = (a.translation.vector - b.translation.vector).norm();
     way.max((a.rotation * b.rotation.inverse()).angle())
 }
 
 /// The twist over a short time, by differences.
-fn twist(before: &Isometry3<f64>, after: &Isometry3<f64>, time_s: f64) -> Vector6<f64> {
+fn twist(before: &Pose<Base, Palm>, after: &Pose<Base, Palm>, time_s: f64) -> Vector6<f64> {
     let way = after.translation.vector - before.translation.vector;
     let turn = (after.rotation * before.rotation.inverse()).scaled_axis();
     Vector6::new(way.x, way.y, way.z, turn.x, turn.y, turn.z) / time_s
@@ -99,10 +102,10 @@ fn check_derivatives(robot: &RobotModel, chain: &Chain, end: &str, q: &[f64], ve
     for (&joint, &q) in chain.joints().iter().zip(q) {
         all[joint] = q;
     }
-    let poses = robot.forward_kinematics(&all).unwrap();
+    let poses = robot.forward_kinematics::<Base>(&all).unwrap();
     let link = robot.link(end).unwrap();
     let now = chain.posture(q).unwrap();
-    assert!(off(&poses[link], &now.root_from_end) < 1e-12);
+    assert!(off(&Pose::new(*poses[link]), &now.base_from_palm) < 1e-12);
     let origin = Point3::from(poses[link].translation.vector);
     let jacobian = robot.geometric_jacobian(&poses, link, &origin);
     for (column, &joint) in now.jacobian.column_iter().zip(chain.joints()) {
@@ -114,7 +117,7 @@ fn check_derivatives(robot: &RobotModel, chain: &Chain, end: &str, q: &[f64], ve
         chain.posture(&q).unwrap()
     };
     let (before, after) = (moved(-h), moved(h));
-    let slope = twist(&before.root_from_end, &after.root_from_end, 2.0 * h);
+    let slope = twist(&before.base_from_palm, &after.base_from_palm, 2.0 * h);
     assert!((slope - now.twist(velocity)).norm() < 1e-7);
     let bend = (after.twist(velocity) - before.twist(velocity)) / (2.0 * h);
     assert!((bend - now.bias(velocity)).norm() < 1e-7);
@@ -143,8 +146,10 @@ proptest! {
         let (robot, chain) = xarm();
         let at = chain.posture(&within_limits(&robot, &chain, &shares)).unwrap();
         prop_assume!(at.least_singular_value() > 1e-3);
+        let found = at
+            .rates(&Twist::from_array(twist), &Twist::from_array(rate))
+            .unwrap();
         let (twist, rate) = (Vector6::from(twist), Vector6::from(rate));
-        let found = at.rates(&twist, &rate).unwrap();
         prop_assert!((at.twist(&found.velocity) - twist).norm() < 1e-10);
         let made = at.twist(&found.acceleration) + at.bias(&found.velocity);
         prop_assert!((made - rate).norm() < 1e-9 * (1.0 + at.bias(&found.velocity).norm()));
@@ -164,19 +169,19 @@ proptest! {
         let at = chain.posture(&q).unwrap();
         prop_assume!(at.least_singular_value() > REGULAR);
         let near: Vec<f64> = q.iter().zip(away).map(|(q, away)| q + away).collect();
-        let found = chain.solve(&at.root_from_end, &near).unwrap();
-        let there = chain.posture(&found).unwrap().root_from_end;
-        prop_assert!(off(&there, &at.root_from_end) < 1e-10);
+        let found = chain.solve(&at.base_from_palm, &near).unwrap();
+        let there = chain.posture(&found).unwrap().base_from_palm;
+        prop_assert!(off(&there, &at.base_from_palm) < 1e-10);
         for (found, q) in found.iter().zip(&q) {
             prop_assert!((found - q).abs() < 1e-8, "{found} {q}");
         }
     }
 }
 
-/// Every solution is one and within the limits, no two are the same, and that which made the pose is
-/// among them, next to always, with all turns that joints 1, 4 and 6 can make.
+/// Every solution is one, no two are the same, and that which made the pose is among them, next to
+/// always, whatever turns its joints have made.
 #[test]
-fn all_branches_of_a_pose_are_found() {
+fn all_solutions_of_a_pose_are_found() {
     let (robot, chain) = xarm();
     let mut runner = TestRunner::deterministic();
     let (mut poses, mut missed) = (0, 0);
@@ -189,36 +194,39 @@ fn all_branches_of_a_pose_are_found() {
             continue;
         }
         poses += 1;
-        let branches = chain.branches(&at.root_from_end);
-        for (idx, branch) in branches.iter().enumerate() {
-            assert!(chain.is_within_limits(branch));
-            let there = chain.posture(branch).unwrap().root_from_end;
-            assert!(off(&there, &at.root_from_end) < 1e-10);
-            for other in &branches[..idx] {
-                let far = branch.iter().zip(other).map(|(a, b)| (a - b).abs());
-                assert!(far.fold(0.0, f64::max) > 1e-6);
-            }
+        let solutions = chain.solutions(&at.base_from_palm);
+        for (idx, solution) in solutions.iter().enumerate() {
+            let there = chain.posture(solution).unwrap().base_from_palm;
+            assert!(off(&there, &at.base_from_palm) < 1e-10);
+            let is_same = |other: &Vec<f64>| is_turned(solution, other);
+            assert!(!solutions[..idx].iter().any(is_same));
         }
-        // Of joints that make two turns, two places each.
-        assert_eq!(branches.len() % 8, 0);
-        let is_it = |branch: &Vec<f64>| branch.iter().zip(&q).all(|(a, b)| (a - b).abs() < 1e-6);
-        missed += i32::from(!branches.iter().any(is_it));
-        assert_eq!(branches, chain.branches(&at.root_from_end));
+        missed += i32::from(!solutions.iter().any(|solution| is_turned(solution, &q)));
+        assert_eq!(solutions, chain.solutions(&at.base_from_palm));
     }
     assert!(missed <= 2, "{missed} of {poses}");
 }
 
+/// Whether two solutions differ by whole turns at most.
+fn is_turned(a: &[f64], b: &[f64]) -> bool {
+    let turns = a.iter().zip(b).map(|(a, b)| (a - b) / TAU);
+    turns
+        .map(|turns| (turns - turns.round()).abs())
+        .fold(0.0, f64::max)
+        < 1e-6
+}
+
 #[test]
-fn a_pose_out_of_reach_has_no_branch() {
+fn a_pose_out_of_reach_has_no_solution() {
     let (_, chain) = xarm();
     let at = |x: f64| {
-        Isometry3::from_parts(
-            Translation3::new(x, 0.0, 0.3),
+        Pose::from_parts(
+            Vector3::new(x, 0.0, 0.3),
             UnitQuaternion::from_scaled_axis(Vector3::y() * std::f64::consts::PI),
         )
     };
-    assert!(!chain.branches(&at(0.4)).is_empty());
-    assert!(chain.branches(&at(1.2)).is_empty());
+    assert!(!chain.solutions(&at(0.4)).is_empty());
+    assert!(chain.solutions(&at(1.2)).is_empty());
     assert_eq!(chain.solve(&at(1.2), &[0.0; 6]), None);
 }
 

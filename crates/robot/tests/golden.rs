@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::{
-    DMatrix, DVector, Isometry3, Matrix6xX, Point3, Quaternion, Translation3, UnitQuaternion,
-    Vector3, Vector6,
+    DMatrix, DVector, Isometry3, Matrix6xX, Point3, Quaternion, UnitQuaternion, Vector3,
 };
 use robot::{Bodies, JointMotion, RobotModel, Root};
 use serde::Deserialize;
+use spatial::{Palm, Pose, Twist, World};
 
 /// Greatest difference, relative to the greatest number of the same kind in the same state: one of a
 /// thousandth of that, such as a finger's torque beside an arm's, then agrees to 1e-9.
@@ -106,6 +106,10 @@ impl Compare {
     }
 }
 
+fn twist(numbers: &[f64]) -> Twist<Palm> {
+    Twist::from_array(numbers.try_into().unwrap())
+}
+
 /// Returns the 12 entries of `[R | p]`, row by row.
 fn entries(pose: &Isometry3<f64>) -> Vec<f64> {
     let matrix = pose.to_homogeneous();
@@ -159,22 +163,20 @@ impl Robot {
         let n_root = if free.is_some() { 6 } else { 0 };
         let root = free
             .copied()
-            .unwrap_or_else(|| Root::still(Isometry3::identity()));
-        let world_from_root = &root.world_from_root;
+            .unwrap_or_else(|| Root::still(Pose::identity()));
+        let world_from_palm = &root.world_from_palm;
         let columns = self.columns(n_root);
-        let root_from_links = self.model.forward_kinematics(&q).unwrap();
+        let palm_from_links = self.model.forward_kinematics(&q).unwrap();
         let (mut poses, mut jacobians, mut rest) = (Vec::new(), Vec::new(), Vec::new());
         for &link in &self.links {
-            let pose = entries(&(world_from_root * root_from_links[link]));
-            let origin = Point3::from(root_from_links[link].translation.vector);
+            let pose = entries(&(*world_from_palm * palm_from_links[link]));
+            let origin = Point3::from(palm_from_links[link].translation.vector);
+            let held = self
+                .model
+                .geometric_jacobian(&palm_from_links, link, &origin);
             let jacobian: Matrix6xX<f64> = match free {
-                Some(_) => {
-                    self.model
-                        .free_jacobian(world_from_root, &root_from_links, link, &origin)
-                }
-                None => self
-                    .model
-                    .geometric_jacobian(&root_from_links, link, &origin),
+                Some(_) => with_root(world_from_palm, &origin, &held),
+                None => held,
             };
             let jacobian = by_rows(&DMatrix::from_fn(6, columns.len(), |row, column| {
                 jacobian[(row, columns[column])]
@@ -195,9 +197,15 @@ impl Robot {
             .bodies
             .inverse_dynamics(&root, &motion, &self.gravity)
             .unwrap();
+        let zeros = vec![0.0; q.len()];
+        let still = JointMotion {
+            q: &q,
+            velocity: &zeros,
+            acceleration: &zeros,
+        };
         let held = self
             .bodies
-            .gravity_efforts(world_from_root, &q, &self.gravity)
+            .inverse_dynamics(&Root::still(*world_from_palm), &still, &self.gravity)
             .unwrap();
         for (what, efforts) in [("inverse dynamics", efforts), ("gravity", held)] {
             let all: Vec<f64> = efforts
@@ -227,6 +235,27 @@ impl Robot {
             compare.check("entry of mass matrix", &by_rows(&mass));
         }
     }
+}
+
+/// Returns how a link moves with the root's twist and the joints, in the world's frame, from how it
+/// moves with the joints in the root's.
+fn with_root(
+    world_from_palm: &Pose<World, Palm>,
+    point_in_palm: &Point3<f64>,
+    held: &Matrix6xX<f64>,
+) -> Matrix6xX<f64> {
+    let rotation = *world_from_palm.rotation.to_rotation_matrix().matrix();
+    let about = -(rotation * point_in_palm.coords.cross_matrix());
+    let mut jacobian = Matrix6xX::zeros(6 + held.ncols());
+    jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(&rotation);
+    jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&about);
+    jacobian.fixed_view_mut::<3, 3>(3, 3).copy_from(&rotation);
+    for half in [0, 3] {
+        let turned = rotation * held.fixed_rows::<3>(half);
+        let mut joints = jacobian.view_mut((half, 6), (3, held.ncols()));
+        joints.copy_from(&turned);
+    }
+    jacobian
 }
 
 /// Compares a robot in all its states and returns the greatest relative difference.
@@ -266,12 +295,9 @@ fn check(golden: &Golden, robot: &GoldenRobot, xml: &str) -> f64 {
             Vector3::new(xyzw[0], xyzw[1], xyzw[2]),
         ));
         let moving = Root {
-            world_from_root: Isometry3::from_parts(
-                Translation3::new(place[0], place[1], place[2]),
-                rotation,
-            ),
-            velocity: Vector6::from_column_slice(&velocity.as_slice()[..6]),
-            acceleration: Vector6::from_column_slice(&acceleration.as_slice()[..6]),
+            world_from_palm: Pose::from_parts(Vector3::new(place[0], place[1], place[2]), rotation),
+            velocity: twist(&velocity.as_slice()[..6]),
+            acceleration: twist(&acceleration.as_slice()[..6]),
         };
         let joints = [
             q.as_slice(),

@@ -50,7 +50,7 @@ fn another_reader_sees_the_same_robots() {
                 Translation3::new(x, y, z),
                 UnitQuaternion::from_euler_angles(roll, pitch, yaw),
             );
-            let off = link.parent_from_joint.inverse() * origin;
+            let off = *link.parent_from_joint.inverse() * origin;
             assert!(
                 off.translation.vector.norm() + off.rotation.angle() < 1e-7,
                 "{name}"

@@ -4,7 +4,8 @@ use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
-use robot::{Bodies, RobotModel};
+use robot::{Bodies, JointMotion, RobotModel, Root};
+use spatial::{Base, Palm, Pose};
 
 const URDF: &str = include_str!("../../../data/robots/xarm6_allegro.urdf");
 const HAND: &str = include_str!("../../../data/robots/allegro_right.urdf");
@@ -41,8 +42,8 @@ proptest! {
     fn flange_is_where_the_vendors_table_has_it(q in prop::collection::vec(-3.0..3.0, 6)) {
         let arm = arm();
         let all: Vec<f64> = q.iter().copied().chain([0.5; 16]).collect();
-        let poses = arm.forward_kinematics(&all).unwrap();
-        let difference = poses[arm.link("link6").unwrap()].inverse() * flange_by_table(&q);
+        let poses = arm.forward_kinematics::<Base>(&all).unwrap();
+        let difference = *poses[arm.link("link6").unwrap()].inverse() * flange_by_table(&q);
         prop_assert!(difference.translation.vector.norm() < 1e-7, "{difference}");
         prop_assert!(difference.rotation.angle() < 1e-7, "{difference}");
     }
@@ -53,10 +54,10 @@ fn hand_is_the_same_as_alone_with_its_wrist_on_the_flange() {
     let (arm, hand) = (arm(), RobotModel::from_urdf(HAND).unwrap());
     assert_eq!((arm.dof(), hand.dof()), (22, 16));
     let q: Vec<f64> = (0..22).map(|idx| 0.3 + 0.02 * f64::from(idx)).collect();
-    let foot_from_links = arm.forward_kinematics(&q).unwrap();
+    let foot_from_links = arm.forward_kinematics::<Base>(&q).unwrap();
     let palm_from_links = hand.forward_kinematics(&q[6..]).unwrap();
     let first = arm.link("base_link").unwrap();
-    let foot_from_palm = foot_from_links[first];
+    let foot_from_palm = Pose::<Base, Palm>::new(*foot_from_links[first]);
     for (idx, link) in hand.links().iter().enumerate() {
         let ours = &arm.links()[first + idx];
         assert_eq!((&ours.name, &ours.inertial), (&link.name, &link.inertial));
@@ -93,8 +94,13 @@ fn arm_weighs_what_its_links_do_and_its_motors_can_hold_it() {
     let mut q = vec![0.0; 22];
     (q[1], q[2]) = (1.57, -0.19);
     let gravity = Vector3::new(0.0, 0.0, -9.81);
+    let still = JointMotion {
+        q: &q,
+        velocity: &[0.0; 22],
+        acceleration: &[0.0; 22],
+    };
     let held = bodies
-        .gravity_efforts(&Isometry3::identity(), &q, &gravity)
+        .inverse_dynamics(&Root::still(Pose::identity()), &still, &gravity)
         .unwrap();
     for (joint, effort) in arm.joints().iter().zip(&held.joints) {
         assert!(effort.abs() < joint.effort, "{}: {effort} Nm", joint.name);

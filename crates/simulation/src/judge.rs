@@ -70,7 +70,7 @@ impl<'a> Judge<'a> {
         let hold_left = count(Phase::Hold) + count(Phase::Pull);
         Self {
             protocol,
-            start: *template.table_from_object().isometry(),
+            start: *template.table_from_object(),
             rise_m: 0.0,
             displacement_m: 0.0,
             penetration_m: 0.0,

@@ -2,8 +2,9 @@
 
 use nalgebra::Isometry3;
 use rapier3d::{parry::query, prelude::SharedShape};
-use robot::RobotModel;
+use robot::{Link, RobotModel};
 use schemas::rollouts::Verdict;
+use spatial::Palm;
 
 use crate::{
     config::Protocol,
@@ -71,12 +72,12 @@ fn any_shape(
     pose: &HandPose,
     condition: impl Fn(&LinkShape, &Isometry3<f64>) -> bool,
 ) -> Result<bool, SimulationError> {
-    let palm_from_links = model
+    let palm_from_links: Vec<spatial::Pose<Palm, Link>> = model
         .forward_kinematics(&pose.q)
         .map_err(|err| SimulationError::Motion(err.to_string()))?;
     Ok(shapes.iter().any(|shape| {
         let palm_from_link = palm_from_links[shape.link];
-        let object_from_shape = pose.object_from_palm * palm_from_link * shape.link_from_shape;
+        let object_from_shape = pose.object_from_palm * *palm_from_link * shape.link_from_shape;
         condition(shape, &object_from_shape)
     }))
 }

@@ -208,7 +208,7 @@ impl<'a> Performance<'a> {
         let mut begun = Self {
             template,
             world: template.world.fork(),
-            believed: *template.table_from_believed().isometry(),
+            believed: *template.table_from_believed(),
             arrival: script.arrival(),
             halted: false,
             cost_n: 0,

@@ -310,7 +310,7 @@ impl<R: Rates> Writer<'_, R> {
             ..
         } = self.motion.at_fraction(fraction);
         HandPose {
-            object_from_palm: *frame_from_palm.isometry(),
+            object_from_palm: *frame_from_palm,
             q: q_rad,
         }
     }

@@ -57,7 +57,7 @@ impl Template {
     ) -> Result<Self, SimulationError> {
         check(scene)?;
         let mut world = World::with_table(scene);
-        let mut table_from_object = *rest.table_from_object().isometry();
+        let mut table_from_object = *rest.table_from_object();
         table_from_object.translation.z += GAP_M - object.lowest_m(&table_from_object);
         let displaced = displace(&scene.object_offset, &table_from_object);
         let body = object.insert(&mut world, scene, &displaced)?;

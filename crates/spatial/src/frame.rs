@@ -1,6 +1,6 @@
 //! The coordinate frames of the project, as types without values.
 
-/// The dataset's world: the master camera's frame (x right, y down, z forward).
+/// A frame that rests. A recording's is that of its master camera: x right, y down, z forward.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum World {}
 /// A camera: x right, y down, z forward.
@@ -16,3 +16,6 @@ pub enum Object {}
 /// The robot hand's palm frame: the root link of its URDF.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Palm {}
+/// The frame of a robot's foot: the root link of its URDF.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Base {}

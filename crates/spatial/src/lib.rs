@@ -7,7 +7,7 @@
 //! let object_from_palm =
 //!     Pose::<Object, Palm>::new(Isometry3::new(Vector3::new(0.0, 0.0, 0.1), Vector3::zeros()));
 //! let point_in_palm = Point3::origin();
-//! assert_eq!(object_from_palm.point(&point_in_palm), Point3::new(0.0, 0.0, 0.1));
+//! assert_eq!(object_from_palm * point_in_palm, Point3::new(0.0, 0.0, 0.1));
 //! ```
 //!
 //! Poses are right-handed and in meters. Quaternions are always `[x, y, z, w]` with `w ≥ 0`, so
@@ -20,10 +20,12 @@ mod pose;
 mod rest;
 mod rotation;
 mod segment;
+mod twist;
 
-pub use frame::{Camera, Object, Palm, Table, World};
-pub use passage::{MovingPose, Passage, Peaks, Twist, quintic};
+pub use frame::{Base, Camera, Object, Palm, Table, World};
+pub use passage::{MovingPose, Passage, Peaks, quintic};
 pub use pose::{NotAPose, Pose};
 pub use rest::Rest;
 pub use rotation::{NotARotation, quaternion_xyzw, rot6d, rotation_from_rot6d, xyzw};
 pub use segment::{Coefficient, QuinticSegment};
+pub use twist::Twist;

@@ -1,68 +1,21 @@
 //! From one moving pose to the next, without a jump in place, velocity or acceleration.
 
-use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use crate::QuinticSegment;
+use crate::{Palm, Pose, QuinticSegment, Twist};
 
 /// Below this angle in radians the series are more exact than the quotients.
 const SMALL_RAD: f64 = 0.05;
 
-/// A pose on its way.
+/// A palm on its way relative to `Frame`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MovingPose {
-    /// The pose of the moving frame in the resting one.
-    pub pose: Isometry3<f64>,
+pub struct MovingPose<Frame> {
+    /// The palm's pose.
+    pub frame_from_palm: Pose<Frame, Palm>,
     /// How fast it moves.
-    pub velocity: Twist,
+    pub velocity: Twist<Frame>,
     /// How fast that changes.
-    pub acceleration: Twist,
-}
-
-/// A first or second derivative of a pose with respect to time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Twist {
-    /// Of the origin, along the resting frame's axes, in m/s or m/s².
-    pub linear: Vector3<f64>,
-    /// Angular velocity or acceleration along the resting frame's axes, in rad/s or rad/s².
-    pub angular: Vector3<f64>,
-}
-
-impl Twist {
-    /// Returns the twist of what does not move.
-    pub fn zero() -> Self {
-        Self {
-            linear: Vector3::zeros(),
-            angular: Vector3::zeros(),
-        }
-    }
-
-    /// Takes six numbers: linear, then angular.
-    pub fn from_array([x, y, z, a, b, c]: [f64; 6]) -> Self {
-        Self {
-            linear: Vector3::new(x, y, z),
-            angular: Vector3::new(a, b, c),
-        }
-    }
-
-    /// Returns six numbers: linear, then angular.
-    pub fn to_array(&self) -> [f64; 6] {
-        let (v, w) = (self.linear, self.angular);
-        [v.x, v.y, v.z, w.x, w.y, w.z]
-    }
-
-    /// Returns the twist with its axes turned.
-    #[must_use]
-    pub fn turned(&self, by: &UnitQuaternion<f64>) -> Self {
-        Self {
-            linear: by * self.linear,
-            angular: by * self.angular,
-        }
-    }
-
-    /// Whether every number is finite.
-    pub fn is_finite(&self) -> bool {
-        self.to_array().iter().all(|number| number.is_finite())
-    }
+    pub acceleration: Twist<Frame>,
 }
 
 /// Greatest sizes of velocities and accelerations.
@@ -99,19 +52,19 @@ const HALVINGS: u32 = 12;
 /// positions, velocities and accelerations. The rotation is that of the first end turned by the
 /// rotation vector that such a polynomial gives.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Passage {
-    from: MovingPose,
-    to: MovingPose,
+pub struct Passage<Frame> {
+    from: MovingPose<Frame>,
+    to: MovingPose<Frame>,
     duration_s: f64,
     /// The rotation vector from the first end to the second, in the first's moving frame, with its
     /// velocity and acceleration at the second.
     turn: [Vector3<f64>; 3],
 }
 
-impl Passage {
+impl<Frame: Copy> Passage<Frame> {
     /// Takes two ends `duration_s` apart; `None` if no rotation vector follows the turn between them,
     /// which is then about a whole one.
-    pub fn new(from: &MovingPose, to: &MovingPose, duration_s: f64) -> Option<Self> {
+    pub fn new(from: &MovingPose<Frame>, to: &MovingPose<Frame>, duration_s: f64) -> Option<Self> {
         Some(Self {
             from: *from,
             to: *to,
@@ -121,7 +74,7 @@ impl Passage {
     }
 
     /// Returns the pose `time_s` after the first end.
-    pub fn at(&self, time_s: f64) -> MovingPose {
+    pub fn at(&self, time_s: f64) -> MovingPose<Frame> {
         let Self {
             from,
             to,
@@ -142,20 +95,17 @@ impl Passage {
         }
         let [phi, phi_1, phi_2] = phi;
         let jacobian = left_jacobian(&phi);
-        let rotation = from.pose.rotation;
+        let rotation = from.frame_from_palm.rotation;
         MovingPose {
-            pose: Isometry3::from_parts(
-                Translation3::from(place[0]),
+            frame_from_palm: Pose::from_parts(
+                place[0],
                 rotation * UnitQuaternion::from_scaled_axis(phi),
             ),
-            velocity: Twist {
-                linear: place[1],
-                angular: rotation * (jacobian * phi_1),
-            },
-            acceleration: Twist {
-                linear: place[2],
-                angular: rotation * (jacobian * phi_2 + left_jacobian_rate(&phi, &phi_1)),
-            },
+            velocity: Twist::new(place[1], rotation * (jacobian * phi_1)),
+            acceleration: Twist::new(
+                place[2],
+                rotation * (jacobian * phi_2 + left_jacobian_rate(&phi, &phi_1)),
+            ),
         }
     }
 
@@ -245,9 +195,9 @@ impl Passage {
 }
 
 /// Returns where the origin is and its derivatives.
-fn places(end: &MovingPose) -> [Vector3<f64>; 3] {
+fn places<Frame>(end: &MovingPose<Frame>) -> [Vector3<f64>; 3] {
     [
-        end.pose.translation.vector,
+        end.frame_from_palm.translation.vector,
         end.velocity.linear,
         end.acceleration.linear,
     ]
@@ -255,8 +205,8 @@ fn places(end: &MovingPose) -> [Vector3<f64>; 3] {
 
 /// Returns the rotation vector at the beginning of a passage, where its derivatives are those of the angle
 /// turned.
-fn spins(from: &MovingPose) -> [Vector3<f64>; 3] {
-    let back = from.pose.rotation.inverse();
+fn spins<Frame>(from: &MovingPose<Frame>) -> [Vector3<f64>; 3] {
+    let back = from.frame_from_palm.rotation.inverse();
     [
         Vector3::zeros(),
         back * from.velocity.angular,
@@ -294,10 +244,10 @@ pub fn quintic(from: [f64; 3], to: [f64; 3], duration: f64, time: f64) -> [f64; 
 ///
 /// The angular velocity along the first end's axes is `ω = J(φ) φ′`, its derivative `J φ″ + J′ φ′`
 /// with the left Jacobian J of the rotation group; here they are solved for φ′ and φ″.
-fn turn(from: &MovingPose, to: &MovingPose) -> Option<[Vector3<f64>; 3]> {
-    let back = from.pose.rotation.inverse();
-    let phi = (back * to.pose.rotation).scaled_axis();
-    let [spin, spin_rate] = [to.velocity, to.acceleration].map(|twist| back * twist.angular);
+fn turn<Frame>(from: &MovingPose<Frame>, to: &MovingPose<Frame>) -> Option<[Vector3<f64>; 3]> {
+    let back = from.frame_from_palm.rotation.inverse();
+    let phi = (back * to.frame_from_palm.rotation).scaled_axis();
+    let [spin, spin_rate] = [&to.velocity, &to.acceleration].map(|twist| back * twist.angular);
     let inverse = left_jacobian(&phi).try_inverse()?;
     let velocity = inverse * spin;
     let acceleration = inverse * (spin_rate - left_jacobian_rate(&phi, &velocity));
@@ -351,19 +301,24 @@ fn slopes(angle: f64) -> [f64; 2] {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Isometry3;
     use proptest::prelude::*;
 
     use super::*;
+    use crate::World;
 
-    fn twist(most: f64) -> impl Strategy<Value = Twist> {
+    fn twist(most: f64) -> impl Strategy<Value = Twist<World>> {
         prop::array::uniform6(-most..most).prop_map(Twist::from_array)
     }
 
-    fn moving() -> impl Strategy<Value = MovingPose> {
+    fn moving() -> impl Strategy<Value = MovingPose<World>> {
         let pose = prop::array::uniform6(-1.0..1.0_f64);
         (pose, twist(4.0), twist(30.0)).prop_map(|([x, y, z, a, b, c], velocity, acceleration)| {
             MovingPose {
-                pose: Isometry3::new(Vector3::new(x, y, z), Vector3::new(a, b, c)),
+                frame_from_palm: Pose::new(Isometry3::new(
+                    Vector3::new(x, y, z),
+                    Vector3::new(a, b, c),
+                )),
                 velocity,
                 acceleration,
             }
@@ -384,7 +339,7 @@ mod tests {
             let [low, high] = passage.range();
             for look in 0..=4000 {
                 let at = passage.at(duration_s * f64::from(look) / 4000.0);
-                let place = at.pose.translation.vector;
+                let place = at.frame_from_palm.translation.vector;
                 prop_assert!((place - low).min() > -1e-9 && (high - place).min() > -1e-9);
                 seen = Peaks {
                     speed: seen.speed.max(at.velocity.linear.norm()),
@@ -431,10 +386,10 @@ mod tests {
     #[test]
     fn a_passage_has_both_ends_and_its_own_derivatives() {
         let end = |shift: f64| MovingPose {
-            pose: Isometry3::new(
+            frame_from_palm: Pose::new(Isometry3::new(
                 Vector3::new(shift, 0.2, -0.1),
                 Vector3::new(0.4, shift, -0.2),
-            ),
+            )),
             velocity: Twist::from_array([0.3, -0.2, shift, 0.5, -1.0, 0.7]),
             acceleration: Twist::from_array([1.0, shift, -2.0, 3.0, 0.5, -1.5]),
         };
@@ -442,9 +397,9 @@ mod tests {
         let passage = Passage::new(&from, &to, duration_s).unwrap();
         for (time_s, expected) in [(0.0, from), (duration_s, to)] {
             let found = passage.at(time_s);
-            let off = found.pose.inv_mul(&expected.pose);
+            let off = found.frame_from_palm.inv_mul(&expected.frame_from_palm);
             assert!(off.translation.vector.norm() < 1e-12 && off.rotation.angle() < 1e-7);
-            let far = |a: Twist, b: Twist| {
+            let far = |a: Twist<World>, b: Twist<World>| {
                 (a.linear - b.linear)
                     .norm()
                     .max((a.angular - b.angular).norm())
@@ -456,7 +411,7 @@ mod tests {
         for part in 1..10 {
             let time_s = duration_s * f64::from(part) / 10.0;
             let [before, now, after] = [-h, 0.0, h].map(|d| passage.at(time_s + d));
-            let turned = after.pose.rotation * before.pose.rotation.inverse();
+            let turned = after.frame_from_palm.rotation * before.frame_from_palm.rotation.inverse();
             assert!((turned.scaled_axis() / (2.0 * h) - now.velocity.angular).norm() < 1e-6);
             let rate = (after.velocity.angular - before.velocity.angular) / (2.0 * h);
             assert!((rate - now.acceleration.angular).norm() < 1e-5);

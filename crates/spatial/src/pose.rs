@@ -1,14 +1,19 @@
 //! Rigid transforms that know which two frames they join.
 
-use std::{fmt, marker::PhantomData, ops::Mul};
+use std::{
+    fmt,
+    marker::PhantomData,
+    ops::{Deref, Mul},
+};
 
-use nalgebra::{Isometry3, Point3, Translation3, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::rotation::{NotARotation, quaternion_xyzw, xyzw};
 
 /// The rigid transform that takes coordinates in `From` to coordinates in `To`, in meters.
 ///
 /// Name values `to_from_from`: `object_from_palm` is the pose of the palm in the object frame.
+/// Poses, points and vectors are multiplied with it; it dereferences to its numbers.
 pub struct Pose<To, From> {
     isometry: Isometry3<f64>,
     frames: PhantomData<fn(From) -> To>,
@@ -23,6 +28,14 @@ impl<To, From> Pose<To, From> {
         }
     }
 
+    /// Builds the pose of a frame whose origin is at `position` in `To`, in meters.
+    pub fn from_parts(
+        position: impl Into<Translation3<f64>>,
+        rotation: UnitQuaternion<f64>,
+    ) -> Self {
+        Self::new(Isometry3::from_parts(position.into(), rotation))
+    }
+
     /// Returns the transform between two frames that coincide.
     pub fn identity() -> Self {
         Self::new(Isometry3::identity())
@@ -31,21 +44,6 @@ impl<To, From> Pose<To, From> {
     /// Returns the pose of `To` in `From`.
     pub fn inverse(&self) -> Pose<From, To> {
         Pose::new(self.isometry.inverse())
-    }
-
-    /// Returns the transform without its frames.
-    pub fn isometry(&self) -> &Isometry3<f64> {
-        &self.isometry
-    }
-
-    /// Takes a point's coordinates in `From` to its coordinates in `To`, in meters.
-    pub fn point(&self, point_in_from: &Point3<f64>) -> Point3<f64> {
-        self.isometry * point_in_from
-    }
-
-    /// Takes a direction's coordinates in `From` to its coordinates in `To`.
-    pub fn direction(&self, direction_in_from: &Vector3<f64>) -> Vector3<f64> {
-        self.isometry.rotation * direction_in_from
     }
 
     /// Returns the pose as stored: position `xyz` in meters, then quaternion `xyzw` with `w ≥ 0`.
@@ -66,10 +64,7 @@ impl<To, From> Pose<To, From> {
             return Err(NotAPose::Position([px, py, pz]));
         }
         let rotation = quaternion_xyzw([x, y, z, w])?;
-        Ok(Self::new(Isometry3::from_parts(
-            Translation3::new(px, py, pz),
-            rotation,
-        )))
+        Ok(Self::from_parts([px, py, pz], rotation))
     }
 }
 
@@ -84,19 +79,35 @@ pub enum NotAPose {
     Rotation(#[from] NotARotation),
 }
 
-impl<A, B, C> Mul<&Pose<B, C>> for &Pose<A, B> {
-    type Output = Pose<A, C>;
-
-    fn mul(self, b_from_c: &Pose<B, C>) -> Pose<A, C> {
-        Pose::new(self.isometry * b_from_c.isometry)
-    }
-}
-
 impl<A, B, C> Mul<Pose<B, C>> for Pose<A, B> {
     type Output = Pose<A, C>;
 
     fn mul(self, b_from_c: Pose<B, C>) -> Pose<A, C> {
-        &self * &b_from_c
+        Pose::new(self.isometry * b_from_c.isometry)
+    }
+}
+
+impl<To, From> Mul<Point3<f64>> for Pose<To, From> {
+    type Output = Point3<f64>;
+
+    fn mul(self, point_in_from: Point3<f64>) -> Point3<f64> {
+        self.isometry * point_in_from
+    }
+}
+
+impl<To, From> Mul<Vector3<f64>> for Pose<To, From> {
+    type Output = Vector3<f64>;
+
+    fn mul(self, vector_in_from: Vector3<f64>) -> Vector3<f64> {
+        self.isometry * vector_in_from
+    }
+}
+
+impl<To, From> Deref for Pose<To, From> {
+    type Target = Isometry3<f64>;
+
+    fn deref(&self) -> &Isometry3<f64> {
+        &self.isometry
     }
 }
 

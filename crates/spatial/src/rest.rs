@@ -1,6 +1,6 @@
 //! How an object lies on a table.
 
-use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use crate::{Object, Pose, Table};
 
@@ -16,12 +16,11 @@ pub struct Rest {
 impl Rest {
     /// Returns what gravity can tell of an object's pose: how it lies, without its yaw and its place.
     pub fn of(table_from_object: &Pose<Table, Object>) -> Self {
-        let isometry = table_from_object.isometry();
         Self {
-            up_in_object: isometry
+            up_in_object: table_from_object
                 .rotation
                 .inverse_transform_unit_vector(&Vector3::z_axis()),
-            height_m: isometry.translation.z,
+            height_m: table_from_object.translation.z,
         }
     }
 
@@ -32,9 +31,6 @@ impl Rest {
             .unwrap_or_else(|| {
                 UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)
             });
-        Pose::new(Isometry3::from_parts(
-            Translation3::new(0.0, 0.0, self.height_m),
-            rotation,
-        ))
+        Pose::from_parts([0.0, 0.0, self.height_m], rotation)
     }
 }

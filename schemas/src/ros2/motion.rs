@@ -6,9 +6,9 @@
 
 mod scene;
 
-pub use scene::{Hand, HandLink, Scene, SceneStep};
+pub use scene::{Scene, SceneStep, fixed_links, moving_links};
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Point3;
 
 use super::{
     ColorRgba, Duration, Header, JointState, JointTrajectory, JointTrajectoryPoint, Marker,
@@ -153,11 +153,11 @@ pub fn robot_description(urdf: &str) -> Text {
 }
 
 /// Returns the pose of frame `child` in frame `parent`.
-pub fn transform_stamped(
+pub fn transform_stamped<Parent, Child>(
     time_ns: i64,
     parent: &str,
     child: &str,
-    parent_from_child: &Isometry3<f64>,
+    parent_from_child: &spatial::Pose<Parent, Child>,
 ) -> TransformStamped {
     let Pose {
         position,
@@ -178,17 +178,21 @@ pub fn transform_stamped(
 }
 
 /// Returns a pose in the frame `frame`.
-pub fn pose_stamped(time_ns: i64, frame: &str, isometry: &Isometry3<f64>) -> PoseStamped {
+pub fn pose_stamped<Frame, Other>(
+    time_ns: i64,
+    frame: &str,
+    frame_from_other: &spatial::Pose<Frame, Other>,
+) -> PoseStamped {
     PoseStamped {
         header: header(time_ns, frame),
-        pose: pose(isometry),
+        pose: pose(frame_from_other),
     }
 }
 
 /// Returns a pose as ROS writes it, with `w ≥ 0`.
-pub fn pose(isometry: &Isometry3<f64>) -> Pose {
-    let t = isometry.translation.vector;
-    let [x, y, z, w] = spatial::xyzw(&isometry.rotation);
+pub fn pose<To, From>(to_from_from: &spatial::Pose<To, From>) -> Pose {
+    let t = to_from_from.translation.vector;
+    let [x, y, z, w] = spatial::xyzw(&to_from_from.rotation);
     Pose {
         position: Point {
             x: t.x,

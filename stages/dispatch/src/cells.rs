@@ -177,7 +177,7 @@ fn arm_of(options: &ArmConfig, urdf: String) -> Result<CellArm, DispatchError> {
     Ok(CellArm {
         urdf,
         palm: options.palm.clone(),
-        table_from_base: *options.table_from_base()?.isometry(),
+        table_from_base: options.table_from_base()?,
     })
 }
 

@@ -4,7 +4,6 @@ use std::{collections::BTreeMap, path::Path};
 
 use cell::{Carrier, Goal, JointTrack, Report, Sample};
 use lake::recording::Recording;
-use nalgebra::Isometry3;
 use robot::{JointOrder, WrongDof};
 use schemas::{
     Table,
@@ -13,11 +12,12 @@ use schemas::{
     ros2::{
         JointTrajectory,
         motion::{
-            self, ARM_TRAJECTORY, GRASP_POSE, Hand, HandLink, JOINT_TRAJECTORY, OBJECT, START_NS,
-            Scene, SceneStep, TrajectoryPoint,
+            self, ARM_TRAJECTORY, GRASP_POSE, JOINT_TRAJECTORY, OBJECT, START_NS, Scene, SceneStep,
+            TrajectoryPoint,
         },
     },
 };
+use spatial::{Base, Object as InObject, Palm, Pose};
 
 use crate::{DispatchError, robots::Robots};
 
@@ -31,7 +31,7 @@ pub(crate) struct Setting<'a> {
     /// Differences of the cell from the planning model.
     pub(crate) gap: &'a str,
     /// Pose of the palm at the grasp, in the object frame.
-    pub(crate) object_from_grasp: &'a Isometry3<f64>,
+    pub(crate) object_from_grasp: &'a Pose<InObject, Palm>,
 }
 
 /// Writes `<candidate_id>.mcap` into `folder`; a motion without samples has no recording.
@@ -67,12 +67,8 @@ pub(crate) fn record(
     let scene = Scene {
         urdf: &robot::plain_urdf(setting.robots.urdf()),
         joints: &joints,
-        hand: &Hand::new(robot.links().iter().map(|link| HandLink {
-            name: link.name.clone(),
-            parent: link.parent,
-            moves: link.joint.is_some(),
-        })),
-        palm_from_links: &link_poses(&first.q_rad)?,
+        robot,
+        root_from_links: &link_poses(&first.q_rad)?,
         vertices_m: &setting.object.vertices_m,
         triangles: &setting.object.triangles,
     };
@@ -91,13 +87,13 @@ pub(crate) fn record(
             &scene,
             &SceneStep {
                 time_s: sample.time_s,
-                table_from_palm: match &setting.robots.arm {
-                    // The arm's base is the root of its tree.
-                    Some(arm) => arm.table_from_base,
-                    None => *sample.table_from_palm.isometry(),
-                },
-                table_from_object: *sample.table_from_object.isometry(),
-                palm_from_links: &link_poses(&sample.q_rad)?,
+                // A hand without an arm is its own base.
+                table_from_root: setting.robots.arm.as_ref().map_or_else(
+                    || Pose::<_, Base>::new(*sample.table_from_palm),
+                    |arm| arm.table_from_base,
+                ),
+                table_from_object: sample.table_from_object,
+                root_from_links: &link_poses(&sample.q_rad)?,
                 q_rad: &sample.q_rad,
                 q_velocity_rad_per_s: &[],
             },

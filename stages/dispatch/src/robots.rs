@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use cell::robot_digest;
-use nalgebra::Isometry3;
 use planning::{ArmConfig, ArmSetup, Planner, Setup};
 use robot::RobotModel;
 use robot_meshes::LoadedRobot;
+use spatial::{Base, Pose, Table};
 
 use crate::{DispatchConfig, DispatchError};
 
@@ -24,7 +24,7 @@ pub(crate) struct Robots {
 pub(crate) struct ArmRobot {
     pub(crate) model: RobotModel,
     pub(crate) urdf: String,
-    pub(crate) table_from_base: Isometry3<f64>,
+    pub(crate) table_from_base: Pose<Table, Base>,
 }
 
 impl Robots {
@@ -40,7 +40,7 @@ impl Robots {
             Ok::<_, DispatchError>(ArmRobot {
                 model,
                 urdf,
-                table_from_base: *options.table_from_base()?.isometry(),
+                table_from_base: options.table_from_base()?,
             })
         };
         let arm = config.arm.as_ref().map(arm_robot).transpose()?;

@@ -291,7 +291,7 @@ fn send(
             object,
             cell: &capabilities.cell,
             gap: &capabilities.gap,
-            object_from_grasp: candidate.motion.grasp().frame_from_palm.isometry(),
+            object_from_grasp: &candidate.motion.grasp().frame_from_palm,
         };
         record(&setting, &goal, &report, cx.folder())?;
         sent.executions.push(cell.execution(candidate, &report));

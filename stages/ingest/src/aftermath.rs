@@ -4,8 +4,9 @@
 //! where it should be.
 
 use geometry::MirrorPlane;
-use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Point3, Rotation3, UnitQuaternion};
 use schemas::demonstrations::KEYPOINTS;
+use spatial::{Object, Pose};
 
 use crate::{
     config::IngestConfig,
@@ -18,7 +19,7 @@ pub(crate) struct After {
     /// Seconds since the first step of the reach.
     pub(crate) time_s: f64,
     /// Pose of the object in its own frame as it rested.
-    pub(crate) rest_from_object: Isometry3<f64>,
+    pub(crate) rest_from_object: Pose<Object, Object>,
     /// The landmarks in the frame of the object as it is now, where the hand is seen, in meters.
     pub(crate) keypoints_in_object: Option<[Point3<f64>; KEYPOINTS]>,
 }
@@ -40,10 +41,10 @@ pub(crate) fn after(
         .filter_map(|(image, observation)| {
             let world_from_object = observation.world_from_object?;
             let object_from_world = world_from_object.inverse();
-            let in_object = |hand: Keypoints| hand.map(|point| object_from_world.point(&point));
+            let in_object = |hand: Keypoints| hand.map(|point| object_from_world * point);
             Some(After {
                 time_s: (n_steps - 1 + image - last) as f64 / config.rate_hz,
-                rest_from_object: rest_from_world.isometry() * world_from_object.isometry(),
+                rest_from_object: rest_from_world * world_from_object,
                 keypoints_in_object: observation.keypoints_in_world.map(in_object),
             })
         })
@@ -69,16 +70,14 @@ impl After {
         let rotation = Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_columns(
             &axes.map(|axis| image(axis) - origin),
         ));
-        self.rest_from_object = Isometry3::from_parts(
-            Translation3::from(origin),
-            UnitQuaternion::from_rotation_matrix(&rotation),
-        );
+        self.rest_from_object =
+            Pose::from_parts(origin, UnitQuaternion::from_rotation_matrix(&rotation));
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Unit, Vector3};
+    use nalgebra::{Isometry3, Unit, Vector3};
 
     use super::*;
 
@@ -93,7 +92,7 @@ mod tests {
         let point = Point3::new(0.03, -0.01, 0.07);
         let mut after = After {
             time_s: 0.0,
-            rest_from_object: lift,
+            rest_from_object: Pose::new(lift),
             keypoints_in_object: Some([point; KEYPOINTS]),
         };
         let before = lift * point;

@@ -13,7 +13,7 @@ mod poses;
 use std::{collections::BTreeSet, path::Path};
 
 use dataflow::SourceFile;
-use spatial::{Camera, Object, Pose, World};
+use spatial::{Object, Pose, World};
 
 pub(crate) use self::hand_model::{MAX_MODEL_BYTES, model_file};
 use self::{calibration::Calibration, layout::SequenceFiles};
@@ -165,12 +165,10 @@ impl DexYcb<'_> {
                 };
                 let labels = reader.read(file, meta.ycb_ids.len(), meta.ycb_grasp_ind)?;
                 if let Some(hand) = labels.keypoints_in_camera {
-                    hands.push(hand.map(|point| world_from_camera.point(&point)));
+                    hands.push(hand.map(|point| *world_from_camera * point));
                 }
-                if let Some(isometry) = labels.camera_from_object {
-                    let camera_from_object = Pose::<Camera, Object>::new(isometry);
-                    objects.push(*(world_from_camera * &camera_from_object).isometry());
-                }
+                let object = labels.camera_from_object;
+                objects.extend(object.map(|pose| *world_from_camera * pose));
             }
             let hand = fuse::keypoints(&hands, self.camera_agreement_m);
             let object = fuse::pose(&objects, self.camera_agreement_m);
@@ -180,7 +178,7 @@ impl DexYcb<'_> {
             images.push(Observation {
                 keypoints_in_world: hand.map(|hand| hand.value),
                 cameras_n: u32::try_from(agreeing_n).unwrap_or(u32::MAX),
-                world_from_object: object.map(|object| Pose::new(object.value)),
+                world_from_object: object.map(|object| object.value),
             });
         }
         Ok(Seen {
@@ -235,7 +233,7 @@ fn check_agreement(
     let both = recording.images.iter().zip(grasped);
     let mut distances: Vec<f64> = both
         .filter_map(|(image, pose)| Some((image.world_from_object?, (*pose)?)))
-        .map(|(labels, poses)| fuse::distance_m(labels.isometry(), poses.isometry()))
+        .map(|(labels, poses)| fuse::distance_m(&labels, &poses))
         .collect();
     distances.sort_unstable_by(f64::total_cmp);
     let Some(&median_m) = distances.get(distances.len() / 2) else {

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, path::Path};
 
 use geometry::TriMesh;
 use lake::{LakeError, recording::Recording};
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 use schemas::{
     demonstrations::{Demonstration, KEYPOINTS},
     ros2::{
@@ -16,6 +16,7 @@ use schemas::{
         },
     },
 };
+use spatial::{Object, Palm, Pose, Table};
 
 use crate::aftermath::After;
 
@@ -72,12 +73,12 @@ pub(crate) fn write(
     let table_from_object = demonstration.rest.table_from_object();
     let reach = demonstration.steps.iter().map(|step| Scene {
         time_s: step.time_s,
-        table_from_object: *table_from_object.isometry(),
+        table_from_object,
         keypoints_in_object: Some(step.keypoints_m.map(Point3::from)),
     });
     let after = after.iter().map(|after| Scene {
         time_s: after.time_s,
-        table_from_object: table_from_object.isometry() * after.rest_from_object,
+        table_from_object: table_from_object * after.rest_from_object,
         keypoints_in_object: after.keypoints_in_object,
     });
     for scene in reach.chain(after) {
@@ -125,7 +126,7 @@ pub(crate) fn write(
 /// What is shown at one time.
 struct Scene {
     time_s: f64,
-    table_from_object: Isometry3<f64>,
+    table_from_object: Pose<Table, Object>,
     keypoints_in_object: Option<[Point3<f64>; KEYPOINTS]>,
 }
 
@@ -143,7 +144,7 @@ fn bone_ends(points: &[Point3<f64>; KEYPOINTS]) -> Vec<Point3<f64>> {
 
 /// Returns the wrist's pose from the bases of the index, middle and little fingers; without a turn
 /// where they lie on one line.
-fn object_from_wrist(points: &[Point3<f64>; KEYPOINTS]) -> Isometry3<f64> {
+fn object_from_wrist(points: &[Point3<f64>; KEYPOINTS]) -> Pose<Object, Palm> {
     let wrist = points[0];
     let across = points[5] - points[17];
     let axes = (points[9] - wrist).try_normalize(1e-9).and_then(|z| {
@@ -153,7 +154,7 @@ fn object_from_wrist(points: &[Point3<f64>; KEYPOINTS]) -> Isometry3<f64> {
     let rotation = axes.map_or_else(UnitQuaternion::identity, |axes| {
         UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes))
     });
-    Isometry3::from_parts(Translation3::from(wrist), rotation)
+    Pose::from_parts(wrist, rotation)
 }
 
 #[cfg(test)]

@@ -4,7 +4,8 @@
 //! If no more than half of the cameras agree, there is no estimate: the image counts as one that does
 //! not show the hand or object.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3, Vector4};
+use nalgebra::{Translation3, UnitQuaternion, Vector3, Vector4};
+use spatial::Pose;
 
 use crate::recording::Keypoints;
 
@@ -49,7 +50,10 @@ pub(crate) fn keypoints(seen: &[Keypoints], agreement_m: f64) -> Option<Fused<Ke
 ///
 /// Two cameras agree where their poses are at most `agreement_m` apart, with a tenth of a meter for
 /// each radian. `None` if no camera sees it, or no more than half of those that do agree.
-pub(crate) fn pose(seen: &[Isometry3<f64>], agreement_m: f64) -> Option<Fused<Isometry3<f64>>> {
+pub(crate) fn pose<To, From>(
+    seen: &[Pose<To, From>],
+    agreement_m: f64,
+) -> Option<Fused<Pose<To, From>>> {
     fuse(seen, agreement_m, distance_m, |agreeing| {
         let first = agreeing.first()?;
         let mut translation = Vector3::zeros();
@@ -62,12 +66,12 @@ pub(crate) fn pose(seen: &[Isometry3<f64>], agreement_m: f64) -> Option<Fused<Is
         }
         let rotation = UnitQuaternion::try_new(quaternion.into(), 1e-6)?;
         let translation = Translation3::from(translation / agreeing.len() as f64);
-        Some(Isometry3::from_parts(translation, rotation))
+        Some(Pose::from_parts(translation, rotation))
     })
 }
 
 /// Returns how far two poses are apart, in meters, with a tenth of a meter for each radian.
-pub(crate) fn distance_m(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
+pub(crate) fn distance_m<To, From>(a: &Pose<To, From>, b: &Pose<To, From>) -> f64 {
     let translation = (a.translation.vector - b.translation.vector).norm();
     translation.max(METERS_PER_RADIAN * a.rotation.angle_to(&b.rotation))
 }
@@ -109,7 +113,8 @@ fn fuse<T>(
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Point3;
+    use nalgebra::{Isometry3, Point3};
+    use spatial::{Object, World};
 
     use super::*;
 
@@ -138,11 +143,14 @@ mod tests {
     #[test]
     fn poses_are_averaged_whatever_the_sign_of_their_quaternions() {
         let pose = |degrees: f64| {
-            Isometry3::new(Vector3::x() * degrees, Vector3::z() * degrees.to_radians())
+            Pose::<World, Object>::new(Isometry3::new(
+                Vector3::x() * degrees,
+                Vector3::z() * degrees.to_radians(),
+            ))
         };
-        let mut turned = pose(0.02);
+        let mut turned = *pose(0.02);
         turned.rotation = UnitQuaternion::new_unchecked(-turned.rotation.into_inner());
-        let fused = super::pose(&[pose(0.0), turned, pose(3.0)], 0.05).unwrap();
+        let fused = super::pose(&[pose(0.0), Pose::new(turned), pose(3.0)], 0.05).unwrap();
         assert_eq!(fused.agreeing_n, 2);
         assert!(distance_m(&fused.value, &pose(0.01)) < 1e-9);
     }

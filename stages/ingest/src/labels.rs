@@ -9,8 +9,9 @@ use std::{
 };
 
 use dataflow::SourceFile;
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Point3;
 use schemas::demonstrations::KEYPOINTS;
+use spatial::{Camera, Object, Pose};
 
 use crate::{
     error::Unusable,
@@ -36,7 +37,7 @@ pub struct Labels {
     /// The hand's landmarks; `None` where the file marks them as not there (all −1).
     pub keypoints_in_camera: Option<Keypoints>,
     /// The grasped object's pose; `None` where the file marks it as not there (all 0).
-    pub camera_from_object: Option<Isometry3<f64>>,
+    pub camera_from_object: Option<Pose<Camera, Object>>,
 }
 
 /// Reads label files one after another, in memory that is kept from one to the next.
@@ -88,7 +89,7 @@ impl LabelReader {
         let numbers = &mut self.numbers;
         let keypoints_in_camera = keypoints(&mut arrays, numbers).map_err(npz)?;
         let camera_from_object = match pose_rows(&mut arrays, numbers, n_objects, grasped) {
-            Ok(Some(rows)) => Some(yaml::isometry(&rows).ok_or_else(|| Unusable::Value {
+            Ok(Some(rows)) => Some(yaml::pose(&rows).ok_or_else(|| Unusable::Value {
                 what: "`pose_y` is not a rotation and a translation".to_owned(),
                 file: file.name.clone(),
             })?),

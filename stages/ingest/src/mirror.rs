@@ -90,7 +90,7 @@ mod tests {
         mirror(&mut after, &plane, Side::Right);
         let height = |d: &Demonstration| {
             let point = Point3::from(d.steps[0].keypoints_m[0]);
-            d.rest.table_from_object().point(&point).z
+            (d.rest.table_from_object() * point).z
         };
         assert!((height(&before) - height(&after)).abs() < 1e-12);
         assert!(after.mirrored && after.hand == Side::Right);

@@ -78,7 +78,7 @@ pub(crate) fn reach(
             time_s: step as f64 / config.rate_hz,
             cameras_n: observation.cameras_n,
             bridged: observation.keypoints_in_world.is_none(),
-            keypoints_m: in_world.map(|point| object_from_world.point(&point).into()),
+            keypoints_m: in_world.map(|point| (object_from_world * point).into()),
         });
     }
     Ok(Demonstration {
@@ -224,7 +224,7 @@ mod tests {
         let drift = Isometry3::translation(0.002, 0.0, 0.0);
         for image in &mut recording.images[10..] {
             let pose = image.world_from_object.unwrap();
-            image.world_from_object = Some(Pose::new(drift * pose.isometry()));
+            image.world_from_object = Some(Pose::new(drift * *pose));
         }
         let reach = reach_with(&recording, ReachRule::Released).unwrap();
         assert_eq!(reach.steps.len(), 18);

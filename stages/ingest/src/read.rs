@@ -3,7 +3,7 @@
 //! The stage reads with these; nothing else should need them. Every one returns in bounded time and
 //! memory, whatever the bytes are: that is what `stages/ingest/fuzz` tries to refute.
 
-use nalgebra::Isometry3;
+use spatial::{Camera, Pose, World};
 
 pub use crate::labels::{LabelReader, Labels};
 pub use crate::recording::Keypoints;
@@ -31,16 +31,14 @@ pub fn meta_serials(file: &[u8]) -> Result<Vec<String>, YamlError> {
     yaml::parse(file).map(|meta: Meta| meta.serials)
 }
 
-/// Returns the world's pose of each camera and of the tag in `extrinsics.yml`, in meters; what is no
+/// Returns the pose in the world of each camera, and of the tag, in `extrinsics.yml`, in meters; what is no
 /// rotation and translation is left out.
 ///
 /// # Errors
 ///
 /// Fails if the file is no YAML, or lacks a key, or a key has another type.
-pub fn extrinsics(file: &[u8]) -> Result<Vec<(String, Isometry3<f64>)>, YamlError> {
+pub fn extrinsics(file: &[u8]) -> Result<Vec<Pose<World, Camera>>, YamlError> {
     let extrinsics: Extrinsics = yaml::parse(file)?;
-    let poses = extrinsics.extrinsics.into_iter();
-    Ok(poses
-        .filter_map(|(name, rows)| Some((name, yaml::isometry(&rows)?)))
-        .collect())
+    let rows = extrinsics.extrinsics.values();
+    Ok(rows.filter_map(yaml::pose).collect())
 }

@@ -5,7 +5,7 @@
 //! its own jitter for several images; and the onset is found by going back from there while the
 //! object still gets closer to its rest.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use spatial::{Object, Pose, World};
 
 /// Images at the start that are initially assumed still.
@@ -52,15 +52,15 @@ pub(crate) struct Still {
 
 impl Still {
     fn new(
-        seen: &[(usize, Isometry3<f64>)],
-        rest: Isometry3<f64>,
+        seen: &[(usize, Pose<World, Object>)],
+        rest: Pose<World, Object>,
         departure: usize,
     ) -> Option<Self> {
         let (left, pose) = *seen.get(departure)?;
         let deviation = Deviation::between(&rest, &pose);
         let last = departure.checked_sub(1).and_then(|idx| seen.get(idx));
         Some(Self {
-            world_from_object: Pose::new(rest),
+            world_from_object: rest,
             last: last.map(|&(image, _)| image),
             left,
             left_m: deviation.m,
@@ -84,15 +84,15 @@ pub(crate) fn released(poses: &[Option<Pose<World, Object>>], threshold_m: f64) 
 
 /// Returns the pose in the middle of all those in which an object is seen, if it is seen at all.
 pub(crate) fn middle(poses: &[Option<Pose<World, Object>>]) -> Option<Pose<World, Object>> {
-    median_pose(&seen(poses)).map(Pose::new)
+    median_pose(&seen(poses))
 }
 
 /// Returns the images that show the object, with its pose.
-fn seen(poses: &[Option<Pose<World, Object>>]) -> Vec<(usize, Isometry3<f64>)> {
+fn seen(poses: &[Option<Pose<World, Object>>]) -> Vec<(usize, Pose<World, Object>)> {
     poses
         .iter()
         .enumerate()
-        .filter_map(|(image, pose)| pose.map(|pose| (image, *pose.isometry())))
+        .filter_map(|(image, pose)| Some((image, (*pose)?)))
         .collect()
 }
 
@@ -117,9 +117,9 @@ pub(crate) fn find(poses: &[Option<Pose<World, Object>>], rule: &Rule) -> Option
 
 /// Returns the first index at which the object has left its rest.
 fn departure(
-    seen: &[(usize, Isometry3<f64>)],
+    seen: &[(usize, Pose<World, Object>)],
     n_still: usize,
-    rest: &Isometry3<f64>,
+    rest: &Pose<World, Object>,
     rule: &Rule,
 ) -> Option<usize> {
     let deviations: Vec<Deviation> = seen
@@ -173,7 +173,7 @@ struct Deviation {
 }
 
 impl Deviation {
-    fn between(a: &Isometry3<f64>, b: &Isometry3<f64>) -> Self {
+    fn between(a: &Pose<World, Object>, b: &Pose<World, Object>) -> Self {
         Self {
             m: (a.translation.vector - b.translation.vector).norm(),
             rad: a.rotation.angle_to(&b.rotation),
@@ -187,7 +187,7 @@ impl Deviation {
 }
 
 /// Returns the median of each coordinate with the rotation that is nearest to all others.
-fn median_pose(poses: &[(usize, Isometry3<f64>)]) -> Option<Isometry3<f64>> {
+fn median_pose(poses: &[(usize, Pose<World, Object>)]) -> Option<Pose<World, Object>> {
     let coordinate = |axis: usize| median(poses.iter().map(|(_, p)| p.translation.vector[axis]));
     let translation = Vector3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?);
     let stride = poses.len().div_ceil(MAX_CHOICES).max(1);
@@ -202,10 +202,7 @@ fn median_pose(poses: &[(usize, Isometry3<f64>)]) -> Option<Isometry3<f64>> {
         .iter()
         .map(|rotation| (total_angle(rotation), rotation))
         .min_by(|(a, _), (b, _)| a.total_cmp(b))?;
-    Some(Isometry3::from_parts(
-        Translation3::from(translation),
-        *rotation,
-    ))
+    Some(Pose::from_parts(translation, *rotation))
 }
 
 /// Returns the median, of an even count the lower one, so that it is one of the values.
@@ -217,6 +214,7 @@ fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{Isometry3, Translation3};
     use rand_chacha::{
         ChaCha8Rng,
         rand_core::{RngCore, SeedableRng},
@@ -265,10 +263,7 @@ mod tests {
         for lift_m in [0.0006, 0.002, 0.012, 0.05] {
             let still = find(&all_seen(lifted(30, lift_m, 0.0, 0)), &RULE).unwrap();
             assert_eq!(still.last, Some(29), "lift of {lift_m} m per image");
-            assert_eq!(
-                still.world_from_object.isometry(),
-                &lifted(1, 0.0, 0.0, 0)[0]
-            );
+            assert_eq!(*still.world_from_object, lifted(1, 0.0, 0.0, 0)[0]);
         }
     }
 
@@ -373,10 +368,9 @@ mod tests {
                         let mut draw = |sd| Vector3::from_fn(|_, _| noise(sd));
                         let shift = Translation3::from(draw(0.002));
                         let turn = UnitQuaternion::from_scaled_axis(draw(0.01));
-                        let isometry = pose.isometry();
                         Some(Pose::new(Isometry3::from_parts(
-                            shift * isometry.translation,
-                            turn * isometry.rotation,
+                            shift * pose.translation,
+                            turn * pose.rotation,
                         )))
                     })
                     .collect();

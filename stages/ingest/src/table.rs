@@ -54,7 +54,7 @@ pub(crate) fn lying(
                     vertices_m: &shape.vertices_m,
                 })
                 .collect();
-            let origin = world_from_object.isometry().translation.vector;
+            let origin = world_from_object.translation.vector;
             let toward = above.map(|above| above.coords - origin);
             let plane = geometry::table_plane(&standing, toward).ok_or(Unusable::NoTable)?;
             if plane.agreeing_n < min_objects_n {
@@ -92,8 +92,8 @@ impl Shape {
 
 /// Returns the resting orientation of an object on a plane.
 fn on_plane(plane: &TablePlane, world_from_object: &Pose<World, Object>) -> Rest {
-    let up_in_object = world_from_object.inverse().direction(&plane.up);
-    let origin = world_from_object.isometry().translation.vector;
+    let up_in_object = world_from_object.inverse() * *plane.up;
+    let origin = world_from_object.translation.vector;
     Rest {
         up_in_object: Unit::new_normalize(up_in_object),
         height_m: plane.up.dot(&origin) - plane.height_m,
@@ -105,11 +105,11 @@ pub(crate) fn on_tag(
     world_from_tag: &Pose<World, Tag>,
     world_from_object: &Pose<World, Object>,
 ) -> Rest {
-    let tag_from_object = &world_from_tag.inverse() * world_from_object;
-    let up_in_object = tag_from_object.inverse().direction(&Vector3::z());
+    let tag_from_object = world_from_tag.inverse() * *world_from_object;
+    let up_in_object = tag_from_object.inverse() * Vector3::z();
     Rest {
         up_in_object: Unit::new_normalize(up_in_object),
-        height_m: tag_from_object.isometry().translation.z,
+        height_m: tag_from_object.translation.z,
     }
 }
 

@@ -113,12 +113,10 @@ impl Reader for Tracks<'_> {
                 others: Vec::new(),
                 above: None,
             },
-            Some(rows) => Ground::Tag(Pose::new(yaml::isometry(rows).ok_or_else(|| {
-                Unusable::Value {
-                    what: "`table` is not a rotation and a translation".to_owned(),
-                    file: file.name.clone(),
-                }
-            })?)),
+            Some(rows) => Ground::Tag(yaml::pose(rows).ok_or_else(|| Unusable::Value {
+                what: "`table` is not a rotation and a translation".to_owned(),
+                file: file.name.clone(),
+            })?),
         };
         let About {
             subject,

@@ -6,9 +6,10 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use schemas::demonstrations::Side;
 use serde::{Deserialize, de::DeserializeOwned};
+use spatial::Pose;
 
 /// Largest accepted difference of a stored rotation matrix from an orthonormal one: poses estimated
 /// from video have been published with 0.0074.
@@ -103,7 +104,7 @@ pub(crate) fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, YamlError> {
 
 /// Reads `[R|t]`, row by row, with the rotation nearest to `R`; `None` if `R` is not orthonormal
 /// within 0.02, is a mirror image, or a number is not finite.
-pub(crate) fn isometry(rows: &[f64; 12]) -> Option<Isometry3<f64>> {
+pub(crate) fn pose<To, From>(rows: &[f64; 12]) -> Option<Pose<To, From>> {
     let [a, b, c, x, d, e, f, y, g, h, i, z] = *rows;
     let mut matrix = Matrix3::new(a, b, c, d, e, f, g, h, i);
     let mut deviation = (matrix * matrix.transpose() - Matrix3::identity()).amax();
@@ -120,14 +121,16 @@ pub(crate) fn isometry(rows: &[f64; 12]) -> Option<Isometry3<f64>> {
         deviation = 2.25 * deviation.powi(2);
     }
     let rotation = Rotation3::from_matrix_unchecked(matrix);
-    Some(Isometry3::from_parts(
-        Translation3::new(x, y, z),
+    Some(Pose::from_parts(
+        [x, y, z],
         UnitQuaternion::from_rotation_matrix(&rotation),
     ))
 }
 
 #[cfg(test)]
 mod tests {
+    use spatial::{Camera, World};
+
     use super::*;
 
     #[test]
@@ -248,7 +251,7 @@ mod tests {
         }
         let not_finite = "extrinsics: {a: [1, 0, 0, .inf, 0, 1, 0, 0, 0, 0, 1, .nan]}";
         if let Ok(read) = parse::<Extrinsics>(not_finite.as_bytes()) {
-            assert!(isometry(&read.extrinsics["a"]).is_none());
+            assert!(pose::<World, Camera>(&read.extrinsics["a"]).is_none());
         }
     }
 
@@ -265,10 +268,10 @@ mod tests {
     #[test]
     fn refuses_a_matrix_that_is_no_rotation() {
         let mirrored = [-1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-        assert!(isometry(&mirrored).is_none());
-        assert!(isometry(&[f64::NAN; 12]).is_none());
-        assert!(isometry(&[0.0; 12]).is_none());
-        assert!(isometry(&[1.0; 12]).is_none());
+        assert!(pose::<World, Camera>(&mirrored).is_none());
+        assert!(pose::<World, Camera>(&[f64::NAN; 12]).is_none());
+        assert!(pose::<World, Camera>(&[0.0; 12]).is_none());
+        assert!(pose::<World, Camera>(&[1.0; 12]).is_none());
     }
 
     #[test]
@@ -280,7 +283,7 @@ mod tests {
         let rows = [
             m.m11, m.m12, m.m13, 0.1, m.m21, m.m22, m.m23, 0.2, m.m31, m.m32, m.m33, 0.3,
         ];
-        let found = isometry(&rows).unwrap();
+        let found = pose::<World, Camera>(&rows).unwrap();
         assert!(
             found
                 .rotation

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use motion::{HandRates, JointRates, Motion, MotionError, Step};
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use schemas::candidates::Candidate;
 use spatial::{Object, Pose, Twist};
 
@@ -45,14 +45,14 @@ struct Line<'a> {
     duration_s: f64,
     /// From the first orientation to the last: an axis, object frame, times an angle of at most π.
     turn: Vector3<f64>,
-    rates: HandRates,
+    rates: HandRates<Object>,
 }
 
 impl<'a> Line<'a> {
     /// The last step is after the first.
     fn between(first: &'a Step<Object>, last: &'a Step<Object>) -> Self {
         let duration_s = last.time_s - first.time_s;
-        let [from, to] = [first, last].map(|step| step.frame_from_palm.isometry());
+        let [from, to] = [first, last].map(|step| &step.frame_from_palm);
         let way = to.translation.vector - from.translation.vector;
         // Of the two quaternions of a rotation, `scaled_axis` takes the one with the smaller angle.
         let turn = (to.rotation * from.rotation.inverse()).scaled_axis();
@@ -60,11 +60,8 @@ impl<'a> Line<'a> {
         let q_velocity = joints.map(|(from, to)| (to - from) / duration_s);
         let dof = first.q_rad.len();
         let rates = HandRates {
-            palm_velocity: Twist {
-                linear: way / duration_s,
-                // A turn leaves its own axis where it is: the angular velocity is the same all along.
-                angular: turn / duration_s,
-            },
+            // A turn leaves its own axis where it is: the angular velocity is the same all along.
+            palm_velocity: Twist::new(way / duration_s, turn / duration_s),
             joints: JointRates {
                 velocity: q_velocity.collect(),
                 ..JointRates::still(dof)
@@ -83,16 +80,13 @@ impl<'a> Line<'a> {
     /// Returns the hand at a time, in seconds on the motion's clock.
     fn at(&self, time_s: f64) -> Step<Object> {
         let share = (time_s - self.first.time_s) / self.duration_s;
-        let [from, to] = [self.first, self.last].map(|step| step.frame_from_palm.isometry());
+        let [from, to] = [self.first, self.last].map(|step| &step.frame_from_palm);
         let position = from.translation.vector.lerp(&to.translation.vector, share);
         let rotation = UnitQuaternion::from_scaled_axis(self.turn * share) * from.rotation;
         let joints = self.first.q_rad.iter().zip(&self.last.q_rad);
         Step {
             time_s,
-            frame_from_palm: Pose::new(Isometry3::from_parts(
-                Translation3::from(position),
-                rotation,
-            )),
+            frame_from_palm: Pose::from_parts(position, rotation),
             q_rad: joints
                 .map(|(from, to)| from * (1.0 - share) + to * share)
                 .collect(),
@@ -103,6 +97,8 @@ impl<'a> Line<'a> {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Isometry3;
+
     use super::*;
 
     fn step(
@@ -111,10 +107,9 @@ mod tests {
         rotation: UnitQuaternion<f64>,
         q_rad: [f64; 2],
     ) -> Step<Object> {
-        let place = Translation3::from(Vector3::from(place));
         Step {
             time_s,
-            frame_from_palm: Pose::new(Isometry3::from_parts(place, rotation)),
+            frame_from_palm: Pose::from_parts(place, rotation),
             q_rad: q_rad.to_vec(),
             rates: HandRates {
                 palm_velocity: Twist::from_array([9.0; 6]),
@@ -153,7 +148,7 @@ mod tests {
     }
 
     fn assert_near(found: &Step<Object>, expected: &Step<Object>) {
-        let [a, b] = [found, expected].map(|step| step.frame_from_palm.isometry());
+        let [a, b] = [found, expected].map(|step| step.frame_from_palm);
         let way = (a.translation.vector - b.translation.vector).norm();
         assert!(way < 1e-12 && a.rotation.angle_to(&b.rotation) < 1e-7);
         for (a, b) in found.q_rad.iter().zip(&expected.q_rad) {
@@ -179,7 +174,7 @@ mod tests {
         assert_near(&steps[3], &given[3]);
         // 0.2 s of 1.5 s later, not a third of the steps.
         let share = 0.2 / 1.5;
-        let place = steps[1].frame_from_palm.isometry().translation;
+        let place = steps[1].frame_from_palm.translation;
         assert!((place.x - 0.3 * (1.0 - share)).abs() < 1e-12, "{place}");
         assert!((steps[1].q_rad[0] - (0.1 + 0.6 * share)).abs() < 1e-12);
     }
@@ -191,7 +186,7 @@ mod tests {
         let line = Line::between(motion.first(), motion.grasp());
         for time_s in [0.6, 1.0, 1.9] {
             let [before, now, after] = [-H_S, 0.0, H_S].map(|by_s| line.at(time_s + by_s));
-            let [a, b, c] = [&before, &now, &after].map(|step| *step.frame_from_palm.isometry());
+            let [a, b, c] = [&before, &now, &after].map(|step| *step.frame_from_palm);
             let near = |found: f64, expected: f64, tolerance: f64| {
                 assert!((found - expected).abs() < tolerance, "{found} {expected}");
             };
@@ -233,7 +228,7 @@ mod tests {
             assert!((line.rates.palm_velocity.angular.z + angle / 2.0).abs() < 1e-12);
             let middle = line.at(1.0);
             let expected = turned([0.0, 0.0, -2.0 - angle / 2.0]);
-            let found = middle.frame_from_palm.isometry().rotation;
+            let found = middle.frame_from_palm.rotation;
             assert!(found.angle_to(&expected) < 1e-7);
         }
     }

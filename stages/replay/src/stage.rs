@@ -143,7 +143,7 @@ fn candidate(trajectory: &Trajectory) -> Result<Candidate, MotionError> {
 
 /// Returns how fast the palm's velocity changes about a step: its difference between the neighbors (the
 /// step itself at an end) over the time between them; 0 of a single step.
-fn palm_acceleration(motion: &Motion<Object, Rates>, idx: usize) -> Twist {
+fn palm_acceleration(motion: &Motion<Object, Rates>, idx: usize) -> Twist<Object> {
     let steps = motion.steps();
     let (before, after) = (idx.saturating_sub(1), (idx + 1).min(steps.len() - 1));
     if before == after {

@@ -2,6 +2,7 @@
 
 use nalgebra::Point3;
 use schemas::trajectories::Tracking;
+use spatial::Pose;
 
 use crate::{
     Loss, RetargetConfig, RetargetError, Wrist,
@@ -236,7 +237,7 @@ impl<'a> Follower<'a> {
     /// Returns the posture with these joint positions whose points lie nearest to the landmarks;
     /// those on the palm alone, if the wrist is fixed.
     fn laid_on(&mut self, goal: &Goal, q: Vec<f64>) -> Result<Posture, RetargetError> {
-        let posture = Posture::new(&nalgebra::Isometry3::identity(), q);
+        let posture = Posture::new(&Pose::identity(), q);
         let mut targets = self.asks.targets(goal);
         if self.asks.config.wrist == Wrist::Fixed {
             targets.retain(|target| self.asks.hand.palm_points.contains(&target.point));

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use nalgebra::Point3;
 use robot::{RobotModel, balls};
+use spatial::Palm;
 
 use crate::{
     HandTable, RetargetError,
@@ -77,10 +78,10 @@ impl Hand {
             });
             places.push((link, Point3::from(point.offset_m)));
         }
-        let palm_from_links = model.link_poses(|joint| mid_range[joint]);
+        let palm_from_links = model.link_poses::<Palm>(|joint| mid_range[joint]);
         let in_palm = places
             .iter()
-            .map(|(link, point)| palm_from_links[*link] * point)
+            .map(|(link, point)| palm_from_links[*link] * *point)
             .collect();
         let (mut clusters, mut radii_m, mut centers) = (Vec::new(), Vec::new(), Vec::new());
         for balls::Cluster {

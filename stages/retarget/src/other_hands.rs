@@ -153,7 +153,7 @@ proptest! {
         prop_assert_eq!(model.dof(), 6);
         let q = model.joints().iter().zip(shares);
         let posture = Posture::new(
-            &Isometry3::new(Vector3::new(-0.3, 0.1, 0.2), Vector3::from(turn)),
+            &spatial::Pose::new(Isometry3::new(Vector3::new(-0.3, 0.1, 0.2), Vector3::from(turn))),
             q.map(|(joint, share)| joint.lower + share * (joint.upper - joint.lower)).collect(),
         );
         let (hand, tracked) = shown_itself(&posture);

@@ -29,7 +29,7 @@ fn rates(near: &[Step<Object, ()>], here: &Step<Object, ()>) -> Rates {
             rates.joints.velocity[idx] += first * q;
             rates.joints.acceleration[idx] += second * q;
         }
-        let [palm, here] = [step, here].map(|step| step.frame_from_palm.isometry());
+        let [palm, here] = [step, here].map(|step| &step.frame_from_palm);
         palm_velocity.linear += palm.translation.vector * first;
         // Turns from here, small between neighbors, add like vectors.
         palm_velocity.angular += (palm.rotation * here.rotation.inverse()).scaled_axis() * first;
@@ -55,7 +55,7 @@ fn derivative_weights(times: &[f64], at: f64) -> Vec<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+    use nalgebra::{UnitQuaternion, Vector3};
     use spatial::Pose;
 
     use super::*;
@@ -64,11 +64,11 @@ mod tests {
     fn with_rates(times: &[f64]) -> Vec<Step<Object, Rates>> {
         let step = |&t: &f64| Step {
             time_s: t,
-            frame_from_palm: Pose::new(Isometry3::from_parts(
-                Vector3::new(0.3 * t, 0.0, t * t).into(),
+            frame_from_palm: Pose::from_parts(
+                [0.3 * t, 0.0, t * t],
                 UnitQuaternion::new(Vector3::new(0.0, 0.2, 0.0))
                     * UnitQuaternion::new(Vector3::new(0.0, 0.0, 0.5 * t)),
-            )),
+            ),
             q_rad: vec![1.0 + 2.0 * t - 3.0 * t * t, 0.7],
             rates: (),
         };

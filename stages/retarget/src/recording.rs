@@ -7,9 +7,7 @@ use lake::recording::Recording;
 use robot::RobotModel;
 use schemas::{
     Table,
-    ros2::motion::{
-        self, Hand, HandLink, JOINT_TRAJECTORY, START_NS, Scene, SceneStep, TrajectoryPoint,
-    },
+    ros2::motion::{self, JOINT_TRAJECTORY, START_NS, Scene, SceneStep, TrajectoryPoint},
     trajectories::Trajectory,
 };
 
@@ -26,17 +24,12 @@ pub(crate) fn record(
     trajectory: &Trajectory,
     folder: &Path,
 ) -> Result<(), RetargetError> {
-    let hand = Hand::new(model.links().iter().map(|link| HandLink {
-        name: link.name.clone(),
-        parent: link.parent,
-        moves: link.joint.is_some(),
-    }));
     let vertices_m: Vec<[f64; 3]> = mesh.vertices_m.iter().map(|&p| p.into()).collect();
     let scene = Scene {
         urdf,
         joints: trajectory.motion.joints(),
-        hand: &hand,
-        palm_from_links: &model.link_poses(|_| 0.0),
+        robot: model,
+        root_from_links: &model.link_poses(|_| 0.0),
         vertices_m: &vertices_m,
         triangles: &mesh.triangles,
     };
@@ -58,15 +51,14 @@ pub(crate) fn record(
         &motion::joint_trajectory(START_NS, trajectory.motion.joints(), positions),
     )?;
     let table_from_object = trajectory.rest.table_from_object();
-    let object_on_table = *table_from_object.isometry();
     for step in steps {
         recording.write_step(
             &scene,
             &SceneStep {
                 time_s: step.time_s,
-                table_from_palm: *(table_from_object * step.frame_from_palm).isometry(),
-                table_from_object: object_on_table,
-                palm_from_links: &model.forward_kinematics(&step.q_rad)?,
+                table_from_root: table_from_object * step.frame_from_palm,
+                table_from_object,
+                root_from_links: &model.forward_kinematics(&step.q_rad)?,
                 q_rad: &step.q_rad,
                 q_velocity_rad_per_s: &step.rates.joints.velocity,
             },

@@ -2,7 +2,7 @@
 //!
 //! A [`CompiledHand`] is a robot prepared once; a [`Task`] says what one step asks; a [`Solver`]
 //! moves a posture to a minimum of it, without allocating. Everything is in `f64`, in meters and
-//! radians, in one world frame that the caller chooses.
+//! radians, in the object's frame.
 //!
 //! The hand's structure is what makes it fast: second derivatives are gathered body by body from
 //! the tips to the root, as composite inertias are, and their matrix is an arrow, one block per

@@ -6,7 +6,7 @@ use schemas::{
     demonstrations::Demonstration,
     trajectories::{Rates, Tracking},
 };
-use spatial::{Object, Pose};
+use spatial::Object;
 
 use crate::{
     RetargetConfig, RetargetError,
@@ -144,7 +144,7 @@ pub(crate) fn track(
     for (shown, solved) in demonstration.steps.iter().zip(solved) {
         steps.push(Step {
             time_s: shown.time_s,
-            frame_from_palm: Pose::new(solved.posture.root.isometry()),
+            frame_from_palm: solved.posture.root.pose(),
             q_rad: solved.posture.q,
             rates: (),
         });
@@ -165,6 +165,7 @@ mod tests {
     use nalgebra::{Isometry3, UnitQuaternion, Vector3};
     use proptest::prelude::*;
     use schemas::demonstrations::KEYPOINTS;
+    use spatial::{Palm, Pose};
 
     use super::*;
     use crate::{
@@ -191,7 +192,10 @@ mod tests {
         let joints = hand.model.joints().iter();
         let q = joints.map(|joint| joint.lower + bend * (joint.upper - joint.lower));
         Posture::new(
-            &Isometry3::new(Vector3::new(x, 0.0, 0.05), Vector3::new(0.1, 0.2, 0.0)),
+            &Pose::new(Isometry3::new(
+                Vector3::new(x, 0.0, 0.05),
+                Vector3::new(0.1, 0.2, 0.0),
+            )),
             q.collect(),
         )
     }
@@ -211,8 +215,8 @@ mod tests {
             for ((q, share), joint) in posture.q.iter_mut().zip(q).zip(hand.model.joints()) {
                 *q = joint.lower + share * (joint.upper - joint.lower);
             }
-            let turned = posture.root.isometry() * UnitQuaternion::new(Vector3::from(turn));
-            posture.root = RootPose::from_isometry(&turned);
+            let turned = *posture.root.pose() * UnitQuaternion::new(Vector3::from(turn));
+            posture.root = RootPose::from_pose(&Pose::new(turned));
             let (_, tracked) = run(&config, vec![fixture::own_points(&hand, &posture)]);
             prop_assert!(tracked.grasp_keypoint_error_m < 1e-3, "{} m", tracked.grasp_keypoint_error_m);
         }
@@ -262,9 +266,9 @@ mod tests {
     fn links_are_lifted_off_the_table() {
         let shown = |config: &RetargetConfig| {
             let hand = fixture::hand();
-            let mut pose = reaching(-0.3, 0.3).root.isometry();
+            let mut pose = *reaching(-0.3, 0.3).root.pose();
             pose.translation.z = -0.06;
-            let posture = Posture::new(&pose, reaching(-0.3, 0.3).q);
+            let posture = Posture::new(&Pose::new(pose), reaching(-0.3, 0.3).q);
             run(config, vec![fixture::own_points(&hand, &posture)])
                 .1
                 .tracking[0]
@@ -291,8 +295,8 @@ mod tests {
         let scene = fixture::scene();
         let gap = |idx: usize| {
             let step: &Step<Object, Rates> = &tracked.motion.steps()[idx];
-            let links = hand.model.forward_kinematics(&step.q_rad).unwrap();
-            let object_from_palm = step.frame_from_palm.isometry();
+            let links = hand.model.forward_kinematics::<Palm>(&step.q_rad).unwrap();
+            let object_from_palm = step.frame_from_palm;
             let balls = hand
                 .model
                 .links()
@@ -344,10 +348,10 @@ mod tests {
         let off = |config: &RetargetConfig| {
             let (_, tracked) = run(config, vec![keypoints; 2]);
             let steps = tracked.motion.steps().iter();
-            let poses = steps.map(|step| *step.frame_from_palm.isometry());
+            let poses = steps.map(|step| step.frame_from_palm);
             poses
                 .map(|pose| {
-                    (pose.inverse() * posture.root.isometry())
+                    (pose.inverse() * posture.root.pose())
                         .translation
                         .vector
                         .norm()

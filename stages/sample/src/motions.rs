@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use cgf::{Cgf, JointRange, MovingGrasp, ObjectFeature, Random, Scene};
+use cgf::{Cgf, HandRate, JointRange, MovingGrasp, ObjectFeature, Random, Scene};
 use motion::{HandRates, JointRates, Motion, Step};
-use nalgebra::{Point3, UnitQuaternion};
+use nalgebra::Point3;
 use rayon::prelude::*;
 use robot::WrongDof;
 use schemas::{candidates::Candidate, objects::Object};
-use spatial::{Rest, Twist};
+use spatial::{Object as InObject, Pose, Rest, Table, Twist};
 
 use crate::{
     SampleConfig, SampleError,
@@ -177,7 +177,7 @@ fn seen_points(object: &Object, noise: f64, seed: u64) -> Vec<Point3<f64>> {
 
 /// Where and how fast motions take place.
 struct Placed<'a> {
-    object_from_table: spatial::Pose<spatial::Object, spatial::Table>,
+    object_from_table: Pose<InObject, Table>,
     ranges: &'a [JointRange],
     duration_s: f64,
 }
@@ -193,15 +193,11 @@ impl<'a> Placed<'a> {
 
     /// Puts a motion into the object's frame, its joints within their limits, its time into seconds;
     /// says how far outside its limits a joint was at most.
-    fn steps(&self, motion: Vec<MovingGrasp>, times: &[f64]) -> (Vec<Step<spatial::Object>>, f64) {
+    fn steps(&self, motion: Vec<MovingGrasp>, times: &[f64]) -> (Vec<Step<InObject>>, f64) {
         let mut excess = 0.0_f64;
         let steps = motion.into_iter().zip(times).map(|(moving, t)| {
             let mut q_rad = moving.grasp.q_rad;
-            let mut rates = self.rates(
-                &moving.velocity,
-                &moving.acceleration,
-                &self.object_from_table.isometry().rotation,
-            );
+            let mut rates = self.rates(&moving.velocity, &moving.acceleration);
             for (idx, (q, range)) in q_rad.iter_mut().zip(self.ranges).enumerate() {
                 let within = range.clamp(*q);
                 let outside = (*q - within).abs();
@@ -214,7 +210,7 @@ impl<'a> Placed<'a> {
             }
             Step {
                 time_s: (1.0 - t) * self.duration_s,
-                frame_from_palm: self.object_from_table * moving.grasp.table_from_palm,
+                frame_from_palm: self.object_from_table * moving.grasp.frame_from_palm,
                 q_rad,
                 rates,
             }
@@ -223,19 +219,14 @@ impl<'a> Placed<'a> {
     }
 
     /// Takes rates per unit of t, which falls from 1 to 0 in `duration_s`, to rates per second along
-    /// the axes of another frame.
-    fn rates(
-        &self,
-        velocity: &cgf::HandRate,
-        acceleration: &cgf::HandRate,
-        rotation: &UnitQuaternion<f64>,
-    ) -> HandRates {
+    /// the object's axes.
+    fn rates(&self, velocity: &HandRate, acceleration: &HandRate) -> HandRates<InObject> {
         let by_second = -1.0 / self.duration_s;
-        let palm = |rate: &cgf::HandRate, factor: f64| Twist {
-            linear: rotation * rate.linear * factor,
-            angular: rotation * rate.angular * factor,
+        let palm = |rate: &HandRate, factor: f64| {
+            let palm = rate.palm.along(&self.object_from_table);
+            Twist::new(palm.linear * factor, palm.angular * factor)
         };
-        let joints = |rate: &cgf::HandRate, factor: f64| -> Vec<f64> {
+        let joints = |rate: &HandRate, factor: f64| -> Vec<f64> {
             rate.q.iter().map(|rate| rate * factor).collect()
         };
         HandRates {

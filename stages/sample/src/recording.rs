@@ -15,14 +15,11 @@ use schemas::{
     candidates::{Candidate, Candidates},
     objects::Object,
     ros2::{
-        ColorRgba, Marker, TfMessage,
-        motion::{
-            self, Hand, HandLink, MARKERS, OBJECT_COLOR, ROBOT_DESCRIPTION, START_NS, TABLE, TF,
-            TF_STATIC,
-        },
+        ColorRgba, Marker, TfMessage, TransformStamped,
+        motion::{self, MARKERS, OBJECT_COLOR, ROBOT_DESCRIPTION, START_NS, TABLE, TF, TF_STATIC},
     },
 };
-use spatial::Object as InObject;
+use spatial::{Object as InObject, Palm, Pose};
 
 use crate::SampleError;
 
@@ -107,7 +104,6 @@ struct Shown<'a> {
     candidate: &'a Candidate,
     /// The frame of its own table.
     frame: String,
-    hand: Hand,
     /// Where it lies beside the table's frame, in meters along y.
     beside_m: f64,
     color: ColorRgba,
@@ -116,14 +112,8 @@ struct Shown<'a> {
 impl<'a> Shown<'a> {
     fn new(stage: &'a Stage<'a>, candidate: &'a Candidate, number: usize, total: usize) -> Self {
         let frame = format!("motion_{number}");
-        let links = stage.model.links().iter().map(|link| HandLink {
-            name: format!("{frame}/{}", link.name),
-            parent: link.parent,
-            moves: link.joint.is_some(),
-        });
         let share = number as f64 / total.saturating_sub(1).max(1) as f64;
         Self {
-            hand: Hand::new(links),
             beside_m: BESIDE_M * (number as f64 - 0.5 * total.saturating_sub(1) as f64),
             color: between_blue_and_red(share),
             stage,
@@ -142,16 +132,35 @@ impl<'a> Shown<'a> {
     }
 
     /// Returns the poses that stay: its table, its object and the hand's fixed links.
-    fn fixed(&self) -> Vec<schemas::ros2::TransformStamped> {
-        let table_from_own = Isometry3::translation(0.0, self.beside_m, 0.0);
-        let own_from_object = self.candidate.table_from_object.isometry();
+    fn fixed(&self) -> Vec<TransformStamped> {
+        let table_from_own = Pose::<spatial::Table, spatial::Table>::new(Isometry3::translation(
+            0.0,
+            self.beside_m,
+            0.0,
+        ));
+        let own_from_object = &self.candidate.table_from_object;
         let mut all = vec![
             motion::transform_stamped(START_NS, TABLE, &self.frame, &table_from_own),
             motion::transform_stamped(START_NS, &self.frame, &self.name("object"), own_from_object),
         ];
-        let poses = self.stage.model.link_poses(|_| 0.0);
-        all.extend(self.hand.fixed(START_NS, &poses).transforms);
+        let model = self.stage.model;
+        let fixed = motion::fixed_links::<Palm>(model, &model.link_poses(|_| 0.0));
+        all.extend(self.own(fixed));
         all
+    }
+
+    /// Returns transforms between frames of its own.
+    fn own(&self, message: TfMessage) -> impl Iterator<Item = TransformStamped> {
+        let root = self.stage.model.links().first().map(|link| &link.name);
+        message.transforms.into_iter().map(move |mut transform| {
+            transform.header.frame_id = if Some(&transform.child_frame_id) == root {
+                self.frame.clone()
+            } else {
+                self.name(&transform.header.frame_id)
+            };
+            transform.child_frame_id = self.name(&transform.child_frame_id);
+            transform
+        })
     }
 
     /// Returns the poses that change, with the hand's joint positions `q`.
@@ -160,19 +169,12 @@ impl<'a> Shown<'a> {
         step: &Step<InObject>,
         q: &[f64],
         time_ns: i64,
-    ) -> Result<Vec<schemas::ros2::TransformStamped>, WrongDof> {
-        let palm_from_links = self.stage.model.forward_kinematics(q)?;
+    ) -> Result<impl Iterator<Item = TransformStamped>, WrongDof> {
+        let model = self.stage.model;
+        let palm_from_links = model.forward_kinematics(q)?;
         let own_from_palm = self.candidate.table_from_object * step.frame_from_palm;
-        let moving = self
-            .hand
-            .moving(time_ns, own_from_palm.isometry(), &palm_from_links);
-        let mut transforms = moving.transforms;
-        for transform in &mut transforms {
-            if transform.header.frame_id == TABLE {
-                transform.header.frame_id.clone_from(&self.frame);
-            }
-        }
-        Ok(transforms)
+        let moving = motion::moving_links(time_ns, model, &own_from_palm, &palm_from_links);
+        Ok(self.own(moving))
     }
 
     /// Returns the object, the way of the palm's origin and the hand's collision shapes.
@@ -183,7 +185,7 @@ impl<'a> Shown<'a> {
         let mesh = motion::mesh_marker(START_NS, &in_object, vertices_m, triangles, OBJECT_COLOR);
         let steps = self.candidate.motion.steps().iter();
         let trail: Vec<Point3<f64>> = steps
-            .map(|step| step.frame_from_palm.isometry().translation.vector.into())
+            .map(|step| step.frame_from_palm.translation.vector.into())
             .collect();
         let trail =
             motion::points_marker(START_NS, &in_object, "trail", &trail, TRAIL_M, self.color);
@@ -208,7 +210,7 @@ impl<'a> Shown<'a> {
         let mesh = |corners: &[Point3<f64>], triangles: &[[u32; 3]]| {
             let corners: Vec<[f64; 3]> = corners
                 .iter()
-                .map(|corner| (collision.link_from_shape * corner).into())
+                .map(|corner| (collision.link_from_shape * *corner).into())
                 .collect();
             motion::mesh_marker(START_NS, frame, &corners, triangles, self.color)
         };

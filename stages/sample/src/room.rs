@@ -2,13 +2,13 @@
 
 use geometry::DistanceField;
 use motion::Step;
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Point3;
 use robot::{
     JointOrder, RobotModel, WrongDof,
     balls::{Cluster, clusters},
 };
 use schemas::candidates::Candidate;
-use spatial::Object;
+use spatial::{Object, Palm, Pose, Table};
 
 use crate::SampleError;
 
@@ -51,15 +51,15 @@ impl<'a> Room<'a> {
     pub fn depth(
         &self,
         field: &DistanceField,
-        object_from_palm: &Isometry3<f64>,
-        table_from_object: &Isometry3<f64>,
+        object_from_palm: &Pose<Object, Palm>,
+        table_from_object: &Pose<Table, Object>,
         q: &[f64],
     ) -> Result<Depth, WrongDof> {
         let palm_from_links = self.hand.forward_kinematics(q)?;
         let mut depth = Depth::default();
         for cluster in &self.clusters {
-            let object_from_link = object_from_palm * palm_from_links[cluster.link];
-            let height_m = |center: &Point3<f64>| (table_from_object * center).z;
+            let object_from_link = *object_from_palm * palm_from_links[cluster.link];
+            let height_m = |center: &Point3<f64>| (*table_from_object * *center).z;
             let center = object_from_link * cluster.around.center_in_link;
             let reach_m = cluster.around.radius_m;
             let may_be_in_object = field.distance(&center).0 < SLACK * reach_m;
@@ -98,8 +98,8 @@ impl Gauge<'_> {
     pub fn depth(&self, candidate: &Candidate, step: &Step<Object>) -> Result<Depth, WrongDof> {
         self.room.depth(
             self.field,
-            step.frame_from_palm.isometry(),
-            candidate.table_from_object.isometry(),
+            &step.frame_from_palm,
+            &candidate.table_from_object,
             &self.order.apply(&step.q_rad)?,
         )
     }
@@ -117,7 +117,7 @@ impl Gauge<'_> {
 #[cfg(test)]
 mod tests {
     use geometry::TriMesh;
-    use nalgebra::Point3;
+    use nalgebra::{Point3, Translation3};
 
     use super::*;
 
@@ -140,8 +140,8 @@ mod tests {
         .unwrap();
         let room = Room::new(&hand).unwrap();
         let check = |palm: [f64; 3], q: f64, object_m: f64, table_m: f64| {
-            let object_from_palm = Isometry3::translation(palm[0], palm[1], palm[2]);
-            let table_from_object = Isometry3::translation(0.0, 0.0, 0.05);
+            let object_from_palm = Pose::new(Translation3::from(palm).into());
+            let table_from_object = Pose::new(Translation3::new(0.0, 0.0, 0.05).into());
             let found = room.depth(&cube(), &object_from_palm, &table_from_object, &[q]);
             let found = found.unwrap();
             assert!((found.object_m - object_m).abs() < 2e-4, "{found:?}");
@@ -153,7 +153,7 @@ mod tests {
         check([0.1, 0.0, 0.0], -0.058, 0.018, 0.0);
         check([0.2, 0.0, -0.047], 0.0, 0.0, 0.007);
         // Without positions for all joints nothing is known, least of all that the hand is clear.
-        let found = room.depth(&cube(), &Isometry3::identity(), &Isometry3::identity(), &[]);
+        let found = room.depth(&cube(), &Pose::identity(), &Pose::identity(), &[]);
         assert_eq!(
             (found.unwrap_err().expected, found.unwrap_err().found),
             (1, 0)

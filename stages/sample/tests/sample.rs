@@ -370,7 +370,7 @@ fn candidates_end_at_the_grasp_within_limits_in_seen_orientations() {
                 .iter()
                 .all(|step| (0.2..=0.25).contains(&step.q_rad[0]))
         );
-        let up = candidate.table_from_object.direction(&Vector3::z());
+        let up = candidate.table_from_object * Vector3::z();
         standing += usize::from(up.z > 0.9);
         assert!(up.z > -0.1, "never seen upside down");
     }
@@ -406,7 +406,7 @@ fn codes_about_demonstrations_without_spread_are_the_demonstrations() {
         .collect();
     assert_eq!(codes.len(), 2);
     for candidate in &drawn.candidates {
-        assert!(candidate.table_from_object.direction(&Vector3::z()).z > 0.9);
+        assert!((candidate.table_from_object * Vector3::z()).z > 0.9);
     }
 }
 
@@ -447,7 +447,7 @@ fn rates_are_those_of_the_motion_per_second_and_zero_at_a_limit() {
                     "{found} {expected}"
                 );
             };
-            let palm = |step: &Step<InObject>| *step.frame_from_palm.isometry();
+            let palm = |step: &Step<InObject>| *step.frame_from_palm;
             let way = palm(after).translation.vector - palm(before).translation.vector;
             let turn = palm(after).rotation * palm(before).rotation.inverse();
             let (speed, spin) = (way / between_s, turn.scaled_axis() / between_s);
@@ -511,7 +511,7 @@ fn a_path_goes_from_one_demonstration_to_the_other() {
             assert!((found - (from + share * (to - from))).abs() < 1e-12);
         }
         // Three of four were seen standing, and both demonstrations are.
-        assert!(candidate.table_from_object.direction(&Vector3::z()).z > 0.9);
+        assert!((candidate.table_from_object * Vector3::z()).z > 0.9);
         let grasp = |candidate: &candidates::Candidate| candidate.motion.steps()[10].q_rad.clone();
         assert_eq!(candidate.latent.len(), 3);
         let other = &back[4 - k];
@@ -556,12 +556,12 @@ fn a_given_orientation_puts_the_mesh_on_the_table() {
     let drawn = sample(&given([0.0, -0.6, 0.8]), &inputs, 7);
     for candidate in &drawn.candidates {
         let pose = &candidate.table_from_object;
-        let up = pose.direction(&Vector3::new(0.0, -0.6, 0.8));
+        let up = *pose * Vector3::new(0.0, -0.6, 0.8);
         assert!((up - Vector3::z()).norm() < 1e-9);
         let heights = mesh()
             .vertices_m
             .iter()
-            .map(|vertex| pose.point(vertex).z)
+            .map(|vertex| (*pose * *vertex).z)
             .collect::<Vec<_>>();
         let lowest = heights.iter().copied().fold(f64::MAX, f64::min);
         assert!(lowest.abs() < 1e-12, "{lowest}");
@@ -873,7 +873,7 @@ fn a_recording_shows_motions_side_by_side() {
         for (message, step) in steps.iter().zip(drawn[candidate].motion.steps()) {
             let base_from_palm = pose(message, &base, &format!("{base}/palm"));
             let object_from_palm = base_from_object.inverse() * base_from_palm;
-            let off = object_from_palm.inverse() * step.frame_from_palm.isometry();
+            let off = object_from_palm.inverse() * *step.frame_from_palm;
             assert!(off.translation.vector.norm() < 1e-9 && off.rotation.angle() < 1e-6);
         }
         let states = format!("/{base}/joint_states");

@@ -8,11 +8,10 @@ use schemas::{
     Table,
     objects::Object,
     rollouts::Rollouts,
-    ros2::motion::{
-        self, Hand, HandLink, JOINT_TRAJECTORY, START_NS, Scene, SceneStep, TrajectoryPoint,
-    },
+    ros2::motion::{self, JOINT_TRAJECTORY, START_NS, Scene, SceneStep, TrajectoryPoint},
 };
 use simulation::{Rollout, Trace};
+use spatial::{Palm, Pose};
 
 use crate::ScreenError;
 
@@ -37,16 +36,11 @@ pub(crate) fn record(
         return Ok(());
     };
     let joints = stage.model.joint_names();
-    let hand = Hand::new(stage.model.links().iter().map(|link| HandLink {
-        name: link.name.clone(),
-        parent: link.parent,
-        moves: link.joint.is_some(),
-    }));
     let scene = Scene {
         urdf: stage.urdf,
         joints: &joints,
-        hand: &hand,
-        palm_from_links: &stage.model.link_poses(|_| 0.0),
+        robot: stage.model,
+        root_from_links: &stage.model.link_poses::<Palm>(|_| 0.0),
         vertices_m: &stage.object.vertices_m,
         triangles: &stage.object.triangles,
     };
@@ -73,9 +67,9 @@ pub(crate) fn record(
             &scene,
             &SceneStep {
                 time_s: step.time_s,
-                table_from_palm: step.table_from_palm,
-                table_from_object: step.table_from_object,
-                palm_from_links: &stage.model.forward_kinematics(&step.q)?,
+                table_from_root: Pose::new(step.table_from_palm),
+                table_from_object: Pose::new(step.table_from_object),
+                root_from_links: &stage.model.forward_kinematics(&step.q)?,
                 q_rad: &step.q,
                 q_velocity_rad_per_s: &[],
             },

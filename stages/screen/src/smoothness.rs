@@ -1,10 +1,10 @@
 //! How smooth a candidate is, by the definitions of [`Smoothness`].
 
 use motion::{Motion, Step};
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use robot::{RobotModel, WrongDof};
 use schemas::rollouts::{Smoothness, Variation, Variations};
-use spatial::Object;
+use spatial::{Object, Palm, Pose};
 
 /// Net motion below which a channel has no shape of its own, in rad or m.
 const STANDING: f64 = 1e-6;
@@ -23,18 +23,18 @@ pub(crate) fn smoothness(
     let with_palm: Vec<Vec<f64>> = steps
         .iter()
         .map(|step| {
-            let palm = step.frame_from_palm.isometry().translation.vector;
+            let palm = step.frame_from_palm.translation.vector;
             palm.iter().chain(&step.q_rad).copied().collect()
         })
         .collect();
     let links: Vec<Vec<f64>> = steps
         .iter()
-        .map(|step| origins(model, step, step.frame_from_palm.isometry()))
+        .map(|step| origins(model, step, &step.frame_from_palm))
         .collect::<Result<_, _>>()?;
     let misread: Vec<Vec<f64>> = steps
         .iter()
         .map(|step| {
-            let mut origins = origins(model, step, &misread(step.frame_from_palm.isometry()))?;
+            let mut origins = origins(model, step, &misread(&step.frame_from_palm))?;
             // The released hand has a link `palm` at its root.
             origins.extend_from_within(..origins.len().min(3));
             Ok(origins)
@@ -62,18 +62,18 @@ pub(crate) fn smoothness(
 fn origins(
     model: &RobotModel,
     step: &Step<Object>,
-    object_from_palm: &Isometry3<f64>,
+    object_from_palm: &Pose<Object, Palm>,
 ) -> Result<Vec<f64>, WrongDof> {
     let palm_from_links = model.forward_kinematics(&step.q_rad)?;
     let origins = palm_from_links.iter().flat_map(|palm_from_link| {
-        let origin: Vector3<f64> = (object_from_palm * palm_from_link).translation.vector;
+        let origin: Vector3<f64> = (*object_from_palm * *palm_from_link).translation.vector;
         [origin.x, origin.y, origin.z]
     });
     Ok(origins.collect())
 }
 
 /// Returns the pose with its angles about its own x, y and z taken for a rotation vector.
-fn misread(pose: &Isometry3<f64>) -> Isometry3<f64> {
+fn misread(pose: &Pose<Object, Palm>) -> Pose<Object, Palm> {
     let rotation = pose.rotation.to_rotation_matrix();
     let r = rotation.matrix();
     let angles = Vector3::new(
@@ -81,8 +81,8 @@ fn misread(pose: &Isometry3<f64>) -> Isometry3<f64> {
         r[(0, 2)].clamp(-1.0, 1.0).asin(),
         (-r[(0, 1)]).atan2(r[(0, 0)]),
     );
-    Isometry3::from_parts(
-        Translation3::from(pose.translation.vector),
+    Pose::from_parts(
+        pose.translation.vector,
         UnitQuaternion::from_scaled_axis(angles),
     )
 }
@@ -218,7 +218,7 @@ mod tests {
         let [a, b, c] = [0.3, -0.5, 0.9];
         let about = |axis: Vector3<f64>, angle: f64| UnitQuaternion::from_scaled_axis(axis * angle);
         let rotation = about(Vector3::x(), a) * about(Vector3::y(), b) * about(Vector3::z(), c);
-        let pose = Isometry3::from_parts(Translation3::new(1.0, 2.0, 3.0), rotation);
+        let pose = Pose::from_parts(Vector3::new(1.0, 2.0, 3.0), rotation);
         let found = misread(&pose);
         near(
             (found.rotation.scaled_axis() - Vector3::new(a, b, c)).norm(),

@@ -7,7 +7,7 @@ use dataflow::{
     Summary,
 };
 use motion::{HandRates, Motion, Step};
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
 use report_screen::SuccessReport;
 use robot::RobotModel;
 use schemas::{
@@ -142,7 +142,7 @@ fn candidate(id: &str, flexion: [f64; 3], thumb: [f64; 4]) -> Candidate {
         let place = Translation3::new(-0.015, -0.055 - 0.15 * left, 0.02);
         Step {
             time_s: 0.1 * f64::from(step),
-            frame_from_palm: Pose::new(Isometry3::from_parts(place, turn)),
+            frame_from_palm: Pose::from_parts(place, turn),
             rates: HandRates::still(q_rad.len()),
             q_rad: q_rad.clone(),
         }

@@ -1,6 +1,6 @@
 //! Our solver on the peer's problems and on the paper's objective.
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use rand::Rng;
 use stage_retarget::solver::{
     NoTerms, Options, Outcome, Posture, RootPose, Smoothness, Solver, Task, Wrist,
@@ -93,11 +93,11 @@ pub(crate) fn true_minimum(
             .collect();
         let reach = if rng.random_bool(0.5) { 0.3 } else { 1.5 };
         let turn = Vector3::from_fn(|_, _| rng.random_range(-reach..reach));
-        let root = near[0].root.isometry();
+        let root = near[0].root.pose();
         let rotation = UnitQuaternion::new(turn) * root.rotation;
-        let root = Isometry3::from_parts(Translation3::from(root.translation.vector), rotation);
+        let root = Isometry3::from_parts(root.translation, rotation);
         starts.push(Posture {
-            root: RootPose::from_isometry(&root),
+            root: RootPose::from_pose(&spatial::Pose::new(root)),
             q,
         });
     }

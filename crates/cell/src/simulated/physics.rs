@@ -1,11 +1,11 @@
 //! Execution of one goal in physics.
 
 use motion::JointTrack;
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use robot::JointOrder;
 use schemas::{executions::Outcome, rollouts::Verdict};
 use simulation::{Flow, ObjectShape, SimulationError, Template, TraceStep, WatchedRollout};
-use spatial::{Pose, Rest};
+use spatial::{Object, Pose, Rest, Table};
 
 use super::{Abort, Robot, SimulatedCellConfig, gap::EncoderNoise, journal::Job, playing};
 use crate::report::{Report, Sample};
@@ -30,10 +30,10 @@ pub(super) fn carry_out(
     scene.object_offset = config.gap.object.misplaced(scene.object_offset, digest);
     let rest = Rest::of(&goal.table_from_object);
     let template = Template::new(&scene, &robot.hand, object, &rest)?;
-    let believed = *template.table_from_believed().isometry();
-    let table_from_scene = level(goal.table_from_object.isometry(), &believed);
+    let scene_from_believed = Pose::new(*template.table_from_believed());
+    let table_from_scene = level(&goal.table_from_object, &scene_from_believed);
     // An object that settles into another pose, as a ball does, does not carry the palm along.
-    let object_from_table = (table_from_scene * believed).inverse();
+    let object_from_table = (table_from_scene * scene_from_believed).inverse();
     let mut steps = playing::steps(
         goal,
         robot,
@@ -109,8 +109,11 @@ pub(super) fn carry_out(
 }
 
 fn height_m(sample: &Sample) -> f64 {
-    sample.table_from_object.isometry().translation.z
+    sample.table_from_object.translation.z
 }
+
+/// The table's frame in the simulation, which places the object at its origin, with its own yaw.
+enum Scene {}
 
 /// Readings of the joints' encoders.
 struct Encoders {
@@ -122,8 +125,7 @@ struct Encoders {
     latency_s: f64,
     /// Time at which the arm was commanded to stand still.
     halted_s: Option<f64>,
-    /// The scene places the object at the simulation's origin, with its own yaw.
-    table_from_scene: Isometry3<f64>,
+    table_from_scene: Pose<Table, Scene>,
 }
 
 impl Encoders {
@@ -133,7 +135,7 @@ impl Encoders {
         dof: usize,
         arm: Option<JointTrack>,
         latency_s: f64,
-        table_from_scene: Isometry3<f64>,
+        table_from_scene: Pose<Table, Scene>,
     ) -> Self {
         Self {
             arm,
@@ -168,8 +170,8 @@ impl Encoders {
         }
         Sample {
             time_s: step.time_s,
-            table_from_palm: Pose::new(self.table_from_scene * step.table_from_palm),
-            table_from_object: Pose::new(self.table_from_scene * step.table_from_object),
+            table_from_palm: self.table_from_scene * Pose::new(step.table_from_palm),
+            table_from_object: self.table_from_scene * Pose::new(step.table_from_object),
             q_rad,
             q_command_rad,
         }
@@ -178,7 +180,10 @@ impl Encoders {
 
 /// Returns the yaw and the shift along the table that take an object from its pose in a scene to
 /// its pose on the table.
-fn level(table_from_object: &Isometry3<f64>, scene_from_object: &Isometry3<f64>) -> Isometry3<f64> {
+fn level(
+    table_from_object: &Pose<Table, Object>,
+    scene_from_object: &Pose<Scene, Object>,
+) -> Pose<Table, Scene> {
     let turn = table_from_object.rotation * scene_from_object.rotation.inverse();
     // The quaternion's twist about z.
     let yaw = 2.0 * turn.coords.z.atan2(turn.coords.w);
@@ -186,7 +191,7 @@ fn level(table_from_object: &Isometry3<f64>, scene_from_object: &Isometry3<f64>)
     let mut shift =
         table_from_object.translation.vector - turn * scene_from_object.translation.vector;
     shift.z = 0.0;
-    Isometry3::from_parts(Translation3::from(shift), turn)
+    Pose::from_parts(shift, turn)
 }
 
 /// Returns a cell's outcome for a physics verdict.

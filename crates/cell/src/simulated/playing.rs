@@ -1,8 +1,8 @@
 //! A goal's commands to palm and fingers at each control step.
 
 use motion::{Carrier, JointTrack, PalmPoint};
-use nalgebra::Isometry3;
 use simulation::{Approach, Phase, PlayedStep, Protocol, SimulationError};
+use spatial::{Object, Palm, Pose, Table};
 
 use super::Robot;
 use crate::goal::Goal;
@@ -19,7 +19,7 @@ const ASIDE_RAD: f64 = 0.01;
 pub(super) fn steps(
     goal: &Goal,
     robot: &Robot,
-    object_from_table: &Isometry3<f64>,
+    object_from_table: &Pose<Object, Table>,
     control_s: f64,
     latency_s: f64,
 ) -> Result<Vec<PlayedStep>, SimulationError> {
@@ -29,9 +29,7 @@ pub(super) fn steps(
     let phases = Phases::new(&goal.grasp);
     let palm = |time_s: f64| {
         let table_from_palm = match &goal.carrier {
-            Carrier::Palm(points) => {
-                PalmPoint::between(points, time_s).map(|pose| *pose.isometry())
-            }
+            Carrier::Palm(points) => PalmPoint::between(points, time_s),
             Carrier::Arm(_) => arm
                 .as_ref()
                 .and_then(|arm| robot.palm(&arm.at(time_s)?.q_rad)),
@@ -65,7 +63,7 @@ pub(super) fn steps(
                 .ok_or_else(|| broken("the hand is told nothing"))?;
             Ok(PlayedStep {
                 phase,
-                object_from_palm: object_from_table * table_from_palm,
+                object_from_palm: *(*object_from_table * table_from_palm),
                 lift_m,
                 q: joints.q_rad,
                 rates: joints.rates,
@@ -75,7 +73,7 @@ pub(super) fn steps(
 }
 
 /// Returns the height of a palm above the grasp, in meters.
-fn rise(grasp: &Isometry3<f64>, now: &Isometry3<f64>) -> f64 {
+fn rise(grasp: &Pose<Table, Palm>, now: &Pose<Table, Palm>) -> f64 {
     now.translation.z - grasp.translation.z
 }
 

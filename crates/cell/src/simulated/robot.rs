@@ -1,9 +1,8 @@
 //! The robot of a simulated cell.
 
-use nalgebra::Isometry3;
 use robot::{Chain, Joint, RobotModel};
 use simulation::check_hand;
-use spatial::{Palm, Pose, Table};
+use spatial::{Base, Palm, Pose, Table};
 
 use super::SimulatedCellConfig;
 use crate::{CellError, Offer, wire};
@@ -16,7 +15,7 @@ pub struct CellArm {
     /// Name of the link that is the palm.
     pub palm: String,
     /// Pose of the arm's base in the table's frame.
-    pub table_from_base: Isometry3<f64>,
+    pub table_from_base: Pose<Table, Base>,
 }
 
 /// The robot of a simulated cell.
@@ -32,7 +31,7 @@ pub(super) struct Robot {
 /// An arm that follows its commands exactly.
 pub(super) struct Arm {
     chain: Chain,
-    table_from_base: Isometry3<f64>,
+    table_from_base: Pose<Table, Base>,
 }
 
 impl Robot {
@@ -64,16 +63,15 @@ impl Robot {
     }
 
     /// Returns the palm's pose in the table's frame for these positions of the arm.
-    pub(super) fn palm(&self, arm_q: &[f64]) -> Option<Isometry3<f64>> {
+    pub(super) fn palm(&self, arm_q: &[f64]) -> Option<Pose<Table, Palm>> {
         let arm = self.arm.as_ref()?;
         let posture = arm.chain.posture(arm_q).ok()?;
-        Some(arm.table_from_base * posture.root_from_end)
+        Some(arm.table_from_base * posture.base_from_palm)
     }
 
     /// Returns the pose of the arm's base.
     pub(super) fn table_from_base(&self) -> Option<[f64; 7]> {
-        let arm = self.arm.as_ref()?;
-        Some(Pose::<Table, Palm>::new(arm.table_from_base).to_array())
+        Some(self.arm.as_ref()?.table_from_base.to_array())
     }
 
     /// Returns its controllers, each commanded once per control step.

@@ -7,7 +7,7 @@ use cell::{
 use nalgebra::{Isometry3, Vector3};
 use robot::RobotModel;
 use schemas::executions::Outcome;
-use spatial::Pose;
+use spatial::{Base, Pose, Table};
 
 use crate::lab::{LISTEN, connect, cube, execute_by, goal, joints_of, scene};
 
@@ -16,8 +16,8 @@ pub(crate) const ARM: &str = include_str!("../../../../data/robots/xarm6_allegro
 /// The arm's joints where the hand points down, in front of it and well above the table.
 const ABOVE: [f64; 6] = [0.0, -0.6, -0.6, 0.0, 1.2, 0.0];
 
-fn table_from_base() -> Isometry3<f64> {
-    Isometry3::translation(-0.4, 0.1, 0.0)
+fn table_from_base() -> Pose<Table, Base> {
+    Pose::new(Isometry3::translation(-0.4, 0.1, 0.0))
 }
 
 pub(crate) fn config() -> SimulatedCellConfig {
@@ -65,7 +65,7 @@ pub(crate) fn carried() -> Goal {
     asked.grasp.flexion_joints = Vec::new();
     // The cube stands elsewhere, turned by one radian.
     let turned = Isometry3::new(Vector3::new(0.1, 0.05, 0.0), Vector3::z());
-    let cube = turned * asked.table_from_object.isometry();
+    let cube = turned * *asked.table_from_object;
     asked.table_from_object = Pose::new(cube);
     asked.carrier = Carrier::Arm(still(arm, [(0.0, ABOVE.to_vec()), (0.5, beside)]));
     let open = hand.mid_range();
@@ -86,8 +86,8 @@ fn the_palm_is_where_the_arm_has_it() {
     );
     let asked = carried();
     let report = execute_by(&client, &asked, &joints_of(ARM));
-    let cube = report.samples[0].table_from_object.isometry();
-    let off = asked.table_from_object.isometry().inv_mul(cube);
+    let cube = report.samples[0].table_from_object;
+    let off = asked.table_from_object.inv_mul(&cube);
     assert!(
         off.translation.vector.norm() < 1e-3 && off.rotation.angle() < 1e-3,
         "{off}"
@@ -112,8 +112,8 @@ fn the_palm_is_where_the_arm_has_it() {
                 .iter()
                 .map(|&idx| sample.q_command_rad[idx])
                 .collect();
-            let there = table_from_base() * robot.forward_kinematics(&q).unwrap()[palm];
-            [*sample.table_from_palm.isometry(), there]
+            let there = *(table_from_base() * robot.forward_kinematics(&q).unwrap()[palm]);
+            [*sample.table_from_palm, there]
         })
         .collect();
     assert!(palms.len() > 40);

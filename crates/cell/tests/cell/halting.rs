@@ -32,11 +32,11 @@ fn held_s(report: &Report) -> f64 {
         let sample = samples
             .find(|sample| sample.time_s > time_s - 1e-6)
             .unwrap();
-        sample.table_from_object.isometry().translation.z
+        sample.table_from_object.translation.z
     };
     let (then, at_last) = (height(stopped_s), height(report.duration_s()));
     assert!((then - at_last).abs() < 0.002, "{then} m, then {at_last} m");
-    let moved = |sample: &cell::Sample| sample.table_from_palm.isometry().translation.vector;
+    let moved = |sample: &cell::Sample| sample.table_from_palm.translation.vector;
     let last = report.samples.last().unwrap();
     let mut after = report.samples.iter();
     let first = after

@@ -230,7 +230,7 @@ fn palm_keeps_the_limits_of_the_cell() {
         |p| {
             let along = Isometry3::translation(0.0225, 0.0, 0.0);
             p[1].time_s = 0.03;
-            p[1].table_from_palm = Pose::new(along * p[0].table_from_palm.isometry());
+            p[1].table_from_palm = Pose::new(along * *p[0].table_from_palm);
             p[1].velocity.linear.x = 1.5;
         },
         "m/s² between 0 and 0.03 s",

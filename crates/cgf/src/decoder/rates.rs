@@ -1,46 +1,45 @@
 //! How fast a hand moves: from derivatives of the network's outputs to those of its pose.
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use spatial::Pose;
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use spatial::{Pose, Table, Twist};
 
-use crate::grasp::{Grasp, ROOT};
+use crate::{
+    data::NetworkFrame,
+    grasp::{Grasp, ROOT},
+};
 
 /// A hand at one time of a motion and how it moves there.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MovingGrasp {
+pub struct MovingGrasp<F = Table> {
     /// Where it is.
-    pub grasp: Grasp,
+    pub grasp: Grasp<F>,
     /// How fast it moves.
-    pub velocity: HandRate,
+    pub velocity: HandRate<F>,
     /// How fast that changes.
-    pub acceleration: HandRate,
+    pub acceleration: HandRate<F>,
 }
 
 /// A first or second derivative of a [`Grasp`] with respect to the network's time t, which runs from 1
 /// (far) to 0 (the grasp).
 #[derive(Debug, Clone, PartialEq)]
-pub struct HandRate {
-    /// Of the palm's origin along the table's axes, in meters per unit of t (or its square).
-    pub linear: Vector3<f64>,
-    /// The palm's angular velocity or acceleration along the table's axes, in radians per unit of t (or
-    /// its square).
-    pub angular: Vector3<f64>,
+pub struct HandRate<F = Table> {
+    /// Of the palm, in meters and radians per unit of t (or its square).
+    pub palm: Twist<F>,
     /// Of the joint positions, in radians per unit of t (or its square).
     pub q: Vec<f64>,
 }
 
-impl MovingGrasp {
+impl<F> MovingGrasp<F> {
     /// Returns the same hand in another frame, which does not move in the first.
-    pub(super) fn moved(self, other_from_frame: &Isometry3<f64>) -> Self {
-        let turned = |rate: HandRate| HandRate {
-            linear: other_from_frame.rotation * rate.linear,
-            angular: other_from_frame.rotation * rate.angular,
+    pub(super) fn moved<G>(self, other_from_frame: &Pose<G, F>) -> MovingGrasp<G> {
+        let along = |rate: HandRate<F>| HandRate {
+            palm: rate.palm.along(other_from_frame),
             q: rate.q,
         };
-        Self {
+        MovingGrasp {
             grasp: self.grasp.moved(other_from_frame),
-            velocity: turned(self.velocity),
-            acceleration: turned(self.acceleration),
+            velocity: along(self.velocity),
+            acceleration: along(self.acceleration),
         }
     }
 }
@@ -49,7 +48,7 @@ impl MovingGrasp {
 type Moving = [Vector3<f64>; 3];
 
 /// Reads a hand's numbers, their first and their second derivatives; `None` if the rotation is none.
-pub(super) fn moving_grasp(numbers: &[Vec<f64>; 3]) -> Option<MovingGrasp> {
+pub(super) fn moving_grasp(numbers: &[Vec<f64>; 3]) -> Option<MovingGrasp<NetworkFrame>> {
     let vector = |at: usize| -> Option<Moving> {
         let mut parts = [Vector3::zeros(); 3];
         for (part, numbers) in parts.iter_mut().zip(numbers) {
@@ -64,20 +63,13 @@ pub(super) fn moving_grasp(numbers: &[Vec<f64>; 3]) -> Option<MovingGrasp> {
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
     let q = |order: usize| numbers[order].get(ROOT..).map(<[f64]>::to_vec);
     let rate = |linear: Vector3<f64>, angular: Vector3<f64>, order: usize| {
-        let q = q(order)?;
-        let is_finite = linear
-            .iter()
-            .chain(&angular)
-            .chain(&q)
-            .all(|x| x.is_finite());
-        is_finite.then_some(HandRate { linear, angular, q })
+        let (palm, q) = (Twist::new(linear, angular), q(order)?);
+        let is_finite = palm.is_finite() && q.iter().all(|x| x.is_finite());
+        is_finite.then_some(HandRate { palm, q })
     };
     Some(MovingGrasp {
         grasp: Grasp {
-            table_from_palm: Pose::new(Isometry3::from_parts(
-                Translation3::from(position),
-                rotation,
-            )),
+            frame_from_palm: Pose::from_parts(position, rotation),
             q_rad: q(0)?,
         },
         velocity: rate(velocity, spin, 1)?,

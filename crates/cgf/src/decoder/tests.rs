@@ -1,6 +1,7 @@
 use candle_core::{Device, Tensor};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rayon::ThreadPoolBuilder;
+use spatial::Pose;
 
 use super::*;
 use crate::{
@@ -87,10 +88,10 @@ fn feature() -> ObjectFeature {
     let mut random = Random::new(1, 0);
     ObjectFeature {
         values: (0..48).map(|_| random.normal() as f32).collect(),
-        table_from_network: Isometry3::new(
+        table_from_network: Pose::new(Isometry3::new(
             Vector3::new(0.0, 0.0, 0.1),
             Vector3::new(1.2, 0.3, 0.0),
-        ),
+        )),
     }
 }
 
@@ -106,16 +107,16 @@ fn equal_times(n: usize) -> Vec<f64> {
 
 /// All numbers of a hand but its rotation.
 fn numbers(grasp: &Grasp) -> Vec<f64> {
-    let position = grasp.table_from_palm.isometry().translation.vector;
+    let position = grasp.frame_from_palm.translation.vector;
     position.iter().chain(&grasp.q_rad).copied().collect()
 }
 
 fn rate_numbers(rate: &HandRate) -> Vec<f64> {
-    rate.linear.iter().chain(&rate.q).copied().collect()
+    rate.palm.linear.iter().chain(&rate.q).copied().collect()
 }
 
 fn rotation(grasp: &Grasp) -> UnitQuaternion<f64> {
-    grasp.table_from_palm.isometry().rotation
+    grasp.frame_from_palm.rotation
 }
 
 /// The greatest difference of vectors, as a share of the greatest number.
@@ -157,12 +158,12 @@ fn check_rates(activation: Activation, latents: &[Vec<f64>], times: &[f64]) {
         ));
         let vector = |v: Vector3<f64>| v.iter().copied().collect::<Vec<f64>>();
         let turn = rotation(&after.grasp) * rotation(&before.grasp).inverse();
-        found[2].push(vector(here.velocity.angular));
+        found[2].push(vector(here.velocity.palm.angular));
         expected[2].push(vector(turn.scaled_axis() / (2.0 * H)));
-        found[3].push(vector(here.acceleration.angular));
+        found[3].push(vector(here.acceleration.palm.angular));
         expected[3].push(slope(
-            vector(after.velocity.angular),
-            vector(before.velocity.angular),
+            vector(after.velocity.palm.angular),
+            vector(before.velocity.palm.angular),
         ));
     }
     for (what, (found, expected)) in found.iter().zip(&expected).enumerate() {

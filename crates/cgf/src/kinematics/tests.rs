@@ -41,10 +41,10 @@ fn poses_are_those_of_forward_kinematics() {
     let rotation = rotation_from_rot6d([3, 4, 5, 6, 7, 8].map(number)).unwrap();
     let frame = Isometry3::from_parts(Translation3::new(number(0), number(1), number(2)), rotation);
     let q: Vec<f64> = (ROOT..width).map(number).collect();
-    let links = hand.forward_kinematics(&q).unwrap();
+    let links = hand.forward_kinematics::<spatial::Palm>(&q).unwrap();
     assert_eq!(poses.len(), 9 * links.len());
     for (pose, link) in poses.chunks_exact(9).zip(links) {
-        let expected = frame * link;
+        let expected = frame * *link;
         let numbers = expected.translation.vector.iter().copied();
         for (a, b) in pose.iter().zip(numbers.chain(rot6d(&expected.rotation))) {
             assert!((f64::from(*a) - b).abs() < 1e-6);

@@ -2,6 +2,7 @@ use std::sync::LazyLock;
 
 use candle_core::Var;
 use geometry::TriMesh;
+use nalgebra::Isometry3;
 
 use super::*;
 use crate::random::Random;
@@ -30,8 +31,8 @@ fn surroundings() -> Surroundings {
     let seen = Isometry3::new(Vector3::new(0.01, 0.02, 0.0), Vector3::new(0.0, 0.0, 0.4));
     Surroundings {
         field: FIELD.clone(),
-        object_from_seen: Isometry3::translation(0.0, 0.0, -0.09) * seen,
-        table_from_seen: seen,
+        object_from_network: Pose::new(Isometry3::translation(0.0, 0.0, -0.09) * seen),
+        table_from_network: Pose::new(seen),
     }
 }
 
@@ -104,7 +105,7 @@ fn gradients_equal_central_differences() {
 fn every_motion_is_measured_in_its_own_surroundings() {
     let deep = row([0.03, 0.0, 0.06], [0.0, 0.0]);
     let mut away = surroundings();
-    away.object_from_seen = Isometry3::translation(0.0, 0.0, -9.0);
+    away.object_from_network = Pose::new(Isometry3::translation(0.0, 0.0, -9.0));
     let rows = vec![deep; 4];
     let values = penetration(&rows, &[surroundings(), away]);
     assert!(values[0] > 0.0 && values[0] == values[1], "{values:?}");

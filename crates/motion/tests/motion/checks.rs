@@ -77,7 +77,7 @@ fn between_two_steps_a_motion_is_straight_and_beyond_them_it_rests() {
     let motion = Motion::new(&JOINTS, vec![step(0.0), step(1.0), step(4.0)]).unwrap();
     let middle = motion.at(2.5);
     assert!((middle.q_rad[1] - 2.5).abs() < 1e-12);
-    let place = middle.frame_from_palm.isometry().translation.vector;
+    let place = middle.frame_from_palm.translation.vector;
     assert!((place.z - 0.25).abs() < 1e-12);
     for (time_s, expected) in [(-1.0, 0.0), (0.0, 0.0), (4.0, 4.0), (9.0, 4.0)] {
         assert!((motion.at(time_s).q_rad[1] - expected).abs() < 1e-12);
@@ -101,8 +101,8 @@ proptest! {
         prop_assert_eq!(&other.reordered(&own).unwrap(), &motion);
         let by = Translation3::new(0.1, -0.2, 0.3);
         let at = |motion: &Motion<Object>| motion.at_fraction(share).frame_from_palm;
-        let off = at(&motion.shifted(&by)).isometry().translation.vector
-            - at(&motion).isometry().translation.vector;
+        let off = at(&motion.shifted(&by)).translation.vector
+            - at(&motion).translation.vector;
         prop_assert!((off - by.vector).norm() < 1e-12);
     }
 }
@@ -121,6 +121,6 @@ fn another_frame_sees_the_same_motion() {
     let seen = motion.seen_from(&table_from_object);
     let expected = table_from_object * motion.at(0.3).frame_from_palm;
     let off = expected.inverse() * seen.at(0.3).frame_from_palm;
-    assert!(off.isometry().translation.vector.norm() < 1e-12);
+    assert!(off.translation.vector.norm() < 1e-12);
     assert!(motion.joints_at(0.3).is_none());
 }

@@ -18,7 +18,6 @@ proptest! {
         for step in motion.steps() {
             let found = course.at(step.time_s);
             let off = step.frame_from_palm.inverse() * found.frame_from_palm;
-            let off = off.isometry();
             prop_assert!(off.translation.vector.norm() < 1e-9);
             prop_assert!(off.rotation.angle() < 1e-7);
             let (found_rates, rates) = (&found.rates, &step.rates);
@@ -30,7 +29,7 @@ proptest! {
         }
         let (time, h) = (share * course.duration_s(), 1e-5);
         let [before, now, after] = [-h, 0.0, h].map(|d| course.at(time + d));
-        let [a, b] = [&before, &after].map(|step| step.frame_from_palm.isometry().rotation);
+        let [a, b] = [&before, &after].map(|step| step.frame_from_palm.rotation);
         let spin = (b * a.inverse()).scaled_axis() / (2.0 * h);
         let [before, now, after] = [before, now, after].map(|step| step.rates);
         let angular = now.palm_velocity.angular;

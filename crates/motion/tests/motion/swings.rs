@@ -63,14 +63,11 @@ pub(crate) fn motions(names: &'static [&'static str]) -> impl Strategy<Value = M
                 frame_from_palm: Pose::new(pose),
                 q_rad: q(0),
                 rates: HandRates {
-                    palm_velocity: Twist {
-                        linear: along(1),
-                        angular: z * yaw_1 + y * pitch_1,
-                    },
-                    palm_acceleration: Twist {
-                        linear: along(2),
-                        angular: z * yaw_2 + y * pitch_2 + (z * yaw_1).cross(&(y * pitch_1)),
-                    },
+                    palm_velocity: Twist::new(along(1), z * yaw_1 + y * pitch_1),
+                    palm_acceleration: Twist::new(
+                        along(2),
+                        z * yaw_2 + y * pitch_2 + (z * yaw_1).cross(&(y * pitch_1)),
+                    ),
                     joints: JointRates {
                         velocity: q(1),
                         acceleration: q(2),

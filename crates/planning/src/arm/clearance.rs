@@ -1,7 +1,8 @@
 //! How far the arm's links keep from the table, from each other and from the hand.
 
-use nalgebra::{Isometry3, Vector3};
-use robot::{RobotModel, Shape, gap};
+use nalgebra::Vector3;
+use robot::{Link, RobotModel, Shape, gap};
+use spatial::{Base, Pose};
 
 use super::hand::beyond;
 use crate::infeasible::{ArmFault, Place};
@@ -38,7 +39,7 @@ pub(crate) struct Pair {
 struct Piece {
     link: usize,
     name: String,
-    link_from_shape: Isometry3<f64>,
+    link_from_shape: Pose<Link, Shape>,
     shape: Shape,
 }
 
@@ -47,7 +48,7 @@ struct Piece {
 pub(crate) struct Stand {
     pub(crate) at: Place,
     /// Pose of each link in the frame of the arm's foot.
-    pub(crate) base_from_links: Vec<Isometry3<f64>>,
+    pub(crate) base_from_links: Vec<Pose<Base, Link>>,
 }
 
 impl Clearance {
@@ -70,7 +71,7 @@ impl Clearance {
         };
         let pieces = pieces(robot);
         let stand = robot.link_poses(|joint| robot.joints()[joint].nearest_zero());
-        let zero: Vec<Isometry3<f64>> = pieces.iter().map(|piece| piece.pose(&stand)).collect();
+        let zero: Vec<Pose<Base, Shape>> = pieces.iter().map(|piece| piece.pose(&stand)).collect();
         let mut pairs = Vec::new();
         for (first, (a, at_a)) in pieces.iter().zip(&zero).enumerate() {
             for (second, (b, at_b)) in pieces.iter().zip(&zero).enumerate().skip(first + 1) {
@@ -115,7 +116,7 @@ impl Clearance {
         up: &Vector3<f64>,
         foot_m: f64,
     ) -> Result<(), ArmFault> {
-        let poses: Vec<Vec<Isometry3<f64>>> = self
+        let poses: Vec<Vec<Pose<Base, Shape>>> = self
             .pieces
             .iter()
             .map(|piece| {
@@ -213,7 +214,7 @@ fn check_pair(
 /// Returns how far points of one piece move in the frame of the other from a place to the next, or came
 /// from the last, at most.
 fn relative(a: &Track<'_>, b: &Track<'_>, idx: usize) -> f64 {
-    let pose = |idx: usize| Some(a.poses.get(idx)?.inverse() * b.poses.get(idx)?);
+    let pose = |idx: usize| Some(a.poses.get(idx)?.inverse() * *b.poses.get(idx)?);
     let Some(here) = pose(idx) else { return 0.0 };
     let neighbors = [idx.checked_sub(1), Some(idx + 1)].into_iter().flatten();
     neighbors
@@ -223,7 +224,7 @@ fn relative(a: &Track<'_>, b: &Track<'_>, idx: usize) -> f64 {
 }
 
 /// Returns how far points within a radius of a pose's origin move to another pose, at most.
-fn moves(from: &Isometry3<f64>, to: &Isometry3<f64>, radius_m: f64) -> f64 {
+fn moves<Frame>(from: &Pose<Frame, Shape>, to: &Pose<Frame, Shape>, radius_m: f64) -> f64 {
     let way = (to.translation.vector - from.translation.vector).norm();
     way + from.rotation.angle_to(&to.rotation) * radius_m
 }
@@ -232,13 +233,13 @@ fn moves(from: &Isometry3<f64>, to: &Isometry3<f64>, radius_m: f64) -> f64 {
 struct Track<'a> {
     piece: &'a Piece,
     radius_m: f64,
-    poses: &'a [Isometry3<f64>],
+    poses: &'a [Pose<Base, Shape>],
     /// How far its points move from each place to the next, at most.
     moves_m: Vec<f64>,
 }
 
 impl<'a> Track<'a> {
-    fn new(piece: &'a Piece, poses: &'a [Isometry3<f64>]) -> Self {
+    fn new(piece: &'a Piece, poses: &'a [Pose<Base, Shape>]) -> Self {
         let radius_m = piece.shape.radius_m();
         let moves_m = poses.windows(2).map(|pair| match pair {
             [from, to] => moves(from, to, radius_m),
@@ -266,7 +267,7 @@ impl<'a> Track<'a> {
 }
 
 impl Piece {
-    fn pose(&self, base_from_links: &[Isometry3<f64>]) -> Isometry3<f64> {
+    fn pose(&self, base_from_links: &[Pose<Base, Link>]) -> Pose<Base, Shape> {
         base_from_links[self.link] * self.link_from_shape
     }
 }
@@ -318,8 +319,8 @@ impl Clearance {
     pub(crate) fn shape_at(
         &self,
         idx: usize,
-        base_from_links: &[Isometry3<f64>],
-    ) -> (Isometry3<f64>, Shape) {
+        base_from_links: &[Pose<Base, Link>],
+    ) -> (Pose<Base, Shape>, Shape) {
         let piece = &self.pieces[idx];
         (piece.pose(base_from_links), piece.shape.clone())
     }

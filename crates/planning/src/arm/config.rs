@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use simulation::SettingFault;
-use spatial::Pose;
+use spatial::{Base, Pose, Table};
 
 /// Most yaw angles of the object that may be tried.
 const MOST_TURNS: usize = 360;
@@ -49,17 +49,13 @@ pub struct ArmConfig {
     pub least_singular_value: f64,
 }
 
-/// The frame of the arm's base, the URDF's root link.
-#[derive(Debug, Clone, Copy)]
-pub enum Base {}
-
 impl ArmConfig {
     /// Returns the pose of the arm's base in the table's frame.
     ///
     /// # Errors
     ///
     /// Fails if the option's numbers are not a pose.
-    pub fn table_from_base(&self) -> Result<Pose<spatial::Table, Base>, SettingFault> {
+    pub fn table_from_base(&self) -> Result<Pose<Table, Base>, SettingFault> {
         Pose::from_array(self.table_from_base).map_err(|err| {
             let problem = err.to_string();
             SettingFault::new("arm.table_from_base", problem)

@@ -1,8 +1,8 @@
 //! The hand on the arm, and the hand for which motions are made.
 
-use nalgebra::Isometry3;
-use robot::{Chain, Joint, JointKind, RobotModel};
+use robot::{Chain, Joint, JointKind, Link, RobotModel};
 use simulation::SettingFault;
+use spatial::{Base, Palm, Pose};
 
 /// How far links may be from where the other description has them, in meters and radians.
 const SAME: f64 = 1e-9;
@@ -41,14 +41,14 @@ pub(crate) fn joints_of_hand(
     }
     for share in SAMPLES {
         let q: Vec<f64> = hand.joints().iter().map(|joint| at(joint, share)).collect();
-        let palm_from_links = hand.link_poses(|joint| q[joint]);
+        let palm_from_links = hand.link_poses::<Palm>(|joint| q[joint]);
         let mut all = vec![0.0; robot.dof()];
         for (&joint, &q) in joints.iter().zip(&q) {
             all[joint] = q;
         }
-        let base_from_links = robot.link_poses(|joint| all[joint]);
-        let base_from_palm = base_from_links[palm];
+        let base_from_links = robot.link_poses::<Base>(|joint| all[joint]);
         // The hand's root is the palm, whatever it is called.
+        let base_from_palm = Pose::<Base, Palm>::new(*base_from_links[palm]);
         for (link, palm_from_link) in hand.links().iter().zip(&palm_from_links).skip(1) {
             let ours = robot.link(&link.name).filter(|&idx| is_carried(idx));
             let Some(found) = ours.map(|idx| base_from_links[idx]) else {
@@ -88,7 +88,7 @@ fn at(joint: &Joint, share: f64) -> f64 {
     }
 }
 
-fn off(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
+fn off(a: &Pose<Palm, Link>, b: &Pose<Palm, Link>) -> f64 {
     let way = (a.translation.vector - b.translation.vector).norm();
     // The angle of a small turn, from the vector part: the cosine has lost it.
     let turn = (a.rotation * b.rotation.inverse()).vector().norm() * 2.0;

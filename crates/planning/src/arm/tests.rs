@@ -5,7 +5,7 @@ use proptest::{
 };
 use robot::RobotModel;
 use simulation::Protocol;
-use spatial::{Object, Pose, Table};
+use spatial::{Base, Object, Palm, Pose, Table};
 
 use super::*;
 use crate::{
@@ -75,7 +75,7 @@ fn links_are_those_of_all_joints_or_an_error() {
     }
     // Nor is a pose clear that is no number.
     let mut links = links(6, 16).unwrap();
-    links[3].translation.vector.x = f64::NAN;
+    links[3] = Pose::new(nalgebra::Isometry3::translation(f64::NAN, 0.0, 0.0));
     let stand = clearance::Stand {
         at: crate::Place::Way { time_s: 0.0 },
         base_from_links: links,
@@ -101,18 +101,13 @@ fn fault(arm: &Arm, drawn: &Drawn) -> ArmFault {
 }
 
 /// Where the palm shall be, in the frame of the arm's foot.
-fn asked(
-    arm: &Arm,
-    path: &ArmPath<'_>,
-    course: &Course<Object>,
-    time_s: f64,
-) -> nalgebra::Isometry3<f64> {
-    let object_from_palm = *course.at(time_s).frame_from_palm.isometry();
-    arm.base_from_table * path.table_from_object.isometry() * object_from_palm
+fn asked(arm: &Arm, path: &ArmPath<'_>, course: &Course<Object>, time_s: f64) -> Pose<Base, Palm> {
+    let object_from_palm = course.at(time_s).frame_from_palm;
+    arm.base_from_table * path.table_from_object * object_from_palm
 }
 
 /// Meters or radians from one pose to another, whichever is more.
-fn off(a: &nalgebra::Isometry3<f64>, b: &nalgebra::Isometry3<f64>) -> f64 {
+fn off(a: &Pose<Base, Palm>, b: &Pose<Base, Palm>) -> f64 {
     let way = (a.translation.vector - b.translation.vector).norm();
     way.max((a.rotation * b.rotation.inverse()).angle())
 }
@@ -143,7 +138,7 @@ fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course<Object>, lift_m: f64) {
         assert!(arm.chain.is_within_limits(&now.q), "{:?}", now.q);
         let fingers = course.at(time_s).q_rad;
         let links = arm.links(&now.q, &fingers).unwrap();
-        let far = off(&links[palm], &asked(arm, path, course, time_s));
+        let far = off(&Pose::new(*links[palm]), &asked(arm, path, course, time_s));
         assert!(far < 1e-6, "{far} at {time_s} s");
         if let Some(before) = before {
             for ((before, now), most) in before.iter().zip(&now.q).zip(&most_velocity) {
@@ -170,9 +165,13 @@ fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course<Object>, lift_m: f64) {
         assert!(arm.chain.is_within_limits(&now.q));
         let links = arm.links(&now.q, &grasp.q_rad).unwrap();
         let up = nalgebra::Translation3::new(0.0, 0.0, height_m);
-        let table_from_palm =
-            up * path.table_from_object.isometry() * grasp.frame_from_palm.isometry();
-        assert!(off(&links[palm], &(arm.base_from_table * table_from_palm)) < 1e-6);
+        let table_from_palm = Pose::new(up * *(path.table_from_object * grasp.frame_from_palm));
+        assert!(
+            off(
+                &Pose::new(*links[palm]),
+                &(arm.base_from_table * table_from_palm)
+            ) < 1e-6
+        );
         clear.check(&links, &arm.base_from_table);
     }
 }
@@ -325,13 +324,13 @@ fn the_object_is_turned_about_the_vertical_where_it_stands() {
     let drawn = straight([0.0, 0.0, 0.5], [0.0, 0.0, 0.3], [0.3, -0.1, 0.04]);
     let course = course_of(&drawn).unwrap();
     let path = follow(&arm, &course, &drawn, 0.1).unwrap();
-    let found = path.table_from_object.isometry();
+    let found = path.table_from_object;
     let place = found.translation.vector;
     assert!(
         (place - nalgebra::Vector3::new(0.3, 0.2, 0.04)).norm() < 1e-12,
         "{place}"
     );
-    let turn = found.rotation * drawn.table_from_object.isometry().rotation.inverse();
+    let turn = found.rotation * drawn.table_from_object.rotation.inverse();
     let [x, y, z] = <[f64; 3]>::from(turn.scaled_axis());
     assert!(x.abs() < 1e-12 && y.abs() < 1e-12);
     let eighths = z / (std::f64::consts::TAU / 8.0);
@@ -358,7 +357,7 @@ fn the_table_may_be_anywhere_about_the_foot() {
     let turned = Drawn {
         table_from_object: Pose::<Table, Object>::new(
             nalgebra::UnitQuaternion::from_axis_angle(&nalgebra::Vector3::z_axis(), 0.8)
-                * drawn.table_from_object.isometry(),
+                * *drawn.table_from_object,
         ),
         ..drawn.clone()
     };
@@ -530,7 +529,7 @@ fn a_joint_path_is_what_it_says() {
     let course = course_of(&drawn).unwrap();
     for share in [0.2, 0.77] {
         let time_s = share * course.duration_s();
-        let expected = arm.chain.posture(&path.q(time_s)).unwrap().root_from_end;
+        let expected = arm.chain.posture(&path.q(time_s)).unwrap().base_from_palm;
         let way = Way::new(&arm, &course, &drawn.table_from_object, 0.0);
         let found = way.at(crate::Place::Way { time_s });
         assert!(off(&found.base_from_palm, &expected) < 1e-5);

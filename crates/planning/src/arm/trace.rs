@@ -100,7 +100,7 @@ impl Tracer<'_, '_> {
     fn halved(&self, from: &Knot, target: &Target, halvings: usize) -> Result<Knot, ArmFault> {
         let sought = from.ahead(target.at);
         let chain = &self.arm.chain;
-        let found = chain.solve_beyond_limits(&target.base_from_palm, &sought);
+        let found = chain.solve(&target.base_from_palm, &sought);
         let is_near = |q: &[f64]| {
             let mut pairs = q.iter().zip(&sought);
             pairs.all(|(q, sought)| (q - sought).abs() < NEAR)

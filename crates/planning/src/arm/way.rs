@@ -2,8 +2,8 @@
 //! arm's foot.
 
 use motion::{Course, Step};
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3, Vector6};
-use spatial::{Object, Pose, Table, Twist};
+use nalgebra::{Translation3, UnitQuaternion, Vector3};
+use spatial::{Base, Object, Palm, Pose, Table, Twist};
 
 use super::Arm;
 use crate::infeasible::Place;
@@ -13,7 +13,7 @@ use crate::infeasible::Place;
 pub(crate) struct Way<'a> {
     course: &'a Course<Object>,
     pub(crate) table_from_object: Pose<Table, Object>,
-    base_from_object: Isometry3<f64>,
+    base_from_object: Pose<Base, Object>,
     /// The table's vertical in the frame of the arm's foot.
     up: Vector3<f64>,
 }
@@ -22,11 +22,11 @@ pub(crate) struct Way<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Target {
     pub(crate) at: Place,
-    pub(crate) base_from_palm: Isometry3<f64>,
-    /// Derivative by the place (s or m): of the palm's origin, then angular.
-    pub(crate) twist: Vector6<f64>,
+    pub(crate) base_from_palm: Pose<Base, Palm>,
+    /// Derivative by the place (s or m).
+    pub(crate) twist: Twist<Base>,
     /// Second derivative.
-    pub(crate) rate: Vector6<f64>,
+    pub(crate) rate: Twist<Base>,
 }
 
 impl<'a> Way<'a> {
@@ -37,16 +37,15 @@ impl<'a> Way<'a> {
         table_from_object: &Pose<Table, Object>,
         turn: f64,
     ) -> Self {
-        let screened = table_from_object.isometry();
         let [x, y] = arm.config.object_m;
-        let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn) * screened.rotation;
-        let place = Translation3::new(x, y, screened.translation.z);
-        let table_from_object = Isometry3::from_parts(place, turned);
+        let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
+        let place = [x, y, table_from_object.translation.z];
+        let table_from_object = Pose::from_parts(place, yaw * table_from_object.rotation);
         Self {
             course,
-            table_from_object: Pose::new(table_from_object),
+            table_from_object,
             base_from_object: arm.base_from_table * table_from_object,
-            up: arm.base_from_table.rotation * Vector3::z(),
+            up: arm.base_from_table * Vector3::z(),
         }
     }
 
@@ -56,13 +55,13 @@ impl<'a> Way<'a> {
             Place::Way { time_s } => self.of(at, &self.course.at(time_s)),
             Place::Lift { height_m } => {
                 let grasp = self.course.grasp();
-                let base_from_palm = self.base_from_object * grasp.frame_from_palm.isometry();
+                let base_from_palm = self.base_from_object * grasp.frame_from_palm;
                 let up = self.up;
                 Target {
                     at,
-                    base_from_palm: Translation3::from(up * height_m) * base_from_palm,
-                    twist: Vector6::new(up.x, up.y, up.z, 0.0, 0.0, 0.0),
-                    rate: Vector6::zeros(),
+                    base_from_palm: Pose::new(Translation3::from(up * height_m) * *base_from_palm),
+                    twist: Twist::new(up, Vector3::zeros()),
+                    rate: Twist::zero(),
                 }
             }
         }
@@ -70,13 +69,11 @@ impl<'a> Way<'a> {
 
     /// Returns where the palm of a course is that has been looked up.
     pub(crate) fn of(&self, at: Place, hand: &Step<Object>) -> Target {
-        let turn = self.base_from_object.rotation;
-        let six = |twist: &Twist| Vector6::from(twist.turned(&turn).to_array());
         Target {
             at,
-            base_from_palm: self.base_from_object * hand.frame_from_palm.isometry(),
-            twist: six(&hand.rates.palm_velocity),
-            rate: six(&hand.rates.palm_acceleration),
+            base_from_palm: self.base_from_object * hand.frame_from_palm,
+            twist: hand.rates.palm_velocity.along(&self.base_from_object),
+            rate: hand.rates.palm_acceleration.along(&self.base_from_object),
         }
     }
 

@@ -2,7 +2,7 @@ use nalgebra::Isometry3;
 use proptest::prelude::*;
 
 use motion::{HandRates, JointRates, PalmPoint, Step};
-use spatial::{Pose, Twist};
+use spatial::{Object, Pose, Table, Twist};
 
 use super::*;
 use crate::testing::{Drawn, protocol, swings::motions};
@@ -84,10 +84,10 @@ fn palm_of(planned: &Feasible) -> &[PalmPoint] {
 }
 
 /// Where a goal has the hand in the object's frame at a time.
-fn followed(planned: &Feasible, table_from_object: &Isometry3<f64>, time_s: f64) -> Hand {
+fn followed(planned: &Feasible, table_from_object: &Pose<Table, Object>, time_s: f64) -> Hand {
     let table_from_palm = PalmPoint::between(palm_of(planned), time_s).unwrap();
     let q = planned.hand.at(time_s).unwrap().q_rad;
-    (table_from_object.inv_mul(table_from_palm.isometry()), q)
+    (table_from_object.inv_mul(&table_from_palm), q)
 }
 
 /// Pose of the palm and the joints' positions.
@@ -197,7 +197,7 @@ proptest! {
         // What positions alone tell, with rest before and after.
         let (all, dt) = with_rest(palm_of(&planned), |point| point.time_s);
         prop_assert!(dt >= 1.0 / rate_hz * (1.0 - 1e-6));
-        let palm = |k: usize| *all[k].table_from_palm.isometry();
+        let palm = |k: usize| *all[k].table_from_palm;
         let spin = |k: usize| (palm(k + 1).rotation * palm(k).rotation.inverse()).scaled_axis() / dt;
         let place = |k: usize| palm(k).translation.vector;
         for k in 1..all.len() - 1 {
@@ -239,7 +239,7 @@ proptest! {
         let at = place.index(palm.len() - 2) + 1;
         let [before, now, after] = [at - 1, at, at + 1].map(|k| &palm[k]);
         let dt = after.time_s - before.time_s;
-        let [a, b] = [before, after].map(|p| *p.table_from_palm.isometry());
+        let [a, b] = [before, after].map(|p| *p.table_from_palm);
         let speed = (b.translation.vector - a.translation.vector) / dt;
         prop_assert!((speed - now.velocity.linear).norm() < 0.01);
         let spin = (b.rotation * a.rotation.inverse()).scaled_axis() / dt;
@@ -260,13 +260,13 @@ proptest! {
     fn the_goal_stays_on_the_course(motion in motions(&JOINTS), share in 0.0..=1.0_f64) {
         let config = config(Approach::Follow);
         let planned = plan_high(&config, &motion);
-        let object = *high().isometry();
+        let object = high();
         let end_s = planned.grasp.reach_s;
         let followed = |time_s: f64| followed(&planned, &object, time_s);
         let course = Course::through(motion).unwrap();
         let laid = |share: f64| {
             let hand = course.at(share * course.duration_s());
-            (*hand.frame_from_palm.isometry(), hand.q_rad)
+            (*hand.frame_from_palm, hand.q_rad)
         };
         let there = laid(share);
         let far = nearest(|share| off(&there, &followed(share * end_s)));
@@ -343,7 +343,7 @@ fn a_straight_way_takes_the_time_of_a_trapezoid() {
         assert!((-1e-9..0.01).contains(&off), "{found_s} for {expected_s}");
         let [before, now] = [found_s - 0.02, found_s].map(|time_s| {
             let there = PalmPoint::between(palm_of(&planned), time_s).unwrap();
-            there.isometry().translation.z
+            there.translation.z
         });
         assert!(before > now + 1e-5 && (now - 0.1).abs() < 1e-6 * acceleration);
     }
@@ -502,16 +502,16 @@ fn candidates_of_a_lake_stay_where_they_were_screened() {
             };
             made_n += 1;
             slowest = slowest.max(sent.grasp.reach_s / config.grasp.reach_s);
-            let object = candidate.table_from_object.isometry();
+            let object = candidate.table_from_object;
             let way_s = match approach {
                 Approach::Follow => sent.grasp.reach_s,
                 Approach::Open => sent.grasp.reach_s * (1.0 - sent.grasp.close_fraction),
             };
             for tick in 0..=30 {
-                let (there, told) = followed(&sent, object, way_s * f64::from(tick) / 30.0);
+                let (there, told) = followed(&sent, &object, way_s * f64::from(tick) / 30.0);
                 let apart = |share: f64| {
                     let step = screened.at_fraction(share);
-                    let pose = step.frame_from_palm.isometry();
+                    let pose = step.frame_from_palm;
                     let joints = step.q_rad.iter().zip(&told).map(|(a, b)| (a - b).abs());
                     [
                         (pose.translation.vector - there.translation.vector).norm(),

@@ -3,6 +3,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use robot::{Bodies, JointMotion, RobotModel, Root};
+use spatial::{Palm, Pose};
 
 fuzz_target!(|bytes: &[u8]| {
     let model = match RobotModel::from_urdf_bytes(bytes) {
@@ -16,7 +17,7 @@ fuzz_target!(|bytes: &[u8]| {
         assert!(joint.lower <= joint.upper && !joint.lower.is_nan());
     }
     let q = model.mid_range();
-    let poses = model.forward_kinematics(&q).expect("one position per joint");
+    let poses = model.forward_kinematics::<Palm>(&q).expect("one position per joint");
     assert_eq!(poses.len(), model.links().len());
     for (idx, link) in model.links().iter().enumerate() {
         assert!(link.parent.is_none_or(|parent| parent < idx));
@@ -34,7 +35,7 @@ fuzz_target!(|bytes: &[u8]| {
         velocity: &q,
         acceleration: &q,
     };
-    let root = Root::still(poses[0]);
+    let root = Root::still(Pose::new(*poses[0]));
     let down = [0.0, 0.0, -9.81].into();
     let efforts = bodies.inverse_dynamics(&root, &motion, &down);
     assert_eq!(efforts.expect("one number per joint").joints.len(), model.dof());

@@ -167,7 +167,7 @@ mod tests {
         ] {
             let (centers, _) = of(&cuboid(&half_extents_m));
             let primitive = crate::Collision {
-                link_from_shape: nalgebra::Isometry3::identity(),
+                link_from_shape: spatial::Pose::identity(),
                 shape: crate::Shape::Box { half_extents_m },
             };
             let n = super::super::fill(&primitive).len();

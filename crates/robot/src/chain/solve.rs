@@ -6,7 +6,8 @@
 //! missing (Sugihara, *Solvability-Unconcerned Inverse Kinematics by the Levenberg–Marquardt Method*,
 //! 2011, §III): far off it goes downhill, near the end it is Newton's method.
 
-use nalgebra::{Isometry3, Vector6};
+use nalgebra::Vector6;
+use spatial::{Base, Palm, Pose};
 
 use super::{Chain, Posture};
 
@@ -26,23 +27,17 @@ const NOTHING: f64 = 0.98;
 const MOST_NOTHINGS: usize = 4;
 
 impl Chain {
-    /// Returns joint positions within the limits with which the end is at `target`, within 10⁻¹⁰ m and
-    /// rad: those to which damped least squares come from `near`. `None` if they come to none, or to one
-    /// outside the limits.
+    /// Returns joint positions, within the limits or not, with which the end is at `base_from_palm`,
+    /// within 10⁻¹⁰ m and rad: those to which damped least squares come from `near`. `None` if they
+    /// come to none.
     ///
     /// From near enough that is the solution that `near` passes into as the target moves: on a path,
     /// start from the joints extrapolated, and see that they are found close to where they were looked
     /// for.
-    pub fn solve(&self, target: &Isometry3<f64>, near: &[f64]) -> Option<Vec<f64>> {
-        self.solve_beyond_limits(target, near)
-            .filter(|q| self.is_within_limits(q))
-    }
-
-    /// Returns what [`Chain::solve`] does, within the limits or not.
-    pub fn solve_beyond_limits(&self, target: &Isometry3<f64>, near: &[f64]) -> Option<Vec<f64>> {
+    pub fn solve(&self, base_from_palm: &Pose<Base, Palm>, near: &[f64]) -> Option<Vec<f64>> {
         let mut q = near.to_vec();
         let mut posture = self.posture(&q).ok()?;
-        let mut missing = missing(target, &posture);
+        let mut missing = missing(base_from_palm, &posture);
         let mut nothings = 0;
         for _ in 0..STEPS {
             let before = missing.norm();
@@ -51,7 +46,7 @@ impl Chain {
             }
             let square = posture.square(DAMPING * before * before)?;
             let step = posture.transposed(&square.solve(&missing));
-            let Some(next) = self.downhill(target, &q, &step, before) else {
+            let Some(next) = self.downhill(base_from_palm, &q, &step, before) else {
                 break;
             };
             (q, posture, missing) = next;
@@ -70,7 +65,7 @@ impl Chain {
     /// Goes along a step as far as it comes nearer.
     fn downhill(
         &self,
-        target: &Isometry3<f64>,
+        base_from_palm: &Pose<Base, Palm>,
         q: &[f64],
         step: &[f64],
         before: f64,
@@ -83,7 +78,7 @@ impl Chain {
                 .map(|(q, step)| q + share * step)
                 .collect();
             let posture = self.posture(&there).ok()?;
-            let missing = missing(target, &posture);
+            let missing = missing(base_from_palm, &posture);
             if missing.norm() < before {
                 return Some((there, posture, missing));
             }
@@ -93,11 +88,11 @@ impl Chain {
     }
 }
 
-/// Returns what the end still has to move: its way in meters, then its turn in radians, along the root's
+/// Returns what the end still has to move: its way in meters, then its turn in radians, along the base's
 /// axes.
-fn missing(target: &Isometry3<f64>, posture: &Posture) -> Vector6<f64> {
-    let found = &posture.root_from_end;
-    let way = target.translation.vector - found.translation.vector;
-    let turn = (target.rotation * found.rotation.inverse()).scaled_axis();
+fn missing(base_from_palm: &Pose<Base, Palm>, posture: &Posture) -> Vector6<f64> {
+    let found = &posture.base_from_palm;
+    let way = base_from_palm.translation.vector - found.translation.vector;
+    let turn = (base_from_palm.rotation * found.rotation.inverse()).scaled_axis();
     Vector6::new(way.x, way.y, way.z, turn.x, turn.y, turn.z)
 }

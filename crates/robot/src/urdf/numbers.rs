@@ -1,6 +1,7 @@
 //! Numbers of a URDF: finite, and as many as they should be.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use nalgebra::UnitQuaternion;
+use spatial::Pose;
 
 use super::xml::Element;
 use crate::RobotError;
@@ -55,16 +56,14 @@ impl Element {
 
     /// Reads the element's `<origin>`: roll about x, then pitch about y, then yaw about z, all
     /// fixed axes. Without one it is the identity.
-    pub(super) fn origin(&self) -> Result<Isometry3<f64>, RobotError> {
+    pub(super) fn origin<To, From>(&self) -> Result<Pose<To, From>, RobotError> {
         let Some(origin) = self.first("origin") else {
-            return Ok(Isometry3::identity());
+            return Ok(Pose::identity());
         };
-        let [x, y, z] = origin.triple("xyz")?.unwrap_or_default();
+        let position = origin.triple("xyz")?.unwrap_or_default();
         let [roll, pitch, yaw] = origin.triple("rpy")?.unwrap_or_default();
-        Ok(Isometry3::from_parts(
-            Translation3::new(x, y, z),
-            UnitQuaternion::from_euler_angles(roll, pitch, yaw),
-        ))
+        let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+        Ok(Pose::from_parts(position, rotation))
     }
 
     /// Returns the text of an attribute that must be there.

@@ -1,10 +1,11 @@
 //! Links and joints as a URDF writes them, before they are a tree.
 
-use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
+use nalgebra::{Matrix3, Point3, Unit, Vector3};
+use spatial::Pose;
 
 use super::xml::Element;
 use crate::{
-    Collision, Finding, Inertial, JointKind, Mesh, RobotError, Shape,
+    Collision, Finding, Inertial, JointKind, Link, Mesh, RobotError, Shape,
     findings::{Part, Severity},
 };
 
@@ -26,7 +27,7 @@ pub(super) struct RawJoint {
     pub(super) child: String,
     /// `None` if it cannot move.
     pub(super) kind: Option<JointKind>,
-    pub(super) parent_from_joint: Isometry3<f64>,
+    pub(super) parent_from_joint: Pose<Link, Link>,
     pub(super) axis: Unit<Vector3<f64>>,
     /// Least and greatest position; infinite if there is none.
     pub(super) range: (f64, f64),
@@ -133,7 +134,7 @@ fn inertial(
             *number = inertia.number(name)?.unwrap_or(0.0);
         }
     }
-    let link_from_inertial = element.origin()?;
+    let link_from_inertial: Pose<Link, Inertial> = element.origin()?;
     if mass_kg == 0.0 {
         findings.push(Finding {
             severity: Severity::Doubtful,

@@ -89,7 +89,7 @@ fn bounds(link: &Link) -> [Vector3<f64>; 2] {
                 panic!("{collision:?}");
             };
             let corners = body.corners_m().iter();
-            corners.map(|corner| (collision.link_from_shape * corner).coords)
+            corners.map(|corner| (collision.link_from_shape * *corner).coords)
         })
     };
     [

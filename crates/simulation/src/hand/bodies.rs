@@ -38,7 +38,7 @@ pub(crate) fn rigid_groups(model: &RobotModel) -> Vec<RigidGroup> {
                 .map_or_else(Isometry3::identity, |(_, pose)| *pose);
             groups[group]
                 .links
-                .push((idx, body_from_parent * link.parent_from_joint));
+                .push((idx, body_from_parent * *link.parent_from_joint));
             group
         } else {
             groups.push(RigidGroup {
@@ -76,8 +76,9 @@ pub(crate) fn mass_properties(
         let named = all.contains(&group.root);
         return Err(lacking(if named { all } else { vec![group.root] }));
     }
-    let palm_from_links = model.link_poses(|_| 0.0);
-    let all: Vec<_> = palm_from_links.into_iter().enumerate().collect();
+    let palm_from_links = model.link_poses::<spatial::Palm>(|_| 0.0);
+    let all = palm_from_links.iter().map(|pose| **pose).enumerate();
+    let all: Vec<_> = all.collect();
     summed(model, &all, scale).ok_or_else(|| lacking(vec![0]))
 }
 
@@ -132,7 +133,7 @@ pub(crate) fn engine_joint(link: &Link, body_from_parent: &Isometry3<f64>) -> Ge
         None => JointAxesMask::LOCKED_FIXED_AXES,
     };
     GenericJointBuilder::new(locked)
-        .local_frame1(pose(&(body_from_parent * link.parent_from_joint * turn)))
+        .local_frame1(pose(&(body_from_parent * *link.parent_from_joint * turn)))
         .local_frame2(Pose::from_rotation(rotation(&turn)))
         .build()
 }
@@ -188,7 +189,7 @@ pub(crate) fn link_shapes(model: &RobotModel) -> Result<Vec<LinkShape>, Simulati
             shapes.push(LinkShape {
                 link: idx,
                 shape: collision.shape.clone(),
-                link_from_shape: collision.link_from_shape,
+                link_from_shape: *collision.link_from_shape,
                 engine,
                 shape_from_engine,
             });

@@ -1,6 +1,6 @@
 //! What must come out of the hand's physics by theory.
 
-use nalgebra::{DVector, Isometry3, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
 use rapier3d::prelude::{ColliderBuilder, RigidBodyBuilder};
 use robot::{Bodies, JointMotion, RobotModel, Root};
 
@@ -338,10 +338,7 @@ fn nothing_asked_for_takes_no_torque() {
     hand.follow(&mut world, &asked);
     assert!(hand.torques(&world)[0].abs() < 1e-6);
     let efforts = hand.dynamics.inverse_dynamics(
-        &Root {
-            velocity: Vector6::zeros(),
-            ..Root::still(Isometry3::identity())
-        },
+        &Root::still(spatial::Pose::identity()),
         &JointMotion {
             q: &[0.3],
             velocity: &[0.0],

@@ -1,7 +1,8 @@
 //! Fingers that are driven along a motion by the torque that it takes.
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use robot::{JointMotion, Root};
+use spatial::{Pose, Twist};
 
 use super::{DIMENSIONS, Hand, finger_mut};
 use crate::{
@@ -62,10 +63,11 @@ fn root(orientation: &UnitQuaternion<f64>, palm: [f64; DIMENSIONS]) -> Root {
     // Along the turning axes of the palm, a constant velocity turns the other way.
     let turning = -angular.cross(&linear);
     Root {
-        world_from_root: Isometry3::from_parts(nalgebra::Translation3::identity(), *orientation),
-        velocity: Vector6::new(
-            linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
-        ),
-        acceleration: Vector6::new(turning.x, turning.y, turning.z, 0.0, 0.0, 0.0),
+        world_from_palm: Pose::new(Isometry3::from_parts(
+            nalgebra::Translation3::identity(),
+            *orientation,
+        )),
+        velocity: Twist::new(linear, angular),
+        acceleration: Twist::new(turning, Vector3::zeros()),
     }
 }

@@ -21,7 +21,7 @@ fn with_step_moved(
     y: impl Fn(f64) -> f64,
 ) -> Motion<Object, ()> {
     let mut steps = motion.steps().to_vec();
-    let mut pose = *steps[step].frame_from_palm.isometry();
+    let mut pose = *steps[step].frame_from_palm;
     pose.translation.y = y(pose.translation.y);
     steps[step].frame_from_palm = Pose::new(pose);
     Motion::of_joints(motion.joints().clone(), steps).unwrap()
@@ -196,8 +196,8 @@ fn a_displaced_object_is_not_where_the_motion_believes_it() {
         yaw_rad: 0.5,
     };
     let template = template(&scene);
-    let lies = *template.table_from_object().isometry();
-    let believed = *template.table_from_believed().isometry();
+    let lies = *template.table_from_object();
+    let believed = *template.table_from_believed();
     let apart = lies.translation.vector - believed.translation.vector;
     assert!((apart.x - 0.3).abs() < 1e-6 && (apart.y - 0.1).abs() < 1e-6);
     assert!((lies.rotation.angle_to(&believed.rotation) - 0.5).abs() < 1e-6);
@@ -216,8 +216,7 @@ fn the_palm_follows_its_path_and_the_trace_has_every_control_step() {
         .unwrap();
     let steps = rollout.trace.unwrap().steps;
     assert_eq!(steps.len(), 191);
-    let grasp =
-        template.table_from_believed().isometry() * motion.grasp().frame_from_palm.isometry();
+    let grasp = *(template.table_from_believed() * motion.grasp().frame_from_palm);
     for (step, rise) in [(40, 0.0), (190, 0.15)] {
         let palm = steps[step].table_from_palm;
         let error = palm.translation.vector - grasp.translation.vector;

@@ -1,21 +1,23 @@
-//! The scene of a recording: a hand and an object in motion.
+//! The scene of a recording: a robot and an object in motion.
 
-use nalgebra::Isometry3;
+use robot::{Link, RobotModel};
+use spatial::{Object, Pose, Table};
 
 use super::{OBJECT, OBJECT_COLOR, START_NS, TABLE, stamp_ns, transform_stamped};
 use crate::ros2::{JointState, MarkerArray, Text, TfMessage, TransformStamped};
 
-/// The static part of a scene.
+/// The static part of a scene; `Root` is the frame of the robot's root link: a hand's palm or an arm's
+/// base.
 #[derive(Debug, Clone, Copy)]
-pub struct Scene<'a> {
-    /// The hand's URDF.
+pub struct Scene<'a, Root> {
+    /// The robot's URDF.
     pub urdf: &'a str,
+    /// The robot.
+    pub robot: &'a RobotModel,
     /// Names of its movable joints.
     pub joints: &'a [String],
-    /// Its links.
-    pub hand: &'a Hand,
     /// Pose of each link at any joint positions; fixed links are taken from it.
-    pub palm_from_links: &'a [Isometry3<f64>],
+    pub root_from_links: &'a [Pose<Root, Link>],
     /// Vertices of the object's mesh, object frame, in meters.
     pub vertices_m: &'a [[f64; 3]],
     /// Triangles of the object's mesh.
@@ -24,37 +26,37 @@ pub struct Scene<'a> {
 
 /// One moment of a motion.
 #[derive(Debug, Clone, Copy)]
-pub struct SceneStep<'a> {
+pub struct SceneStep<'a, Root> {
     /// Seconds since the motion's first step.
     pub time_s: f64,
-    /// Pose of the palm.
-    pub table_from_palm: Isometry3<f64>,
+    /// Pose of the robot's root link.
+    pub table_from_root: Pose<Table, Root>,
     /// Pose of the object.
-    pub table_from_object: Isometry3<f64>,
-    /// Pose of each link, in the order of [`Scene::hand`].
-    pub palm_from_links: &'a [Isometry3<f64>],
+    pub table_from_object: Pose<Table, Object>,
+    /// Pose of each of the robot's links.
+    pub root_from_links: &'a [Pose<Root, Link>],
     /// Joint positions in radians, in the order of [`Scene::joints`].
     pub q_rad: &'a [f64],
     /// Joint velocities in rad/s; empty if not known.
     pub q_velocity_rad_per_s: &'a [f64],
 }
 
-impl SceneStep<'_> {
+impl<Root> SceneStep<'_, Root> {
     /// Returns the step's stamp in nanoseconds.
     pub fn time_ns(&self) -> i64 {
         stamp_ns(self.time_s)
     }
 }
 
-impl Scene<'_> {
-    /// Returns the hand's URDF, for [`super::ROBOT_DESCRIPTION`].
+impl<Root> Scene<'_, Root> {
+    /// Returns the robot's URDF, for [`super::ROBOT_DESCRIPTION`].
     pub fn description(&self) -> Text {
         super::robot_description(self.urdf)
     }
 
     /// Returns the fixed links' poses, for [`super::TF_STATIC`].
     pub fn fixed(&self) -> TfMessage {
-        self.hand.fixed(START_NS, self.palm_from_links)
+        fixed_links(self.robot, self.root_from_links)
     }
 
     /// Returns the object's mesh, for [`super::MARKERS`].
@@ -69,7 +71,7 @@ impl Scene<'_> {
     }
 
     /// Returns the joint positions, for [`super::JOINT_STATES`].
-    pub fn state(&self, step: &SceneStep<'_>) -> JointState {
+    pub fn state(&self, step: &SceneStep<'_, Root>) -> JointState {
         super::joint_state(
             step.time_ns(),
             self.joints,
@@ -78,12 +80,15 @@ impl Scene<'_> {
         )
     }
 
-    /// Returns the poses of the hand's links and of the object, for [`super::TF`].
-    pub fn poses(&self, step: &SceneStep<'_>) -> TfMessage {
+    /// Returns the poses of the robot's links and of the object, for [`super::TF`].
+    pub fn poses(&self, step: &SceneStep<'_, Root>) -> TfMessage {
         let time_ns = step.time_ns();
-        let mut poses = self
-            .hand
-            .moving(time_ns, &step.table_from_palm, step.palm_from_links);
+        let mut poses = moving_links(
+            time_ns,
+            self.robot,
+            &step.table_from_root,
+            step.root_from_links,
+        );
         poses.transforms.push(transform_stamped(
             time_ns,
             TABLE,
@@ -94,103 +99,73 @@ impl Scene<'_> {
     }
 }
 
-/// A link of a hand, as [`Hand`] needs it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct HandLink {
-    /// Its name in the URDF.
-    pub name: String,
-    /// Index of its parent link, which comes before it; none for the root.
-    pub parent: Option<usize>,
-    /// Whether a joint moves it relative to its parent.
-    pub moves: bool,
+/// Returns the poses of a robot's links that change, for [`super::TF`]: the root in the table's frame and
+/// every moving link in its parent's.
+pub fn moving_links<Root>(
+    time_ns: i64,
+    robot: &RobotModel,
+    table_from_root: &Pose<Table, Root>,
+    root_from_links: &[Pose<Root, Link>],
+) -> TfMessage {
+    let first = robot.links().iter().take(1);
+    let first = first.map(|link| transform_stamped(time_ns, TABLE, &link.name, table_from_root));
+    let moving = below_parents(time_ns, robot, root_from_links, |link| link.joint.is_some());
+    TfMessage {
+        transforms: first.chain(moving).collect(),
+    }
 }
 
-/// The links of a hand, parents before children, the root (palm) first.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Hand {
-    links: Vec<HandLink>,
+/// Returns the poses of a robot's links that never change, for [`super::TF_STATIC`]: those fixed to
+/// their parents.
+pub fn fixed_links<Root>(robot: &RobotModel, root_from_links: &[Pose<Root, Link>]) -> TfMessage {
+    let fixed = below_parents(START_NS, robot, root_from_links, |link| {
+        link.joint.is_none()
+    });
+    TfMessage {
+        transforms: fixed.collect(),
+    }
 }
 
-impl Hand {
-    /// Returns a hand with these links, in the order of the poses given later.
-    pub fn new(links: impl IntoIterator<Item = HandLink>) -> Self {
-        Self {
-            links: links.into_iter().collect(),
-        }
-    }
-
-    /// Returns the poses that change, for `TF`: the root in the table's frame and every moving
-    /// link in its parent's. `palm_from_links` holds one pose per link.
-    pub fn moving(
-        &self,
-        time_ns: i64,
-        table_from_palm: &Isometry3<f64>,
-        palm_from_links: &[Isometry3<f64>],
-    ) -> TfMessage {
-        let root = self
-            .links
-            .first()
-            .map(|link| transform_stamped(time_ns, TABLE, &link.name, table_from_palm));
-        let mut transforms: Vec<TransformStamped> = root.into_iter().collect();
-        transforms.extend(self.below_parents(time_ns, palm_from_links, |link| link.moves));
-        TfMessage { transforms }
-    }
-
-    /// Returns the poses that never change, for `TF_STATIC`: links fixed to their parents.
-    pub fn fixed(&self, time_ns: i64, palm_from_links: &[Isometry3<f64>]) -> TfMessage {
-        TfMessage {
-            transforms: self
-                .below_parents(time_ns, palm_from_links, |link| !link.moves)
-                .collect(),
-        }
-    }
-
-    fn below_parents(
-        &self,
-        time_ns: i64,
-        palm_from_links: &[Isometry3<f64>],
-        wanted: impl Fn(&HandLink) -> bool,
-    ) -> impl Iterator<Item = TransformStamped> {
-        self.links
-            .iter()
-            .zip(palm_from_links)
-            .filter(move |(link, _)| wanted(link))
-            .filter_map(move |(link, palm_from_link)| {
-                let parent = link.parent?;
-                let parent_from_palm = palm_from_links.get(parent)?.inverse();
-                Some(transform_stamped(
-                    time_ns,
-                    &self.links.get(parent)?.name,
-                    &link.name,
-                    &(parent_from_palm * palm_from_link),
-                ))
-            })
-    }
+fn below_parents<Root>(
+    time_ns: i64,
+    robot: &RobotModel,
+    root_from_links: &[Pose<Root, Link>],
+    is_wanted: impl Fn(&Link) -> bool,
+) -> impl Iterator<Item = TransformStamped> {
+    let links = robot.links().iter().zip(root_from_links);
+    links
+        .filter(move |(link, _)| is_wanted(link))
+        .filter_map(move |(link, root_from_link)| {
+            let parent = link.parent?;
+            let parent_from_root = root_from_links.get(parent)?.inverse();
+            Some(transform_stamped(
+                time_ns,
+                &robot.links().get(parent)?.name,
+                &link.name,
+                &(parent_from_root * *root_from_link),
+            ))
+        })
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Vector3;
+    use nalgebra::Isometry3;
+    use spatial::Palm;
 
     use super::*;
 
-    fn link(name: &str, parent: Option<usize>, moves: bool) -> HandLink {
-        HandLink {
-            name: name.to_owned(),
-            parent,
-            moves,
-        }
-    }
+    const FINGER: &str = r#"<robot name="hand">
+        <link name="palm"/> <link name="finger"/> <link name="tip"/>
+        <joint name="knuckle" type="continuous"><parent link="palm"/><child link="finger"/></joint>
+        <joint name="end" type="fixed"><parent link="finger"/><child link="tip"/></joint>
+    </robot>"#;
 
     #[test]
     fn every_link_hangs_below_its_parent_once() {
-        let hand = Hand::new([
-            link("palm", None, false),
-            link("finger", Some(0), true),
-            link("tip", Some(1), false),
-        ]);
-        let at = |z| Isometry3::new(Vector3::new(0.0, 0.0, z), Vector3::zeros());
-        let poses = [at(0.0), at(0.1), at(0.15)];
+        let robot = RobotModel::from_urdf(FINGER).unwrap();
+        let poses =
+            [0.0, 0.1, 0.15].map(|z| Pose::<Palm, _>::new(Isometry3::translation(0.0, 0.0, z)));
+        let table_from_palm = Pose::new(Isometry3::translation(0.0, 0.0, 0.5));
         let names = |tf: &TfMessage| -> Vec<(String, String, f64)> {
             tf.transforms
                 .iter()
@@ -202,11 +177,11 @@ mod tests {
         };
         let row = |parent: &str, child: &str, up| (parent.to_owned(), child.to_owned(), up);
         assert_eq!(
-            names(&hand.moving(START_NS, &at(0.5), &poses)),
+            names(&moving_links(START_NS, &robot, &table_from_palm, &poses)),
             [row("table", "palm", 0.5), row("palm", "finger", 0.1)]
         );
         assert_eq!(
-            names(&hand.fixed(START_NS, &poses)),
+            names(&fixed_links(&robot, &poses)),
             [row("finger", "tip", 0.05)]
         );
     }

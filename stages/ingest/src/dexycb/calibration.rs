@@ -1,7 +1,7 @@
 //! Where the cameras and the table's tag are.
 
 use dataflow::SourceFile;
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 use spatial::{Camera, Pose, World};
 
 use super::{layout::SequenceFiles, read_yaml};
@@ -47,7 +47,7 @@ impl<'a> Calibration<'a> {
             .extrinsics
             .get(serial)
             .ok_or_else(|| self.value(format!("no pose of `{serial}`")))?;
-        self.isometry(serial, rows).map(Pose::new)
+        self.pose(serial, rows)
     }
 
     /// Returns the tag's pose, if there is a tag.
@@ -57,8 +57,7 @@ impl<'a> Calibration<'a> {
     /// Fails if it is no rotation and translation.
     pub(super) fn world_from_tag(&self) -> Result<Option<Pose<World, Tag>>, Unusable> {
         let rows = self.extrinsics.extrinsics.get(TAG);
-        rows.map(|rows| self.isometry(TAG, rows).map(Pose::new))
-            .transpose()
+        rows.map(|rows| self.pose(TAG, rows)).transpose()
     }
 
     /// Returns the middle of these cameras, which look down on the table; `None` without cameras.
@@ -72,18 +71,14 @@ impl<'a> Calibration<'a> {
     ) -> Result<Option<Point3<f64>>, Unusable> {
         let mut sum = Vector3::zeros();
         for serial in serials {
-            sum += self
-                .world_from_camera(serial)?
-                .isometry()
-                .translation
-                .vector;
+            sum += self.world_from_camera(serial)?.translation.vector;
         }
         let middle = Point3::from(sum / serials.len().max(1) as f64);
         Ok((!serials.is_empty()).then_some(middle))
     }
 
-    fn isometry(&self, name: &str, rows: &[f64; 12]) -> Result<Isometry3<f64>, Unusable> {
-        yaml::isometry(rows)
+    fn pose<From>(&self, name: &str, rows: &[f64; 12]) -> Result<Pose<World, From>, Unusable> {
+        yaml::pose(rows)
             .ok_or_else(|| self.value(format!("`{name}` is not a rotation and a translation")))
     }
 

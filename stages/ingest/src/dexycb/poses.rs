@@ -1,7 +1,6 @@
 //! `pose.npz`: the poses of all objects of the scene in the world, image by image.
 
 use dataflow::SourceFile;
-use nalgebra::{Isometry3, Translation3};
 use spatial::{Object, Pose, World, quaternion_xyzw};
 
 use crate::{error::Unusable, npz::Arrays};
@@ -44,9 +43,5 @@ fn pose(numbers: &[f64; 7]) -> Result<Option<Pose<World, Object>>, String> {
         return Ok(None);
     }
     let rotation = quaternion_xyzw([x, y, z, w]).map_err(|err| err.to_string())?;
-    let translation = Translation3::new(px, py, pz);
-    Ok(Some(Pose::new(Isometry3::from_parts(
-        translation,
-        rotation,
-    ))))
+    Ok(Some(Pose::from_parts([px, py, pz], rotation)))
 }

@@ -226,11 +226,11 @@ fn objects_lie_on_the_table_and_hands_stay_above_it() {
         let table_from_object = demonstration.rest.table_from_object();
         let heights = bench.mesh(&demonstration.object).vertices_m.into_iter();
         let lowest_m = heights
-            .map(|vertex| table_from_object.point(&vertex).z)
+            .map(|vertex| (table_from_object * vertex).z)
             .fold(f64::INFINITY, f64::min);
         let grasp = demonstration.steps.last().unwrap().keypoints_m.iter();
         let lowest_landmark_m = grasp
-            .map(|&point| table_from_object.point(&point.into()).z)
+            .map(|&point| (table_from_object * Point3::from(point)).z)
             .fold(f64::INFINITY, f64::min);
         n += 1;
         n_on_table += usize::from(lowest_m.abs() < 0.010);
@@ -314,7 +314,7 @@ fn a_tracked_bottle_that_jitters_gives_a_plausible_grasp() {
     // A lone object lies on one of its stable sides, whichever.
     let table_from_object = demonstration.rest.table_from_object();
     let mesh = bench.mesh(&demonstration.object).vertices_m;
-    let heights = mesh.iter().map(|vertex| table_from_object.point(vertex).z);
+    let heights = mesh.iter().map(|vertex| (table_from_object * *vertex).z);
     let lowest_m = heights.fold(f64::INFINITY, f64::min);
     assert!(lowest_m.abs() < 1e-3, "{lowest_m} m");
     assert_eq!(demonstration.object, "006_mustard_bottle");

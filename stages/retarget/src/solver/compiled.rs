@@ -1,7 +1,8 @@
 //! A hand prepared for the solver: the bodies that move and what each unknown moves.
 
-use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
-use robot::{JointKind, RobotModel};
+use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+use robot::{JointKind, Link, RobotModel};
+use spatial::Pose;
 
 use super::{SolverError, layout::Layout, posture::Posture};
 
@@ -33,8 +34,6 @@ pub struct CompiledHand {
     /// Limits in the order of the joints' unknowns.
     pub(super) lower: Vec<f64>,
     pub(super) upper: Vec<f64>,
-    /// The body of each link and the link's pose in it.
-    links: Vec<(usize, Isometry3<f64>)>,
 }
 
 /// A body that moves relative to its parent.
@@ -96,7 +95,6 @@ impl CompiledHand {
             upper: limit(|joint| joint.upper),
             layout,
             bodies,
-            links,
         })
     }
 
@@ -115,11 +113,6 @@ impl CompiledHand {
         self.points.len()
     }
 
-    /// Returns the body of a link and the link's pose in it.
-    pub(super) fn link(&self, link: usize) -> Option<&(usize, Isometry3<f64>)> {
-        self.links.get(link)
-    }
-
     /// Returns a posture with every joint between its limits; a position that is not a number
     /// becomes the one nearest to 0.
     pub fn within_limits(&self, posture: &Posture) -> Posture {
@@ -134,8 +127,11 @@ impl CompiledHand {
     }
 }
 
-/// Returns the bodies of a robot, and each link's body and pose in it.
-fn bodies(model: &RobotModel) -> (Vec<Body>, Vec<(usize, Isometry3<f64>)>) {
+/// A link's body, and its pose in it.
+type LinkPlace = (usize, Pose<Body, Link>);
+
+/// Returns the bodies of a robot, and each link's place.
+fn bodies(model: &RobotModel) -> (Vec<Body>, Vec<LinkPlace>) {
     let mut bodies = vec![Body {
         parent: 0,
         rotation: Matrix3::identity(),
@@ -145,10 +141,10 @@ fn bodies(model: &RobotModel) -> (Vec<Body>, Vec<(usize, Isometry3<f64>)>) {
         multiplier: 0.0,
         offset: 0.0,
     }];
-    let mut links: Vec<(usize, Isometry3<f64>)> = Vec::with_capacity(model.links().len());
+    let mut links: Vec<LinkPlace> = Vec::with_capacity(model.links().len());
     for link in model.links() {
         let above = link.parent.and_then(|parent| links.get(parent)).copied();
-        let (parent, body_from_parent) = above.unwrap_or((0, Isometry3::identity()));
+        let (parent, body_from_parent) = above.unwrap_or((0, Pose::identity()));
         let body_from_joint = body_from_parent * link.parent_from_joint;
         let (Some(kind), Some(joint)) = (link.kind, link.joint) else {
             links.push((parent, body_from_joint));
@@ -159,10 +155,10 @@ fn bodies(model: &RobotModel) -> (Vec<Body>, Vec<(usize, Isometry3<f64>)>) {
             .unwrap_or_else(|| {
                 UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)
             });
-        let parent_from_body = body_from_joint * z_to_axis;
+        let parent_from_body = *body_from_joint * z_to_axis;
         links.push((
             bodies.len(),
-            Isometry3::from_parts(Vector3::zeros().into(), z_to_axis.inverse()),
+            Pose::from_parts(Vector3::zeros(), z_to_axis.inverse()),
         ));
         bodies.push(Body {
             parent,

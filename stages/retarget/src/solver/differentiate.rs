@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::{
     compiled::Root,
     evaluate::{Evaluation, NOBODY, State, columns},
-    moments::{Moments, Order, Twist},
+    moments::{Moments, Order, SpatialVector},
     task::Task,
 };
 
@@ -27,7 +27,7 @@ impl Evaluation<'_> {
         let hand = self.hand;
         let layout = &hand.layout;
         self.gradient.fill(0.0);
-        self.wrenches.fill(Twist::ZERO);
+        self.wrenches.fill(SpatialVector::ZERO);
         for pull in &self.pulls {
             self.wrenches[pull.body].add_force(&pull.r, &pull.slope);
         }
@@ -49,11 +49,11 @@ impl Evaluation<'_> {
         if layout.n_root > 0 {
             let wrench = self.wrenches[0];
             let turn = match self.root_turns() {
-                Some(turns) => turns.tr_mul(&wrench.turn),
-                None => wrench.turn,
+                Some(turns) => turns.tr_mul(&wrench.angular),
+                None => wrench.angular,
             };
             for a in 0..3 {
-                self.gradient[a] += wrench.velocity[a];
+                self.gradient[a] += wrench.linear[a];
                 self.gradient[3 + a] += turn[a];
             }
             if let Some(smoothness) = &task.smoothness
@@ -131,12 +131,12 @@ impl Evaluation<'_> {
             let change = moments.curvature(twist, order);
             if layout.n_root > 0 {
                 let turn = match &turns {
-                    Some(turns) => turns.tr_mul(&change.turn),
-                    None => change.turn,
+                    Some(turns) => turns.tr_mul(&change.angular),
+                    None => change.angular,
                 };
                 let row = &mut self.hessian[unknown * layout.stride..][..6];
                 for axis in 0..3 {
-                    row[axis] += body.multiplier * change.velocity[axis];
+                    row[axis] += body.multiplier * change.linear[axis];
                     row[3 + axis] += body.multiplier * turn[axis];
                 }
             }
@@ -156,7 +156,7 @@ impl Evaluation<'_> {
         }
     }
 
-    /// Returns the axes of the root's three angles, in the world; `None` where it has none.
+    /// Returns the axes of the root's three angles, in the object's frame; `None` where it has none.
     fn root_turns(&self) -> Option<Matrix3<f64>> {
         if self.hand.root != Root::Angles {
             return None;

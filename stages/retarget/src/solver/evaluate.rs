@@ -1,10 +1,10 @@
 //! The cost at a posture, and its first two derivatives.
 
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::{
     compiled::{CompiledHand, Root},
-    moments::{Moments, Twist},
+    moments::{Moments, SpatialVector},
     posture::{RootPose, logarithm},
     task::{Residual, Task, Terms},
     trig::{LANES, sin_cos},
@@ -21,7 +21,7 @@ pub(super) struct State {
     pub(super) q: Vec<f64>,
 }
 
-/// Where a body is: its orientation, and its origin relative to the root's, along the world's axes.
+/// Where a body is: its orientation, and its origin relative to the root's, along the object's axes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frame {
     pub(super) rotation: Matrix3<f64>,
@@ -31,17 +31,17 @@ pub(super) struct Frame {
 impl Frame {
     /// Returns how the body moves with its joint.
     #[inline]
-    pub(super) fn twist(&self, is_prismatic: bool) -> Twist {
+    pub(super) fn twist(&self, is_prismatic: bool) -> SpatialVector {
         let [_, _, axis] = columns(&self.rotation);
         if is_prismatic {
-            return Twist {
-                velocity: axis,
-                turn: Vector3::zeros(),
+            return SpatialVector {
+                linear: axis,
+                angular: Vector3::zeros(),
             };
         }
-        Twist {
-            velocity: self.origin.cross(&axis),
-            turn: axis,
+        SpatialVector {
+            linear: self.origin.cross(&axis),
+            angular: axis,
         }
     }
 }
@@ -75,9 +75,9 @@ pub(super) struct Evaluation<'a> {
     pub(super) moments: Vec<Moments>,
     /// Whose memory holds each body's moments; [`NOBODY`]'s where there are none.
     pub(super) carriers: Vec<usize>,
-    pub(super) twists: Vec<Twist>,
+    pub(super) twists: Vec<SpatialVector>,
     /// Forces and moments alone.
-    pub(super) wrenches: Vec<Twist>,
+    pub(super) wrenches: Vec<SpatialVector>,
     /// First derivatives by the unknowns.
     pub(super) gradient: Vec<f64>,
     /// Second derivatives, as [`super::layout::Layout`] says.
@@ -93,7 +93,7 @@ pub struct Posed<'a> {
 }
 
 impl Posed<'_> {
-    /// Returns where an attached point is in the world, in meters; `None` if there is none of this
+    /// Returns where an attached point is in the object's frame, in meters; `None` if there is none of this
     /// number.
     #[inline]
     pub fn point(&self, point: usize) -> Option<Point3<f64>> {
@@ -101,18 +101,6 @@ impl Posed<'_> {
         let frame = self.frames.get(point.body)?;
         let r = frame.origin + frame.rotation * point.offset;
         Some(Point3::from(self.root.translation + r))
-    }
-
-    /// Returns the pose of a link in the world; `None` if there is none of this number.
-    pub fn world_from_link(&self, link: usize) -> Option<Isometry3<f64>> {
-        let (body, body_from_link) = self.hand.link(link)?;
-        let frame = self.frames.get(*body)?;
-        let rotation = Rotation3::from_matrix_unchecked(frame.rotation);
-        let world_from_body = Isometry3::from_parts(
-            Translation3::from(self.root.translation + frame.origin),
-            UnitQuaternion::from_rotation_matrix(&rotation),
-        );
-        Some(world_from_body * body_from_link)
     }
 }
 
@@ -137,8 +125,8 @@ impl<'a> Evaluation<'a> {
             residuals: Vec::new(),
             moments: vec![Moments::ZERO; n_bodies],
             carriers: vec![NOBODY; n_bodies],
-            twists: vec![Twist::ZERO; n_bodies],
-            wrenches: vec![Twist::ZERO; n_bodies],
+            twists: vec![SpatialVector::ZERO; n_bodies],
+            wrenches: vec![SpatialVector::ZERO; n_bodies],
             gradient: vec![0.0; hand.layout.n],
             hessian: vec![0.0; hand.layout.n * hand.layout.stride],
         }

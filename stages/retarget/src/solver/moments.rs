@@ -23,12 +23,12 @@ pub(super) struct Moments {
     pub(super) moment: Vector3<f64>,
 }
 
-/// A body's motion: its velocity at the root's origin, and its turn. Or what resists one: a force,
-/// and its moment about the root's origin.
+/// A body's motion, its linear velocity at the root's origin and its angular one; or what resists it, a
+/// force and its moment about that origin. Both are along the object's axes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Twist {
-    pub(super) velocity: Vector3<f64>,
-    pub(super) turn: Vector3<f64>,
+pub(super) struct SpatialVector {
+    pub(super) linear: Vector3<f64>,
+    pub(super) angular: Vector3<f64>,
 }
 
 /// Whether second derivatives of points by joints count.
@@ -128,19 +128,19 @@ impl Moments {
 
     /// Returns the slope along a motion.
     #[inline]
-    pub(super) fn slope(&self, twist: &Twist) -> f64 {
-        self.force.dot(&twist.velocity) + self.moment.dot(&twist.turn)
+    pub(super) fn slope(&self, motion: &SpatialVector) -> f64 {
+        self.force.dot(&motion.linear) + self.moment.dot(&motion.angular)
     }
 
     /// Returns the change of force and moment with a motion, as motions above it see it.
     #[inline]
-    pub(super) fn curvature(&self, twist: &Twist, order: Order) -> Twist {
-        let velocity = self.linear * twist.velocity + self.mixed * twist.turn;
-        let mut turn = self.mixed.tr_mul(&twist.velocity) + self.angular * twist.turn;
+    pub(super) fn curvature(&self, motion: &SpatialVector, order: Order) -> SpatialVector {
+        let linear = self.linear * motion.linear + self.mixed * motion.angular;
+        let mut angular = self.mixed.tr_mul(&motion.linear) + self.angular * motion.angular;
         if order == Order::Exact {
-            turn += twist.velocity.cross(&self.force);
+            angular += motion.linear.cross(&self.force);
         }
-        Twist { velocity, turn }
+        SpatialVector { linear, angular }
     }
 
     /// Returns the second derivative by the root's velocity and turn in place, `(6, 6)` in blocks:
@@ -156,30 +156,30 @@ impl Moments {
     }
 }
 
-impl Twist {
+impl SpatialVector {
     /// None.
     pub(super) const ZERO: Self = Self {
-        velocity: Vector3::new(0.0, 0.0, 0.0),
-        turn: Vector3::new(0.0, 0.0, 0.0),
+        linear: Vector3::new(0.0, 0.0, 0.0),
+        angular: Vector3::new(0.0, 0.0, 0.0),
     };
 
     /// Adds a force at a point.
     #[inline]
     pub(super) fn add_force(&mut self, r: &Vector3<f64>, force: &Vector3<f64>) {
-        self.velocity += force;
-        self.turn += r.cross(force);
+        self.linear += force;
+        self.angular += r.cross(force);
     }
 
     /// Adds another one.
     #[inline]
     pub(super) fn add(&mut self, other: &Self) {
-        self.velocity += other.velocity;
-        self.turn += other.turn;
+        self.linear += other.linear;
+        self.angular += other.angular;
     }
 
     /// Returns the power of a motion against this force and moment.
     #[inline]
     pub(super) fn dot(&self, other: &Self) -> f64 {
-        self.velocity.dot(&other.velocity) + self.turn.dot(&other.turn)
+        self.linear.dot(&other.linear) + self.angular.dot(&other.angular)
     }
 }

@@ -1,19 +1,20 @@
 //! Where a hand is and how its joints stand.
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use spatial::{Object, Palm, Pose};
 
 use super::trig::{LANES, sin_cos};
 
 /// Where the hand's root is and how its joints stand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Posture {
-    /// Pose of the root link in the world.
+    /// Pose of the root link in the object's frame.
     pub root: RootPose,
     /// One position per joint in the model's order, radians (meters if prismatic).
     pub q: Vec<f64>,
 }
 
-/// A pose of the hand's root link in the world, as a matrix and as angles.
+/// A pose of the hand's root link in the object's frame, as a matrix and as angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RootPose {
     pub(super) translation: Vector3<f64>,
@@ -26,16 +27,16 @@ pub struct RootPose {
 
 impl Posture {
     /// Returns a posture from a pose and joint positions.
-    pub fn new(world_from_root: &Isometry3<f64>, q: Vec<f64>) -> Self {
+    pub fn new(object_from_palm: &Pose<Object, Palm>, q: Vec<f64>) -> Self {
         Self {
-            root: RootPose::from_isometry(world_from_root),
+            root: RootPose::from_pose(object_from_palm),
             q,
         }
     }
 }
 
 impl RootPose {
-    /// Returns the pose at the world's origin.
+    /// Returns the pose at the object's origin.
     pub fn identity() -> Self {
         Self {
             translation: Vector3::zeros(),
@@ -47,13 +48,13 @@ impl RootPose {
 
     /// Returns the root pose of this transform. Its angles are those with the middle one within a
     /// quarter turn.
-    pub fn from_isometry(world_from_root: &Isometry3<f64>) -> Self {
-        let rotation = world_from_root.rotation.to_rotation_matrix().into_inner();
+    pub fn from_pose(object_from_palm: &Pose<Object, Palm>) -> Self {
+        let rotation = object_from_palm.rotation.to_rotation_matrix().into_inner();
         let first = (-rotation[(1, 2)]).atan2(rotation[(2, 2)]);
         let middle = rotation[(0, 2)].clamp(-1.0, 1.0).asin();
         let last = (-rotation[(0, 1)]).atan2(rotation[(0, 0)]);
         Self {
-            translation: world_from_root.translation.vector,
+            translation: object_from_palm.translation.vector,
             rotation,
             angles: Vector3::new(first, middle, last),
             second_axis: Vector3::new(0.0, first.cos(), first.sin()),
@@ -90,15 +91,15 @@ impl RootPose {
     }
 
     /// Returns the transform.
-    pub fn isometry(&self) -> Isometry3<f64> {
+    pub fn pose(&self) -> Pose<Object, Palm> {
         let rotation = Rotation3::from_matrix_unchecked(self.rotation);
-        Isometry3::from_parts(
-            Translation3::from(self.translation),
+        Pose::from_parts(
+            self.translation,
             UnitQuaternion::from_rotation_matrix(&rotation),
         )
     }
 
-    /// Returns where the root's origin is in the world, in meters.
+    /// Returns where the root's origin is in the object's frame, in meters.
     pub fn translation(&self) -> Vector3<f64> {
         self.translation
     }
@@ -109,7 +110,7 @@ impl RootPose {
         self.angles
     }
 
-    /// Moves the root along the world's axes (m) and turns it about them in place (rad).
+    /// Moves the root along the object's axes (m) and turns it about them in place (rad).
     ///
     /// The turn is the exponential map at the present orientation, so that no orientation is
     /// special.
@@ -166,7 +167,7 @@ mod tests {
                 * Rotation3::from_axis_angle(&Vector3::y_axis(), b)
                 * Rotation3::from_axis_angle(&Vector3::z_axis(), c);
             prop_assert!((root.rotation - turns.into_inner()).norm() < 1e-12);
-            let again = RootPose::from_isometry(&root.isometry());
+            let again = RootPose::from_pose(&root.pose());
             prop_assert!((again.angles - angles).norm() < 1e-9, "{:?}", again.angles);
         }
 

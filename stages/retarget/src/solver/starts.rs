@@ -1,6 +1,7 @@
 //! Where to search from when nothing is known, and how not to stay in a poor minimum.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use spatial::Pose;
 
 use super::{
     SolverError,
@@ -66,8 +67,7 @@ impl Solver<'_> {
             })
             .collect();
         let (rotation, along) = align(&pairs);
-        let old = posture.root.isometry();
-        let moved = nalgebra::Isometry3::from_parts(along.into(), rotation) * old;
+        let moved = Pose::from_parts(along, rotation) * posture.root.pose();
         Ok(Posture::new(&moved, posture.q))
     }
 

@@ -27,7 +27,7 @@ pub struct Task<'a> {
 pub struct Target {
     /// The point, as numbered when the hand was compiled.
     pub point: usize,
-    /// Its place in the world, in meters.
+    /// Its place in the object's frame, in meters.
     pub at: Point3<f64>,
     /// The factor `w` of its loss.
     pub weight: f64,
@@ -76,7 +76,7 @@ pub struct Rest<'a> {
 pub struct Residual {
     /// The point, as numbered when the hand was compiled.
     pub point: usize,
-    /// How the residual changes with the point: its gradient by the point's place in the world.
+    /// How the residual changes with the point: its gradient by the point's place in the object's frame.
     pub direction: Vector3<f64>,
     /// The number.
     pub residual: f64,

@@ -1,8 +1,9 @@
 //! The solver against central differences, a dense solver and hands made up for it.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector3};
+use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use proptest::prelude::*;
 use robot::RobotModel;
+use spatial::{Palm, Pose};
 
 use super::{
     evaluate::{Evaluation, State},
@@ -385,18 +386,19 @@ fn place_of(posture: &Posture, root: Root, point: usize) -> Point3<f64> {
 /// one joint at a time where limits hold; returns the cost.
 fn dense(model: &RobotModel, case: &Case) -> f64 {
     let points = attached(model);
-    let world_from_root = case.at.root.isometry();
+    let object_from_palm = case.at.root.pose();
     let dof = model.dof();
     let cost_and_model = |q: &DVector<f64>| {
-        let frames: Vec<Isometry3<f64>> = model.forward_kinematics(q.as_slice()).unwrap();
+        let palm_from_links = model.forward_kinematics::<Palm>(q.as_slice()).unwrap();
         let mut cost = 0.0;
         let (mut gradient, mut hessian) = (DVector::zeros(dof), DMatrix::zeros(dof, dof));
         for target in &case.targets {
             let (link, offset) = points[target.point];
-            let at = frames[link] * offset;
-            let away = at - world_from_root.inverse_transform_point(&target.at);
+            let at = palm_from_links[link] * offset;
+            let away = at - object_from_palm.inverse_transform_point(&target.at);
             cost += target.weight * away.norm_squared();
-            let jacobian = model.point_jacobian(&frames, link, &at);
+            let jacobian = model.geometric_jacobian(&palm_from_links, link, &at);
+            let jacobian = jacobian.fixed_rows::<3>(0);
             gradient += jacobian.tr_mul(&away) * (2.0 * target.weight);
             hessian += jacobian.tr_mul(&jacobian) * (2.0 * target.weight);
         }
@@ -484,7 +486,7 @@ fn the_better_bend_is_found() {
     let model = RobotModel::from_urdf(&xml).unwrap();
     let hand = CompiledHand::new(&model, Root::Fixed, &[(2, Point3::new(0.0, 0.0, 0.04))]).unwrap();
     let mut solver = Solver::new(&hand);
-    let reached = Posture::new(&Isometry3::identity(), vec![0.1, 1.2]);
+    let reached = Posture::new(&Pose::identity(), vec![0.1, 1.2]);
     solver.place(&NOTHING, &reached, &mut NoTerms).unwrap();
     let target = Target {
         point: 0,
@@ -495,7 +497,7 @@ fn the_better_bend_is_found() {
         targets: &[target],
         ..NOTHING
     };
-    let start = Posture::new(&Isometry3::identity(), vec![1.4, -0.2]);
+    let start = Posture::new(&Pose::identity(), vec![1.4, -0.2]);
     let mut stuck = start.clone();
     let poor = solver
         .minimize(&task, &mut stuck, &OPTIONS, &mut NoTerms)
@@ -536,7 +538,7 @@ fn fingers_without_another_side_are_searched_once() {
         targets: &[target],
         ..NOTHING
     };
-    let start = Posture::new(&Isometry3::identity(), vec![0.0, 0.3]);
+    let start = Posture::new(&Pose::identity(), vec![0.0, 0.3]);
     let mut once = start.clone();
     let searched = solver
         .minimize(&task, &mut once, &OPTIONS, &mut NoTerms)
@@ -554,7 +556,7 @@ fn refuses_tasks_that_do_not_fit_the_hand() {
     let model = made_up();
     let hand = CompiledHand::new(&model, Root::Free, &attached(&model)).unwrap();
     let mut solver = Solver::new(&hand);
-    let start = Posture::new(&Isometry3::identity(), vec![0.2; model.dof()]);
+    let start = Posture::new(&Pose::identity(), vec![0.2; model.dof()]);
     let target = Target {
         point: 0,
         at: Point3::origin(),

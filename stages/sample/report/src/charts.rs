@@ -3,7 +3,7 @@
 use charts::{Bars, Captions, Sample, Scale, Series, bars, histogram, lines, scatter};
 use dataflow::Context;
 use diversity::{Diversity, Motion};
-use lake::{LakeError, WriteArtifact};
+use lake::WriteArtifact;
 use motion::Step;
 use schemas::{
     sampling::Sampled,
@@ -46,7 +46,7 @@ pub(crate) fn of_shown(shown: &[Trajectory], drawn: &[Motion]) -> Diversity {
 
 /// How the object lies in the motion in which it lies most like this.
 fn alike(drawn: &[Motion], rest: &Rest) -> Option<Pose<Table, Object>> {
-    let up = |motion: &Motion| motion.table_from_object.direction(&rest.up_in_object).z;
+    let up = |motion: &Motion| (motion.table_from_object * *rest.up_in_object).z;
     let nearest = drawn.iter().max_by(|a, b| up(a).total_cmp(&up(b)));
     let alike = nearest.filter(|motion| up(motion) > LIES_ALIKE)?;
     Some(alike.table_from_object)

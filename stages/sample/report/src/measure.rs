@@ -84,7 +84,7 @@ impl Measure<'_> {
 }
 
 fn between(a: &Step<Object>, b: &Step<Object, Rates>) -> GraspDistance {
-    let (pose_a, pose_b) = (a.frame_from_palm.isometry(), b.frame_from_palm.isometry());
+    let (pose_a, pose_b) = (&a.frame_from_palm, &b.frame_from_palm);
     GraspDistance {
         palm_m: (pose_a.translation.vector - pose_b.translation.vector).norm(),
         palm_rad: pose_a.rotation.angle_to(&pose_b.rotation),

@@ -9,13 +9,14 @@ use cgf::{Cgf, CgfError, Demonstration, Description, Grasp, Track};
 use charts::{Bars, Captions, Scale, Series, bars, lines};
 use dataflow::{Context, Inputs, Line, Mean, Options, Outcome, Output, Scope, Sum, Summary, Unit};
 use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Point3;
 use robot::RobotModel;
 use schemas::{
     Table, checkpoint,
     reconstruction::{Reconstruction, Row},
     training::Split,
 };
+use spatial::Palm;
 use stage_train::{BySplit, Train, TrainConfig, TrainError, hand, set};
 
 use crate::report::{mean, of_function, shown, shown_split};
@@ -219,18 +220,14 @@ fn step_error(
     tips: &[Tip],
 ) -> Result<StepError, TrainError> {
     let points = |grasp: &Grasp| -> Result<Vec<Point3<f64>>, TrainError> {
-        let table_from_palm = grasp.table_from_palm.isometry();
-        let palm_from_links: Vec<Isometry3<f64>> = hand.forward_kinematics(&grasp.q_rad)?;
+        let palm_from_links = hand.forward_kinematics::<Palm>(&grasp.q_rad)?;
         let tips = tips.iter();
         Ok(tips
-            .map(|(link, point)| table_from_palm * (palm_from_links[*link] * point))
+            .map(|(link, point)| grasp.frame_from_palm * (palm_from_links[*link] * *point))
             .collect())
     };
     let (at, wanted) = (points(decoded)?, points(shown)?);
-    let (palm, wanted_palm) = (
-        decoded.table_from_palm.isometry(),
-        shown.table_from_palm.isometry(),
-    );
+    let (palm, wanted_palm) = (&decoded.frame_from_palm, &shown.frame_from_palm);
     let joints = decoded.q_rad.iter().zip(&shown.q_rad);
     Ok(StepError {
         tip_m: mean(at.iter().zip(&wanted).map(|(a, b)| (a - b).norm())),

@@ -1,8 +1,9 @@
 //! Whether shapes keep apart, by points on their surfaces and distances in closed form: nothing of what
 //! the planner computes with.
 
-use nalgebra::{Isometry3, Point3, Vector3};
-use robot::{RobotModel, Shape};
+use nalgebra::{Point3, Vector3};
+use robot::{Link, RobotModel, Shape};
+use spatial::{Base, Pose, Table};
 
 /// The robot's shapes with points on them.
 pub(super) struct Clear {
@@ -16,7 +17,7 @@ struct Body {
     link: usize,
     name: String,
     is_arm: bool,
-    link_from_shape: Isometry3<f64>,
+    link_from_shape: Pose<Link, Shape>,
     shape: Shape,
     points: Vec<Point3<f64>>,
 }
@@ -70,9 +71,9 @@ impl Clear {
     /// Panics where two links or a link and the table are nearer than asked for.
     ///
     /// Poses are in the frame of the arm's foot.
-    pub(super) fn check(&self, links: &[Isometry3<f64>], base_from_table: &Isometry3<f64>) {
+    pub(super) fn check(&self, links: &[Pose<Base, Link>], base_from_table: &Pose<Base, Table>) {
         let pose = |body: &Body| links[body.link] * body.link_from_shape;
-        let poses: Vec<Isometry3<f64>> = self.bodies.iter().map(pose).collect();
+        let poses: Vec<Pose<Base, Shape>> = self.bodies.iter().map(pose).collect();
         for &([i, j], least_m) in &self.pairs {
             let (a, b) = (&self.bodies[i], &self.bodies[j]);
             let far = (poses[i].translation.vector - poses[j].translation.vector).norm();
@@ -81,7 +82,7 @@ impl Clear {
             }
             let b_from_a = poses[j].inverse() * poses[i];
             for point in &a.points {
-                let off = outside(&b.shape, &(b_from_a * point).coords);
+                let off = outside(&b.shape, &(b_from_a * *point).coords);
                 assert!(off >= least_m, "{} {} {off} m", a.name, b.name);
             }
         }
@@ -90,7 +91,7 @@ impl Clear {
                 continue;
             }
             for point in &body.points {
-                let height = base_from_table.inverse_transform_point(&(pose * point)).z;
+                let height = base_from_table.inverse_transform_point(&(*pose * *point)).z;
                 assert!(height >= self.least_m, "{} {height} m", body.name);
             }
         }

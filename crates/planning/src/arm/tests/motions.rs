@@ -5,8 +5,8 @@ use std::f64::consts::{PI, TAU};
 use motion::{HandRates, Step};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3, Vector6};
 use proptest::prelude::*;
-use robot::gap;
-use spatial::{Object, Pose, Table, Twist};
+use robot::{Link, gap};
+use spatial::{Base, Object, Pose, Table, Twist};
 
 use super::{Arm, hand};
 use crate::testing::Drawn;
@@ -80,7 +80,8 @@ impl JointPath {
             UnitQuaternion::from_euler_angles(0.3, -0.5, 1.0),
         );
         let [x, y] = arm.config.object_m;
-        let standing = Translation3::new(x, y, 0.05) * table_from_object.rotation;
+        let standing: Pose<Table, Object> =
+            Pose::new(Translation3::new(x, y, 0.05) * table_from_object.rotation);
         let object_from_base = (arm.base_from_table * standing).inverse();
         let hand = hand();
         let fingers: Vec<f64> = hand
@@ -93,12 +94,10 @@ impl JointPath {
             let posture = arm.chain.posture(&self.q(time_s)).unwrap();
             let velocity = self.order(1, time_s);
             let bend = posture.twist(&self.order(2, time_s)) + posture.bias(&velocity);
-            let turn = |six: Vector6<f64>| {
-                Twist::from_array(six.into()).turned(&object_from_base.rotation)
-            };
+            let turn = |six: Vector6<f64>| Twist::from_array(six.into()).along(&object_from_base);
             Step {
                 time_s,
-                frame_from_palm: Pose::new(object_from_base * posture.root_from_end),
+                frame_from_palm: object_from_base * posture.base_from_palm,
                 q_rad: fingers.clone(),
                 rates: HandRates {
                     palm_velocity: turn(posture.twist(&velocity)),
@@ -129,10 +128,11 @@ impl JointPath {
             .collect();
         let q_grasp = self.q(DURATION_S);
         let mut q = q_grasp.clone();
-        let grasp = arm.chain.posture(&q).unwrap().root_from_end;
+        let grasp = arm.chain.posture(&q).unwrap().base_from_palm;
         for k in 0..=20 {
             let up = Translation3::new(0.0, 0.0, 0.05 * f64::from(k) / 20.0);
-            match arm.chain.solve(&(up * grasp), &q) {
+            let found = arm.chain.solve(&Pose::new(up * *grasp), &q);
+            match found.filter(|q| arm.chain.is_within_limits(q)) {
                 Some(found) => q = found,
                 None => given.is_free = false,
             }
@@ -159,7 +159,7 @@ impl JointPath {
 
 impl super::Clearance {
     /// Whether shapes keep farther by this from each other and from the plane z = 0 than they have to.
-    fn is_clear(&self, links: &[Isometry3<f64>], slack_m: f64) -> bool {
+    fn is_clear(&self, links: &[Pose<Base, Link>], slack_m: f64) -> bool {
         let at = |idx: usize| self.shape_at(idx, links);
         let pairs = self.pairs().iter().all(|pair| {
             let ((at_a, a), (at_b, b)) = (at(pair.first), at(pair.second));
@@ -210,7 +210,7 @@ pub(super) fn straight(from: [f64; 3], to: [f64; 3], object: [f64; 3]) -> Drawn 
     let table_from_object = Isometry3::translation(object[0], object[1], object[2]);
     let own = Isometry3::translation(0.0, 0.0, 0.04);
     for step in &mut drawn.steps {
-        step.frame_from_palm = Pose::new(own * step.frame_from_palm.isometry());
+        step.frame_from_palm = Pose::new(own * *step.frame_from_palm);
     }
     drawn.table_from_object = Pose::new(table_from_object);
     drawn

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::Isometry3;
+use spatial::{Base, Palm, Pose};
 
 use super::Chain;
 use crate::{Joint, JointKind};
@@ -14,43 +14,17 @@ const STARTS: usize = 64;
 const SAME: f64 = 1e-5;
 
 impl Chain {
-    /// Returns the joint positions within the limits with which the end is at `target`, as
-    /// [`Chain::solve`] finds them from 64 places; where a joint can make a turn or more, each is
-    /// there with all turns that its limits allow. In the order of the first joint, then the next.
-    pub fn branches(&self, target: &Isometry3<f64>) -> Vec<Vec<f64>> {
-        let mut all: Vec<Vec<f64>> = Vec::new();
-        for solution in self.solutions(target) {
-            let mut turned: Vec<Vec<f64>> = vec![Vec::new()];
-            for (joint, &q) in self.links.joints.iter().zip(&solution) {
-                let places = places(joint, q);
-                turned = turned
-                    .iter()
-                    .flat_map(|before| {
-                        places.iter().map(|&q| {
-                            let mut longer = before.clone();
-                            longer.push(q);
-                            longer
-                        })
-                    })
-                    .collect();
-            }
-            all.extend(turned.into_iter().filter(|q| self.is_within_limits(q)));
-        }
-        all.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
-        all
+    /// Returns the joint positions with which the end is at `base_from_palm`, within the limits or not, as
+    /// [`Chain::solve`] finds them from 64 places; those that differ by whole turns once, with every
+    /// joint as near the middle of its limits as turns bring it.
+    pub fn solutions(&self, base_from_palm: &Pose<Base, Palm>) -> Vec<Vec<f64>> {
+        self.solutions_from(STARTS, base_from_palm)
     }
 
-    /// Returns the joint positions with which the end is at `target`, within the limits or not, as
-    /// [`Chain::branches`] finds them; those that differ by whole turns once, with every joint as near
-    /// the middle of its limits as turns bring it.
-    pub fn solutions(&self, target: &Isometry3<f64>) -> Vec<Vec<f64>> {
-        self.solutions_from(STARTS, target)
-    }
-
-    fn solutions_from(&self, starts_n: usize, target: &Isometry3<f64>) -> Vec<Vec<f64>> {
+    fn solutions_from(&self, starts_n: usize, base_from_palm: &Pose<Base, Palm>) -> Vec<Vec<f64>> {
         let mut found: Vec<Vec<f64>> = Vec::new();
         for start in self.starts(starts_n) {
-            let Some(mut q) = self.solve_beyond_limits(target, &start) else {
+            let Some(mut q) = self.solve(base_from_palm, &start) else {
                 continue;
             };
             for (joint, q) in self.links.joints.iter().zip(&mut q) {
@@ -128,20 +102,6 @@ fn centered(joint: &Joint, q: f64) -> f64 {
     }
 }
 
-/// Returns the positions that differ from one by whole turns and may be within the limits.
-fn places(joint: &Joint, q: f64) -> Vec<f64> {
-    /// Turns to each side, more than any arm has.
-    const MOST: i32 = 8;
-    let center = centered(joint, q);
-    if joint.kind != JointKind::Revolute {
-        return vec![center];
-    }
-    (-MOST..=MOST)
-        .map(|turns| center + TAU * f64::from(turns))
-        .filter(|&q| q >= joint.lower && q <= joint.upper)
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -157,8 +117,8 @@ mod tests {
         for q in chain.starts(60) {
             let at = chain.posture(&q).unwrap();
             if at.is_regular(0.02) {
-                usual += chain.solutions(&at.root_from_end).len();
-                many += chain.solutions_from(1000, &at.root_from_end).len();
+                usual += chain.solutions(&at.base_from_palm).len();
+                many += chain.solutions_from(1000, &at.base_from_palm).len();
             }
         }
         println!("{usual} of {many} postures");

@@ -1,0 +1,57 @@
+//! How fast what moves moves and turns.
+
+use std::marker::PhantomData;
+
+use nalgebra::Vector3;
+
+use crate::Pose;
+
+/// A velocity or an acceleration of a frame that moves, along the axes of `Frame`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Twist<Frame> {
+    /// That of the moving frame's origin, in m/s or m/s².
+    pub linear: Vector3<f64>,
+    /// Angular velocity or acceleration, in rad/s or rad/s².
+    pub angular: Vector3<f64>,
+    frame: PhantomData<fn() -> Frame>,
+}
+
+impl<Frame> Twist<Frame> {
+    /// Asserts that both vectors are along the axes of `Frame`.
+    pub fn new(linear: Vector3<f64>, angular: Vector3<f64>) -> Self {
+        Self {
+            linear,
+            angular,
+            frame: PhantomData,
+        }
+    }
+
+    /// Returns the twist of what does not move.
+    pub fn zero() -> Self {
+        Self::new(Vector3::zeros(), Vector3::zeros())
+    }
+
+    /// Takes six numbers: linear, then angular.
+    pub fn from_array([x, y, z, a, b, c]: [f64; 6]) -> Self {
+        Self::new(Vector3::new(x, y, z), Vector3::new(a, b, c))
+    }
+
+    /// Returns six numbers: linear, then angular.
+    pub fn to_array(&self) -> [f64; 6] {
+        let (v, w) = (self.linear, self.angular);
+        [v.x, v.y, v.z, w.x, w.y, w.z]
+    }
+
+    /// Returns the twist along the axes of another frame, relative to which `Frame` rests.
+    pub fn along<Other>(&self, other_from_frame: &Pose<Other, Frame>) -> Twist<Other> {
+        Twist::new(
+            *other_from_frame * self.linear,
+            *other_from_frame * self.angular,
+        )
+    }
+
+    /// Whether every number is finite.
+    pub fn is_finite(&self) -> bool {
+        self.to_array().iter().all(|number| number.is_finite())
+    }
+}
