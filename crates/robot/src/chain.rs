@@ -6,7 +6,7 @@ mod solve;
 use nalgebra::{Cholesky, Const, Matrix6, Matrix6xX, Point3, Vector3, Vector6};
 use spatial::{Base, Palm, Pose, Twist};
 
-use crate::{Joint, JointKind, Link, RobotError, RobotModel, WrongDof};
+use crate::{Joint, Link, RobotError, RobotModel, WrongDof};
 
 /// Rows of a twist.
 const SIX: usize = 6;
@@ -124,19 +124,6 @@ impl Chain {
             base_from_palm,
             jacobian: self.links.geometric_jacobian(&poses, end, &origin),
         })
-    }
-
-    /// Whether there is a position for every joint and all are within their limits, but for rounding; a
-    /// continuous joint always is.
-    pub fn is_within_limits(&self, q: &[f64]) -> bool {
-        /// Radians (meters if prismatic).
-        const ROUNDING: f64 = 1e-9;
-        let is_whole = q.len() == self.dof();
-        is_whole
-            && self.links.joints.iter().zip(q).all(|(joint, &q)| {
-                joint.kind == JointKind::Continuous
-                    || (q >= joint.lower - ROUNDING && q <= joint.upper + ROUNDING)
-            })
     }
 }
 

@@ -1,4 +1,7 @@
-//! How fast what moves moves and turns.
+//! How fast a frame moves and turns.
+//!
+//! What moves is always a palm or the root of a robot, so that the type says only along whose axes: that
+//! is what could be confused. Relative to what it moves is said where a twist is kept.
 
 use std::marker::PhantomData;
 

@@ -132,7 +132,7 @@ impl JointPath {
         for k in 0..=20 {
             let up = Translation3::new(0.0, 0.0, 0.05 * f64::from(k) / 20.0);
             let found = arm.chain.solve(&Pose::new(up * *grasp), &q);
-            match found.filter(|q| arm.chain.is_within_limits(q)) {
+            match found.filter(|q| super::is_within_limits(arm, q)) {
                 Some(found) => q = found,
                 None => given.is_free = false,
             }
