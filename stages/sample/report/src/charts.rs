@@ -3,7 +3,7 @@
 use charts::{Bars, Captions, Sample, Scale, Series, bars, histogram, lines, scatter};
 use dataflow::Context;
 use diversity::{Diversity, Motion};
-use lake::WriteArtifact;
+use lake::{LakeError, WriteArtifact};
 use motion::Step;
 use schemas::{
     sampling::Sampled,
