@@ -130,7 +130,7 @@ pub enum LakeError {
         value: f64,
     },
     /// A file of an artifact is not of its format.
-    #[error("the file `{file}` of artifact `{key}` is not of its format")]
+    #[error("artifact `{key}` is damaged: its file `{file}` is not of its format")]
     BadFile {
         /// The partition's key.
         key: PartitionKey,
@@ -201,6 +201,9 @@ impl Advise for LakeError {
                  it, and the next run makes it again"
                     .to_owned(),
             ),
+            Self::BadFile { .. } => {
+                Some("make it again with `pipeline run FILE --fresh`".to_owned())
+            }
             Self::Lost { .. } => Some(
                 "run its pipeline again: what is missing is put back or made again; \
                  `pipeline verify` lists everything that is missing"
