@@ -201,9 +201,6 @@ impl Advise for LakeError {
                  it, and the next run makes it again"
                     .to_owned(),
             ),
-            Self::BadFile { .. } => {
-                Some("make it again with `pipeline run FILE --fresh`".to_owned())
-            }
             Self::Lost { .. } => Some(
                 "run its pipeline again: what is missing is put back or made again; \
                  `pipeline verify` lists everything that is missing"
