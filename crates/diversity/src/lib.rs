@@ -4,13 +4,13 @@
 //! use diversity::{Diversity, Motion};
 //! use motion::{HandRates, Step};
 //! use nalgebra::Isometry3;
-//! use spatial::Pose;
+//! use spatial::{Object, Pose};
 //!
 //! let grasp = |x: f64| Step {
 //!     time_s: 0.0,
 //!     frame_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.1)),
 //!     q_rad: vec![0.5],
-//!     rates: HandRates::still(1),
+//!     rates: HandRates::<Object>::still(1),
 //! };
 //! let grasps = [grasp(-0.02), grasp(0.02)];
 //! let motions = grasps.each_ref().map(|grasp| Motion {
