@@ -1,6 +1,6 @@
 //! A motion as a continuous function of time: through every step with the step's rates.
 
-use spatial::{MovingPose, Passage};
+use spatial::{PoseSegment, PoseState};
 
 use crate::{HandRates, Motion, MotionError, Step, joints_between};
 
@@ -8,12 +8,12 @@ use crate::{HandRates, Motion, MotionError, Step, joints_between};
 const MIN_STEPS: usize = 2;
 
 /// A motion through its steps, with each step's positions, velocities and accelerations: between
-/// two of them a [`Passage`] of the palm and quintic polynomials of the joints.
+/// two of them a [`PoseSegment`] of the palm and quintic polynomials of the joints.
 #[derive(Debug, Clone)]
 pub struct Course<F> {
     motion: Motion<F>,
-    /// The palm's passage from each step to the next.
-    passages: Vec<Passage<F>>,
+    /// The palm's segment from each step to the next.
+    segments: Vec<PoseSegment<F>>,
 }
 
 impl<F: Copy> Course<F> {
@@ -32,12 +32,12 @@ impl<F: Copy> Course<F> {
             });
         }
         let pairs = steps.iter().zip(steps.iter().skip(1)).enumerate();
-        let passages = pairs.map(|(idx, (from, to))| {
-            let passage = Passage::new(&from.palm(), &to.palm(), to.time_s - from.time_s);
-            passage.ok_or(MotionError::Turn { step: idx + 1 })
+        let segments = pairs.map(|(idx, (from, to))| {
+            let segment = PoseSegment::new(&from.palm(), &to.palm(), to.time_s - from.time_s);
+            segment.ok_or(MotionError::Turn { step: idx + 1 })
         });
-        let passages = passages.collect::<Result<_, _>>()?;
-        Ok(Self { motion, passages })
+        let segments = segments.collect::<Result<_, _>>()?;
+        Ok(Self { motion, segments })
     }
 
     /// Returns the duration in seconds.
@@ -51,11 +51,11 @@ impl<F: Copy> Course<F> {
         let steps = self.motion.steps();
         let time_s = self.motion.first().time_s + time_s.clamp(0.0, self.duration_s());
         let after = steps.partition_point(|step| step.time_s <= time_s);
-        // There are at least two steps, and a passage between every two.
+        // There are at least two steps, and a segment between every two.
         let after = after.clamp(1, steps.len() - 1);
         let (from, to) = (&steps[after - 1], &steps[after]);
         let since_s = time_s - from.time_s;
-        let palm = self.passages[after - 1].at(since_s);
+        let palm = self.segments[after - 1].at(since_s);
         let (q_rad, joints) = joints_between(
             (&from.q_rad, &from.rates.joints),
             (&to.q_rad, &to.rates.joints),
@@ -82,8 +82,8 @@ impl<F: Copy> Course<F> {
 
 impl<F: Copy> Step<F> {
     /// Returns the palm's motion.
-    fn palm(&self) -> MovingPose<F> {
-        MovingPose {
+    fn palm(&self) -> PoseState<F> {
+        PoseState {
             frame_from_palm: self.frame_from_palm,
             velocity: self.rates.palm_velocity,
             acceleration: self.rates.palm_acceleration,

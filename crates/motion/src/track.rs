@@ -1,7 +1,7 @@
 //! Commands of one controller: points with positions, velocities and accelerations.
 
 use robot::JointOrder;
-use spatial::{MovingPose, Palm, Passage, Pose, QuinticSegment, Table, Twist};
+use spatial::{Palm, Pose, PoseSegment, PoseState, QuinticSegment, Table, Twist};
 
 use crate::{JointRates, MotionError, Rates, interpolation::ends, joints_between};
 
@@ -31,7 +31,7 @@ pub struct JointPoint {
 /// The trajectory of what carries the hand.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Carrier {
-    /// A free-flying palm, along [`Passage`]s between these points.
+    /// A free-flying palm, along [`PoseSegment`]s between these points.
     Palm(Vec<PalmPoint>),
     /// An arm.
     Arm(JointTrack),
@@ -107,16 +107,16 @@ impl PalmPoint {
         if duration_s <= 0.0 {
             return Some(to.table_from_palm);
         }
-        Some(from.passage(to)?.at(after_s).frame_from_palm)
+        Some(from.segment(to)?.at(after_s).frame_from_palm)
     }
 
-    /// Returns the palm's passage to the next point; `None` if its turn cannot be interpolated.
-    pub fn passage(&self, to: &Self) -> Option<Passage<Table>> {
-        Passage::new(&self.moving(), &to.moving(), to.time_s - self.time_s)
+    /// Returns the palm's segment to the next point; `None` if its turn cannot be interpolated.
+    pub fn segment(&self, to: &Self) -> Option<PoseSegment<Table>> {
+        PoseSegment::new(&self.moving(), &to.moving(), to.time_s - self.time_s)
     }
 
-    fn moving(&self) -> MovingPose<Table> {
-        MovingPose {
+    fn moving(&self) -> PoseState<Table> {
+        PoseState {
             frame_from_palm: self.table_from_palm,
             velocity: self.velocity,
             acceleration: self.acceleration,

@@ -42,8 +42,8 @@ impl Excess {
                 angular_speed: f64::INFINITY,
                 ..Peaks::zero()
             };
-            let passage = from.passage(to);
-            let peaks = passage.map_or(endless, |passage| passage.peaks(&kept));
+            let segment = from.segment(to);
+            let peaks = segment.map_or(endless, |segment| segment.peaks(&kept));
             let along = |linear: f64, angular: f64| {
                 Twist::<Table>::new(Vector3::x() * linear, Vector3::x() * angular)
             };

@@ -116,8 +116,14 @@ impl WholeMotion<'_> {
         let hand = self.course.at(course_s);
         let [height_m, speed, change] = self.height(time_s);
         let up = Vector3::z();
-        let velocity = hand.rates.palm_velocity.along(&self.table_from_object);
-        let acceleration = hand.rates.palm_acceleration.along(&self.table_from_object);
+        let velocity = hand
+            .rates
+            .palm_velocity
+            .expressed_in(&self.table_from_object);
+        let acceleration = hand
+            .rates
+            .palm_acceleration
+            .expressed_in(&self.table_from_object);
         let mut table_from_palm = *(self.table_from_object * hand.frame_from_palm);
         table_from_palm.translation.vector += up * height_m;
         PalmPoint {

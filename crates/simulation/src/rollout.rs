@@ -92,7 +92,7 @@ pub struct TraceStep {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Flow {
     /// Continues as the motion says.
-    GoOn,
+    Continue,
     /// The palm halts, and the fingers' commands stay constant.
     Hold,
 }
@@ -103,7 +103,7 @@ pub struct WatchedRollout {
     /// The result of the motion, with its trace; of an aborted one, the verdict is meaningless.
     pub rollout: Rollout,
     /// Whether it was aborted.
-    pub broken_off: bool,
+    pub aborted: bool,
 }
 
 /// The observer of each step, and how long an aborted motion is held.
@@ -138,10 +138,10 @@ pub(crate) fn run_watched<'a>(
     let mut verdict = None;
     let hold_n = watcher.as_ref().map_or(0, |watcher| watcher.hold_n);
     let mut performance = Performance::begin(template, script, record, watcher);
-    let mut broken_off = None;
+    let mut aborted = None;
     for (idx, command) in script.commands.iter().enumerate() {
         if performance.flow == Flow::Hold {
-            broken_off = Some(idx.checked_sub(1));
+            aborted = Some(idx.checked_sub(1));
             break;
         }
         verdict = match performance.advance(idx, command, script.desired.as_ref()) {
@@ -153,7 +153,7 @@ pub(crate) fn run_watched<'a>(
         }
     }
     // Repeat the last command: the palm stands still, and the fingers keep pressing.
-    let last = broken_off.flatten();
+    let last = aborted.flatten();
     if let Some((idx, command)) = last.and_then(|idx| Some((idx, script.commands.get(idx)?))) {
         for _ in 0..hold_n {
             if performance.advance(idx, command, None) == Finite::No {
@@ -177,7 +177,7 @@ pub(crate) fn run_watched<'a>(
     };
     WatchedRollout {
         rollout,
-        broken_off: broken_off.is_some(),
+        aborted: aborted.is_some(),
     }
 }
 
@@ -214,7 +214,7 @@ impl<'a> Performance<'a> {
             cost_n: 0,
             trace: (record == Record::Trace).then(Trace::default),
             watcher,
-            flow: Flow::GoOn,
+            flow: Flow::Continue,
         };
         let table_from_palm = start.table_from_palm(&begun.believed);
         template

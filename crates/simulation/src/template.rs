@@ -135,7 +135,7 @@ impl Template {
         if let Some(verdict) = self.refuses(&script, protocol)? {
             return Ok(WatchedRollout {
                 rollout: Rollout::refused(verdict, &script),
-                broken_off: false,
+                aborted: false,
             });
         }
         let hold_n = u32::try_from(steps_in(hold_s, &self.scene)).unwrap_or(u32::MAX);

@@ -15,16 +15,16 @@
 //! This crate does no input or output and knows nothing of robots.
 
 mod frame;
-mod passage;
 mod pose;
+mod pose_segment;
 mod rest;
 mod rotation;
 mod segment;
 mod twist;
 
 pub use frame::{Base, Camera, Object, Palm, Table, World};
-pub use passage::{MovingPose, Passage, Peaks, quintic};
 pub use pose::{NotAPose, Pose};
+pub use pose_segment::{Peaks, PoseSegment, PoseState, quintic};
 pub use rest::Rest;
 pub use rotation::{NotARotation, quaternion_xyzw, rot6d, rotation_from_rot6d, xyzw};
 pub use segment::{Coefficient, QuinticSegment};

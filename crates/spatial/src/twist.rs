@@ -46,7 +46,7 @@ impl<Frame> Twist<Frame> {
     }
 
     /// Returns the twist along the axes of another frame, relative to which `Frame` rests.
-    pub fn along<Other>(&self, other_from_frame: &Pose<Other, Frame>) -> Twist<Other> {
+    pub fn expressed_in<Other>(&self, other_from_frame: &Pose<Other, Frame>) -> Twist<Other> {
         Twist::new(
             *other_from_frame * self.linear,
             *other_from_frame * self.angular,

@@ -223,7 +223,7 @@ impl<'a> Placed<'a> {
     fn rates(&self, velocity: &HandRate, acceleration: &HandRate) -> HandRates<InObject> {
         let by_second = -1.0 / self.duration_s;
         let palm = |rate: &HandRate, factor: f64| {
-            let palm = rate.palm.along(&self.object_from_table);
+            let palm = rate.palm.expressed_in(&self.object_from_table);
             Twist::new(palm.linear * factor, palm.angular * factor)
         };
         let joints = |rate: &HandRate, factor: f64| -> Vec<f64> {

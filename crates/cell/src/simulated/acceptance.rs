@@ -198,12 +198,12 @@ fn check_palm(points: &[PalmPoint]) -> Result<(), Rejection> {
     let kept = peaks_kept();
     for (from, to) in points.iter().zip(points.iter().skip(1)) {
         let between = || format!("between {} and {} s", from.time_s, to.time_s);
-        let Some(passage) = from.passage(to) else {
+        let Some(segment) = from.segment(to) else {
             let problem = format!("no palm can turn as this one would {}", between());
             return refuse(RejectionCode::Limits, problem);
         };
         let [least, most] = PALM.workspace_m.map(Vector3::from);
-        let [low, high] = passage.range();
+        let [low, high] = segment.range();
         let is_inside = |axis: usize| low[axis] >= least[axis] && high[axis] <= most[axis];
         if !(0..3).all(is_inside) {
             let [low, high, least, most] = [low, high, least, most].map(<[f64; 3]>::from);
@@ -215,7 +215,7 @@ fn check_palm(points: &[PalmPoint]) -> Result<(), Rejection> {
                 ),
             );
         }
-        check_peaks(&passage.peaks(&kept), &between())?;
+        check_peaks(&segment.peaks(&kept), &between())?;
     }
     Ok(())
 }

@@ -69,26 +69,24 @@ pub(super) fn carry_out(
             encoders.halt(now_s);
         }
         match reason {
-            None => Flow::GoOn,
+            None => Flow::Continue,
             Some(_) => Flow::Hold,
         }
     };
-    let WatchedRollout {
-        rollout,
-        broken_off,
-    } = template.play(&steps, &goal.grasp, HOLD_S, &mut shown)?;
-    let broken_off = reason.filter(|_| broken_off);
+    let WatchedRollout { rollout, aborted } =
+        template.play(&steps, &goal.grasp, HOLD_S, &mut shown)?;
+    let aborted = reason.filter(|_| aborted);
     let samples = match rollout.verdict {
         Verdict::Diverged => Vec::new(),
         _ => samples,
     };
-    let lift_m = match (broken_off.is_some(), samples.first(), samples.last()) {
+    let lift_m = match (aborted.is_some(), samples.first(), samples.last()) {
         (false, Some(_), _) => rollout.lift_m,
         // The physics measured the object at the abort, and the hand held it for a while after.
         (true, Some(first), Some(last)) => height_m(last) - height_m(first),
         _ => 0.0,
     };
-    let end = broken_off.unwrap_or_else(|| Abort {
+    let end = aborted.unwrap_or_else(|| Abort {
         outcome: outcome(rollout.verdict),
         message: rollout.verdict.as_str().to_owned(),
     });

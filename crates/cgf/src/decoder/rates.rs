@@ -33,7 +33,7 @@ impl<F> MovingGrasp<F> {
     /// Returns the same hand in another frame, which does not move in the first.
     pub(super) fn moved<G>(self, other_from_frame: &Pose<G, F>) -> MovingGrasp<G> {
         let along = |rate: HandRate<F>| HandRate {
-            palm: rate.palm.along(other_from_frame),
+            palm: rate.palm.expressed_in(other_from_frame),
             q: rate.q,
         };
         MovingGrasp {

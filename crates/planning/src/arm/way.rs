@@ -72,8 +72,14 @@ impl<'a> Way<'a> {
         Target {
             at,
             base_from_palm: self.base_from_object * hand.frame_from_palm,
-            twist: hand.rates.palm_velocity.along(&self.base_from_object),
-            rate: hand.rates.palm_acceleration.along(&self.base_from_object),
+            twist: hand
+                .rates
+                .palm_velocity
+                .expressed_in(&self.base_from_object),
+            rate: hand
+                .rates
+                .palm_acceleration
+                .expressed_in(&self.base_from_object),
         }
     }
 

@@ -169,10 +169,10 @@ proptest! {
         }
         // What a controller makes of it between two points.
         for pair in palm_of(&planned).windows(2) {
-            let passage = pair[0].passage(&pair[1]).unwrap();
+            let segment = pair[0].segment(&pair[1]).unwrap();
             for look in 1..=LOOKS {
                 let share = f64::from(look) / f64::from(LOOKS + 1);
-                let now = passage.at(share * (pair[1].time_s - pair[0].time_s));
+                let now = segment.at(share * (pair[1].time_s - pair[0].time_s));
                 prop_assert!(now.velocity.linear.norm() <= most.0 * slack);
                 prop_assert!(now.acceleration.linear.norm() <= most.1 * slack);
                 prop_assert!(now.velocity.angular.norm() <= most.2 * slack);

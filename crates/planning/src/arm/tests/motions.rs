@@ -94,7 +94,8 @@ impl JointPath {
             let posture = arm.chain.posture(&self.q(time_s)).unwrap();
             let velocity = self.order(1, time_s);
             let bend = posture.twist(&self.order(2, time_s)) + posture.bias(&velocity);
-            let turn = |six: Vector6<f64>| Twist::from_array(six.into()).along(&object_from_base);
+            let turn =
+                |six: Vector6<f64>| Twist::from_array(six.into()).expressed_in(&object_from_base);
             Step {
                 time_s,
                 frame_from_palm: object_from_base * posture.base_from_palm,

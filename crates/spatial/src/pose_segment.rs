@@ -9,7 +9,7 @@ const SMALL_RAD: f64 = 0.05;
 
 /// A palm on its way relative to `Frame`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MovingPose<Frame> {
+pub struct PoseState<Frame> {
     /// The palm's pose.
     pub frame_from_palm: Pose<Frame, Palm>,
     /// How fast it moves.
@@ -45,26 +45,26 @@ impl Peaks {
 
 /// How much too large the bound of an angular speed or acceleration may be, of the greatest one.
 const EXACT: f64 = 1e-4;
-/// Most halvings of a passage.
+/// Most halvings of a segment.
 const HALVINGS: u32 = 12;
 
 /// The way between two moving poses: polynomials of fifth degree in time that have both ends'
 /// positions, velocities and accelerations. The rotation is that of the first end turned by the
 /// rotation vector that such a polynomial gives.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Passage<Frame> {
-    from: MovingPose<Frame>,
-    to: MovingPose<Frame>,
+pub struct PoseSegment<Frame> {
+    from: PoseState<Frame>,
+    to: PoseState<Frame>,
     duration_s: f64,
     /// The rotation vector from the first end to the second, in the first's moving frame, with its
     /// velocity and acceleration at the second.
     turn: [Vector3<f64>; 3],
 }
 
-impl<Frame: Copy> Passage<Frame> {
+impl<Frame: Copy> PoseSegment<Frame> {
     /// Takes two ends `duration_s` apart; `None` if no rotation vector follows the turn between them,
     /// which is then about a whole one.
-    pub fn new(from: &MovingPose<Frame>, to: &MovingPose<Frame>, duration_s: f64) -> Option<Self> {
+    pub fn new(from: &PoseState<Frame>, to: &PoseState<Frame>, duration_s: f64) -> Option<Self> {
         Some(Self {
             from: *from,
             to: *to,
@@ -74,7 +74,7 @@ impl<Frame: Copy> Passage<Frame> {
     }
 
     /// Returns the pose `time_s` after the first end.
-    pub fn at(&self, time_s: f64) -> MovingPose<Frame> {
+    pub fn at(&self, time_s: f64) -> PoseState<Frame> {
         let Self {
             from,
             to,
@@ -96,7 +96,7 @@ impl<Frame: Copy> Passage<Frame> {
         let [phi, phi_1, phi_2] = phi;
         let jacobian = left_jacobian(&phi);
         let rotation = from.frame_from_palm.rotation;
-        MovingPose {
+        PoseState {
             frame_from_palm: Pose::from_parts(
                 place[0],
                 rotation * UnitQuaternion::from_scaled_axis(phi),
@@ -195,7 +195,7 @@ impl<Frame: Copy> Passage<Frame> {
 }
 
 /// Returns where the origin is and its derivatives.
-fn places<Frame>(end: &MovingPose<Frame>) -> [Vector3<f64>; 3] {
+fn places<Frame>(end: &PoseState<Frame>) -> [Vector3<f64>; 3] {
     [
         end.frame_from_palm.translation.vector,
         end.velocity.linear,
@@ -203,9 +203,9 @@ fn places<Frame>(end: &MovingPose<Frame>) -> [Vector3<f64>; 3] {
     ]
 }
 
-/// Returns the rotation vector at the beginning of a passage, where its derivatives are those of the angle
+/// Returns the rotation vector at the beginning of a segment, where its derivatives are those of the angle
 /// turned.
-fn spins<Frame>(from: &MovingPose<Frame>) -> [Vector3<f64>; 3] {
+fn spins<Frame>(from: &PoseState<Frame>) -> [Vector3<f64>; 3] {
     let back = from.frame_from_palm.rotation.inverse();
     [
         Vector3::zeros(),
@@ -244,7 +244,7 @@ pub fn quintic(from: [f64; 3], to: [f64; 3], duration: f64, time: f64) -> [f64; 
 ///
 /// The angular velocity along the first end's axes is `ω = J(φ) φ′`, its derivative `J φ″ + J′ φ′`
 /// with the left Jacobian J of the rotation group; here they are solved for φ′ and φ″.
-fn turn<Frame>(from: &MovingPose<Frame>, to: &MovingPose<Frame>) -> Option<[Vector3<f64>; 3]> {
+fn turn<Frame>(from: &PoseState<Frame>, to: &PoseState<Frame>) -> Option<[Vector3<f64>; 3]> {
     let back = from.frame_from_palm.rotation.inverse();
     let phi = (back * to.frame_from_palm.rotation).scaled_axis();
     let [spin, spin_rate] = [&to.velocity, &to.acceleration].map(|twist| back * twist.angular);
@@ -311,10 +311,10 @@ mod tests {
         prop::array::uniform6(-most..most).prop_map(Twist::from_array)
     }
 
-    fn moving() -> impl Strategy<Value = MovingPose<World>> {
+    fn moving() -> impl Strategy<Value = PoseState<World>> {
         let pose = prop::array::uniform6(-1.0..1.0_f64);
         (pose, twist(4.0), twist(30.0)).prop_map(|([x, y, z, a, b, c], velocity, acceleration)| {
-            MovingPose {
+            PoseState {
                 frame_from_palm: Pose::new(Isometry3::new(
                     Vector3::new(x, y, z),
                     Vector3::new(a, b, c),
@@ -333,12 +333,12 @@ mod tests {
             to in moving(),
             duration_s in 0.02..1.0_f64,
         ) {
-            let passage = Passage::new(&from, &to, duration_s).unwrap();
-            let found = passage.peaks(&Peaks::zero());
+            let segment = PoseSegment::new(&from, &to, duration_s).unwrap();
+            let found = segment.peaks(&Peaks::zero());
             let mut seen = Peaks::zero();
-            let [low, high] = passage.range();
+            let [low, high] = segment.range();
             for look in 0..=4000 {
-                let at = passage.at(duration_s * f64::from(look) / 4000.0);
+                let at = segment.at(duration_s * f64::from(look) / 4000.0);
                 let place = at.frame_from_palm.translation.vector;
                 prop_assert!((place - low).min() > -1e-9 && (high - place).min() > -1e-9);
                 seen = Peaks {
@@ -357,7 +357,7 @@ mod tests {
             let twice = all(found).map(|peak| 2.0 * peak);
             let [speed, acceleration, angular_speed, angular_acceleration] = twice;
             let least = Peaks { speed, acceleration, angular_speed, angular_acceleration };
-            for (found, twice) in all(passage.peaks(&least)).into_iter().zip(twice) {
+            for (found, twice) in all(segment.peaks(&least)).into_iter().zip(twice) {
                 prop_assert!((1.0..=1.0 + EXACT).contains(&(found / twice)), "{found} {twice}");
             }
         }
@@ -385,7 +385,7 @@ mod tests {
 
     #[test]
     fn a_passage_has_both_ends_and_its_own_derivatives() {
-        let end = |shift: f64| MovingPose {
+        let end = |shift: f64| PoseState {
             frame_from_palm: Pose::new(Isometry3::new(
                 Vector3::new(shift, 0.2, -0.1),
                 Vector3::new(0.4, shift, -0.2),
@@ -394,9 +394,9 @@ mod tests {
             acceleration: Twist::from_array([1.0, shift, -2.0, 3.0, 0.5, -1.5]),
         };
         let (from, to, duration_s) = (end(0.1), end(0.6), 0.4);
-        let passage = Passage::new(&from, &to, duration_s).unwrap();
+        let segment = PoseSegment::new(&from, &to, duration_s).unwrap();
         for (time_s, expected) in [(0.0, from), (duration_s, to)] {
-            let found = passage.at(time_s);
+            let found = segment.at(time_s);
             let off = found.frame_from_palm.inv_mul(&expected.frame_from_palm);
             assert!(off.translation.vector.norm() < 1e-12 && off.rotation.angle() < 1e-7);
             let far = |a: Twist<World>, b: Twist<World>| {
@@ -410,7 +410,7 @@ mod tests {
         let h = 1e-5;
         for part in 1..10 {
             let time_s = duration_s * f64::from(part) / 10.0;
-            let [before, now, after] = [-h, 0.0, h].map(|d| passage.at(time_s + d));
+            let [before, now, after] = [-h, 0.0, h].map(|d| segment.at(time_s + d));
             let turned = after.frame_from_palm.rotation * before.frame_from_palm.rotation.inverse();
             assert!((turned.scaled_axis() / (2.0 * h) - now.velocity.angular).norm() < 1e-6);
             let rate = (after.velocity.angular - before.velocity.angular) / (2.0 * h);
