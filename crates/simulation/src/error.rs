@@ -1,5 +1,7 @@
 //! Why a scene cannot be simulated.
 
+use crate::settings::SettingFault;
+
 /// Why a scene cannot be simulated at all; a motion that fails is a verdict, not an error.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -61,16 +63,9 @@ pub enum SimulationError {
     /// A motion does not fit the hand, or its numbers are not numbers.
     #[error("motion cannot be followed: {0}")]
     Motion(String),
-    /// A setting makes no sense.
-    #[error("`{key}` is {value}, expected {expected}")]
-    Setting {
-        /// The setting's name.
-        key: &'static str,
-        /// The value found.
-        value: f64,
-        /// What is accepted.
-        expected: &'static str,
-    },
+    /// A setting is out of its bounds.
+    #[error(transparent)]
+    Setting(#[from] SettingFault),
     /// The object alone on the table went out of bounds.
     #[error("object does not come to rest on the table: it left it or its numbers overflowed")]
     Unsettled,
@@ -116,7 +111,7 @@ impl SimulationError {
             Self::FlatLink { link } => Some(format!(
                 "give `<link name=\"{link}\">` a thicker `<collision>`; lengths are in meters"
             )),
-            Self::Motion(_) | Self::Setting { .. } | Self::Unsettled => None,
+            Self::Motion(_) | Self::Setting(_) | Self::Unsettled => None,
         }
     }
 }

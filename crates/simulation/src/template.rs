@@ -210,41 +210,8 @@ pub fn check_hand(scene: &SceneConfig, hand: &RobotModel) -> Result<(), Simulati
 
 /// Refuses settings that cannot be simulated.
 fn check(scene: &SceneConfig) -> Result<(), SimulationError> {
-    let positive = [
-        ("mass_scale", scene.mass_scale),
-        ("hand_mass_scale", scene.hand_mass_scale),
-        ("time_step_s", scene.time_step_s),
-        ("steps_per_control", f64::from(scene.steps_per_control)),
-        ("drive.stiffness", scene.drive.stiffness),
-    ];
-    for (key, value) in positive {
-        if value.is_nan() || value <= 0.0 {
-            return Err(SimulationError::Setting {
-                key,
-                value,
-                expected: "more than 0",
-            });
-        }
-    }
-    let not_negative = [
-        ("friction", scene.friction),
-        ("prediction_m", scene.prediction_m),
-        ("settle_s", scene.settle_s),
-        ("drive.damping", scene.drive.damping),
-        ("drive.torque_limit", scene.drive.torque_limit),
-        ("drive.armature", scene.drive.armature),
-        ("drive.stop_stiffness", scene.drive.stop_stiffness),
-    ];
-    for (key, value) in not_negative {
-        if value.is_nan() || value < 0.0 {
-            return Err(SimulationError::Setting {
-                key,
-                value,
-                expected: "0 or more",
-            });
-        }
-    }
-    Ok(())
+    let fault = scene.faults().into_iter().next();
+    fault.map_or(Ok(()), |fault| Err(fault.into()))
 }
 
 /// Displaces an object on the table, turning it about the vertical through its own origin.

@@ -69,17 +69,12 @@ impl<'a> Way<'a> {
 
     /// Returns where the palm of a course is that has been looked up.
     pub(crate) fn of(&self, at: Place, hand: &Step<Object>) -> Target {
+        let (base_from_object, rates) = (&self.base_from_object, &hand.rates);
         Target {
             at,
-            base_from_palm: self.base_from_object * hand.frame_from_palm,
-            twist: hand
-                .rates
-                .palm_velocity
-                .expressed_in(&self.base_from_object),
-            rate: hand
-                .rates
-                .palm_acceleration
-                .expressed_in(&self.base_from_object),
+            base_from_palm: *base_from_object * hand.frame_from_palm,
+            twist: rates.palm_velocity.expressed_in(base_from_object),
+            rate: rates.palm_acceleration.expressed_in(base_from_object),
         }
     }
 
