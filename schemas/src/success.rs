@@ -72,7 +72,7 @@ impl Success {
 
 /// The success of the candidates of all objects.
 pub type Successes = Vec<Success>;
-table! {"success", 1, rows: Success}
+table! {"success", 2, rows: Success}
 
 /// Returns the 95 % confidence interval of a probability from `successes` in `n` trials (E. B.
 /// Wilson, *Probable Inference, the Law of Succession, and Statistical Inference*, 1927); 0..=1
@@ -117,6 +117,7 @@ columns! {
         not_grasped_n: i64 => "those that failed by `not_grasped`",
         slipped_n: i64 => "those that failed by `slipped`",
         dropped_n: i64 => "those that failed by `dropped`",
+        too_deep_n: i64 => "those that failed by `too_deep`",
         diverged_n: i64 => "those that failed by `diverged`",
         control_steps_n: i64 => "control steps simulated, for failures too",
         control_steps_per_success: f64 ["1"]
@@ -151,6 +152,7 @@ impl Flatten for Success {
             not_grasped_n: self.count(Verdict::NotGrasped),
             slipped_n: self.count(Verdict::Slipped),
             dropped_n: self.count(Verdict::Dropped),
+            too_deep_n: self.count(Verdict::TooDeep),
             diverged_n: self.count(Verdict::Diverged),
             control_steps_n: self.control_steps_n,
             control_steps_per_success: self.control_steps_per_success(),
@@ -174,6 +176,7 @@ impl Flatten for Success {
                 Verdict::NotGrasped => flat.not_grasped_n,
                 Verdict::Slipped => flat.slipped_n,
                 Verdict::Dropped => flat.dropped_n,
+                Verdict::TooDeep => flat.too_deep_n,
                 Verdict::Diverged => flat.diverged_n,
             }),
             control_steps_n: flat.control_steps_n,

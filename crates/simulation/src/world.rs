@@ -115,6 +115,7 @@ impl World {
             // Nearly free, and stops the creep of held objects.
             num_internal_pgs_iterations: 2,
             normalized_prediction_distance: real(scene.prediction_m),
+            normalized_contact_recycle_distance: real(scene.contact_recycle_m),
             ..IntegrationParameters::default()
         };
         Self {

@@ -229,7 +229,7 @@ pub(crate) fn success() -> Vec<Success> {
     let row = |generator: &str, successes_n: i64| Success {
         object: "can".to_owned(),
         generator: generator.to_owned(),
-        verdicts_n: [successes_n, 2, 3, 4, 5, 6, 7, 8, 9],
+        verdicts_n: [successes_n, 2, 3, 4, 5, 6, 7, 8, 9, 10],
         control_steps_n: 1000,
         spread: sampling::GraspDistance {
             palm_m: 1.0,

@@ -12,6 +12,9 @@ const MOST_RECORDED: usize = 10_000;
 /// Largest pose noise, as a share of an object's extent.
 const MAX_POSE_NOISE: f64 = 1000.0;
 
+/// Greatest bound of the hand's depth in an object, in meters.
+const MAX_PENETRATION_M: f64 = 1.0;
+
 /// Options of `kind = "screen"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -19,7 +22,7 @@ pub struct ScreenConfig {
     /// URDF of the robot hand; its root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// Accepted rollouts per object that are recorded for a viewer (1): a recording has about 1 MB.
+    /// Accepted rollouts per object that are recorded for a viewer (2): a recording has about 1 MB.
     #[serde(default = "defaults::recorded_per_object")]
     pub recorded_per_object: usize,
     /// Noise on the object's position, for a study: each motion is executed as if the object were
@@ -27,6 +30,10 @@ pub struct ScreenConfig {
     /// share of the object's extent (0); paper: 0 to 0.1
     #[serde(default)]
     pub pose_noise: f64,
+    /// Deepest that the hand may be in an object that it holds, in meters; a deeper one is `too_deep`
+    /// (0.005): soft fingertips yield by that much.
+    #[serde(default = "defaults::max_penetration_m")]
+    pub max_penetration_m: f64,
     /// The physical scene.
     pub scene: SceneConfig,
     /// How a motion is executed, and what counts as success.
@@ -42,6 +49,9 @@ impl ScreenConfig {
         faults.within("recorded_per_object", recorded, 0..=MOST_RECORDED, why);
         let why = "it is a share of the object's extent";
         faults.within("pose_noise", self.pose_noise, 0.0..=MAX_POSE_NOISE, why);
+        let why = "it is a depth in an object of a hand's size";
+        let depth_m = self.max_penetration_m;
+        faults.within("max_penetration_m", depth_m, 0.0..=MAX_PENETRATION_M, why);
         faults.of_table("scene", option_faults(self.scene.faults()));
         faults.of_table("protocol", option_faults(self.protocol.faults(&self.scene)));
         faults.found()
@@ -60,4 +70,5 @@ fn option_faults(faults: Vec<SettingFault>) -> Vec<OptionFault> {
 #[rustfmt::skip]
 mod defaults {
     pub(super) fn recorded_per_object() -> usize { 2 }
+    pub(super) fn max_penetration_m() -> f64 { 0.005 }
 }

@@ -193,9 +193,11 @@ fn level(table_from_object: &Isometry3<f64>, scene_from_object: &Isometry3<f64>)
 fn outcome(verdict: Verdict) -> Outcome {
     match verdict {
         Verdict::Held => Outcome::Succeeded,
-        Verdict::KnockedOver | Verdict::NotGrasped | Verdict::Slipped | Verdict::Dropped => {
-            Outcome::Failed
-        }
+        Verdict::KnockedOver
+        | Verdict::NotGrasped
+        | Verdict::Slipped
+        | Verdict::Dropped
+        | Verdict::TooDeep => Outcome::Failed,
         Verdict::Limit | Verdict::Table | Verdict::EarlyContact | Verdict::Diverged => {
             Outcome::Aborted
         }
