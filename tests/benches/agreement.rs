@@ -107,6 +107,8 @@ fn main() -> ExitCode {
     }
     println!("{:24} {}", "unseen", unseen.line());
     println!("{:24} {}", "all", totals.line());
+    totals.depths.sort_by(f64::total_cmp);
+    for share in [0.5, 0.9, 0.99, 1.0] { println!("depth {share}: {:.1} mm", 1e3 * totals.depths[((totals.depths.len() - 1) as f64 * share) as usize]); }
     println!(
         "{}: {:?}; held there alone {}",
         ENGINES[0].0, totals.reasons, totals.only_there
@@ -162,6 +164,8 @@ struct Counts {
     /// Physics steps here of those that hold.
     here_held_steps: f64,
     there_s: [f64; ENGINES.len()],
+    depths: Vec<f64>,
+    deep: usize,
 }
 
 impl Counts {
@@ -179,12 +183,12 @@ impl Counts {
             format!("{n:9} ({share:5.1} %)")
         });
         format!(
-            "{:10}  {:9}  {}  {:12}  {:5.2}",
+            "{:10}  {:9}  {}  {:12}  {:5.2} deep {}",
             self.candidates,
             self.held,
             there.join(" "),
             self.held_there(),
-            self.kappa()
+            self.kappa(), self.deep
         )
     }
 
@@ -216,6 +220,8 @@ impl Counts {
         }
         self.only_there += other.only_there;
         self.steps = other.steps;
+        self.depths.extend(&other.depths);
+        self.deep += other.deep;
         self.here_s += other.here_s;
         self.here_held_s += other.here_held_s;
         self.here_held_steps += other.here_held_steps;
@@ -259,6 +265,10 @@ fn compare(
         let cpu_s = thread_time::cpu_s() - before;
         let rollout = rollout.unwrap();
         held.push(rollout.verdict == Verdict::Held);
+        if rollout.verdict == Verdict::Held {
+            counts.depths.push(rollout.penetration_m);
+            counts.deep += usize::from(rollout.penetration_m > 0.005);
+        }
         counts.here_s += cpu_s;
         if held.last() == Some(&true) {
             counts.held += 1;
@@ -270,7 +280,7 @@ fn compare(
         counts.steps = (instructions.len() - 1) as f64 * f64::from(scene.steps_per_control);
         scripts.push(mujoco::rollout(template, &instructions));
     }
-    for (idx, (_, engine)) in ENGINES.into_iter().enumerate() {
+    for (idx, (_, engine)) in ENGINES.into_iter().enumerate().take(1) {
         mujoco.build(&mujoco::scene(&scene, &protocol, hand, object, engine));
         for (rolled, held) in mujoco.roll(&scripts).into_iter().zip(&held) {
             counts.there_s[idx] += rolled.cpu_s;

@@ -106,14 +106,25 @@ impl World {
 
     /// Returns an empty world.
     pub(crate) fn empty(scene: &SceneConfig) -> Self {
+        let var = |name: &str, default: f32| std::env::var(name).map_or(default, |v| v.parse().unwrap());
+        let base = IntegrationParameters::default();
+        let mut soft = base.contact_softness;
+        soft.natural_frequency = var("CF", soft.natural_frequency);
+        soft.damping_ratio = var("CZ", soft.damping_ratio);
+        let mut fixed = base.static_contact_softness;
+        fixed.natural_frequency = var("SF", fixed.natural_frequency);
+        fixed.damping_ratio = var("SZ", fixed.damping_ratio);
         let parameters = IntegrationParameters {
+            contact_softness: soft,
+            static_contact_softness: fixed,
+            num_internal_stabilization_iterations: var("ST", 1.0) as usize,
             dt: real(scene.time_step_s),
             // One substep holds with implicit drives; each further one costs as much as a step.
-            num_solver_iterations: 1,
+            num_solver_iterations: var("IT", 1.0) as usize,
             // Nothing here is fast enough to pass through anything.
             max_ccd_substeps: 0,
             // Nearly free, and stops the creep of held objects.
-            num_internal_pgs_iterations: 2,
+            num_internal_pgs_iterations: var("PGS", 2.0) as usize,
             normalized_prediction_distance: real(scene.prediction_m),
             normalized_contact_recycle_distance: real(scene.contact_recycle_m),
             ..IntegrationParameters::default()
