@@ -37,7 +37,7 @@ pub struct Rollout {
     pub slip_m: f64,
     /// Motion of the object on the table before the squeeze, in meters.
     pub displacement_m: f64,
-    /// Deepest contact between hand and object while held, in meters.
+    /// Deepest that the hand was in the object while it was held, in meters.
     pub penetration_m: f64,
     /// Hand links in contact with the object at the end.
     pub contacts_n: u32,

@@ -71,6 +71,7 @@ fn can(xml: &str) -> (ObjectShape, f64) {
     let moments = Matrix3::from_diagonal(&Vector3::from_vec(of_mass("diaginertia")));
     let vertices = numbers(xml, r#"<mesh name="can""#, "vertex");
     let can = ObjectShape {
+        surface: None,
         parts_m: vec![vertices.chunks(3).map(Point3::from_slice).collect()],
         mass_kg: of_mass("mass")[0],
         center_of_mass_m: Point3::from_slice(&of_mass("pos")),
