@@ -276,6 +276,7 @@ fn control_step(template: &Template, world: &mut World, q_command: &[f64]) -> Fi
         if world.step() == Finite::No {
             return Finite::No;
         }
+        template.hand.limit_speed(world);
     }
     Finite::Yes
 }
@@ -296,6 +297,7 @@ fn control_step_along(
         if world.step() == Finite::No {
             return Finite::No;
         }
+        template.hand.limit_speed(world);
     }
     Finite::Yes
 }

@@ -21,7 +21,7 @@ use crate::{
 const GRAVITY: f32 = 9.81;
 /// Damping ratio of contacts: what overlaps parts as fast as it can without swinging. With the engine's
 /// default of 10, which is for stacks of boxes, it parts seven times slower, and held things sink in.
-const CONTACT_DAMPING_RATIO: f32 = 3.0;
+const CONTACT_DAMPING_RATIO: f32 = 1.0;
 /// Half the edge of the table in meters: nothing that is still in the game leaves it.
 const TABLE_HALF_EDGE: f32 = 1.0;
 /// Half the thickness of the table in meters.
@@ -130,7 +130,6 @@ impl World {
             num_internal_pgs_iterations: 2,
             normalized_prediction_distance: real(scene.prediction_m),
             normalized_contact_recycle_distance: real(scene.contact_recycle_m),
-            normalized_max_corrective_velocity: 0.3,
             ..defaults
         };
         Self {

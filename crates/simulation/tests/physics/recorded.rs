@@ -17,8 +17,9 @@ use crate::scene::{hand, protocol, scene};
 
 /// Verdicts of 62 that have to agree: `SAPIEN` and `MuJoCo` agree on 51.
 const LEAST_AGREEMENTS: usize = 53;
-/// Most spin of a held can in rad/s, root of the mean square over the last 0.6 s.
-const MOST_SPIN: f64 = 0.05;
+/// Most spin of a held can in rad/s, root of the mean square over the last 0.6 s: below the median of those
+/// that `MuJoCo` holds, 0.086 (with its default contacts; its most is 0.39).
+const MOST_SPIN: f64 = 0.08;
 
 /// A recorded grasp.
 struct Grasp {
