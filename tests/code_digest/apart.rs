@@ -368,6 +368,7 @@ impl<const STAGE: u8> Output for Picture<STAGE> {
 }
 
 /// Writes a file where a folder has a recipe.
+#[expect(clippy::unnecessary_wraps, reason = "as a generator must be")]
 fn generate(config: &CountConfig) -> Result<(), CountError> {
     if config.root.join("recipe").is_file() {
         put(&config.root, "generated.txt", "made up");

@@ -130,7 +130,7 @@ pub enum LakeError {
         value: f64,
     },
     /// A file of an artifact is not of its format.
-    #[error("the file `{file}` of artifact `{key}` is not of its format")]
+    #[error("artifact `{key}` is damaged: its file `{file}` is not of its format")]
     BadFile {
         /// The partition's key.
         key: PartitionKey,

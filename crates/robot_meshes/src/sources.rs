@@ -2,9 +2,20 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use dataflow::SourceFile;
+use dataflow::{Form, SourceFile};
 
 use crate::{LoadError, load::without_meshes, shapes};
+
+/// The form of a URDF of which only the robot is read.
+pub const READ: Form = Form {
+    name: "robot",
+    of: robot::read_form,
+};
+/// The form of a URDF that recordings show.
+pub const SHOWN: Form = Form {
+    name: "shown robot",
+    of: robot::shown_form,
+};
 
 /// Returns the meshes that the robot of a URDF collides with, each once and by the name that the URDF
 /// gives it: what a unit reads beside the URDF.

@@ -7,8 +7,8 @@ use std::{
 
 use cell::{CellClient, Executed, Goal, Recovered, Rejection, RejectionCode, Report, with_causes};
 use dataflow::{
-    Code, Context, Form, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage,
-    Sum, Unit,
+    Code, Context, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum,
+    Unit,
 };
 use lake::{LakeError, ReadInputs, WriteArtifact};
 use robot::Joint;
@@ -60,12 +60,6 @@ dataflow::metrics! {
         simulated_n: Sum,
     }
 }
-
-/// The form of the robot that recordings show.
-const SHOWN_ROBOT: Form = Form {
-    name: "shown robot",
-    of: robot::shown_form,
-};
 
 impl Stage for Dispatch {
     type Config = DispatchConfig;
@@ -121,11 +115,14 @@ impl Output for Dispatch {
                     .reading(Rollouts::NAME, [&rollouts.key])
                     .reading(Candidates::NAME, [&rollouts.key])
                     .reading(Object::NAME, [&rollouts.key])
-                    .with_file_of_form(SourceFile::named("hand", &config.hand), SHOWN_ROBOT);
+                    .with_file_of_form(
+                        SourceFile::named("hand", &config.hand),
+                        robot_meshes::SHOWN,
+                    );
                 let unit = match &config.arm {
                     Some(arm) => {
                         let robot = SourceFile::named("arm.robot", &arm.robot);
-                        unit.with_file_of_form(robot, SHOWN_ROBOT)
+                        unit.with_file_of_form(robot, robot_meshes::SHOWN)
                     }
                     None => unit,
                 };

@@ -191,7 +191,7 @@ fn run(change: impl Fn(&mut DispatchConfig), verdict: Verdict) -> Result<Ran, Di
 }
 
 fn line(made: &DispatchMetrics) -> String {
-    DispatchReport::line(&Summary::made(std::slice::from_ref(&made)))
+    DispatchReport::line(&Summary::made(std::slice::from_ref(made)))
 }
 
 #[test]

@@ -28,11 +28,6 @@ use crate::{
 /// Moves human demonstrations onto a robot hand.
 pub enum Retarget {}
 
-/// The robot counts as recordings show it.
-const SHOWN_ROBOT: Form = Form {
-    name: "shown robot",
-    of: robot::shown_form,
-};
 /// The hand's table counts as it is read.
 const TABLE: Form = Form {
     name: "hand table",
@@ -140,7 +135,7 @@ impl Output for Trajectories {
                     .reading(Object::NAME, among(objects))
                     .reading(FieldInfo::NAME, among(fields))
                     .only_files(Object::NAME, [objects::MESH])
-                    .with_file_of_form(SourceFile::named("hand", &config.hand), SHOWN_ROBOT)
+                    .with_file_of_form(SourceFile::named("hand", &config.hand), robot_meshes::SHOWN)
                     .with_file_of_form(SourceFile::named("hand_table", &config.hand_table), TABLE);
                 meshes.iter().cloned().fold(unit, Unit::with_file)
             })

@@ -3,8 +3,7 @@
 mod candidates;
 
 use dataflow::{
-    Code, Context, Form, Inputs, OptionFault, Options, Outcome, Output, Outputs, Scope, Stage, Sum,
-    Unit,
+    Code, Context, Inputs, OptionFault, Options, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
 use schemas::{
     Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, objects::Object,
@@ -26,11 +25,6 @@ dataflow::metrics! {
     }
 }
 
-/// The robot counts as recordings show it.
-const SHOWN_ROBOT: Form = Form {
-    name: "shown robot",
-    of: robot::shown_form,
-};
 impl Stage for Sample {
     type Config = SampleConfig;
     type Error = SampleError;

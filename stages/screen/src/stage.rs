@@ -1,8 +1,8 @@
 //! The stage: the rollouts of one object's candidates.
 
 use dataflow::{
-    Code, Context, Form, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage,
-    Sum, Unit,
+    Code, Context, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum,
+    Unit,
 };
 use lake::{ReadInputs, WriteArtifact};
 use robot::JointOrder;
@@ -38,12 +38,6 @@ dataflow::metrics! {
         verdicts_n: ByVerdict,
     }
 }
-
-/// The robot counts as recordings show it.
-const SHOWN_ROBOT: Form = Form {
-    name: "shown robot",
-    of: robot::shown_form,
-};
 
 impl Stage for Screen {
     type Config = ScreenConfig;
@@ -96,7 +90,10 @@ impl Output for Screen {
                     .with_label("object", &partition.key)
                     .reading(Candidates::NAME, [&partition.key])
                     .reading(Object::NAME, object.map(|object| &object.key))
-                    .with_file_of_form(SourceFile::named("hand", &config.hand), SHOWN_ROBOT);
+                    .with_file_of_form(
+                        SourceFile::named("hand", &config.hand),
+                        robot_meshes::SHOWN,
+                    );
                 meshes.iter().cloned().fold(unit, Unit::with_file)
             })
             .collect())

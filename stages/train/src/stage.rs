@@ -4,8 +4,8 @@ use std::{collections::BTreeSet, sync::Arc, time::Instant};
 
 use cgf::{GraspError, Trained, Trainer, TrainingSet};
 use dataflow::{
-    Code, Context, Form, Inputs, Max, Mean, OptionFault, Outcome, Output, Outputs, Scope,
-    SourceFile, Stage, Sum, Unit,
+    Code, Context, Inputs, Max, Mean, OptionFault, Outcome, Output, Outputs, Scope, SourceFile,
+    Stage, Sum, Unit,
 };
 use lake::ReadInputs;
 use robot::RobotModel;
@@ -44,11 +44,6 @@ dataflow::metrics! {
     }
 }
 
-/// The hand counts as it is read.
-const ROBOT: Form = Form {
-    name: "robot",
-    of: robot::read_form,
-};
 /// Key of the one partition.
 const MODEL: &str = "cgf";
 
@@ -123,7 +118,7 @@ impl Output for Train {
             .only_files(Trajectory::NAME, [lake::table::FILE])
             .reading(Object::NAME, objects)
             .reading(FieldInfo::NAME, fields)
-            .with_file_of_form(SourceFile::named("hand", &config.hand), ROBOT);
+            .with_file_of_form(SourceFile::named("hand", &config.hand), robot_meshes::READ);
         Ok(vec![
             robot_meshes::sources(&config.hand)?
                 .into_iter()

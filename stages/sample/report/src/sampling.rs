@@ -16,7 +16,7 @@ use schemas::{
 };
 use stage_sample::{
     Sample, SampleConfig, SampleError,
-    inputs::{ROBOT, hand_file, hand_meshes, order},
+    inputs::{hand_file, order},
     room::{Gauge, Room},
 };
 
@@ -67,7 +67,7 @@ impl Output for SamplingReport {
 
     /// One unit per object that has candidates.
     fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
-        let meshes = hand_meshes(config)?;
+        let meshes = robot_meshes::sources(&config.hand)?;
         let fields = scope.partitions(FieldInfo::NAME);
         let trajectories = scope.partitions(Trajectory::NAME);
         let units = scope.partitions(Candidates::NAME).iter().map(|candidates| {
@@ -87,7 +87,7 @@ impl Output for SamplingReport {
                     shown.map(|trajectory| trajectory.key.as_str()),
                 )
                 .only_files(Trajectory::NAME, [lake::table::FILE])
-                .with_file_of_form(hand_file(config), ROBOT);
+                .with_file_of_form(hand_file(config), robot_meshes::READ);
             meshes.iter().cloned().fold(unit, Unit::with_file)
         });
         Ok(units.collect())

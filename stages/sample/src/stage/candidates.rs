@@ -12,10 +12,10 @@ use schemas::{
     objects::Object,
 };
 
-use super::{SHOWN_ROBOT, SampleMetrics};
+use super::SampleMetrics;
 use crate::{
     Epoch, SampleConfig, SampleError,
-    inputs::{ROBOT, hand_file, hand_meshes, order},
+    inputs::{hand_file, order},
     motions::sample,
     recording,
     room::{Gauge, Room},
@@ -39,7 +39,7 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
     let fields = scope.partitions(FieldInfo::NAME);
     let reads_hand = config.redraws() || config.recorded_per_object > 0;
     let meshes = if reads_hand {
-        hand_meshes(config)?
+        robot_meshes::sources(&config.hand)?
     } else {
         Vec::new()
     };
@@ -62,9 +62,9 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
                 unit
             };
             let form = if config.recorded_per_object > 0 {
-                SHOWN_ROBOT
+                robot_meshes::SHOWN
             } else if config.redraws() {
-                ROBOT
+                robot_meshes::READ
             } else {
                 return unit;
             };

@@ -249,7 +249,7 @@ fn a_damaged_distance_field_is_named() {
     );
     let err = Train::make(&config(), &inputs, &cx).unwrap_err();
     assert!(
-        err.to_string().contains("`tin` is damaged") && err.hint().is_some(),
+        err.to_string().contains("artifact `tin` is damaged") && err.hint().is_some(),
         "{err}"
     );
 }
