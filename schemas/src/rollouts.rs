@@ -21,7 +21,7 @@ columns! {
         lift_m: f64 ["m"] => "rise of the object's origin at the end",
         slip_m: f64 ["m"] => "motion of the object in the palm frame between lift and end",
         displacement_m: f64 ["m"] => "motion of the object on the table before the squeeze",
-        penetration_m: f64 ["m"] => "deepest contact between hand and object while held",
+        penetration_m: f64 ["m"] => "deepest that the hand was in the object while it was held",
         contacts_n: u32 => "hand links in contact with the object at the end",
         /// Smoothness of the candidate as drawn.
         smoothness: Smoothness,
@@ -30,7 +30,7 @@ columns! {
 
 /// The rollouts of one object's candidates.
 pub type Rollouts = Vec<Rollout>;
-table! {"rollouts", 2, per "object", rows: Rollout}
+table! {"rollouts", 3, per "object", rows: Rollout}
 
 words! {
     /// How a rollout ended; success is first.
@@ -52,6 +52,8 @@ words! {
         Slipped = "slipped",
         /// Lifted, and fell before the end.
         Dropped = "dropped",
+        /// Held to the end, with the hand deeper in the object than solid bodies can be.
+        TooDeep = "too_deep",
         /// The simulation became non-finite or implausible.
         Diverged = "diverged",
     }

@@ -1,7 +1,8 @@
 //! Our own random numbers: candle's generator cannot be seeded on the CPU.
 
-use rand::{Rng, SeedableRng};
+use rand::{Rng, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 /// A reproducible source of random numbers.
 #[derive(Debug, Clone)]
@@ -20,10 +21,9 @@ impl Random {
         self.0.random::<f64>()
     }
 
-    /// Draws from the standard normal distribution (Box and Muller 1958).
+    /// Draws from the standard normal distribution.
     pub fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
-        radius * (std::f64::consts::TAU * self.uniform()).cos()
+        self.0.sample(StandardNormal)
     }
 
     /// Draws an index below `n`, which must not be 0.
@@ -31,12 +31,10 @@ impl Random {
         self.0.random_range(0..n)
     }
 
-    /// Returns `0..n` in random order (Fisher and Yates).
+    /// Returns `0..n` in random order.
     pub fn permutation(&mut self, n: usize) -> Vec<usize> {
         let mut order: Vec<usize> = (0..n).collect();
-        for last in (1..n).rev() {
-            order.swap(last, self.index(last + 1));
-        }
+        order.shuffle(&mut self.0);
         order
     }
 }

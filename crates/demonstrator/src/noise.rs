@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Unit, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 /// Returns the random numbers of one item: they depend on nothing but the arguments.
 pub(crate) fn stream(seed: u64, kind: &str, item: usize) -> ChaCha8Rng {
@@ -12,10 +13,9 @@ pub(crate) fn stream(seed: u64, kind: &str, item: usize) -> ChaCha8Rng {
     ChaCha8Rng::from_seed(*blake3::hash(text.as_bytes()).as_bytes())
 }
 
-/// Draws a number of mean zero and standard deviation one (Box and Muller 1958).
+/// Draws a number of mean zero and standard deviation one.
 pub(crate) fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
-    radius * (TAU * rng.random::<f64>()).cos()
+    rng.sample(StandardNormal)
 }
 
 /// Draws three independent numbers of standard deviation one.

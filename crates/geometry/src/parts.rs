@@ -28,16 +28,26 @@ const NEARLY_CONVEX: f64 = 1.25;
 /// little volume the dent has: a pitcher's handle.
 const DEEP: f64 = 0.15;
 
-/// Voxels along the longest side: a bowl's wall is then about one voxel.
-const RESOLUTION: u32 = 64;
+/// Voxels along the longest side: a bowl's wall is then about two voxels.
+const RESOLUTION: u32 = 100;
+
+/// How far a part may stick out of the mesh where more parts could follow it, in meters.
+const THICKER_M: f64 = 0.002;
+
+/// Points of a hull at which it is compared with the mesh.
+const SAMPLES: usize = 60;
 
 /// Smallest part kept, as a share of all parts' volume.
 const SMALLEST_SHARE: f64 = 1e-3;
 
 /// Returns the corners of convex bodies that together nearly fill the mesh, in meters, each with at
-/// most [`MAX_PART_VERTICES`] corners: one body where the mesh is nearly convex.
+/// most [`MAX_PART_VERTICES`] corners: one body where the mesh is nearly convex, else as few as stick out
+/// of it by no more than 2 mm, or `max_parts`.
 ///
-/// Splits with VHACD (Mamou, "Volumetric hierarchical approximate convex decomposition", 2016).
+/// Splits with VHACD (Mamou, "Volumetric hierarchical approximate convex decomposition", 2016), and joins
+/// parts by how far their common hull lies off the mesh (Wei et al., "Approximate convex decomposition
+/// for 3D meshes with collision-aware concavity and tree search", 2022, section 3), here outside of it
+/// only: what is missing inside cannot push a finger away from the surface.
 ///
 /// # Errors
 ///
@@ -96,7 +106,7 @@ pub fn convex_parts(
         .into_iter()
         .filter(|part| part.volume_m3() > smallest)
         .collect();
-    let parts: Vec<_> = merged(hulls, max_parts)
+    let parts: Vec<_> = merged(hulls, max_parts, &surface)
         .iter()
         .filter_map(|part| few_hull_points(&part.vertices_m, MAX_PART_VERTICES).ok())
         .collect();
@@ -121,34 +131,77 @@ fn shortest_side_m(mesh: &TriMesh) -> f64 {
     (high - low).min()
 }
 
-/// Joins the two bodies whose common hull adds the least volume, until at most `limit` are left:
-/// VHACD's last step, which `parry3d` leaves out.
-fn merged(mut bodies: Vec<TriMesh>, limit: usize) -> Vec<TriMesh> {
-    let mut costs: BTreeMap<(usize, usize), f64> = BTreeMap::new();
+/// Joins the two bodies whose common hull sticks out of the mesh least, until at most `limit` are left
+/// and no two can be joined within [`THICKER_M`].
+fn merged(mut bodies: Vec<TriMesh>, limit: usize, surface: &SurfaceDistance) -> Vec<TriMesh> {
+    let mut costs: BTreeMap<(usize, usize), Cost> = BTreeMap::new();
     let mut alive: Vec<usize> = (0..bodies.len()).collect();
-    while alive.len() > limit {
-        let mut best: Option<(f64, usize, usize)> = None;
+    loop {
+        let mut best: Option<(Cost, usize, usize)> = None;
         for (at, &left) in alive.iter().enumerate() {
             for &right in alive.iter().skip(at + 1) {
-                let cost = *costs.entry((left, right)).or_insert_with(|| {
-                    let apart = bodies[left].volume_m3() + bodies[right].volume_m3();
-                    joined(&bodies[left], &bodies[right])
-                        .map_or(f64::INFINITY, |hull| hull.volume_m3() - apart)
-                });
+                let cost = *costs
+                    .entry((left, right))
+                    .or_insert_with(|| Cost::of(&bodies[left], &bodies[right], surface));
                 if best.is_none_or(|(least, _, _)| cost < least) {
                     best = Some((cost, left, right));
                 }
             }
         }
-        let hull = best.and_then(|(_, left, right)| {
-            alive.retain(|&idx| idx != left && idx != right);
-            joined(&bodies[left], &bodies[right])
-        });
-        let Some(hull) = hull else { break };
+        let Some((cost, left, right)) = best else {
+            break;
+        };
+        if alive.len() <= limit && cost.thicker_m > THICKER_M {
+            break;
+        }
+        let Some(hull) = joined(&bodies[left], &bodies[right]) else {
+            break;
+        };
+        alive.retain(|&idx| idx != left && idx != right);
         alive.push(bodies.len());
         bodies.push(hull);
     }
     alive.iter().map(|&idx| bodies[idx].clone()).collect()
+}
+
+/// What joining two bodies costs.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+struct Cost {
+    /// How far the hull of both sticks out of the mesh, in meters, at least [`THICKER_M`] / 2.
+    thicker_m: f64,
+    /// The volume that it adds, in cubic meters.
+    added_m3: f64,
+}
+
+impl Cost {
+    const INFINITE: Self = Self {
+        thicker_m: f64::INFINITY,
+        added_m3: f64::INFINITY,
+    };
+
+    fn of(left: &TriMesh, right: &TriMesh, surface: &SurfaceDistance) -> Self {
+        if apart_m(left, right) > THICKER_M {
+            return Self::INFINITE;
+        }
+        let Some(hull) = joined(left, right) else {
+            return Self::INFINITE;
+        };
+        let (points, _) = hull.sample_surface(SAMPLES, 0);
+        let thicker_m = points
+            .iter()
+            .map(|point| surface.signed_distance(point).distance_m)
+            .fold(0.5 * THICKER_M, f64::max);
+        Self {
+            thicker_m,
+            added_m3: hull.volume_m3() - left.volume_m3() - right.volume_m3(),
+        }
+    }
+}
+
+/// Returns how far apart the bounds of two bodies are along the axis where they are farthest apart.
+fn apart_m(left: &TriMesh, right: &TriMesh) -> f64 {
+    let (left, right) = (left.bounds(), right.bounds());
+    (left.0 - right.1).sup(&(right.0 - left.1)).max()
 }
 
 /// Returns the hull of two bodies.

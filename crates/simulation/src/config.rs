@@ -33,6 +33,10 @@ pub struct SceneConfig {
     /// as the engine's default.
     #[serde(default = "defaults::prediction_m")]
     pub prediction_m: f64,
+    /// Relative motion of two touching shapes, in meters, up to which their contact points and normals
+    /// are kept instead of computed again: the engine's default, 50 mm, holds grasps that slip.
+    #[serde(default = "defaults::contact_recycle_m")]
+    pub contact_recycle_m: f64,
     /// Timeout in seconds for the object to come to rest on the table: it falls half a millimeter.
     #[serde(default = "defaults::settle_s")]
     pub settle_s: f64,
@@ -246,6 +250,7 @@ mod defaults {
     pub(super) fn time_step_s() -> f64 { 0.004 }
     pub(super) fn steps_per_control() -> u32 { 5 }
     pub(super) fn prediction_m() -> f64 { 0.002 }
+    pub(super) fn contact_recycle_m() -> f64 { 0.001 }
     pub(super) fn settle_s() -> f64 { 1.0 }
     pub(super) fn stop_stiffness() -> f64 { 200.0 }
     pub(super) fn reach_s() -> f64 { 0.8 }

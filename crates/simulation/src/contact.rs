@@ -1,6 +1,8 @@
 //! What the hand feels of the object.
 
-use rapier3d::prelude::RigidBodyHandle;
+use geometry::SurfaceDistance;
+use nalgebra::Point3;
+use rapier3d::{math::Vector, prelude::RigidBodyHandle};
 
 use crate::world::World;
 
@@ -9,12 +11,20 @@ use crate::world::World;
 pub(crate) struct Touch {
     /// For each body of the hand, whether it pressed on the object.
     pub(crate) bodies: Vec<bool>,
-    /// Deepest overlap in meters, 0 if there is none.
+    /// Depth in meters of the deepest point of the hand below the object's surface, 0 if there is
+    /// none.
     pub(crate) depth_m: f64,
 }
 
 /// Returns the touch in the last physics step.
-pub(crate) fn touch(world: &World, object: RigidBodyHandle, bodies_n: usize) -> Touch {
+///
+/// A convex part may stick out of the `surface` that it stands for: by so much less is a contact deep.
+pub(crate) fn touch(
+    world: &World,
+    object: RigidBodyHandle,
+    surface: Option<&SurfaceDistance>,
+    bodies_n: usize,
+) -> Touch {
     let mut touch = Touch {
         bodies: vec![false; bodies_n],
         depth_m: 0.0,
@@ -24,10 +34,8 @@ pub(crate) fn touch(world: &World, object: RigidBodyHandle, bodies_n: usize) -> 
         let [Some(first), Some(second)] = colliders else {
             continue;
         };
-        let of_hand = match (
-            first.parent() == Some(object),
-            second.parent() == Some(object),
-        ) {
+        let is_first = first.parent() == Some(object);
+        let of_hand = match (is_first, second.parent() == Some(object)) {
             (true, false) => second,
             (false, true) => first,
             _ => continue,
@@ -42,8 +50,25 @@ pub(crate) fn touch(world: &World, object: RigidBodyHandle, bodies_n: usize) -> 
         let Some(pressed) = pressed else { continue };
         for contact in pair.manifolds().iter().flat_map(|m| &m.points) {
             *pressed |= contact.data.impulse > 0.0;
-            touch.depth_m = touch.depth_m.max(-f64::from(contact.dist));
+            let depth_m = -f64::from(contact.dist);
+            if depth_m > touch.depth_m {
+                // The parts are given in the object's frame.
+                let on_part = if is_first {
+                    contact.local_p1
+                } else {
+                    contact.local_p2
+                };
+                let thicker_m = surface.map_or(0.0, |surface| thicker_m(surface, on_part));
+                touch.depth_m = touch.depth_m.max(depth_m - thicker_m);
+            }
         }
     }
     touch
+}
+
+/// Returns how far a point of a part sticks out of the surface, in meters.
+fn thicker_m(surface: &SurfaceDistance, on_part: Vector) -> f64 {
+    let [x, y, z] = on_part.to_array().map(f64::from);
+    let distance_m = surface.signed_distance(&Point3::new(x, y, z)).distance_m;
+    distance_m.max(0.0)
 }

@@ -36,6 +36,9 @@ use crate::{
 
 /// Height in meters at which the hand waits until it is placed.
 const PARKING_HEIGHT_M: f64 = 1.0;
+/// Greatest speed of a joint in radians per second, four times that of the fastest drives of hands: a
+/// contact in a direction in which a finger hardly moves would turn its joints at any speed.
+const MAX_JOINT_SPEED: f32 = 30.0;
 /// Coordinates of the palm: three along the axes, three about them.
 const DIMENSIONS: usize = 6;
 
@@ -330,6 +333,21 @@ impl Hand {
                 // The engine leaves what has become fixed among what moves, and would move the
                 // finger once for its root and once for itself; it forgets what is disabled.
                 body.set_enabled(false);
+            }
+        }
+    }
+
+    /// Keeps every joint at a speed that it can have.
+    pub(crate) fn limit_speed(&self, world: &mut World) {
+        for drive in &self.drives {
+            let Some((multibody, place)) = finger_mut(&mut world.multibodies, drive.body) else {
+                continue;
+            };
+            if let Some(velocity) = multibody
+                .generalized_velocity_mut()
+                .get_mut(place.coordinate)
+            {
+                *velocity = velocity.clamp(-MAX_JOINT_SPEED, MAX_JOINT_SPEED);
             }
         }
     }

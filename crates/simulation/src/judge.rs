@@ -224,7 +224,8 @@ impl<'a> Judge<'a> {
 
     /// Records how deep hand and object overlap while the object is carried.
     fn feel(&mut self, template: &Template, world: &World) -> Touch {
-        let felt = touch(world, template.object, template.hand.bodies_n());
+        let surface = template.surface.as_ref();
+        let felt = touch(world, template.object, surface, template.hand.bodies_n());
         self.penetration_m = self.penetration_m.max(felt.depth_m);
         felt
     }
@@ -257,7 +258,7 @@ impl<'a> Judge<'a> {
         self.displacement_m
     }
 
-    /// Deepest contact between hand and object while held, in meters.
+    /// Deepest that the hand was in the object while it was held, in meters.
     pub(crate) fn penetration_m(&self) -> f64 {
         self.penetration_m
     }

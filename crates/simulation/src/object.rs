@@ -1,5 +1,6 @@
 //! The grasped object as convex parts with a mass.
 
+use geometry::TriMesh;
 use nalgebra::{Isometry3, Matrix3, Point3};
 use rapier3d::prelude::{
     ColliderBuilder, MassProperties, RigidBodyBuilder, RigidBodyHandle, SharedShape, Vector,
@@ -17,6 +18,9 @@ use crate::{
 pub struct ObjectShape {
     /// Vertices of each convex part in meters.
     pub parts_m: Vec<Vec<Point3<f64>>>,
+    /// The surface that the parts stand for, from which depths are measured; without one the parts
+    /// themselves are it.
+    pub surface: Option<TriMesh>,
     /// True mass in kilograms.
     pub mass_kg: f64,
     /// Center of mass in meters.
@@ -30,6 +34,10 @@ impl ObjectShape {
     pub fn from_artifact(object: &schemas::objects::Object) -> Self {
         let [xx, yy, zz, xy, xz, yz] = object.inertia_kg_m2;
         Self {
+            surface: Some(TriMesh {
+                vertices_m: object.vertices_m.iter().map(|&p| p.into()).collect(),
+                triangles: object.triangles.clone(),
+            }),
             parts_m: object
                 .parts_m
                 .iter()
@@ -152,6 +160,7 @@ mod tests {
                     .flat_map(|(x, y)| corners.iter().map(move |&z| Point3::new(x, y, z)))
                     .collect(),
             ],
+            surface: None,
             mass_kg,
             center_of_mass_m: Point3::origin(),
             inertia_kg_m2: Matrix3::identity() * (mass_kg * side * side / 6.0),

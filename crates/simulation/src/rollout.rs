@@ -37,7 +37,7 @@ pub struct Rollout {
     pub slip_m: f64,
     /// Motion of the object on the table before the squeeze, in meters.
     pub displacement_m: f64,
-    /// Deepest contact between hand and object while held, in meters.
+    /// Deepest that the hand was in the object while it was held, in meters.
     pub penetration_m: f64,
     /// Hand links in contact with the object at the end.
     pub contacts_n: u32,
@@ -276,6 +276,7 @@ fn control_step(template: &Template, world: &mut World, q_command: &[f64]) -> Fi
         if world.step() == Finite::No {
             return Finite::No;
         }
+        template.hand.limit_speed(world);
     }
     Finite::Yes
 }
@@ -296,6 +297,7 @@ fn control_step_along(
         if world.step() == Finite::No {
             return Finite::No;
         }
+        template.hand.limit_speed(world);
     }
     Finite::Yes
 }

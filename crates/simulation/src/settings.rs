@@ -57,6 +57,7 @@ impl SceneConfig {
         for (key, number) in [
             ("friction", self.friction),
             ("prediction_m", self.prediction_m),
+            ("contact_recycle_m", self.contact_recycle_m),
             ("drive.damping", self.drive.damping),
             ("drive.torque_limit", self.drive.torque_limit),
             ("drive.armature", self.drive.armature),

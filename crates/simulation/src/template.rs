@@ -1,5 +1,6 @@
 //! A scene that is built and settled once, and copied for each rollout.
 
+use geometry::SurfaceDistance;
 use motion::{Motion, Rates};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rapier3d::prelude::{RigidBodyHandle, SharedShape};
@@ -36,6 +37,8 @@ pub struct Template {
     pub(crate) object: RigidBodyHandle,
     shapes: Vec<LinkShape>,
     hulls: Vec<SharedShape>,
+    /// The object's surface, where its parts only stand for it.
+    pub(crate) surface: Option<SurfaceDistance>,
     /// Pose of the object at rest.
     table_from_object: Isometry3<f64>,
     /// Pose of the object as a motion believes it.
@@ -73,6 +76,7 @@ impl Template {
             object: body,
             shapes: link_shapes(model)?,
             hulls,
+            surface: object.surface.as_ref().map(SurfaceDistance::new),
             table_from_object,
             table_from_believed,
         })

@@ -15,6 +15,7 @@ pub(crate) fn scene() -> SceneConfig {
         time_step_s: 0.004,
         steps_per_control: 5,
         prediction_m: 0.002,
+        contact_recycle_m: 0.001,
         settle_s: 1.0,
         drive: DriveConfig {
             controller: ControllerKind::Pd,

@@ -233,7 +233,7 @@ pub(crate) fn success() -> Vec<Success> {
         generator: generator.to_owned(),
         verdicts: Verdict::ALL
             .into_iter()
-            .zip([successes_n, 2, 3, 4, 5, 6, 7, 8, 9])
+            .zip([successes_n, 2, 3, 4, 5, 6, 7, 8, 9, 10])
             .collect(),
         control_steps_n: 1000,
         spread_palm_m: 1.0,

@@ -44,7 +44,7 @@ fn a_joint_outside_its_limits_is_told_apart() {
 fn successes_add_up() {
     let rows = filled::success();
     let totals = rows.iter().map(|row| row.verdicts.total_n());
-    assert_eq!(totals.collect::<Vec<_>>(), [84, 44]);
+    assert_eq!(totals.collect::<Vec<_>>(), [94, 54]);
     let per_success = rows.iter().map(Success::control_steps_per_success);
     assert_eq!(per_success.collect::<Vec<_>>(), [25.0, 0.0]);
     assert_eq!(rows[0].verdicts.count(Verdict::Table), 3);
@@ -57,7 +57,7 @@ fn successes_add_up() {
     let wrong = RecordBatch::try_new(batch.schema(), columns).unwrap();
     let err = Successes::from_batch("all", &wrong).unwrap_err();
     assert!(
-        err.to_string().contains("40, and 84 by how they ended"),
+        err.to_string().contains("40, and 94 by how they ended"),
         "{err}"
     );
 }

@@ -176,5 +176,5 @@ mod defaults {
     pub(super) fn min_steps_n() -> usize { 11 }
     pub(super) fn max_table_error_m() -> f64 { 0.02 }
     pub(super) fn points_n() -> usize { 2048 }
-    pub(super) fn max_convex_parts_n() -> usize { 16 }
+    pub(super) fn max_convex_parts_n() -> usize { 64 }
 }

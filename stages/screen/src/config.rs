@@ -12,6 +12,9 @@ const MOST_RECORDED: usize = 10_000;
 /// Largest pose noise, as a share of an object's extent.
 const MAX_POSE_NOISE: f64 = 1000.0;
 
+/// Greatest bound of the hand's depth in an object, in meters.
+const MAX_PENETRATION_M: f64 = 1.0;
+
 /// Options of `kind = "screen"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -27,6 +30,10 @@ pub struct ScreenConfig {
     /// share of the object's extent (0); paper: 0 to 0.1
     #[serde(default)]
     pub pose_noise: f64,
+    /// Deepest that the hand may be in an object that it holds, in meters; deeper is `too_deep`: soft
+    /// fingertips yield by that much.
+    #[serde(default = "defaults::max_penetration_m")]
+    pub max_penetration_m: f64,
     /// The physical scene.
     pub scene: SceneConfig,
     /// How a motion is executed, and what counts as success.
@@ -42,6 +49,9 @@ impl ScreenConfig {
         faults.within("recorded_per_object", recorded, 0..=MOST_RECORDED, why);
         let why = "it is a share of the object's extent";
         faults.within("pose_noise", self.pose_noise, 0.0..=MAX_POSE_NOISE, why);
+        let why = "it is a depth in an object of a hand's size";
+        let depth_m = self.max_penetration_m;
+        faults.within("max_penetration_m", depth_m, 0.0..=MAX_PENETRATION_M, why);
         faults.of_table("scene", self.scene.faults());
         faults.of_table("protocol", self.protocol.faults(&self.scene));
         faults.found()
@@ -52,4 +62,5 @@ impl ScreenConfig {
 #[rustfmt::skip]
 mod defaults {
     pub(super) fn recorded_per_object() -> usize { 2 }
+    pub(super) fn max_penetration_m() -> f64 { 0.005 }
 }

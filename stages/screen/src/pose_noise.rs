@@ -3,16 +3,13 @@
 use nalgebra::Vector3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 /// Draws a shift from the normal distribution with these deviations in meters, for one item of a seed.
 pub(crate) fn pose_noise_m(deviation_m: &Vector3<f64>, seed: u64, item: usize) -> Vector3<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(item as u64);
-    deviation_m.map(|deviation| {
-        // Box and Muller, 1958.
-        let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
-        deviation * radius * (std::f64::consts::TAU * rng.random::<f64>()).cos()
-    })
+    deviation_m.map(|deviation| deviation * rng.sample::<f64, _>(StandardNormal))
 }
 
 #[cfg(test)]

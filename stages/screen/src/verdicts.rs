@@ -12,7 +12,7 @@ use robot::RobotModel;
 use schemas::{
     candidates::{Candidate, Candidates},
     objects::Object,
-    rollouts,
+    rollouts::{self, Verdict},
 };
 use simulation::{ObjectShape, Record, Rollout, SimulationError, Template};
 use spatial::{Object as InObject, Pose, Rest, Table};
@@ -136,6 +136,16 @@ fn extent_m(object: &Object) -> Vector3<f64> {
 }
 
 impl Screening<'_> {
+    /// Returns the verdict on a rollout; physics alone lets a hand hold an object by being inside it.
+    fn verdict(&self, rollout: &Rollout) -> Verdict {
+        match rollout.verdict {
+            Verdict::Held if rollout.penetration_m > self.config.max_penetration_m => {
+                Verdict::TooDeep
+            }
+            verdict => verdict,
+        }
+    }
+
     fn row(
         &self,
         candidate: &Candidate,
@@ -145,7 +155,7 @@ impl Screening<'_> {
         Ok(rollouts::Rollout {
             candidate_id: candidate.candidate_id.clone(),
             generator: candidate.generator.clone(),
-            verdict: rollout.verdict,
+            verdict: self.verdict(rollout),
             cost_n: rollout.cost_n,
             saved_n: rollout.saved_n,
             lift_m: rollout.lift_m,

@@ -20,6 +20,7 @@ select
     early_contact_n as "early contact",
     knocked_over_n as "knocked over",
     dropped_n + slipped_n as "dropped, slipped",
+    too_deep_n as "too deep",
     limit_n + diverged_n as "limit, diverged",
     round(100 * demonstrated_rate, 0) as "demonstrations hold, %"
 from sampled left join unseen on sampled.sampled_object = unseen.name

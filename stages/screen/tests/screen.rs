@@ -36,6 +36,7 @@ fn config() -> ScreenConfig {
         hand: HAND.into(),
         recorded_per_object: 1,
         pose_noise: 0.0,
+        max_penetration_m: 0.005,
         scene: SceneConfig {
             friction: 1.0,
             mass_scale: 1.0,
@@ -44,6 +45,7 @@ fn config() -> ScreenConfig {
             time_step_s: 0.004,
             steps_per_control: 5,
             prediction_m: 0.002,
+            contact_recycle_m: 0.001,
             settle_s: 1.0,
             drive: DriveConfig {
                 controller: ControllerKind::Pd,

@@ -22,6 +22,7 @@ pub(crate) fn can() -> ObjectShape {
     let across = MASS_KG * (3.0 * RADIUS_M.powi(2) + HEIGHT_M.powi(2)) / 12.0;
     let along = MASS_KG * RADIUS_M.powi(2) / 2.0;
     ObjectShape {
+        surface: None,
         parts_m: vec![points],
         mass_kg: MASS_KG,
         center_of_mass_m: Point3::origin(),

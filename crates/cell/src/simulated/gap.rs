@@ -1,5 +1,8 @@
 //! Differences of a simulated cell from the screen, besides its scene.
 
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 use simulation::Offset;
 
 /// Differences of a simulated cell from the screen, besides its scene; all are drawn from a goal's
@@ -26,8 +29,8 @@ pub struct ObjectError {
 impl ObjectError {
     /// Adds a goal's pose error to the object's offset.
     pub(super) fn misplaced(&self, offset: Offset, digest: &str) -> Offset {
-        let mut shares = Shares::of(digest, "pipeline 2026 where the object really lies");
-        let mut next = |bound: f64| bound * (2.0 * shares.next() - 1.0);
+        let mut rng = stream(digest, "pipeline 2026 where the object really lies");
+        let mut next = |bound: f64| bound * (2.0 * rng.random::<f64>() - 1.0);
         Offset {
             x_m: offset.x_m + next(self.position_m),
             y_m: offset.y_m + next(self.position_m),
@@ -38,47 +41,28 @@ impl ObjectError {
 
 /// Encoder noise, step by step.
 pub(super) struct EncoderNoise {
-    shares: Shares,
+    rng: ChaCha8Rng,
     deviation_rad: f64,
 }
 
 impl EncoderNoise {
     pub(super) fn of(digest: &str, deviation_rad: f64) -> Self {
         Self {
-            shares: Shares::of(digest, "pipeline 2026 what encoders add"),
+            rng: stream(digest, "pipeline 2026 what encoders add"),
             deviation_rad,
         }
     }
 
-    /// Draws the noise of one step of `dof` joints (Box and Muller, *A Note on the Generation of
-    /// Random Normal Deviates*, 1958).
+    /// Draws the noise of one step of `dof` joints, in radians.
     pub(super) fn step(&mut self, dof: usize) -> Vec<f64> {
-        (0..dof)
-            .map(|_| {
-                // 1 minus a number in 0..1 is never 0.
-                let radius = (-2.0 * (1.0 - self.shares.next()).ln()).sqrt();
-                let angle = std::f64::consts::TAU * self.shares.next();
-                self.deviation_rad * radius * angle.cos()
-            })
-            .collect()
+        let draw = |_| self.deviation_rad * self.rng.sample::<f64, _>(StandardNormal);
+        (0..dof).map(draw).collect()
     }
 }
 
-/// Uniform random numbers in 0..1.
-struct Shares(blake3::OutputReader);
-
-impl Shares {
-    fn of(digest: &str, purpose: &str) -> Self {
-        let mut hasher = blake3::Hasher::new_derive_key(purpose);
-        Self(hasher.update(digest.as_bytes()).finalize_xof())
-    }
-
-    fn next(&mut self) -> f64 {
-        let mut eight = [0_u8; 8];
-        self.0.fill(&mut eight);
-        // 53 bits make every double in 0..1 on the grid of 2^-53.
-        (u64::from_le_bytes(eight) >> 11) as f64 / (1_u64 << 53) as f64
-    }
+/// Returns the random numbers of one goal for one purpose.
+fn stream(digest: &str, purpose: &str) -> ChaCha8Rng {
+    ChaCha8Rng::from_seed(blake3::derive_key(purpose, digest.as_bytes()))
 }
 
 #[cfg(test)]

@@ -196,9 +196,11 @@ fn level(
 fn outcome(verdict: Verdict) -> Outcome {
     match verdict {
         Verdict::Held => Outcome::Succeeded,
-        Verdict::KnockedOver | Verdict::NotGrasped | Verdict::Slipped | Verdict::Dropped => {
-            Outcome::Failed
-        }
+        Verdict::KnockedOver
+        | Verdict::NotGrasped
+        | Verdict::Slipped
+        | Verdict::Dropped
+        | Verdict::TooDeep => Outcome::Failed,
         Verdict::Limit | Verdict::Table | Verdict::EarlyContact | Verdict::Diverged => {
             Outcome::Aborted
         }

@@ -34,6 +34,7 @@ pub(crate) fn scene() -> SceneConfig {
         time_step_s: 0.002,
         steps_per_control: 5,
         prediction_m: 0.002,
+        contact_recycle_m: 0.001,
         settle_s: 0.5,
         drive: DriveConfig {
             controller: ControllerKind::Pd,
@@ -86,6 +87,7 @@ pub(crate) fn cube() -> ObjectShape {
     });
     let mass_kg = 0.1;
     ObjectShape {
+        surface: None,
         parts_m: vec![corners.collect()],
         mass_kg,
         center_of_mass_m: Point3::origin(),

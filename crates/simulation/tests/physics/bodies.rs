@@ -44,6 +44,7 @@ fn body(
         half[2].powi(2) / 3.0,
     ];
     let object = ObjectShape {
+        surface: None,
         parts_m: vec![points],
         mass_kg,
         center_of_mass_m: Point3::origin(),

@@ -17,8 +17,9 @@ use crate::scene::{hand, protocol, scene};
 
 /// Verdicts of 62 that have to agree: `SAPIEN` and `MuJoCo` agree on 51.
 const LEAST_AGREEMENTS: usize = 53;
-/// Most spin of a held can in rad/s, root of the mean square over the last 0.6 s.
-const MOST_SPIN: f64 = 0.05;
+/// Most spin of a held can in rad/s, root of the mean square over the last 0.6 s: below the median of those
+/// that `MuJoCo` holds, 0.086 (with its default contacts; its most is 0.39).
+const MOST_SPIN: f64 = 0.08;
 
 /// A recorded grasp.
 struct Grasp {
@@ -71,6 +72,7 @@ fn can(xml: &str) -> (ObjectShape, f64) {
     let moments = Matrix3::from_diagonal(&Vector3::from_vec(of_mass("diaginertia")));
     let vertices = numbers(xml, r#"<mesh name="can""#, "vertex");
     let can = ObjectShape {
+        surface: None,
         parts_m: vec![vertices.chunks(3).map(Point3::from_slice).collect()],
         mass_kg: of_mass("mass")[0],
         center_of_mass_m: Point3::from_slice(&of_mass("pos")),

@@ -35,6 +35,7 @@ pub(crate) fn scene() -> SceneConfig {
         time_step_s: 0.004,
         steps_per_control: 5,
         prediction_m: 0.002,
+        contact_recycle_m: 0.001,
         settle_s: 1.0,
         drive: DriveConfig {
             controller: ControllerKind::Pd,
@@ -91,6 +92,7 @@ pub(crate) fn can() -> ObjectShape {
     let across = mass_kg * (3.0 * RADIUS_M.powi(2) + HEIGHT_M.powi(2)) / 12.0;
     let along = mass_kg * RADIUS_M.powi(2) / 2.0;
     ObjectShape {
+        surface: None,
         parts_m: vec![points],
         mass_kg,
         center_of_mass_m: Point3::origin(),

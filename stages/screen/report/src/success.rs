@@ -113,6 +113,7 @@ fn touched(rollout: &Rollout) -> bool {
         | Verdict::EarlyContact
         | Verdict::KnockedOver
         | Verdict::Slipped
+        | Verdict::TooDeep
         | Verdict::Dropped => true,
     }
 }
