@@ -2,7 +2,7 @@ use nalgebra::Isometry3;
 use proptest::prelude::*;
 
 use motion::{HandRates, JointRates, PalmPoint, Step};
-use spatial::{Object, Pose, Table, Twist};
+use spatial::{Object, Palm, Pose, Table, Twist};
 
 use super::*;
 use crate::testing::{Drawn, protocol, swings::motions};
@@ -91,7 +91,7 @@ fn followed(planned: &Feasible, table_from_object: &Pose<Table, Object>, time_s:
 }
 
 /// Pose of the palm and the joints' positions.
-type Hand = (Isometry3<f64>, Vec<f64>);
+type Hand = (Pose<Object, Palm>, Vec<f64>);
 
 /// Largest difference of two hands, where 1 is 1 mm, half a degree, or half a degree of a joint (or 1 mm
 /// where it slides).
@@ -266,7 +266,7 @@ proptest! {
         let course = Course::through(motion).unwrap();
         let laid = |share: f64| {
             let hand = course.at(share * course.duration_s());
-            (*hand.frame_from_palm, hand.q_rad)
+            (hand.frame_from_palm, hand.q_rad)
         };
         let there = laid(share);
         let far = nearest(|share| off(&there, &followed(share * end_s)));
