@@ -221,7 +221,7 @@ pub enum RobotError {
         near: Vec<String>,
     },
     /// A joint of an arm moves with another.
-    #[error("joint `{joint}` on the way from the root to link `{link}` follows another joint")]
+    #[error("joint `{joint}` on the path from the root to link `{link}` follows another joint")]
     FollowsOnChain {
         /// The joint.
         joint: String,

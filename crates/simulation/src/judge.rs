@@ -1,7 +1,8 @@
 //! Verdicts of rollouts from their steps.
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Point3;
 use schemas::rollouts::Verdict;
+use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
     config::Protocol,
@@ -29,7 +30,7 @@ const SETTLED_RAD: f64 = 4e-3;
 /// Follows a rollout and ends it as soon as its verdict is known.
 pub(crate) struct Judge<'a> {
     protocol: &'a Protocol,
-    start: Isometry3<f64>,
+    start: Pose<Table, Object>,
     rise_m: f64,
     displacement_m: f64,
     penetration_m: f64,
@@ -44,7 +45,7 @@ pub(crate) struct Judge<'a> {
     /// Steps of the final window in which each body of the hand pressed.
     pressed: Vec<usize>,
     /// The object's pose in the palm frame when the pulling began.
-    pulled_from: Option<Isometry3<f64>>,
+    pulled_from: Option<Pose<Palm, Object>>,
     shortcuts: Shortcuts,
     rest: Option<Resting>,
     /// Links that pressed throughout, if the rollout ended early because the object had settled.
@@ -53,7 +54,7 @@ pub(crate) struct Judge<'a> {
 
 /// The period for which the object has not moved in the hand.
 struct Resting {
-    palm_from_object: Isometry3<f64>,
+    palm_from_object: Pose<Palm, Object>,
     steps: usize,
     /// For each body of the hand, whether it has pressed throughout.
     pressing: Vec<bool>,
@@ -70,7 +71,7 @@ impl<'a> Judge<'a> {
         let hold_left = count(Phase::Hold) + count(Phase::Pull);
         Self {
             protocol,
-            start: *template.table_from_object(),
+            start: template.table_from_object(),
             rise_m: 0.0,
             displacement_m: 0.0,
             penetration_m: 0.0,
@@ -95,18 +96,19 @@ impl<'a> Judge<'a> {
         world: &World,
         command: &Command,
     ) -> Option<Verdict> {
-        let object = template.now(world);
-        if implausible(template, world, &object) {
+        let table_from_object = template.table_from_object_in(world);
+        if implausible(template, world, &table_from_object) {
             return Some(Verdict::Diverged);
         }
-        self.rise_m = object.translation.z - self.start.translation.z;
-        let palm_from_object = template.hand.table_from_palm(world).inv_mul(&object);
+        self.rise_m = table_from_object.translation.z - self.start.translation.z;
+        let table_from_palm = template.hand.table_from_palm(world);
+        let palm_from_object = table_from_palm.inv_mul(&table_from_object);
         self.last_in_palm = palm_from_object.translation.vector.into();
         match command.phase {
             Phase::Reach | Phase::Close => {
-                let moved = object.translation.vector - self.start.translation.vector;
+                let moved = table_from_object.translation.vector - self.start.translation.vector;
                 self.displacement_m = moved.norm();
-                let turned = object.rotation.angle_to(&self.start.rotation);
+                let turned = table_from_object.rotation.angle_to(&self.start.rotation);
                 (self.displacement_m > self.protocol.knocked_m
                     || turned > self.protocol.knocked_rad)
                     .then_some(Verdict::KnockedOver)
@@ -188,7 +190,7 @@ impl<'a> Judge<'a> {
     /// Whether the object has rested in the hand for so long, with enough links pressing
     /// throughout, that nothing more will happen: a creep 10 times slower than a slip would have
     /// been detected.
-    fn has_settled(&mut self, palm_from_object: &Isometry3<f64>, felt: Touch) -> bool {
+    fn has_settled(&mut self, palm_from_object: &Pose<Palm, Object>, felt: Touch) -> bool {
         if !self.shortcuts.settled {
             return false;
         }
@@ -282,7 +284,11 @@ impl<'a> Judge<'a> {
 }
 
 /// Whether the state is physically implausible in this scene.
-fn implausible(template: &Template, world: &World, table_from_object: &Isometry3<f64>) -> bool {
+fn implausible(
+    template: &Template,
+    world: &World,
+    table_from_object: &Pose<Table, Object>,
+) -> bool {
     let numbers = table_from_object
         .translation
         .vector

@@ -41,7 +41,7 @@ pub use object::ObjectShape;
 pub use played::PlayedStep;
 pub use rollout::{Flow, Record, Rollout, Trace, TraceStep, WatchedRollout};
 pub use schemas::rollouts::Verdict;
-pub use script::{Flexion, Instruction, Phase};
+pub use script::{Flexion, Phase, Setpoint};
 pub use settings::SettingFault;
 pub use shortcuts::Shortcuts;
 pub use template::{Template, check_hand};

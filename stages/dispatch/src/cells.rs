@@ -9,7 +9,7 @@ use cell::{
     Capabilities, Carrier, CellArm, CellClient, Gap, Goal, ObjectError, Offer, Service,
     SimulatedCell, SimulatedCellConfig,
 };
-use planning::{ArmConfig, MOST_HZ};
+use planning::{ArmConfig, MAX_HZ};
 use schemas::objects::Object;
 use simulation::ObjectShape;
 
@@ -131,9 +131,9 @@ fn check_controller(offer: &Offer, controller: &str, joints: &[String]) -> Resul
     if found != controller {
         return Err(format!("it has a controller `{found}` for `{controller}`"));
     }
-    if !(1.0..=MOST_HZ).contains(rate_hz) {
+    if !(1.0..=MAX_HZ).contains(rate_hz) {
         return Err(format!(
-            "its controller `{found}` is told something {rate_hz} times a second, expected 1 to {MOST_HZ}"
+            "its controller `{found}` is told something {rate_hz} times a second, expected 1 to {MAX_HZ}"
         ));
     }
     if let Some(joint) = joints.iter().find(|&joint| !offered.contains(joint)) {

@@ -182,21 +182,21 @@ class Scene:
         substeps = self.scene["steps_per_control"]
         control_s = substeps * self.scene["time_step_s"]
         mujoco.mj_resetData(model, data)
-        start, *instructions = rollout["instructions"]
+        start, *setpoints = rollout["setpoints"]
         for at, pose in ((self.palm_q, start["palm"]), (self.thing_q, rollout["table_from_object"])):
             data.qpos[at : at + 3] = pose[:3]
             data.qpos[at + 3 : at + 7] = turned(pose[3:])
         data.qpos[self.q] = start["q"]
         mujoco.mj_forward(model, data)
-        judge = Judge(self, instructions, control_s)
+        judge = Judge(self, setpoints, control_s)
         seconds = 0.0
-        for instruction in instructions:
-            self.move_palm(instruction["palm"], control_s)
-            data.ctrl[:] = np.clip(instruction["q"], self.lower, self.upper)
+        for setpoint in setpoints:
+            self.move_palm(setpoint["palm"], control_s)
+            data.ctrl[:] = np.clip(setpoint["q"], self.lower, self.upper)
             before = time.thread_time()
             mujoco.mj_step(model, data, substeps)
             seconds += time.thread_time() - before
-            judge.see(instruction["phase"])
+            judge.see(setpoint["phase"])
         return seconds, judge.verdict()
 
 
@@ -207,12 +207,12 @@ def angle(one, other):
 class Judge:
     """What `crates/simulation/src/rollout.rs` judges, but that nothing ends early."""
 
-    def __init__(self, scene, instructions, control_s):
+    def __init__(self, scene, setpoints, control_s):
         self.scene, self.protocol, self.control_s = scene, scene.protocol, control_s
         self.start = scene.object_pose()
         self.failure = None
-        self.lift_left = sum(i["phase"] == "lift" for i in instructions)
-        self.hold_left = sum(i["phase"] == "hold" for i in instructions)
+        self.lift_left = sum(i["phase"] == "lift" for i in setpoints)
+        self.hold_left = sum(i["phase"] == "hold" for i in setpoints)
         self.window = min(max(round(FINAL_WINDOW_S / control_s), 1), self.hold_left)
         self.pressed, self.in_palm = {}, []
 

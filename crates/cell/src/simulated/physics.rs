@@ -30,10 +30,10 @@ pub(super) fn carry_out(
     scene.object_offset = config.gap.object.misplaced(scene.object_offset, digest);
     let rest = Rest::of(&goal.table_from_object);
     let template = Template::new(&scene, &robot.hand, object, &rest)?;
-    let scene_from_believed = Pose::new(*template.table_from_believed());
-    let table_from_scene = level(&goal.table_from_object, &scene_from_believed);
+    let scene_from_estimate = Pose::new(*template.table_from_estimate());
+    let table_from_scene = level(&goal.table_from_object, &scene_from_estimate);
     // An object that settles into another pose, as a ball does, does not carry the palm along.
-    let object_from_table = (table_from_scene * scene_from_believed).inverse();
+    let object_from_table = (table_from_scene * scene_from_estimate).inverse();
     let mut steps = playing::steps(
         goal,
         robot,
@@ -170,8 +170,8 @@ impl Encoders {
         }
         Sample {
             time_s: step.time_s,
-            table_from_palm: self.table_from_scene * Pose::new(step.table_from_palm),
-            table_from_object: self.table_from_scene * Pose::new(step.table_from_object),
+            table_from_palm: self.table_from_scene * Pose::new(*step.table_from_palm),
+            table_from_object: self.table_from_scene * Pose::new(*step.table_from_object),
             q_rad,
             q_command_rad,
         }

@@ -63,7 +63,7 @@ pub(super) fn steps(
                 .ok_or_else(|| broken("the hand is told nothing"))?;
             Ok(PlayedStep {
                 phase,
-                object_from_palm: *(*object_from_table * table_from_palm),
+                object_from_palm: *object_from_table * table_from_palm,
                 lift_m,
                 q: joints.q_rad,
                 rates: joints.rates,

@@ -90,7 +90,7 @@ fn the_palm_is_where_the_arm_has_it() {
     let off = asked.table_from_object.inv_mul(&cube);
     assert!(
         off.translation.vector.norm() < 1e-3 && off.rotation.angle() < 1e-3,
-        "{off}"
+        "{off:?}"
     );
     // It grasps nothing.
     assert_eq!(report.outcome, Outcome::Failed, "{}", report.message);
