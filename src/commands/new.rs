@@ -58,6 +58,7 @@ const FILES: [(&str, &str); 31] = files![
     "pipelines/paper.toml",
     "pipelines/released.toml",
     "pipelines/replay.toml",
+    "pipelines/strict.toml",
     "pipelines/unseen.toml",
     ".gitignore",
 ];
