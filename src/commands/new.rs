@@ -100,7 +100,7 @@ fn check_name(name: &str) -> Result<(), CommandError> {
             .to_owned(),
     };
     Err(CommandError::usage(
-        format!("`{name}` is no name for a project"),
+        format!("`{name}` is not a name for a project"),
         hint,
     ))
 }
@@ -212,7 +212,7 @@ mod tests {
             let Err(CommandError::Usage { message, hint }) = said else {
                 panic!("{name}: {said:?}");
             };
-            assert!(message.contains("is no name for a project"), "{message}");
+            assert!(message.contains("is not a name for a project"), "{message}");
             assert!(hint.is_some());
         }
     }

@@ -135,7 +135,7 @@ fn motions_and_their_lines_are_judged_by_the_same_physics() {
 }
 
 #[test]
-fn both_screens_are_that_of_the_whole_flow_but_follow_the_motion() {
+fn baseline_screens_differ_from_the_main_pipeline_in_approach_alone() {
     let [file, whole] = [FILE, "pipelines/cgf.toml"].map(|file| {
         let text = fs::read_to_string(file).unwrap();
         Pipeline::parse(file.as_ref(), &text, &pipeline::kinds(), None, &[]).unwrap()

@@ -19,8 +19,8 @@ use crate::{
 
 /// Relative excess of a limit that is rounding.
 const ROUNDING: f64 = 1e-9;
-/// Most slowdowns of a sampled motion until it keeps its limits; each one is by the missing factor, and from
-/// the second one on by a share more.
+/// Maximum number of slowdowns of a sampled motion until it keeps its limits; each one is by the missing
+/// factor, and from the second one on by a share more.
 const TRIALS: usize = 20;
 const MARGIN: f64 = 1e-4;
 /// Periods of the slower controller over which a change of the acceleration is spread: over fewer, what a

@@ -304,7 +304,7 @@ impl RobotError {
             }
             Self::TwoRoots { first, second } => {
                 return Some(format!(
-                    "connect them by a joint, or remove the one that is no part of the robot: a \
+                    "connect them by a joint, or remove the one that is not part of the robot: a \
                      joint whose child is `{first}` or `{second}` is missing"
                 ));
             }

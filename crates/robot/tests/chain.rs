@@ -53,7 +53,7 @@ fn twist(before: &Pose<Base, Palm>, after: &Pose<Base, Palm>, time_s: f64) -> Ve
 }
 
 #[test]
-fn a_chain_has_the_joints_on_its_way_alone() {
+fn chain_has_only_the_joints_on_its_path() {
     let (robot, chain) = xarm();
     let names: Vec<&str> = chain
         .joints()

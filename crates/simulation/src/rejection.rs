@@ -1,4 +1,4 @@
-//! Motions that need no physics to fail.
+//! Rejection of motions on geometry alone.
 
 use nalgebra::Vector3;
 use rapier3d::{parry::query, prelude::SharedShape};
@@ -14,7 +14,7 @@ use crate::{
     script::{HandPose, Phase, Script},
 };
 
-/// Returns why a script cannot be carried out, if geometry alone tells.
+/// Returns why a script is rejected on geometry alone, if it is.
 ///
 /// Checked are, in this order, over the whole reach: joint limits and the hand below the table, of
 /// the requested motion; then the hand inside the object at the start and deep inside it before it

@@ -120,7 +120,7 @@ impl Template {
     }
 
     /// Plays precomputed steps to the end of their hold and judges them, with their trace; `see` is
-    /// called at every step. If `see` asks for it, the motion is aborted and the hand stands still
+    /// called at every step. On its request the motion is aborted and the hand stands still
     /// for `hold_s`, with `see` called then too.
     ///
     /// Only the protocol's success criteria matter: the steps define when the fingers close and the

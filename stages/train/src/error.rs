@@ -29,7 +29,7 @@ pub enum TrainError {
         /// Number of objects that have trajectories.
         objects_n: usize,
     },
-    /// A name in the configuration is no object of the lake.
+    /// A name in the configuration is not an object of the lake.
     #[error("there is no object `{object}`")]
     UnknownObject {
         /// The name.
@@ -69,7 +69,7 @@ pub enum TrainError {
         /// The trajectory's sequence.
         sequence: String,
     },
-    /// A trajectory's steps are no motion.
+    /// A trajectory's steps are not a motion.
     #[error("trajectory `{sequence}` cannot be followed")]
     Motion {
         /// The trajectory's sequence.

@@ -58,13 +58,13 @@ pub(super) fn carry_out(
     let (mut samples, mut reason): (Vec<Sample>, Option<Abort>) = (Vec::new(), None);
     let mut shown = |step: &TraceStep| {
         let sample = encoders.read(step);
-        let asked = see(&sample);
+        let abort = see(&sample);
         let now_s = sample.time_s;
         let due = SAMPLE_S * (samples.len() as f64 - 1e-9);
         if sample.time_s >= due {
             samples.push(sample);
         }
-        reason = reason.take().or(asked);
+        reason = reason.take().or(abort);
         if reason.is_some() {
             encoders.halt(now_s);
         }
@@ -163,8 +163,8 @@ impl Encoders {
         let mut q_command_rad = add(&step.q_command, command_n);
         self.seen_n += 1;
         // The arm is where it is commanded to be, with the fingers' latency.
-        let told_s = command_s - self.latency_s;
-        if let Some(arm) = self.arm.as_ref().and_then(|arm| arm.at(told_s)) {
+        let commanded_s = command_s - self.latency_s;
+        if let Some(arm) = self.arm.as_ref().and_then(|arm| arm.at(commanded_s)) {
             q_rad.extend(&arm.q_rad);
             q_command_rad.extend(&arm.q_rad);
         }

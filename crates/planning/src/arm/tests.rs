@@ -73,7 +73,7 @@ fn links_are_those_of_all_joints_or_an_error() {
     for (arm_n, hand_n) in [(5, 16), (7, 16), (6, 0), (6, 17), (0, 0)] {
         links(arm_n, hand_n).unwrap_err();
     }
-    // Nor is a pose clear that is no number.
+    // Nor is a pose of NaN clear.
     let mut links = links(6, 16).unwrap();
     links[3] = Pose::new(nalgebra::Isometry3::translation(f64::NAN, 0.0, 0.0));
     let stand = clearance::Stand {
@@ -312,7 +312,7 @@ fn commanded_arm_keeps_every_limit_between_points() {
 
 /// With twelve turns the arm follows wherever it can with one, in no more time.
 #[test]
-fn more_turns_are_never_worse() {
+fn more_yaw_angles_never_lose_a_motion() {
     let mut runner = TestRunner::deterministic();
     let mut followed = [0, 0];
     for _ in 0..40 {
@@ -406,7 +406,7 @@ fn a_grasp_beyond_reach_is_refused() {
 }
 
 #[test]
-fn a_way_that_begins_beyond_reach_is_refused() {
+fn a_path_that_begins_beyond_reach_is_refused() {
     let drawn = straight([0.6, 0.0, 0.5], [0.0, 0.0, 0.3], [0.0, 0.0, 0.04]);
     let found = fault(&arm(&config()), &drawn);
     // An arm that is stretched out is singular.
@@ -429,7 +429,7 @@ fn an_arm_in_the_table_is_refused() {
 }
 
 #[test]
-fn a_way_through_the_arms_own_base_is_refused() {
+fn a_path_through_the_arms_own_base_is_refused() {
     // Down beside the arm's first joint, so near that the hand meets the base.
     let arm = arm(&ArmConfig {
         turns: 1,
@@ -463,7 +463,7 @@ fn a_wrist_that_would_turn_too_far_is_refused() {
 }
 
 #[test]
-fn the_hand_on_the_arm_has_to_be_the_hand() {
+fn another_hand_on_the_arm_is_refused() {
     let other = |urdf: &str, hand: &str| {
         let [robot, hand] = [urdf, hand].map(|urdf| RobotModel::from_urdf(urdf).unwrap());
         Arm::new(&config(), &robot, &hand).unwrap_err().to_string()
@@ -488,7 +488,7 @@ fn the_hand_on_the_arm_has_to_be_the_hand() {
 }
 
 #[test]
-fn an_arm_that_cannot_be_used_is_refused() {
+fn invalid_arms_are_refused() {
     let message = |change: fn(&mut ArmConfig)| {
         let mut config = config();
         change(&mut config);
@@ -539,7 +539,7 @@ fn speeds_are_those_of_the_urdf_or_less() {
 }
 
 #[test]
-fn a_joint_path_is_what_it_says() {
+fn joint_path_rates_are_its_derivatives() {
     // The generator's own rates, by differences.
     let mut runner = TestRunner::deterministic();
     let path: JointPath = joint_paths().new_tree(&mut runner).unwrap().current();

@@ -16,7 +16,7 @@ use crate::infeasible::{ArmFault, Place};
 
 /// How far joints may be found from where they are looked for, in radians (meters if prismatic).
 const NEAR: f64 = 0.05;
-/// Most halvings of a step.
+/// Maximum number of halvings of a step.
 const HALVINGS: usize = 6;
 
 /// The arm at one place of a path.

@@ -281,7 +281,7 @@ proptest! {
 
     /// Limits that no motion reaches leave it as it was screened, but for rest at its ends.
     #[test]
-    fn nothing_is_slowed_down_without_need(motion in motions(&JOINTS)) {
+    fn motions_within_limits_keep_their_duration(motion in motions(&JOINTS)) {
         let mut config = config(Approach::Follow);
         let limits = &mut config.limits;
         limits.joint_velocity_rad_per_s = Some(1e6);
@@ -323,7 +323,7 @@ fn straight() -> Drawn {
 }
 
 #[test]
-fn a_straight_way_takes_the_time_of_a_trapezoid() {
+fn straight_path_takes_the_time_of_a_trapezoidal_profile() {
     let mut config = config(Approach::Follow);
     config.grasp.reach_s = 0.3;
     for (speed, acceleration) in [(0.5, 2.0), (10.0, 4.0), (0.5, 1e3)] {
@@ -381,7 +381,7 @@ fn ramps_keep_the_limits() {
 }
 
 #[test]
-fn what_cannot_be_made_is_infeasible_with_its_reason() {
+fn infeasible_motions_name_their_reason() {
     let refused = |change: &dyn Fn(&mut Config, &mut Drawn)| {
         let (mut config, mut given) = (config(Approach::Follow), straight());
         change(&mut config, &mut given);
@@ -433,7 +433,7 @@ fn joints_come_in_the_hands_order() {
 }
 
 #[test]
-fn limits_that_make_no_sense_are_named() {
+fn invalid_limits_are_named() {
     let refused = |change: fn(&mut Config)| {
         let mut config = config(Approach::Follow);
         change(&mut config);

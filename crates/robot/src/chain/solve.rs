@@ -15,7 +15,7 @@ use super::{Chain, KinematicState};
 const TOLERANCE: f64 = 1e-12;
 /// What must not be missing where rounding keeps it from being less.
 const ENOUGH: f64 = 1e-10;
-/// Most steps; on a path it takes 2, from anywhere about 12.
+/// Maximum number of steps; on a path it takes 2, from anywhere about 12.
 const STEPS: usize = 60;
 /// Halvings of a step that does not come nearer.
 const HALVINGS: usize = 5;
@@ -24,7 +24,7 @@ const DAMPING: f64 = 0.02;
 /// A step that leaves more than this share of what is missing comes to nothing; so many may follow each
 /// other.
 const NOTHING: f64 = 0.98;
-const MOST_NOTHINGS: usize = 4;
+const MAX_NOTHINGS: usize = 4;
 
 impl Chain {
     /// Returns joint positions, within the limits or not, with which the end is at `base_from_palm`,
@@ -55,7 +55,7 @@ impl Chain {
             } else {
                 0
             };
-            if nothings > MOST_NOTHINGS {
+            if nothings > MAX_NOTHINGS {
                 break;
             }
         }

@@ -211,7 +211,7 @@ fn carried(hand: &Hand, world: &World, bodies: &Bodies) -> (Vector3<f64>, Vector
 fn a_free_hand_keeps_its_momentum_and_its_energy() {
     let mut scene = testing::scene();
     scene.time_step_s = 1e-3;
-    // A rotor's inertia is no body's, and would carry momentum of its own.
+    // A rotor's inertia is not a body's, and would carry momentum of its own.
     scene.drive.armature = 0.0;
     scene.drive.damping = 0.0;
     let model = RobotModel::from_urdf(FINGER).unwrap();
@@ -334,7 +334,7 @@ fn a_squeezed_block_slips_where_friction_on_both_sides_no_longer_carries_it() {
 
 /// A robot that stands still has nothing to do.
 #[test]
-fn nothing_asked_for_takes_no_torque() {
+fn pose_at_rest_needs_no_torque() {
     let scene = testing::scene();
     let (mut world, hand) = finger(&scene);
     hand.place(&mut world, &Pose::identity(), &[0.3]);

@@ -49,7 +49,7 @@ fn a_closed_hand_lifts_and_holds_the_can() {
 }
 
 #[test]
-fn a_palm_without_inertia_holds_as_one_with_it() {
+fn palm_without_inertia_holds_the_same_grasp() {
     let urdf = urdf();
     let start = urdf.find("<inertial>").unwrap();
     let end = start + urdf[start..].find("</inertial>").unwrap() + "</inertial>".len();
