@@ -65,4 +65,4 @@ impl Ending for Verdict {
 
 /// The success of the candidates of all objects.
 pub type Successes = Vec<Success>;
-table! {"success", 2, per "screening", rows: Success}
+table! {"success", 3, per "screening", rows: Success}

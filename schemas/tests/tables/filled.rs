@@ -6,7 +6,7 @@ use motion::{HandRates, JointRates, Motion, Step};
 use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates},
+    candidates::{Candidate, Candidates, Lineage, ObjectSplit, Origin, Refusal, RefusedDraw},
     demonstrations::{self, Demonstration},
     distance_fields::FieldInfo,
     executions::{self, Execution},
@@ -189,22 +189,45 @@ pub(crate) fn candidates() -> Candidates {
     let motion = |name: &str, times: &[f64]| Candidate {
         candidate_id: name.to_owned(),
         generator: "cgf".to_owned(),
+        lineage: lineage(2),
         latent: vec![0.5; times.len()],
         table_from_object: pose(0.9),
         limit_excess_rad: 0.01,
+        depth_m: 0.002,
+        refused: Vec::new(),
         motion: Motion::new(
             &joints(),
             times.iter().map(|&time_s| step(time_s)).collect(),
         )
         .unwrap(),
     };
+    let refused = |draw_n: u32, refusal: Refusal| RefusedDraw {
+        lineage: lineage(draw_n),
+        table_from_object: pose(0.8),
+        limit_excess_rad: 0.02,
+        depth_m: 0.007,
+        refusal,
+    };
     Candidates {
         object: "can".to_owned(),
         joints: joints().into(),
         candidates: vec![
             motion("can-0", &[0.0, 0.5, 1.0]),
-            motion("can-1", &[0.0, 0.25]),
+            // Its second draw of three was kept.
+            Candidate {
+                refused: vec![refused(1, Refusal::Object), refused(3, Refusal::Table)],
+                ..motion("can-1", &[0.0, 0.25])
+            },
         ],
+    }
+}
+
+fn lineage(draw_n: u32) -> Lineage {
+    Lineage {
+        draw_n,
+        origin: Origin::Posterior,
+        demonstration: "a".to_owned(),
+        object_split: Some(ObjectSplit::Seen),
     }
 }
 
@@ -233,7 +256,7 @@ pub(crate) fn success() -> Vec<Success> {
         generator: generator.to_owned(),
         verdicts: Verdict::ALL
             .into_iter()
-            .zip([successes_n, 2, 3, 4, 5, 6, 7, 8, 9, 10])
+            .zip([successes_n, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11])
             .collect(),
         control_steps_n: 1000,
         spread_palm_m: 1.0,
@@ -259,6 +282,7 @@ pub(crate) fn rollouts() -> Vec<Rollout> {
     let rollout = |verdict: Verdict| Rollout {
         candidate_id: verdict.as_str().to_owned(),
         generator: "cgf".to_owned(),
+        lineage: lineage(2),
         verdict,
         cost_n: 65,
         saved_n: 125,

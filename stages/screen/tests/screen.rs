@@ -11,7 +11,7 @@ use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
 use report_screen::SuccessReport;
 use robot::RobotModel;
 use schemas::{
-    candidates::{Candidate, Candidates},
+    candidates::{Candidate, Candidates, Lineage},
     objects::{self, RestingOrientation},
     rollouts::{Rollout, Verdict},
     success::Successes,
@@ -152,9 +152,12 @@ fn candidate(id: &str, flexion: [f64; 3], thumb: [f64; 4]) -> Candidate {
     Candidate {
         candidate_id: id.to_owned(),
         generator: "test".to_owned(),
+        lineage: Lineage::replayed("a"),
         latent: Vec::new(),
         table_from_object: upright().table_from_object(),
         limit_excess_rad: 0.0,
+        depth_m: 0.0,
+        refused: Vec::new(),
         motion: Motion::new(&joints(), steps.collect()).unwrap(),
     }
 }

@@ -35,6 +35,8 @@ dataflow::metrics! {
         limit_n: Sum,
         /// Number of those that would go through the table.
         table_n: Sum,
+        /// Number of those that the hand cannot execute.
+        infeasible_n: Sum,
     }
     derived {
         rate: Self::rate,
@@ -105,7 +107,7 @@ fn units(scope: &Scope) -> Vec<Unit> {
 /// with it when it was to be lifted.
 fn touched(rollout: &Rollout) -> bool {
     match rollout.verdict {
-        Verdict::Limit | Verdict::Table => false,
+        Verdict::Limit | Verdict::Table | Verdict::Infeasible => false,
         Verdict::NotGrasped | Verdict::Diverged => {
             rollout.contacts_n > 0 || rollout.penetration_m > 0.0
         }
@@ -136,8 +138,9 @@ fn untouched(all: &SuccessMetrics) -> String {
     let became = [
         (all.limit_n, "would exceed a joint's limit"),
         (all.table_n, "would go through the table"),
+        (all.infeasible_n, "cannot be executed"),
         (
-            all.candidates_n - all.limit_n - all.table_n,
+            all.candidates_n - all.limit_n - all.table_n - all.infeasible_n,
             "closed beside it",
         ),
     ];
@@ -209,6 +212,7 @@ impl SuccessMetrics {
             touched_n: touched_n as f64,
             limit_n: sum(&|row| row.verdicts.count(Verdict::Limit)),
             table_n: sum(&|row| row.verdicts.count(Verdict::Table)),
+            infeasible_n: sum(&|row| row.verdicts.count(Verdict::Infeasible)),
         }
     }
 
@@ -269,7 +273,7 @@ mod tests {
     use dataflow::{Metrics, Partition};
     use motion::{HandRates, Step};
     use nalgebra::{Isometry3, Vector3};
-    use schemas::rollouts::Smoothness;
+    use schemas::{candidates::Lineage, rollouts::Smoothness};
     use spatial::Pose;
 
     use super::*;
@@ -288,9 +292,12 @@ mod tests {
         Candidate {
             candidate_id: name.to_owned(),
             generator: "whatever".to_owned(),
+            lineage: Lineage::replayed("a"),
             latent: Vec::new(),
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
             limit_excess_rad: 0.0,
+            depth_m: 0.0,
+            refused: Vec::new(),
             motion: ::motion::Motion::new(&["j", "k"], vec![step(0.0, 9.0, 9.0), step(1.0, x, q)])
                 .unwrap(),
         }
@@ -300,6 +307,7 @@ mod tests {
         Rollout {
             candidate_id: name.to_owned(),
             generator: generator.to_owned(),
+            lineage: Lineage::replayed("a"),
             verdict,
             cost_n: 100,
             saved_n: 0,
