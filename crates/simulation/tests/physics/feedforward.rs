@@ -36,7 +36,9 @@ fn closing(q: &[f64]) -> Motion<Object, ()> {
     let last = grasp.steps().len() - 1;
     let step = |(idx, step): (usize, &Step<Object, ()>)| {
         let closed = (4.0 * idx as f64 / last as f64 - 3.0).max(0.0);
-        let opened = flexes().into_iter().map(|weight| 0.3 * weight * (1.0 - closed));
+        let opened = flexes()
+            .into_iter()
+            .map(|weight| 0.3 * weight * (1.0 - closed));
         Step {
             q_rad: q.iter().zip(opened).map(|(q, opened)| q - opened).collect(),
             ..step.clone()
@@ -153,10 +155,14 @@ fn a_good_grasp_holds_under_feedforward_too() {
         assert_eq!(rollout, run(&template));
         // Nothing is in the way before the fingers close.
         let steps = rollout.trace.unwrap().steps;
-        let before = steps.iter().filter(|step| step.time_s < 0.7 * protocol.reach_s);
+        let before = steps
+            .iter()
+            .filter(|step| step.time_s < 0.7 * protocol.reach_s);
         let errors = before.flat_map(|step| {
             let pairs = step.q.iter().zip(&step.q_command);
-            pairs.map(|(q, command)| (q - command).abs()).collect::<Vec<_>>()
+            pairs
+                .map(|(q, command)| (q - command).abs())
+                .collect::<Vec<_>>()
         });
         let most_rad = errors.fold(0.0, f64::max);
         assert!(most_rad < 0.02, "{approach:?}: {most_rad} rad off");
