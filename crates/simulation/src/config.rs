@@ -121,6 +121,16 @@ pub enum Approach {
     Open,
 }
 
+impl Approach {
+    /// Returns the word for it in a pipeline file.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Follow => "follow",
+            Self::Open => "open",
+        }
+    }
+}
+
 /// Execution and success criteria of a motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use motion::{HandRates, JointRates, Motion, MotionError, Step};
 use nalgebra::{UnitQuaternion, Vector3};
-use schemas::candidates::Candidate;
+use schemas::candidates::{Candidate, Lineage, Origin};
 use spatial::{Object, Pose, Twist};
 
 /// What the candidates say drew them.
@@ -30,10 +30,17 @@ pub(crate) fn line(given: &Candidate) -> Result<Candidate, MotionError> {
     Ok(Candidate {
         candidate_id: format!("{}-line", given.candidate_id),
         generator: GENERATOR.to_owned(),
+        lineage: Lineage {
+            draw_n: 1,
+            origin: Origin::Line,
+            ..given.lineage.clone()
+        },
         latent: given.latent.clone(),
         table_from_object: given.table_from_object,
         // Both ends are within the limits, and so is what lies between them.
         limit_excess_rad: 0.0,
+        depth_m: 0.0,
+        refused: Vec::new(),
         motion: Motion::of_joints(Arc::clone(motion.joints()), steps.collect())?,
     })
 }
@@ -98,6 +105,7 @@ impl<'a> Line<'a> {
 #[cfg(test)]
 mod tests {
     use nalgebra::Isometry3;
+    use schemas::candidates::ObjectSplit;
 
     use super::*;
 
@@ -131,9 +139,17 @@ mod tests {
         Candidate {
             candidate_id: "can-00007".to_owned(),
             generator: "cgf".to_owned(),
+            lineage: Lineage {
+                draw_n: 3,
+                origin: Origin::Posterior,
+                demonstration: "a".to_owned(),
+                object_split: Some(ObjectSplit::Seen),
+            },
             latent: vec![0.5],
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, 0.05)),
             limit_excess_rad: 0.3,
+            depth_m: 0.002,
+            refused: Vec::new(),
             motion: of_steps(vec![
                 step(0.5, [0.3, -0.1, 0.2], turned([0.4, -1.0, 0.2]), [0.1, 1.2]),
                 step(0.7, [9.0, 9.0, 9.0], turned([0.0, 0.0, 3.0]), [5.0, -5.0]),
@@ -162,6 +178,12 @@ mod tests {
         let line = line(&motion).unwrap();
         assert_eq!(line.candidate_id, "can-00007-line");
         assert_eq!(line.generator, "interpolate");
+        let expected = Lineage {
+            draw_n: 1,
+            origin: Origin::Line,
+            ..motion.lineage.clone()
+        };
+        assert_eq!(line.lineage, expected);
         assert_eq!(line.table_from_object, motion.table_from_object);
         assert_eq!(line.limit_excess_rad, 0.0);
         let times = |motion: &Candidate| -> Vec<f64> {

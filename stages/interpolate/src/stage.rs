@@ -108,7 +108,7 @@ mod tests {
     use dataflow::{Advise, Artifact, Partition};
     use motion::{HandRates, Motion, Step};
     use nalgebra::Isometry3;
-    use schemas::candidates::Candidate;
+    use schemas::candidates::{Candidate, Lineage};
     use spatial::Pose;
 
     use super::*;
@@ -123,9 +123,12 @@ mod tests {
         Candidate {
             candidate_id: name.to_owned(),
             generator: "cgf".to_owned(),
+            lineage: Lineage::replayed("a"),
             latent: Vec::new(),
             table_from_object: Pose::identity(),
             limit_excess_rad: 0.0,
+            depth_m: 0.0,
+            refused: Vec::new(),
             motion: Motion::new(&["j"], (0..steps_n).map(step).collect()).unwrap(),
         }
     }

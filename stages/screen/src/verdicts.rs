@@ -12,7 +12,7 @@ use robot::RobotModel;
 use schemas::{
     candidates::{Candidate, Candidates},
     objects::Object,
-    rollouts::{self, Verdict},
+    rollouts::{self, Smoothness, Verdict},
 };
 use simulation::{ObjectShape, Record, Rollout, SimulationError, Template};
 use spatial::{Object as InObject, Pose, Rest, Table};
@@ -27,13 +27,15 @@ pub(crate) struct Screening<'a> {
     /// How far the object reaches along its axes, in meters.
     extent_m: Vector3<f64>,
     seed: u64,
-    templates: Vec<Template>,
+    /// Nothing for a way in which the object does not come to rest.
+    templates: Vec<Option<Template>>,
     /// The template of each candidate.
     template_of: Vec<usize>,
 }
 
 impl<'a> Screening<'a> {
-    /// Builds the scenes; of `seed` are the mistakes about the object's place.
+    /// Builds the scenes; of `seed` are the mistakes about the object's place. Fails if the object comes
+    /// to rest in none of them.
     pub(crate) fn new(
         config: &'a ScreenConfig,
         model: &'a RobotModel,
@@ -52,10 +54,12 @@ impl<'a> Screening<'a> {
             }));
         }
         let shape = ObjectShape::from_artifact(object);
-        let templates = poses
-            .par_iter()
-            .map(|pose| Template::new(&config.scene, model, &shape, &Rest::of(pose)))
-            .collect::<Result<_, _>>()?;
+        let template = |pose| Template::new(&config.scene, model, &shape, &Rest::of(pose));
+        let templates = poses.par_iter().map(|pose| feasible(template(pose)));
+        let templates: Vec<Option<Template>> = templates.collect::<Result<_, _>>()?;
+        if !templates.is_empty() && templates.iter().all(Option::is_none) {
+            return Err(SimulationError::Unsettled);
+        }
         Ok(Self {
             config,
             candidates,
@@ -71,33 +75,28 @@ impl<'a> Screening<'a> {
     pub(crate) fn judge(
         &self,
         progress: impl Fn(f64) + Sync,
-    ) -> Result<Vec<rollouts::Rollout>, (String, SimulationError)> {
+    ) -> Result<Vec<rollouts::Rollout>, SimulationError> {
         let total = self.candidates.candidates.len();
         let done = AtomicUsize::new(0);
         (0..total)
             .into_par_iter()
             .map(|idx| {
-                let (candidate, rollout) = self.rollout(idx, Record::Nothing)?;
+                let candidate = &self.candidates.candidates[idx];
+                let rollout = self.rollout(idx, Record::Nothing);
+                let row = feasible(rollout.and_then(|rollout| self.row(candidate, &rollout)))?;
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(done as f64 / total as f64);
-                let row = self.row(candidate, &rollout);
-                row.map_err(|err| (candidate.candidate_id.clone(), err))
+                Ok(row.unwrap_or_else(|| infeasible(candidate)))
             })
             .collect()
     }
 
     /// Carries out one candidate.
-    pub(crate) fn rollout(
-        &self,
-        idx: usize,
-        record: Record,
-    ) -> Result<(&'a Candidate, Rollout), (String, SimulationError)> {
-        let candidate = &self.candidates.candidates[idx];
-        let template = &self.templates[self.template_of[idx]];
-        self.motion(idx, candidate)
-            .and_then(|motion| template.rollout(&motion, &self.config.protocol, record))
-            .map(|rollout| (candidate, rollout))
-            .map_err(|err| (candidate.candidate_id.clone(), err))
+    pub(crate) fn rollout(&self, idx: usize, record: Record) -> Result<Rollout, SimulationError> {
+        let template = self.templates[self.template_of[idx]].as_ref();
+        let template = template.ok_or(SimulationError::Unsettled)?;
+        let motion = self.motion(idx, &self.candidates.candidates[idx])?;
+        template.rollout(&motion, &self.config.protocol, record)
     }
 
     /// Returns a candidate's motion with the joints in the hand's order.
@@ -119,6 +118,15 @@ impl<'a> Screening<'a> {
             Vector3::zeros()
         });
         Ok(self.in_order(candidate)?.shifted(&mistake))
+    }
+}
+
+/// Returns nothing where a candidate is at fault: its motion, or how the object lies in it.
+fn feasible<T>(simulated: Result<T, SimulationError>) -> Result<Option<T>, SimulationError> {
+    match simulated {
+        Ok(simulated) => Ok(Some(simulated)),
+        Err(SimulationError::Motion(_) | SimulationError::Unsettled) => Ok(None),
+        Err(err) => Err(err),
     }
 }
 
@@ -153,8 +161,6 @@ impl Screening<'_> {
     ) -> Result<rollouts::Rollout, SimulationError> {
         let motion = self.in_order(candidate)?;
         Ok(rollouts::Rollout {
-            candidate_id: candidate.candidate_id.clone(),
-            generator: candidate.generator.clone(),
             verdict: self.verdict(rollout),
             cost_n: rollout.cost_n,
             saved_n: rollout.saved_n,
@@ -164,6 +170,25 @@ impl Screening<'_> {
             penetration_m: rollout.penetration_m,
             contacts_n: rollout.contacts_n,
             smoothness: smoothness(&motion, self.model).map_err(unfit)?,
+            ..infeasible(candidate)
         })
+    }
+}
+
+/// Returns the row of a candidate of which nothing can be simulated.
+fn infeasible(candidate: &Candidate) -> rollouts::Rollout {
+    rollouts::Rollout {
+        candidate_id: candidate.candidate_id.clone(),
+        generator: candidate.generator.clone(),
+        lineage: candidate.lineage.clone(),
+        verdict: Verdict::Infeasible,
+        cost_n: 0,
+        saved_n: 0,
+        lift_m: 0.0,
+        slip_m: 0.0,
+        displacement_m: 0.0,
+        penetration_m: 0.0,
+        contacts_n: 0,
+        smoothness: Smoothness::default(),
     }
 }

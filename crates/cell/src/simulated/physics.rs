@@ -203,8 +203,10 @@ fn outcome(verdict: Verdict) -> Outcome {
         | Verdict::Slipped
         | Verdict::Dropped
         | Verdict::TooDeep => Outcome::Failed,
-        Verdict::Limit | Verdict::Table | Verdict::EarlyContact | Verdict::Diverged => {
-            Outcome::Aborted
-        }
+        Verdict::Limit
+        | Verdict::Table
+        | Verdict::EarlyContact
+        | Verdict::Diverged
+        | Verdict::Infeasible => Outcome::Aborted,
     }
 }
