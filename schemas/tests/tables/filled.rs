@@ -12,6 +12,7 @@ use schemas::{
     executions::{self, Execution},
     latents,
     objects::{self, Object},
+    rates::{ALL_ORIGINS, Rate},
     reconstruction::{self, Reconstruction},
     rollouts::{self, Rollout, Verdict},
     sampling::{self, Sampled},
@@ -43,6 +44,7 @@ pub(crate) fn each(tables: &impl EachTable) {
     tables.table("can", &sampling());
     tables.table("can", &rollouts());
     tables.table("all", &success());
+    tables.table("all", &rates());
     tables.table("can", &executions());
     tables.table("all", &trials());
 }
@@ -254,10 +256,13 @@ pub(crate) fn success() -> Vec<Success> {
     let row = |generator: &str, successes_n: i64| Success {
         object: "can".to_owned(),
         generator: generator.to_owned(),
+        origin: Origin::Prior,
+        object_split: Some(ObjectSplit::Unseen),
         verdicts: Verdict::ALL
             .into_iter()
             .zip([successes_n, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11])
             .collect(),
+        draws_n: 400,
         control_steps_n: 1000,
         spread_palm_m: 1.0,
         spread_palm_rad: 2.0,
@@ -265,6 +270,28 @@ pub(crate) fn success() -> Vec<Success> {
         spread_n: successes_n,
     };
     vec![row("cgf", 40), row("interpolate", 0)]
+}
+
+pub(crate) fn rates() -> Vec<Rate> {
+    let row = |origin: &str, object_split: Option<ObjectSplit>| Rate {
+        generator: "cgf".to_owned(),
+        origin: origin.to_owned(),
+        object_split,
+        approach: "follow".to_owned(),
+        squeeze_rad: 0.15,
+        objects_n: 5,
+        candidates_n: 50,
+        draws_n: 200,
+        successes_n: 40,
+        candidate_rate_mean: 0.8,
+        candidate_rate_low: 0.6,
+        candidate_rate_high: 0.9,
+        draw_rate_mean: 0.2,
+        draw_rate_low: 0.1,
+        draw_rate_high: 0.4,
+    };
+    let seen = Some(ObjectSplit::Seen);
+    vec![row(ALL_ORIGINS, seen), row("line", None)]
 }
 
 pub(crate) fn rollouts() -> Vec<Rollout> {
