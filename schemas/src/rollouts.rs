@@ -59,7 +59,8 @@ words! {
         TooDeep = "too_deep",
         /// The simulation became non-finite or implausible.
         Diverged = "diverged",
-        /// The hand cannot execute the motion; nothing was simulated.
+        /// The hand cannot execute the motion, or the object does not come to rest as it lies in it;
+        /// nothing was simulated.
         Infeasible = "infeasible",
     }
 }

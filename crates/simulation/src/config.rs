@@ -113,11 +113,12 @@ pub enum ControllerKind {
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Approach {
-    /// Palm and fingers follow the motion over the whole reach.
-    Follow,
-    /// The palm follows its path before the closing with the fingers at their final positions,
-    /// opened by `open_rad`; then it waits, and they close.
+    /// Palm and fingers follow the motion, a function of time, over the whole reach.
     #[default]
+    Follow,
+    /// A script in place of the motion's fingers: the palm follows its path before the closing with
+    /// the fingers at their final positions, opened by `open_rad`; then it waits, and they close. Of
+    /// the motion only the palm's path and the grasp are tried.
     Open,
 }
 
@@ -136,8 +137,9 @@ impl Approach {
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Protocol {
-    /// What the fingers do during the reach: `follow` the motion, or stay `open` until the closing,
-    /// so that they do not knock the object over.
+    /// What the fingers do during the reach: `follow` the motion, as in the paper, or, by a script
+    /// that is not the motion, stay `open` until the closing, so that they do not knock the object
+    /// over.
     #[serde(default)]
     pub approach: Approach,
     /// Duration of the reach, to which a motion is stretched, in seconds: that of a person from

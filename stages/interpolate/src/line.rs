@@ -12,21 +12,27 @@ const GENERATOR: &str = "interpolate";
 
 /// Returns the motion that goes from the first step of another straight to its last one, at its times:
 /// the linear baseline (Ye et al., *Learning Continuous Grasping Function with a Dexterous Hand from
-/// Human Demonstrations*, 2023, section IV).
+/// Human Demonstrations*, 2023, section IV). A motion of one step stays there, at rest.
 ///
 /// # Errors
 ///
-/// Fails if the motion has fewer than two steps, or is so fast that its rates are not finite.
+/// Fails if the motion is so fast that its rates are not finite.
 pub(crate) fn line(given: &Candidate) -> Result<Candidate, MotionError> {
     let motion = &given.motion;
-    let [first, .., last] = motion.steps() else {
-        return Err(MotionError::Steps {
-            found: motion.steps().len(),
-            expected: 2,
-        });
+    let steps = match motion.steps() {
+        [first, .., last] => {
+            let line = Line::between(first, last);
+            let times = motion.steps().iter().map(|step| step.time_s);
+            times.map(|time_s| line.at(time_s)).collect()
+        }
+        only => {
+            let at_rest = |step: &Step<Object>| Step {
+                rates: HandRates::still(step.q_rad.len()),
+                ..step.clone()
+            };
+            only.iter().map(at_rest).collect()
+        }
     };
-    let line = Line::between(first, last);
-    let steps = motion.steps().iter().map(|step| line.at(step.time_s));
     Ok(Candidate {
         candidate_id: format!("{}-line", given.candidate_id),
         generator: GENERATOR.to_owned(),
@@ -41,7 +47,7 @@ pub(crate) fn line(given: &Candidate) -> Result<Candidate, MotionError> {
         limit_excess_rad: 0.0,
         depth_m: 0.0,
         refused: Vec::new(),
-        motion: Motion::of_joints(Arc::clone(motion.joints()), steps.collect())?,
+        motion: Motion::of_joints(Arc::clone(motion.joints()), steps)?,
     })
 }
 
@@ -256,10 +262,14 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_without_two_ends_has_no_line() {
+    fn a_motion_without_two_ends_stays_where_it_is() {
         let mut short = motion();
         short.motion = of_steps(short.motion.steps()[..1].to_vec());
-        let refused = line(&short).unwrap_err().to_string();
-        assert_eq!(refused, "1 steps, expected at least 2");
+        let line = line(&short).unwrap();
+        assert_eq!(line.motion.steps().len(), 1);
+        let (found, given) = (line.motion.first(), short.motion.first());
+        assert_eq!(found.frame_from_palm, given.frame_from_palm);
+        assert_eq!((&found.q_rad, found.time_s), (&given.q_rad, given.time_s));
+        assert_eq!(found.rates, HandRates::still(2));
     }
 }

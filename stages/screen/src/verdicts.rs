@@ -192,3 +192,102 @@ fn infeasible(candidate: &Candidate) -> rollouts::Rollout {
         smoothness: Smoothness::default(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use motion::{HandRates, Step};
+    use nalgebra::Isometry3;
+    use schemas::candidates::Lineage;
+
+    use super::*;
+
+    /// A finger that slides, as a ball.
+    const HAND: &str = r#"<robot name="h"><link name="palm"/>
+      <link name="tip"><inertial><mass value="0.1"/>
+        <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
+        <collision><geometry><sphere radius="0.01"/></geometry></collision></link>
+      <joint name="j" type="prismatic"><parent link="palm"/><child link="tip"/><axis xyz="1 0 0"/>
+        <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"#;
+
+    fn cube() -> Object {
+        let ends = [-0.02, 0.02];
+        let points_m: Vec<[f64; 3]> = ends
+            .into_iter()
+            .flat_map(|x| ends.into_iter().flat_map(move |y| ends.map(|z| [x, y, z])))
+            .collect();
+        Object {
+            name: "cube".to_owned(),
+            mass_kg: 0.1,
+            center_of_mass_m: [0.0; 3],
+            inertia_kg_m2: [3e-5, 3e-5, 3e-5, 0.0, 0.0, 0.0],
+            normals: vec![[1.0, 0.0, 0.0]; points_m.len()],
+            watertight: true,
+            mirror: None,
+            vertices_m: points_m.clone(),
+            triangles: vec![[0, 1, 2]],
+            parts_m: vec![points_m.clone()],
+            points_m,
+            rests: Vec::new(),
+        }
+    }
+
+    /// A hand of one joint that waits beside the cube.
+    fn candidate(name: &str, joint: &str) -> Candidate {
+        let step = |time_s: f64| Step {
+            time_s,
+            frame_from_palm: Pose::new(Isometry3::translation(0.3, 0.0, 0.1)),
+            q_rad: vec![0.0],
+            rates: HandRates::still(1),
+        };
+        Candidate {
+            candidate_id: name.to_owned(),
+            generator: "test".to_owned(),
+            lineage: Lineage::replayed(name),
+            latent: Vec::new(),
+            table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, 0.02)),
+            limit_excess_rad: 0.0,
+            depth_m: 0.0,
+            motion: Motion::new(&[joint], vec![step(0.0), step(1.0)]).unwrap(),
+            refused: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_candidate_that_the_hand_cannot_execute_is_a_row_among_the_others() {
+        let config = serde_json::json!({
+            "hand": "hand.urdf",
+            "scene": {"drive": {
+                "stiffness": 20.0, "damping": 1.0, "torque_limit": 0.7, "armature": 0.001,
+            }},
+            "protocol": {"flexion_joints": ["j"]},
+        });
+        let config: ScreenConfig = serde_json::from_value(config).unwrap();
+        let model = RobotModel::from_urdf(HAND).unwrap();
+        let candidates = Candidates {
+            object: "cube".to_owned(),
+            joints: ["j".to_owned()].into(),
+            candidates: vec![
+                candidate("a", "j"),
+                candidate("b", "k"),
+                candidate("c", "j"),
+            ],
+        };
+        let screening = Screening::new(&config, &model, &cube(), &candidates, 7).unwrap();
+        let rows = screening.judge(|_| {}).unwrap();
+        let verdicts: Vec<(&str, Verdict)> = rows
+            .iter()
+            .map(|row| (row.candidate_id.as_str(), row.verdict))
+            .collect();
+        assert_eq!(
+            verdicts,
+            [
+                ("a", Verdict::NotGrasped),
+                ("b", Verdict::Infeasible),
+                ("c", Verdict::NotGrasped),
+            ]
+        );
+        assert_eq!((rows[1].cost_n, rows[1].saved_n), (0, 0));
+        assert_eq!(rows[1].lineage, candidates.candidates[1].lineage);
+        assert!(rows[0].cost_n > 0);
+    }
+}
