@@ -8,7 +8,7 @@ use std::{
     process::{Child, Command, ExitStatus, Stdio},
 };
 
-use dataflow::{Elsewhere, Failure, Forced, Origin, Relay, UnitName};
+use dataflow::{Failure, Forced, Origin, Relay, RemoteWorker, UnitName};
 
 /// Makes each unit in a separate process.
 pub(crate) struct Processes {
@@ -45,10 +45,10 @@ impl Processes {
     }
 }
 
-impl Elsewhere for Processes {
+impl RemoteWorker for Processes {
     fn make(&self, unit: &UnitName, forced: Forced, relay: &mut Relay) -> Result<(), Failure> {
         let UnitName { node, partition } = unit;
-        let failed = |message: String, hint: Option<String>| Failure::Elsewhere {
+        let failed = |message: String, hint: Option<String>| Failure::Remote {
             message,
             hint,
             left_out: None,

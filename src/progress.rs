@@ -87,7 +87,7 @@ impl State {
                 }
             }
             Event::UnitDamaged { unit } => {
-                let text = format!("mend   {unit} is damaged in the lake and is made again");
+                let text = format!("repair {unit} is damaged in the lake and is made again");
                 self.print(&text, report::line);
             }
             Event::UnitDone { unit, skipped, .. } if self.is_counted(unit) => {

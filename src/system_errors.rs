@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn text_that_is_no_error_of_the_system_stays() {
+    fn other_text_is_left_unchanged() {
         for text in [
             "",
             "a (os error",

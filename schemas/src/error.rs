@@ -67,8 +67,8 @@ pub enum SchemaError {
         /// Why.
         source: NotAPose,
     },
-    /// The steps of a row, or of a table's rows, are no motion.
-    #[error("`{name}` is no motion")]
+    /// The steps of a row, or of a table's rows, are not a motion.
+    #[error("`{name}` is not a motion")]
     Motion {
         /// The candidate, or the trajectory's sequence.
         name: String,
@@ -97,7 +97,7 @@ impl SchemaError {
         /// Directions are written as unit vectors.
         const SHORTEST: f64 = 0.5;
         Unit::try_new(Vector3::from(vector), SHORTEST)
-            .ok_or_else(|| Self::invalid(column, format!("{vector:?} is no direction")))
+            .ok_or_else(|| Self::invalid(column, format!("{vector:?} is not a direction")))
     }
 
     /// Checks the length of a column's list, e.g. of joint positions.

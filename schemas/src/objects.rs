@@ -203,7 +203,7 @@ impl Row {
 
 /// Converts a stored count.
 fn count<T: TryFrom<i64>>(column: &str, n: i64) -> Result<T, SchemaError> {
-    T::try_from(n).map_err(|_no_count| SchemaError::invalid(column, format!("{n} is no count")))
+    T::try_from(n).map_err(|_no_count| SchemaError::invalid(column, format!("{n} is not a count")))
 }
 
 impl Table for Object {

@@ -28,7 +28,7 @@ macro_rules! files {
 }
 
 /// The files of a new project, by path.
-const FILES: [(&str, &str); 31] = files![
+const FILES: [(&str, &str); 32] = files![
     "data/access/README.md",
     "data/access/certificates/cell.json5",
     "data/access/certificates/dispatcher.json5",
@@ -58,6 +58,7 @@ const FILES: [(&str, &str); 31] = files![
     "pipelines/paper.toml",
     "pipelines/released.toml",
     "pipelines/replay.toml",
+    "pipelines/strict.toml",
     "pipelines/unseen.toml",
     ".gitignore",
 ];
@@ -99,7 +100,7 @@ fn check_name(name: &str) -> Result<(), CommandError> {
             .to_owned(),
     };
     Err(CommandError::usage(
-        format!("`{name}` is no name for a project"),
+        format!("`{name}` is not a name for a project"),
         hint,
     ))
 }
@@ -211,7 +212,7 @@ mod tests {
             let Err(CommandError::Usage { message, hint }) = said else {
                 panic!("{name}: {said:?}");
             };
-            assert!(message.contains("is no name for a project"), "{message}");
+            assert!(message.contains("is not a name for a project"), "{message}");
             assert!(hint.is_some());
         }
     }

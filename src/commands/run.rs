@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use dataflow::{Elsewhere, Event, NodeReport, RunReport};
+use dataflow::{Event, NodeReport, RemoteWorker, RunReport};
 use lake::Lake;
 
 use crate::{
@@ -54,9 +54,9 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
         lake: program.lake.clone(),
         origin: pipeline.origin.clone(),
     };
-    let elsewhere = args.processes.then_some(&processes as &dyn Elsewhere);
+    let remote = args.processes.then_some(&processes as &dyn RemoteWorker);
     let events = |event: &Event| screen.show(event);
-    let ran = dataflow::run(&pipeline, store, &options, elsewhere, &events)?;
+    let ran = dataflow::run(&pipeline, store, &options, remote, &events)?;
     let last = ran.nodes.last();
     let said = last.map_or_else(String::new, |node| node.record.description.clone());
     if program.quiet == Quiet::No {

@@ -272,9 +272,9 @@ fn compare(
             counts.here_held_steps +=
                 f64::from(rollout.cost_n) * f64::from(scene.steps_per_control);
         }
-        let instructions = template.instructions(&motion, &protocol).unwrap();
-        counts.steps = (instructions.len() - 1) as f64 * f64::from(scene.steps_per_control);
-        scripts.push(mujoco::rollout(template, &instructions));
+        let setpoints = template.setpoints(&motion, &protocol).unwrap();
+        counts.steps = (setpoints.len() - 1) as f64 * f64::from(scene.steps_per_control);
+        scripts.push(mujoco::rollout(template, &setpoints));
     }
     for (idx, (_, engine)) in ENGINES.into_iter().enumerate() {
         mujoco.build(&mujoco::scene(&scene, &protocol, hand, object, engine));

@@ -21,7 +21,7 @@ impl Limits {
     /// Says within what a figure must be: `least..` or `..=most`.
     #[expect(clippy::print_stdout, reason = "a bench prints what it measured")]
     pub(crate) fn keep(&mut self, what: &str, found: f64, within: impl RangeBounds<f64>) {
-        // What is no number is within nothing.
+        // NaN is within no limits.
         let (limit, is_kept) = match (within.start_bound(), within.end_bound()) {
             (Bound::Included(least), _) => (
                 format!("at least {least}"),

@@ -77,8 +77,8 @@ fn main() -> ExitCode {
             let scripts: Vec<Value> = turn
                 .iter()
                 .map(|motion| {
-                    let instructions = template.instructions(motion, &protocol).unwrap();
-                    mujoco::rollout(&template, &instructions)
+                    let setpoints = template.setpoints(motion, &protocol).unwrap();
+                    mujoco::rollout(&template, &setpoints)
                 })
                 .collect();
             theirs.extend(mujoco.roll(&scripts));
@@ -86,7 +86,7 @@ fn main() -> ExitCode {
     }
     drop(peer);
 
-    let steps = template.instructions(&motions[0], &protocol).unwrap().len() - 1;
+    let steps = template.setpoints(&motions[0], &protocol).unwrap().len() - 1;
     let steps = steps as f64 * f64::from(scene.steps_per_control);
     println!("{CANDIDATES} candidates of a can, {steps} physics steps each to the end");
     count(

@@ -82,7 +82,7 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
     }
     if let Some(name) = unknown.first() {
         let name = name.display();
-        return Err(format!("`{name}` is no README with a table, and no query of one").into());
+        return Err(format!("`{name}` is not a README with a table, and no query of one").into());
     }
     println!(
         "{n_same} tables are as READMEs show them, {n_written} were written, {n_wrong} are wrong"

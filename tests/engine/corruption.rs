@@ -62,7 +62,7 @@ impl Damage {
         Self { path, what, before }
     }
 
-    fn mend(self) {
+    fn undo(self) {
         write_unnoticed(&self.path, &self.before);
     }
 
@@ -133,7 +133,7 @@ fn verify_finds_every_damaged_file() {
             let code = verified.status.code();
             missed.push(format!("{}: {code:?} {said}", damage.name(&lake)));
         }
-        damage.mend();
+        damage.undo();
     }
     let n_missed = missed.len();
     missed.truncate(20);

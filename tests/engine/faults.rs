@@ -301,7 +301,7 @@ fn differences(
 }
 
 #[test]
-fn any_fault_of_a_file_is_found_answers_nothing_wrong_and_is_mended() {
+fn any_file_fault_is_found_and_repaired_and_falsifies_no_answer() {
     let mut rng = chances("whole files");
     let n_times: usize = number("PIPELINE_FAULTS", 25);
     let mut place = place_with_a_lake();

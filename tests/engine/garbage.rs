@@ -126,7 +126,7 @@ fn a_run_that_goes_on_loses_nothing() {
 }
 
 #[test]
-fn artifact_removed_during_verify_is_no_fault() {
+fn artifact_removed_during_verify_is_not_a_fault() {
     let place = Place::with_inputs(CHAIN, 12);
     place.run_well(&[]);
     for time in 0..8 {

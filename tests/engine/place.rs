@@ -211,7 +211,7 @@ pub(crate) fn name(number: usize) -> String {
 fn execution(line: &str) -> Execution {
     let words: Vec<&str> = line.split(' ').collect();
     let [kind, output, partition, _process, seed] = words[..] else {
-        panic!("`{line}` is no line of the stages' log");
+        panic!("`{line}` is not a line of the stages' log");
     };
     Execution {
         kind: kind.to_owned(),
@@ -221,7 +221,7 @@ fn execution(line: &str) -> Execution {
     }
 }
 
-/// The built example, which is no part of this test: `cargo test` builds both, `cargo test --test
+/// The built example, which is not part of this test: `cargo test` builds both, `cargo test --test
 /// engine` only this.
 pub(crate) fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();

@@ -106,7 +106,7 @@ fn a_unit_that_was_stopped_or_killed_goes_on_where_it_was() {
 }
 
 #[test]
-fn another_unit_and_a_fresh_one_restart() {
+fn changed_units_and_fresh_runs_ignore_resume_state() {
     let place = Place::new(STEPS);
     fail_at(&place, "step3", &[]);
     take_steps(&place);

@@ -152,7 +152,7 @@ fn motions_and_their_lines_are_judged_by_the_same_physics() {
 }
 
 #[test]
-fn both_screens_are_that_of_the_whole_flow_and_follow_the_motion() {
+fn baseline_screens_are_those_of_the_main_pipeline_and_follow_the_motion() {
     let [file, whole] = [FILE, "pipelines/cgf.toml"].map(|file| {
         let text = fs::read_to_string(file).unwrap();
         Pipeline::parse(file.as_ref(), &text, &pipeline::kinds(), None, &[]).unwrap()

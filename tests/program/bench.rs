@@ -148,7 +148,7 @@ impl Bench {
         for folder in ["tables", "files", "reports"] {
             digest_folder(&self.lake().join(folder), folder, &mut digests);
         }
-        // What runs did, and when, is no artifact.
+        // What runs did, and when, is not an artifact.
         digests.retain(|path, _| !path.contains("/run="));
         digests
     }

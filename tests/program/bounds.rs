@@ -68,7 +68,7 @@ fn every_count_has_bounds_and_says_why_they_are_there() {
 }
 
 #[test]
-fn no_number_is_infinite_or_none() {
+fn non_finite_numbers_are_refused() {
     let numbers = options("number");
     assert!(numbers.len() >= 100, "{}", numbers.len());
     let mut faults = Vec::new();
@@ -83,7 +83,7 @@ fn no_number_is_infinite_or_none() {
 }
 
 #[test]
-fn no_pipeline_is_out_of_bounds() {
+fn shipped_pipelines_are_within_bounds() {
     let mut n = 0;
     for entry in std::fs::read_dir("pipelines").unwrap() {
         let path = entry.unwrap().path();
@@ -120,7 +120,7 @@ fn refused(values: &[&str]) -> String {
 }
 
 #[test]
-fn a_value_that_cannot_be_ends_with_its_key_its_bound_and_the_reason() {
+fn out_of_bounds_value_names_key_bound_and_reason() {
     let check = |values: &[&str], says: &[&str]| {
         let said = refused(values);
         for part in says {

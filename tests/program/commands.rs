@@ -171,7 +171,7 @@ fn until_stops_and_fresh_remakes_one_stage_or_all() {
 }
 
 #[test]
-fn no_worker_threads_at_all_are_refused() {
+fn zero_worker_threads_are_refused() {
     let ran = finished().run(&["--jobs", "0"]);
     assert_eq!(ran.status.code(), Some(2));
     assert!(stderr(&ran).contains("--jobs"), "{}", stderr(&ran));

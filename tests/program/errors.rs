@@ -113,7 +113,7 @@ fn unused_profile_is_checked_as_well() {
 }
 
 #[test]
-fn every_fault_of_a_file_is_reported_at_once() {
+fn every_error_of_a_file_is_reported_at_once() {
     let (code, text) = with_edited_file("seed = 7", "seed = -1\nsede = 3");
     assert_eq!(code, 2);
     assert_says(

@@ -186,7 +186,7 @@ fn a_shared_value_has_the_name_that_stages_take_it_by() {
     );
     refused(
         &own("[stages.shared]\nkind = \"replay\""),
-        &["`shared` is no name for a stage"],
+        &["`shared` is not a name for a stage"],
     );
 }
 

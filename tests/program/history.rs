@@ -104,7 +104,7 @@ fn a_tag_names_a_run_until_it_is_taken_away() {
     refused(&gone, &["no run is tagged `wide`", "`pipeline runs`"]);
     for name in ["12", "newest", "a/b"] {
         let output = lake().ask(&["tag", "1", name]);
-        refused(&output, &["is no name for a tag", "letters"]);
+        refused(&output, &["is not a name for a tag", "letters"]);
     }
 }
 

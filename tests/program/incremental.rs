@@ -310,9 +310,9 @@ fn a_damaged_artifact_is_noticed_before_use_and_made_again() {
         "{}",
         stderr(&again)
     );
-    let mended = bench.published();
+    let repaired = bench.published();
     for (name, digest) in &shown {
-        assert_eq!(mended.get(name), Some(digest), "{name}");
+        assert_eq!(repaired.get(name), Some(digest), "{name}");
     }
 }
 
@@ -324,7 +324,7 @@ fn overwrite(path: &std::path::Path, bytes: &[u8]) {
 }
 
 #[test]
-fn a_question_in_sql_prints_a_table() {
+fn sql_query_prints_a_table() {
     let bench = Bench::new();
     bench.run_well(&["--until", "screen"]);
     let ask = |format: &str| {

@@ -123,7 +123,7 @@ fn data_for_which_the_disk_has_no_space_is_an_error_of_every_command() {
 }
 
 #[test]
-fn a_reader_that_has_gone_away_is_no_error_of_any_command() {
+fn closed_output_pipe_is_not_an_error() {
     for mut command in commands(finished()) {
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);

@@ -110,13 +110,16 @@ fn a_folder_that_is_not_empty_is_left_alone_and_a_name_is_checked() {
         ),
         (
             "a b",
-            &["`a b` is no name for a project", "hint: use ASCII letters"],
+            &[
+                "`a b` is not a name for a project",
+                "hint: use ASCII letters",
+            ],
         ),
         (
             "labs/my_lab",
             &["hint: go to the folder", "`pipeline new my_lab`"],
         ),
-        ("..", &["`..` is no name for a project"]),
+        ("..", &["`..` is not a name for a project"]),
     ] {
         let refused = pipeline(folder.path(), &["new", name]);
         let text = stderr(&refused);

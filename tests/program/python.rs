@@ -73,7 +73,7 @@ impl Drop for PythonCell {
 }
 
 #[test]
-fn python_cell_executes_goals_and_contradictions_are_no_success() {
+fn python_cell_executes_goals_and_contradictions_are_not_successes() {
     let Some(python) = python(&["numpy", "zenoh", "blake3"]) else {
         return;
     };

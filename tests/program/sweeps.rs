@@ -55,7 +55,7 @@ fn every_variant_runs_and_shared_stages_run_once() {
 }
 
 #[test]
-fn variants_that_are_all_there_are_not_recorded_again() {
+fn complete_variants_are_not_recorded_again() {
     let bench = Bench::new();
     let until = ["--until", "retarget"];
     let with = |iterations: &str| {

@@ -60,8 +60,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let counts = watcher.counts();
     println!(
-        "watched {:.0} s: {} states, of which {} were asked for, {} lost; {} outcomes, of which {} were \
-         asked for; {} restarts of the cell, {} unreadable",
+        "watched {:.0} s: {} states, of which {} were requested, {} lost; {} outcomes, of which {} were \
+         requested; {} restarts of the cell, {} unreadable",
         started.elapsed().as_secs_f64(),
         counts.states_n,
         counts.recovered_n,

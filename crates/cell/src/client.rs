@@ -242,13 +242,13 @@ impl CellClient {
         answer: Duration,
         result: Duration,
     ) -> Recovered {
-        let asked = || {
+        let query = || {
             if self.journal.get().is_none() {
                 self.capabilities(answer)?;
             }
             self.beat()
         };
-        let _heartbeat = match asked() {
+        let _heartbeat = match query() {
             Ok(heartbeat) => heartbeat,
             Err(err) => return Recovered::NoAnswer(with_causes(&err)),
         };
@@ -545,7 +545,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn clock_offset_is_what_message_delay_cannot_explain() {
+    fn clock_offset_is_distinguished_from_message_delay() {
         let ahead = |cell_ms: u64| match check_clock(cell_ms, 100_000, 103_000) {
             Err(CellError::Clock { ahead_s }) => Some(ahead_s),
             _ => None,

@@ -28,7 +28,7 @@ const LIMIT_M: f64 = 0.02;
 /// Largest distance of a free-flying palm from the goal's trajectory, in meters and radians.
 const PALM_M: f64 = 0.05;
 const PALM_RAD: f64 = 0.3;
-/// Smallest commanded displacement on the way to the grasp that counts as a motion, in radians and
+/// Smallest commanded displacement in the reach that counts as a motion, in radians and
 /// in meters, and the share of it that must be measured: the object may block fingers.
 const MOVES_RAD: f64 = 0.1;
 const MOVES_M: f64 = 0.01;
@@ -58,7 +58,7 @@ pub enum Contradiction {
         found: String,
     },
     /// The outcome is not possible for an accepted goal.
-    #[error("`{outcome}` is no outcome of a goal that the cell took")]
+    #[error("`{outcome}` is not an outcome of a goal that the cell took")]
     Outcome {
         /// The outcome.
         outcome: &'static str,
@@ -109,7 +109,7 @@ pub enum Contradiction {
     },
     /// The object started away from the goal's pose.
     #[error("the object is {off_m:.4} m from where the goal has it at first")]
-    Elsewhere {
+    StartPose {
         /// The distance.
         off_m: f64,
     },
@@ -133,7 +133,7 @@ pub enum Contradiction {
     NoCourse,
     /// A commanded position differs from the goal's.
     #[error(
-        "sample {row} has joint `{joint}` told to be at {q}, the goal tells {least:.4} to {most:.4} then"
+        "sample {row} has joint `{joint}` commanded to {q}, the goal commands {least:.4} to {most:.4} then"
     )]
     Command {
         /// The sample.
@@ -161,13 +161,13 @@ pub enum Contradiction {
     },
     /// A joint did not move.
     #[error(
-        "joint `{joint}` is told to move by {told:.4} to the grasp and has moved by {moved:.4}"
+        "joint `{joint}` is commanded to move by {commanded:.4} to the grasp and has moved by {moved:.4}"
     )]
     Still {
         /// The joint.
         joint: String,
         /// The commanded displacement.
-        told: f64,
+        commanded: f64,
         /// The measured displacement.
         moved: f64,
     },
@@ -181,7 +181,7 @@ pub enum Contradiction {
     },
     /// The object was not lifted high enough.
     #[error(
-        "it says `succeeded` and has the object {rise_m:.4} m up after {time_s} s, the goal asks for {lifted_m} m"
+        "it says `succeeded` and has the object {rise_m:.4} m up after {time_s} s, the goal requires {lifted_m} m"
     )]
     Low {
         /// Rise of the object.
@@ -322,7 +322,7 @@ fn check_places(samples: &[Sample], goal: &Goal) -> Result<(), Contradiction> {
         (first.table_from_object.translation.vector - laid).norm()
     });
     if off_m > MAX_START_ERROR_M {
-        return Err(Contradiction::Elsewhere { off_m });
+        return Err(Contradiction::StartPose { off_m });
     }
     Ok(())
 }
@@ -334,8 +334,8 @@ fn check_joints(
     course: &Course,
     history: History,
 ) -> Result<(), Contradiction> {
-    let told = sample.q_rad.iter().zip(&sample.q_command_rad);
-    for (idx, (joint, (&q, &command))) in joints.iter().zip(told).enumerate() {
+    let reported = sample.q_rad.iter().zip(&sample.q_command_rad);
+    for (idx, (joint, (&q, &command))) in joints.iter().zip(reported).enumerate() {
         let (beyond, aside) = if joint.kind == JointKind::Prismatic {
             (LIMIT_M, COMMAND_M)
         } else {
@@ -375,22 +375,22 @@ fn check_motion(
     let seen_s = samples.last().map_or(0.0, |last| last.time_s);
     let until_s = goal.grasp.reach_s.min(seen_s - LATE_S);
     for (idx, joint) in joints.iter().enumerate() {
-        let least_told = if joint.kind == JointKind::Prismatic {
+        let min_commanded = if joint.kind == JointKind::Prismatic {
             MOVES_M
         } else {
             MOVES_RAD
         };
         let [least, most] = course.range(idx, until_s - EARLY_S, History::Any);
-        let told = most - least;
+        let commanded = most - least;
         let seen = samples
             .iter()
             .filter(|sample| sample.time_s <= until_s + LATE_S);
         let [least, most] = span(seen.map(|sample| sample.q_rad[idx]));
         let moved = most - least;
-        if told > least_told && moved < MOVED_SHARE * told {
+        if commanded > min_commanded && moved < MOVED_SHARE * commanded {
             return Err(Contradiction::Still {
                 joint: joint.name.clone(),
-                told,
+                commanded,
                 moved,
             });
         }
@@ -521,13 +521,13 @@ impl Course {
         let Some(palm) = &self.palm else {
             return Ok(());
         };
-        let told = &palm[self.looks(sample.time_s, history)];
+        let commanded = &palm[self.looks(sample.time_s, history)];
         let seen = &sample.table_from_palm;
         let off = |pose: &Pose<Table, Palm>| {
             let off_m = (pose.translation.vector - seen.translation.vector).norm();
             (off_m, pose.rotation.angle_to(&seen.rotation))
         };
-        let offs = told.iter().map(off);
+        let offs = commanded.iter().map(off);
         // The nearest pose, with each error relative to its tolerance.
         let far = |(off_m, off_rad): &(f64, f64)| (off_m / PALM_M).max(off_rad / PALM_RAD);
         match offs.min_by(|a, b| far(a).total_cmp(&far(b))) {

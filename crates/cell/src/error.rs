@@ -33,13 +33,13 @@ pub fn with_causes(err: &dyn Error) -> String {
 #[non_exhaustive]
 pub enum CellError {
     /// A cell's name cannot be part of a key.
-    #[error("`{name}` is no name for a cell")]
+    #[error("`{name}` is not a name for a cell")]
     Name {
         /// The name.
         name: String,
     },
     /// An endpoint is not of the form `tcp/HOST:PORT` or `tls/HOST:PORT`.
-    #[error("`{endpoint}` is no endpoint of the form `tcp/HOST:PORT` or `tls/HOST:PORT`")]
+    #[error("`{endpoint}` is not an endpoint of the form `tcp/HOST:PORT` or `tls/HOST:PORT`")]
     Endpoint {
         /// The endpoint.
         endpoint: String,

@@ -80,7 +80,7 @@ struct Seal {
 /// Largest clock difference between a dispatcher and a cell, in milliseconds.
 pub(crate) const CLOCKS_MS: u64 = 1000;
 /// Longest validity of a goal, in milliseconds: a day.
-const MOST_VALID_MS: u64 = 86_400_000;
+const MAX_VALID_MS: u64 = 86_400_000;
 
 impl Sending {
     /// Returns the entry for `dispatcher` sending a goal now that may start within `valid`.
@@ -114,13 +114,13 @@ impl Sending {
                 ),
             );
         }
-        if until < sent || valid_ms > MOST_VALID_MS {
+        if until < sent || valid_ms > MAX_VALID_MS {
             return refuse(
                 RejectionCode::Clock,
                 format!(
                     "the goal is valid until {} s after it was sent, expected 0 to {}",
                     until as f64 / 1000.0 - sent as f64 / 1000.0,
-                    MOST_VALID_MS / 1000
+                    MAX_VALID_MS / 1000
                 ),
             );
         }
@@ -292,7 +292,7 @@ impl SealedGoal {
 /// Returns the time used for expiry checks.
 #[expect(
     clippy::disallowed_methods,
-    reason = "a goal's end is told between two machines, and is in no artifact"
+    reason = "a goal's end is exchanged between two machines, and is in no artifact"
 )]
 pub(crate) fn now() -> SystemTime {
     SystemTime::now()
@@ -330,7 +330,7 @@ fn read(bytes: &[u8]) -> Result<Goal, WireError> {
         Controller::Hand { .. } => return Err(order("a hand moves no palm")),
     };
     let Controller::Hand { joints, points_n } = hand else {
-        return Err(order("the second controller is no hand"));
+        return Err(order("the second controller is not a hand"));
     };
     let (hand, rest) = points::read_joints(joints, points_n, numbers)?;
     if !rest.is_empty() {
@@ -420,7 +420,7 @@ impl From<WireError> for Rejection {
 mod tests {
     use motion::{JointPoint, JointRates, PalmPoint};
     use nalgebra::{Isometry3, Vector3};
-    use simulation::{Approach, PullConfig, Trial};
+    use simulation::{Approach, PullConfig, StrictConfig, Trial};
     use spatial::Twist;
 
     use super::*;
@@ -448,6 +448,7 @@ mod tests {
             table_tolerance_m: 0.002,
             early_tolerance_m: 0.005,
             trial: Trial::Lift,
+            strict: StrictConfig::default(),
             pull: PullConfig::default(),
         }
     }
@@ -587,7 +588,7 @@ mod tests {
     }
 
     #[test]
-    fn late_goal_is_told_apart_from_clock_offset() {
+    fn late_goal_is_distinguished_from_clock_offset() {
         const NOW: u64 = 1_800_000_000_000;
         let code = |sent: i64, until: i64| {
             let at = |offset: i64| NOW.saturating_add_signed(offset);
@@ -619,7 +620,7 @@ mod tests {
     }
 
     #[test]
-    fn refusals_name_the_fault() {
+    fn refusals_name_the_reason() {
         assert_eq!(code(b""), RejectionCode::Malformed);
         assert_eq!(code(b"{}\n{}\n"), RejectionCode::Malformed);
         let mut strange = goal();

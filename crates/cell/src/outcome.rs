@@ -95,7 +95,7 @@ mod word {
         deserializer: D,
     ) -> Result<Outcome, D::Error> {
         let word = String::deserialize(deserializer)?;
-        Outcome::parse(&word).ok_or_else(|| D::Error::custom(format!("`{word}` is no outcome")))
+        Outcome::parse(&word).ok_or_else(|| D::Error::custom(format!("`{word}` is not an outcome")))
     }
 }
 

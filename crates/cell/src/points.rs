@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn more_points_than_there_are_bytes_are_refused() {
+    fn point_count_beyond_message_length_is_refused() {
         let point = |time_s: f64, q: f64, velocity: f64| JointPoint {
             time_s,
             q_rad: vec![q],

@@ -215,7 +215,7 @@ impl UncheckedReport {
         let (header, numbers): (Header, &[u8]) = wire::split_line("report", bytes)?;
         let outcome = Outcome::parse(&header.outcome).ok_or_else(|| WireError::Json {
             part: "report",
-            message: format!("`{}` is no outcome", header.outcome),
+            message: format!("`{}` is not an outcome", header.outcome),
         })?;
         let dof = header.joints.len();
         let samples = wire::rows(numbers, Sample::width(dof))?

@@ -292,7 +292,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_answer_is_of_one_cell_one_question_and_one_content() {
+    fn signature_binds_cell_query_and_content() {
         let (key, other) = (JournalKey::fresh().unwrap(), JournalKey::fresh().unwrap());
         let question = Question::new("cgf/cell/a/stop").unwrap();
         let bytes = key.sign(&question, b"done\n");
@@ -304,7 +304,7 @@ mod tests {
         let is_signed = |question: &Question, bytes: &[u8]| {
             matches!(question.read(bytes), Answer::Signed { .. })
         };
-        // Asked again, or elsewhere, it is no answer.
+        // Asked again, or elsewhere, it is not an answer.
         assert!(!is_signed(
             &Question::new("cgf/cell/a/stop").unwrap(),
             &bytes

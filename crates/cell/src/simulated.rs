@@ -36,7 +36,7 @@ use zenoh::{
 };
 
 use self::{
-    answers::asked_from,
+    answers::requested_from,
     control::Control,
     fault::Faults,
     journal::{Job, Journal, fresh_name},
@@ -402,11 +402,11 @@ fn serve(
             goal,
             answer(keys.result("*"), Shared::result)?,
             answer(keys.results(), |shared, query| {
-                let outcomes = lock(&shared.journal).outcomes(asked_from(&query));
+                let outcomes = lock(&shared.journal).outcomes(requested_from(&query));
                 shared.reply(&query, &outcomes.to_bytes());
             })?,
             answer(keys.history(), |shared, query| {
-                shared.reply(&query, &shared.stream.since(asked_from(&query)));
+                shared.reply(&query, &shared.stream.since(requested_from(&query)));
             })?,
             answer(keys.cancel("*"), Shared::cancel)?,
             answer(keys.stop(), Shared::stop)?,
@@ -454,8 +454,8 @@ fn work(shared: &Shared, session: &Session, mirror: Option<&Mirror>, queue: &mps
             let waiting = journal.conclude(&report.goal_id, bytes.clone());
             (waiting, journal.outcome(&report.goal_id))
         };
-        if let Some(tell) = lock(&shared.listener).as_ref() {
-            tell(&report);
+        if let Some(notify) = lock(&shared.listener).as_ref() {
+            notify(&report);
         }
         // A cancel request may have come after the motion's end.
         for query in shared.control.asking() {

@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_are_numbered_on_from_the_first_and_whole() {
+    fn history_rows_are_numbered_consecutively() {
         let bytes = |seq: u64, rows: usize| {
             let mut bytes = wire::line(&StateHeader {
                 epoch: "e".to_owned(),

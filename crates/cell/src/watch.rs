@@ -248,7 +248,7 @@ impl Watcher {
                 self.counts.gaps_n += header.seq.min(until).saturating_sub(from);
             }
             any = true;
-            let asked = from;
+            let requested = from;
             from = from.max(header.seq);
             for state in states {
                 if state.seq == from && from < until {
@@ -259,7 +259,7 @@ impl Watcher {
                 }
             }
             // A cell that answers otherwise has no more samples.
-            if from == asked {
+            if from == requested {
                 break;
             }
         }

@@ -13,22 +13,22 @@ use crate::{CgfError, grasp::ROOT};
 
 /// Fewest surface points that still show an object's shape.
 const LEAST_POINTS: usize = 32;
-/// Most surface points, thirty times the paper's.
-const MOST_POINTS: usize = 65_536;
-/// Most outputs of a layer, sixteen times the paper's widest.
-const MOST_WIDTH: usize = 16_384;
-/// Most layers of one part of the network.
-const MOST_LAYERS: usize = 64;
-/// Most weights: 5 GiB with gradients, Adam's moments and the best weights so far.
-const MOST_WEIGHTS: usize = 1 << 28;
-/// Most outputs of all layers in one step: 16 GiB, two hundred times the paper's.
-const MOST_ACTIVATIONS: usize = 1 << 32;
-/// Most times of one motion.
-const MOST_TIMES: usize = 10_000;
-/// Most epochs, a thousand times the paper's.
-const MOST_EPOCHS: usize = 1_000_000;
-/// Most motions in one step.
-const MOST_BATCH: usize = 1_000_000;
+/// Maximum number of surface points, thirty times the paper's.
+const MAX_POINTS: usize = 65_536;
+/// Maximum number of outputs of a layer, sixteen times the paper's widest.
+const MAX_WIDTH: usize = 16_384;
+/// Maximum number of layers of one part of the network.
+const MAX_LAYERS: usize = 64;
+/// Maximum number of weights: 5 GiB with gradients, Adam's moments and the best weights so far.
+const MAX_WEIGHTS: usize = 1 << 28;
+/// Maximum number of outputs of all layers in one step: 16 GiB, two hundred times the paper's.
+const MAX_ACTIVATIONS: usize = 1 << 32;
+/// Maximum number of times of one motion.
+const MAX_TIMES: usize = 10_000;
+/// Maximum number of epochs, a thousand times the paper's.
+const MAX_EPOCHS: usize = 1_000_000;
+/// Maximum number of motions in one step.
+const MAX_BATCH: usize = 1_000_000;
 /// Greatest weight, rate or length.
 const MAX_VALUE: f64 = 1e12;
 /// Smallest norm to which gradients are clipped.
@@ -430,11 +430,11 @@ impl NetworkConfig {
     /// Returns the first invalid value.
     pub fn check(&self) -> Result<(), CgfError> {
         let why = "each point of each object goes through every layer";
-        check("points", self.points, LEAST_POINTS..=MOST_POINTS, why)?;
+        check("points", self.points, LEAST_POINTS..=MAX_POINTS, why)?;
         let why = "the encoder sees all of them together";
-        check("encoder_steps", self.encoder_steps, 1..=MOST_TIMES, why)?;
+        check("encoder_steps", self.encoder_steps, 1..=MAX_TIMES, why)?;
         let why = "the square of a width is a number of weights";
-        check("latent_dim", self.latent_dim, 1..=MOST_WIDTH, why)?;
+        check("latent_dim", self.latent_dim, 1..=MAX_WIDTH, why)?;
         let parts = [
             ("point_widths", &self.point_widths),
             ("hand_widths", &self.hand_widths),
@@ -442,9 +442,9 @@ impl NetworkConfig {
             ("decoder_widths", &self.decoder_widths),
         ];
         for (key, widths) in parts {
-            let is_width = |width: &usize| (1..=MOST_WIDTH).contains(width);
-            if !(1..=MOST_LAYERS).contains(&widths.len()) || !widths.iter().all(is_width) {
-                let expected = format!("1 to {MOST_LAYERS} widths from 1 to {MOST_WIDTH}: {why}");
+            let is_width = |width: &usize| (1..=MAX_WIDTH).contains(width);
+            if !(1..=MAX_LAYERS).contains(&widths.len()) || !widths.iter().all(is_width) {
+                let expected = format!("1 to {MAX_LAYERS} widths from 1 to {MAX_WIDTH}: {why}");
                 return Err(CgfError::Config {
                     key,
                     value: format!("{widths:?}"),
@@ -453,7 +453,7 @@ impl NetworkConfig {
             }
         }
         let weights_n = self.weights_n();
-        if weights_n <= MOST_WEIGHTS {
+        if weights_n <= MAX_WEIGHTS {
             return Ok(());
         }
         let widest = parts
@@ -464,7 +464,7 @@ impl NetworkConfig {
             key,
             value: format!("{widths:?}"),
             expected: format!(
-                "less: the network has {weights_n} weights and may have {MOST_WEIGHTS}, of which five \
+                "less: the network has {weights_n} weights and may have {MAX_WEIGHTS}, of which five \
                  numbers each are held in memory"
             ),
         })
@@ -503,25 +503,25 @@ impl TrainingConfig {
     /// Returns the first invalid value.
     pub fn check(&self) -> Result<(), CgfError> {
         let per_epoch = "every epoch is a row of the curve";
-        check("epochs", self.epochs, 1..=MOST_EPOCHS, per_epoch)?;
+        check("epochs", self.epochs, 1..=MAX_EPOCHS, per_epoch)?;
         let epochs = "it is a number of epochs";
         check(
             "validation_epochs",
             self.validation_epochs,
-            1..=MOST_EPOCHS,
+            1..=MAX_EPOCHS,
             epochs,
         )?;
         check(
             "halving_epochs",
             self.halving_epochs,
-            1..=MOST_EPOCHS,
+            1..=MAX_EPOCHS,
             epochs,
         )?;
         let why = "a step holds all of them in memory";
-        check("batch", self.batch, 1..=MOST_BATCH, why)?;
+        check("batch", self.batch, 1..=MAX_BATCH, why)?;
         let why = "every one of them is decoded for each motion of a batch";
-        check("grasp_steps", self.grasp_steps, 1..=MOST_TIMES, why)?;
-        check("random_times", self.random_times, 0..=MOST_TIMES, why)?;
+        check("grasp_steps", self.grasp_steps, 1..=MAX_TIMES, why)?;
+        check("random_times", self.random_times, 0..=MAX_TIMES, why)?;
         let not_negative = |key, value: f64| {
             let why = "squares of it are still exact enough to add up";
             check(key, value, 0.0..=MAX_VALUE, why)
@@ -560,10 +560,10 @@ impl TrainingConfig {
         ];
         let of_motion = of_motion.into_iter().fold(0, usize::saturating_add);
         let numbers = of_motion.saturating_mul(self.batch);
-        if numbers <= MOST_ACTIVATIONS {
+        if numbers <= MAX_ACTIVATIONS {
             return Ok(());
         }
-        let most = (MOST_ACTIVATIONS / of_motion.max(1)).max(1);
+        let most = (MAX_ACTIVATIONS / of_motion.max(1)).max(1);
         Err(CgfError::Config {
             key: "batch",
             value: self.batch.to_string(),
@@ -571,7 +571,7 @@ impl TrainingConfig {
                 "at most {most} with this network: a step holds 4 bytes for each output of each \
                  layer, here {:.0} GB of at most {:.0} GB",
                 numbers as f64 * 4e-9,
-                MOST_ACTIVATIONS as f64 * 4e-9
+                MAX_ACTIVATIONS as f64 * 4e-9
             ),
         })
     }

@@ -134,7 +134,7 @@ impl<T: Number> Decoder<T> {
     ///
     /// # Errors
     ///
-    /// Fails if a code or the feature does not have the network's width or the outputs are no rotation.
+    /// Fails if a code or the feature does not have the network's width or the outputs are not a rotation.
     pub(crate) fn decode(
         &self,
         feature: &ObjectFeature,

@@ -158,7 +158,7 @@ impl Cgf {
     ///
     /// # Errors
     ///
-    /// Fails if a code does not have the network's width or the outputs are no rotation.
+    /// Fails if a code does not have the network's width or the outputs are not a rotation.
     pub fn decode(
         &self,
         feature: &ObjectFeature,

@@ -15,7 +15,7 @@ use crate::{
 
 /// Version of the form.
 const VERSION: &str = "training-state/1";
-/// Key of what is no tensor, in the safetensors header.
+/// Key of what is not a tensor, in the safetensors header.
 const ABOUT: &str = "about";
 /// Prefixes of the tensors' names.
 const WEIGHTS: &str = "weights/";
@@ -23,7 +23,7 @@ const FIRST_MOMENTS: &str = "first_moments/";
 const SECOND_MOMENTS: &str = "second_moments/";
 const BEST: &str = "best/";
 
-/// What is no tensor.
+/// What is not a tensor.
 #[derive(Serialize, Deserialize)]
 struct About {
     version: String,

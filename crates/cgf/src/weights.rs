@@ -164,7 +164,7 @@ impl Weights {
     ///
     /// # Errors
     ///
-    /// Fails if the bytes are no safetensors file or hold anything but `f32`.
+    /// Fails if the bytes are not a safetensors file or hold anything but `f32`.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, CgfError> {
         let mut weights = Self::default();
         for (name, view) in SafeTensors::deserialize(bytes)?.iter() {

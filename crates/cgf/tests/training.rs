@@ -350,7 +350,7 @@ fn joints_stay_within_their_limits_for_any_code() {
 }
 
 #[test]
-fn divergence_is_said() {
+fn divergence_is_reported() {
     let mut config = training(200);
     config.learning_rate = 1e12;
     let err = train(&set(), &hand(), &network(), &config, 7, |_| {}).unwrap_err();
@@ -446,7 +446,7 @@ fn held_out_trajectories_are_measured_and_not_trained_on() {
 }
 
 #[test]
-fn in_its_own_frame_an_object_is_one_however_it_lies() {
+fn object_frame_network_is_independent_of_the_rest_pose() {
     let mut network = network();
     network.frame = Frame::Object;
     let mut set = set();

@@ -114,7 +114,7 @@ impl Axis {
         }
         let step = match (count, (to - from) / n_ticks as f64) {
             (Count::Whole, wanted) if wanted < 1.0 => 1.0,
-            // Two and a half is no step between whole numbers.
+            // Two and a half is not a step between whole numbers.
             (Count::Whole, wanted) if wanted > 2.0 && wanted < 5.0 => 5.0,
             (_, wanted) => round_step(wanted),
         };

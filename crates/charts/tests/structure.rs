@@ -334,7 +334,7 @@ fn a_histogram_holds_every_value_once() {
 }
 
 #[test]
-fn nothing_to_draw_is_no_picture() {
+fn empty_data_gives_no_chart() {
     for points in [&[][..], &[[f64::NAN, 1.0], [1.0, f64::INFINITY]]] {
         let empty = [series("a", points)];
         assert_eq!(lines(&CAPTIONS, Scale::Linear, &empty), None);

@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_of_equal_form_have_equal_digests_and_others_count_by_their_bytes() {
+    fn files_of_equal_canonical_form_have_equal_digests() {
         let words = Form {
             name: "words",
             of: |bytes| {

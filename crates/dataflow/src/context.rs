@@ -57,7 +57,7 @@ impl Context<'_> {
     /// the same fingerprint, after a failure, an interrupt or a kill.
     ///
     /// It does not exist before the first attempt writes to it (`lake::write_whole` makes it), is
-    /// not shared, and is no part of the artifact. It is removed
+    /// not shared, and is not part of the artifact. It is removed
     /// when the unit's result is stored or a rerun is requested (`--fresh`). The process may be
     /// killed between any two writes: write files whole (`lake::write_whole`), and check what is
     /// read back. The result must not depend on how often the unit was interrupted.
@@ -136,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_later_attempt_finds_what_an_earlier_one_left_and_asking_leaves_nothing() {
+    fn resume_state_survives_and_queries_create_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let first = Context::detached(&"all".parse().unwrap(), 7, folder.path());
         let left = first.resume_folder().join("left");

@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 #[serde(try_from = "Hex", into = "String")]
 pub struct Digest([u8; 32]);
 
-/// Text that is no digest.
+/// Text that is not a digest.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no digest: expected 64 hexadecimal digits")]
+#[error("`{0}` is not a digest: expected 64 hexadecimal digits")]
 pub struct NotADigest(String);
 
 impl Digest {

@@ -138,7 +138,7 @@ pub enum Failure {
     },
     /// A unit failed in another process.
     #[error("{message}")]
-    Elsewhere {
+    Remote {
         /// The error that the process reported.
         message: String,
         /// The hint that it reported.
@@ -309,7 +309,7 @@ impl Failure {
             left_out: Some(left_out),
             ..
         }
-        | Self::Elsewhere {
+        | Self::Remote {
             left_out: Some(left_out),
             ..
         }
@@ -368,7 +368,7 @@ impl Advise for Failure {
                 "make it first with `pipeline run FILE --until {}`",
                 unit.node.stage
             )),
-            Self::Elsewhere { hint, left_out, .. } => join(hint.clone(), left_out.as_deref()),
+            Self::Remote { hint, left_out, .. } => join(hint.clone(), left_out.as_deref()),
             Self::Store(err) => err.0.hint(),
             Self::Panic { .. } => Some(
                 "this is a fault of the program: please report it with the command and the file"

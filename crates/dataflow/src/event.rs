@@ -114,7 +114,7 @@ impl TryFrom<f64> for Fraction {
         if (0.0..=1.0).contains(&number) {
             Ok(Self(number))
         } else {
-            Err(format!("{number} is no fraction: it is not in 0..=1"))
+            Err(format!("{number} is not a fraction: it is not in 0..=1"))
         }
     }
 }

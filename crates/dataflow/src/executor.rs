@@ -18,7 +18,7 @@ use crate::{
     outcome::{Labels, Outcome},
     pipeline::Pipeline,
     record::{FileRef, Record, RecordOutcome},
-    remote::{Elsewhere, Forced, Relay},
+    remote::{Forced, Relay, RemoteWorker},
     seed::unit_seed,
     state::{Certainty, Known, Listing, State, digest_source},
     store::Store,
@@ -63,7 +63,7 @@ pub(crate) struct Maker<'a> {
     /// Threads in which stages compute; units are scheduled on separate threads.
     pool: OnceLock<rayon::ThreadPool>,
     /// Outputs of which a damaged partition was rebuilt after they were published.
-    mended: Mutex<BTreeSet<NodeName>>,
+    repaired: Mutex<BTreeSet<NodeName>>,
 }
 
 impl<'a> Maker<'a> {
@@ -79,7 +79,7 @@ impl<'a> Maker<'a> {
             events,
             jobs,
             pool: OnceLock::new(),
-            mended: Mutex::default(),
+            repaired: Mutex::default(),
         }
     }
 
@@ -92,8 +92,8 @@ impl<'a> Maker<'a> {
     }
 
     /// Outputs of which a damaged partition was rebuilt.
-    pub(crate) fn mended(&self) -> MutexGuard<'_, BTreeSet<NodeName>> {
-        self.mended.lock().unwrap_or_else(PoisonError::into_inner)
+    pub(crate) fn repaired(&self) -> MutexGuard<'_, BTreeSet<NodeName>> {
+        self.repaired.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Makes a unit whose inputs are all made, and reports it.
@@ -201,13 +201,13 @@ impl<'a> Maker<'a> {
     }
 
     /// Has another process make a unit, looks up its result in the store and reports it.
-    pub(crate) fn make_elsewhere(
+    pub(crate) fn make_remotely(
         &self,
         state: &State,
         node: &Node,
         unit: &ListedUnit,
         forced: Forced,
-        elsewhere: &dyn Elsewhere,
+        remote: &dyn RemoteWorker,
     ) -> Result<UnitReport, Failure> {
         let name = UnitName::new(&node.name, &unit.partition);
         let lost = || Failure::Lost { unit: name.clone() };
@@ -215,10 +215,10 @@ impl<'a> Maker<'a> {
         let upstream = self.pipeline.upstream_of(&node.name).into_iter();
         let upstream = upstream.map(|source| &source.name).collect();
         let mut relay = Relay::new(&name, upstream, self.events);
-        let ended = elsewhere.make(&name, forced, &mut relay);
-        let (mended, end) = relay.finish();
-        self.mended()
-            .extend(mended.into_iter().map(|source| source.node));
+        let ended = remote.make(&name, forced, &mut relay);
+        let (repaired, end) = relay.finish();
+        self.repaired()
+            .extend(repaired.into_iter().map(|source| source.node));
         ended?;
         let done = end.ok_or_else(lost)??;
         if done.fingerprint != digest {
@@ -297,7 +297,7 @@ impl<'a> Maker<'a> {
         let mut nodes = self.pipeline.nodes.iter();
         let node = nodes.find(|node| node.name == *source).ok_or_else(lost)?;
         (self.events)(&Event::UnitDamaged { unit: name.clone() });
-        self.mended().insert(node.name.clone());
+        self.repaired().insert(node.name.clone());
         let units = state.units(node)?;
         let mut units = units.iter();
         let unit = units

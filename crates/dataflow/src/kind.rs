@@ -274,7 +274,7 @@ impl Kind {
             for option in output.options.named() {
                 assert!(
                     known.is_some_and(|known| known.contains_key(*option)),
-                    "`{}` is said to depend on `{option}`, which is no option of `{}`",
+                    "`{}` is said to depend on `{option}`, which is not an option of `{}`",
                     output.artifact,
                     self.name
                 );
@@ -464,7 +464,7 @@ mod tests {
     }
 
     #[test]
-    fn options_that_would_count_as_null_are_refused() {
+    fn options_that_serialize_as_null_are_refused() {
         let read = |table: &str| {
             let table = table.parse::<toml_edit::Value>().unwrap();
             let table = table.as_inline_table().unwrap().clone();

@@ -10,7 +10,7 @@
 //! depends on, how it is made and how it is summarized. The metrics of its partitions are a type
 //! too, whose fields say how they aggregate ([`metrics!`]). A stage makes results; its [`Report`],
 //! in a separate crate, has outputs that show them and lines that summarize them, so that
-//! presentation is no part of a result's fingerprint. Neither is what generates the files that a
+//! presentation is not part of a result's fingerprint. Neither is what generates the files that a
 //! stage reads ([`Kind::generated`]).
 //!
 //! A [`StageName`], an [`ArtifactName`] and a [`PartitionKey`] are parsed once, where a file, a
@@ -88,7 +88,7 @@ pub use plan::{Plan, PlannedNode, PlannedUnit, UnitState, plan};
 pub use reachable::reached;
 pub use readiness::{Outside, outside};
 pub use record::{FileRef, Record, RecordOutcome};
-pub use remote::{Elsewhere, Forced, Relay};
+pub use remote::{Forced, Relay, RemoteWorker};
 pub use report::Report;
 pub use run::{NodeReport, RunReport, run};
 pub use scope::{Partition, Scope};
@@ -96,8 +96,8 @@ pub use source::{Location, Source};
 pub use source_file::SourceFile;
 pub use stage::{ConfigOf, Lines, Output, OutputOf, Outputs, Stage};
 pub use store::{
-    Making, NewestUnit, NodeRecord, Origin, OutputRecord, RunRecord, RunStatus, Showing,
-    StageRecord, Store, UnitRef,
+    NewestUnit, NodeRecord, Origin, OutputRecord, RunRecord, RunStatus, Showing, StageRecord,
+    Store, UnitRef, UnitTransaction,
 };
 pub use suggestions::{did_you_mean, missing, nearest};
 pub use summary::{Line, Summary};

@@ -8,7 +8,7 @@ use crate::shared::SHARED;
 
 /// Text that does not name what it should.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{text}` is no name for {what}: {rule}")]
+#[error("`{text}` is not a name for {what}: {rule}")]
 pub struct InvalidName {
     /// The text.
     pub text: String,
@@ -131,7 +131,7 @@ impl ArtifactName {
     /// Returns the name of an artifact that a stage declares.
     pub(crate) fn declared(name: &'static str) -> Self {
         let fault = broken_word(name);
-        assert!(fault.is_none(), "`{name}` is no name for an artifact");
+        assert!(fault.is_none(), "`{name}` is not a name for an artifact");
         Self(name.to_owned())
     }
 }

@@ -11,7 +11,7 @@ use crate::{
 
 /// Makes units in other processes, possibly on other machines, which share only the store and the
 /// pipeline file with this one.
-pub trait Elsewhere: Sync {
+pub trait RemoteWorker: Sync {
     /// Makes one unit, passes every event to the relay, and returns when the unit's process has
     /// ended. `forced` makes it even if its result is in the store.
     ///
@@ -39,7 +39,7 @@ pub struct Relay<'a> {
     /// Outputs that the unit depends on: their artifacts may be reported as damaged.
     upstream: BTreeSet<&'a NodeName>,
     events: &'a Events<'a>,
-    mended: BTreeSet<UnitName>,
+    repaired: BTreeSet<UnitName>,
     end: Option<Result<Done, Failure>>,
 }
 
@@ -59,7 +59,7 @@ impl<'a> Relay<'a> {
             unit,
             upstream,
             events,
-            mended: BTreeSet::new(),
+            repaired: BTreeSet::new(),
             end: None,
         }
     }
@@ -71,7 +71,7 @@ impl<'a> Relay<'a> {
     /// Fails if the line is not an event, or not one that this unit can send.
     pub fn line(&mut self, line: &str) -> Result<(), Failure> {
         let event = serde_json::from_str(line)
-            .map_err(|err| self.refuse(line, &format!("is no event: {err}")))?;
+            .map_err(|err| self.refuse(line, &format!("is not an event: {err}")))?;
         if self.end.is_some() {
             return Err(self.refuse(line, "follows the last event"));
         }
@@ -93,23 +93,25 @@ impl<'a> Relay<'a> {
                 hint,
                 left_out,
             } if unit == *self.unit => {
-                self.end = Some(Err(Failure::Elsewhere {
+                self.end = Some(Err(Failure::Remote {
                     message,
                     hint,
                     left_out: left_out.map(Into::into),
                 }));
             }
             Event::UnitDamaged { ref unit } if self.upstream.contains(&unit.node) => {
-                self.mended.insert(unit.clone());
+                self.repaired.insert(unit.clone());
                 (self.events)(&event);
             }
             Event::UnitWaiting { ref unit, .. } | Event::UnitProgress { ref unit, .. }
-                if unit == self.unit || self.mended.contains(unit) =>
+                if unit == self.unit || self.repaired.contains(unit) =>
             {
                 (self.events)(&event);
             }
-            Event::UnitDone { ref unit, .. } if self.mended.contains(unit) => (self.events)(&event),
-            _ => return Err(self.refuse(line, "is no event of this unit")),
+            Event::UnitDone { ref unit, .. } if self.repaired.contains(unit) => {
+                (self.events)(&event)
+            }
+            _ => return Err(self.refuse(line, "is not an event of this unit")),
         }
         Ok(())
     }
@@ -122,7 +124,7 @@ impl<'a> Relay<'a> {
     /// Returns the upstream units whose damaged artifacts were rebuilt, and the end of this unit if
     /// one was reported.
     pub(crate) fn finish(self) -> (BTreeSet<UnitName>, Option<Result<Done, Failure>>) {
-        (self.mended, self.end)
+        (self.repaired, self.end)
     }
 
     fn refuse(&self, line: &str, reason: &str) -> Failure {
@@ -186,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn events_of_the_unit_and_of_what_it_mends_are_passed_on() {
+    fn events_of_the_unit_and_its_repairs_are_relayed() {
         let events = [progress("b"), damaged("a"), progress("a"), done("a")];
         let mut lines = events.each_ref().map(line).to_vec();
         lines.push(line(&done("b")));
@@ -194,20 +196,20 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_come_from_the_unit_is_refused() {
+    fn malformed_and_foreign_events_are_refused() {
         let mut other_partition = line(&progress("b"));
         other_partition = other_partition.replace("\"p\"", "\"q\"");
         let too_far = line(&progress("b")).replace("0.5", "1.5");
         let unknown_field = line(&damaged("a")).replace("{\"event\"", "{\"x\":1,\"event\"");
         let run = Event::RunStarted { n_outputs: 3 };
         for (lines, reason) in [
-            (vec!["not JSON".to_owned()], "is no event"),
-            (vec![too_far], "1.5 is no fraction"),
+            (vec!["not JSON".to_owned()], "is not an event"),
+            (vec![too_far], "1.5 is not a fraction"),
             (vec![unknown_field], "unknown field"),
-            (vec![other_partition], "no event of this unit"),
-            (vec![line(&progress("a"))], "no event of this unit"),
-            (vec![line(&damaged("c"))], "no event of this unit"),
-            (vec![line(&run)], "no event of this unit"),
+            (vec![other_partition], "not an event of this unit"),
+            (vec![line(&progress("a"))], "not an event of this unit"),
+            (vec![line(&damaged("c"))], "not an event of this unit"),
+            (vec![line(&run)], "not an event of this unit"),
             (
                 vec![line(&done("b")), line(&progress("b"))],
                 "follows the last event",

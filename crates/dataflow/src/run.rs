@@ -18,7 +18,7 @@ use crate::{
     output::Execution,
     pipeline::{Pipeline, StageEntry},
     record::RecordOutcome,
-    remote::{Elsewhere, Forced},
+    remote::{Forced, RemoteWorker},
     state::{Known, State},
     store::{
         NewestUnit, NodeRecord, OutputRecord, RunRecord, RunStatus, Showing, StageRecord, Store,
@@ -61,7 +61,7 @@ pub struct NodeReport {
     pub units: Vec<UnitReport>,
 }
 
-/// Runs a pipeline; `elsewhere` makes its units, or the threads of this process if there is none.
+/// Runs a pipeline; `remote` makes its units, or the threads of this process if there is none.
 ///
 /// # Errors
 ///
@@ -70,7 +70,7 @@ pub fn run(
     pipeline: &Pipeline,
     store: &dyn Store,
     options: &RunOptions,
-    elsewhere: Option<&dyn Elsewhere>,
+    remote: Option<&dyn RemoteWorker>,
     events: &Events,
 ) -> Result<RunReport, Failure> {
     let started = Instant::now();
@@ -84,7 +84,7 @@ pub fn run(
         pipeline,
         store,
         options,
-        elsewhere,
+        remote,
         events,
         started,
         state: State::new(pipeline, store),
@@ -99,7 +99,7 @@ struct Runner<'a> {
     pipeline: &'a Pipeline,
     store: &'a dyn Store,
     options: &'a RunOptions,
-    elsewhere: Option<&'a dyn Elsewhere>,
+    remote: Option<&'a dyn RemoteWorker>,
     events: &'a Events<'a>,
     started: Instant,
     maker: Maker<'a>,
@@ -127,11 +127,11 @@ impl Runner<'_> {
 
     /// Publishes rebuilt outputs, and unpublishes those no longer in the pipeline.
     fn tidy(&self) -> Result<(), Failure> {
-        let mended = self.maker.mended().clone();
+        let repaired = self.maker.repaired().clone();
         for report in &self.reports {
             let mut nodes = self.pipeline.nodes.iter();
             let node = nodes.find(|node| node.name == report.record.node);
-            if let Some(node) = node.filter(|node| mended.contains(&node.name)) {
+            if let Some(node) = node.filter(|node| repaired.contains(&node.name)) {
                 self.publish(node, report)?;
             }
         }
@@ -254,12 +254,11 @@ impl Runner<'_> {
         } else {
             Forced::No
         };
-        workers::in_order(units, n_workers, |unit| match self.elsewhere {
+        workers::in_order(units, n_workers, |unit| match self.remote {
             None => self.maker.make(&self.state, node, unit, forced),
-            Some(elsewhere) => {
-                self.maker
-                    .make_elsewhere(&self.state, node, unit, forced, elsewhere)
-            }
+            Some(remote) => self
+                .maker
+                .make_remotely(&self.state, node, unit, forced, remote),
         })
     }
 

@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// A unit in progress: locked, with an empty folder.
-pub trait Making {
+pub trait UnitTransaction {
     /// Where the unit's files go.
     fn folder(&self) -> &Path;
 
@@ -242,7 +242,7 @@ pub trait Store: Sync {
         fingerprint: &Digest,
         unit: &UnitName,
         waiting: &dyn Fn(&str),
-    ) -> Result<Box<dyn Making + '_>, Advised>;
+    ) -> Result<Box<dyn UnitTransaction + '_>, Advised>;
 
     /// Returns the paths of an artifact's files after checking their bytes, or `None` if a file is
     /// missing or damaged; a damaged file is dropped, so that its unit is rebuilt.

@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn does_not_guess_at_a_stranger() {
+    fn dissimilar_names_get_no_suggestion() {
         assert_eq!(nearest("root", ["kl_weight", "epochs"]), None);
     }
 }

@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn the_later_of_two_for_one_key_counts() {
+    fn last_override_of_a_key_wins() {
         check(&["a.b=1,2", "a.b=3"], &[""]);
         let given = ["a.b=1,2", "a.b=3"].map(|text| text.parse().unwrap());
         let variants = Sweep::variants(&given);

@@ -43,7 +43,7 @@ pub(crate) const TOUCHING_M: f64 = 0.003;
 /// Deepest flesh below the surface of a good grasp, in meters.
 pub(crate) const DEEPEST_M: f64 = 0.0025;
 /// Largest force and torque left over in a good grasp.
-const MOST_IMBALANCE: f64 = 0.25;
+const MAX_IMBALANCE: f64 = 0.25;
 
 impl Quality {
     /// Says whether the thumb and two fingers touch, and nothing is where it cannot be.
@@ -54,7 +54,7 @@ impl Quality {
             && touching >= 2
             && self.penetration_m < DEEPEST_M
             && self.clearance_m > 0.0
-            && self.imbalance < MOST_IMBALANCE
+            && self.imbalance < MAX_IMBALANCE
     }
 }
 

@@ -21,8 +21,8 @@ pub(crate) struct Frame {
     pub(crate) table_from_object: Pose<Table, Object>,
 }
 
-/// Deepest flesh below the surface, or below the table, on the way, in meters.
-const DEEPEST_ON_THE_WAY_M: f64 = 0.003;
+/// Largest depth of flesh below the surface, or below the table, during the reach, in meters.
+const MAX_REACH_DEPTH_M: f64 = 0.003;
 /// Ways tried before a grasp is given up.
 const TRIES: usize = 12;
 /// Exponent of time that moves the peak of speed from a half to 44 % of the reach: people take
@@ -31,15 +31,15 @@ const SKEW: f64 = 0.85;
 /// The wrist has turned by this part of the reach.
 const TURNED_BY: f64 = 0.8;
 
-/// Returns the share of a way covered after a share of its time, with least jerk (Flash and Hogan,
+/// Returns the share of a path covered after a share of its time, with minimum jerk (Flash and Hogan,
 /// "The coordination of arm movements", 1985).
 pub(crate) fn minimum_jerk(time: f64) -> f64 {
     let t = time.clamp(0.0, 1.0);
     t * t * t * (10.0 + t * (6.0 * t - 15.0))
 }
 
-/// A way to the grasp: the wrist's path and the fingers' postures.
-struct Way {
+/// The path to a grasp: the wrist's and the fingers' postures.
+struct ReachPath {
     start: Pose<Table, Hand>,
     end: Pose<Table, Hand>,
     bow: Vector3<f64>,
@@ -48,7 +48,7 @@ struct Way {
     open_at: f64,
 }
 
-impl Way {
+impl ReachPath {
     /// Returns the hand after a share of the reach's time.
     fn at(&self, time: f64) -> (Pose<Table, Hand>, Joints) {
         let share = minimum_jerk(time.powf(SKEW));
@@ -70,7 +70,7 @@ impl Way {
     }
 }
 
-/// Shows a grasp; `None` if no way to it was found on which nothing collides.
+/// Shows a grasp; `None` if no collision-free path to it was found.
 pub(crate) fn record(
     recipe: &Recipe,
     body: &Body,
@@ -86,9 +86,9 @@ pub(crate) fn record(
             .max(1)
     };
     let n_reach = frames_in(between(rng, recipe.reach_time_s));
-    let way = (0..TRIES)
-        .map(|_| draw_way(recipe, hand, grasp, table_from_object, rng))
-        .find(|way| is_free(way, n_reach, body, hand, table_from_object))?;
+    let path = (0..TRIES)
+        .map(|_| draw_path(recipe, hand, grasp, table_from_object, rng))
+        .find(|path| is_free(path, n_reach, body, hand, table_from_object))?;
     let n_empty = frames_up_to(recipe.empty_frames_max, rng);
     let n_hold = frames_in(between(rng, recipe.hold_time_s));
     let n_lift = frames_in(between(rng, recipe.lift_time_s));
@@ -107,8 +107,8 @@ pub(crate) fn record(
         table_from_object: *table_from_object,
     };
     frames.extend((0..n_empty).map(|_| at_rest(None)));
-    frames.extend((0..=n_reach).map(|k| at_rest(Some(way.at(k as f64 / n_reach as f64)))));
-    let (end, q) = way.at(1.0);
+    frames.extend((0..=n_reach).map(|k| at_rest(Some(path.at(k as f64 / n_reach as f64)))));
+    let (end, q) = path.at(1.0);
     frames.extend((0..n_hold).map(|_| at_rest(Some((end, q)))));
     // Hand and object move as one, about the object's middle.
     let pivot = Point3::from(table_from_object.translation.vector);
@@ -138,24 +138,24 @@ fn frames_up_to(most: usize, rng: &mut ChaCha8Rng) -> usize {
     (1..=most).take_while(|&n| n as f64 <= share).count()
 }
 
-/// Draws a start behind the hand and the postures on the way.
-fn draw_way(
+/// Draws a start behind the hand and the postures of the reach.
+fn draw_path(
     recipe: &Recipe,
     hand: &Hand,
     grasp: &Grasp,
     table_from_object: &Pose<Table, Object>,
     rng: &mut ChaCha8Rng,
-) -> Way {
+) -> ReachPath {
     let end = *table_from_object * grasp.placed.object_from_hand;
     let back = -(*table_from_object * grasp.toward);
     let aim = (back + Vector3::z() * 0.25 + normal3(rng) * 0.18).normalize();
     let distance = between(rng, recipe.reach_distance_m);
     let mut start_position = end.translation.vector + aim * distance;
     start_position.z = start_position.z.max(0.10);
-    let way = start_position - end.translation.vector;
+    let chord = start_position - end.translation.vector;
     let swing = normal3(rng) + Vector3::z();
-    let sideways = swing - way * (way.dot(&swing) / way.norm_squared());
-    let bow = sideways.normalize() * way.norm() * between(rng, [0.02, 0.05]);
+    let sideways = swing - chord * (chord.dot(&swing) / chord.norm_squared());
+    let bow = sideways.normalize() * chord.norm() * between(rng, [0.02, 0.05]);
     let turn =
         UnitQuaternion::from_scaled_axis(direction(rng).into_inner() * between(rng, [0.1, 0.45]));
 
@@ -173,7 +173,7 @@ fn draw_way(
     let relaxed = posture_deg([0.0, 0.0, 10.0, 15.0], [0.0, 20.0, 30.0]);
     let at_start = hand.aperture_m(&open) * between(rng, [0.5, 0.75]);
     let first = opened(hand, &curled, &relaxed, at_start);
-    Way {
+    ReachPath {
         start: Pose::from_parts(start_position, turn * end.rotation),
         end,
         bow,
@@ -194,7 +194,7 @@ fn opened(hand: &Hand, narrow: &Joints, wide: &Joints, aperture_m: f64) -> Joint
 /// Says whether the hand stays out of object and table, opens widest when it should, and does not
 /// close before.
 fn is_free(
-    way: &Way,
+    path: &ReachPath,
     n: usize,
     body: &Body,
     hand: &Hand,
@@ -204,18 +204,18 @@ fn is_free(
     let mut widest = (0.0, 0.0);
     for k in 0..=n {
         let time = k as f64 / n as f64;
-        let (table_from_hand, q) = way.at(time);
+        let (table_from_hand, q) = path.at(time);
         let aperture = hand.aperture_m(&q);
         if aperture > widest.0 {
             widest = (aperture, time);
         }
         let points = hand.points_in(&table_from_hand, &q);
         for (radius, flesh) in hand.radii_m().iter().zip(points.iter().skip(point::FLESH)) {
-            if radius - flesh.z > DEEPEST_ON_THE_WAY_M {
+            if radius - flesh.z > MAX_REACH_DEPTH_M {
                 return false;
             }
             let near = body.surface.signed_distance(&(object_from_table * *flesh));
-            if radius - near.distance_m > DEEPEST_ON_THE_WAY_M {
+            if radius - near.distance_m > MAX_REACH_DEPTH_M {
                 return false;
             }
         }

@@ -281,7 +281,7 @@ fn equal_recipes_give_equal_bytes_on_one_and_on_three_threads() {
 }
 
 #[test]
-fn right_recordings_are_left_alone_and_others_are_made_again() {
+fn valid_recordings_are_kept_and_others_are_regenerated() {
     let folder = folder_with(&small_recipe());
     let root = folder.path();
     assert!(matches!(ensure_sample(root).unwrap(), Made::Written { .. }));
@@ -328,7 +328,7 @@ fn a_folder_without_a_recipe_is_not_touched() {
 }
 
 #[test]
-fn refuses_recipes_that_make_no_sense() {
+fn refuses_invalid_recipes() {
     let refuses = |from: &str, to: &str| {
         assert!(RECIPE.contains(from), "{from}");
         Recipe::from_toml(&RECIPE.replace(from, to)).unwrap_err()

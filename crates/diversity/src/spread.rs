@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn one_motion_for_all_codes_is_a_collapse_even_in_two_orientations() {
+    fn one_motion_for_all_codes_is_a_collapse_in_any_orientation() {
         let collapsed = [
             motion(0.1, 0.2, 0.0, 0.3),
             motion(0.1, 0.2, 0.0, 0.3),

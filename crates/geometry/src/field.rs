@@ -129,7 +129,7 @@ impl DistanceField {
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
-                reason = "clamped to the grid; what is no number becomes the first node"
+                reason = "clamped to the grid; NaN becomes the first node"
             )]
             let node = (within as usize).min(self.counts[axis] - 2);
             cell[axis] = node;
@@ -387,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn senseless_grids_are_refused() {
+    fn invalid_grids_are_refused() {
         let mesh = cuboid([0.03, 0.04, 0.05]);
         for (spacing_m, margin_m) in [(0.0, 0.02), (0.002, f64::NAN), (1e-6, 0.02), (0.002, 1e9)] {
             assert!(DistanceField::new(&mesh, spacing_m, margin_m).is_err());

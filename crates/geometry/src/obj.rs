@@ -6,7 +6,7 @@ use nalgebra::Point3;
 
 use crate::{GeometryError, TriMesh};
 
-/// Most characters of a word that a message quotes.
+/// Maximum number of characters of a word that a message quotes.
 const MAX_QUOTED: usize = 40;
 
 impl TriMesh {

@@ -14,7 +14,7 @@ use crate::{
     single::{double, singles},
 };
 
-/// Most vertices of one convex part: contact code slows down with more.
+/// Maximum number of vertices of one convex part: contact code slows down with more.
 pub const MAX_PART_VERTICES: usize = 32;
 
 /// A hull at most this much larger than the mesh is as good as the mesh.

@@ -10,7 +10,7 @@ use crate::StableRest;
 const SAME_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
 /// Objects that would stand within this of a plane stand on it, in meters.
 const SAME_M: f64 = 0.012;
-/// An object that reaches this far below a plane says that it is no table, in meters: measured
+/// An object that reaches this far below a plane says that it is not a table, in meters: measured
 /// objects sink in by less.
 const BELOW_M: f64 = 0.03;
 /// Probability that an object does not stand on the table, or does and reaches through it.

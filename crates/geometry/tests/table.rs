@@ -252,7 +252,7 @@ fn one_object_is_enough_where_its_likeliest_rest_is_the_true_one() {
 }
 
 #[test]
-fn nothing_to_stand_on_is_no_table() {
+fn missing_support_gives_no_table() {
     assert!(table_plane(&[], None).is_none());
     let shape = &shapes()[0];
     let pose = Pose::new(Isometry3::identity());

@@ -76,7 +76,7 @@ pub enum LakeError {
         near: Option<String>,
     },
     /// A tag cannot be set.
-    #[error("`{name}` is no name for a tag")]
+    #[error("`{name}` is not a name for a tag")]
     NotATag {
         /// The name given.
         name: String,

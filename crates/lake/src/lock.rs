@@ -126,7 +126,7 @@ impl Locks {
 
     /// Locks repairs, and changes of repaired files.
     pub(crate) fn lock_repair(&self) -> Result<Lock, LakeError> {
-        self.wait_for("mending", "what was lost anew", &|_| {})
+        self.wait_for("repair", "what was lost anew", &|_| {})
     }
 
     /// Locks the published files of a pipeline.

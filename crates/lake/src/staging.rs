@@ -6,7 +6,7 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use dataflow::{Advised, Digest, Making, Record, RecordOutcome, UnitName};
+use dataflow::{Advised, Digest, Record, RecordOutcome, UnitName, UnitTransaction};
 
 use crate::{
     LakeError,
@@ -99,7 +99,7 @@ fn files_of(folder: &Path) -> Result<Vec<PathBuf>, LakeError> {
     Ok(paths)
 }
 
-impl Making for UnitInProgress<'_> {
+impl UnitTransaction for UnitInProgress<'_> {
     fn folder(&self) -> &Path {
         &self.folder
     }

@@ -8,8 +8,8 @@ use std::{
 };
 
 use dataflow::{
-    Advised, Digest, FileRef, Fingerprint, Making, NewestUnit, Node, NodeName, Record,
-    RecordOutcome, RunRecord, Showing, Store, UnitName, UnitRef,
+    Advised, Digest, FileRef, Fingerprint, NewestUnit, Node, NodeName, Record, RecordOutcome,
+    RunRecord, Showing, Store, UnitName, UnitRef, UnitTransaction,
 };
 
 use crate::{
@@ -120,7 +120,7 @@ impl Store for Lake {
         fingerprint: &Digest,
         unit: &UnitName,
         waiting: &dyn Fn(&str),
-    ) -> Result<Box<dyn Making + '_>, Advised> {
+    ) -> Result<Box<dyn UnitTransaction + '_>, Advised> {
         self.prepare()?;
         Ok(Box::new(UnitInProgress::begin(
             self,
@@ -236,11 +236,11 @@ impl Store for Lake {
         }
         // The files of a run in progress are incomplete.
         if self.register.current().is_none() {
-            let mended = self
+            let repaired = self
                 .collect_staging(Collecting::Remove)
                 .and_then(|_| self.dirty.unmark(pipeline, &self.locks))
                 .and_then(|()| repair::repair(self));
-            Self::unless_read_only(units, mended)?;
+            Self::unless_read_only(units, repaired)?;
         }
         match self.sources.save(&self.locks) {
             Err(_) if units.is_none() => Ok(()),

@@ -171,7 +171,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_tag_is_no_number_no_path_and_no_word_with_a_meaning() {
+    fn numbers_paths_and_reserved_words_are_refused_as_tags() {
         for name in ["best", "v1.2", "2026-11-21", "a_b", "newest-good"] {
             assert!(is_name(name), "{name}");
         }

@@ -57,7 +57,7 @@ impl Lake {
     /// Fails if there is no lake or a folder cannot be read; a file that cannot is a fault.
     pub fn verify(&self, on_bytes: &OnBytes) -> Result<Verified, LakeError> {
         self.expect_there()?;
-        // Files collected meanwhile are no fault. A read-only lake has no garbage collection.
+        // Files collected meanwhile are not faults. A read-only lake has no garbage collection.
         let _shared = self.locks.block_collection().ok();
         self.verify_alone(on_bytes)
     }
@@ -183,7 +183,7 @@ impl Verifier<'_> {
                     }
                     files.push((path, digest));
                 }
-                Err(_) => self.fault(&path, "does not belong here: its name is no digest"),
+                Err(_) => self.fault(&path, "does not belong here: its name is not a digest"),
             }
         }
         let folder = &self.lake.folder;

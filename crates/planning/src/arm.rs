@@ -8,15 +8,15 @@ mod choice;
 mod clearance;
 mod config;
 mod hand;
+mod palm_path;
 mod path;
 mod trace;
-mod way;
 
 use robot::{Chain, Link, RobotModel, WrongDof};
 use simulation::SettingFault;
 use spatial::{Base, Pose, Table};
 
-use crate::limits::Most;
+use crate::limits::MotionLimits;
 use clearance::Clearance;
 pub use config::ArmConfig;
 pub(crate) use path::{ArmMoving, ArmPath};
@@ -36,7 +36,7 @@ pub(crate) struct Arm {
     fingers: Vec<usize>,
     base_from_table: Pose<Base, Table>,
     /// Limits of each of the arm's joints.
-    limits: Vec<Most>,
+    limits: Vec<MotionLimits>,
     clearance: Clearance,
 }
 
@@ -58,7 +58,7 @@ impl Arm {
         let chain = Chain::to_link(robot, &config.palm).map_err(of_palm)?;
         if chain.dof() != JOINTS {
             let problem = format!(
-                "{} joints lead from the arm's foot to it, not {JOINTS}",
+                "{} joints lead from the arm's base to it, not {JOINTS}",
                 chain.dof()
             );
             return Err(SettingFault::new("arm.palm", problem));
@@ -69,9 +69,9 @@ impl Arm {
             let problem = format!("it gives joint `{}` no speed", joint.name);
             return Err(SettingFault::new("arm.robot", problem));
         }
-        let limits = joints().map(|joint| Most {
-            velocity: joint.velocity * config.velocity_scale,
-            acceleration: config.acceleration_rad_per_s2,
+        let limits = joints().map(|joint| MotionLimits {
+            max_velocity: joint.velocity * config.velocity_scale,
+            max_acceleration: config.acceleration_rad_per_s2,
         });
         Ok(Self {
             limits: limits.collect(),
@@ -90,7 +90,7 @@ impl Arm {
     }
 
     /// Returns the limits of each of the arm's joints.
-    pub(crate) fn limits(&self) -> &[Most] {
+    pub(crate) fn limits(&self) -> &[MotionLimits] {
         &self.limits
     }
 

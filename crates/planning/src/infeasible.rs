@@ -43,17 +43,17 @@ pub enum Infeasible {
     },
     /// The limits require too great a slowdown.
     #[error(
-        "within its limits the motion takes {slower:.2} times as long, more than `limits.max_slowdown` = {most}"
+        "within its limits the motion takes {slower:.2} times as long, more than `limits.max_slowdown` = {max}"
     )]
     Slow {
         /// Required slowdown factor.
         slower: f64,
         /// Largest allowed factor.
-        most: f64,
+        max: f64,
     },
     /// The arm cannot reach the grasp: inverse kinematics has no solution.
     #[error(
-        "the arm cannot bring the palm to the grasp, {} m from its foot, at any of {turns} turns of the object",
+        "the arm cannot bring the palm to the grasp, {} m from its base, at any of {turns} turns of the object",
         numbers(palm_in_base_m)
     )]
     Reach {
@@ -152,8 +152,8 @@ pub enum ArmFault {
 /// A place on the path of an arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Place {
-    /// On the motion to the grasp.
-    Way {
+    /// On the reach.
+    Reach {
         /// Time, in seconds after the first step.
         time_s: f64,
     },
@@ -167,7 +167,7 @@ pub enum Place {
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Way { time_s } => write!(f, "after {time_s:.3} s"),
+            Self::Reach { time_s } => write!(f, "after {time_s:.3} s"),
             Self::Lift { height_m } => write!(f, "when lifted by {height_m:.3} m"),
         }
     }

@@ -48,19 +48,19 @@
 //! cells, files or the lake, and it searches for no other path than the given one.
 
 mod arm;
-mod excess;
+mod grasp_motion;
 mod infeasible;
+mod limit_excess;
 mod limits;
 mod planner;
 mod rates;
 #[cfg(test)]
 mod testing;
-mod timed;
+mod time_scaling;
 mod timing;
-mod whole;
 
 pub use arm::ArmConfig;
 pub use infeasible::{ArmFault, Infeasible, Place};
 pub use limits::LimitsConfig;
 pub use planner::{ArmSetup, Feasible, Planner, Setup};
-pub use rates::{MOST_HZ, RatesConfig};
+pub use rates::{MAX_HZ, RatesConfig};

@@ -60,25 +60,25 @@ pub(crate) struct Limits {
     /// The options that they were made from.
     pub(crate) config: LimitsConfig,
     /// Limits of each joint, in the order of the hand's joints.
-    pub(crate) joints: Vec<Most>,
+    pub(crate) joints: Vec<MotionLimits>,
 }
 
 /// Limits of a joint's motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Most {
+pub(crate) struct MotionLimits {
     /// Largest speed in rad/s (m/s if prismatic).
-    pub(crate) velocity: f64,
+    pub(crate) max_velocity: f64,
     /// Largest acceleration in rad/s² (m/s²).
-    pub(crate) acceleration: f64,
+    pub(crate) max_acceleration: f64,
 }
 
-/// A part of a robot with limits of its own: the palm's position, its rotation, or a joint.
+/// Velocity and acceleration of the palm's position, of its rotation or of a joint, with their limits.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Part {
+pub(crate) struct LimitedRates {
     pub(crate) velocity: Vector3<f64>,
     pub(crate) acceleration: Vector3<f64>,
-    pub(crate) most_velocity: f64,
-    pub(crate) most_acceleration: f64,
+    pub(crate) max_velocity: f64,
+    pub(crate) max_acceleration: f64,
 }
 
 impl Limits {
@@ -86,11 +86,11 @@ impl Limits {
     pub(crate) fn new(config: &LimitsConfig, hand: &RobotModel) -> Result<Self, SettingFault> {
         config.check()?;
         let velocity = |joint: &robot::Joint| {
-            let most = config.joint_velocity_rad_per_s.unwrap_or(joint.velocity);
-            if most > 0.0 {
-                return Ok(Most {
-                    velocity: most,
-                    acceleration: config.joint_acceleration_rad_per_s2,
+            let max_velocity = config.joint_velocity_rad_per_s.unwrap_or(joint.velocity);
+            if max_velocity > 0.0 {
+                return Ok(MotionLimits {
+                    max_velocity,
+                    max_acceleration: config.joint_acceleration_rad_per_s2,
                 });
             }
             let problem = format!(
@@ -112,31 +112,31 @@ impl Limits {
         })
     }
 
-    /// Returns the parts of a palm with these rates.
+    /// Returns a palm's rates with their limits, linear and angular.
     pub(crate) fn of_palm<Frame>(
         &self,
         velocity: &Twist<Frame>,
         acceleration: &Twist<Frame>,
-    ) -> [Part; 2] {
+    ) -> [LimitedRates; 2] {
         let config = &self.config;
         [
-            Part {
+            LimitedRates {
                 velocity: velocity.linear,
                 acceleration: acceleration.linear,
-                most_velocity: config.palm_speed_m_per_s,
-                most_acceleration: config.palm_acceleration_m_per_s2,
+                max_velocity: config.palm_speed_m_per_s,
+                max_acceleration: config.palm_acceleration_m_per_s2,
             },
-            Part {
+            LimitedRates {
                 velocity: velocity.angular,
                 acceleration: acceleration.angular,
-                most_velocity: config.palm_turn_rad_per_s,
-                most_acceleration: config.palm_turn_acceleration_rad_per_s2,
+                max_velocity: config.palm_turn_rad_per_s,
+                max_acceleration: config.palm_turn_acceleration_rad_per_s2,
             },
         ]
     }
 
     /// Returns the limits of a palm.
-    pub(crate) fn of_palm_alone(&self) -> Peaks {
+    pub(crate) fn palm_peaks(&self) -> Peaks {
         let config = &self.config;
         Peaks {
             speed: config.palm_speed_m_per_s,
@@ -147,36 +147,38 @@ impl Limits {
     }
 }
 
-/// Returns the parts for joints with these rates.
-pub(crate) fn of_joints(rates: &JointRates, most: &[Most]) -> Vec<Part> {
+/// Returns joint rates with their limits.
+pub(crate) fn of_joints(rates: &JointRates, limits: &[MotionLimits]) -> Vec<LimitedRates> {
     let JointRates {
         velocity,
         acceleration,
     } = rates;
     let numbers = [velocity.len(), acceleration.len()];
-    assert_eq!(numbers, [most.len(); 2], "every joint has a limit");
-    let rates = velocity.iter().zip(acceleration).zip(most);
+    assert_eq!(numbers, [limits.len(); 2], "every joint has a limit");
+    let rates = velocity.iter().zip(acceleration).zip(limits);
     rates
-        .map(|((&velocity, &acceleration), most)| Part::of_joint(velocity, acceleration, *most))
+        .map(|((&velocity, &acceleration), limits)| {
+            LimitedRates::of_joint(velocity, acceleration, *limits)
+        })
         .collect()
 }
 
-impl Part {
-    /// Creates the part of a single joint.
-    pub(crate) fn of_joint(velocity: f64, acceleration: f64, most: Most) -> Self {
+impl LimitedRates {
+    /// Returns the rates of one joint.
+    pub(crate) fn of_joint(velocity: f64, acceleration: f64, limits: MotionLimits) -> Self {
         Self {
             velocity: Vector3::x() * velocity,
             acceleration: Vector3::x() * acceleration,
-            most_velocity: most.velocity,
-            most_acceleration: most.acceleration,
+            max_velocity: limits.max_velocity,
+            max_acceleration: limits.max_acceleration,
         }
     }
 
-    /// Returns the slowdown factor that its limits require: velocities scale with the inverse of
+    /// Returns the slowdown factor that the limits require: velocities scale with the inverse of
     /// the factor, accelerations with the inverse of its square. NaN requires an infinite slowdown.
     pub(crate) fn excess(&self) -> f64 {
-        let speed = self.velocity.norm() / self.most_velocity;
-        let change = self.acceleration.norm() / self.most_acceleration;
+        let speed = self.velocity.norm() / self.max_velocity;
+        let change = self.acceleration.norm() / self.max_acceleration;
         if speed.is_nan() || change.is_nan() {
             return f64::INFINITY;
         }
@@ -233,12 +235,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_rate_that_is_no_number_is_beyond_every_limit() {
-        let most = Most {
-            velocity: 2.0,
-            acceleration: 8.0,
+    fn a_nan_rate_exceeds_every_limit() {
+        let limits = MotionLimits {
+            max_velocity: 2.0,
+            max_acceleration: 8.0,
         };
-        let excess = |velocity, acceleration| Part::of_joint(velocity, acceleration, most).excess();
+        let excess = |velocity, acceleration| {
+            LimitedRates::of_joint(velocity, acceleration, limits).excess()
+        };
         assert!((excess(1.0, 2.0) - 0.5).abs() < 1e-12);
         for (velocity, acceleration) in [(f64::NAN, 0.0), (0.0, f64::NAN), (f64::NAN, f64::NAN)] {
             assert!(excess(velocity, acceleration).is_infinite());

@@ -7,8 +7,8 @@ use simulation::{Approach, Flexion, Protocol, SettingFault, Trial};
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
-    ArmConfig, Infeasible, LimitsConfig, RatesConfig, arm::Arm, limits::Limits, timed::whole,
-    whole::Fingers,
+    ArmConfig, Infeasible, LimitsConfig, RatesConfig, arm::Arm, grasp_motion::Fingers,
+    limits::Limits, time_scaling::whole_ticks,
 };
 
 /// Excess of a position over a limit attributed to rounding, in radians (meters if prismatic).
@@ -82,7 +82,7 @@ impl<'a> Planner<'a> {
             .map_err(|err| SettingFault::new("grasp.flexion_joints", err.to_string()))?;
         let path_s = path_s(protocol);
         if !(path_s.is_finite() && path_s > 0.0) {
-            let problem = format!("it leaves the palm {path_s} s for its way");
+            let problem = format!("it leaves the palm {path_s} s for its path");
             return Err(SettingFault::new("grasp.reach_s", problem));
         }
         if protocol.trial != Trial::Lift {
@@ -130,7 +130,7 @@ impl<'a> Planner<'a> {
         let lift_m = self.protocol.lift_m;
         let arm = self.arm.as_ref();
         let arm = arm.map(|arm| arm.follow(&course, table_from_object, stands, lift_m));
-        self.timed(
+        self.time_scaled(
             &course,
             &fingers,
             arm.transpose()?.as_ref(),
@@ -146,9 +146,9 @@ impl<'a> Planner<'a> {
         table_from_object: &Pose<Table, Object>,
     ) -> Result<(), Infeasible> {
         let places = (course.duration_s() * self.rates.palm_hz).ceil().max(1.0);
-        let places = whole(places).ok_or(Infeasible::Slow {
+        let places = whole_ticks(places).ok_or(Infeasible::Slow {
             slower: f64::INFINITY,
-            most: self.limits.config.max_slowdown,
+            max: self.limits.config.max_slowdown,
         })?;
         for place in 0..=places {
             let time_s = course.duration_s() * place as f64 / places as f64;

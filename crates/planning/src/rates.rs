@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use simulation::SettingFault;
 
 /// Highest rate accepted, in 1/s: ten times that of the fastest controllers.
-pub const MOST_HZ: f64 = 10_000.0;
+pub const MAX_HZ: f64 = 10_000.0;
 
 /// Command rates of the controllers. At these rates a goal of a hand of 16 joints that lasts 2 s
 /// has 260 kB.
@@ -40,8 +40,8 @@ impl RatesConfig {
             ("rates.palm_hz", self.palm_hz),
             ("rates.hand_hz", self.hand_hz),
         ] {
-            if !(1.0..=MOST_HZ).contains(&rate_hz) {
-                let problem = format!("{rate_hz} is not between 1 and {MOST_HZ} per second");
+            if !(1.0..=MAX_HZ).contains(&rate_hz) {
+                let problem = format!("{rate_hz} is not between 1 and {MAX_HZ} per second");
                 return Err(SettingFault::new(key, problem));
             }
         }

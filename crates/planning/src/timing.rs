@@ -17,7 +17,7 @@
 //! Melchiorri, *FIR Filters for Online Trajectory Planning with Time- and Frequency-Domain
 //! Specifications*, 2012, §2).
 
-use crate::{Infeasible, limits::Part};
+use crate::{Infeasible, limits::LimitedRates};
 
 /// Number of places of a course at which speeds are computed.
 const PLACES_N: usize = 600;
@@ -48,21 +48,21 @@ struct Passed {
 
 impl Timing {
     /// Returns the fastest timing of a course that lasts `duration_s`, never faster than `pace`
-    /// seconds of the course per second, averaged over `window_s`. `parts_at` returns the moving
-    /// parts at a time of the course, with their derivatives by it and their limits.
+    /// seconds of the course per second, averaged over `window_s`. `rates_at` returns the
+    /// derivatives by the course's time at one such time, with their limits.
     ///
     /// # Errors
     ///
-    /// Fails as `parts_at` does.
+    /// Fails as `rates_at` does.
     pub(crate) fn fastest(
         duration_s: f64,
         pace: f64,
         window_s: f64,
-        parts_at: impl Fn(f64) -> Result<Vec<Part>, Infeasible>,
+        rates_at: impl Fn(f64) -> Result<Vec<LimitedRates>, Infeasible>,
     ) -> Result<Self, Infeasible> {
         let step = duration_s / PLACES_N as f64;
         let places: Vec<Place> = (0..=PLACES_N)
-            .map(|idx| Ok(Place::new(parts_at(step * idx as f64)?, pace)))
+            .map(|idx| Ok(Place::new(rates_at(step * idx as f64)?, pace)))
             .collect::<Result<_, Infeasible>>()?;
         let greatest = greatest(&places, step);
         let mut passed = vec![Passed {
@@ -73,11 +73,11 @@ impl Timing {
         }];
         let (mut x, mut time_s, mut sum) = (0.0, 0.0, 0.0);
         let pairs = places.iter().zip(places.iter().skip(1));
-        for (idx, ((from, to), &most)) in pairs.zip(greatest.iter().skip(1)).enumerate() {
+        for (idx, ((from, to), &max)) in pairs.zip(greatest.iter().skip(1)).enumerate() {
             // Rounding may leave an empty range: then the speed is kept, and the sampled motion is
             // checked.
-            let faster = changes(from, to, step, x, most).map_or(0.0, |[_, faster]| faster);
-            let next = (x + 2.0 * step * faster).clamp(0.0, most);
+            let faster = changes(from, to, step, x, max).map_or(0.0, |[_, faster]| faster);
+            let next = (x + 2.0 * step * faster).clamp(0.0, max);
             let (from_s, to_s) = (step * idx as f64, step * (idx + 1) as f64);
             let lasts_s = 2.0 * step / (x.sqrt() + next.sqrt());
             sum += lasts_s * (0.5 * (from_s + to_s) + (x.sqrt() - next.sqrt()) * lasts_s / 12.0);
@@ -158,25 +158,25 @@ impl Timing {
 
 /// A place of a course and its speed limits.
 struct Place {
-    parts: Vec<Part>,
+    rates: Vec<LimitedRates>,
     /// Greatest x that keeps every velocity within its limit.
     ceiling: f64,
 }
 
 impl Place {
-    fn new(parts: Vec<Part>, pace: f64) -> Self {
-        let ceiling = parts
+    fn new(rates: Vec<LimitedRates>, pace: f64) -> Self {
+        let ceiling = rates
             .iter()
-            .map(|part| {
-                let speed = part.velocity.norm_squared();
+            .map(|rates| {
+                let speed = rates.velocity.norm_squared();
                 if speed > 0.0 {
-                    part.most_velocity.powi(2) / speed
+                    rates.max_velocity.powi(2) / speed
                 } else {
                     f64::INFINITY
                 }
             })
             .fold(pace * pace, f64::min);
-        Self { parts, ceiling }
+        Self { rates, ceiling }
     }
 }
 
@@ -210,15 +210,15 @@ fn greatest(places: &[Place], step: f64) -> Vec<f64> {
 }
 
 /// Returns the least and the greatest u″ from a place with speed `x` for which every acceleration
-/// up to the next place is within its limit and the next x is between 0 and `most`; `None` if there
+/// up to the next place is within its limit and the next x is between 0 and `max`; `None` if there
 /// is none.
-fn changes(from: &Place, to: &Place, step: f64, x: f64, most: f64) -> Option<[f64; 2]> {
-    let mut range = [-x / (2.0 * step), (most - x) / (2.0 * step)];
-    for part in &from.parts {
-        range = within(range, part, x, 0.0)?;
+fn changes(from: &Place, to: &Place, step: f64, x: f64, max: f64) -> Option<[f64; 2]> {
+    let mut range = [-x / (2.0 * step), (max - x) / (2.0 * step)];
+    for rates in &from.rates {
+        range = within(range, rates, x, 0.0)?;
     }
-    for part in &to.parts {
-        range = within(range, part, x, 2.0 * step)?;
+    for rates in &to.rates {
+        range = within(range, rates, x, 2.0 * step)?;
     }
     Some(range)
 }
@@ -228,9 +228,9 @@ fn changes(from: &Place, to: &Place, step: f64, x: f64, most: f64) -> Option<[f6
 /// With `a = p″ x` and `b = p′ + gain p″` the bounds are the roots of `|a + b u″|² = limit²`; of the
 /// discriminant's two forms `|b|² limit² − |a × b|²` does not cancel where a and b are parallel, as they
 /// are for a joint.
-fn within([low, high]: [f64; 2], part: &Part, x: f64, gain: f64) -> Option<[f64; 2]> {
-    let a = part.acceleration * (x / part.most_acceleration);
-    let b = (part.velocity + part.acceleration * gain) / part.most_acceleration;
+fn within([low, high]: [f64; 2], rates: &LimitedRates, x: f64, gain: f64) -> Option<[f64; 2]> {
+    let a = rates.acceleration * (x / rates.max_acceleration);
+    let b = (rates.velocity + rates.acceleration * gain) / rates.max_acceleration;
     let square = b.norm_squared();
     let range = if square < NOTHING {
         if a.norm_squared() > 1.0 {

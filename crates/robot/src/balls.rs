@@ -136,9 +136,9 @@ fn disc(radius: f64) -> Vec<[f64; 2]> {
     places
 }
 
-/// Most balls in one group.
+/// Maximum number of balls in one group.
 const GROUP: usize = 12;
-/// Most balls of a hand: those of all sides of a box of one meter, three times.
+/// Maximum number of balls of a hand: those of all sides of a box of one meter, three times.
 const MOST: f64 = 150_000.0;
 
 /// Neighboring balls of one link.

@@ -23,9 +23,9 @@ pub struct Chain {
     joints: Vec<usize>,
 }
 
-/// A chain where it has certain joint positions.
+/// Kinematics of a chain at certain joint positions.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Posture {
+pub struct KinematicState {
     /// Pose of the chain's end in the base's frame.
     pub base_from_palm: Pose<Base, Palm>,
     /// The geometric Jacobian, `(6, dof)`: velocity of the end's origin in meters, then its angular
@@ -33,7 +33,7 @@ pub struct Posture {
     pub jacobian: Matrix6xX<f64>,
 }
 
-/// How the joints of a chain move.
+/// Velocities and accelerations of a chain's joints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainRates {
     /// First derivatives of the joint positions.
@@ -47,18 +47,18 @@ impl Chain {
     ///
     /// # Errors
     ///
-    /// Fails if there is no such link, and if a joint on the way to it follows another by `<mimic>`.
+    /// Fails if there is no such link, and if a joint on the path to it follows another by `<mimic>`.
     pub fn to_link(robot: &RobotModel, name: &str) -> Result<Self, RobotError> {
-        let mut way = Vec::new();
+        let mut path = Vec::new();
         let mut next = Some(robot.require_link(name)?);
         while let Some((idx, link)) = next.and_then(|idx| Some((idx, robot.links.get(idx)?))) {
-            way.push((idx, link));
+            path.push((idx, link));
             next = link.parent;
         }
-        let mut links = Vec::with_capacity(way.len());
+        let mut links = Vec::with_capacity(path.len());
         let mut joints = Vec::new();
         let mut moved: Vec<Joint> = Vec::new();
-        for (place, (idx, link)) in way.into_iter().rev().enumerate() {
+        for (place, (idx, link)) in path.into_iter().rev().enumerate() {
             let mut number = None;
             if let Some((joint, own)) = link.joint.and_then(|j| Some((j, robot.joints.get(j)?))) {
                 if own.link != idx {
@@ -109,25 +109,25 @@ impl Chain {
         &self.links
     }
 
-    /// Returns where the chain's end is and how it moves with the joints.
+    /// Returns pose and Jacobian of the chain's end.
     ///
     /// # Errors
     ///
     /// Fails if `q` does not hold exactly one position per joint of the chain.
-    pub fn posture(&self, q: &[f64]) -> Result<Posture, WrongDof> {
+    pub fn state(&self, q: &[f64]) -> Result<KinematicState, WrongDof> {
         let poses = self.links.forward_kinematics::<Base>(q)?;
         // A chain has one link at least: its end.
         let end = poses.len() - 1;
         let base_from_palm = Pose::new(*poses[end]);
         let origin = Point3::from(base_from_palm.translation.vector);
-        Ok(Posture {
+        Ok(KinematicState {
             base_from_palm,
             jacobian: self.links.geometric_jacobian(&poses, end, &origin),
         })
     }
 }
 
-impl Posture {
+impl KinematicState {
     /// Returns the twist of the end while the joints move so: velocity of its origin, then angular
     /// velocity, along the base's axes.
     ///
@@ -186,24 +186,24 @@ impl Posture {
         })
     }
 
-    /// Returns the least singular value of the Jacobian, meters and radians taken as they are: the
+    /// Returns the smallest singular value of the Jacobian, meters and radians taken as they are: the
     /// least speed of the end that joints can make together at 1 rad/s, in the direction in which they
     /// make it worst; 0 where a direction is lost (Lynch and Park, *Modern Robotics*, 2017, §5.3–5.4).
-    pub fn least_singular_value(&self) -> f64 {
+    pub fn min_singular_value(&self) -> f64 {
         if self.jacobian.ncols() < SIX {
             return 0.0;
         }
         self.jacobian.clone().singular_values().min()
     }
 
-    /// Whether [`Posture::least_singular_value`] is at least this; far from a singularity it costs
+    /// Whether [`KinematicState::min_singular_value`] is at least this; far from a singularity it costs
     /// a tenth of that.
     pub fn is_regular(&self, least: f64) -> bool {
         // The sum of σ⁻² is at least that of the least σ.
         let surely = self
             .square(0.0)
             .is_some_and(|square| square.inverse().trace() * least * least <= 1.0);
-        surely || self.least_singular_value() >= least
+        surely || self.min_singular_value() >= least
     }
 
     /// Decomposes `J Jᵀ + damping`; `None` if that is singular.

@@ -13,7 +13,7 @@ const SPREAD: f64 = 1.5;
 /// Longest way from a joint to the next, or across a link, in meters: more is a file in millimeters.
 const LONGEST_M: f64 = 10.0;
 /// Largest limit of a joint that turns, in radians: more is a file in degrees.
-const MOST_RAD: f64 = 30.0;
+const MAX_RAD: f64 = 30.0;
 
 impl RobotModel {
     /// Returns everything that is doubtful about the robot, the worst first: what was found while
@@ -302,7 +302,7 @@ fn joint(joint: &Joint) -> Vec<Finding> {
         );
     }
     let most = joint.lower.abs().max(joint.upper.abs());
-    if is_turning && most.is_finite() && most > MOST_RAD {
+    if is_turning && most.is_finite() && most > MAX_RAD {
         find(
             Severity::Doubtful,
             format!("turns by up to {most} rad"),

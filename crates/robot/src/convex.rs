@@ -72,13 +72,13 @@ impl ConvexBody {
         (low + high) / 2.0
     }
 
-    /// Returns the body moved by `way`, in meters.
+    /// Returns the body moved by an offset, in meters.
     #[must_use]
-    pub fn moved(&self, way: &Vector3<f64>) -> Self {
-        let corners = self.corners_m.iter().map(|corner| corner + way);
+    pub fn moved(&self, offset_m: &Vector3<f64>) -> Self {
+        let corners = self.corners_m.iter().map(|corner| corner + offset_m);
         let sides = self.sides.iter().map(|side| Side {
             normal: side.normal,
-            offset_m: side.offset_m + side.normal.dot(way),
+            offset_m: side.offset_m + side.normal.dot(offset_m),
         });
         Self {
             corners_m: corners.collect(),
@@ -127,7 +127,7 @@ impl ConvexBody {
         middle + moment / volume
     }
 
-    /// Returns half of the least way across the body, between one of its sides and what is opposite,
+    /// Returns half of the least width of the body, between one of its sides and what is opposite,
     /// in meters.
     pub(crate) fn half_thickness_m(&self) -> f64 {
         let across = |side: &Side| -side.beyond(&self.farthest(&-side.normal));
@@ -196,19 +196,19 @@ pub(crate) mod tests {
     #[test]
     fn a_box_has_six_sides_and_its_middle_wherever_it_is() {
         let half = Vector3::new(0.01, 0.02, 0.005);
-        let way = Vector3::new(0.3, -0.1, 0.2);
-        let body = cuboid(&half).moved(&way);
+        let offset = Vector3::new(0.3, -0.1, 0.2);
+        let body = cuboid(&half).moved(&offset);
         assert_eq!(body.sides().len(), 6);
-        assert!((body.middle_m() - way).norm() < 1e-12);
-        assert!((body.center_m() - way).norm() < 1e-12);
+        assert!((body.middle_m() - offset).norm() < 1e-12);
+        assert!((body.center_m() - offset).norm() < 1e-12);
         assert!((body.half_thickness_m() - 0.005).abs() < 1e-12);
         for side in body.sides() {
-            let depth = -side.beyond(&way);
+            let depth = -side.beyond(&offset);
             assert!((depth - half.dot(&side.normal.abs())).abs() < 1e-12);
         }
         assert!(
             (body.farthest(&Vector3::new(1.0, -1.0, 0.1))
-                - way
+                - offset
                 - half.component_mul(&Vector3::new(1.0, -1.0, 1.0)))
             .norm()
                 < 1e-12
@@ -216,7 +216,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn mesh_without_volume_is_no_body() {
+    fn mesh_without_volume_is_refused() {
         let body = cuboid(&Vector3::repeat(0.01));
         let (corners, triangles) = (body.corners_m.clone(), body.triangles.clone());
         assert!(ConvexBody::new(corners.clone(), triangles.clone()).is_some());

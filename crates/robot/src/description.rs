@@ -8,7 +8,7 @@ use quick_xml::{
 use crate::RobotModel;
 
 /// Writes down everything that is read of a URDF's bytes: links, joints, masses, shapes and the meshes
-/// that the robot collides with, by name; `None` if they are no URDF that can be used.
+/// that the robot collides with, by name; `None` if they are not a URDF that can be used.
 ///
 /// URDFs that give equal bytes are the same robot to whoever computes with it, however it is drawn.
 pub fn read_form(urdf: &[u8]) -> Option<Vec<u8>> {
@@ -22,7 +22,7 @@ pub fn read_form(urdf: &[u8]) -> Option<Vec<u8>> {
     Some(format!("{model:?}").into_bytes())
 }
 
-/// Returns the bytes of [`plain_urdf`]; `None` if they are no URDF that can be used.
+/// Returns the bytes of [`plain_urdf`]; `None` if they are not a URDF that can be used.
 ///
 /// URDFs that give equal bytes are the same robot to whoever shows it, too.
 pub fn shown_form(urdf: &[u8]) -> Option<Vec<u8>> {
@@ -32,7 +32,7 @@ pub fn shown_form(urdf: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// Writes a URDF without comments and with its attributes in order, each element on a line of its own;
-/// a text that is no XML is returned as it is.
+/// a text that is not XML is returned as it is.
 pub fn plain_urdf(urdf: &str) -> String {
     plain(urdf).unwrap_or_else(|| urdf.to_owned())
 }

@@ -15,7 +15,7 @@ use crate::Shape;
 
 /// The bounds are at most this far apart, in meters, unless rounding keeps them so.
 const CLOSE_M: f64 = 1e-5;
-/// Most steps: boxes take about 8, cylinders 15.
+/// Maximum number of steps: boxes take about 8, cylinders 15.
 const STEPS: usize = 64;
 /// Shapes nearer than this in meters touch.
 const TOUCHING_M: f64 = 1e-9;

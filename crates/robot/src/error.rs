@@ -221,7 +221,7 @@ pub enum RobotError {
         near: Vec<String>,
     },
     /// A joint of an arm moves with another.
-    #[error("joint `{joint}` on the way from the root to link `{link}` follows another joint")]
+    #[error("joint `{joint}` on the path from the root to link `{link}` follows another joint")]
     FollowsOnChain {
         /// The joint.
         joint: String,
@@ -304,7 +304,7 @@ impl RobotError {
             }
             Self::TwoRoots { first, second } => {
                 return Some(format!(
-                    "connect them by a joint, or remove the one that is no part of the robot: a \
+                    "connect them by a joint, or remove the one that is not part of the robot: a \
                      joint whose child is `{first}` or `{second}` is missing"
                 ));
             }

@@ -31,7 +31,7 @@ impl RobotModel {
     ///
     /// Links that are fixed to each other count as one body. The palm is the body from which the
     /// most moving bodies branch off, the nearest to the root if several do (the root itself if
-    /// nothing branches), so that an arm, a forearm or a wrist before it is no finger. Each moving
+    /// nothing branches), so that an arm, a forearm or a wrist before it is not a finger. Each moving
     /// body beyond the palm on which no other hangs ends a finger.
     /// Its tip is a fixed leaf of that body: one whose name (or whose joint's) has `tip` in it, else
     /// the farthest one that has a shape or a mass; frames that carry nothing are passed over.
@@ -70,7 +70,7 @@ impl RobotModel {
                 .take_while(|&idx| body_of[idx] != palm_body)
                 .collect();
             let Some(&last) = links.last() else { continue };
-            // A body that hangs on the arm before the palm is no finger.
+            // A body that hangs on the arm before the palm is not a finger.
             let Some(palm) = self.links()[last]
                 .parent
                 .filter(|&parent| body_of[parent] == palm_body)

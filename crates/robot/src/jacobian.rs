@@ -5,7 +5,7 @@ use spatial::Pose;
 
 use crate::{JointKind, Link, RobotModel};
 
-/// A joint on the way from a link to the root, where it now is.
+/// A joint on the path from a link to the root, where it now is.
 struct Step {
     /// Which independent joint moves it.
     joint: usize,

@@ -52,7 +52,7 @@ mod near;
 mod urdf;
 
 pub use bodies::Bodies;
-pub use chain::{Chain, ChainRates, Posture};
+pub use chain::{Chain, ChainRates, KinematicState};
 pub use convex::ConvexBody;
 pub use description::{plain_urdf, read_form, shown_form};
 pub use distance::{Gap, gap};

@@ -14,7 +14,7 @@ use spatial::Pose;
 use self::parts::RawJoint;
 use crate::{Joint, JointKind, Link, RobotError, RobotModel};
 
-/// Most links that are read, a hundred times those of a hand with an arm.
+/// Maximum number of links that are read, a hundred times those of a hand with an arm.
 const MAX_LINKS: usize = 5000;
 
 /// Reads a robot from the text of its URDF.

@@ -41,19 +41,19 @@ fn within_limits(robot: &RobotModel, chain: &Chain, shares: &[f64]) -> Vec<f64> 
 }
 
 fn off(a: &Pose<Base, Palm>, b: &Pose<Base, Palm>) -> f64 {
-    let way = (a.translation.vector - b.translation.vector).norm();
-    way.max((a.rotation * b.rotation.inverse()).angle())
+    let distance = (a.translation.vector - b.translation.vector).norm();
+    distance.max((a.rotation * b.rotation.inverse()).angle())
 }
 
 /// The twist over a short time, by differences.
 fn twist(before: &Pose<Base, Palm>, after: &Pose<Base, Palm>, time_s: f64) -> Vector6<f64> {
-    let way = after.translation.vector - before.translation.vector;
+    let moved = after.translation.vector - before.translation.vector;
     let turn = (after.rotation * before.rotation.inverse()).scaled_axis();
-    Vector6::new(way.x, way.y, way.z, turn.x, turn.y, turn.z) / time_s
+    Vector6::new(moved.x, moved.y, moved.z, turn.x, turn.y, turn.z) / time_s
 }
 
 #[test]
-fn a_chain_has_the_joints_on_its_way_alone() {
+fn chain_has_only_the_joints_on_its_path() {
     let (robot, chain) = xarm();
     let names: Vec<&str> = chain
         .joints()
@@ -69,7 +69,7 @@ fn a_chain_has_the_joints_on_its_way_alone() {
         Chain::to_link(&robot, "base_lnik"),
         Err(RobotError::MissingLink { .. })
     ));
-    assert_eq!(chain.posture(&[0.0; 5]).unwrap_err().expected, 6);
+    assert_eq!(chain.state(&[0.0; 5]).unwrap_err().expected, 6);
 }
 
 #[test]
@@ -83,7 +83,7 @@ fn a_joint_that_follows_another_is_refused() {
     let err = Chain::to_link(&robot, "c").unwrap_err();
     assert_eq!(
         err.to_string(),
-        "joint `second` on the way from the root to link `c` follows another joint"
+        "joint `second` on the path from the root to link `c` follows another joint"
     );
 }
 
@@ -92,8 +92,8 @@ fn slides_and_turns_of_any_axis_have_their_derivatives() {
     let robot = RobotModel::from_urdf(ODD).unwrap();
     let chain = Chain::to_link(&robot, "e").unwrap();
     check_derivatives(&robot, &chain, "e", &[0.2, 0.5, -0.8], &[1.0, -0.6, 0.7]);
-    let at = chain.posture(&[0.2, 0.5, -0.8]).unwrap();
-    assert_eq!(at.least_singular_value(), 0.0);
+    let at = chain.state(&[0.2, 0.5, -0.8]).unwrap();
+    assert_eq!(at.min_singular_value(), 0.0);
 }
 
 /// The end is where the whole robot has it, and twist and bias are what differences have.
@@ -104,7 +104,7 @@ fn check_derivatives(robot: &RobotModel, chain: &Chain, end: &str, q: &[f64], ve
     }
     let poses = robot.forward_kinematics::<Base>(&all).unwrap();
     let link = robot.link(end).unwrap();
-    let now = chain.posture(q).unwrap();
+    let now = chain.state(q).unwrap();
     assert!(off(&Pose::new(*poses[link]), &now.base_from_palm) < 1e-12);
     let origin = Point3::from(poses[link].translation.vector);
     let jacobian = robot.geometric_jacobian(&poses, link, &origin);
@@ -114,7 +114,7 @@ fn check_derivatives(robot: &RobotModel, chain: &Chain, end: &str, q: &[f64], ve
     let h = 1e-6;
     let moved = |by: f64| {
         let q: Vec<f64> = q.iter().zip(velocity).map(|(q, v)| q + by * v).collect();
-        chain.posture(&q).unwrap()
+        chain.state(&q).unwrap()
     };
     let (before, after) = (moved(-h), moved(h));
     let slope = twist(&before.base_from_palm, &after.base_from_palm, 2.0 * h);
@@ -144,8 +144,8 @@ proptest! {
         rate in prop::array::uniform6(-5.0..5.0_f64),
     ) {
         let (robot, chain) = xarm();
-        let at = chain.posture(&within_limits(&robot, &chain, &shares)).unwrap();
-        prop_assume!(at.least_singular_value() > 1e-3);
+        let at = chain.state(&within_limits(&robot, &chain, &shares)).unwrap();
+        prop_assume!(at.min_singular_value() > 1e-3);
         let found = at
             .rates(&Twist::from_array(twist), &Twist::from_array(rate))
             .unwrap();
@@ -154,7 +154,7 @@ proptest! {
         let made = at.twist(&found.acceleration) + at.bias(&found.velocity);
         prop_assert!((made - rate).norm() < 1e-9 * (1.0 + at.bias(&found.velocity).norm()));
         for least in [1e-3, 0.01, 0.03, 0.1, 0.3] {
-            prop_assert_eq!(at.is_regular(least), at.least_singular_value() >= least);
+            prop_assert_eq!(at.is_regular(least), at.min_singular_value() >= least);
         }
     }
 
@@ -166,11 +166,11 @@ proptest! {
     ) {
         let (robot, chain) = xarm();
         let q = within_limits(&robot, &chain, &shares);
-        let at = chain.posture(&q).unwrap();
-        prop_assume!(at.least_singular_value() > REGULAR);
+        let at = chain.state(&q).unwrap();
+        prop_assume!(at.min_singular_value() > REGULAR);
         let near: Vec<f64> = q.iter().zip(away).map(|(q, away)| q + away).collect();
         let found = chain.solve(&at.base_from_palm, &near).unwrap();
-        let there = chain.posture(&found).unwrap().base_from_palm;
+        let there = chain.state(&found).unwrap().base_from_palm;
         prop_assert!(off(&there, &at.base_from_palm) < 1e-10);
         for (found, q) in found.iter().zip(&q) {
             prop_assert!((found - q).abs() < 1e-8, "{found} {q}");
@@ -189,14 +189,14 @@ fn all_solutions_of_a_pose_are_found() {
         let shares = prop::collection::vec(0.02..0.98_f64, 6);
         let shares = shares.new_tree(&mut runner).unwrap().current();
         let q = within_limits(&robot, &chain, &shares);
-        let at = chain.posture(&q).unwrap();
-        if at.least_singular_value() <= REGULAR {
+        let at = chain.state(&q).unwrap();
+        if at.min_singular_value() <= REGULAR {
             continue;
         }
         poses += 1;
         let solutions = chain.solutions(&at.base_from_palm);
         for (idx, solution) in solutions.iter().enumerate() {
-            let there = chain.posture(solution).unwrap().base_from_palm;
+            let there = chain.state(solution).unwrap().base_from_palm;
             assert!(off(&there, &at.base_from_palm) < 1e-10);
             let is_same = |other: &Vec<f64>| is_turned(solution, other);
             assert!(!solutions[..idx].iter().any(is_same));
@@ -234,9 +234,9 @@ fn a_pose_out_of_reach_has_no_solution() {
 fn a_stretched_elbow_is_singular() {
     let (_, chain) = xarm();
     // Where wrist, elbow and shoulder are in one line.
-    let bent = |q3: f64| chain.posture(&[0.1, 0.2, q3, 0.3, 0.8, 0.0]).unwrap();
+    let bent = |q3: f64| chain.state(&[0.1, 0.2, q3, 0.3, 0.8, 0.0]).unwrap();
     let stretched = -(0.2845_f64 / 0.0535).atan() + (0.0775_f64 / 0.3425).atan();
-    let least = |q3: f64| bent(q3).least_singular_value();
+    let least = |q3: f64| bent(q3).min_singular_value();
     let worst = (-400..400)
         .map(|k| least(stretched + f64::from(k) * 0.01))
         .fold(f64::INFINITY, f64::min);

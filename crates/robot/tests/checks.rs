@@ -59,7 +59,7 @@ fn a_sound_robot_has_no_findings() {
 }
 
 #[test]
-fn inertias_that_no_body_has_are_wrong() {
+fn unphysical_inertias_are_errors() {
     use Severity::{Doubtful, Wrong};
     for (moments, severity, problem) in [
         ([0.0; 6], Wrong, "weighs 0.1 kg and has no inertia"),
@@ -93,7 +93,7 @@ fn inertias_that_no_body_has_are_wrong() {
 }
 
 #[test]
-fn masses_in_odd_places_are_doubtful() {
+fn implausible_masses_are_doubtful() {
     check(
         &robot(&inertial(0.06, SOUND), LIMIT),
         &[(

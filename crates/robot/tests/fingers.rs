@@ -71,7 +71,7 @@ fn joint(name: &str, parent: &str, child: &str, origin: &str, more: &str) -> Str
 }
 
 #[test]
-fn arm_and_wrist_are_no_fingers_and_mimic_joints_are_not_counted() {
+fn arm_wrist_and_mimic_joints_are_not_counted_as_fingers() {
     let up = r#"xyz="0 0 0.04""#;
     let mut xml = r#"<robot name="r"><link name="base"/><link name="arm"/><link name="palm"/><link name="flange"/><link name="camera"/>"#.to_owned();
     xml += &joint("elbow", "base", "arm", up, "");

@@ -37,7 +37,7 @@ fn check_refused(xml: &str, message: &str, hint: &str) {
 }
 
 #[test]
-fn says_where_the_text_is_no_urdf() {
+fn text_other_than_urdf_is_refused() {
     let no_robot = "the text is not one `<robot>`";
     check_refused("", no_robot, "SDF and MJCF");
     check_refused("not a robot", no_robot, "SDF and MJCF");
@@ -80,7 +80,7 @@ fn says_where_the_text_is_no_urdf() {
         RobotModel::from_urdf_bytes(&[&[0xff, 0xfe], utf_16.as_slice()].concat()).unwrap_err();
     assert_eq!(err.to_string(), "the URDF is not UTF-8 from byte 0 on");
     assert!(err.hint().unwrap().contains("iconv"));
-    // A byte order mark is no mistake.
+    // A byte order mark is not a mistake.
     let marked = "\u{feff}<?xml version='1.0'?><robot name='r'><link name='a'/></robot>";
     assert!(RobotModel::from_urdf_bytes(marked.as_bytes()).is_ok());
 }
@@ -124,7 +124,7 @@ fn each(n: usize, text: impl Fn(usize) -> String) -> String {
 }
 
 #[test]
-fn huge_and_deep_texts_are_refused_or_read_in_no_time() {
+fn huge_and_deep_texts_take_little_time() {
     check_refused(
         &format!("<robot>{}</robot>", " ".repeat(17 << 20)),
         "the URDF has more than 16777216 bytes",
@@ -423,7 +423,7 @@ fn mimic_joints_follow_their_master() {
 }
 
 #[test]
-fn shapes_that_are_none_are_passed_over() {
+fn invalid_shapes_are_skipped_with_a_finding() {
     let shapes = [
         "<box size='0 0 0'/>",
         "<sphere radius='-1'/>",
@@ -440,7 +440,7 @@ fn shapes_that_are_none_are_passed_over() {
         assert_eq!(
             found(&model),
             [format!(
-                "link `a` has a `<{name}>` on line 1 that is no shape with a volume; it is passed over"
+                "link `a` has a `<{name}>` on line 1 that is not a shape with a volume; it is passed over"
             )]
         );
     }

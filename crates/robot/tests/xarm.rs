@@ -14,7 +14,7 @@ fn arm() -> RobotModel {
     RobotModel::from_urdf(URDF).unwrap()
 }
 
-/// Returns the pose of the flange in the arm's foot by the vendor's table of standard parameters
+/// Returns the pose of the flange in the arm's base by the vendor's table of standard parameters
 /// (UFACTORY, *Kinematic and dynamic parameters*, xArm 6: d, α, a in millimeters, and the offset of
 /// the angle), in the convention of Denavit and Hartenberg, 1955. The upper arm's length is there as
 /// √(284.5² + 53.5²), which is 289.48661 and not, as is also written there, 289.48866.
@@ -27,13 +27,13 @@ fn flange_by_table(q: &[f64]) -> Isometry3<f64> {
         [0.0, -FRAC_PI_2, 76.0, 0.0],
         [97.0, 0.0, 0.0, 0.0],
     ];
-    let mut foot_from_frame = Isometry3::identity();
+    let mut base_from_frame = Isometry3::identity();
     for ([d, alpha, a, offset], q) in TABLE.iter().zip(q) {
-        foot_from_frame *= UnitQuaternion::from_axis_angle(&Vector3::z_axis(), q + offset);
-        foot_from_frame *= Translation3::new(a / 1000.0, 0.0, d / 1000.0);
-        foot_from_frame *= UnitQuaternion::from_axis_angle(&Vector3::x_axis(), *alpha);
+        base_from_frame *= UnitQuaternion::from_axis_angle(&Vector3::z_axis(), q + offset);
+        base_from_frame *= Translation3::new(a / 1000.0, 0.0, d / 1000.0);
+        base_from_frame *= UnitQuaternion::from_axis_angle(&Vector3::x_axis(), *alpha);
     }
-    foot_from_frame
+    base_from_frame
 }
 
 proptest! {
@@ -54,15 +54,15 @@ fn hand_is_the_same_as_alone_with_its_wrist_on_the_flange() {
     let (arm, hand) = (arm(), RobotModel::from_urdf(HAND).unwrap());
     assert_eq!((arm.dof(), hand.dof()), (22, 16));
     let q: Vec<f64> = (0..22).map(|idx| 0.3 + 0.02 * f64::from(idx)).collect();
-    let foot_from_links = arm.forward_kinematics::<Base>(&q).unwrap();
+    let base_from_links = arm.forward_kinematics::<Base>(&q).unwrap();
     let palm_from_links = hand.forward_kinematics(&q[6..]).unwrap();
     let first = arm.link("base_link").unwrap();
-    let foot_from_palm = Pose::<Base, Palm>::new(*foot_from_links[first]);
+    let base_from_palm = Pose::<Base, Palm>::new(*base_from_links[first]);
     for (idx, link) in hand.links().iter().enumerate() {
         let ours = &arm.links()[first + idx];
         assert_eq!((&ours.name, &ours.inertial), (&link.name, &link.inertial));
-        let expected = foot_from_palm * palm_from_links[idx];
-        let difference = foot_from_links[first + idx].inverse() * expected;
+        let expected = base_from_palm * palm_from_links[idx];
+        let difference = base_from_links[first + idx].inverse() * expected;
         assert!(
             difference.translation.vector.norm() < 1e-12,
             "{}",
@@ -75,7 +75,7 @@ fn hand_is_the_same_as_alone_with_its_wrist_on_the_flange() {
             (&joint.name, joint.lower, joint.upper)
         );
     }
-    let flange_from_palm = foot_from_links[arm.link("link6").unwrap()].inverse() * foot_from_palm;
+    let flange_from_palm = base_from_links[arm.link("link6").unwrap()].inverse() * base_from_palm;
     let wrist = flange_from_palm * nalgebra::Point3::new(0.0, 0.0, -0.095);
     assert!(wrist.coords.norm() < 1e-12);
 }

@@ -53,7 +53,7 @@ pub enum LoadError {
         /// Why it failed.
         source: io::Error,
     },
-    /// The file is no mesh with a volume.
+    /// The file is not a mesh with a volume.
     #[error("cannot use the mesh `{}` of link `{link}`", path.display())]
     Mesh {
         /// The link.
@@ -77,7 +77,7 @@ impl LoadError {
             Self::Urdf { source, .. } => source.hint(),
             Self::Missing { .. } => Some(
                 "put it where the URDF says, relative to it or to a folder above it that has the \
-                 package's name, or give its link `<collision>` shapes that are no meshes"
+                 package's name, or give its link `<collision>` shapes that are not meshes"
                     .to_owned(),
             ),
             Self::Kind { path, .. } => {

@@ -66,7 +66,7 @@ mod tests {
             ("package://hand_pkg/meshes/none.stl", None),
             ("package://hand_pkg", None),
             ("package://", None),
-            // A folder is no mesh.
+            // A folder is not a mesh.
             ("meshes", None),
             ("", None),
         ] {

@@ -12,7 +12,7 @@ use robot::{ConvexBody, Mesh, RobotModel};
 
 use crate::{LoadError, place};
 
-/// Most convex parts of one mesh: links of hands are nearly convex but for the palm, and every part
+/// Maximum number of convex parts of one mesh: links of hands are nearly convex but for the palm, and every part
 /// costs time wherever something may touch it.
 const MAX_PARTS: usize = 8;
 

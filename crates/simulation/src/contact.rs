@@ -40,7 +40,7 @@ pub(crate) fn touch(
             (false, true) => first,
             _ => continue,
         };
-        // The table is no body of the hand, though its user data is 0 like the palm's.
+        // The table is not a body of the hand, though its user data is 0 like the palm's.
         if of_hand.collision_groups() != crate::world::groups::hand() {
             continue;
         }

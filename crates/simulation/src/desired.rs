@@ -31,7 +31,7 @@ pub(crate) struct Desired {
 /// the steps and its accelerations to their beginnings. Sampled this way, the desired motion is
 /// reached up to terms of second order in the step.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Asked {
+pub(crate) struct DesiredStep {
     /// Positions at the end of the step.
     pub(crate) q: Vec<f64>,
     /// Velocities in the middle of the step.
@@ -86,16 +86,21 @@ impl Desired {
         }
     }
 
-    /// Returns what is asked in a physics step that begins `time_s` after the beginning of a control
+    /// Returns the desired motion over a physics step that begins `time_s` after the beginning of a control
     /// step (counted from 0) and lasts `step_s`; `None` beyond the end.
-    pub(crate) fn asked(&self, control_step: usize, time_s: f64, step_s: f64) -> Option<Asked> {
+    pub(crate) fn during(
+        &self,
+        control_step: usize,
+        time_s: f64,
+        step_s: f64,
+    ) -> Option<DesiredStep> {
         let (from, to) = (
             self.knots.get(control_step)?,
             self.knots.get(control_step + 1)?,
         );
         let (from, to) = ((&from.q[..], &from.rates), (&to.q[..], &to.rates));
         let at = |time_s: f64| joints_between(from, to, self.control_s, time_s);
-        Some(Asked {
+        Some(DesiredStep {
             q: at(time_s + step_s).0,
             velocity: at(time_s + step_s / 2.0).1.velocity,
             acceleration: at(time_s).1.acceleration,

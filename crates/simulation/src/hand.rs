@@ -11,9 +11,8 @@ mod closed_forms;
 mod controller;
 mod feedforward;
 
-use nalgebra::Isometry3;
 use rapier3d::{
-    math::{Pose, Vector},
+    math::{Pose as EnginePose, Vector},
     prelude::{
         ColliderBuilder, GenericJointBuilder, JointAxesMask, MassProperties, Multibody,
         MultibodyJointHandle, MultibodyJointSet, MultibodyLink, RigidBody, RigidBodyBuilder,
@@ -21,8 +20,9 @@ use rapier3d::{
     },
 };
 use robot::{Bodies, JointKind, RobotModel};
+use spatial::{Palm, Pose, Table};
 
-pub(crate) use self::bodies::{LinkShape, check, link_shapes};
+pub(crate) use self::bodies::{LinkShape, Part, check, link_shapes};
 use self::{
     bodies::{RigidGroup, engine_joint, mass_properties, rigid_groups},
     controller::Controller,
@@ -30,7 +30,7 @@ use self::{
 use crate::{
     config::SceneConfig,
     error::SimulationError,
-    precision::{pose, real},
+    precision::{engine_pose, real},
     world::{World, groups},
 };
 
@@ -47,6 +47,8 @@ const DIMENSIONS: usize = 6;
 pub(crate) struct Hand {
     /// The palm, then the movable links.
     bodies: Vec<RigidBodyHandle>,
+    /// For each body, the first of its finger; the palm's own is 0.
+    fingers: Vec<usize>,
     /// The root of each finger, where the palm is.
     roots: Vec<Root>,
     drives: Vec<Drive>,
@@ -60,7 +62,7 @@ pub(crate) struct Hand {
 #[derive(Debug, Clone, Copy)]
 struct Root {
     body: RigidBodyHandle,
-    /// Lets it move in the world as it is told.
+    /// Lets it move in the world as commanded.
     joint: MultibodyJointHandle,
 }
 
@@ -125,9 +127,10 @@ impl Hand {
         let shapes = link_shapes(model)?;
         let groups = rigid_groups(model);
         let mut bodies: Vec<RigidBodyHandle> = Vec::with_capacity(groups.len());
-        let mut body_of_link = vec![(0, Isometry3::identity()); model.links().len()];
+        let mut body_of_link = vec![(0, Pose::identity()); model.links().len()];
+        let mut fingers: Vec<usize> = Vec::with_capacity(groups.len());
         let mut roots = Vec::new();
-        let parking = Pose::translation(0.0, 0.0, real(PARKING_HEIGHT_M));
+        let parking = EnginePose::translation(0.0, 0.0, real(PARKING_HEIGHT_M));
         let anywhere = GenericJointBuilder::new(JointAxesMask::empty()).local_frame1(parking);
         for (idx, group) in groups.iter().enumerate() {
             let mass = mass_properties(model, group, scene.hand_mass_scale)?;
@@ -149,7 +152,7 @@ impl Hand {
                             .collision_groups(groups::hand())
                             .user_data(idx as u128)
                             .position(
-                                pose(&(body_from_link * shape.link_from_shape))
+                                engine_pose(&(*body_from_link * shape.link_from_shape))
                                     * shape.shape_from_engine,
                             ),
                         body,
@@ -183,6 +186,10 @@ impl Hand {
                 }
             }
             bodies.push(body);
+            fingers.push(match parent {
+                Some((parent, _)) if parent > 0 => fingers[parent],
+                _ => idx,
+            });
         }
         for body in &bodies {
             let body = &mut world.bodies[*body];
@@ -190,6 +197,7 @@ impl Hand {
         }
         let mut hand = Self {
             bodies,
+            fingers,
             roots,
             drives: Vec::new(),
             joints: Vec::new(),
@@ -256,8 +264,8 @@ impl Hand {
     }
 
     /// Puts the hand somewhere at once, at rest.
-    pub(crate) fn place(&self, world: &mut World, table_from_palm: &Isometry3<f64>, q: &[f64]) {
-        let target = pose(table_from_palm);
+    pub(crate) fn place(&self, world: &mut World, table_from_palm: &Pose<Table, Palm>, q: &[f64]) {
+        let target = engine_pose(table_from_palm);
         if let Some(palm) = self.palm_mut(world).filter(|palm| palm.is_kinematic()) {
             palm.set_position(target, true);
             palm.set_linvel(Vector::ZERO, true);
@@ -296,10 +304,10 @@ impl Hand {
     pub(crate) fn move_palm(
         &self,
         world: &mut World,
-        table_from_palm: &Isometry3<f64>,
+        table_from_palm: &Pose<Table, Palm>,
         seconds: f64,
     ) {
-        let (target, seconds) = (pose(table_from_palm), real(seconds));
+        let (target, seconds) = (engine_pose(table_from_palm), real(seconds));
         if let Some(palm) = self.palm_mut(world) {
             let [x, y, z, about_x, about_y, about_z] = twist(palm.position(), &target, seconds);
             palm.set_linvel(Vector::new(x, y, z), true);
@@ -366,8 +374,8 @@ impl Hand {
         }
     }
 
-    /// Returns the pose of the palm in the table frame.
-    pub(crate) fn table_from_palm(&self, world: &World) -> Isometry3<f64> {
+    /// Returns the pose of the palm.
+    pub(crate) fn table_from_palm(&self, world: &World) -> Pose<Table, Palm> {
         world.table_from_body(self.bodies[0])
     }
 
@@ -425,6 +433,14 @@ impl Hand {
     /// Returns the rigid bodies that have shapes, the palm first.
     pub(crate) fn bodies(&self) -> &[RigidBodyHandle] {
         &self.bodies
+    }
+
+    /// Returns how many fingers have one of these bodies, the palm counting as one.
+    pub(crate) fn fingers_n(&self, of_bodies: impl Iterator<Item = usize>) -> usize {
+        let mut fingers: Vec<usize> = of_bodies.map(|body| self.fingers[body]).collect();
+        fingers.sort_unstable();
+        fingers.dedup();
+        fingers.len()
     }
 
     /// Returns the number of rigid bodies, the palm included.
@@ -497,7 +513,7 @@ fn movable(mass: MassProperties) -> RigidBodyBuilder {
 
 /// Returns the velocity (linear, then angular) that takes a free link from `now` to
 /// `world_from_link` in `seconds`, in the world's axes.
-fn twist(now: &Pose, world_from_link: &Pose, seconds: f32) -> [f32; 6] {
+fn twist(now: &EnginePose, world_from_link: &EnginePose, seconds: f32) -> [f32; 6] {
     let linear = (world_from_link.translation - now.translation) / seconds;
     let mut turn = world_from_link.rotation * now.rotation.inverse();
     if turn.w < 0.0 {
@@ -511,7 +527,7 @@ fn twist(now: &Pose, world_from_link: &Pose, seconds: f32) -> [f32; 6] {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Translation3, UnitQuaternion, Vector3};
+    use nalgebra::{UnitQuaternion, Vector3};
     use rapier3d::prelude::{JointAxis, MotorModel};
 
     use super::*;
@@ -550,13 +566,13 @@ mod tests {
         let mut scene = testing::scene();
         scene.friction = 0.0;
         let (mut world, hand) = finger(&scene);
-        hand.place(&mut world, &Isometry3::identity(), &[0.0]);
+        hand.place(&mut world, &Pose::identity(), &[0.0]);
         // A plate below the tip, on a spring of 1,000 N/m along z.
         let stiffness = 1000.0;
         let ground = world.bodies.insert(RigidBodyBuilder::fixed());
         let plate = world.bodies.insert(
             RigidBodyBuilder::dynamic()
-                .pose(Pose::translation(0.1, 0.0, -0.0205))
+                .pose(EnginePose::translation(0.1, 0.0, -0.0205))
                 .gravity_scale(0.0)
                 .additional_mass(1.0)
                 .can_sleep(false),
@@ -571,7 +587,7 @@ mod tests {
         );
         let free_along_z = JointAxesMask::LOCKED_FIXED_AXES.difference(JointAxesMask::LIN_Z);
         let spring = GenericJointBuilder::new(free_along_z)
-            .local_frame1(Pose::translation(0.1, 0.0, -0.0205))
+            .local_frame1(EnginePose::translation(0.1, 0.0, -0.0205))
             .motor_model(JointAxis::LinZ, MotorModel::ForceBased)
             .set_motor(JointAxis::LinZ, 0.0, 0.0, stiffness, 60.0)
             .build();
@@ -594,7 +610,7 @@ mod tests {
     fn a_free_finger_reaches_its_command_and_stops_there() {
         let scene = testing::scene();
         let (mut world, hand) = finger(&scene);
-        hand.place(&mut world, &Isometry3::identity(), &[-0.4]);
+        hand.place(&mut world, &Pose::identity(), &[-0.4]);
         for _ in 0..250 {
             hand.drive(&mut world, &[0.6]);
             world.step();
@@ -607,7 +623,7 @@ mod tests {
     fn a_halted_palm_makes_no_difference_to_its_fingers() {
         let scene = testing::scene();
         let (mut world, hand) = finger(&scene);
-        hand.place(&mut world, &Isometry3::identity(), &[-0.4]);
+        hand.place(&mut world, &Pose::identity(), &[-0.4]);
         let mut halted = world.fork();
         hand.halt(&mut halted);
         let mut farthest: f64 = 0.0;
@@ -628,7 +644,7 @@ mod tests {
     fn a_command_beyond_an_end_stop_ends_there() {
         let scene = testing::scene();
         let (mut world, hand) = finger(&scene);
-        hand.place(&mut world, &Isometry3::identity(), &[1.4]);
+        hand.place(&mut world, &Pose::identity(), &[1.4]);
         for _ in 0..250 {
             hand.drive(&mut world, &[3.0]);
             world.step();
@@ -643,11 +659,8 @@ mod tests {
         let turns =
             [0.0, 1.0, 2.5, 3.1].map(|angle| Vector3::new(0.3, -1.0, 0.5).normalize() * angle);
         for turn in turns {
-            let goal = Isometry3::from_parts(
-                Translation3::new(0.1, -0.2, 0.3),
-                UnitQuaternion::from_scaled_axis(turn),
-            );
-            hand.place(&mut world, &Isometry3::identity(), &[0.0]);
+            let goal = Pose::from_parts([0.1, -0.2, 0.3], UnitQuaternion::from_scaled_axis(turn));
+            hand.place(&mut world, &Pose::identity(), &[0.0]);
             for left in (1..=25).rev() {
                 hand.move_palm(&mut world, &goal, f64::from(left) * scene.time_step_s);
                 hand.drive(&mut world, &[0.0]);

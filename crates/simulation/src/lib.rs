@@ -34,14 +34,15 @@ mod testing;
 mod world;
 
 pub use config::{
-    Approach, ControllerKind, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Trial,
+    Approach, ControllerKind, DriveConfig, KnockedUntil, Offset, Protocol, PullConfig, SceneConfig,
+    StrictConfig, Trial,
 };
 pub use error::SimulationError;
 pub use object::ObjectShape;
 pub use played::PlayedStep;
 pub use rollout::{Flow, Record, Rollout, Trace, TraceStep, WatchedRollout};
 pub use schemas::rollouts::Verdict;
-pub use script::{Flexion, Instruction, Phase};
+pub use script::{Flexion, Phase, Setpoint};
 pub use settings::SettingFault;
 pub use shortcuts::Shortcuts;
 pub use template::{Template, check_hand};

@@ -1,15 +1,16 @@
 //! The grasped object as convex parts with a mass.
 
 use geometry::TriMesh;
-use nalgebra::{Isometry3, Matrix3, Point3};
+use nalgebra::{Matrix3, Point3};
 use rapier3d::prelude::{
     ColliderBuilder, MassProperties, RigidBodyBuilder, RigidBodyHandle, SharedShape, Vector,
 };
+use spatial::{Object, Pose, Table};
 
 use crate::{
     config::SceneConfig,
     error::SimulationError,
-    precision::{matrix, point, pose, real},
+    precision::{engine_pose, matrix, point, real},
     world::{World, groups},
 };
 
@@ -72,11 +73,11 @@ impl ObjectShape {
     }
 
     /// Returns the height of the lowest point of the object at `table_from_object`, in meters.
-    pub(crate) fn lowest_m(&self, table_from_object: &Isometry3<f64>) -> f64 {
+    pub(crate) fn lowest_m(&self, table_from_object: &Pose<Table, Object>) -> f64 {
         self.parts_m
             .iter()
             .flatten()
-            .map(|p| (table_from_object * p).z)
+            .map(|p| (*table_from_object * *p).z)
             .fold(f64::INFINITY, f64::min)
     }
 
@@ -105,11 +106,11 @@ impl ObjectShape {
         &self,
         world: &mut World,
         scene: &SceneConfig,
-        table_from_object: &Isometry3<f64>,
+        table_from_object: &Pose<Table, Object>,
     ) -> Result<RigidBodyHandle, SimulationError> {
         let body = world.bodies.insert(
             RigidBodyBuilder::dynamic()
-                .pose(pose(table_from_object))
+                .pose(engine_pose(table_from_object))
                 .additional_mass_properties(self.mass_properties(scene.mass_scale)?)
                 .can_sleep(false),
         );
@@ -139,13 +140,10 @@ pub(crate) fn principal_moments(inertia: &Matrix3<f64>) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use nalgebra::{UnitQuaternion, Vector3};
-    use rapier3d::math::Pose;
+    use rapier3d::math::Pose as EnginePose;
 
     use super::*;
-    use crate::{
-        precision::{isometry, rotation},
-        testing,
-    };
+    use crate::{precision::rotation, testing};
 
     /// A cube of 5 cm and 0.2 kg.
     fn cube() -> ObjectShape {
@@ -171,14 +169,14 @@ mod tests {
     fn falls_by_half_g_t_squared() {
         let scene = testing::scene();
         let mut world = World::empty(&scene);
-        let start = Isometry3::translation(0.0, 0.0, 10.0);
+        let start = Pose::identity().translated(&Vector3::new(0.0, 0.0, 10.0));
         let body = cube().insert(&mut world, &scene, &start).unwrap();
         let steps = 250;
         for _ in 0..steps {
             world.step();
         }
         let time = f64::from(steps) * scene.time_step_s;
-        let fallen = 10.0 - isometry(world.bodies[body].position()).translation.z;
+        let fallen = 10.0 - world.table_from_body::<Object>(body).translation.z;
         // Symplectic Euler moves with the velocity at the end of each step.
         let expected = 0.5 * 9.81 * time * (time + scene.time_step_s);
         assert!(
@@ -195,7 +193,7 @@ mod tests {
         let tilt = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), slope_rad);
         let slope = world
             .bodies
-            .insert(RigidBodyBuilder::fixed().pose(Pose::from_rotation(rotation(&tilt))));
+            .insert(RigidBodyBuilder::fixed().pose(EnginePose::from_rotation(rotation(&tilt))));
         world.colliders.insert_with_parent(
             ColliderBuilder::cuboid(5.0, 5.0, 0.5)
                 .friction(real(friction))
@@ -203,7 +201,7 @@ mod tests {
             slope,
             &mut world.bodies,
         );
-        let on_top = Isometry3::from_parts((tilt * Vector3::new(0.0, 0.0, 0.5252)).into(), tilt);
+        let on_top = Pose::from_parts(tilt * Vector3::new(0.0, 0.0, 0.5252), tilt);
         let body = cube().insert(&mut world, &scene, &on_top).unwrap();
         let place = |world: &mut World| {
             for _ in 0..125 {

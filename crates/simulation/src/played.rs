@@ -1,8 +1,9 @@
-//! Motions that were worked out elsewhere to the end of their hold, and are played as they are.
+//! Precomputed motions, to the end of their hold, that are played step by step.
 
 use motion::JointRates;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
 use robot::RobotModel;
+use spatial::{Object, Palm, Pose};
 
 use crate::{
     config::{ControllerKind, SceneConfig},
@@ -11,26 +12,26 @@ use crate::{
     script::{Command, HandPose, Phase, Script},
 };
 
-/// What palm and fingers are told at the end of one control step; of the first, where they start.
+/// Setpoint of palm and fingers at the end of one control step; the first is their start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlayedStep {
     /// The part of the rollout.
     pub phase: Phase,
     /// Pose of the palm in the frame of the object as it lay, before it is lifted.
-    pub object_from_palm: Isometry3<f64>,
+    pub object_from_palm: Pose<Object, Palm>,
     /// How far above that, along the table's z, in meters.
     pub lift_m: f64,
     /// Joint positions in radians, in the order of the hand's joints.
     pub q: Vec<f64>,
-    /// How fast they change.
+    /// Their velocities and accelerations.
     pub rates: JointRates,
 }
 
 impl Script {
     /// Takes a motion as it is: one step per control step, its start before them.
     ///
-    /// What geometry alone refuses is judged by the grasp, the last step of the reach: on their way the
-    /// fingers may have been opened further than the motion asks for.
+    /// Geometry alone refuses by the grasp, the last step of the reach: before it the fingers may be
+    /// opened further than in the requested motion.
     pub(crate) fn played(
         steps: &[PlayedStep],
         scene: &SceneConfig,
@@ -48,7 +49,7 @@ impl Script {
         });
         let mut commands: Vec<Command> = commands.collect();
         let reach = commands.iter().rfind(|command| is_reach(command.phase));
-        let asked = reach.map(|grasp| grasp.hand.clone()).into_iter().collect();
+        let requested = reach.map(|grasp| grasp.hand.clone()).into_iter().collect();
         let start = commands.remove(0);
         let desired = match scene.drive.controller {
             ControllerKind::Pd => None,
@@ -57,7 +58,7 @@ impl Script {
         Ok(Self {
             start,
             commands,
-            asked,
+            requested,
             desired,
         })
     }

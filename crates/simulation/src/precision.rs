@@ -1,7 +1,8 @@
 //! The border between `f64` outside and the physics engine's `f32` inside.
 
-use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use rapier3d::math::{Matrix, Pose, Real, Rotation, Vector};
+use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
+use rapier3d::math::{Matrix, Pose as EnginePose, Real, Rotation, Vector};
+use spatial::Pose;
 
 /// Rounds to single precision.
 #[expect(
@@ -29,11 +30,8 @@ pub(crate) fn rotation(r: &UnitQuaternion<f64>) -> Rotation {
 }
 
 /// Rounds a pose.
-pub(crate) fn pose(isometry: &Isometry3<f64>) -> Pose {
-    Pose::from_parts(
-        vector(&isometry.translation.vector),
-        rotation(&isometry.rotation),
-    )
+pub(crate) fn engine_pose<To, From>(pose: &Pose<To, From>) -> EnginePose {
+    EnginePose::from_parts(vector(&pose.translation.vector), rotation(&pose.rotation))
 }
 
 /// Rounds a symmetric matrix.
@@ -45,11 +43,11 @@ pub(crate) fn matrix(m: &Matrix3<f64>) -> Matrix {
     )
 }
 
-/// Widens a pose.
-pub(crate) fn isometry(pose: &Pose) -> Isometry3<f64> {
+/// Widens a pose; the caller names its frames.
+pub(crate) fn pose_from_engine<To, From>(pose: &EnginePose) -> Pose<To, From> {
     let (t, r) = (pose.translation, pose.rotation);
-    Isometry3::from_parts(
-        Translation3::new(f64::from(t.x), f64::from(t.y), f64::from(t.z)),
+    Pose::from_parts(
+        [f64::from(t.x), f64::from(t.y), f64::from(t.z)],
         UnitQuaternion::from_quaternion(Quaternion::from_parts(
             f64::from(r.w),
             Vector3::new(f64::from(r.x), f64::from(r.y), f64::from(r.z)),

@@ -1,24 +1,24 @@
-//! Motions that need no physics to fail.
+//! Rejection of motions on geometry alone.
 
-use nalgebra::Isometry3;
+use nalgebra::Vector3;
 use rapier3d::{parry::query, prelude::SharedShape};
-use robot::{Link, RobotModel};
+use robot::{Link, RobotModel, Shape};
 use schemas::rollouts::Verdict;
-use spatial::Palm;
+use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
     config::Protocol,
     error::SimulationError,
-    hand::LinkShape,
-    precision::pose,
+    hand::{LinkShape, Part},
+    precision::engine_pose,
     script::{HandPose, Phase, Script},
 };
 
-/// Returns why a script cannot be carried out, if geometry alone tells.
+/// Returns why a script is rejected on geometry alone, if it is.
 ///
 /// Checked are, in this order, over the whole reach: joint limits and the hand below the table, of
-/// the motion as it was asked for; then the hand deep inside the object before it closes, as it is
-/// commanded. Fingers that are opened further than asked for may press on the table: they yield.
+/// the requested motion; then the hand inside the object at the start and deep inside it before it
+/// closes, as it is commanded. Fingers that are opened further than requested may press on the table: they yield.
 ///
 /// # Errors
 ///
@@ -29,7 +29,7 @@ pub(crate) fn reject(
     model: &RobotModel,
     shapes: &[LinkShape],
     hulls: &[SharedShape],
-    table_from_object: &Isometry3<f64>,
+    table_from_object: &Pose<Table, Object>,
 ) -> Result<Option<Verdict>, SimulationError> {
     let tolerance = protocol.limit_tolerance_rad;
     let outside = |pose: &HandPose| {
@@ -37,27 +37,40 @@ pub(crate) fn reject(
             position < joint.lower - tolerance || position > joint.upper + tolerance
         })
     };
-    if script.asked.iter().any(outside) {
+    if script.requested.iter().any(outside) {
         return Ok(Some(Verdict::Limit));
     }
-    let below = |shape: &LinkShape, object_from_shape: &Isometry3<f64>| {
-        let table_from_shape = table_from_object * object_from_shape;
-        let is_above = lowest_m(shape, &table_from_shape) >= -protocol.table_tolerance_m;
+    let below = |shape: &LinkShape, object_from_shape: &Pose<Object, Shape>| {
+        let table_from_shape = *table_from_object * *object_from_shape;
+        let tolerance_m = match shape.part {
+            Part::Palm => protocol.strict.palm_table_tolerance_m,
+            Part::Finger => protocol.table_tolerance_m,
+        };
+        let is_above = lowest_m(shape, &table_from_shape) >= -tolerance_m;
         !is_above
     };
-    for pose in &script.asked {
+    for pose in &script.requested {
         if any_shape(model, shapes, pose, below)? {
             return Ok(Some(Verdict::Table));
         }
     }
-    let inside = |shape: &LinkShape, object_from_shape: &Isometry3<f64>| {
-        depth_m(shape, object_from_shape, hulls) > protocol.early_tolerance_m
+    let deeper = |tolerance_m: f64| {
+        move |shape: &LinkShape, object_from_shape: &Pose<Object, Shape>| {
+            depth_m(shape, object_from_shape, hulls) > tolerance_m
+        }
     };
-    let open = std::iter::once(&script.start)
-        .chain(&script.commands)
-        .take_while(|command| command.phase == Phase::Reach);
-    for command in open {
-        if any_shape(model, shapes, &command.hand, inside)? {
+    let start_m = protocol.strict.start_tolerance_m;
+    if any_shape(model, shapes, &script.start.hand, deeper(start_m))? {
+        return Ok(Some(Verdict::EarlyContact));
+    }
+    let commands = script.commands.iter();
+    for command in commands.take_while(|command| command.phase == Phase::Reach) {
+        if any_shape(
+            model,
+            shapes,
+            &command.hand,
+            deeper(protocol.early_tolerance_m),
+        )? {
             return Ok(Some(Verdict::EarlyContact));
         }
     }
@@ -70,31 +83,35 @@ fn any_shape(
     model: &RobotModel,
     shapes: &[LinkShape],
     pose: &HandPose,
-    condition: impl Fn(&LinkShape, &Isometry3<f64>) -> bool,
+    condition: impl Fn(&LinkShape, &Pose<Object, Shape>) -> bool,
 ) -> Result<bool, SimulationError> {
-    let palm_from_links: Vec<spatial::Pose<Palm, Link>> = model
+    let palm_from_links: Vec<Pose<Palm, Link>> = model
         .forward_kinematics(&pose.q)
         .map_err(|err| SimulationError::Motion(err.to_string()))?;
     Ok(shapes.iter().any(|shape| {
         let palm_from_link = palm_from_links[shape.link];
-        let object_from_shape = pose.object_from_palm * *palm_from_link * shape.link_from_shape;
+        let object_from_shape = pose.object_from_palm * palm_from_link * shape.link_from_shape;
         condition(shape, &object_from_shape)
     }))
 }
 
 /// Returns the height of a shape's lowest point in meters.
-fn lowest_m(shape: &LinkShape, table_from_shape: &Isometry3<f64>) -> f64 {
+fn lowest_m(shape: &LinkShape, table_from_shape: &Pose<Table, Shape>) -> f64 {
     let center = table_from_shape.translation.vector.z;
     // The table's z axis in the shape's frame.
     let up = table_from_shape
         .rotation
-        .inverse_transform_vector(&nalgebra::Vector3::z());
+        .inverse_transform_vector(&Vector3::z());
     center - shape.shape.extent_m(&up)
 }
 
 /// Returns how deep a shape is inside the deepest of the convex parts, in meters.
-fn depth_m(shape: &LinkShape, object_from_shape: &Isometry3<f64>, hulls: &[SharedShape]) -> f64 {
-    let object_from_engine = pose(object_from_shape) * shape.shape_from_engine;
+fn depth_m(
+    shape: &LinkShape,
+    object_from_shape: &Pose<Object, Shape>,
+    hulls: &[SharedShape],
+) -> f64 {
+    let object_from_engine = engine_pose(object_from_shape) * shape.shape_from_engine;
     let sphere = shape.engine.compute_bounding_sphere(&object_from_engine);
     hulls
         .iter()
@@ -131,7 +148,7 @@ mod tests {
         .unwrap();
         for (q, is_known) in [(vec![0.1], true), (vec![], false), (vec![0.1; 2], false)] {
             let pose = HandPose {
-                object_from_palm: Isometry3::identity(),
+                object_from_palm: Pose::identity(),
                 q,
             };
             let found = any_shape(&model, &[], &pose, |_, _| true);

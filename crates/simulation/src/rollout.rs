@@ -1,7 +1,7 @@
 //! Execution of one motion in physics, and its verdict.
 
-use nalgebra::Isometry3;
 use schemas::rollouts::Verdict;
+use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
     config::Protocol,
@@ -79,13 +79,13 @@ pub struct TraceStep {
     /// Seconds since the start.
     pub time_s: f64,
     /// Pose of the palm in the table frame.
-    pub table_from_palm: Isometry3<f64>,
+    pub table_from_palm: Pose<Table, Palm>,
     /// Joint positions in radians.
     pub q: Vec<f64>,
     /// Commanded joint positions in radians.
     pub q_command: Vec<f64>,
     /// Pose of the object in the table frame.
-    pub table_from_object: Isometry3<f64>,
+    pub table_from_object: Pose<Table, Object>,
 }
 
 /// Whether a watched rollout continues.
@@ -163,7 +163,7 @@ pub(crate) fn run_watched<'a>(
         }
     }
     let Performance { cost_n, trace, .. } = performance;
-    let verdict = verdict.unwrap_or_else(|| judge.conclude());
+    let verdict = verdict.unwrap_or_else(|| judge.conclude(template));
     let rollout = Rollout {
         verdict,
         cost_n,
@@ -185,7 +185,7 @@ pub(crate) fn run_watched<'a>(
 struct Performance<'a> {
     template: &'a Template,
     world: World,
-    believed: Isometry3<f64>,
+    table_from_estimate: Pose<Table, Object>,
     /// First command from which on the palm moves only for its lift.
     arrival: usize,
     /// Whether the palm was halted.
@@ -208,7 +208,7 @@ impl<'a> Performance<'a> {
         let mut begun = Self {
             template,
             world: template.world.fork(),
-            believed: *template.table_from_believed(),
+            table_from_estimate: template.table_from_estimate(),
             arrival: script.arrival(),
             halted: false,
             cost_n: 0,
@@ -216,7 +216,7 @@ impl<'a> Performance<'a> {
             watcher,
             flow: Flow::Continue,
         };
-        let table_from_palm = start.table_from_palm(&begun.believed);
+        let table_from_palm = start.table_from_palm(&begun.table_from_estimate);
         template
             .hand
             .place(&mut begun.world, &table_from_palm, &start.hand.q);
@@ -229,7 +229,7 @@ impl<'a> Performance<'a> {
         let (template, world) = (self.template, &mut self.world);
         let control_s = template.scene.control_step_s();
         if idx < self.arrival {
-            let target = command.table_from_palm(&self.believed);
+            let target = command.table_from_palm(&self.table_from_estimate);
             template.hand.move_palm(world, &target, control_s);
         } else {
             if !self.halted {
@@ -291,8 +291,8 @@ fn control_step_along(
     let step_s = template.scene.time_step_s;
     for step in 0..template.scene.steps_per_control {
         let time_s = f64::from(step) * step_s;
-        if let Some(asked) = desired.asked(control_step, time_s, step_s) {
-            template.hand.follow(world, &asked);
+        if let Some(desired) = desired.during(control_step, time_s, step_s) {
+            template.hand.follow(world, &desired);
         }
         if world.step() == Finite::No {
             return Finite::No;
@@ -308,6 +308,6 @@ fn look(template: &Template, world: &World, time_s: f64, q_command: &[f64]) -> T
         table_from_palm: template.hand.table_from_palm(world),
         q: template.hand.positions(world),
         q_command: q_command.to_vec(),
-        table_from_object: template.now(world),
+        table_from_object: template.table_from_object_in(world),
     }
 }

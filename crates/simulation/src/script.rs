@@ -1,9 +1,9 @@
-//! What palm and fingers are told at each control step.
+//! Commands to palm and fingers, one per control step.
 
 use motion::{Motion, Rates, Step};
-use nalgebra::{Isometry3, Translation3, Vector3};
+use nalgebra::Vector3;
 use robot::RobotModel;
-use spatial::Object;
+use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
     config::{Approach, ControllerKind, Protocol, SceneConfig, Trial},
@@ -38,11 +38,11 @@ pub enum Phase {
     Pull,
 }
 
-/// Where the hand is and how its joints stand.
+/// Palm pose and joint positions.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct HandPose {
     /// Pose of the palm in the frame of the object as it lay.
-    pub(crate) object_from_palm: Isometry3<f64>,
+    pub(crate) object_from_palm: Pose<Object, Palm>,
     /// Joint positions in radians.
     pub(crate) q: Vec<f64>,
 }
@@ -52,7 +52,7 @@ pub(crate) struct HandPose {
 pub(crate) struct Command {
     /// The part of the rollout.
     pub(crate) phase: Phase,
-    /// Where the hand shall be before it is lifted.
+    /// Commanded pose of the hand before the lift.
     pub(crate) hand: HandPose,
     /// How far above that, along the table's z, in meters.
     pub(crate) lift_m: f64,
@@ -61,29 +61,32 @@ pub(crate) struct Command {
     pub(crate) pull_m_per_s2: Vector3<f64>,
 }
 
-/// What palm and fingers are told at the end of one control step, for who carries it out elsewhere.
+/// Setpoint of palm and fingers at the end of one control step, for an execution elsewhere.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Instruction {
+pub struct Setpoint {
     /// The part of the rollout.
     pub phase: Phase,
-    /// Where the palm shall be, in the table's frame.
-    pub table_from_palm: Isometry3<f64>,
+    /// Commanded pose of the palm.
+    pub table_from_palm: Pose<Table, Palm>,
     /// Commanded joint positions in radians.
     pub q: Vec<f64>,
 }
 
 impl Command {
-    /// Returns where the palm shall be, in the table's frame, if the object lies as believed.
-    pub(crate) fn table_from_palm(&self, table_from_believed: &Isometry3<f64>) -> Isometry3<f64> {
-        Translation3::new(0.0, 0.0, self.lift_m)
-            * (table_from_believed * self.hand.object_from_palm)
+    /// Returns the commanded pose of the palm, given the estimated pose of the object.
+    pub(crate) fn table_from_palm(
+        &self,
+        table_from_estimate: &Pose<Table, Object>,
+    ) -> Pose<Table, Palm> {
+        let before_lift = *table_from_estimate * self.hand.object_from_palm;
+        before_lift.translated(&Vector3::new(0.0, 0.0, self.lift_m))
     }
 
     /// Returns the command in the table's frame.
-    pub(crate) fn instruction(&self, table_from_believed: &Isometry3<f64>) -> Instruction {
-        Instruction {
+    pub(crate) fn setpoint(&self, table_from_estimate: &Pose<Table, Object>) -> Setpoint {
+        Setpoint {
             phase: self.phase,
-            table_from_palm: self.table_from_palm(table_from_believed),
+            table_from_palm: self.table_from_palm(table_from_estimate),
             q: self.hand.q.clone(),
         }
     }
@@ -96,7 +99,7 @@ pub(crate) struct Script {
     /// One command per control step.
     pub(crate) commands: Vec<Command>,
     /// The motion itself over the control steps of the reach, its first step included.
-    pub(crate) asked: Vec<HandPose>,
+    pub(crate) requested: Vec<HandPose>,
     /// The fingers' course between the commands, if their drives look ahead.
     pub(crate) desired: Option<Desired>,
 }
@@ -128,12 +131,12 @@ impl Script {
         let lift = steps(protocol.lift_s, scene).max(1);
         let hold = steps(protocol.hold_s, scene).max(1);
         let start = writer.reach(0.0);
-        let mut asked = vec![writer.at(0.0)];
+        let mut requested = vec![writer.at(0.0)];
         let mut commands = Vec::with_capacity(reach + squeeze + pause + lift + hold);
         let fractions = |n: usize| (1..=n).map(move |step| step as f64 / n as f64);
         for fraction in fractions(reach) {
             commands.push(writer.reach(fraction));
-            asked.push(writer.at(fraction));
+            requested.push(writer.at(fraction));
         }
         for fraction in fractions(squeeze) {
             commands.push(writer.grasp(Phase::Squeeze, fraction, 0.0));
@@ -172,7 +175,7 @@ impl Script {
         Ok(Self {
             start,
             commands,
-            asked,
+            requested,
             desired,
         })
     }
@@ -203,7 +206,7 @@ pub(crate) fn steps(seconds: f64, scene: &SceneConfig) -> usize {
     (seconds / scene.control_step_s()).round().clamp(0.0, 1e6) as usize
 }
 
-/// How the joints that open and squeeze are moved together.
+/// Joints that flex together when the hand opens and squeezes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flexion {
     /// 1 for each joint that flexes, 0 for the others, with its limits.
@@ -310,7 +313,7 @@ impl<R: Rates> Writer<'_, R> {
             ..
         } = self.motion.at_fraction(fraction);
         HandPose {
-            object_from_palm: *frame_from_palm,
+            object_from_palm: frame_from_palm,
             q: q_rad,
         }
     }

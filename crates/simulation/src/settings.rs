@@ -1,6 +1,6 @@
 //! What a scene and a protocol can be: the bounds of their numbers.
 
-use crate::config::{Protocol, PullConfig, SceneConfig, Trial};
+use crate::config::{Protocol, PullConfig, SceneConfig, StrictConfig, Trial};
 
 /// Longest of the times that a protocol is made of, in seconds.
 const LONGEST_S: f64 = 3600.0;
@@ -8,14 +8,14 @@ const LONGEST_S: f64 = 3600.0;
 const SHORTEST_STEP_S: f64 = 1e-6;
 /// Longest physics time step, in seconds.
 const LONGEST_STEP_S: f64 = 0.1;
-/// Most physics steps in one control step.
-const MOST_STEPS_PER_CONTROL: u32 = 10_000;
-/// Most control steps of a motion, of which each is held in memory: 500 times those of a usual one.
-const MOST_CONTROL_STEPS: f64 = 100_000.0;
-/// Most physics steps of a motion or of an object that comes to rest.
-const MOST_STEPS: f64 = 10_000_000.0;
-/// Most links of a hand.
-const MOST_LINKS: u32 = 5000;
+/// Maximum number of physics steps in one control step.
+const MAX_STEPS_PER_CONTROL: u32 = 10_000;
+/// Maximum number of control steps of a motion, of which each is held in memory: 500 times those of a usual one.
+const MAX_CONTROL_STEPS: f64 = 100_000.0;
+/// Maximum number of physics steps of a motion or of an object that comes to rest.
+const MAX_STEPS: f64 = 10_000_000.0;
+/// Maximum number of links of a hand.
+const MAX_LINKS: u32 = 5000;
 /// Greatest number of any other setting.
 const MOST: f64 = 1e6;
 
@@ -76,9 +76,9 @@ impl SceneConfig {
         let step_s = self.time_step_s;
         faults.within("time_step_s", step_s, SHORTEST_STEP_S, LONGEST_STEP_S, why);
         let per_control = self.steps_per_control;
-        if !(1..=MOST_STEPS_PER_CONTROL).contains(&per_control) {
+        if !(1..=MAX_STEPS_PER_CONTROL).contains(&per_control) {
             let problem = format!(
-                "is {per_control}, and must be from 1 to {MOST_STEPS_PER_CONTROL}: controllers are told \
+                "is {per_control}, and must be from 1 to {MAX_STEPS_PER_CONTROL}: controllers are commanded \
                  something more often"
             );
             faults.note("steps_per_control", problem);
@@ -86,12 +86,12 @@ impl SceneConfig {
         let why = "what does not rest by then never will";
         faults.within("settle_s", self.settle_s, 0.0, LONGEST_S, why);
         let settling = self.settle_s / step_s;
-        if faults.0.is_empty() && settling > MOST_STEPS {
+        if faults.0.is_empty() && settling > MAX_STEPS {
             faults.note(
                 "settle_s",
                 format!(
                     "is {:?}, with `time_step_s` = {step_s:?} that makes {settling:.0} steps, and may \
-                     make {MOST_STEPS}: they take hours",
+                     make {MAX_STEPS}: they take hours",
                     self.settle_s
                 ),
             );
@@ -129,6 +129,13 @@ impl Protocol {
             max_rotation_rad,
             ..
         } = self.pull;
+        let StrictConfig {
+            min_fingers,
+            max_spin_rad_per_s,
+            palm_table_tolerance_m,
+            start_tolerance_m,
+            ..
+        } = self.strict;
         for (key, number) in [
             ("open_rad", self.open_rad),
             ("squeeze_rad", self.squeeze_rad),
@@ -140,18 +147,25 @@ impl Protocol {
             ("limit_tolerance_rad", self.limit_tolerance_rad),
             ("table_tolerance_m", self.table_tolerance_m),
             ("early_tolerance_m", self.early_tolerance_m),
+            ("strict.max_spin_rad_per_s", max_spin_rad_per_s),
+            ("strict.palm_table_tolerance_m", palm_table_tolerance_m),
+            ("strict.start_tolerance_m", start_tolerance_m),
             ("pull.force_n_per_kg", force_n_per_kg),
             ("pull.max_displacement_m", max_displacement_m),
             ("pull.max_rotation_rad", max_rotation_rad),
         ] {
             faults.within(key, number, -MOST, MOST, "physics computes with 32 bits");
         }
-        if self.min_links > MOST_LINKS {
-            let problem = format!(
-                "is {}, and must be from 0 to {MOST_LINKS}: no hand has more links",
-                self.min_links
-            );
-            faults.note("min_links", problem);
+        for (key, number) in [
+            ("min_links", self.min_links),
+            ("strict.min_fingers", min_fingers),
+        ] {
+            if number > MAX_LINKS {
+                let problem = format!(
+                    "is {number}, and must be from 0 to {MAX_LINKS}: no hand has more links"
+                );
+                faults.note(key, problem);
+            }
         }
         if faults.0.is_empty() && scene.faults().is_empty() {
             self.check_steps(scene, &mut faults);
@@ -180,13 +194,13 @@ impl Protocol {
             (
                 "control steps",
                 scene.control_step_s(),
-                MOST_CONTROL_STEPS,
+                MAX_CONTROL_STEPS,
                 "each is held in memory",
             ),
             (
                 "physics steps",
                 scene.time_step_s,
-                MOST_STEPS,
+                MAX_STEPS,
                 "they take hours",
             ),
         ] {

@@ -2,7 +2,7 @@
 
 use geometry::SurfaceDistance;
 use motion::{Motion, Rates};
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use rapier3d::prelude::{RigidBodyHandle, SharedShape};
 use robot::RobotModel;
 use schemas::rollouts::Verdict;
@@ -14,10 +14,10 @@ use crate::{
     hand::{self, Hand, LinkShape, link_shapes},
     object::ObjectShape,
     played::PlayedStep,
-    precision::isometry,
+    precision::pose_from_engine,
     rejection::reject,
     rollout::{Flow, Record, Rollout, TraceStep, WatchedRollout, Watcher, run, run_watched},
-    script::{Instruction, Script, steps as steps_in},
+    script::{Script, Setpoint, steps as steps_in},
     world::{Finite, World},
 };
 
@@ -40,9 +40,9 @@ pub struct Template {
     /// The object's surface, where its parts only stand for it.
     pub(crate) surface: Option<SurfaceDistance>,
     /// Pose of the object at rest.
-    table_from_object: Isometry3<f64>,
-    /// Pose of the object as a motion believes it.
-    table_from_believed: Isometry3<f64>,
+    table_from_object: Pose<Table, Object>,
+    /// Estimated pose of the object, on which the motions are based.
+    table_from_estimate: Pose<Table, Object>,
 }
 
 impl Template {
@@ -60,14 +60,15 @@ impl Template {
     ) -> Result<Self, SimulationError> {
         check(scene)?;
         let mut world = World::with_table(scene);
-        let mut table_from_object = *rest.table_from_object();
-        table_from_object.translation.z += GAP_M - object.lowest_m(&table_from_object);
+        let table_from_object = rest.table_from_object();
+        let rise_m = GAP_M - object.lowest_m(&table_from_object);
+        let table_from_object = table_from_object.translated(&Vector3::new(0.0, 0.0, rise_m));
         let displaced = displace(&scene.object_offset, &table_from_object);
         let body = object.insert(&mut world, scene, &displaced)?;
         let hand = Hand::insert(&mut world, scene, model)?;
         let hulls = object.hulls()?;
         let table_from_object = settle(&mut world, scene, &hand, body)?;
-        let table_from_believed = undo(&scene.object_offset, &table_from_object);
+        let table_from_estimate = undo(&scene.object_offset, &table_from_object);
         Ok(Self {
             world,
             scene: scene.clone(),
@@ -78,19 +79,19 @@ impl Template {
             hulls,
             surface: object.surface.as_ref().map(SurfaceDistance::new),
             table_from_object,
-            table_from_believed,
+            table_from_estimate,
         })
     }
 
     /// Returns the object's resting pose, in the table's frame.
     pub fn table_from_object(&self) -> Pose<Table, Object> {
-        Pose::new(self.table_from_object)
+        self.table_from_object
     }
 
-    /// Returns the motions' object frame in the table's frame: the object's resting pose without
+    /// Returns the estimated pose of the object, on which the motions are based: its resting pose without
     /// [`SceneConfig::object_offset`].
-    pub fn table_from_believed(&self) -> Pose<Table, Object> {
-        Pose::new(self.table_from_believed)
+    pub fn table_from_estimate(&self) -> Pose<Table, Object> {
+        self.table_from_estimate
     }
 
     /// Executes a motion in a fresh copy of the scene and judges it.
@@ -119,7 +120,7 @@ impl Template {
     }
 
     /// Plays precomputed steps to the end of their hold and judges them, with their trace; `see` is
-    /// called at every step. If `see` asks for it, the motion is aborted and the hand stands still
+    /// called at every step. On its request the motion is aborted and the hand stands still
     /// for `hold_s`, with `see` called then too.
     ///
     /// Only the protocol's success criteria matter: the steps define when the fingers close and the
@@ -159,30 +160,30 @@ impl Template {
             &self.model,
             &self.shapes,
             &self.hulls,
-            &self.table_from_believed,
+            &self.table_from_estimate,
         )
     }
 
-    /// Returns the object's pose in a copy of the world, in the table's frame.
-    pub(crate) fn now(&self, world: &World) -> Isometry3<f64> {
+    /// Returns the object's pose in a copy of the world.
+    pub(crate) fn table_from_object_in(&self, world: &World) -> Pose<Table, Object> {
         world.table_from_body(self.object)
     }
 
     /// Returns the commands to palm and fingers in the rollout of a motion: their start, then one
-    /// instruction per control step to the end of the hold, whatever happens to the object.
+    /// setpoint per control step to the end of the hold, whatever happens to the object.
     ///
     /// # Errors
     ///
     /// Fails if the motion does not fit the hand or the protocol names a joint that it lacks.
-    pub fn instructions<R: Rates>(
+    pub fn setpoints<R: Rates>(
         &self,
         motion: &Motion<Object, R>,
         protocol: &Protocol,
-    ) -> Result<Vec<Instruction>, SimulationError> {
+    ) -> Result<Vec<Setpoint>, SimulationError> {
         let script = Script::new(motion, protocol, &self.scene, &self.model)?;
         Ok(std::iter::once(&script.start)
             .chain(&script.commands)
-            .map(|command| command.instruction(&self.table_from_believed))
+            .map(|command| command.setpoint(&self.table_from_estimate))
             .collect())
     }
 
@@ -219,21 +220,25 @@ fn check(scene: &SceneConfig) -> Result<(), SimulationError> {
 }
 
 /// Displaces an object on the table, turning it about the vertical through its own origin.
-fn displace(offset: &Offset, table_from_object: &Isometry3<f64>) -> Isometry3<f64> {
+fn displace(offset: &Offset, table_from_object: &Pose<Table, Object>) -> Pose<Table, Object> {
     let shift = Vector3::new(offset.x_m, offset.y_m, 0.0);
     turn(table_from_object, offset.yaw_rad, shift)
 }
 
 /// Reverses [`displace`].
-fn undo(offset: &Offset, table_from_object: &Isometry3<f64>) -> Isometry3<f64> {
+fn undo(offset: &Offset, table_from_object: &Pose<Table, Object>) -> Pose<Table, Object> {
     let shift = Vector3::new(-offset.x_m, -offset.y_m, 0.0);
     turn(table_from_object, -offset.yaw_rad, shift)
 }
 
-fn turn(table_from_object: &Isometry3<f64>, yaw: f64, shift: Vector3<f64>) -> Isometry3<f64> {
-    let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
-    Isometry3::from_parts(
-        Translation3::from(table_from_object.translation.vector + shift),
+fn turn(
+    table_from_object: &Pose<Table, Object>,
+    yaw_rad: f64,
+    shift_m: Vector3<f64>,
+) -> Pose<Table, Object> {
+    let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
+    Pose::from_parts(
+        table_from_object.translation.vector + shift_m,
         yaw * table_from_object.rotation,
     )
 }
@@ -244,7 +249,7 @@ fn settle(
     scene: &SceneConfig,
     hand: &Hand,
     object: RigidBodyHandle,
-) -> Result<Isometry3<f64>, SimulationError> {
+) -> Result<Pose<Table, Object>, SimulationError> {
     let parked = hand.positions(world);
     let mut resting = 0;
     let mut time_s = 0.0;
@@ -269,7 +274,7 @@ fn settle(
     };
     body.set_linvel(rapier3d::math::Vector::ZERO, true);
     body.set_angvel(rapier3d::math::Vector::ZERO, true);
-    let table_from_object = isometry(body.position());
+    let table_from_object = pose_from_engine(body.position());
     let place = table_from_object.translation.vector;
     if place.iter().all(|number| number.is_finite()) && place.z > -0.5 {
         Ok(table_from_object)

@@ -1,6 +1,6 @@
 //! The physics engine's state as one value that can be copied.
 
-use nalgebra::{Isometry3, Translation3, Vector3};
+use nalgebra::Vector3;
 use rapier3d::{
     dynamics::SpringCoefficients,
     math::Real,
@@ -11,10 +11,11 @@ use rapier3d::{
         RigidBodyHandle, RigidBodySet, RigidBodyType, SoftBodySet, Vector,
     },
 };
+use spatial::{Pose, Table};
 
 use crate::{
     config::SceneConfig,
-    precision::{isometry, real, vector},
+    precision::{pose_from_engine, real, vector},
 };
 
 /// Standard gravity in meters per second squared.
@@ -252,10 +253,10 @@ impl World {
                 .all(|shape| shape.compute_aabb().mins.z > top)
     }
 
-    /// Returns a body's pose, in the table's frame.
-    pub(crate) fn table_from_body(&self, body: RigidBodyHandle) -> Isometry3<f64> {
-        let engine_from_body = isometry(self.bodies[body].position());
-        Translation3::new(0.0, 0.0, self.rise.height_m) * engine_from_body
+    /// Returns a body's pose; the caller names its frame.
+    pub(crate) fn table_from_body<Body>(&self, body: RigidBodyHandle) -> Pose<Table, Body> {
+        let unrisen: Pose<Table, Body> = pose_from_engine(self.bodies[body].position());
+        unrisen.translated(&Vector3::new(0.0, 0.0, self.rise.height_m))
     }
 }
 

@@ -16,6 +16,6 @@ pub enum Object {}
 /// The robot hand's palm frame: the root link of its URDF.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Palm {}
-/// The frame of a robot's foot: the root link of its URDF.
+/// The frame of a robot's base: the root link of its URDF.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Base {}

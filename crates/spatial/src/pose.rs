@@ -46,6 +46,18 @@ impl<To, From> Pose<To, From> {
         Pose::new(self.isometry.inverse())
     }
 
+    /// Returns the pose of frame `C` in `From`, of which this is the pose and the other that of `C`, both
+    /// in `To`.
+    pub fn inv_mul<C>(&self, to_from_c: &Pose<To, C>) -> Pose<From, C> {
+        Pose::new(self.isometry.inv_mul(&to_from_c.isometry))
+    }
+
+    /// Returns the pose moved by an offset along the axes of `To`, in meters.
+    #[must_use]
+    pub fn translated(&self, offset_in_to: &Vector3<f64>) -> Self {
+        Self::new(Translation3::from(*offset_in_to) * self.isometry)
+    }
+
     /// Returns the pose as stored: position `xyz` in meters, then quaternion `xyzw` with `w ≥ 0`.
     pub fn to_array(&self) -> [f64; 7] {
         let t = &self.isometry.translation.vector;

@@ -7,14 +7,14 @@ use crate::{Palm, Pose, QuinticSegment, Twist};
 /// Below this angle in radians the series are more exact than the quotients.
 const SMALL_RAD: f64 = 0.05;
 
-/// A palm on its way relative to `Frame`.
+/// State of a moving palm relative to `Frame`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseState<Frame> {
     /// The palm's pose.
     pub frame_from_palm: Pose<Frame, Palm>,
-    /// How fast it moves.
+    /// Its velocity.
     pub velocity: Twist<Frame>,
-    /// How fast that changes.
+    /// Its acceleration.
     pub acceleration: Twist<Frame>,
 }
 
@@ -45,10 +45,10 @@ impl Peaks {
 
 /// How much too large the bound of an angular speed or acceleration may be, of the greatest one.
 const EXACT: f64 = 1e-4;
-/// Most halvings of a segment.
+/// Maximum number of halvings of a segment.
 const HALVINGS: u32 = 12;
 
-/// The way between two moving poses: polynomials of fifth degree in time that have both ends'
+/// The motion between two pose states: polynomials of fifth degree in time that have both ends'
 /// positions, velocities and accelerations. The rotation is that of the first end turned by the
 /// rotation vector that such a polynomial gives.
 #[derive(Debug, Clone, PartialEq)]
@@ -109,7 +109,7 @@ impl<Frame: Copy> PoseSegment<Frame> {
         }
     }
 
-    /// Returns the least and the greatest coordinates of the origin on the way.
+    /// Returns the least and the greatest coordinates of the origin.
     pub fn range(&self) -> [Vector3<f64>; 2] {
         let (start, end) = (places(&self.from), places(&self.to));
         let mut range = [Vector3::zeros(); 2];
@@ -122,7 +122,7 @@ impl<Frame: Copy> PoseSegment<Frame> {
         range
     }
 
-    /// Returns the greatest velocities and accelerations on the way, or those of `least` that are no
+    /// Returns the greatest velocities and accelerations, or those of `least` that are no
     /// smaller.
     ///
     /// None is less than what is reached. Those of the origin are exact, as [`QuinticSegment`] has them;
@@ -144,7 +144,7 @@ impl<Frame: Copy> PoseSegment<Frame> {
         }
     }
 
-    /// Returns the greatest angular speed and acceleration on a part of the way, or those of `least`.
+    /// Returns the greatest angular speed and acceleration on a part of the segment, or those of `least`.
     ///
     /// The left Jacobian is the mean of the turns by r φ, `J = ∫ exp(r φ×) dr` over r from 0 to 1 (Barfoot,
     /// *State Estimation for Robotics*, 2017, §7.1.5), and `exp(r φ×)` turns with the angular velocity
@@ -176,7 +176,7 @@ impl<Frame: Copy> PoseSegment<Frame> {
         ];
         let least = [least[0].max(there[0]), least[1].max(there[1])];
         let is_known = |order: usize| bounds[order] <= least[order] * (1.0 + EXACT);
-        // What is no number is bounded by nothing.
+        // NaN has no bound.
         if halvings == 0 || is_known(0) && is_known(1) || bounds.iter().any(|b| !b.is_finite()) {
             return [0, 1].map(|order| {
                 if bounds[order].is_finite() {
@@ -226,12 +226,12 @@ pub fn quintic(from: [f64; 3], to: [f64; 3], duration: f64, time: f64) -> [f64; 
     let ([p0, v0, a0], [p1, v1, a1]) = (from, to);
     let (h, s) = (duration, time / duration);
     // What the parabola through the first end lacks at the second, in units of the duration.
-    let way = p1 - p0 - v0 * h - 0.5 * a0 * h * h;
+    let rest = p1 - p0 - v0 * h - 0.5 * a0 * h * h;
     let speed = (v1 - v0 - a0 * h) * h;
     let bend = (a1 - a0) * h * h;
-    let c3 = 10.0 * way - 4.0 * speed + 0.5 * bend;
-    let c4 = -15.0 * way + 7.0 * speed - bend;
-    let c5 = 6.0 * way - 3.0 * speed + 0.5 * bend;
+    let c3 = 10.0 * rest - 4.0 * speed + 0.5 * bend;
+    let c4 = -15.0 * rest + 7.0 * speed - bend;
+    let c5 = 6.0 * rest - 3.0 * speed + 0.5 * bend;
     let s2 = s * s;
     [
         p0 + v0 * time + 0.5 * a0 * time * time + s2 * s * (c3 + s * (c4 + s * c5)),
@@ -328,7 +328,7 @@ mod tests {
     proptest! {
         /// No peak is passed, and each is reached but for what it may be too large by.
         #[test]
-        fn peaks_are_what_a_passage_reaches(
+        fn peaks_are_the_maxima_of_a_segment(
             from in moving(),
             to in moving(),
             duration_s in 0.02..1.0_f64,
@@ -364,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn the_polynomial_has_both_ends_and_its_own_derivatives() {
+    fn polynomial_meets_both_ends_and_its_derivatives() {
         let (from, to, h) = ([0.2, -1.0, 3.0], [0.5, 2.0, -4.0], 0.3);
         for (time, expected) in [(0.0, from), (h, to)] {
             let found = quintic(from, to, h, time);
@@ -384,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn a_passage_has_both_ends_and_its_own_derivatives() {
+    fn segment_meets_both_ends_and_its_derivatives() {
         let end = |shift: f64| PoseState {
             frame_from_palm: Pose::new(Isometry3::new(
                 Vector3::new(shift, 0.2, -0.1),

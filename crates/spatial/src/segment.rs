@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 
 /// How much too large a greatest value may be, of the greatest coefficient.
 const EXACT: f64 = 1e-9;
-/// Most halvings of a segment.
+/// Maximum number of halvings of a segment.
 const HALVINGS: u32 = 40;
 
 /// What a polynomial's coefficients are: a number or a vector.
@@ -203,7 +203,7 @@ mod tests {
     proptest! {
         /// No bound is exceeded, and each is reached.
         #[test]
-        fn bounds_are_what_the_polynomial_reaches(
+        fn bounds_are_the_extremes_of_the_polynomial(
             from in end(),
             to in end(),
             h in 0.002..2.0_f64,

@@ -1,7 +1,7 @@
-//! How fast a frame moves and turns.
+//! Linear and angular velocities of a frame.
 //!
-//! What moves is always a palm or the root of a robot, so that the type says only along whose axes: that
-//! is what could be confused. Relative to what it moves is said where a twist is kept.
+//! The moving frame is always a palm or the root of a robot, so that the type names only the frame of the
+//! axes, which could be confused. A field that holds a twist says relative to what it moves.
 
 use std::marker::PhantomData;
 
@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use crate::Pose;
 
-/// A velocity or an acceleration of a frame that moves, along the axes of `Frame`.
+/// Velocity or acceleration of a moving frame, along the axes of `Frame`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Twist<Frame> {
     /// That of the moving frame's origin, in m/s or m/s².
@@ -29,7 +29,7 @@ impl<Frame> Twist<Frame> {
         }
     }
 
-    /// Returns the twist of what does not move.
+    /// Returns the twist of a frame at rest.
     pub fn zero() -> Self {
         Self::new(Vector3::zeros(), Vector3::zeros())
     }

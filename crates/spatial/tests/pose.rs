@@ -71,6 +71,6 @@ fn refuses_a_quaternion_in_the_wrong_order_of_magnitude() {
 }
 
 #[test]
-fn parallel_columns_are_no_rotation() {
+fn parallel_columns_are_refused() {
     assert!(rotation_from_rot6d([1.0, 0.0, 0.0, 2.0, 0.0, 0.0]).is_none());
 }

@@ -46,7 +46,7 @@ macro_rules! words {
                 row: usize,
             ) -> Result<Self, crate::SchemaError> {
                 let word = <String as crate::columns::Cell>::read(column, row)?;
-                let no_word = || column.invalid(format!(concat!("`{}` is no ", $what), word));
+                let no_word = || column.invalid(format!(concat!("`{}` is not a valid ", $what), word));
                 Self::parse(&word).ok_or_else(no_word)
             }
         }

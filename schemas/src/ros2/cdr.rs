@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn an_absurd_length_is_an_error_and_takes_no_memory() {
+    fn excessive_length_is_an_error_without_allocation() {
         let mut bytes = trajectory().to_cdr();
         // After the stamp (8 bytes) and the empty frame name (4 + 1, padded to 8): the number of
         // names.

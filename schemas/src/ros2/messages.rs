@@ -75,7 +75,7 @@ pub struct Point {
 }
 fields!(Point { x, y, z });
 
-/// `geometry_msgs/Quaternion`, of unit length; the default is no rotation.
+/// `geometry_msgs/Quaternion`, of unit length; the default is the identity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quaternion {
     /// First imaginary part.

@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_one_question() {
+    fn several_statements_are_refused() {
         let several = said("select 1; delete from objects").unwrap();
         assert_eq!(several.0, "there are 2 questions in one");
         for empty in ["", "  ", ";", "-- nothing"] {

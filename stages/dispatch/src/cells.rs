@@ -9,7 +9,7 @@ use cell::{
     Capabilities, Carrier, CellArm, CellClient, Gap, Goal, ObjectError, Offer, Service,
     SimulatedCell, SimulatedCellConfig,
 };
-use planning::{ArmConfig, MOST_HZ};
+use planning::{ArmConfig, MAX_HZ};
 use schemas::objects::Object;
 use simulation::ObjectShape;
 
@@ -28,13 +28,13 @@ static RUNNING: Mutex<Option<Running>> = Mutex::new(None);
 const SAME_PLACE: f64 = 1e-6;
 
 struct Running {
-    asked: Asked,
+    requested: Requested,
     cell: Arc<SimulatedCell>,
 }
 
 /// Configuration of a running simulated cell.
 #[derive(PartialEq)]
-struct Asked {
+struct Requested {
     config: SimulatedCellConfig,
     robot: String,
 }
@@ -112,11 +112,11 @@ fn check_controllers(cell: &Capabilities, goal: &Goal) -> Result<(), DispatchErr
         return Err(wrong(problem));
     };
     let none = Vec::new();
-    let told = match &goal.carrier {
+    let moved = match &goal.carrier {
         Carrier::Palm(_) => ("palm", &none),
         Carrier::Arm(arm) => ("arm", &arm.joints),
     };
-    for (offer, (controller, joints)) in [(carrier, told), (hand, ("hand", &goal.hand.joints))] {
+    for (offer, (controller, joints)) in [(carrier, moved), (hand, ("hand", &goal.hand.joints))] {
         check_controller(offer, controller, joints).map_err(wrong)?;
     }
     Ok(())
@@ -131,9 +131,9 @@ fn check_controller(offer: &Offer, controller: &str, joints: &[String]) -> Resul
     if found != controller {
         return Err(format!("it has a controller `{found}` for `{controller}`"));
     }
-    if !(1.0..=MOST_HZ).contains(rate_hz) {
+    if !(1.0..=MAX_HZ).contains(rate_hz) {
         return Err(format!(
-            "its controller `{found}` is told something {rate_hz} times a second, expected 1 to {MOST_HZ}"
+            "its controller `{found}` is commanded {rate_hz} times a second, expected 1 to {MAX_HZ}"
         ));
     }
     if let Some(joint) = joints.iter().find(|&joint| !offered.contains(joint)) {
@@ -141,7 +141,7 @@ fn check_controller(offer: &Offer, controller: &str, joints: &[String]) -> Resul
     }
     if let Some(joint) = offered.iter().find(|&joint| !joints.contains(joint)) {
         return Err(format!(
-            "no goal tells joint `{joint}` of its controller `{found}` anything"
+            "no goal commands joint `{joint}` of its controller `{found}`"
         ));
     }
     if offered.len() != joints.len() {
@@ -213,23 +213,26 @@ fn simulated(
         _ => None,
     };
     let (name, listen) = (config.cell_name.clone(), config.listen.clone());
-    let asked = Asked {
+    let requested = Requested {
         config: setup(name, listen, config.simulated.clone(), arm),
         robot: robots.digest(),
     };
     let mut running = RUNNING.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(running) = running.as_ref().filter(|running| running.asked == asked) {
+    if let Some(running) = running
+        .as_ref()
+        .filter(|running| running.requested == requested)
+    {
         return Ok(Arc::clone(&running.cell));
     }
     // Stop a cell with other options first: it may hold the port.
     *running = None;
     let cell = Arc::new(SimulatedCell::start_with(
-        asked.config.clone(),
+        requested.config.clone(),
         &robots.hand_urdf,
         robots.hand.clone(),
     )?);
     *running = Some(Running {
-        asked,
+        requested,
         cell: Arc::clone(&cell),
     });
     Ok(cell)

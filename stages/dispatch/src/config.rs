@@ -17,14 +17,14 @@ pub(crate) const SIMULATED: &str = "simulated";
 /// Longest timeout accepted, in seconds.
 const DAY_S: f64 = 86_400.0;
 
-/// Most motions of one object.
-const MOST_MOTIONS: usize = 1_000_000;
+/// Maximum number of motions of one object.
+const MAX_MOTIONS: usize = 1_000_000;
 
 /// Largest latency of a simulated cell, in seconds.
 const LATEST_S: f64 = 10.0;
 
 /// Largest pose error of the simulated cell, in meters and radians.
-const MOST_ERROR: f64 = 1000.0;
+const MAX_ERROR: f64 = 1000.0;
 
 /// Options of `kind = "dispatch"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -133,10 +133,10 @@ impl DispatchConfig {
             }
         }
         let why = "they are sent one after the other";
-        faults.within("per_object", self.per_object, 0..=MOST_MOTIONS, why);
+        faults.within("per_object", self.per_object, 0..=MAX_MOTIONS, why);
         let why = "it is an angle by which a joint may be off";
         let tolerance_rad = self.start_tolerance_rad;
-        faults.within("start_tolerance_rad", tolerance_rad, 0.0..=MOST_ERROR, why);
+        faults.within("start_tolerance_rad", tolerance_rad, 0.0..=MAX_ERROR, why);
         faults.of_table("grasp", self.grasp.faults(&self.simulated.scene));
         self.simulated.check(&mut faults);
         faults.found()
@@ -197,7 +197,7 @@ impl DispatchConfig {
 
 impl SimulatedConfig {
     fn check(&self, faults: &mut OptionFaults) {
-        let why = "what is told later is not told in time";
+        let why = "a later command does not arrive in time";
         faults.within("simulated.latency_s", self.latency_s, 0.0..=LATEST_S, why);
         for (key, error) in [
             ("simulated.object_error_m", self.object_error_m),
@@ -205,7 +205,7 @@ impl SimulatedConfig {
             ("simulated.encoder_noise_rad", self.encoder_noise_rad),
         ] {
             let why = "it is the size of an error";
-            faults.within(key, error, 0.0..=MOST_ERROR, why);
+            faults.within(key, error, 0.0..=MAX_ERROR, why);
         }
         faults.of_table("simulated.scene", self.scene.faults());
     }

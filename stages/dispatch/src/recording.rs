@@ -76,9 +76,9 @@ pub(crate) fn record(
     let mut recording = Recording::create(&path, &about(setting, goal, report))?;
     recording.write_scene(&scene)?;
     // Under the names on the wire: the cell's commands.
-    recording.write_latched(JOINT_TRAJECTORY, START_NS, &told(&goal.hand))?;
+    recording.write_latched(JOINT_TRAJECTORY, START_NS, &trajectory(&goal.hand))?;
     if let Carrier::Arm(arm) = &goal.carrier {
-        recording.write_latched(ARM_TRAJECTORY, START_NS, &told(arm))?;
+        recording.write_latched(ARM_TRAJECTORY, START_NS, &trajectory(arm))?;
     }
     let grasp = motion::pose_stamped(START_NS, OBJECT, setting.object_from_grasp);
     recording.write_latched(GRASP_POSE, START_NS, &grasp)?;
@@ -104,7 +104,7 @@ pub(crate) fn record(
 }
 
 /// Returns a controller's commands.
-fn told(track: &JointTrack) -> JointTrajectory {
+fn trajectory(track: &JointTrack) -> JointTrajectory {
     let points = track.points.iter().map(|point| TrajectoryPoint {
         time_s: point.time_s,
         q_rad: &point.q_rad,

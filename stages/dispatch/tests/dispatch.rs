@@ -288,7 +288,7 @@ fn motions_that_the_robot_cannot_make_are_rows_and_no_cell_is_asked() {
 }
 
 #[test]
-fn a_motion_gets_the_time_that_its_limits_ask_for() {
+fn motion_is_slowed_down_to_its_limits() {
     let duration_s = |speed: f64| {
         let ran = run(|c| c.limits.palm_speed_m_per_s = speed, Verdict::Held).unwrap();
         assert_eq!(ran.executions[0].outcome, executions::Outcome::Succeeded);
@@ -365,7 +365,7 @@ fn silent_cell_is_an_error_with_endpoint_and_hint() {
 }
 
 #[test]
-fn options_that_make_no_sense_are_named() {
+fn invalid_options_are_named() {
     assert_eq!(Dispatch::check(&config()), []);
     let err = |change: fn(&mut DispatchConfig)| {
         let mut config = config();
@@ -380,7 +380,7 @@ fn options_that_make_no_sense_are_named() {
 }
 
 #[test]
-fn a_cell_that_cannot_be_reached_as_asked_is_refused_before_anything_runs() {
+fn unreachable_cell_is_refused_before_any_stage_runs() {
     let refused = |cell: &str, access: Option<&str>| {
         let mut config = config();
         config.cell = cell.to_owned();
@@ -408,7 +408,7 @@ fn a_cell_that_cannot_be_reached_as_asked_is_refused_before_anything_runs() {
     assert!(said.starts_with("`cell` `tcp/"), "{said}");
     assert!(said.contains("not protected"), "{said}");
     let said = refused("tcp/127.0.0.1", None);
-    assert!(said.contains("is no endpoint"), "{said}");
+    assert!(said.contains("is not an endpoint"), "{said}");
     // Whether somebody is there is another matter.
     let mut config = config();
     config.cell = "tcp/127.0.0.1:9".to_owned();

@@ -33,11 +33,11 @@ use crate::{
 const MAX_POSES_BYTES: u64 = 16 << 20;
 /// Largest accepted YAML file: the real ones have less than 2 kB.
 const MAX_YAML_BYTES: u64 = 1 << 20;
-/// Most accepted images of a recording: six minutes at 30 Hz, where the real ones have 72.
+/// Maximum number of accepted images of a recording: six minutes at 30 Hz, where the real ones have 72.
 const MAX_IMAGES: u64 = 10_800;
-/// Most accepted objects of a scene: as many as are numbered.
+/// Maximum number of accepted objects of a scene: as many as are numbered.
 const MAX_OBJECTS: usize = 21;
-/// Most accepted cameras of a recording, where the real ones have 8.
+/// Maximum number of accepted cameras of a recording, where the real ones have 8.
 const MAX_CAMERAS: usize = 64;
 /// Largest accepted median distance of the object's poses in `pose.npz` from those in the labels, in
 /// meters, with a tenth of a meter for each radian: both are one fit, written twice.

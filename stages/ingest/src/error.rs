@@ -12,7 +12,7 @@ use lake::LakeError;
 
 use crate::{npz::NpzError, yaml::YamlError};
 
-/// Most reasons that a message lists.
+/// Maximum number of reasons that a message lists.
 const NAMED: usize = 3;
 
 /// Why a dataset could not be read.
@@ -89,7 +89,9 @@ pub enum IngestError {
     #[error("the hand model cannot be used")]
     HandModel(#[source] Unusable),
     /// An object of the pipeline file has a name that no partition can have.
-    #[error("`{name}` below `meshes` is no name for an object: letters, digits, `_` and `-` only")]
+    #[error(
+        "`{name}` below `meshes` is not a name for an object: letters, digits, `_` and `-` only"
+    )]
     MeshName {
         /// The name.
         name: String,

@@ -16,11 +16,12 @@
 //! Landmarks come from the dataset's labels or from the user's hand model ([`ManoModel`]). This crate
 //! does not read images and does not retarget.
 
-mod aftermath;
+mod after_grasp;
 mod config;
+mod demonstration_recording;
+mod departure;
 mod dexycb;
 mod error;
-mod film;
 #[cfg(test)]
 mod fixture;
 mod folders;
@@ -38,7 +39,6 @@ mod recording;
 mod rests;
 mod selection;
 mod stage;
-mod still;
 mod table;
 mod tracks;
 mod yaml;

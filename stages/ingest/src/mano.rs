@@ -28,7 +28,7 @@ pub enum ManoError {
         /// The largest accepted size in bytes.
         limit: usize,
     },
-    /// The bytes are no pickle, are damaged or end early.
+    /// The bytes are not a pickle, are damaged or end early.
     #[error("no pickle that can be read: {what} at byte {at}")]
     Pickle {
         /// What is wrong.

@@ -32,7 +32,7 @@ const INFLATER_ROOM_BYTES: usize = 384;
 /// Why an array could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum NpzError {
-    /// The file is no archive of arrays, or it ends early.
+    /// The file is not an archive of arrays, or it ends early.
     #[error("damaged archive ({0})")]
     Archive(String),
     /// The archive lacks an array.
@@ -110,7 +110,7 @@ impl<'a> Arrays<'a> {
     ///
     /// # Errors
     ///
-    /// Fails if the bytes are no complete archive, or one with parts that overlap.
+    /// Fails if the bytes are not a complete archive, or one with parts that overlap.
     pub(crate) fn open(bytes: &'a [u8]) -> Result<Self, NpzError> {
         let mut unpacker = Box::new(Unpacker::new());
         unpacker.directory.list(bytes)?;

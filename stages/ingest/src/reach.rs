@@ -6,9 +6,9 @@ use spatial::{Object, Pose, Rest, World};
 
 use crate::{
     config::{IngestConfig, ReachRule},
+    departure::{self, Departure, Rule},
     error::Unusable,
     recording::{Keypoints, Recording},
-    still::{self, Rule, Still},
 };
 
 /// The object's rest in a recording, and the last image before it moves.
@@ -16,14 +16,17 @@ use crate::{
 /// # Errors
 ///
 /// Fails if the object is never seen or never leaves.
-pub(crate) fn still(recording: &Recording, config: &IngestConfig) -> Result<Still, Unusable> {
+pub(crate) fn departure(
+    recording: &Recording,
+    config: &IngestConfig,
+) -> Result<Departure, Unusable> {
     let poses = object_poses(recording);
     if poses.iter().all(Option::is_none) {
         return Err(Unusable::NoObject);
     }
     match config.reach {
-        ReachRule::Robust => still::find(&poses, &Rule::from(config)),
-        ReachRule::Released => still::released(&poses, config.move_threshold_m),
+        ReachRule::Robust => departure::find(&poses, &Rule::from(config)),
+        ReachRule::Released => departure::released(&poses, config.move_threshold_m),
     }
     .ok_or(Unusable::NeverMoves)
 }
@@ -42,7 +45,7 @@ fn object_poses(recording: &Recording) -> Vec<Option<Pose<World, Object>>> {
 pub(crate) fn reach(
     sequence: &str,
     recording: &Recording,
-    still: &Still,
+    departure: &Departure,
     rest: Rest,
     config: &IngestConfig,
 ) -> Result<Demonstration, Unusable> {
@@ -55,7 +58,7 @@ pub(crate) fn reach(
         .iter()
         .position(Option::is_some)
         .ok_or(Unusable::NoHand)?;
-    let n_steps = still
+    let n_steps = departure
         .last
         .map_or(0, |last| (last + 1).saturating_sub(first));
     if n_steps < config.min_steps_n {
@@ -64,7 +67,7 @@ pub(crate) fn reach(
             min: config.min_steps_n,
         });
     }
-    let object_from_world = still.world_from_object.inverse();
+    let object_from_world = departure.world_from_object.inverse();
     let mut steps = Vec::with_capacity(n_steps);
     let images = recording.images.iter().enumerate().skip(first);
     for (step, (image, observation)) in images.take(n_steps).enumerate() {
@@ -93,9 +96,9 @@ pub(crate) fn reach(
         },
         end_reason: format!(
             "in image {} the object is {:.1} mm and {:.1} degrees from its rest",
-            still.left,
-            1000.0 * still.left_m,
-            still.left_rad.to_degrees(),
+            departure.left,
+            1000.0 * departure.left_m,
+            departure.left_rad.to_degrees(),
         ),
         rest,
         steps,
@@ -190,9 +193,9 @@ mod tests {
             reach: rule,
             ..fixture::config()
         };
-        let still = still(recording, &config)?;
-        let rest = table::on_tag(&world_from_tag(), &still.world_from_object);
-        reach("a-b", recording, &still, rest, &config)
+        let departure = departure(recording, &config)?;
+        let rest = table::on_tag(&world_from_tag(), &departure.world_from_object);
+        reach("a-b", recording, &departure, rest, &config)
     }
 
     fn reach_of(recording: &Recording) -> Result<Demonstration, Unusable> {

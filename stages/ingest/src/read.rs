@@ -26,7 +26,7 @@ pub fn npz(file: &[u8], array: &str, shape: &[u64]) -> Result<Vec<f64>, NpzError
 ///
 /// # Errors
 ///
-/// Fails if the file is no YAML, or lacks a key, or a key has another type.
+/// Fails if the file is not YAML, or lacks a key, or a key has another type.
 pub fn meta_serials(file: &[u8]) -> Result<Vec<String>, YamlError> {
     yaml::parse(file).map(|meta: Meta| meta.serials)
 }
@@ -36,7 +36,7 @@ pub fn meta_serials(file: &[u8]) -> Result<Vec<String>, YamlError> {
 ///
 /// # Errors
 ///
-/// Fails if the file is no YAML, or lacks a key, or a key has another type.
+/// Fails if the file is not YAML, or lacks a key, or a key has another type.
 pub fn extrinsics(file: &[u8]) -> Result<Vec<Pose<World, Camera>>, YamlError> {
     let extrinsics: Extrinsics = yaml::parse(file)?;
     let rows = extrinsics.extrinsics.values();

@@ -198,7 +198,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_listing_looks_at_nothing_large() {
+    fn listing_reads_no_large_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("meta.yml");
         fs::write(&path, "a: 1\n").unwrap();

@@ -6,9 +6,9 @@ use schemas::objects;
 use spatial::{Object, Pose, Rest, World};
 
 use crate::{
+    departure,
     error::Unusable,
     recording::{Ground, Recording, Tag},
-    still,
 };
 
 /// Resting orientation of the grasped object on the table, and its source.
@@ -36,9 +36,9 @@ pub(crate) fn lying(
             plane: None,
         }),
         Ground::Standing { others, above } => {
-            let others = others
-                .iter()
-                .filter_map(|other| Some((other.object.as_str(), still::middle(&other.poses)?)));
+            let others = others.iter().filter_map(|other| {
+                Some((other.object.as_str(), departure::middle(&other.poses)?))
+            });
             let scene: Vec<_> = [(recording.object.as_str(), *world_from_object)]
                 .into_iter()
                 .chain(others)

@@ -33,7 +33,7 @@ use crate::{
 const MAX_ABOUT_BYTES: u64 = 1 << 16;
 /// Largest accepted `track.npz`: six minutes at 30 Hz in f8 are 6 MB.
 const MAX_TRACK_BYTES: u64 = 64 << 20;
-/// Most accepted images of a recording.
+/// Maximum number of accepted images of a recording.
 const MAX_IMAGES: u64 = 100_000;
 
 const ABOUT: &str = "track.yml";

@@ -17,12 +17,12 @@ const ORTHONORMAL_TOLERANCE: f64 = 0.02;
 /// Difference from an orthonormal matrix below which numbers of 8 bytes cannot tell.
 const CONVERGED: f64 = 1e-15;
 
-/// Most accepted scalars, lists and maps of a document; `extrinsics.yml` has 130, of eight cameras
+/// Maximum number of accepted scalars, lists and maps of a document; `extrinsics.yml` has 130, of eight cameras
 /// and the tag.
 const MAX_NODES: usize = 10_000;
-/// Most accepted lists and maps within each other; the real files have three.
+/// Maximum number of accepted lists and maps within each other; the real files have three.
 const MAX_DEPTH: usize = 16;
-/// Most accepted aliases, and most accepted anchors; the real files have none.
+/// Maximum number of accepted aliases, and of accepted anchors; the real files have none.
 const MAX_ALIASES: usize = 16;
 
 /// Why a YAML file could not be read.
@@ -31,7 +31,7 @@ pub enum YamlError {
     /// The bytes are not UTF-8.
     #[error("not UTF-8")]
     NotUtf8,
-    /// The text is no YAML, lacks a key or has another type.
+    /// The text is not YAML, lacks a key or has another type.
     #[error("{0}")]
     Parse(String),
 }
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_a_matrix_that_is_no_rotation() {
+    fn refuses_a_matrix_that_is_not_a_rotation() {
         let mirrored = [-1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
         assert!(pose::<World, Camera>(&mirrored).is_none());
         assert!(pose::<World, Camera>(&[f64::NAN; 12]).is_none());

@@ -10,7 +10,7 @@ pub enum InterpolateError {
     /// There is nothing to replace.
     #[error("there are no candidates to interpolate")]
     NoCandidates,
-    /// A name in the configuration is no object with candidates.
+    /// A name in the configuration is not an object with candidates.
     #[error("there are no candidates for an object `{object}`")]
     UnknownObject {
         /// The name.

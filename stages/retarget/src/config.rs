@@ -12,8 +12,8 @@ const MAX_VALUE: f64 = 1e6;
 const COARSEST_M: f64 = 0.1;
 /// Finest grid spacing of a distance field, in meters: finer, a mug has more than 2²⁶ grid points.
 const FINEST_M: f64 = 1e-4;
-/// Most iterations for one step.
-const MOST_ITERATIONS: usize = 100_000;
+/// Maximum number of iterations for one step.
+const MAX_ITERATIONS: usize = 100_000;
 
 /// Options of `kind = "retarget"`.
 ///
@@ -151,7 +151,7 @@ impl RetargetConfig {
         faults.within("field_spacing_m", spacing_m, FINEST_M..=COARSEST_M, why);
         let why = "nothing is searched with 0, and a search that has not ended by then will not";
         let iterations = self.max_iterations;
-        faults.within("max_iterations", iterations, 1..=MOST_ITERATIONS, why);
+        faults.within("max_iterations", iterations, 1..=MAX_ITERATIONS, why);
         faults.found()
     }
 }

@@ -132,7 +132,7 @@ impl Advise for RetargetError {
             ),
             Self::JointName { .. } => Some("give it another name in the URDF".to_owned()),
             Self::LargeShapes { .. } => Some(
-                "write lengths in meters, and leave out what is no part of the hand, e.g. a table"
+                "write lengths in meters, and leave out what is not part of the hand, e.g. a table"
                     .to_owned(),
             ),
             Self::TooFewPalmPoints { .. } => Some(

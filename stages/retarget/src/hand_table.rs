@@ -107,7 +107,7 @@ impl HandTable {
         let bad = |key: String, problem: String| Err(RetargetError::BadHandTable { key, problem });
         if !(self.scale > 0.0 && self.scale <= LARGEST_SCALE) {
             let problem = format!(
-                "{:?} is no size, expected more than 0 and at most {LARGEST_SCALE}",
+                "{:?} is not a size, expected more than 0 and at most {LARGEST_SCALE}",
                 self.scale
             );
             return bad("scale".to_owned(), problem);
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_without_sense_are_refused() {
+    fn invalid_tables_are_refused() {
         let refused = |from: &str, to: &str| {
             assert!(TABLE.contains(from));
             let err = TABLE.replacen(from, to, 1).parse::<HandTable>();

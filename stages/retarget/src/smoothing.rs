@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn jitter_goes_and_the_way_stays() {
+    fn smoothing_removes_jitter_and_keeps_the_path() {
         let jitter = |t: f64| {
             if (t * 30.0).round() % 2.0 == 0.0 {
                 0.004
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_way_is_kept_and_zero_changes_nothing() {
+    fn straight_path_and_zero_width_are_unchanged() {
         let shown = steps(|t| 0.3 * t);
         for (step, keypoints) in shown.iter().zip(smoothed(&shown, 0.1)) {
             assert!((keypoints[3][0] - step.keypoints_m[3][0]).abs() < 1e-9);

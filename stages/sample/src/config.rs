@@ -89,8 +89,8 @@ pub struct SampleConfig {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Rests {
-    /// Those of its demonstrations, as often as they were seen; the most probable one if there are
-    /// none.
+    /// Those of its demonstrations, as often as they were seen; of an object that the function was not
+    /// trained on, those that are `stable`.
     #[default]
     Seen,
     /// Those that are stable, as probable as they are by the mesh.

@@ -81,17 +81,23 @@ impl<'a> Source<'a> {
             [from, to] => Some([named(from)?, named(to)?]),
             _ => None,
         };
+        let object_split = if all.iter().any(is_learned) {
+            ObjectSplit::Seen
+        } else {
+            ObjectSplit::Unseen
+        };
+        let orientations = match (config.rests, object_split) {
+            // Nothing is known of the recordings of an unseen object.
+            (Rests::Seen, ObjectSplit::Unseen) => Rests::Stable,
+            (chosen, _) => chosen,
+        };
         Ok(Self {
             config,
             latent_dim: description.network.latent_dim,
             demonstrations,
             path,
-            weights: weights(config.rests, object, rests.len()),
-            object_split: if all.iter().any(is_learned) {
-                ObjectSplit::Seen
-            } else {
-                ObjectSplit::Unseen
-            },
+            weights: weights(orientations, object, rests.len()),
+            object_split,
         })
     }
 

@@ -585,6 +585,40 @@ fn a_given_orientation_puts_the_mesh_on_the_table() {
 }
 
 #[test]
+fn orientations_of_an_unseen_object_are_those_that_are_stable() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    // The orientation that nobody recorded is the only stable one.
+    let mut object = object();
+    for rest in &mut object.rests {
+        rest.probability = if rest.seen_n == 0 { 1.0 } else { 0.0 };
+    }
+    lake::table::write(&folder.path().join("object"), &object).unwrap();
+    let (recorded, stable) = (object.rests[0].rest, object.rests[2].rest);
+    let lies_so = |name: &str, expected: &Rest| {
+        let artifacts = |input: &&str| {
+            let mut artifacts = inputs.artifacts(input).to_vec();
+            if *input == "objects" {
+                artifacts[0].key = name.parse().unwrap();
+            }
+            ((*input).to_owned(), artifacts)
+        };
+        let names = ["checkpoint", "objects", "distance_fields"];
+        let inputs = Inputs::new(
+            names.iter().map(artifacts).collect(),
+            inputs.files().to_vec(),
+        );
+        let drawn = sample(&config(), &inputs, 7).candidates;
+        drawn.iter().any(|candidate| {
+            let up = candidate.table_from_object * expected.up_in_object.into_inner();
+            (up - Vector3::z()).norm() < 1e-9
+        })
+    };
+    assert!(lies_so("can", &recorded) && !lies_so("can", &stable));
+    assert!(!lies_so("tin", &recorded) && lies_so("tin", &stable));
+}
+
+#[test]
 fn options_that_make_no_sense_are_refused() {
     assert_eq!(faults(&config()), "");
     let check = |config: SampleConfig, key: &str| {

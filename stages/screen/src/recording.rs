@@ -67,8 +67,8 @@ pub(crate) fn record(
             &scene,
             &SceneStep {
                 time_s: step.time_s,
-                table_from_root: Pose::new(step.table_from_palm),
-                table_from_object: Pose::new(step.table_from_object),
+                table_from_root: Pose::new(*step.table_from_palm),
+                table_from_object: step.table_from_object,
                 root_from_links: &stage.model.forward_kinematics(&step.q)?,
                 q_rad: &step.q,
                 q_velocity_rad_per_s: &[],

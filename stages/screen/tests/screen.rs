@@ -19,7 +19,7 @@ use schemas::{
 };
 use simulation::{
     Approach, ControllerKind, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Shortcuts,
-    Trial,
+    StrictConfig, Trial,
 };
 use spatial::{Pose, Rest};
 use stage_screen::{Screen, ScreenConfig, ScreenError, ScreenMetrics};
@@ -79,6 +79,7 @@ fn config() -> ScreenConfig {
             table_tolerance_m: 0.01,
             early_tolerance_m: 0.02,
             trial: Trial::Lift,
+            strict: StrictConfig::default(),
             pull: PullConfig::default(),
         },
     }

@@ -9,6 +9,8 @@ use motion::MotionError;
 use robot::{JointMismatch, WrongDof};
 use robot_meshes::LoadError;
 
+use crate::Fold;
+
 /// Why no grasping function could be trained.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -19,7 +21,15 @@ pub enum TrainError {
         /// How many trajectories there are.
         found: usize,
     },
-    /// A name in the configuration is no object of the lake.
+    /// A fold of the objects has none.
+    #[error("fold `{fold}` of {objects_n} objects is empty")]
+    EmptyFold {
+        /// The fold.
+        fold: Fold,
+        /// Number of objects that have trajectories.
+        objects_n: usize,
+    },
+    /// A name in the configuration is not an object of the lake.
     #[error("there is no object `{object}`")]
     UnknownObject {
         /// The name.
@@ -59,7 +69,7 @@ pub enum TrainError {
         /// The trajectory's sequence.
         sequence: String,
     },
-    /// A trajectory's steps are no motion.
+    /// A trajectory's steps are not a motion.
     #[error("trajectory `{sequence}` cannot be followed")]
     Motion {
         /// The trajectory's sequence.
@@ -86,7 +96,12 @@ pub enum TrainError {
 impl Advise for TrainError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::NoTrajectories { .. } => Some("check `objects` and `unseen_objects`".to_owned()),
+            Self::NoTrajectories { .. } => {
+                Some("check `objects`, `unseen_objects` and `unseen_fold`".to_owned())
+            }
+            Self::EmptyFold { .. } => {
+                Some("choose fewer folds than objects in `unseen_fold`".to_owned())
+            }
             Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
             Self::AnotherHand { .. } => {
                 Some("set `hand` in `train` and `retarget` to the same URDF".to_owned())

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Matrix3};
 use robot::{JointKind, Link, RobotModel, Shape};
 use serde_json::{Value, json};
-use simulation::{Instruction, ObjectShape, Phase, Protocol, SceneConfig, Template};
+use simulation::{ObjectShape, Phase, Protocol, SceneConfig, Setpoint, Template};
 use spatial::{Object, Pose, Table};
 
 use crate::python::{self, Script};
@@ -104,12 +104,12 @@ pub(crate) fn scene(
 }
 
 /// Describes what is done in a rollout of a template, from where the object lies.
-pub(crate) fn rollout(template: &Template, instructions: &[Instruction]) -> Value {
-    let instructions: Vec<Value> = instructions
+pub(crate) fn rollout(template: &Template, setpoints: &[Setpoint]) -> Value {
+    let setpoints: Vec<Value> = setpoints
         .iter()
-        .map(|instruction| {
+        .map(|setpoint| {
             json!({
-                "phase": match instruction.phase {
+                "phase": match setpoint.phase {
                     Phase::Reach => "reach",
                     Phase::Close => "close",
                     Phase::Squeeze => "squeeze",
@@ -117,14 +117,14 @@ pub(crate) fn rollout(template: &Template, instructions: &[Instruction]) -> Valu
                     Phase::Hold => "hold",
                     Phase::Pull => "pull",
                 },
-                "palm": seven(&instruction.table_from_palm),
-                "q": instruction.q,
+                "palm": seven(&setpoint.table_from_palm),
+                "q": setpoint.q,
             })
         })
         .collect();
     json!({
         "table_from_object": template.table_from_object().to_array(),
-        "instructions": instructions,
+        "setpoints": setpoints,
     })
 }
 

@@ -117,7 +117,7 @@ class Cell(Checks):
                 refuse("digest", "digest and id are not those of the content")
             goal = Goal(data)
         except (ValueError, KeyError, TypeError) as err:
-            refuse("malformed", f"this is no goal: {err!r}")
+            refuse("malformed", f"this is not a goal: {err!r}")
         with self.lock:
             if goal.id in self.taken:
                 return True

@@ -18,7 +18,7 @@ def split(data):
     first, _, rest = data.partition(b"\n")
 
     def refuse(constant):
-        raise ValueError(f"{constant} is no number of JSON")
+        raise ValueError(f"{constant} is not a number of JSON")
 
     return json.loads(first, parse_constant=refuse), rest
 

@@ -18,7 +18,7 @@ pub(super) const MAX_GOAL_BYTES: usize = 8 * 1024 * 1024;
 const MIN_POINTS: usize = 2;
 /// Largest commanded excess of a finger over the URDF's limits, whatever the goal's tolerance, in
 /// radians (meters if prismatic): it presses on its stop then.
-const MOST_TOLERANCE_RAD: f64 = 0.1;
+const MAX_TOLERANCE_RAD: f64 = 0.1;
 /// Longest motion, in seconds.
 const MAX_DURATION_S: f64 = 600.0;
 /// Relative excess of a joint's speed attributed to rounding.
@@ -72,7 +72,7 @@ pub(super) fn check(
     }
     check_phases(&goal.grasp)?;
     check_tolerances(goal)?;
-    let tolerance = goal.grasp.limit_tolerance_rad.min(MOST_TOLERANCE_RAD);
+    let tolerance = goal.grasp.limit_tolerance_rad.min(MAX_TOLERANCE_RAD);
     check_track(
         &goal.hand,
         "hand",

@@ -22,7 +22,7 @@ use crate::{
 };
 
 /// Returns the first number of a query: `?from=N`, 0 if absent.
-pub(super) fn asked_from(query: &Query) -> u64 {
+pub(super) fn requested_from(query: &Query) -> u64 {
     let from = query.parameters().get("from").unwrap_or_default();
     from.parse().unwrap_or_default()
 }
@@ -151,7 +151,7 @@ impl Shared {
         })?;
         let mut journal = lock(&self.journal);
         if self.control.is_stopped() {
-            let reason = "the cell was stopped and has not been told to resume";
+            let reason = "the cell was stopped and has not been resumed";
             return Err(Rejection::new(RejectionCode::Stopped, reason.to_owned()));
         }
         if let Some(sending) = &sealed.sending {
@@ -176,8 +176,8 @@ impl Shared {
             return;
         }
         let id = goal_id_of(query.key_expr().as_str()).map(ToOwned::to_owned);
-        let asked = lock(&self.journal).ask(id.as_deref().unwrap_or_default(), query);
-        match asked {
+        let answer = lock(&self.journal).ask(id.as_deref().unwrap_or_default(), query);
+        match answer {
             Asked::Kept => {}
             Asked::Over(query, report) => self.reply(&query, &report),
             Asked::NeverTaken(query) => self.say(&query, Word::NeverTaken),

@@ -83,13 +83,13 @@ impl FromStr for PlannedFault {
         let found = Fault::ALL.iter().find(|(known, _)| *known == name);
         let (_, fault) = found.ok_or_else(|| {
             let names = Fault::ALL.map(|(name, _)| name).join(", ");
-            format!("`{name}` is no fault; there are {names}")
+            format!("`{name}` is not a fault; there are {names}")
         })?;
         let at = at
             .parse::<usize>()
             .ok()
             .filter(|&at| at > 0)
-            .ok_or_else(|| format!("`{at}` is no number of a goal, from 1"))?;
+            .ok_or_else(|| format!("`{at}` is not a number of a goal, from 1"))?;
         Ok(Self { fault: *fault, at })
     }
 }

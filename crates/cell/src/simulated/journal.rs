@@ -373,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn a_goal_taken_by_a_cell_that_went_down_is_known_and_its_end_is_not() {
+    fn goal_interrupted_by_a_crash_has_unknown_outcome() {
         let folder = tempfile::tempdir().unwrap();
         let mut journal = Journal::open(folder.path()).unwrap();
         assert!(journal.admit(&sealed("00")).unwrap());
@@ -396,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn outcomes_keep_their_numbers_whatever_becomes_of_the_cell() {
+    fn outcome_numbers_survive_restarts() {
         let folder = tempfile::tempdir().unwrap();
         let over = |journal: &mut Journal, id: &str| {
             assert!(journal.admit(&sealed(id)).unwrap());

@@ -30,10 +30,10 @@ pub(super) fn carry_out(
     scene.object_offset = config.gap.object.misplaced(scene.object_offset, digest);
     let rest = Rest::of(&goal.table_from_object);
     let template = Template::new(&scene, &robot.hand, object, &rest)?;
-    let scene_from_believed = Pose::new(*template.table_from_believed());
-    let table_from_scene = level(&goal.table_from_object, &scene_from_believed);
+    let scene_from_estimate = Pose::new(*template.table_from_estimate());
+    let table_from_scene = level(&goal.table_from_object, &scene_from_estimate);
     // An object that settles into another pose, as a ball does, does not carry the palm along.
-    let object_from_table = (table_from_scene * scene_from_believed).inverse();
+    let object_from_table = (table_from_scene * scene_from_estimate).inverse();
     let mut steps = playing::steps(
         goal,
         robot,
@@ -58,13 +58,13 @@ pub(super) fn carry_out(
     let (mut samples, mut reason): (Vec<Sample>, Option<Abort>) = (Vec::new(), None);
     let mut shown = |step: &TraceStep| {
         let sample = encoders.read(step);
-        let asked = see(&sample);
+        let abort = see(&sample);
         let now_s = sample.time_s;
         let due = SAMPLE_S * (samples.len() as f64 - 1e-9);
         if sample.time_s >= due {
             samples.push(sample);
         }
-        reason = reason.take().or(asked);
+        reason = reason.take().or(abort);
         if reason.is_some() {
             encoders.halt(now_s);
         }
@@ -121,8 +121,8 @@ struct Encoders {
     /// Commands of the arm, which follows them exactly but late.
     arm: Option<JointTrack>,
     latency_s: f64,
-    /// Time at which the arm was commanded to stand still.
-    halted_s: Option<f64>,
+    /// The time from which the robot holds still, and the index of the step whose command it holds.
+    halt: Option<(f64, usize)>,
     table_from_scene: Pose<Table, Scene>,
 }
 
@@ -138,38 +138,40 @@ impl Encoders {
         Self {
             arm,
             latency_s,
-            halted_s: None,
+            halt: None,
             table_from_scene,
             noise: (0..steps_n).map(|_| drawn.step(dof)).collect(),
             seen_n: 0,
         }
     }
 
-    /// Halts the arm from this time on.
+    /// Holds the last step's command from this time on.
     fn halt(&mut self, time_s: f64) {
-        self.halted_s.get_or_insert(time_s);
+        let last = self.seen_n.saturating_sub(1);
+        self.halt.get_or_insert((time_s, last));
     }
 
     /// Returns the next step's measurement, and its command without the noise.
     fn read(&mut self, step: &TraceStep) -> Sample {
-        // A goal has at least one step: its start.
-        let noise = &self.noise[self.seen_n.min(self.noise.len() - 1)];
-        self.seen_n += 1;
-        let add = |q: &[f64]| -> Vec<f64> {
-            let joints = q.iter().enumerate();
-            joints.map(|(joint, q)| q + noise[joint]).collect()
+        let (command_s, command_n) = self.halt.unwrap_or((step.time_s, self.seen_n));
+        let add = |q: &[f64], step_n: usize| -> Vec<f64> {
+            // A goal has at least one step: its start.
+            let noise = &self.noise[step_n.min(self.noise.len() - 1)];
+            q.iter().zip(noise).map(|(q, noise)| q + noise).collect()
         };
-        let (mut q_rad, mut q_command_rad) = (add(&step.q), add(&step.q_command));
+        let mut q_rad = add(&step.q, self.seen_n);
+        let mut q_command_rad = add(&step.q_command, command_n);
+        self.seen_n += 1;
         // The arm is where it is commanded to be, with the fingers' latency.
-        let told_s = self.halted_s.unwrap_or(step.time_s) - self.latency_s;
-        if let Some(arm) = self.arm.as_ref().and_then(|arm| arm.at(told_s)) {
+        let commanded_s = command_s - self.latency_s;
+        if let Some(arm) = self.arm.as_ref().and_then(|arm| arm.at(commanded_s)) {
             q_rad.extend(&arm.q_rad);
             q_command_rad.extend(&arm.q_rad);
         }
         Sample {
             time_s: step.time_s,
-            table_from_palm: self.table_from_scene * Pose::new(step.table_from_palm),
-            table_from_object: self.table_from_scene * Pose::new(step.table_from_object),
+            table_from_palm: self.table_from_scene * Pose::new(*step.table_from_palm),
+            table_from_object: self.table_from_scene * Pose::new(*step.table_from_object),
             q_rad,
             q_command_rad,
         }

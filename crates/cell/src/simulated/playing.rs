@@ -34,7 +34,8 @@ pub(super) fn steps(
                 .as_ref()
                 .and_then(|arm| robot.palm(&arm.at(time_s)?.q_rad)),
         };
-        table_from_palm.ok_or_else(|| broken("what moves the palm tells no pose of it"))
+        table_from_palm
+            .ok_or_else(|| broken("the palm's or arm's controller commands no pose of the palm"))
     };
     let grasp = palm(phases.grasp_s)?;
     let steps = (phases.end_s + latency_s) / control_s;
@@ -60,10 +61,10 @@ pub(super) fn steps(
             };
             let joints = hand
                 .at(time_s)
-                .ok_or_else(|| broken("the hand is told nothing"))?;
+                .ok_or_else(|| broken("the hand has no commands"))?;
             Ok(PlayedStep {
                 phase,
-                object_from_palm: *(*object_from_table * table_from_palm),
+                object_from_palm: *object_from_table * table_from_palm,
                 lift_m,
                 q: joints.q_rad,
                 rates: joints.rates,

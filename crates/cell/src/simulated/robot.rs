@@ -65,8 +65,8 @@ impl Robot {
     /// Returns the palm's pose in the table's frame for these positions of the arm.
     pub(super) fn palm(&self, arm_q: &[f64]) -> Option<Pose<Table, Palm>> {
         let arm = self.arm.as_ref()?;
-        let posture = arm.chain.posture(arm_q).ok()?;
-        Some(arm.table_from_base * posture.base_from_palm)
+        let state = arm.chain.state(arm_q).ok()?;
+        Some(arm.table_from_base * state.base_from_palm)
     }
 
     /// Returns the pose of the arm's base.

@@ -55,7 +55,7 @@ impl<'a> MonitoredMotion<'a> {
     }
 
     /// Publishes a sample at its time; returns why the motion must be aborted now, if it must.
-    /// Answers the queries that asked for it once the palm stands still.
+    /// Answers the queries that requested it once the palm stands still.
     pub(super) fn see(&mut self, sample: &Sample) -> Option<Abort> {
         let is_first = self.pacer.is_new();
         let real_time = self.shared.config.service.real_time;

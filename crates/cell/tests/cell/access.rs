@@ -329,7 +329,7 @@ fn a_message_that_is_too_long_does_not_reach_the_cell() {
 }
 
 #[test]
-fn both_ways_allow_the_same() {
+fn both_access_files_grant_the_same_rights() {
     let rules = |way: &str| {
         let file = Path::new(SHIPPED).join(way).join("router.json5");
         let config = zenoh::Config::from_file(file).unwrap();

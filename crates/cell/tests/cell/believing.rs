@@ -208,7 +208,7 @@ const CHANGES: &[Change] = &[
                 row[COMMAND..].copy_from_slice(&first[COMMAND..]);
             }
         },
-        "the goal tells",
+        "the goal commands",
     ),
     (
         "object frozen",
@@ -240,7 +240,7 @@ const CHANGES: &[Change] = &[
                 row[OBJECT_Z] = low;
             }
         },
-        "the goal asks for 0.05 m",
+        "the goal requires 0.05 m",
     ),
     (
         "palm stays down",
@@ -390,7 +390,7 @@ const CHANGES: &[Change] = &[
     (
         "a command of its own",
         |r| r.rows[90][COMMAND] = 0.02,
-        "the goal tells",
+        "the goal commands",
     ),
     (
         "commands of a goal that closes otherwise",
@@ -399,7 +399,7 @@ const CHANGES: &[Change] = &[
                 row[COMMAND] *= 0.7;
             }
         },
-        "the goal tells",
+        "the goal commands",
     ),
     ("a quaternion of length 2", |r| r.rows[3][7] = 2.0, "row 3"),
     (
@@ -434,12 +434,12 @@ const CHANGES: &[Change] = &[
     (
         "rejected",
         |r| r.header["outcome"] = json!("rejected"),
-        "is no outcome of a goal",
+        "is not an outcome of a goal",
     ),
     (
         "no outcome",
         |r| r.header["outcome"] = json!("great"),
-        "is no outcome",
+        "is not an outcome",
     ),
 ];
 
@@ -456,7 +456,7 @@ fn contradictory_report_is_refused() {
 }
 
 #[test]
-fn a_motion_that_did_not_succeed_is_no_success() {
+fn unsuccessful_outcome_is_not_counted_as_success() {
     for (closed_m, until_s) in [(0.0, f64::MAX), (0.04, 0.5), (0.04, 1.1)] {
         let goal = goal(closed_m);
         let report = reported(&goal, Gap::default(), until_s);
@@ -569,7 +569,7 @@ fn spoiling() -> impl Strategy<Value = (String, Loose)> {
 
 proptest! {
     #[test]
-    fn a_true_report_that_was_spoiled_is_not_believed((how, report) in spoiling()) {
+    fn altered_report_is_refused((how, report) in spoiling()) {
         prop_assert!(report.refused().is_some(), "{how}");
     }
 }

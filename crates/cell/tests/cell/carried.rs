@@ -74,7 +74,7 @@ pub(crate) fn carried() -> Goal {
 }
 
 #[test]
-fn the_palm_is_where_the_arm_has_it() {
+fn palm_pose_agrees_with_arm_kinematics() {
     let cell = start();
     let client = connect(&cell);
     let capabilities = client.capabilities(crate::lab::SOON).unwrap();
@@ -90,7 +90,7 @@ fn the_palm_is_where_the_arm_has_it() {
     let off = asked.table_from_object.inv_mul(&cube);
     assert!(
         off.translation.vector.norm() < 1e-3 && off.rotation.angle() < 1e-3,
-        "{off}"
+        "{off:?}"
     );
     // It grasps nothing.
     assert_eq!(report.outcome, Outcome::Failed, "{}", report.message);
@@ -117,8 +117,8 @@ fn the_palm_is_where_the_arm_has_it() {
         })
         .collect();
     assert!(palms.len() > 40);
-    for [seen, told] in &palms {
-        let off = seen.inv_mul(told);
+    for [measured, commanded] in &palms {
+        let off = measured.inv_mul(commanded);
         assert!(off.translation.vector.norm() < 1e-3, "{off}");
         assert!(off.rotation.angle() < 5e-3, "{off}");
     }

@@ -47,7 +47,7 @@ fn held_s(report: &Report) -> f64 {
 }
 
 #[test]
-fn a_motion_that_is_canceled_stops_where_it_is_and_the_hand_holds() {
+fn canceled_motion_halts_and_fingers_keep_pressing() {
     let cell = start_with(in_real_time());
     let keys = Keys::new("simulated").unwrap();
     let (_session, states) = subscribe(cell.endpoint(), &keys.state(), SOON).unwrap();
@@ -132,7 +132,7 @@ fn motion_stops_within_300_ms_of_a_lost_heartbeat() {
 }
 
 #[test]
-fn a_heartbeat_lets_a_motion_in_real_time_come_to_its_end() {
+fn heartbeats_let_a_real_time_motion_finish() {
     let cell = start_with(in_real_time());
     let started = Instant::now();
     let report = execute(&connect(&cell), &goal(0.04));

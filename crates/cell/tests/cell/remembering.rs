@@ -28,7 +28,7 @@ fn restarted_cell_reports_past_goals_and_repeats_none() {
 }
 
 #[test]
-fn a_goal_that_was_never_taken_is_known_to_be_none() {
+fn unknown_goal_is_answered_with_never_taken() {
     let cell = start();
     let asked = connect(&cell).recover(&goal(0.04), &robot(), SOON, SOON);
     assert_eq!(asked, Recovered::NeverTaken);
@@ -44,7 +44,7 @@ fn a_goal_that_was_never_taken_is_known_to_be_none() {
 }
 
 #[test]
-fn a_goal_that_comes_too_late_is_refused_and_one_that_was_taken_is_answered() {
+fn expired_goal_is_refused_and_known_goal_is_answered() {
     let cell = start();
     let (session, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
     let keys = Keys::new("simulated").unwrap();
@@ -84,7 +84,7 @@ fn a_goal_that_comes_too_late_is_refused_and_one_that_was_taken_is_answered() {
 }
 
 #[test]
-fn a_goal_that_was_taken_is_known_even_where_its_object_has_gone() {
+fn known_goal_is_answered_after_its_object_is_removed() {
     let folder = tempfile::tempdir().unwrap();
     let config = || SimulatedCellConfig {
         name: "simulated".to_owned(),

@@ -59,8 +59,8 @@ fn joints_are_topics_with_their_types_and_hashes() {
     }
     assert_eq!(trajectories.len(), 1);
     assert_eq!(trajectories[0].points.len(), goal.hand.points.len());
-    let (point, told) = (&trajectories[0].points[2], &goal.hand.points[2]);
-    assert_eq!(point.positions, told.q_rad);
-    assert_eq!(point.velocities, told.rates.velocity);
-    assert_eq!(point.accelerations, told.rates.acceleration);
+    let (point, commanded) = (&trajectories[0].points[2], &goal.hand.points[2]);
+    assert_eq!(point.positions, commanded.q_rad);
+    assert_eq!(point.velocities, commanded.rates.velocity);
+    assert_eq!(point.accelerations, commanded.rates.acceleration);
 }

@@ -248,7 +248,7 @@ fn palm_keeps_the_limits_of_the_cell() {
 }
 
 #[test]
-fn bytes_that_are_no_goal_are_rejected_by_code() {
+fn malformed_goals_are_rejected_by_code() {
     let cell = start();
     let (session, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
     let keys = Keys::new("simulated").unwrap();
@@ -338,7 +338,7 @@ fn a_cell_that_is_not_there_is_named_in_the_error() {
 }
 
 #[test]
-fn a_hand_that_would_touch_nothing_starts_no_cell() {
+fn hand_without_collision_shapes_is_refused() {
     let of_mesh = GRIPPER.replacen("<box size=", "<mesh filename=", 1);
     assert_ne!(of_mesh, GRIPPER);
     let config = || SimulatedCellConfig {

@@ -115,8 +115,8 @@ fn answers_of_other_peers_are_ignored_and_named() {
 }
 
 #[test]
-fn unknown_responder_is_no_cell() {
-    // The router is no cell of this name.
+fn unsigned_responder_is_not_accepted_as_cell() {
+    // The router is not a cell of this name.
     let router = router();
     for (key, glad) in bodies() {
         let known = Key::new(1);
@@ -245,7 +245,7 @@ fn two_cells_that_answer_to_one_name_are_refused() {
 }
 
 #[test]
-fn a_cell_that_is_exchanged_is_not_the_one_that_was_asked() {
+fn replaced_cell_is_refused() {
     let router = router();
     let exchanged = Arc::new(AtomicBool::new(false));
     let pair = [Key::new(1), Key::new(2)];
@@ -303,7 +303,7 @@ fn a_second_cell_of_the_name_does_not_start() {
 }
 
 #[test]
-fn an_answer_is_not_read_where_it_is_too_long() {
+fn oversized_answer_is_refused() {
     let router = router();
     let key = Key::new(1);
     let mut cell = Somebody::at(router.endpoint());
@@ -328,7 +328,7 @@ fn an_answer_is_not_read_where_it_is_too_long() {
 }
 
 #[test]
-fn answers_that_cannot_be_read_leave_the_motion_unknown() {
+fn unreadable_answers_leave_the_outcome_unknown() {
     for (asked, wrong) in [
         (keys().goal(), "{}\n"),
         (keys().goal(), ""),
@@ -364,7 +364,7 @@ fn answers_that_cannot_be_read_leave_the_motion_unknown() {
 }
 
 #[test]
-fn a_cell_that_takes_a_goal_and_falls_silent_leaves_it_unknown() {
+fn silent_cell_leaves_the_outcome_unknown() {
     let router = router();
     let key = Key::new(1);
     let mut mute = Somebody::at(router.endpoint());

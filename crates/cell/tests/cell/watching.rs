@@ -185,7 +185,7 @@ fn lost_messages_are_requested_again_and_counted() {
 }
 
 #[test]
-fn a_router_that_was_away_costs_nothing() {
+fn router_outage_loses_no_message() {
     let router = Router::start(LISTEN, None).unwrap();
     let endpoint = router.endpoint().to_owned();
     let config = SimulatedCellConfig {

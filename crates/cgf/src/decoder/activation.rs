@@ -32,7 +32,7 @@ impl Function for Relu {
     )]
     #[inline(always)]
     fn value<T: Number>(self, x: T) -> T {
-        // What is no number stays none.
+        // NaN stays NaN.
         if x < T::zero() { T::zero() } else { x }
     }
 

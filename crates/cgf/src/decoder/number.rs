@@ -37,7 +37,7 @@ macro_rules! number {
             // It must become part of the loop that is compiled for an instruction set.
             #[inline(always)]
             fn exp(self) -> Self {
-                // Comparisons keep what is no number.
+                // Comparisons keep NaN.
                 let x = if self < $least { $least } else { self };
                 let x = if x > $greatest { $greatest } else { x };
                 // A number so large has no digits after the point: adding it rounds, and leaves n in
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn no_number_stays_none_and_the_ends_are_finite() {
+    fn nan_stays_nan_and_extremes_are_finite() {
         assert!(Number::exp(f32::NAN).is_nan() && Number::exp(f64::NAN).is_nan());
         for x in [-1e30_f32, 1e30, f32::INFINITY, f32::NEG_INFINITY] {
             assert!(Number::exp(x).is_finite());

@@ -218,7 +218,7 @@ fn smooth_motions_have_accelerations() {
 }
 
 #[test]
-fn the_motion_between_two_times_is_the_functions() {
+fn interpolated_times_follow_the_network() {
     let decoder = decoder::<f32>(Activation::Silu);
     let latents = latents(11);
     let coarse = decoder
@@ -242,7 +242,7 @@ fn the_motion_between_two_times_is_the_functions() {
 }
 
 #[test]
-fn a_motion_does_not_depend_on_its_company() {
+fn decoding_is_independent_of_the_batch() {
     let check = |activation, n_times: usize| {
         let decoder = decoder::<f32>(activation);
         let (latents, times) = (latents(23), equal_times(n_times));

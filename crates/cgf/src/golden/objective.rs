@@ -20,7 +20,7 @@ use crate::{
     weights::Weights,
 };
 
-/// The choices of a case that are no numbers.
+/// The choices of a case that are not numbers.
 struct Case {
     name: &'static str,
     activation: Activation,

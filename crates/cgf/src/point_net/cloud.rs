@@ -21,7 +21,7 @@ pub(super) const BLOCK: usize = 32;
 /// A cloud's points in patches of sixteen, and what the layers make of them.
 ///
 /// A *panel* is patch after patch, channel after channel, sixteen points side by side; where points
-/// are no multiple of sixteen, the last patch repeats its first one.
+/// are not a multiple of sixteen, the last patch repeats its first one.
 pub(super) struct Cloud {
     pub(super) n: usize,
     /// Panel of the coordinates.

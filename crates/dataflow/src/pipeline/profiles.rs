@@ -61,7 +61,7 @@ impl FileReader<'_> {
             return;
         };
         let Some(profiles) = profiles.as_inline_table() else {
-            let message = "`profiles` is no table of profiles".to_owned();
+            let message = "`profiles` is not a table of profiles".to_owned();
             self.problem(message, profiles.span(), None);
             return;
         };

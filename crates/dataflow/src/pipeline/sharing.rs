@@ -23,7 +23,7 @@ impl FileReader<'_> {
             match said.as_inline_table() {
                 Some(values) => merge_values(&mut shared, values),
                 None => self.problem(
-                    format!("`{SHARED}` is no table of values"),
+                    format!("`{SHARED}` is not a table of values"),
                     said.span(),
                     Some("write, e.g., `[shared]` and below it `hand = \"hand.urdf\"`".to_owned()),
                 ),

@@ -1,4 +1,4 @@
-//! What is no motion, and what stays the same of one in another order or frame.
+//! What is not a motion, and what stays the same of one in another order or frame.
 
 use motion::{Course, HandRates, JointRates, Motion, MotionError, Step};
 use nalgebra::{Isometry3, Translation3, Vector3};
@@ -28,7 +28,7 @@ fn step(time_s: f64) -> Step<Object> {
 }
 
 #[test]
-fn steps_that_are_no_motion_are_refused_with_the_step() {
+fn invalid_steps_are_refused_by_number() {
     let refused = |change: &dyn Fn(&mut Vec<Step<Object>>)| {
         let mut steps: Vec<Step<Object>> = [0.0, 0.1, 0.2].map(step).to_vec();
         change(&mut steps);
@@ -108,7 +108,7 @@ proptest! {
 }
 
 #[test]
-fn another_frame_sees_the_same_motion() {
+fn motion_is_equivariant_under_frame_changes() {
     let positions = |time_s: f64| Step {
         time_s,
         frame_from_palm: step(time_s).frame_from_palm,

@@ -1,4 +1,4 @@
-//! Which direction of the object, and which posture of the arm.
+//! Choice of the object's yaw and the arm's posture.
 
 use std::{cmp::Ordering, f64::consts::TAU};
 
@@ -8,14 +8,14 @@ use spatial::{Object, Pose, Table};
 use super::{
     Arm,
     clearance::Stand,
+    palm_path::{PalmPath, Target},
     path::ArmPath,
     trace::{Knot, Tracer},
-    way::{Target, Way},
 };
 use crate::infeasible::{ArmFault, Infeasible, Place};
 
-/// Places of the way to the grasp at which the arm is sought, besides its start.
-const WAY_N: usize = 120;
+/// Places of the reach at which inverse kinematics is solved, besides its start.
+const REACH_N: usize = 120;
 /// Places of the lift.
 const LIFT_N: usize = 20;
 /// Times that differ by less than this share of the course are the same.
@@ -37,14 +37,14 @@ const MEETS: usize = usize::MAX;
 
 /// A posture in which the arm can follow.
 struct Choice<'a> {
-    way: Way<'a>,
-    /// From the way's start to the grasp.
+    palm_path: PalmPath<'a>,
+    /// From the path's start to the grasp.
     to_grasp: Vec<Knot>,
     /// From there up.
     lift: Vec<Knot>,
-    /// See [`Choice::compare`].
-    times: f64,
-    room: f64,
+    /// Slowdown factor; see [`Choice::compare`].
+    slowdown: f64,
+    margin: f64,
 }
 
 /// Why none was found, so far.
@@ -69,7 +69,7 @@ impl Arm {
     /// # Errors
     ///
     /// Fails if no posture does. It says what keeps the one from it that comes farthest: all the way but
-    /// for something it would meet, or part of the way, or to the grasp.
+    /// for something it would meet, or part of the path, or to the grasp.
     pub(crate) fn follow<'a>(
         &'a self,
         course: &'a Course<Object>,
@@ -90,22 +90,27 @@ impl Arm {
         let mut choices = Vec::new();
         for turn in 0..turns {
             let angle = TAU * turn as f64 / turns as f64;
-            let way = Way::new(self, course, table_from_object, angle);
-            self.gather(&way, &hand, &mut choices, &mut worse);
+            let palm_path = PalmPath::new(self, course, table_from_object, angle);
+            self.gather(&palm_path, &hand, &mut choices, &mut worse);
         }
         choices.sort_by(Choice::compare);
         for choice in choices {
             let knots = choice.to_grasp.iter().chain(&choice.lift);
-            match self.clear(&choice.way, knots, &hand.fingers) {
+            match self.clear(&choice.palm_path, knots, &hand.fingers) {
                 Ok(()) => {
-                    return Ok(ArmPath::new(self, choice.way, choice.to_grasp, choice.lift));
+                    return Ok(ArmPath::new(
+                        self,
+                        choice.palm_path,
+                        choice.to_grasp,
+                        choice.lift,
+                    ));
                 }
                 Err(fault) => worse.add(MEETS, fault),
             }
         }
         Err(worse.infeasible(turns).unwrap_or_else(|| {
-            let way = Way::new(self, course, table_from_object, 0.0);
-            let grasp = way.at(Place::Lift { height_m: 0.0 });
+            let palm_path = PalmPath::new(self, course, table_from_object, 0.0);
+            let grasp = palm_path.at(Place::Lift { height_m: 0.0 });
             Infeasible::Reach {
                 palm_in_base_m: grasp.base_from_palm.translation.vector.into(),
                 turns,
@@ -113,10 +118,10 @@ impl Arm {
         }))
     }
 
-    /// Adds the postures in which the arm can follow a way.
+    /// Adds the postures in which the arm can follow a path.
     fn gather<'a>(
         &self,
-        way: &Way<'a>,
+        palm_path: &PalmPath<'a>,
         hand: &Hand,
         choices: &mut Vec<Choice<'a>>,
         worse: &mut Worse,
@@ -125,7 +130,7 @@ impl Arm {
             .moving
             .iter()
             .rev()
-            .map(|(time_s, hand)| way.of(Place::Way { time_s: *time_s }, hand))
+            .map(|(time_s, hand)| palm_path.of(Place::Reach { time_s: *time_s }, hand))
             .collect();
         if to_start.is_empty() {
             return;
@@ -133,12 +138,12 @@ impl Arm {
         let grasp = to_start.remove(0);
         let up: Vec<Target> = (0..=LIFT_N)
             .map(|k| hand.lift_m * k as f64 / LIFT_N as f64)
-            .map(|height_m| way.at(Place::Lift { height_m }))
+            .map(|height_m| palm_path.at(Place::Lift { height_m }))
             .collect();
         let closed = hand.fingers.last().map_or(&[][..], std::slice::from_ref);
         let tracer = Tracer {
             arm: self,
-            way,
+            palm_path,
             least: self.config.least_singular_value,
         };
         for q in self.chain.solutions(&grasp.base_from_palm) {
@@ -148,7 +153,7 @@ impl Arm {
                 .knot(&grasp, q)
                 .and_then(|knot| self.within_limits(knot))
                 .map_err(|fault| (REACHES, fault))
-                .and_then(|knot| match self.clear(way, [&knot], closed) {
+                .and_then(|knot| match self.clear(palm_path, [&knot], closed) {
                     Ok(()) => Ok(knot),
                     Err(fault) => Err((MEETS_AT_GRASP, fault)),
                 })
@@ -163,7 +168,7 @@ impl Arm {
         }
     }
 
-    /// Follows a way from the arm's posture at the grasp: back to its start, and up.
+    /// Follows a path from the arm's posture at the grasp: back to its start, and up.
     fn posture<'a>(
         &self,
         tracer: Tracer<'_, 'a>,
@@ -184,39 +189,39 @@ impl Arm {
         let lifted = lifted.map_err(|(n, fault)| (to_grasp_n + n, fault))?;
         all.push(below);
         all.extend(lifted);
-        let room = self.unwind(&mut all).map_err(|fault| (all.len(), fault))?;
-        let singular = all.iter().map(|knot| knot.posture.least_singular_value());
+        let margin = self.unwind(&mut all).map_err(|fault| (all.len(), fault))?;
+        let singular = all.iter().map(|knot| knot.state.min_singular_value());
         let singular = singular.fold(f64::INFINITY, f64::min);
         let lift = all.split_off(to_grasp_n);
         Ok(Choice {
-            way: tracer.way.clone(),
-            times: self.times_slower(&all),
-            room: room * singular,
+            palm_path: tracer.palm_path.clone(),
+            slowdown: self.slowdown(&all),
+            margin: margin * singular,
             to_grasp: all,
             lift,
         })
     }
 
-    /// Returns how many times as long as asked for the arm takes on a way at its joints' largest speeds,
-    /// where it is faster nowhere.
-    fn times_slower(&self, to_grasp: &[Knot]) -> f64 {
-        let (mut asked_s, mut takes_s) = (0.0, 0.0);
+    /// Returns the slowdown factor of the reach at the joints' largest speeds, relative to the request, where
+    /// it is faster nowhere.
+    fn slowdown(&self, to_grasp: &[Knot]) -> f64 {
+        let (mut requested_s, mut takes_s) = (0.0, 0.0);
         for pair in to_grasp.windows(2) {
             let [from, to] = pair else { continue };
             let step_s = to.at.number() - from.at.number();
             let joints = from.q.iter().zip(&to.q).zip(&self.limits);
-            let needed = joints.map(|((from, to), most)| (to - from).abs() / most.velocity);
-            asked_s += step_s;
+            let needed = joints.map(|((from, to), limits)| (to - from).abs() / limits.max_velocity);
+            requested_s += step_s;
             takes_s += needed.fold(step_s, f64::max);
         }
-        takes_s / asked_s
+        takes_s / requested_s
     }
 
     /// Checks that the arm keeps clear of the table, itself and the hand; beyond the last of the hand's
     /// joint positions these stay as they are.
     fn clear<'b>(
         &self,
-        way: &Way<'_>,
+        palm_path: &PalmPath<'_>,
         knots: impl IntoIterator<Item = &'b Knot>,
         fingers: &[Vec<f64>],
     ) -> Result<(), ArmFault> {
@@ -231,17 +236,17 @@ impl Arm {
                 })
             })
             .collect::<Result<_, ArmFault>>()?;
-        let foot_m = self.base_from_table.inverse().translation.z;
-        self.clearance.check(&stands, way.up(), foot_m)
+        let base_height_m = self.base_from_table.inverse().translation.z;
+        self.clearance.check(&stands, palm_path.up(), base_height_m)
     }
 }
 
 impl Choice<'_> {
     /// Orders choices, the best one first.
     fn compare(&self, other: &Self) -> Ordering {
-        let steps = |choice: &Self| (choice.times / SAME_TIME).round();
+        let steps = |choice: &Self| (choice.slowdown / SAME_TIME).round();
         let by_time = steps(self).total_cmp(&steps(other));
-        by_time.then(other.room.total_cmp(&self.room))
+        by_time.then(other.margin.total_cmp(&self.margin))
     }
 }
 
@@ -264,9 +269,9 @@ impl Worse {
 
 /// Returns the hand at evenly spaced times of a course.
 fn hands(course: &Course<Object>) -> Vec<(f64, Step<Object>)> {
-    (0..=WAY_N)
+    (0..=REACH_N)
         .map(|k| {
-            let time_s = course.duration_s() * k as f64 / WAY_N as f64;
+            let time_s = course.duration_s() * k as f64 / REACH_N as f64;
             (time_s, course.at(time_s))
         })
         .collect()

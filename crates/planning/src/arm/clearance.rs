@@ -14,7 +14,7 @@ const NEIGHBORS_M: f64 = 0.001;
 ///
 /// Shapes are those of the URDF, and distances between them are exact within 0.01 mm. Between two places
 /// of a path at which they are measured, shapes move by what they are apart at the two, one seen from the
-/// other; half of that is added to what is asked for. Bends in between are left out: they are of second order.
+/// other; half of that is added to the required clearance. Bends in between are left out: they are of second order.
 #[derive(Debug, Clone)]
 pub(crate) struct Clearance {
     pieces: Vec<Piece>,
@@ -47,7 +47,7 @@ struct Piece {
 #[derive(Debug, Clone)]
 pub(crate) struct Stand {
     pub(crate) at: Place,
-    /// Pose of each link in the frame of the arm's foot.
+    /// Pose of each link in the frame of the arm's base.
     pub(crate) base_from_links: Vec<Pose<Base, Link>>,
 }
 
@@ -108,13 +108,13 @@ impl Clearance {
 
     /// Checks a path, given at places close to each other in their order.
     ///
-    /// `up` is the table's vertical in the frame of the arm's foot, and `foot_m` how high above the table
+    /// `up` is the table's vertical in the frame of the arm's base, and `base_height_m` how high above the table
     /// its origin is.
     pub(crate) fn check(
         &self,
         stands: &[Stand],
         up: &Vector3<f64>,
-        foot_m: f64,
+        base_height_m: f64,
     ) -> Result<(), ArmFault> {
         let poses: Vec<Vec<Pose<Base, Shape>>> = self
             .pieces
@@ -133,7 +133,7 @@ impl Clearance {
             .map(|(piece, poses)| Track::new(piece, poses))
             .collect();
         for &idx in &self.above {
-            self.check_table(&tracks[idx], stands, up, foot_m)?;
+            self.check_table(&tracks[idx], stands, up, base_height_m)?;
         }
         for pair in &self.pairs {
             check_pair(
@@ -151,12 +151,12 @@ impl Clearance {
         track: &Track<'_>,
         stands: &[Stand],
         up: &Vector3<f64>,
-        foot_m: f64,
+        base_height_m: f64,
     ) -> Result<(), ArmFault> {
         for (idx, (pose, stand)) in track.poses.iter().zip(stands).enumerate() {
             let down = pose.rotation.inverse_transform_vector(up);
             let lowest =
-                foot_m + pose.translation.vector.dot(up) - track.piece.shape.extent_m(&down);
+                base_height_m + pose.translation.vector.dot(up) - track.piece.shape.extent_m(&down);
             let gap_m = lowest - 0.5 * track.moves(idx);
             // NaN is not clear.
             let is_clear = gap_m >= self.least_m;
@@ -225,8 +225,8 @@ fn relative(a: &Track<'_>, b: &Track<'_>, idx: usize) -> f64 {
 
 /// Returns how far points within a radius of a pose's origin move to another pose, at most.
 fn moves<Frame>(from: &Pose<Frame, Shape>, to: &Pose<Frame, Shape>, radius_m: f64) -> f64 {
-    let way = (to.translation.vector - from.translation.vector).norm();
-    way + from.rotation.angle_to(&to.rotation) * radius_m
+    let distance = (to.translation.vector - from.translation.vector).norm();
+    distance + from.rotation.angle_to(&to.rotation) * radius_m
 }
 
 /// A piece along a path.
@@ -315,7 +315,7 @@ impl Clearance {
         &self.above
     }
 
-    /// A piece's shape and its pose in the frame of the arm's foot.
+    /// A piece's shape and its pose in the frame of the arm's base.
     pub(crate) fn shape_at(
         &self,
         idx: usize,

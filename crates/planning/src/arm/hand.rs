@@ -89,10 +89,10 @@ fn at(joint: &Joint, share: f64) -> f64 {
 }
 
 fn off(a: &Pose<Palm, Link>, b: &Pose<Palm, Link>) -> f64 {
-    let way = (a.translation.vector - b.translation.vector).norm();
+    let distance = (a.translation.vector - b.translation.vector).norm();
     // The angle of a small turn, from the vector part: the cosine has lost it.
     let turn = (a.rotation * b.rotation.inverse()).vector().norm() * 2.0;
-    way.max(turn)
+    distance.max(turn)
 }
 
 fn wrong(problem: &str) -> SettingFault {

@@ -5,8 +5,8 @@ use spatial::{Object, Pose, Table};
 
 use super::{
     Arm,
+    palm_path::PalmPath,
     trace::{Knot, Tracer},
-    way::Way,
 };
 use crate::infeasible::{ArmFault, Infeasible, Place};
 
@@ -16,14 +16,14 @@ pub(crate) struct ArmPath<'a> {
     /// Where the object stands on the table for it.
     pub(crate) table_from_object: Pose<Table, Object>,
     arm: &'a Arm,
-    way: Way<'a>,
-    /// From the way's start to the grasp.
+    palm_path: PalmPath<'a>,
+    /// From the path's start to the grasp.
     to_grasp: Vec<Knot>,
     /// From there up.
     lift: Vec<Knot>,
 }
 
-/// The arm's joints at a place of a way, in the order of [`Arm::joint_names`].
+/// The arm's joints at a place of the path, in the order of [`Arm::joint_names`].
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ArmMoving {
     /// Positions in radians (meters if prismatic).
@@ -33,11 +33,16 @@ pub(crate) struct ArmMoving {
 }
 
 impl<'a> ArmPath<'a> {
-    pub(super) fn new(arm: &'a Arm, way: Way<'a>, to_grasp: Vec<Knot>, lift: Vec<Knot>) -> Self {
+    pub(super) fn new(
+        arm: &'a Arm,
+        palm_path: PalmPath<'a>,
+        to_grasp: Vec<Knot>,
+        lift: Vec<Knot>,
+    ) -> Self {
         Self {
-            table_from_object: way.table_from_object,
+            table_from_object: palm_path.table_from_object,
             arm,
-            way,
+            palm_path,
             to_grasp,
             lift,
         }
@@ -54,7 +59,7 @@ impl<'a> ArmPath<'a> {
     /// They are those of inverse kinematics at that very time, within 10⁻¹⁰ m and rad.
     pub(crate) fn at(&self, course_s: f64) -> Result<ArmMoving, Infeasible> {
         let time_s = course_s.clamp(0.0, end(&self.to_grasp));
-        self.moving(&self.to_grasp, Place::Way { time_s })
+        self.moving(&self.to_grasp, Place::Reach { time_s })
     }
 
     /// Returns the joints with the palm this high above the grasp, in meters; below and beyond the lift
@@ -76,11 +81,11 @@ impl<'a> ArmPath<'a> {
         let nearest = nearest.ok_or(ArmFault::Jump { at })?;
         let tracer = Tracer {
             arm: self.arm,
-            way: &self.way,
+            palm_path: &self.palm_path,
             // It has been followed: between two knots it is what it is.
             least: 0.0,
         };
-        let knot = tracer.next(nearest, &self.way.at(at))?;
+        let knot = tracer.next(nearest, &self.palm_path.at(at))?;
         Ok(ArmMoving {
             q: knot.q,
             rates: JointRates {

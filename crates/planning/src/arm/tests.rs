@@ -19,7 +19,7 @@ mod real;
 
 use clear::Clear;
 use motions::{JointPath, joint_paths, straight};
-use way::Way;
+use palm_path::PalmPath;
 
 const XARM: &str = include_str!("../../../../data/robots/xarm6_allegro.urdf");
 const HAND: &str = include_str!("../../../../data/robots/allegro_right.urdf");
@@ -73,11 +73,11 @@ fn links_are_those_of_all_joints_or_an_error() {
     for (arm_n, hand_n) in [(5, 16), (7, 16), (6, 0), (6, 17), (0, 0)] {
         links(arm_n, hand_n).unwrap_err();
     }
-    // Nor is a pose clear that is no number.
+    // Nor is a pose of NaN clear.
     let mut links = links(6, 16).unwrap();
     links[3] = Pose::new(nalgebra::Isometry3::translation(f64::NAN, 0.0, 0.0));
     let stand = clearance::Stand {
-        at: crate::Place::Way { time_s: 0.0 },
+        at: crate::Place::Reach { time_s: 0.0 },
         base_from_links: links,
     };
     let up = nalgebra::Vector3::z();
@@ -107,32 +107,41 @@ fn is_within_limits(arm: &Arm, q: &[f64]) -> bool {
     q.len() == arm.joints().len() && joints.all(|(joint, &q)| within(joint, q))
 }
 
-/// Where the palm shall be, in the frame of the arm's foot.
-fn asked(arm: &Arm, path: &ArmPath<'_>, course: &Course<Object>, time_s: f64) -> Pose<Base, Palm> {
+/// Where the palm shall be, in the frame of the arm's base.
+fn requested(
+    arm: &Arm,
+    path: &ArmPath<'_>,
+    course: &Course<Object>,
+    time_s: f64,
+) -> Pose<Base, Palm> {
     let object_from_palm = course.at(time_s).frame_from_palm;
     arm.base_from_table * path.table_from_object * object_from_palm
 }
 
 /// Meters or radians from one pose to another, whichever is more.
 fn off(a: &Pose<Base, Palm>, b: &Pose<Base, Palm>) -> f64 {
-    let way = (a.translation.vector - b.translation.vector).norm();
-    way.max((a.rotation * b.rotation.inverse()).angle())
+    let distance = (a.translation.vector - b.translation.vector).norm();
+    distance.max((a.rotation * b.rotation.inverse()).angle())
 }
 
 /// Checks a path at the arm's rate and, for what it meets, at four times that.
 fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course<Object>, lift_m: f64) {
     let palm = arm.robot.link("base_link").unwrap();
-    let most_velocity: Vec<f64> = arm.limits().iter().map(|most| most.velocity).collect();
+    let max_velocity: Vec<f64> = arm
+        .limits()
+        .iter()
+        .map(|limits| limits.max_velocity)
+        .collect();
     let clear = Clear::of(&arm.robot, arm.config.clearance_m - 1e-6);
-    // As fast as the joints allow, but no faster than asked for.
+    // As fast as the joints allow, but no faster than requested.
     let slower = (0..=1000)
         .map(|k| {
             path.at(course.duration_s() * f64::from(k) / 1000.0)
                 .unwrap()
         })
         .flat_map(|at| {
-            let speeds = at.rates.velocity.into_iter().zip(&most_velocity);
-            speeds.map(|(v, most)| v.abs() / most).collect::<Vec<_>>()
+            let speeds = at.rates.velocity.into_iter().zip(&max_velocity);
+            speeds.map(|(v, max)| v.abs() / max).collect::<Vec<_>>()
         })
         .fold(1.0, f64::max);
     let ticks = (course.duration_s() * slower * RATE_HZ).ceil();
@@ -145,13 +154,16 @@ fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course<Object>, lift_m: f64) {
         assert!(is_within_limits(arm, &now.q), "{:?}", now.q);
         let fingers = course.at(time_s).q_rad;
         let links = arm.links(&now.q, &fingers).unwrap();
-        let far = off(&Pose::new(*links[palm]), &asked(arm, path, course, time_s));
+        let far = off(
+            &Pose::new(*links[palm]),
+            &requested(arm, path, course, time_s),
+        );
         assert!(far < 1e-6, "{far} at {time_s} s");
         if let Some(before) = before {
-            for ((before, now), most) in before.iter().zip(&now.q).zip(&most_velocity) {
+            for ((before, now), max) in before.iter().zip(&now.q).zip(&max_velocity) {
                 let step = (now - before).abs();
                 // The greatest speed is that of a thousand places.
-                assert!(step <= most / RATE_HZ * 1.001, "{step} rad at {time_s} s");
+                assert!(step <= max / RATE_HZ * 1.001, "{step} rad at {time_s} s");
             }
         }
         before = Some(now.q);
@@ -222,12 +234,9 @@ fn arm_follows_reachable_motions() {
             // The posture that made it is one of those tried: if it does well it must be taken.
             Err(Infeasible::Arm { fault, .. }) => {
                 assert!(!given.is_clear, "{fault}");
-                let is_in_the_way =
+                let is_blocking =
                     matches!(fault, ArmFault::Table { .. } | ArmFault::Collision { .. });
-                assert!(
-                    is_in_the_way || !given.is_free || !given.can_grasp,
-                    "{fault}"
-                );
+                assert!(is_blocking || !given.is_free || !given.can_grasp, "{fault}");
             }
             Err(other) => assert!(!given.is_free, "{other}"),
         }
@@ -236,9 +245,9 @@ fn arm_follows_reachable_motions() {
     assert!(followed > cases() / 4, "{followed}");
 }
 
-/// What a controller makes of what the arm is told keeps every limit, between two points as at them.
+/// The quintic polynomials between two commanded points keep every limit, as the points do.
 #[test]
-fn told_arms_keep_every_limit_between_two_points() {
+fn commanded_arm_keeps_every_limit_between_points() {
     let protocol = Protocol {
         flexion_joints: vec!["joint_1.0".to_owned()],
         squeeze_rad: 0.1,
@@ -264,7 +273,7 @@ fn told_arms_keep_every_limit_between_two_points() {
     let planner = planner.unwrap();
     let arm = arm(&config);
     let mut runner = TestRunner::deterministic();
-    let (mut planned_n, mut most_share) = (0, 0.0_f64);
+    let (mut planned_n, mut max_share) = (0, 0.0_f64);
     for _ in 0..cases() / 4 {
         let made = joint_paths().new_tree(&mut runner).unwrap().current();
         let (drawn, _) = made.motion(&arm);
@@ -282,25 +291,28 @@ fn told_arms_keep_every_limit_between_two_points() {
                 let now = track.at(time_s).unwrap();
                 assert!(is_within_limits(&arm, &now.q_rad), "{:?}", now.q_rad);
                 let moving = now.rates.velocity.iter().zip(&now.rates.acceleration);
-                for ((velocity, acceleration), most) in moving.zip(arm.limits()) {
-                    let shares = [velocity / most.velocity, acceleration / most.acceleration];
+                for ((velocity, acceleration), limits) in moving.zip(arm.limits()) {
+                    let shares = [
+                        velocity / limits.max_velocity,
+                        acceleration / limits.max_acceleration,
+                    ];
                     let share = shares.map(f64::abs).into_iter().fold(0.0, f64::max);
                     assert!(
                         share <= 1.0 + 1e-6,
                         "{shares:?} of the limits at {time_s} s"
                     );
-                    most_share = most_share.max(share);
+                    max_share = max_share.max(share);
                 }
             }
         }
     }
-    println!("{planned_n} motions planned, at most {most_share} of a limit");
-    assert!(planned_n > cases() / 40 && most_share > 0.98);
+    println!("{planned_n} motions planned, at most {max_share} of a limit");
+    assert!(planned_n > cases() / 40 && max_share > 0.98);
 }
 
 /// With twelve turns the arm follows wherever it can with one, in no more time.
 #[test]
-fn more_turns_are_never_worse() {
+fn more_yaw_angles_never_lose_a_motion() {
     let mut runner = TestRunner::deterministic();
     let mut followed = [0, 0];
     for _ in 0..40 {
@@ -345,9 +357,9 @@ fn the_object_is_turned_about_the_vertical_where_it_stands() {
     check(&arm, &path, &course, 0.1);
 }
 
-/// Where the foot stands changes where the arm is, and nothing else.
+/// Where the base stands changes where the arm is, and nothing else.
 #[test]
-fn the_table_may_be_anywhere_about_the_foot() {
+fn the_table_may_be_anywhere_about_the_base() {
     let drawn = straight([0.0, 0.0, 0.5], [0.0, 0.0, 0.3], [0.0, 0.0, 0.04]);
     let course = course_of(&drawn).unwrap();
     let (sin, cos) = 0.4_f64.sin_cos();
@@ -360,7 +372,7 @@ fn the_table_may_be_anywhere_about_the_foot() {
         ],
         ..config()
     });
-    // The object is turned with the foot.
+    // The object is turned with the base.
     let turned = Drawn {
         table_from_object: Pose::<Table, Object>::new(
             nalgebra::UnitQuaternion::from_axis_angle(&nalgebra::Vector3::z_axis(), 0.8)
@@ -388,13 +400,13 @@ fn a_grasp_beyond_reach_is_refused() {
     let drawn = straight([-0.3, 0.0, 0.5], [0.0, 0.0, 0.3], [0.0, 0.0, 0.04]);
     assert_eq!(
         refused(&arm, &drawn).to_string(),
-        "the arm cannot bring the palm to the grasp, (0.900, 0.000, 0.340) m from its foot, \
+        "the arm cannot bring the palm to the grasp, (0.900, 0.000, 0.340) m from its base, \
          at any of 4 turns of the object"
     );
 }
 
 #[test]
-fn a_way_that_begins_beyond_reach_is_refused() {
+fn a_path_that_begins_beyond_reach_is_refused() {
     let drawn = straight([0.6, 0.0, 0.5], [0.0, 0.0, 0.3], [0.0, 0.0, 0.04]);
     let found = fault(&arm(&config()), &drawn);
     // An arm that is stretched out is singular.
@@ -417,8 +429,8 @@ fn an_arm_in_the_table_is_refused() {
 }
 
 #[test]
-fn a_way_through_the_arms_own_foot_is_refused() {
-    // Down beside the arm's first joint, so near that the hand meets the foot.
+fn a_path_through_the_arms_own_base_is_refused() {
+    // Down beside the arm's first joint, so near that the hand meets the base.
     let arm = arm(&ArmConfig {
         turns: 1,
         ..config()
@@ -451,7 +463,7 @@ fn a_wrist_that_would_turn_too_far_is_refused() {
 }
 
 #[test]
-fn the_hand_on_the_arm_has_to_be_the_hand() {
+fn another_hand_on_the_arm_is_refused() {
     let other = |urdf: &str, hand: &str| {
         let [robot, hand] = [urdf, hand].map(|urdf| RobotModel::from_urdf(urdf).unwrap());
         Arm::new(&config(), &robot, &hand).unwrap_err().to_string()
@@ -476,7 +488,7 @@ fn the_hand_on_the_arm_has_to_be_the_hand() {
 }
 
 #[test]
-fn an_arm_that_cannot_be_used_is_refused() {
+fn invalid_arms_are_refused() {
     let message = |change: fn(&mut ArmConfig)| {
         let mut config = config();
         change(&mut config);
@@ -519,15 +531,15 @@ fn speeds_are_those_of_the_urdf_or_less() {
         arm.joint_names(),
         ["joint1", "joint2", "joint3", "joint4", "joint5", "joint6"]
     );
-    let most = Most {
-        velocity: 1.57,
-        acceleration: 20.0,
+    let limits = MotionLimits {
+        max_velocity: 1.57,
+        max_acceleration: 20.0,
     };
-    assert_eq!(arm.limits(), [most; 6]);
+    assert_eq!(arm.limits(), [limits; 6]);
 }
 
 #[test]
-fn a_joint_path_is_what_it_says() {
+fn joint_path_rates_are_its_derivatives() {
     // The generator's own rates, by differences.
     let mut runner = TestRunner::deterministic();
     let path: JointPath = joint_paths().new_tree(&mut runner).unwrap().current();
@@ -536,9 +548,9 @@ fn a_joint_path_is_what_it_says() {
     let course = course_of(&drawn).unwrap();
     for share in [0.2, 0.77] {
         let time_s = share * course.duration_s();
-        let expected = arm.chain.posture(&path.q(time_s)).unwrap().base_from_palm;
-        let way = Way::new(&arm, &course, &drawn.table_from_object, 0.0);
-        let found = way.at(crate::Place::Way { time_s });
+        let expected = arm.chain.state(&path.q(time_s)).unwrap().base_from_palm;
+        let palm_path = PalmPath::new(&arm, &course, &drawn.table_from_object, 0.0);
+        let found = palm_path.at(crate::Place::Reach { time_s });
         assert!(off(&found.base_from_palm, &expected) < 1e-5);
     }
 }

@@ -1,4 +1,4 @@
-//! Following a way in one posture of the arm.
+//! Following a path in one posture of the arm.
 //!
 //! Joints are those of inverse kinematics, sought from where velocity and acceleration at the last place
 //! have them. Where the arm is regular they are the one continuation of the posture, as long as each is
@@ -6,20 +6,20 @@
 
 use std::f64::consts::TAU;
 
-use robot::{ChainRates, Posture};
+use robot::{ChainRates, KinematicState};
 
 use super::{
     Arm,
-    way::{Target, Way},
+    palm_path::{PalmPath, Target},
 };
 use crate::infeasible::{ArmFault, Place};
 
 /// How far joints may be found from where they are looked for, in radians (meters if prismatic).
 const NEAR: f64 = 0.05;
-/// Most halvings of a step.
+/// Maximum number of halvings of a step.
 const HALVINGS: usize = 6;
 
-/// The arm at one place of a way.
+/// The arm at one place of a path.
 #[derive(Debug, Clone)]
 pub(crate) struct Knot {
     pub(crate) at: Place,
@@ -28,7 +28,7 @@ pub(crate) struct Knot {
     /// Their derivatives by the place.
     pub(crate) rates: ChainRates,
     /// The palm's Jacobian and pose.
-    pub(crate) posture: Posture,
+    pub(crate) state: KinematicState,
 }
 
 impl Knot {
@@ -43,11 +43,11 @@ impl Knot {
     }
 }
 
-/// Follows a way.
+/// Follows a path.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tracer<'a, 'course> {
     pub(crate) arm: &'a Arm,
-    pub(crate) way: &'a Way<'course>,
+    pub(crate) palm_path: &'a PalmPath<'course>,
     /// Least singular value that the arm's Jacobian may have.
     pub(crate) least: f64,
 }
@@ -56,26 +56,26 @@ impl Tracer<'_, '_> {
     /// Returns the arm at the target in the posture `q`, which reaches it.
     pub(crate) fn knot(&self, target: &Target, q: Vec<f64>) -> Result<Knot, ArmFault> {
         let at = target.at;
-        let Ok(posture) = self.arm.chain.posture(&q) else {
+        let Ok(state) = self.arm.chain.state(&q) else {
             return Err(ArmFault::Jump { at });
         };
-        if !posture.is_regular(self.least) {
+        if !state.is_regular(self.least) {
             return Err(ArmFault::Singular {
-                value: posture.least_singular_value(),
+                value: state.min_singular_value(),
                 least: self.least,
                 at,
             });
         }
-        let rates = posture.rates(&target.twist, &target.rate);
+        let rates = state.rates(&target.twist, &target.rate);
         Ok(Knot {
             at,
             q,
             rates: rates.ok_or(ArmFault::Jump { at })?,
-            posture,
+            state,
         })
     }
 
-    /// Follows a way over its targets from the arm's posture at the first one; fails with how many of them
+    /// Follows a path over its targets from the arm's posture at the first one; fails with how many of them
     /// it could follow.
     pub(crate) fn trace(
         &self,
@@ -112,7 +112,7 @@ impl Tracer<'_, '_> {
         let Some(fewer) = halvings.checked_sub(1) else {
             return Err(jump);
         };
-        let middle = self.way.at(from.at.middle(target.at));
+        let middle = self.palm_path.at(from.at.middle(target.at));
         let between = self.halved(from, &middle, fewer)?;
         self.halved(&between, target, fewer)
     }
@@ -155,11 +155,11 @@ impl Arm {
             for knot in knots.iter_mut() {
                 knot.q[idx] += turns;
             }
-            let room = (low + turns - joint.lower).min(joint.upper - high - turns);
-            if room < 0.0 {
+            let margin = (low + turns - joint.lower).min(joint.upper - high - turns);
+            if margin < 0.0 {
                 let inside = |knot: &&Knot| (q(knot) - joint.lower).min(joint.upper - q(knot));
                 let worst = knots.iter().min_by(|a, b| inside(a).total_cmp(&inside(b)));
-                let at = worst.map_or(Place::Way { time_s: 0.0 }, |knot| knot.at);
+                let at = worst.map_or(Place::Reach { time_s: 0.0 }, |knot| knot.at);
                 return Err(ArmFault::Limit {
                     joint: joint.name.clone(),
                     q: worst.map_or(f64::NAN, q),
@@ -168,7 +168,7 @@ impl Arm {
                     at,
                 });
             }
-            least = least.min(room);
+            least = least.min(margin);
         }
         Ok(least)
     }

@@ -2,7 +2,7 @@ use nalgebra::Isometry3;
 use proptest::prelude::*;
 
 use motion::{HandRates, JointRates, PalmPoint, Step};
-use spatial::{Object, Pose, Table, Twist};
+use spatial::{Object, Palm, Pose, Table, Twist};
 
 use super::*;
 use crate::testing::{Drawn, protocol, swings::motions};
@@ -24,7 +24,7 @@ fn hand() -> RobotModel {
     RobotModel::from_urdf(HAND).unwrap()
 }
 
-/// What is asked of the planner.
+/// Configuration of a planner.
 struct Config {
     grasp: Protocol,
     limits: LimitsConfig,
@@ -91,7 +91,7 @@ fn followed(planned: &Feasible, table_from_object: &Pose<Table, Object>, time_s:
 }
 
 /// Pose of the palm and the joints' positions.
-type Hand = (Isometry3<f64>, Vec<f64>);
+type Hand = (Pose<Object, Palm>, Vec<f64>);
 
 /// Largest difference of two hands, where 1 is 1 mm, half a degree, or half a degree of a joint (or 1 mm
 /// where it slides).
@@ -99,9 +99,9 @@ fn off(a: &Hand, b: &Hand) -> f64 {
     let degree = 0.5_f64.to_radians();
     let joints = a.1.iter().zip(&b.1).zip([degree, degree, 1e-3]);
     let joints = joints.map(|((a, b), unit)| (a - b).abs() / unit);
-    let way = (a.0.translation.vector - b.0.translation.vector).norm() / 1e-3;
+    let distance = (a.0.translation.vector - b.0.translation.vector).norm() / 1e-3;
     let turn = a.0.rotation.angle_to(&b.0.rotation) / degree;
-    joints.fold(way.max(turn), f64::max)
+    joints.fold(distance.max(turn), f64::max)
 }
 
 /// Points with the first and the last doubled, and the period between two.
@@ -134,7 +134,7 @@ proptest! {
     fn every_limit_holds_at_the_rate(
         motion in motions(&JOINTS),
         rate_hz in 80.0..500.0_f64,
-        most in (0.2..2.0_f64, 1.0..15.0_f64, 0.5..5.0_f64, 3.0..30.0_f64, 5.0..100.0_f64),
+        max in (0.2..2.0_f64, 1.0..15.0_f64, 0.5..5.0_f64, 3.0..30.0_f64, 5.0..100.0_f64),
         open in any::<bool>(),
     ) {
         let approach = if open { Approach::Open } else { Approach::Follow };
@@ -144,19 +144,19 @@ proptest! {
         config.grasp.squeeze_rad = 0.2;
         config.grasp.lift_m = 0.15;
         let limits = &mut config.limits;
-        limits.palm_speed_m_per_s = most.0;
-        limits.palm_acceleration_m_per_s2 = most.1;
-        limits.palm_turn_rad_per_s = most.2;
-        limits.palm_turn_acceleration_rad_per_s2 = most.3;
-        limits.joint_acceleration_rad_per_s2 = most.4;
+        limits.palm_speed_m_per_s = max.0;
+        limits.palm_acceleration_m_per_s2 = max.1;
+        limits.palm_turn_rad_per_s = max.2;
+        limits.palm_turn_acceleration_rad_per_s2 = max.3;
+        limits.joint_acceleration_rad_per_s2 = max.4;
         let planned = plan_high(&config, &motion);
         let slack = 1.0 + 1e-6;
-        // What is told.
+        // The commanded points.
         for point in palm_of(&planned) {
-            prop_assert!(point.velocity.linear.norm() <= most.0 * slack);
-            prop_assert!(point.acceleration.linear.norm() <= most.1 * slack);
-            prop_assert!(point.velocity.angular.norm() <= most.2 * slack);
-            prop_assert!(point.acceleration.angular.norm() <= most.3 * slack);
+            prop_assert!(point.velocity.linear.norm() <= max.0 * slack);
+            prop_assert!(point.acceleration.linear.norm() <= max.1 * slack);
+            prop_assert!(point.velocity.angular.norm() <= max.2 * slack);
+            prop_assert!(point.acceleration.angular.norm() <= max.3 * slack);
         }
         let speeds = [2.0, 7.0, 0.5];
         for point in &planned.hand.points {
@@ -164,19 +164,19 @@ proptest! {
                 prop_assert!(velocity.abs() <= limit * slack);
             }
             for acceleration in &point.rates.acceleration {
-                prop_assert!(acceleration.abs() <= most.4 * slack);
+                prop_assert!(acceleration.abs() <= max.4 * slack);
             }
         }
-        // What a controller makes of it between two points.
+        // The quintic polynomials between two points.
         for pair in palm_of(&planned).windows(2) {
             let segment = pair[0].segment(&pair[1]).unwrap();
             for look in 1..=LOOKS {
                 let share = f64::from(look) / f64::from(LOOKS + 1);
                 let now = segment.at(share * (pair[1].time_s - pair[0].time_s));
-                prop_assert!(now.velocity.linear.norm() <= most.0 * slack);
-                prop_assert!(now.acceleration.linear.norm() <= most.1 * slack);
-                prop_assert!(now.velocity.angular.norm() <= most.2 * slack);
-                prop_assert!(now.acceleration.angular.norm() <= most.3 * slack);
+                prop_assert!(now.velocity.linear.norm() <= max.0 * slack);
+                prop_assert!(now.acceleration.linear.norm() <= max.1 * slack);
+                prop_assert!(now.velocity.angular.norm() <= max.2 * slack);
+                prop_assert!(now.acceleration.angular.norm() <= max.3 * slack);
             }
         }
         let limits = hand();
@@ -187,14 +187,14 @@ proptest! {
                 let now = planned.hand.at(time_s).unwrap();
                 for (j, speed) in speeds.into_iter().enumerate() {
                     prop_assert!(now.rates.velocity[j].abs() <= speed * slack);
-                    prop_assert!(now.rates.acceleration[j].abs() <= most.4 * slack);
+                    prop_assert!(now.rates.acceleration[j].abs() <= max.4 * slack);
                     let (joint, q) = (&limits.joints()[j], now.q_rad[j]);
                     let tolerance = config.grasp.limit_tolerance_rad + 1e-6;
                     prop_assert!(q >= joint.lower - tolerance && q <= joint.upper + tolerance);
                 }
             }
         }
-        // What positions alone tell, with rest before and after.
+        // Differences of positions, with rest before and after.
         let (all, dt) = with_rest(palm_of(&planned), |point| point.time_s);
         prop_assert!(dt >= 1.0 / rate_hz * (1.0 - 1e-6));
         let palm = |k: usize| *all[k].table_from_palm;
@@ -202,11 +202,11 @@ proptest! {
         let place = |k: usize| palm(k).translation.vector;
         for k in 1..all.len() - 1 {
             let speed = (place(k + 1) - place(k)).norm() / dt;
-            prop_assert!(speed <= most.0 * slack, "palm {speed} m/s");
+            prop_assert!(speed <= max.0 * slack, "palm {speed} m/s");
             let bend = (place(k + 1) - 2.0 * place(k) + place(k - 1)).norm() / dt / dt;
-            prop_assert!(bend <= most.1 * slack, "palm {bend} m/s²");
-            prop_assert!(spin(k).norm() <= most.2 * slack);
-            prop_assert!((spin(k) - spin(k - 1)).norm() / dt <= most.3 * slack);
+            prop_assert!(bend <= max.1 * slack, "palm {bend} m/s²");
+            prop_assert!(spin(k).norm() <= max.2 * slack);
+            prop_assert!((spin(k) - spin(k - 1)).norm() / dt <= max.3 * slack);
         }
         let (all, dt) = with_rest(&planned.hand.points, |point| point.time_s);
         for k in 1..all.len() - 1 {
@@ -214,7 +214,7 @@ proptest! {
                 let q = |k: usize| all[k].q_rad[j];
                 prop_assert!((q(k + 1) - q(k)).abs() / dt <= velocity * slack);
                 let bend = (q(k + 1) - 2.0 * q(k) + q(k - 1)).abs() / dt / dt;
-                prop_assert!(bend <= most.4 * slack, "joint {j}: {bend}");
+                prop_assert!(bend <= max.4 * slack, "joint {j}: {bend}");
             }
         }
         for times in [
@@ -225,7 +225,7 @@ proptest! {
         }
     }
 
-    /// What is told as a rate is the rate of what is told as a position.
+    /// Commanded rates are derivatives of the commanded positions.
     #[test]
     fn the_rates_of_a_goal_are_its_derivatives(
         motion in motions(&JOINTS),
@@ -266,7 +266,7 @@ proptest! {
         let course = Course::through(motion).unwrap();
         let laid = |share: f64| {
             let hand = course.at(share * course.duration_s());
-            (*hand.frame_from_palm, hand.q_rad)
+            (hand.frame_from_palm, hand.q_rad)
         };
         let there = laid(share);
         let far = nearest(|share| off(&there, &followed(share * end_s)));
@@ -275,13 +275,13 @@ proptest! {
         let far = nearest(|share| off(&there, &laid(share)));
         prop_assert!(far <= 1.0, "the goal is {far} off the course");
         prop_assert!(off(&laid(0.0), &followed(0.0)) < 1e-6);
-        // The way ends between two points, and what is told between them is a polynomial.
+        // The path ends between two points, on the polynomial between them.
         prop_assert!(off(&laid(1.0), &followed(end_s)) < 0.05);
     }
 
     /// Limits that no motion reaches leave it as it was screened, but for rest at its ends.
     #[test]
-    fn nothing_is_slowed_down_without_need(motion in motions(&JOINTS)) {
+    fn motions_within_limits_keep_their_duration(motion in motions(&JOINTS)) {
         let mut config = config(Approach::Follow);
         let limits = &mut config.limits;
         limits.joint_velocity_rad_per_s = Some(1e6);
@@ -292,16 +292,16 @@ proptest! {
         limits.joint_acceleration_rad_per_s2 = 1e9;
         let planned = plan_high(&config, &motion);
         // The accelerations at both ends are spread over four periods.
-        let way_s = planned.grasp.reach_s - 4.0 / config.rates.palm_hz;
-        let slower = way_s / config.grasp.reach_s;
+        let path_s = planned.grasp.reach_s - 4.0 / config.rates.palm_hz;
+        let slower = path_s / config.grasp.reach_s;
         prop_assert!((1.0..1.02).contains(&slower), "{slower}");
     }
 }
 
 /// How many random motions are tried: more where `PIPELINE_CASES` says so.
 fn cases() -> u32 {
-    let asked = std::env::var("PIPELINE_CASES").ok();
-    asked.and_then(|n| n.parse().ok()).unwrap_or(96)
+    let cases = std::env::var("PIPELINE_CASES").ok();
+    cases.and_then(|n| n.parse().ok()).unwrap_or(96)
 }
 
 /// A palm that goes 0.3 m straight down in 1 s at one speed, while the fingers rest.
@@ -323,14 +323,14 @@ fn straight() -> Drawn {
 }
 
 #[test]
-fn a_straight_way_takes_the_time_of_a_trapezoid() {
+fn straight_path_takes_the_time_of_a_trapezoidal_profile() {
     let mut config = config(Approach::Follow);
     config.grasp.reach_s = 0.3;
     for (speed, acceleration) in [(0.5, 2.0), (10.0, 4.0), (0.5, 1e3)] {
         config.limits.palm_speed_m_per_s = speed;
         config.limits.palm_acceleration_m_per_s2 = acceleration;
         let planned = plan(&config, &straight()).unwrap();
-        // The way at 1 m/s would take 0.3 s as asked for.
+        // The path at 1 m/s would take the requested 0.3 s.
         let speed = f64::min(speed, 1.0);
         let expected_s = if speed * speed / acceleration < 0.3 {
             0.3 / speed + speed / acceleration
@@ -381,7 +381,7 @@ fn ramps_keep_the_limits() {
 }
 
 #[test]
-fn what_cannot_be_made_is_infeasible_with_its_reason() {
+fn infeasible_motions_name_their_reason() {
     let refused = |change: &dyn Fn(&mut Config, &mut Drawn)| {
         let (mut config, mut given) = (config(Approach::Follow), straight());
         change(&mut config, &mut given);
@@ -433,7 +433,7 @@ fn joints_come_in_the_hands_order() {
 }
 
 #[test]
-fn limits_that_make_no_sense_are_named() {
+fn invalid_limits_are_named() {
     let refused = |change: fn(&mut Config)| {
         let mut config = config(Approach::Follow);
         change(&mut config);
@@ -503,28 +503,32 @@ fn candidates_of_a_lake_stay_where_they_were_screened() {
             made_n += 1;
             slowest = slowest.max(sent.grasp.reach_s / config.grasp.reach_s);
             let object = candidate.table_from_object;
-            let way_s = match approach {
+            let path_s = match approach {
                 Approach::Follow => sent.grasp.reach_s,
                 Approach::Open => sent.grasp.reach_s * (1.0 - sent.grasp.close_fraction),
             };
             for tick in 0..=30 {
-                let (there, told) = followed(&sent, &object, way_s * f64::from(tick) / 30.0);
+                let (there, commanded) = followed(&sent, &object, path_s * f64::from(tick) / 30.0);
                 let apart = |share: f64| {
                     let step = screened.at_fraction(share);
                     let pose = step.frame_from_palm;
-                    let joints = step.q_rad.iter().zip(&told).map(|(a, b)| (a - b).abs());
+                    let joints = step
+                        .q_rad
+                        .iter()
+                        .zip(&commanded)
+                        .map(|(a, b)| (a - b).abs());
                     [
                         (pose.translation.vector - there.translation.vector).norm(),
                         pose.rotation.angle_to(&there.rotation),
                         match approach {
                             Approach::Follow => joints.fold(0.0, f64::max),
-                            // They are open on the way.
+                            // They are open in the reach.
                             Approach::Open => 0.0,
                         },
                     ]
                 };
-                let worst = |[way, turn, joint]: [f64; 3]| {
-                    (way / 1e-3).max(turn.max(joint) / 0.5_f64.to_radians())
+                let worst = |[distance, turn, joint]: [f64; 3]| {
+                    (distance / 1e-3).max(turn.max(joint) / 0.5_f64.to_radians())
                 };
                 let near = (0..=4000).map(|k| apart(f64::from(k) / 4000.0));
                 let near = near.min_by(|&a, &b| worst(a).total_cmp(&worst(b))).unwrap();
@@ -533,15 +537,15 @@ fn candidates_of_a_lake_stay_where_they_were_screened() {
                 }
             }
         }
-        let [way, turn, joint] = farthest;
+        let [distance, turn, joint] = farthest;
         eprintln!(
             "{approach:?}: {made_n} of {} can be made, the slowest takes {slowest:.3} times as long; at most {:.3} mm, {:.3} degrees and {:.3} degrees of a joint from where it was screened",
             given.candidates.len(),
-            1e3 * way,
+            1e3 * distance,
             turn.to_degrees(),
             joint.to_degrees()
         );
         assert!(made_n > 0);
-        assert!(way < 1e-3 && turn.max(joint) < 0.5_f64.to_radians());
+        assert!(distance < 1e-3 && turn.max(joint) < 0.5_f64.to_radians());
     }
 }

@@ -87,9 +87,9 @@ fn inside(
     let towards = middle - center;
     let share = sides.iter().map(|side| {
         let over = side.beyond(&center) + radius_m;
-        let way = -side.normal.dot(&towards);
-        if over > 0.0 && way > 0.0 {
-            (over / way).min(1.0)
+        let speed = -side.normal.dot(&towards);
+        if over > 0.0 && speed > 0.0 {
+            (over / speed).min(1.0)
         } else {
             0.0
         }

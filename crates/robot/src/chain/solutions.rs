@@ -115,7 +115,7 @@ mod tests {
         let chain = Chain::to_link(&robot, "base_link").unwrap();
         let (mut usual, mut many) = (0, 0);
         for q in chain.starts(60) {
-            let at = chain.posture(&q).unwrap();
+            let at = chain.state(&q).unwrap();
             if at.is_regular(0.02) {
                 usual += chain.solutions(&at.base_from_palm).len();
                 many += chain.solutions_from(1000, &at.base_from_palm).len();

@@ -9,13 +9,13 @@
 use nalgebra::Vector6;
 use spatial::{Base, Palm, Pose};
 
-use super::{Chain, Posture};
+use super::{Chain, KinematicState};
 
 /// What may be missing of a pose, in meters and in radians.
 const TOLERANCE: f64 = 1e-12;
 /// What must not be missing where rounding keeps it from being less.
 const ENOUGH: f64 = 1e-10;
-/// Most steps; on a path it takes 2, from anywhere about 12.
+/// Maximum number of steps; on a path it takes 2, from anywhere about 12.
 const STEPS: usize = 60;
 /// Halvings of a step that does not come nearer.
 const HALVINGS: usize = 5;
@@ -24,7 +24,7 @@ const DAMPING: f64 = 0.02;
 /// A step that leaves more than this share of what is missing comes to nothing; so many may follow each
 /// other.
 const NOTHING: f64 = 0.98;
-const MOST_NOTHINGS: usize = 4;
+const MAX_NOTHINGS: usize = 4;
 
 impl Chain {
     /// Returns joint positions, within the limits or not, with which the end is at `base_from_palm`,
@@ -36,26 +36,26 @@ impl Chain {
     /// for.
     pub fn solve(&self, base_from_palm: &Pose<Base, Palm>, near: &[f64]) -> Option<Vec<f64>> {
         let mut q = near.to_vec();
-        let mut posture = self.posture(&q).ok()?;
-        let mut missing = missing(base_from_palm, &posture);
+        let mut state = self.state(&q).ok()?;
+        let mut missing = missing(base_from_palm, &state);
         let mut nothings = 0;
         for _ in 0..STEPS {
             let before = missing.norm();
             if before <= TOLERANCE {
                 return Some(q);
             }
-            let square = posture.square(DAMPING * before * before)?;
-            let step = posture.transposed(&square.solve(&missing));
+            let square = state.square(DAMPING * before * before)?;
+            let step = state.transposed(&square.solve(&missing));
             let Some(next) = self.downhill(base_from_palm, &q, &step, before) else {
                 break;
             };
-            (q, posture, missing) = next;
+            (q, state, missing) = next;
             nothings = if missing.norm() > NOTHING * before {
                 nothings + 1
             } else {
                 0
             };
-            if nothings > MOST_NOTHINGS {
+            if nothings > MAX_NOTHINGS {
                 break;
             }
         }
@@ -69,7 +69,7 @@ impl Chain {
         q: &[f64],
         step: &[f64],
         before: f64,
-    ) -> Option<(Vec<f64>, Posture, Vector6<f64>)> {
+    ) -> Option<(Vec<f64>, KinematicState, Vector6<f64>)> {
         let mut share = 1.0;
         for _ in 0..=HALVINGS {
             let there: Vec<f64> = q
@@ -77,10 +77,10 @@ impl Chain {
                 .zip(step)
                 .map(|(q, step)| q + share * step)
                 .collect();
-            let posture = self.posture(&there).ok()?;
-            let missing = missing(base_from_palm, &posture);
+            let state = self.state(&there).ok()?;
+            let missing = missing(base_from_palm, &state);
             if missing.norm() < before {
-                return Some((there, posture, missing));
+                return Some((there, state, missing));
             }
             share *= 0.5;
         }
@@ -88,11 +88,11 @@ impl Chain {
     }
 }
 
-/// Returns what the end still has to move: its way in meters, then its turn in radians, along the base's
+/// Returns the error of the end's pose: its displacement in meters, then its rotation in radians, along the base's
 /// axes.
-fn missing(base_from_palm: &Pose<Base, Palm>, posture: &Posture) -> Vector6<f64> {
-    let found = &posture.base_from_palm;
-    let way = base_from_palm.translation.vector - found.translation.vector;
+fn missing(base_from_palm: &Pose<Base, Palm>, state: &KinematicState) -> Vector6<f64> {
+    let found = &state.base_from_palm;
+    let moved = base_from_palm.translation.vector - found.translation.vector;
     let turn = (base_from_palm.rotation * found.rotation.inverse()).scaled_axis();
-    Vector6::new(way.x, way.y, way.z, turn.x, turn.y, turn.z)
+    Vector6::new(moved.x, moved.y, moved.z, turn.x, turn.y, turn.z)
 }

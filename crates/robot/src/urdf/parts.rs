@@ -84,7 +84,7 @@ pub(super) fn link(element: &Element, findings: &mut Vec<Finding>) -> Result<Raw
                         severity: Severity::Doubtful,
                         part: Part::Link(name.clone()),
                         problem: format!(
-                            "has a `<{}>` on line {} that is no shape with a volume; it is passed \
+                            "has a `<{}>` on line {} that is not a shape with a volume; it is passed \
                              over",
                             written.name, written.line
                         ),
@@ -153,7 +153,7 @@ fn inertial(
     }))
 }
 
-/// Reads what stands in a `<geometry>` other than a mesh; `None` if it is no shape or has no volume.
+/// Reads what stands in a `<geometry>` other than a mesh; `None` if it is not a shape or has no volume.
 fn shape(element: &Element) -> Result<Option<Shape>, RobotError> {
     let (shape, has_volume) = match element.name.as_str() {
         "box" => {

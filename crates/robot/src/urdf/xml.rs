@@ -9,9 +9,9 @@ use crate::RobotError;
 
 /// Longest URDF that is read, in bytes: a hundred times that of a hand with an arm.
 pub const MAX_BYTES: usize = 16 << 20;
-/// Most elements that are kept.
+/// Maximum number of elements that are kept.
 const MAX_ELEMENTS: usize = 200_000;
-/// Most attributes of one element; more are left out.
+/// Maximum number of attributes of one element; more are left out.
 const MAX_ATTRIBUTES: usize = 32;
 /// Elements deeper than this are passed over: `robot/link/collision/geometry/box` is 5.
 const MAX_DEPTH: usize = 6;

@@ -1,27 +1,35 @@
 //! The hand's links as the engine's bodies, joints and shapes.
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rapier3d::{
-    math::{Pose, Rotation},
+    math::{Pose as EnginePose, Rotation},
     prelude::{
         GenericJoint, GenericJointBuilder, JointAxesMask, MassProperties, SharedShape, Vector,
     },
 };
 use robot::{JointKind, Link, RobotModel, Shape};
+use spatial::Pose;
 
 use crate::{
     config::SceneConfig,
     error::SimulationError,
     object::principal_moments,
-    precision::{matrix, point, pose, real, rotation, vector},
+    precision::{engine_pose, matrix, point, real, rotation, vector},
 };
+
+/// The frame of a body of the engine: that of the first of its links.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Body {}
+
+/// The frame of an engine's joint: x along the link's axis.
+enum Axis {}
 
 /// Links that do not move relative to each other: one body of the engine.
 pub(crate) struct RigidGroup {
     /// The link that moves, whose frame is the body's.
     pub(crate) root: usize,
     /// All links and their poses in the body's frame.
-    pub(crate) links: Vec<(usize, Isometry3<f64>)>,
+    pub(crate) links: Vec<(usize, Pose<Body, Link>)>,
 }
 
 /// Merges links with those to which they are fixed; parents before children.
@@ -35,15 +43,15 @@ pub(crate) fn rigid_groups(model: &RobotModel) -> Vec<RigidGroup> {
                 .links
                 .iter()
                 .find(|(member, _)| *member == parent)
-                .map_or_else(Isometry3::identity, |(_, pose)| *pose);
+                .map_or_else(Pose::identity, |(_, pose)| *pose);
             groups[group]
                 .links
-                .push((idx, body_from_parent * *link.parent_from_joint));
+                .push((idx, body_from_parent * link.parent_from_joint));
             group
         } else {
             groups.push(RigidGroup {
                 root: idx,
-                links: vec![(idx, Isometry3::identity())],
+                links: vec![(idx, Pose::identity())],
             });
             groups.len() - 1
         };
@@ -76,8 +84,7 @@ pub(crate) fn mass_properties(
         let named = all.contains(&group.root);
         return Err(lacking(if named { all } else { vec![group.root] }));
     }
-    let palm_from_links = model.link_poses::<spatial::Palm>(|_| 0.0);
-    let all = palm_from_links.iter().map(|pose| **pose).enumerate();
+    let all = model.link_poses(|_| 0.0).into_iter().enumerate();
     let all: Vec<_> = all.collect();
     summed(model, &all, scale).ok_or_else(|| lacking(vec![0]))
 }
@@ -85,7 +92,7 @@ pub(crate) fn mass_properties(
 /// Adds up the mass properties of links at their poses, each times `scale`; `None` if there are none.
 fn summed(
     model: &RobotModel,
-    links: &[(usize, Isometry3<f64>)],
+    links: &[(usize, Pose<Body, Link>)],
     scale: f64,
 ) -> Option<MassProperties> {
     let parts: Vec<_> = links
@@ -95,7 +102,7 @@ fn summed(
             let axes = body_from_link.rotation.to_rotation_matrix();
             Some((
                 inertial.mass_kg * scale,
-                body_from_link * inertial.center_of_mass_m,
+                *body_from_link * inertial.center_of_mass_m,
                 axes * inertial.inertia_kg_m2 * axes.inverse() * scale,
             ))
         })
@@ -123,19 +130,30 @@ fn summed(
 }
 
 /// Returns a joint about (or along) the engine's x axis, turned onto the link's axis.
-pub(crate) fn engine_joint(link: &Link, body_from_parent: &Isometry3<f64>) -> GenericJoint {
+pub(crate) fn engine_joint(link: &Link, body_from_parent: &Pose<Body, Link>) -> GenericJoint {
     let turn = Rotation3::rotation_between(&Vector3::x(), &link.axis)
         .unwrap_or_else(|| Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI));
     let turn = UnitQuaternion::from_rotation_matrix(&turn);
+    let body_from_joint = *body_from_parent * link.parent_from_joint;
+    let body_from_axis = Pose::<Body, Axis>::new(*body_from_joint * turn);
     let locked = match link.kind {
         Some(JointKind::Prismatic) => JointAxesMask::LOCKED_PRISMATIC_AXES,
         Some(JointKind::Revolute | JointKind::Continuous) => JointAxesMask::LOCKED_REVOLUTE_AXES,
         None => JointAxesMask::LOCKED_FIXED_AXES,
     };
     GenericJointBuilder::new(locked)
-        .local_frame1(pose(&(body_from_parent * *link.parent_from_joint * turn)))
-        .local_frame2(Pose::from_rotation(rotation(&turn)))
+        .local_frame1(engine_pose(&body_from_axis))
+        .local_frame2(EnginePose::from_rotation(rotation(&turn)))
         .build()
+}
+
+/// A part of the hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// The palm, with all links that are fixed to it.
+    Palm,
+    /// A finger.
+    Finger,
 }
 
 /// A link's collision shape as the engine has it.
@@ -143,14 +161,16 @@ pub(crate) fn engine_joint(link: &Link, body_from_parent: &Isometry3<f64>) -> Ge
 pub(crate) struct LinkShape {
     /// Which of the model's links.
     pub(crate) link: usize,
+    /// What the link belongs to.
+    pub(crate) part: Part,
     /// The shape about its center as the model has it.
     pub(crate) shape: Shape,
     /// Pose of that center in the link's frame.
-    pub(crate) link_from_shape: Isometry3<f64>,
+    pub(crate) link_from_shape: Pose<Link, Shape>,
     /// The engine's shape.
     pub(crate) engine: SharedShape,
     /// Pose of the engine's shape in ours.
-    pub(crate) shape_from_engine: Pose,
+    pub(crate) shape_from_engine: EnginePose,
 }
 
 /// Checks that a hand can be simulated in a scene, whatever the object.
@@ -180,7 +200,13 @@ pub(crate) fn link_shapes(model: &RobotModel) -> Result<Vec<LinkShape>, Simulati
         });
     }
     let mut shapes = Vec::new();
+    let groups = rigid_groups(model);
     for (idx, link) in model.links().iter().enumerate() {
+        let on_palm = |palm: &RigidGroup| palm.links.iter().any(|(fixed, _)| *fixed == idx);
+        let part = match groups.first() {
+            Some(palm) if on_palm(palm) => Part::Palm,
+            _ => Part::Finger,
+        };
         for collision in &link.collisions {
             let (engine, shape_from_engine) =
                 engine_shape(&collision.shape).ok_or_else(|| SimulationError::FlatLink {
@@ -188,8 +214,9 @@ pub(crate) fn link_shapes(model: &RobotModel) -> Result<Vec<LinkShape>, Simulati
                 })?;
             shapes.push(LinkShape {
                 link: idx,
+                part,
                 shape: collision.shape.clone(),
-                link_from_shape: *collision.link_from_shape,
+                link_from_shape: collision.link_from_shape,
                 engine,
                 shape_from_engine,
             });
@@ -203,30 +230,33 @@ pub(crate) fn link_shapes(model: &RobotModel) -> Result<Vec<LinkShape>, Simulati
 
 /// Returns the engine's shape and its pose in ours: the engine's cylinders stand along y. `None` if a
 /// body has no volume in single precision.
-fn engine_shape(shape: &Shape) -> Option<(SharedShape, Pose)> {
+fn engine_shape(shape: &Shape) -> Option<(SharedShape, EnginePose)> {
     Some(match shape {
         Shape::Box { half_extents_m } => {
             let half = vector(half_extents_m);
-            (SharedShape::cuboid(half.x, half.y, half.z), Pose::IDENTITY)
+            (
+                SharedShape::cuboid(half.x, half.y, half.z),
+                EnginePose::IDENTITY,
+            )
         }
-        Shape::Sphere { radius_m } => (SharedShape::ball(real(*radius_m)), Pose::IDENTITY),
+        Shape::Sphere { radius_m } => (SharedShape::ball(real(*radius_m)), EnginePose::IDENTITY),
         Shape::Cylinder {
             radius_m,
             half_length_m,
         } => (
             SharedShape::cylinder(real(*half_length_m), real(*radius_m)),
-            Pose::from_rotation(Rotation::from_rotation_arc(Vector::Y, Vector::Z)),
+            EnginePose::from_rotation(Rotation::from_rotation_arc(Vector::Y, Vector::Z)),
         ),
         Shape::Capsule {
             radius_m,
             half_length_m,
         } => (
             SharedShape::capsule_z(real(*half_length_m), real(*radius_m)),
-            Pose::IDENTITY,
+            EnginePose::IDENTITY,
         ),
         Shape::Convex(body) => {
             let corners: Vec<Vector> = body.corners_m().iter().map(point).collect();
-            (SharedShape::convex_hull(&corners)?, Pose::IDENTITY)
+            (SharedShape::convex_hull(&corners)?, EnginePose::IDENTITY)
         }
     })
 }

@@ -1,8 +1,9 @@
 //! What must come out of the hand's physics by theory.
 
-use nalgebra::{DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{DVector, UnitQuaternion, Vector3};
 use rapier3d::prelude::{ColliderBuilder, RigidBodyBuilder};
 use robot::{Bodies, JointMotion, RobotModel, Root};
+use spatial::{Object, Pose, Table};
 
 use super::{
     Hand, PalmJoint, finger_mut,
@@ -10,8 +11,8 @@ use super::{
 };
 use crate::{
     config::SceneConfig,
-    desired::Asked,
-    precision::{pose, real, vector},
+    desired::DesiredStep,
+    precision::{engine_pose, real, vector},
     testing,
     world::{World, groups},
 };
@@ -44,32 +45,33 @@ fn lags(scene: &SceneConfig, world: &World, hand: &Hand, model: &RobotModel) -> 
     };
     [false, true].map(|looks_ahead| {
         let mut world = world.fork();
-        hand.place(&mut world, &Isometry3::identity(), &all(0.0, 0));
+        hand.place(&mut world, &Pose::identity(), &all(0.0, 0));
         let mut most: f64 = 0.0;
         for step in 0..750 {
             let time_s = f64::from(step) * step_s;
             // The palm swings too.
             let ahead_s = time_s + step_s;
-            let table_from_palm = Isometry3::new(
-                Vector3::new(0.1 * (3.0 * ahead_s).sin(), 0.0, 0.05 * ahead_s),
-                Vector3::new(0.4 * (2.0 * ahead_s).sin(), 0.0, 0.0),
+            let turn = Vector3::new(0.4 * (2.0 * ahead_s).sin(), 0.0, 0.0);
+            let table_from_palm = Pose::from_parts(
+                [0.1 * (3.0 * ahead_s).sin(), 0.0, 0.05 * ahead_s],
+                UnitQuaternion::from_scaled_axis(turn),
             );
             hand.move_palm(&mut world, &table_from_palm, step_s);
             if looks_ahead {
-                let asked = Asked {
+                let desired = DesiredStep {
                     q: all(ahead_s, 0),
                     velocity: all(time_s + step_s / 2.0, 1),
                     acceleration: all(time_s, 2),
                 };
-                hand.follow(&mut world, &asked);
+                hand.follow(&mut world, &desired);
             } else {
                 hand.drive(&mut world, &all(ahead_s, 0));
             }
             world.step();
             if step >= 500 {
                 let found = hand.positions(&world);
-                for (found, asked) in found.iter().zip(all(ahead_s, 0)) {
-                    most = most.max((found - asked).abs());
+                for (found, desired) in found.iter().zip(all(ahead_s, 0)) {
+                    most = most.max((found - desired).abs());
                 }
             }
         }
@@ -116,15 +118,15 @@ fn feedforward_and_springs_together_give_no_more_than_the_torque_limit() {
     let mut scene = testing::scene();
     scene.drive.torque_limit = 0.05;
     let (mut world, hand) = finger(&scene);
-    hand.place(&mut world, &Isometry3::identity(), &[0.0]);
+    hand.place(&mut world, &Pose::identity(), &[0.0]);
     let mut most: f64 = 0.0;
     for step in 0..50 {
-        let asked = Asked {
+        let desired = DesiredStep {
             q: vec![if step < 25 { 0.5 } else { -0.5 }],
             velocity: vec![1.0],
             acceleration: vec![300.0],
         };
-        hand.follow(&mut world, &asked);
+        hand.follow(&mut world, &desired);
         world.step();
         most = most.max(hand.torques(&world)[0].abs());
     }
@@ -147,7 +149,7 @@ fn the_engine_accelerates_joints_as_inverse_dynamics_says() {
     let q: Vec<f64> = (0..dof).map(|joint| swing(joint, &model, 0.3)[0]).collect();
     let velocity: Vec<f64> = (0..dof).map(|joint| 3.0 * number(joint, 2.3)).collect();
     let wanted: Vec<f64> = (0..dof).map(|joint| 60.0 * number(joint, 3.1)).collect();
-    hand.place(&mut world, &Isometry3::identity(), &q);
+    hand.place(&mut world, &Pose::identity(), &q);
     let set = |world: &mut World| {
         for drive in &hand.drives {
             let (multibody, place) = finger_mut(&mut world.multibodies, drive.body).unwrap();
@@ -155,12 +157,12 @@ fn the_engine_accelerates_joints_as_inverse_dynamics_says() {
         }
     };
     set(&mut world);
-    let asked = Asked {
+    let desired = DesiredStep {
         q: q.clone(),
         velocity: velocity.clone(),
         acceleration: wanted.clone(),
     };
-    hand.follow(&mut world, &asked);
+    hand.follow(&mut world, &desired);
     world.step();
     let mut worst: f64 = 0.0;
     for drive in &hand.drives {
@@ -209,14 +211,15 @@ fn carried(hand: &Hand, world: &World, bodies: &Bodies) -> (Vector3<f64>, Vector
 fn a_free_hand_keeps_its_momentum_and_its_energy() {
     let mut scene = testing::scene();
     scene.time_step_s = 1e-3;
-    // A rotor's inertia is no body's, and would carry momentum of its own.
+    // A rotor's inertia is not a body's, and would carry momentum of its own.
     scene.drive.armature = 0.0;
     scene.drive.damping = 0.0;
     let model = RobotModel::from_urdf(FINGER).unwrap();
     let bodies = Bodies::new(&model);
     let mut world = World::empty(&scene);
     let hand = Hand::insert_on(&mut world, &scene, &model, PalmJoint::Free).unwrap();
-    hand.place(&mut world, &Isometry3::translation(0.1, -0.2, 0.3), &[0.2]);
+    let start = Pose::from_parts([0.1, -0.2, 0.3], UnitQuaternion::identity());
+    hand.place(&mut world, &start, &[0.2]);
     {
         let root = hand.roots[0].body;
         let (multibody, _) = finger_mut(&mut world.multibodies, root).unwrap();
@@ -254,18 +257,21 @@ const SINKING_STEPS: u32 = 35;
 fn sunk_m(friction: f64, force_n: f64, mass_kg: f64) -> f64 {
     const ARM_M: f64 = 0.1;
     const HALF_M: f64 = 0.025;
+    let at = |place: [f64; 3]| -> Pose<Table, Object> {
+        Pose::from_parts(place, UnitQuaternion::identity())
+    };
     let mut scene = testing::scene();
     scene.friction = friction;
     scene.drive.torque_limit = force_n * ARM_M;
     let (mut world, hand) = finger(&scene);
     // Down for the finger is along y for the world.
     let turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
-    let lying = Isometry3::from_parts(Translation3::identity(), turn);
+    let lying = Pose::from_parts([0.0; 3], turn);
     hand.place(&mut world, &lying, &[0.0]);
-    let place = Isometry3::translation(ARM_M, 0.01 + HALF_M, 0.0);
+    let table_from_block = at([ARM_M, 0.01 + HALF_M, 0.0]);
     let block = world.bodies.insert(
         RigidBodyBuilder::dynamic()
-            .pose(pose(&place))
+            .pose(engine_pose(&table_from_block))
             .additional_mass_properties(rapier3d::prelude::MassProperties::new(
                 vector(&Vector3::zeros()),
                 real(mass_kg),
@@ -283,13 +289,10 @@ fn sunk_m(friction: f64, force_n: f64, mass_kg: f64) -> f64 {
         block,
         &mut world.bodies,
     );
+    let table_from_wall = at([ARM_M, 0.01 + 2.0 * HALF_M + 0.05, 0.0]);
     let wall = world
         .bodies
-        .insert(RigidBodyBuilder::fixed().pose(pose(&Isometry3::translation(
-            ARM_M,
-            0.01 + 2.0 * HALF_M + 0.05,
-            0.0,
-        ))));
+        .insert(RigidBodyBuilder::fixed().pose(engine_pose(&table_from_wall)));
     world.colliders.insert_with_parent(
         ColliderBuilder::cuboid(0.2, 0.05, 0.2)
             .friction(real(friction))
@@ -331,16 +334,16 @@ fn a_squeezed_block_slips_where_friction_on_both_sides_no_longer_carries_it() {
 
 /// A robot that stands still has nothing to do.
 #[test]
-fn nothing_asked_for_takes_no_torque() {
+fn pose_at_rest_needs_no_torque() {
     let scene = testing::scene();
     let (mut world, hand) = finger(&scene);
-    hand.place(&mut world, &Isometry3::identity(), &[0.3]);
-    let asked = Asked {
+    hand.place(&mut world, &Pose::identity(), &[0.3]);
+    let desired = DesiredStep {
         q: vec![0.3],
         velocity: vec![0.0],
         acceleration: vec![0.0],
     };
-    hand.follow(&mut world, &asked);
+    hand.follow(&mut world, &desired);
     assert!(hand.torques(&world)[0].abs() < 1e-6);
     let efforts = hand.dynamics.inverse_dynamics(
         &Root::still(spatial::Pose::identity()),

@@ -55,8 +55,8 @@ impl Controller {
     /// Returns the spring for the next physics step of a joint at `q` that moves at `speed`, with a
     /// torque that is `ahead` of command and brake.
     ///
-    /// A drive that asks for more than its limit, and still will at the end of the step even if
-    /// nothing is in its way, gives its limit and neither spring nor damper. Close to the limit,
+    /// A drive that saturates, and still will at the end of the step even if nothing is in its way,
+    /// gives its limit and neither spring nor damper. Close to the limit,
     /// the spring's rest position is moved so that both together stay within it. An end stop is a
     /// second spring in parallel, without a limit.
     pub(crate) fn spring(&self, command: f32, ahead: f32, q: f32, speed: f32) -> Spring {
@@ -81,15 +81,15 @@ impl Controller {
         spring
     }
 
-    /// Returns the limit as a spring, if the drive asks for more than that in the whole step.
+    /// Returns the limit as a spring, if the drive saturates in the whole step.
     fn constant(&self, command: f32, q: f32, speed: f32) -> Option<Spring> {
-        let asked_at = |speed: f32| {
+        let torque_at = |speed: f32| {
             self.stiffness * (command - q - self.time_step_s * speed) - self.damping * speed
         };
         let gained = self.time_step_s * self.limit * self.inverse_inertia;
-        let torque = if asked_at(speed + gained) >= self.limit {
+        let torque = if torque_at(speed + gained) >= self.limit {
             self.limit
-        } else if asked_at(speed - gained) <= -self.limit {
+        } else if torque_at(speed - gained) <= -self.limit {
             -self.limit
         } else {
             return None;

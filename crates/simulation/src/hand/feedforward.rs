@@ -1,30 +1,30 @@
 //! Fingers that are driven along a motion by the torque that it takes.
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use robot::{JointMotion, Root};
-use spatial::{Pose, Twist};
+use spatial::{Palm, Pose, Twist};
 
-use super::{DIMENSIONS, Hand, finger_mut};
+use super::{Hand, finger_mut};
 use crate::{
-    desired::Asked,
-    precision::{isometry, real},
+    desired::DesiredStep,
+    precision::{pose_from_engine, real},
     world::World,
 };
 
 impl Hand {
-    /// Sets every finger's torque for the next physics step: what the hand's own inertia takes for the
-    /// accelerations asked for, at the positions and velocities that it has, and a spring and a
-    /// damper to what is asked for.
+    /// Sets every finger's torque for the next physics step: inverse dynamics of the desired
+    /// accelerations at the measured positions and velocities, and a spring and a damper to the desired
+    /// motion.
     ///
     /// The hand's weight is compensated, as in [`Hand::drive`], and the palm moves at constant
     /// velocity between the jumps that the engine makes without any effect on the fingers.
-    pub(crate) fn follow(&self, world: &mut World, asked: &Asked) {
+    pub(crate) fn follow(&self, world: &mut World, desired: &DesiredStep) {
         let states = self.states(world);
         let (q, velocity): (Vec<f64>, Vec<f64>) = states.map(<(f64, f64)>::from).unzip();
         let motion = JointMotion {
             q: &q,
             velocity: &velocity,
-            acceleration: &asked.acceleration,
+            acceleration: &desired.acceleration,
         };
         let Some(palm) = self.palm_mut(world) else {
             return;
@@ -33,8 +33,9 @@ impl Hand {
         let velocity_of_palm = [
             linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
         ];
-        let orientation = isometry(palm.position()).rotation;
-        let root = root(&orientation, velocity_of_palm.map(f64::from));
+        let velocity_of_palm = Twist::from_array(velocity_of_palm.map(f64::from));
+        let world_from_palm: Pose<spatial::World, Palm> = pose_from_engine(palm.position());
+        let root = root(world_from_palm.rotation, &velocity_of_palm);
         let torques = match self
             .dynamics
             .link_efforts(&root, &motion, &Vector3::zeros())
@@ -43,31 +44,26 @@ impl Hand {
             Err(err) => unreachable!("the script was checked against the hand: {err}"),
         };
         for (drive, torque) in self.drives.iter().zip(torques) {
-            let (q_asked, speed_asked) = (asked.q[drive.joint], asked.velocity[drive.joint]);
+            let (q, speed) = (desired.q[drive.joint], desired.velocity[drive.joint]);
             let Some((multibody, place)) = finger_mut(&mut world.multibodies, drive.body) else {
                 continue;
             };
-            let speed_asked = drive.multiplier * real(speed_asked);
-            let ahead = drive.controller.ahead(real(torque), speed_asked);
-            drive.apply(multibody, place, q_asked, ahead);
+            let speed = drive.multiplier * real(speed);
+            let ahead = drive.controller.ahead(real(torque), speed);
+            drive.apply(multibody, place, q, ahead);
         }
     }
 }
 
-/// Returns the palm as a root that keeps its velocity (linear, then angular, along the world's axes).
-fn root(orientation: &UnitQuaternion<f64>, palm: [f64; DIMENSIONS]) -> Root {
-    let into_palm = orientation.inverse();
-    let [x, y, z, a, b, c] = palm;
-    let linear = into_palm * Vector3::new(x, y, z);
-    let angular = into_palm * Vector3::new(a, b, c);
+/// Returns the palm as a root that keeps its velocity, along the world's axes, wherever it is.
+fn root(orientation: UnitQuaternion<f64>, velocity: &Twist<spatial::World>) -> Root {
+    let world_from_palm = Pose::from_parts([0.0; 3], orientation);
+    let velocity = velocity.expressed_in(&world_from_palm.inverse());
     // Along the turning axes of the palm, a constant velocity turns the other way.
-    let turning = -angular.cross(&linear);
+    let turning = -velocity.angular.cross(&velocity.linear);
     Root {
-        world_from_palm: Pose::new(Isometry3::from_parts(
-            nalgebra::Translation3::identity(),
-            *orientation,
-        )),
-        velocity: Twist::new(linear, angular),
+        world_from_palm,
+        velocity,
         acceleration: Twist::new(turning, Vector3::zeros()),
     }
 }

@@ -170,7 +170,7 @@ fn a_good_grasp_holds_under_feedforward_too() {
 }
 
 #[test]
-fn a_heavier_hand_moves_otherwise() {
+fn hand_mass_changes_the_motion() {
     let trace = |hand_mass_scale: f64| {
         let mut scene = scene();
         scene.hand_mass_scale = hand_mass_scale;

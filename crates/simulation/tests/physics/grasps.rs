@@ -49,7 +49,7 @@ fn a_closed_hand_lifts_and_holds_the_can() {
 }
 
 #[test]
-fn a_palm_without_inertia_holds_as_one_with_it() {
+fn palm_without_inertia_holds_the_same_grasp() {
     let urdf = urdf();
     let start = urdf.find("<inertial>").unwrap();
     let end = start + urdf[start..].find("</inertial>").unwrap() + "</inertial>".len();
@@ -188,7 +188,7 @@ fn a_hand_that_pushes_the_can_knocks_it_over() {
 }
 
 #[test]
-fn a_displaced_object_is_not_where_the_motion_believes_it() {
+fn a_displaced_object_is_off_its_estimated_pose() {
     let mut scene = scene();
     scene.object_offset = Offset {
         x_m: 0.3,
@@ -196,11 +196,11 @@ fn a_displaced_object_is_not_where_the_motion_believes_it() {
         yaw_rad: 0.5,
     };
     let template = template(&scene);
-    let lies = *template.table_from_object();
-    let believed = *template.table_from_believed();
-    let apart = lies.translation.vector - believed.translation.vector;
+    let actual = template.table_from_object();
+    let estimate = template.table_from_estimate();
+    let apart = actual.translation.vector - estimate.translation.vector;
     assert!((apart.x - 0.3).abs() < 1e-6 && (apart.y - 0.1).abs() < 1e-6);
-    assert!((lies.rotation.angle_to(&believed.rotation) - 0.5).abs() < 1e-6);
+    assert!((actual.rotation.angle_to(&estimate.rotation) - 0.5).abs() < 1e-6);
     let rollout = template
         .rollout(&good(), &protocol(), Record::Nothing)
         .unwrap();
@@ -216,7 +216,7 @@ fn the_palm_follows_its_path_and_the_trace_has_every_control_step() {
         .unwrap();
     let steps = rollout.trace.unwrap().steps;
     assert_eq!(steps.len(), 191);
-    let grasp = *(template.table_from_believed() * motion.grasp().frame_from_palm);
+    let grasp = *(template.table_from_estimate() * motion.grasp().frame_from_palm);
     for (step, rise) in [(40, 0.0), (190, 0.15)] {
         let palm = steps[step].table_from_palm;
         let error = palm.translation.vector - grasp.translation.vector;

@@ -82,7 +82,7 @@ fn enclosing_grasp_withstands_pulls_in_six_directions() {
 }
 
 #[test]
-fn a_pull_beyond_the_strength_of_the_fingers_tears_the_can_away() {
+fn pull_beyond_grip_strength_removes_the_can() {
     let pull = PullConfig {
         force_n_per_kg: 500.0,
         ..PullConfig::default()
@@ -105,7 +105,7 @@ fn object_in_open_fingers_is_pulled_away() {
 }
 
 #[test]
-fn fingers_that_do_not_reach_around_a_thin_can_hold_it_in_neither_trial() {
+fn partial_enclosure_holds_a_thin_can_in_neither_trial() {
     assert_eq!(lift("thin can", 0.7, &scene()), Verdict::NotGrasped);
     let rollout = pulled("thin can", 0.7, PullConfig::default());
     let lost = matches!(rollout.verdict, Verdict::Slipped | Verdict::Dropped);

@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_by_cell_and_unsent_motions_are_no_trials() {
+    fn rows_are_by_cell_and_count_only_sent_motions() {
         use executions::Outcome::{Aborted, Rejected, Stopped, Succeeded, Unknown};
         let mut all: Vec<Execution> = [Rejected, Succeeded, Succeeded, Unknown, Stopped]
             .map(|outcome| execution("lab", false, outcome))

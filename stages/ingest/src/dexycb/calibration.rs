@@ -40,7 +40,7 @@ impl<'a> Calibration<'a> {
     ///
     /// # Errors
     ///
-    /// Fails if it is not there, or is no rotation and translation.
+    /// Fails if it is not there, or is not a rotation and translation.
     pub(super) fn world_from_camera(&self, serial: &str) -> Result<Pose<World, Camera>, Unusable> {
         let rows = self
             .extrinsics
@@ -54,7 +54,7 @@ impl<'a> Calibration<'a> {
     ///
     /// # Errors
     ///
-    /// Fails if it is no rotation and translation.
+    /// Fails if it is not a rotation and translation.
     pub(super) fn world_from_tag(&self) -> Result<Option<Pose<World, Tag>>, Unusable> {
         let rows = self.extrinsics.extrinsics.get(TAG);
         rows.map(|rows| self.pose(TAG, rows)).transpose()
@@ -64,7 +64,7 @@ impl<'a> Calibration<'a> {
     ///
     /// # Errors
     ///
-    /// Fails if one is not there, or is no rotation and translation.
+    /// Fails if one is not there, or is not a rotation and translation.
     pub(super) fn middle_of_cameras(
         &self,
         serials: &[String],

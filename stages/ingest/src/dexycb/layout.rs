@@ -82,12 +82,12 @@ impl DexYcb<'_> {
             (SourceFile { name, path }, MAX_YAML_BYTES)
         };
         let mut files = Vec::new();
-        // An id is part of a folder's name; one that leads elsewhere is no id.
+        // An id is part of a folder's name; one that leads elsewhere is not an id.
         if plain(&meta.extrinsics) == meta.extrinsics {
             files.push(of_dataset(calibration::extrinsics_name(&meta.extrinsics)));
         }
         if let (Some(models), Some(hand)) = (self.mano_models, meta.hand())
-            // What is made up is marked: its `pose_m` is no hand model's.
+            // What is made up is marked: its `pose_m` is not a hand model's.
             && !folder.path.join(NOT_MANO).exists()
         {
             let file = hand_model::model_file(hand);

@@ -18,7 +18,7 @@ use super::{
     pickle::{Pickle, Ref, Value},
 };
 
-/// Most accepted dimensions of an array; those of a hand model have three.
+/// Maximum number of accepted dimensions of an array; those of a hand model have three.
 const MAX_DIMENSIONS: usize = 4;
 
 /// Readers of one pickle's dictionary.
@@ -157,7 +157,7 @@ impl Arrays<'_, '_> {
         let starts = starts.integers(key)?;
         let damaged = || ManoError::Array {
             key,
-            what: "is no sparse matrix: its parts do not fit each other",
+            what: "is not a sparse matrix: its parts do not fit each other",
         };
         let mut matrix = vec![0.0; rows * columns];
         for (column, ends) in starts.windows(2).enumerate() {
@@ -189,7 +189,7 @@ impl Arrays<'_, '_> {
         let at = inner.unwrap_or(at);
         let parts = self.ndarray(at).ok_or(ManoError::Array {
             key,
-            what: "is no array of numbers of 4 or 8 bytes",
+            what: "is not an array of numbers of 4 or 8 bytes",
         })?;
         let n_bytes = parts
             .shape

@@ -87,7 +87,7 @@ impl<'a> Machine<'a> {
                 self.pop()?;
                 match self.values.get(name) {
                     Some(Value::Text(name)) => self.push(Value::Global(name.as_bytes())),
-                    _ => return Err("a class whose name is no text"),
+                    _ => return Err("a class whose name is not text"),
                 }
             }
             b'R' | 0x81 => self.push_object()?,
@@ -100,7 +100,7 @@ impl<'a> Machine<'a> {
                 let object = self.top()?;
                 match self.values.get_mut(object) {
                     Some(Value::Object { state, .. }) => *state = Some(given),
-                    _ => return Err("a state for what is no object"),
+                    _ => return Err("a state for what is not an object"),
                 }
             }
             b'q' => {
@@ -288,7 +288,7 @@ impl<'a> Machine<'a> {
         match self.values.get_mut(list) {
             Some(Value::Sequence(items)) => items.extend(more),
             Some(Value::Other) => {}
-            _ => return Err("items for what is no list"),
+            _ => return Err("items for what is not a list"),
         }
         Ok(())
     }
@@ -299,7 +299,7 @@ impl<'a> Machine<'a> {
             Some(Value::Dict(entries)) => entries.extend(pairs(items)?),
             // Some classes are dictionaries and take entries like one; none of a hand model's is.
             Some(Value::Object { .. }) => {}
-            _ => return Err("entries for what is no dictionary"),
+            _ => return Err("entries for what is not a dictionary"),
         }
         Ok(())
     }

@@ -194,7 +194,7 @@ fn check_tree(tree: &[u64]) -> Result<(), ManoError> {
     let (parents, joints) = tree.split_at(JOINTS);
     let in_order = joints.iter().zip(0_u64..).all(|(&joint, idx)| joint == idx);
     let mut fingers = parents.iter().zip(PARENTS).skip(1);
-    // The wrist's parent is no joint, and different files write that differently.
+    // The wrist's parent is not a joint, and different files write that differently.
     if in_order && fingers.all(|(&found, expected)| found == expected as u64) {
         Ok(())
     } else {

@@ -11,7 +11,7 @@ use super::{ManoError, machine::Machine};
 
 /// Largest accepted file in bytes; the licensed ones have 3.8 million.
 const MAX_BYTES: usize = 64 << 20;
-/// Most accepted instructions; the licensed files have less than a thousand.
+/// Maximum number of accepted instructions; the licensed files have less than a thousand.
 const MAX_STEPS: usize = 1 << 17;
 
 /// The place of a value in the list of all.

@@ -5,7 +5,7 @@
 
 /// Bytes of the longest prefix before the text: signature, version and length.
 pub(super) const PREFIX_BYTES: usize = 12;
-/// Most accepted axes; the arrays of this dataset have three.
+/// Maximum number of accepted axes; the arrays of this dataset have three.
 const MAX_AXES: usize = 8;
 
 /// What an array file says about its array.

@@ -239,7 +239,7 @@ fn wrong_shapes_are_refused() {
 }
 
 #[test]
-fn numbers_that_are_none_are_refused() {
+fn non_finite_values_are_refused() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let mut numbers = NUMBERS;
         numbers[4] = bad;
@@ -250,7 +250,7 @@ fn numbers_that_are_none_are_refused() {
 }
 
 #[test]
-fn headers_that_are_none_are_refused() {
+fn malformed_headers_are_refused() {
     let long = format!("{}{}", text("'<f8'", "False", "(2, 3)"), " ".repeat(5000));
     for content in [
         Vec::new(),
@@ -380,7 +380,7 @@ fn arrays_numpy_never_writes_are_refused() {
 }
 
 #[test]
-fn parts_outside_of_the_file_or_above_each_other_are_refused() {
+fn out_of_bounds_and_overlapping_parts_are_refused() {
     let file = deflated(&good());
     let outside = "damaged archive";
     for start in [1, 1000, u32::MAX - 1] {

@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use super::NpzError;
 
-/// Most accepted arrays of one file; `DexYCB`'s have five.
+/// Maximum number of accepted arrays of one file; `DexYCB`'s have five.
 const MAX_ENTRIES: usize = 256;
 
 const END_BYTES: usize = 22;

@@ -19,16 +19,16 @@ use crate::{
     selection::{self, Cameras, Choice},
 };
 
-/// Most images of a recording that options speak of: nine hours at 30 per second.
-const MOST_IMAGES: usize = 1_000_000;
-/// Most points on a surface: 48 MB of them with their normals.
-const MOST_SURFACE_POINTS: usize = 1_000_000;
-/// Most convex parts of an object.
-const MOST_PARTS: usize = 4096;
-/// Most objects of a scene.
-const MOST_OBJECTS: usize = 1000;
-/// Most images per second, ten times those of the fastest cameras that film a whole hand.
-const MOST_HZ: f64 = 10_000.0;
+/// Maximum number of images of a recording that options speak of: nine hours at 30 per second.
+const MAX_IMAGES: usize = 1_000_000;
+/// Maximum number of points on a surface: 48 MB of them with their normals.
+const MAX_SURFACE_POINTS: usize = 1_000_000;
+/// Maximum number of convex parts of an object.
+const MAX_PARTS: usize = 4096;
+/// Maximum number of objects of a scene.
+const MAX_OBJECTS: usize = 1000;
+/// Maximum number of images per second, ten times those of the fastest cameras that film a whole hand.
+const MAX_HZ: f64 = 10_000.0;
 /// Greatest length, angle, factor or mass.
 const MOST: f64 = 1e6;
 
@@ -36,7 +36,7 @@ const MOST: f64 = 1e6;
 pub(super) fn faults(config: &IngestConfig) -> Vec<OptionFault> {
     let mut faults = OptionFaults::default();
     let why = "cameras are not faster";
-    faults.above("rate_hz", config.rate_hz, 0.0, MOST_HZ, why);
+    faults.above("rate_hz", config.rate_hz, 0.0, MAX_HZ, why);
     for (key, number) in [
         ("max_mirror_error_m", config.max_mirror_error_m),
         ("camera_agreement_m", config.camera_agreement_m),
@@ -54,16 +54,16 @@ pub(super) fn faults(config: &IngestConfig) -> Vec<OptionFault> {
         ("min_steps_n", config.min_steps_n, 1),
     ] {
         let why = "it is a number of a recording's images";
-        faults.within(key, number, least..=MOST_IMAGES, why);
+        faults.within(key, number, least..=MAX_IMAGES, why);
     }
     let objects = config.min_table_objects_n;
     let why = "the grasped object is one of them, and a table holds no more";
-    faults.within("min_table_objects_n", objects, 1..=MOST_OBJECTS, why);
+    faults.within("min_table_objects_n", objects, 1..=MAX_OBJECTS, why);
     let why = "they are drawn and held in memory for every object";
-    faults.within("points_n", config.points_n, 1..=MOST_SURFACE_POINTS, why);
+    faults.within("points_n", config.points_n, 1..=MAX_SURFACE_POINTS, why);
     let why = "each is a body's shape in every step of physics";
     let parts = config.max_convex_parts_n;
-    faults.within("max_convex_parts_n", parts, 1..=MOST_PARTS, why);
+    faults.within("max_convex_parts_n", parts, 1..=MAX_PARTS, why);
     let masses = config.masses_kg.iter();
     let masses = masses.map(|(object, &kg)| (format!("masses_kg.{object}"), kg));
     let meshes = config.meshes.iter();

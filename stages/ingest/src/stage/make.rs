@@ -12,17 +12,18 @@ use super::{
     UNREADABLE,
 };
 use crate::{
-    aftermath::{self, After},
+    after_grasp::{self, After},
     config::IngestConfig,
+    demonstration_recording,
     error::{IngestError, Unusable},
-    film, mirror, objects, reach,
+    mirror, objects, reach,
     reader::{self, MAX_MESH_BYTES, MODELS},
     recording::Recording,
     rests, table,
 };
 
 /// Name of the recording in a demonstration's artifact.
-const FILM: &str = "demonstration.mcap";
+const RECORDING: &str = "demonstration.mcap";
 
 /// Makes what follows from an object's mesh and its mass.
 pub(super) fn shape(
@@ -59,7 +60,7 @@ pub(super) fn shape(
     }
 }
 
-/// Makes a demonstration and its film.
+/// Makes a demonstration and its recording.
 pub(super) fn demonstration(
     config: &IngestConfig,
     inputs: &Inputs,
@@ -87,8 +88,8 @@ pub(super) fn demonstration(
         Err(unusable) => return Ok(Outcome::skipped(unusable.to_string())),
     };
     cx.write(&demonstration)?;
-    let film = cx.folder().join(FILM);
-    film::write(&film, &demonstration, &after, mesh.as_ref())?;
+    let path = cx.folder().join(RECORDING);
+    demonstration_recording::write(&path, &demonstration, &after, mesh.as_ref())?;
     let bridged = demonstration.steps.iter().filter(|step| step.bridged);
     let metrics = DemonstrationMetrics {
         steps_n: demonstration.steps.len() as f64,
@@ -98,7 +99,7 @@ pub(super) fn demonstration(
     Ok(Outcome::Made(metrics))
 }
 
-/// Makes a recording's demonstration, and what is filmed after it.
+/// Makes a recording's demonstration, and the images after it.
 fn parts(
     config: &IngestConfig,
     recording: &mut Recording,
@@ -106,10 +107,10 @@ fn parts(
     shapes: &[Object],
     cx: &Context,
 ) -> Result<(Demonstration, Vec<After>), Unusable> {
-    let still = reach::still(recording, config)?;
+    let departure = reach::departure(recording, config)?;
     let lying = table::lying(
         recording,
-        &still.world_from_object,
+        &departure.world_from_object,
         shapes,
         config.min_table_objects_n,
     )?;
@@ -130,11 +131,11 @@ fn parts(
     let mut demonstration = reach::reach(
         cx.partition().as_str(),
         recording,
-        &still,
+        &departure,
         lying.rest,
         config,
     )?;
-    let mut after = aftermath::after(recording, &still, demonstration.steps.len(), config);
+    let mut after = after_grasp::after(recording, &departure, demonstration.steps.len(), config);
     if recording.hand != config.hand {
         let shape = shapes.iter().find(|shape| shape.name == recording.object);
         let plane = mirror::plane(shape, config.max_mirror_error_m).map_err(|reason| {

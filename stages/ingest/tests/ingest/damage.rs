@@ -264,7 +264,7 @@ fn a_recording_in_a_folder_that_cannot_be_named_is_skipped_with_the_reason() {
 
 #[cfg(unix)]
 #[test]
-fn names_that_are_not_utf8_belong_to_nothing() {
+fn non_utf8_names_are_ignored() {
     use std::{ffi::OsStr, os::unix::ffi::OsStrExt as _};
     let root = dataset(&Rig {
         cameras: 2,

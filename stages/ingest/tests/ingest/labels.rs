@@ -55,7 +55,7 @@ fn missing_value_marks_become_none() {
     assert!((turned - nalgebra::Point3::new(0.1, 1.2, 0.3)).norm() < 1e-7);
     file = write(&path, &[-1.0; 63], &POSES);
     assert_eq!(read(&file, 1).unwrap().keypoints_in_camera, None);
-    // One number that is no mark makes all of them numbers.
+    // One number that is not a mark makes all of them numbers.
     let mut joints = [-1.0; 63];
     joints[62] = 0.5;
     let landmarks = read(&write(&path, &joints, &POSES), 1).unwrap();
@@ -102,7 +102,7 @@ fn unreadable_file_is_named() {
 }
 
 #[test]
-fn a_reader_forgets_the_file_before() {
+fn reader_keeps_no_state_between_files() {
     let folder = tempfile::tempdir().unwrap();
     let large = folder.path().join("large.npz");
     let file = write(&folder.path().join("labels.npz"), &JOINTS, &POSES);

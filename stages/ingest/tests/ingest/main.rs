@@ -91,13 +91,13 @@ fn eight_turned_cameras_give_the_known_reach() {
     assert_eq!(labels["subject"], "20200709-subject-01");
     assert!(metrics["camera_spread_m"] < 1e-6);
     assert_eq!(metrics["disagreeing_labels_n"], 0.0);
-    let film = bench.path("demonstrations", &units[0].partition);
-    let film = lake::recording::read(&film.join("demonstration.mcap")).unwrap();
+    let shown = bench.path("demonstrations", &units[0].partition);
+    let shown = lake::recording::read(&shown.join("demonstration.mcap")).unwrap();
     // It goes on after the grasp, so that one sees the object leave.
     for topic in ["/tf", "/hand"] {
-        assert_eq!(film.topic(topic).count(), IMAGES - FIRST);
+        assert_eq!(shown.topic(topic).count(), IMAGES - FIRST);
     }
-    assert_eq!(film.topic("/markers").count(), 1);
+    assert_eq!(shown.topic("/markers").count(), 1);
 }
 
 #[test]
@@ -259,7 +259,7 @@ fn a_folder_without_sequences_is_refused_with_the_way_out() {
 }
 
 #[test]
-fn an_option_that_makes_no_sense_is_named() {
+fn invalid_option_is_named() {
     let root = dataset(&Rig::default());
     let mut config = config(root.path());
     config.rate_hz = 0.0;

@@ -1,4 +1,4 @@
-//! Files that are no hand model: each gives an error that names what is wrong, quickly and in
+//! Files that are not hand models: each gives an error that names what is wrong, quickly and in
 //! little memory.
 
 use stage_ingest::{ManoError, ManoModel};
@@ -80,10 +80,10 @@ fn reports_missing_or_misshapen_fields() {
     let kind = |to| changed("hands_components", b"U\x02f8", to);
     check(&kind(b"U\x02i8"), "holds whole numbers");
     check(&kind(b"U\x02f4"), "not as many bytes");
-    check(&kind(b"U\x02O8"), "is no array of numbers");
-    check(&kind(b"U\x02f2"), "is no array of numbers");
+    check(&kind(b"U\x02O8"), "is not an array of numbers");
+    check(&kind(b"U\x02f2"), "is not an array of numbers");
     let order = changed("hands_components", b"U\x01<", b"U\x01|");
-    check(&order, "is no array of numbers");
+    check(&order, "is not an array of numbers");
     // Places that the selection of shape directions takes: beyond the array's end.
     let places = Changed::right().set("idxs", 23340, 9, 46680_u64.to_le_bytes());
     check(&places.0, "takes numbers from where there are none");
@@ -93,13 +93,13 @@ fn reports_missing_or_misshapen_fields() {
         &[0, 0, 0, 0, 1, 0, 0, 0],
         &[16, 0, 0, 0, 1, 0, 0, 0],
     );
-    check(&row, "is no sparse matrix");
+    check(&row, "is not a sparse matrix");
     let start = changed(
         "indptr",
         &[1, 0, 0, 0, 1, 0, 0, 0],
         &[9, 0, 0, 0, 1, 0, 0, 0],
     );
-    check(&start, "is no sparse matrix");
+    check(&start, "is not a sparse matrix");
 }
 
 #[test]
@@ -169,13 +169,13 @@ fn a_changed_byte_never_panics() {
                 Err(_) => n_refused += 1,
             }
         }
-        // A changed name that nothing reads, such as that of a module, is no damage.
+        // A changed name that nothing reads, such as that of a module, does no damage.
         assert!(n_refused > n_unharmed, "{n_refused}, {n_unharmed}");
     }
 }
 
 #[test]
-fn small_files_that_want_much_are_refused() {
+fn truncated_files_and_oversized_lengths_are_refused() {
     check(b"", "the end of the file at byte 0");
     check(b"PK\x03\x04", "none of a binary pickle's at byte 0");
     check(b"\x80\x01.", "a protocol other than 2 to 5");
@@ -206,12 +206,12 @@ fn small_files_that_want_much_are_refused() {
         check(short, "lacks its arguments");
     }
     check(b"\x80\x02}(Nu.", "a key without a value");
-    check(b"\x80\x02NNb.", "a state for what is no object");
+    check(b"\x80\x02NNb.", "a state for what is not an object");
     check(&vec![b'N'; (64 << 20) + 1], "more than the 67108864");
 }
 
 #[test]
-fn deep_and_repeated_structures_cost_no_more_than_their_bytes() {
+fn deep_and_repeated_structures_take_memory_of_their_size() {
     let pickle = |body: &[u8]| [b"\x80\x02", body, b"."].concat();
     // Tuples in tuples, a list that is its own item, an object that is its own state.
     check(
@@ -220,10 +220,13 @@ fn deep_and_repeated_structures_cost_no_more_than_their_bytes() {
     );
     check(&pickle(&vec![b']'; 100_000]), "no `kintree_table`");
     check(&pickle(b"]q\x00h\x00a"), "no `kintree_table`");
-    check(&pickle(b"}q\x00U\x0dkintree_tableh\x00s"), "is no array");
+    check(
+        &pickle(b"}q\x00U\x0dkintree_tableh\x00s"),
+        "is not an array",
+    );
     check(
         &pickle(b"}U\x0dkintree_tablecm\n_reconstruct\n)Rq\x00h\x00bs"),
-        "is no array",
+        "is not an array",
     );
     // Each list holds the one before ten times: 10¹⁰⁰ items if they were copied.
     let mut bomb = b"]q\x00".to_vec();
@@ -238,5 +241,5 @@ fn deep_and_repeated_structures_cost_no_more_than_their_bytes() {
     let mut shape = b"}U\x0dkintree_tablecm\n_reconstruct\n)R(K\x01(".to_vec();
     shape.extend(b"K\x01".repeat(50_000));
     shape.extend(b"tcm\ndtype\nU\x02f8\x85R(K\x03U\x01<tb\x89U\x0812345678tbs");
-    check(&pickle(&shape), "is no array");
+    check(&pickle(&shape), "is not an array");
 }

@@ -5,7 +5,7 @@ use super::{
     compiled::{Body, BodyPoint, Root},
 };
 
-/// Most unknowns of one finger, and most of the trunk.
+/// Maximum number of unknowns of one finger, and of the trunk.
 pub(super) const MOST: usize = 64;
 
 /// The order of the unknowns and the places of their second derivatives.

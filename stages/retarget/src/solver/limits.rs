@@ -17,7 +17,7 @@ const FLOOR: f64 = 1e-12;
 /// Share of that which every pivot must keep for the matrix to count as positive definite.
 const LEAST_PIVOT: f64 = 0.1;
 /// Turns of the search for the limits that hold.
-const MOST_TURNS: usize = 12;
+const MAX_TURNS: usize = 12;
 
 impl Solver<'_> {
     /// Computes the step to the minimum of the damped expansion within the limits, and returns the
@@ -31,7 +31,7 @@ impl Solver<'_> {
         let gradient = &self.evaluation.gradient;
         // Whether some unknown is held away from where it is.
         let mut is_shifted = false;
-        for turn in 0..MOST_TURNS {
+        for turn in 0..MAX_TURNS {
             let system = System {
                 layout,
                 hessian,
@@ -59,7 +59,7 @@ impl Solver<'_> {
                         self.held[u] = self.step[u].max(below).min(above);
                         changed = true;
                     }
-                } else if turn + 2 < MOST_TURNS {
+                } else if turn + 2 < MAX_TURNS {
                     // Held only as long as it would leave otherwise.
                     let slope = gradient[u] + layout.product_at(hessian, &self.step, u);
                     let would_leave = (self.held[u] <= below && slope >= 0.0)
@@ -96,7 +96,7 @@ impl Solver<'_> {
                 predicted -= 0.5 * self.step[u] * (gradient[u] - self.damping[u] * self.step[u]);
             }
         }
-        // NaN is no prediction either.
+        // NaN is not a prediction either.
         (predicted >= 0.0 && predicted.is_finite()).then_some(predicted)
     }
 

@@ -17,7 +17,7 @@ const FIRST_DAMPING: f64 = 1e-2;
 /// Damping below which there is none.
 const LEAST_DAMPING: f64 = 1e-4;
 /// Damping at which nothing more is to be found.
-const MOST_DAMPING: f64 = 1e10;
+const MAX_DAMPING: f64 = 1e10;
 /// Share of the predicted decrease that a step must bring.
 const LEAST_SHARE: f64 = 1e-4;
 /// How near to 1 the share must be for the expansion to be believed for one more step.
@@ -203,7 +203,7 @@ impl<'a> Solver<'a> {
             iterations: 1,
             converged: false,
         };
-        while outcome.iterations < options.max_iterations && damping < MOST_DAMPING {
+        while outcome.iterations < options.max_iterations && damping < MAX_DAMPING {
             let Some(predicted) = self.boxed_step(damping, options.wrist) else {
                 if order == Order::Exact {
                     if !is_current {

@@ -469,7 +469,7 @@ fn fingers_are_blocks_and_shared_columns_are_the_trunk() {
 
 /// A finger that is bent the wrong way, with its last joint at a limit, finds the other bend.
 #[test]
-fn the_better_bend_is_found() {
+fn lower_cost_flexion_is_found() {
     let joint = |n: usize, z: f64| {
         format!(
             "<link name=\"l{n}\"/><joint name=\"j{n}\" type=\"revolute\"><origin xyz=\"0 0 {z}\"/>\
@@ -514,7 +514,7 @@ fn the_better_bend_is_found() {
 }
 
 #[test]
-fn fingers_without_another_side_are_searched_once() {
+fn one_sided_fingers_are_searched_once() {
     // One joint is locked, one has a single limit: it follows a joint by next to nothing.
     let xml = r#"<robot name="finger"><link name="l0"/><link name="l1"/><link name="l2"/><link name="l3"/>
         <joint name="locked" type="revolute"><parent link="l0"/><child link="l1"/><axis xyz="0 1 0"/>

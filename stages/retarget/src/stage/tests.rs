@@ -175,7 +175,7 @@ fn non_finite_landmark_is_refused() {
     shown.steps[1].keypoints_m[7][2] = f64::NAN;
     let reason = retargeted::unusable(&shown, &table).unwrap();
     assert!(reason.contains("step 1"), "{reason}");
-    // Its square is no number.
+    // Its square is not a number.
     shown.steps[1].keypoints_m[7][2] = 1e200;
     assert_eq!(retargeted::unusable(&shown, &table), Some(reason));
 }
@@ -257,7 +257,7 @@ fn a_fixed_wrist_needs_points_on_the_palm() {
 }
 
 #[test]
-fn options_without_sense_are_refused() {
+fn invalid_options_are_refused() {
     let refused = |change: fn(&mut RetargetConfig)| {
         let mut config = fixture::config();
         change(&mut config);

@@ -68,9 +68,9 @@ impl Clear {
         }
     }
 
-    /// Panics where two links or a link and the table are nearer than asked for.
+    /// Panics where two links or a link and the table are nearer than requested.
     ///
-    /// Poses are in the frame of the arm's foot.
+    /// Poses are in the frame of the arm's base.
     pub(super) fn check(&self, links: &[Pose<Base, Link>], base_from_table: &Pose<Base, Table>) {
         let pose = |body: &Body| links[body.link] * body.link_from_shape;
         let poses: Vec<Pose<Base, Shape>> = self.bodies.iter().map(pose).collect();

@@ -91,7 +91,7 @@ impl JointPath {
             .collect();
         let step = |idx: usize| {
             let time_s = DURATION_S * idx as f64 / (STEPS - 1) as f64;
-            let posture = arm.chain.posture(&self.q(time_s)).unwrap();
+            let posture = arm.chain.state(&self.q(time_s)).unwrap();
             let velocity = self.order(1, time_s);
             let bend = posture.twist(&self.order(2, time_s)) + posture.bias(&velocity);
             let turn =
@@ -117,7 +117,7 @@ impl JointPath {
 
     /// Looks at the joints themselves, at a hundred times and on the lift.
     fn fares(&self, arm: &Arm, fingers: &[f64]) -> Given {
-        /// More than what is asked for, as places in between may be worse.
+        /// More than requested, as places in between may be worse.
         const SLACK_M: f64 = 0.02;
         let mut given = Given {
             is_free: true,
@@ -129,7 +129,7 @@ impl JointPath {
             .collect();
         let q_grasp = self.q(DURATION_S);
         let mut q = q_grasp.clone();
-        let grasp = arm.chain.posture(&q).unwrap().base_from_palm;
+        let grasp = arm.chain.state(&q).unwrap().base_from_palm;
         for k in 0..=20 {
             let up = Translation3::new(0.0, 0.0, 0.05 * f64::from(k) / 20.0);
             let found = arm.chain.solve(&Pose::new(up * *grasp), &q);
@@ -148,7 +148,7 @@ impl JointPath {
                 .iter()
                 .zip(&q)
                 .all(|(joint, q)| *q > joint.lower + 0.02 && *q < joint.upper - 0.02);
-            let singular = arm.chain.posture(&q).unwrap().least_singular_value();
+            let singular = arm.chain.state(&q).unwrap().min_singular_value();
             given.is_free &= inside && singular > 1.5 * arm.config.least_singular_value;
             let links = arm.links(&q, fingers).unwrap();
             given.is_clear &= arm.clearance.is_clear(&links, SLACK_M);
@@ -217,7 +217,7 @@ pub(super) fn straight(from: [f64; 3], to: [f64; 3], object: [f64; 3]) -> Drawn 
     drawn
 }
 
-/// The palm on a line, given from where the object stands, with the fingers level and away from the foot.
+/// The palm on a line, given from where the object stands, with the fingers level and away from the base.
 pub(super) fn level(from: [f64; 3], to: [f64; 3]) -> Drawn {
     let ahead = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 0.5 * PI);
     through(&line(from, to, ahead))

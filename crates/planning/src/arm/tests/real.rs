@@ -37,9 +37,9 @@ fn accepted_motions_are_followed_or_refused_with_a_reason() {
     let accepted = accepted(&lake::Lake::open(&lake));
     println!("{} accepted motions", accepted.len());
     assert!(!accepted.is_empty());
-    // As in the lab of the paper: the foot is 0.14 m above the desk.
+    // As in the lab of the paper: the base is 0.14 m above the desk.
     let desk_m = 0.14;
-    for (x, turns, foot_m) in [
+    for (x, turns, base_height_m) in [
         (0.35, 1, 0.0),
         (0.35, 12, 0.0),
         (0.45, 1, 0.0),
@@ -52,14 +52,14 @@ fn accepted_motions_are_followed_or_refused_with_a_reason() {
         let arm = arm(&ArmConfig {
             object_m: [x, 0.0],
             turns,
-            table_from_base: [0.0, 0.0, foot_m, 0.0, 0.0, 0.0, 1.0],
+            table_from_base: [0.0, 0.0, base_height_m, 0.0, 0.0, 0.0, 1.0],
             ..config()
         });
         let mut tally = Tally::default();
         for (idx, drawn) in accepted.iter().enumerate() {
             tally.add(&arm, drawn, idx % CHECKED == 0);
         }
-        println!("object {x} m ahead, foot {foot_m} m high, {turns} turns");
+        println!("object {x} m ahead, base {base_height_m} m high, {turns} turns");
         tally.say();
     }
 }
@@ -142,15 +142,15 @@ impl Tally {
 
 /// Returns the greatest speed of a joint over its limit.
 fn fastest(arm: &Arm, path: &ArmPath<'_>, course: &Course<Object>) -> f64 {
-    let most = arm.limits();
+    let limits = arm.limits();
     let places = (0..=PLACES).map(|k| course.duration_s() * f64::from(k) / f64::from(PLACES));
     places
         .map(|time_s| {
             let velocity = path.at(time_s).unwrap().rates.velocity;
             let shares = velocity
                 .iter()
-                .zip(most)
-                .map(|(v, most)| v.abs() / most.velocity);
+                .zip(limits)
+                .map(|(v, limits)| v.abs() / limits.max_velocity);
             shares.fold(0.0, f64::max)
         })
         .fold(0.0, f64::max)

@@ -1,4 +1,4 @@
-//! A whole motion, from its start to the end of the lift, as functions of time.
+//! The motion of a grasp, from its start to the end of the lift, as functions of time.
 
 use motion::{Course, JointPoint, JointRates, PalmPoint};
 use nalgebra::Vector3;
@@ -11,11 +11,11 @@ use crate::{
     timing::Timing,
 };
 
-/// A part of a motion that can be slowed down by itself.
+/// A phase of a motion that can be slowed down by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Part {
-    /// The palm is on its way.
-    Way,
+pub(crate) enum MotionPhase {
+    /// The palm moves to the grasp.
+    Reach,
     /// The fingers close.
     Close,
     /// The fingers press.
@@ -24,11 +24,11 @@ pub(crate) enum Part {
     Lift,
 }
 
-/// How long the parts of a motion last, in seconds.
+/// Durations of a motion's phases, in seconds.
 #[expect(clippy::struct_field_names, reason = "a unit ends every name")]
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Lengths {
-    pub(crate) way_s: f64,
+pub(crate) struct PhaseDurations {
+    pub(crate) reach_s: f64,
     pub(crate) close_s: f64,
     pub(crate) squeeze_s: f64,
     /// Between the squeeze and the lift.
@@ -36,78 +36,78 @@ pub(crate) struct Lengths {
     pub(crate) lift_s: f64,
 }
 
-impl Lengths {
-    /// When the fingers begin to press.
+impl PhaseDurations {
+    /// Returns the start of the squeeze.
     pub(crate) fn grasp_s(&self) -> f64 {
-        self.way_s + self.close_s
+        self.reach_s + self.close_s
     }
 
-    /// When the fingers press as they shall.
+    /// Returns the end of the squeeze.
     pub(crate) fn squeezed_s(&self) -> f64 {
         self.grasp_s() + self.squeeze_s
     }
 
-    /// When the palm begins to rise.
+    /// Returns the start of the lift.
     pub(crate) fn lift_from_s(&self) -> f64 {
         self.squeezed_s() + self.pause_s
     }
 
-    /// When the palm is up.
+    /// Returns the end of the lift.
     pub(crate) fn lifted_s(&self) -> f64 {
         self.lift_from_s() + self.lift_s
     }
 
-    /// Returns the part that a time belongs to.
-    pub(crate) fn part(&self, time_s: f64) -> Part {
-        if time_s <= self.way_s {
-            Part::Way
+    /// Returns the phase at a time.
+    pub(crate) fn phase(&self, time_s: f64) -> MotionPhase {
+        if time_s <= self.reach_s {
+            MotionPhase::Reach
         } else if time_s <= self.grasp_s() {
-            Part::Close
+            MotionPhase::Close
         } else if time_s <= self.lift_from_s() {
-            Part::Squeeze
+            MotionPhase::Squeeze
         } else {
-            Part::Lift
+            MotionPhase::Lift
         }
     }
 
-    /// Makes a part so many times as long.
-    pub(crate) fn stretch(&mut self, part: Part, times: f64) {
-        let length = match part {
-            Part::Way => &mut self.way_s,
-            Part::Close => &mut self.close_s,
-            Part::Squeeze => &mut self.squeeze_s,
-            Part::Lift => &mut self.lift_s,
+    /// Multiplies the duration of a phase.
+    pub(crate) fn stretch(&mut self, phase: MotionPhase, factor: f64) {
+        let duration = match phase {
+            MotionPhase::Reach => &mut self.reach_s,
+            MotionPhase::Close => &mut self.close_s,
+            MotionPhase::Squeeze => &mut self.squeeze_s,
+            MotionPhase::Lift => &mut self.lift_s,
         };
-        *length *= times;
+        *duration *= factor;
     }
 }
 
-/// How the fingers stand from the end of the palm's way on, and before it where they do not follow it.
+/// Joint positions of the fingers from the end of the reach on, and in it unless they follow the course.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Fingers {
-    /// On the palm's way; `None` if they follow the course.
+    /// In the reach; `None` if they follow the course.
     pub(crate) opened: Option<Vec<f64>>,
     /// At the grasp.
     pub(crate) grasp: Vec<f64>,
-    /// When they press.
+    /// In the squeeze.
     pub(crate) squeezed: Vec<f64>,
 }
 
-/// A whole motion: the course, timed; then the fingers close and press, and the palm rises.
-pub(crate) struct WholeMotion<'a> {
+/// The motion of a grasp: the timed course; then the fingers close and squeeze, and the palm rises.
+pub(crate) struct GraspMotion<'a> {
     pub(crate) course: &'a Course<Object>,
     pub(crate) timing: Timing,
     pub(crate) fingers: &'a Fingers,
     pub(crate) table_from_object: Pose<Table, Object>,
     pub(crate) lift_m: f64,
-    pub(crate) lengths: Lengths,
+    pub(crate) durations: PhaseDurations,
 }
 
-impl WholeMotion<'_> {
+impl GraspMotion<'_> {
     /// Returns how high the palm is above the grasp, in meters, and how that changes.
     pub(crate) fn height(&self, time_s: f64) -> [f64; 3] {
-        let from_s = self.lengths.lift_from_s();
-        ramp(time_s - from_s, self.lengths.lift_s).map(|share| share * self.lift_m)
+        let from_s = self.durations.lift_from_s();
+        ramp(time_s - from_s, self.durations.lift_s).map(|share| share * self.lift_m)
     }
 
     /// Returns the palm in the table's frame.
@@ -124,11 +124,10 @@ impl WholeMotion<'_> {
             .rates
             .palm_acceleration
             .expressed_in(&self.table_from_object);
-        let mut table_from_palm = *(self.table_from_object * hand.frame_from_palm);
-        table_from_palm.translation.vector += up * height_m;
+        let before_lift = self.table_from_object * hand.frame_from_palm;
         PalmPoint {
             time_s,
-            table_from_palm: Pose::new(table_from_palm),
+            table_from_palm: before_lift.translated(&(up * height_m)),
             velocity: Twist::new(velocity.linear * once + up * speed, velocity.angular * once),
             acceleration: Twist::new(
                 chain(velocity.linear, acceleration.linear, once, twice) + up * change,
@@ -140,7 +139,7 @@ impl WholeMotion<'_> {
     /// Returns the arm.
     pub(crate) fn arm(&self, arm: &ArmPath<'_>, time_s: f64) -> Result<JointPoint, Infeasible> {
         let [height_m, speed, change] = self.height(time_s);
-        let lifts = time_s > self.lengths.lift_from_s();
+        let lifts = time_s > self.durations.lift_from_s();
         let (moving, [once, twice]) = if lifts {
             (arm.lifted(height_m)?, [speed, change])
         } else {
@@ -157,23 +156,23 @@ impl WholeMotion<'_> {
 
     /// Returns the fingers.
     pub(crate) fn hand(&self, time_s: f64) -> JointPoint {
-        let Lengths {
-            way_s,
+        let PhaseDurations {
+            reach_s,
             close_s,
             squeeze_s,
             ..
-        } = self.lengths;
+        } = self.durations;
         let Fingers {
             opened,
             grasp,
             squeezed,
         } = self.fingers;
-        let grasp_s = self.lengths.grasp_s();
+        let grasp_s = self.durations.grasp_s();
         if time_s > grasp_s {
             return between(grasp, squeezed, time_s, grasp_s, squeeze_s);
         }
         if let Some(opened) = opened {
-            return between(opened, grasp, time_s, way_s, close_s);
+            return between(opened, grasp, time_s, reach_s, close_s);
         }
         let [course_s, once, twice] = self.timing.at(time_s);
         let hand = self.course.at(course_s);
@@ -184,24 +183,24 @@ impl WholeMotion<'_> {
         }
     }
 
-    /// Returns the protocol that a motion of these lengths follows.
-    pub(crate) fn protocol(&self, asked: &Protocol) -> Protocol {
-        let Lengths {
+    /// Returns the protocol that a motion of these durations follows.
+    pub(crate) fn protocol(&self, requested: &Protocol) -> Protocol {
+        let PhaseDurations {
             close_s,
             squeeze_s,
             lift_s,
             ..
-        } = self.lengths;
-        let reach_s = self.lengths.grasp_s();
+        } = self.durations;
+        let reach_s = self.durations.grasp_s();
         Protocol {
             reach_s,
-            close_fraction: match asked.approach {
-                Approach::Follow => asked.close_fraction,
+            close_fraction: match requested.approach {
+                Approach::Follow => requested.close_fraction,
                 Approach::Open => close_s / reach_s,
             },
             squeeze_s,
             lift_s,
-            ..asked.clone()
+            ..requested.clone()
         }
     }
 }
@@ -237,10 +236,10 @@ fn between(from: &[f64], to: &[f64], time_s: f64, start_s: f64, duration_s: f64)
     }
 }
 
-/// Most of a [`ramp`]'s speed, over its duration.
+/// Greatest speed of a [`ramp`], times its duration.
 pub(crate) const RAMP_SPEED: f64 = 1.875;
 
-/// Returns the most of a [`ramp`]'s acceleration, over the square of its duration: `10/√3`.
+/// Returns the greatest acceleration of a [`ramp`], times the square of its duration: `10/√3`.
 pub(crate) fn ramp_acceleration() -> f64 {
     10.0 / 3.0_f64.sqrt()
 }

@@ -1,24 +1,24 @@
-//! What an arm has to follow: the palm's way to the grasp and straight up from it, told in the frame of the
-//! arm's foot.
+//! The palm's path that an arm has to follow: to the grasp and straight up from it, in the frame of the
+//! arm's base.
 
 use motion::{Course, Step};
-use nalgebra::{Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use spatial::{Base, Object, Palm, Pose, Table, Twist};
 
 use super::Arm;
 use crate::infeasible::Place;
 
-/// The palm's way for one direction of the object.
+/// The palm's path for one yaw of the object.
 #[derive(Debug, Clone)]
-pub(crate) struct Way<'a> {
+pub(crate) struct PalmPath<'a> {
     course: &'a Course<Object>,
     pub(crate) table_from_object: Pose<Table, Object>,
     base_from_object: Pose<Base, Object>,
-    /// The table's vertical in the frame of the arm's foot.
+    /// The table's vertical in the frame of the arm's base.
     up: Vector3<f64>,
 }
 
-/// The palm at one place of its way, in the frame of the arm's foot.
+/// The palm at one place of its path, in the frame of the arm's base.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Target {
     pub(crate) at: Place,
@@ -29,16 +29,16 @@ pub(crate) struct Target {
     pub(crate) rate: Twist<Base>,
 }
 
-impl<'a> Way<'a> {
+impl<'a> PalmPath<'a> {
     /// Puts the object where it stands, turned about the vertical by an angle in radians.
     pub(crate) fn new(
         arm: &Arm,
         course: &'a Course<Object>,
         table_from_object: &Pose<Table, Object>,
-        turn: f64,
+        yaw_rad: f64,
     ) -> Self {
         let [x, y] = arm.config.object_m;
-        let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
+        let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
         let place = [x, y, table_from_object.translation.z];
         let table_from_object = Pose::from_parts(place, yaw * table_from_object.rotation);
         Self {
@@ -52,14 +52,14 @@ impl<'a> Way<'a> {
     /// Returns where the palm is at a place, and how it moves.
     pub(crate) fn at(&self, at: Place) -> Target {
         match at {
-            Place::Way { time_s } => self.of(at, &self.course.at(time_s)),
+            Place::Reach { time_s } => self.of(at, &self.course.at(time_s)),
             Place::Lift { height_m } => {
                 let grasp = self.course.grasp();
                 let base_from_palm = self.base_from_object * grasp.frame_from_palm;
                 let up = self.up;
                 Target {
                     at,
-                    base_from_palm: Pose::new(Translation3::from(up * height_m) * *base_from_palm),
+                    base_from_palm: base_from_palm.translated(&(up * height_m)),
                     twist: Twist::new(up, Vector3::zeros()),
                     rate: Twist::zero(),
                 }
@@ -67,7 +67,7 @@ impl<'a> Way<'a> {
         }
     }
 
-    /// Returns where the palm of a course is that has been looked up.
+    /// Returns where the palm is at a step of the course.
     pub(crate) fn of(&self, at: Place, hand: &Step<Object>) -> Target {
         let (base_from_object, rates) = (&self.base_from_object, &hand.rates);
         Target {
@@ -78,7 +78,7 @@ impl<'a> Way<'a> {
         }
     }
 
-    /// The table's vertical in the frame of the arm's foot.
+    /// The table's vertical in the frame of the arm's base.
     pub(crate) fn up(&self) -> &Vector3<f64> {
         &self.up
     }
@@ -88,7 +88,7 @@ impl Place {
     /// Seconds or meters: by what derivatives are taken.
     pub(crate) fn number(self) -> f64 {
         match self {
-            Self::Way { time_s } => time_s,
+            Self::Reach { time_s } => time_s,
             Self::Lift { height_m } => height_m,
         }
     }
@@ -97,7 +97,7 @@ impl Place {
     pub(crate) fn middle(self, other: Self) -> Self {
         let middle = 0.5 * (self.number() + other.number());
         match self {
-            Self::Way { .. } => Self::Way { time_s: middle },
+            Self::Reach { .. } => Self::Reach { time_s: middle },
             Self::Lift { .. } => Self::Lift { height_m: middle },
         }
     }

@@ -1,7 +1,7 @@
-//! What a recording shows after the grasp: the object that leaves its rest, and the hand with it.
+//! The images of a recording after the grasp, in which object and hand leave the rest pose together.
 //!
-//! It is no part of the demonstration; it is filmed, so that one can see whether the reach was cut
-//! where it should be.
+//! They are not part of the demonstration, only of its recording, so that one can see whether the reach was
+//! cut where it should be.
 
 use geometry::MirrorPlane;
 use nalgebra::{Point3, Rotation3, UnitQuaternion};
@@ -10,8 +10,8 @@ use spatial::{Object, Pose};
 
 use crate::{
     config::IngestConfig,
+    departure::Departure,
     recording::{Keypoints, Recording},
-    still::Still,
 };
 
 /// One image after the grasp.
@@ -28,14 +28,14 @@ pub(crate) struct After {
 /// seen; `n_steps` is how many steps the reach has.
 pub(crate) fn after(
     recording: &Recording,
-    still: &Still,
+    departure: &Departure,
     n_steps: usize,
     config: &IngestConfig,
 ) -> Vec<After> {
-    let Some(last) = still.last else {
+    let Some(last) = departure.last else {
         return Vec::new();
     };
-    let rest_from_world = still.world_from_object.inverse();
+    let rest_from_world = departure.world_from_object.inverse();
     let images = recording.images.iter().enumerate().skip(last + 1);
     images
         .filter_map(|(image, observation)| {

@@ -12,14 +12,14 @@ use spatial::{Object, Pose, World};
 const OPENING: usize = 10;
 /// Iterations of estimating the still images and their jitter from each other.
 const ROUNDS: usize = 5;
-/// Most rotations for a median: its time is quadratic in their number.
+/// Maximum number of rotations for a median: its time is quadratic in their number.
 const MAX_CHOICES: usize = 64;
 /// The jitter's multiple, relative to the rule's, below which an image counts as at rest when
 /// going back to the moment of leaving.
 const AT_REST_JITTER: f64 = 0.6;
 /// The part of the rule's thresholds below which an image counts as at rest when going back.
 const AT_REST_THRESHOLD: f64 = 0.125;
-/// Most images to go back: earlier displacement is drift, not the onset.
+/// Maximum number of images to go back: earlier displacement is drift, not the onset.
 const MAX_BACK: usize = 8;
 
 /// When an object counts as moved.
@@ -35,9 +35,9 @@ pub(crate) struct Rule {
     pub(crate) settle_n: usize,
 }
 
-/// An object at rest that leaves.
+/// An object's rest pose and its departure from it.
 #[derive(Debug, Clone)]
-pub(crate) struct Still {
+pub(crate) struct Departure {
     /// Where it rests.
     pub(crate) world_from_object: Pose<World, Object>,
     /// The last image before it leaves; `None` if it is away from the first image on.
@@ -50,7 +50,7 @@ pub(crate) struct Still {
     pub(crate) left_rad: f64,
 }
 
-impl Still {
+impl Departure {
     fn new(
         seen: &[(usize, Pose<World, Object>)],
         rest: Pose<World, Object>,
@@ -72,14 +72,17 @@ impl Still {
 /// Finds the rest as the paper's code does: the first image's pose, left in the first image in which
 /// a coordinate is more than `threshold_m` from it (Ye et al., *Learning Continuous Grasping
 /// Function*, 2023, released code). `None` if the object is never seen or never leaves.
-pub(crate) fn released(poses: &[Option<Pose<World, Object>>], threshold_m: f64) -> Option<Still> {
+pub(crate) fn released(
+    poses: &[Option<Pose<World, Object>>],
+    threshold_m: f64,
+) -> Option<Departure> {
     let seen = seen(poses);
     let (_, rest) = *seen.first()?;
     let departure = seen.iter().position(|(_, pose)| {
         let moved = pose.translation.vector - rest.translation.vector;
         moved.amax() > threshold_m
     })?;
-    Still::new(&seen, rest, departure)
+    Departure::new(&seen, rest, departure)
 }
 
 /// Returns the pose in the middle of all those in which an object is seen, if it is seen at all.
@@ -97,7 +100,7 @@ fn seen(poses: &[Option<Pose<World, Object>>]) -> Vec<(usize, Pose<World, Object
 }
 
 /// Finds the rest; `None` if the object is never seen or never leaves.
-pub(crate) fn find(poses: &[Option<Pose<World, Object>>], rule: &Rule) -> Option<Still> {
+pub(crate) fn find(poses: &[Option<Pose<World, Object>>], rule: &Rule) -> Option<Departure> {
     let seen = seen(poses);
     let mut n_still = OPENING.min(seen.len().div_ceil(3));
     let mut found = None;
@@ -112,7 +115,7 @@ pub(crate) fn find(poses: &[Option<Pose<World, Object>>], rule: &Rule) -> Option
         n_still = departure;
     }
     let (rest, departure) = found?;
-    Still::new(&seen, rest, departure)
+    Departure::new(&seen, rest, departure)
 }
 
 /// Returns the first index at which the object has left its rest.
@@ -263,9 +266,9 @@ mod tests {
     #[test]
     fn finds_the_last_still_image_of_exact_poses() {
         for lift_m in [0.0006, 0.002, 0.012, 0.05] {
-            let still = find(&all_seen(lifted(30, lift_m, 0.0, 0)), &RULE).unwrap();
-            assert_eq!(still.last, Some(29), "lift of {lift_m} m per image");
-            assert_eq!(*still.world_from_object, lifted(1, 0.0, 0.0, 0)[0]);
+            let departure = find(&all_seen(lifted(30, lift_m, 0.0, 0)), &RULE).unwrap();
+            assert_eq!(departure.last, Some(29), "lift of {lift_m} m per image");
+            assert_eq!(*departure.world_from_object, lifted(1, 0.0, 0.0, 0)[0]);
         }
     }
 
@@ -322,9 +325,9 @@ mod tests {
             let moved = if n < 3 { 0.003 } else { 0.005 };
             pose.translation.vector += Vector3::new(moved, moved, 0.0);
         }
-        let still = released(&all_seen(poses), 0.004).unwrap();
-        assert_eq!((still.last, still.left), (Some(27), 28));
-        assert!((still.left_m - 0.005 * 2.0_f64.sqrt()).abs() < 1e-12);
+        let departure = released(&all_seen(poses), 0.004).unwrap();
+        assert_eq!((departure.last, departure.left), (Some(27), 28));
+        assert!((departure.left_m - 0.005 * 2.0_f64.sqrt()).abs() < 1e-12);
         assert!(released(&all_seen(lifted(30, 0.0, 0.001, 0)), 0.01).is_none());
     }
 
@@ -380,7 +383,7 @@ mod tests {
                         )))
                     })
                     .collect();
-                let last = find(&shaken, &RULE).and_then(|still| still.last);
+                let last = find(&shaken, &RULE).and_then(|departure| departure.last);
                 n += 1;
                 n_within += usize::from(last.is_some_and(|last| last.abs_diff(exact) <= 1));
             }

@@ -44,7 +44,7 @@ fn one_unit_is_made_by_its_name() {
 }
 
 #[test]
-fn a_process_that_reports_what_is_no_event_fails_its_unit() {
+fn malformed_event_of_a_process_fails_its_unit() {
     let place = Place::with_inputs(CHAIN, 1);
     // The stage notes on its stdout that it begins: between the events of its process.
     let mut run = place.command("run", &["--processes"]);
@@ -53,7 +53,7 @@ fn a_process_that_reports_what_is_no_event_fails_its_unit() {
     let text = String::from_utf8_lossy(&failed.stderr);
     for part in [
         "error: the process that made `split.parts` at `p000` broke the protocol: `split parts p000",
-        "is no event",
+        "is not an event",
         "hint: run the same command again without `--processes`",
     ] {
         assert!(text.contains(part), "{text}");

@@ -18,7 +18,7 @@ use schemas::{
 };
 use spatial::{Object, Palm, Pose, Table};
 
-use crate::aftermath::After;
+use crate::after_grasp::After;
 
 /// Frame of the person's wrist: x out of a right hand's palm or a left hand's back, y to the thumb's
 /// side, z to the fingers.
@@ -31,7 +31,7 @@ const LANDMARK_M: f64 = 0.012;
 const BONE_M: f64 = 0.005;
 /// Shape number of pairs of points joined by lines, in `visualization_msgs/msg/Marker`.
 const LINE_LIST: i32 = 5;
-/// Most triangles drawn; of a finer mesh its convex hull is, lest every demonstration hold a
+/// Maximum number of triangles drawn; of a finer mesh its convex hull is, lest every demonstration hold a
 /// megabyte of the same mesh.
 const MAX_TRIANGLES: usize = 4096;
 

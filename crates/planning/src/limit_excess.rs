@@ -5,37 +5,42 @@ use nalgebra::Vector3;
 use spatial::{Peaks, Table, Twist};
 
 use crate::{
-    limits::{self, Limits, Most},
-    whole::{Lengths, Part},
+    grasp_motion::{MotionPhase, PhaseDurations},
+    limits::{LimitedRates, Limits, MotionLimits},
 };
 
-/// How many times as slow each part of a motion must be for its limits.
+/// Slowdown factor of each phase of a motion that its limits require.
 ///
-/// What is told is judged twice: by the greatest velocities and accelerations of what a controller makes of
-/// it, the polynomials of fifth degree through two points and all between them; and by what one sees that
-/// is told positions alone, differences over one period. Before and after, the robot rests.
+/// Commands are checked twice: by the greatest velocities and accelerations of the quintic polynomials that a
+/// controller interpolates between two points; and by the differences of positions over one period, for a
+/// controller that reads positions alone. Before and after, the robot rests.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Excess {
-    way: f64,
+pub(crate) struct LimitExcess {
+    reach: f64,
     close: f64,
     squeeze: f64,
     lift: f64,
 }
 
-impl Excess {
-    /// Returns the excess of a part.
-    pub(crate) fn of(&self, part: Part) -> f64 {
-        match part {
-            Part::Way => self.way,
-            Part::Close => self.close,
-            Part::Squeeze => self.squeeze,
-            Part::Lift => self.lift,
+impl LimitExcess {
+    /// Returns the excess of a phase.
+    pub(crate) fn of(&self, phase: MotionPhase) -> f64 {
+        match phase {
+            MotionPhase::Reach => self.reach,
+            MotionPhase::Close => self.close,
+            MotionPhase::Squeeze => self.squeeze,
+            MotionPhase::Lift => self.lift,
         }
     }
 
-    /// Looks at a palm.
-    pub(crate) fn of_palm(&mut self, points: &[PalmPoint], limits: &Limits, lengths: &Lengths) {
-        let kept = limits.of_palm_alone();
+    /// Checks a palm.
+    pub(crate) fn of_palm(
+        &mut self,
+        points: &[PalmPoint],
+        limits: &Limits,
+        durations: &PhaseDurations,
+    ) {
+        let kept = limits.palm_peaks();
         for (from, to) in points.iter().zip(points.iter().skip(1)) {
             // What no rotation vector follows is turned without end.
             let endless = Peaks {
@@ -49,7 +54,7 @@ impl Excess {
             };
             let velocity = along(peaks.speed, peaks.angular_speed);
             let acceleration = along(peaks.acceleration, peaks.angular_acceleration);
-            self.see_between(lengths, from.time_s, to.time_s, || {
+            self.see_between(durations, from.time_s, to.time_s, || {
                 limits.of_palm(&velocity, &acceleration)
             });
         }
@@ -70,22 +75,30 @@ impl Excess {
                 (after.linear - before.linear) * rate,
                 (after.angular - before.angular) * rate,
             );
-            self.see(lengths.part(point.time_s), limits.of_palm(&after, &change));
+            self.see(
+                durations.phase(point.time_s),
+                limits.of_palm(&after, &change),
+            );
             before = after;
         }
     }
 
-    /// Looks at joints that may be so fast.
-    pub(crate) fn of_joints(&mut self, points: &[JointPoint], most: &[Most], lengths: &Lengths) {
-        let is_limited = points.iter().all(|point| point.q_rad.len() == most.len());
+    /// Checks joints.
+    pub(crate) fn of_joints(
+        &mut self,
+        points: &[JointPoint],
+        limits: &[MotionLimits],
+        durations: &PhaseDurations,
+    ) {
+        let is_limited = points.iter().all(|point| point.q_rad.len() == limits.len());
         assert!(is_limited, "every joint has a limit");
         for (from, to) in points.iter().zip(points.iter().skip(1)) {
-            self.see_between(lengths, from.time_s, to.time_s, || {
-                let segments = from.segments(to).zip(most);
-                segments.map(|(segment, most)| {
-                    let velocity = segment.greatest_speed(most.velocity);
-                    let acceleration = segment.greatest_acceleration(most.acceleration);
-                    limits::Part::of_joint(velocity, acceleration, *most)
+            self.see_between(durations, from.time_s, to.time_s, || {
+                let segments = from.segments(to).zip(limits);
+                segments.map(|(segment, limits)| {
+                    let velocity = segment.greatest_speed(limits.max_velocity);
+                    let acceleration = segment.greatest_acceleration(limits.max_acceleration);
+                    LimitedRates::of_joint(velocity, acceleration, *limits)
                 })
             });
         }
@@ -105,41 +118,41 @@ impl Excess {
             );
             let rate = rate(points.get(idx.wrapping_sub(1)), point, next, |p| p.time_s);
             let change = differences(&before, &after, rate);
-            let joints = after.iter().zip(&change).zip(most);
+            let joints = after.iter().zip(&change).zip(limits);
             self.see(
-                lengths.part(point.time_s),
-                joints.map(|((&velocity, &change), most)| {
-                    limits::Part::of_joint(velocity, change, *most)
+                durations.phase(point.time_s),
+                joints.map(|((&velocity, &change), limits)| {
+                    LimitedRates::of_joint(velocity, change, *limits)
                 }),
             );
             before = after;
         }
     }
 
-    /// Looks at what is between two points, which may be of two parts.
-    fn see_between<I: IntoIterator<Item = limits::Part>>(
+    /// Checks between two points, which may be of two phases.
+    fn see_between<I: IntoIterator<Item = LimitedRates>>(
         &mut self,
-        lengths: &Lengths,
+        durations: &PhaseDurations,
         from_s: f64,
         to_s: f64,
-        parts: impl Fn() -> I,
+        rates: impl Fn() -> I,
     ) {
-        let both = [lengths.part(from_s), lengths.part(to_s)];
-        self.see(both[0], parts());
+        let both = [durations.phase(from_s), durations.phase(to_s)];
+        self.see(both[0], rates());
         if both[0] != both[1] {
-            self.see(both[1], parts());
+            self.see(both[1], rates());
         }
     }
 
-    fn see(&mut self, part: Part, parts: impl IntoIterator<Item = limits::Part>) {
-        let worst = match part {
-            Part::Way => &mut self.way,
-            Part::Close => &mut self.close,
-            Part::Squeeze => &mut self.squeeze,
-            Part::Lift => &mut self.lift,
+    fn see(&mut self, phase: MotionPhase, rates: impl IntoIterator<Item = LimitedRates>) {
+        let worst = match phase {
+            MotionPhase::Reach => &mut self.reach,
+            MotionPhase::Close => &mut self.close,
+            MotionPhase::Squeeze => &mut self.squeeze,
+            MotionPhase::Lift => &mut self.lift,
         };
-        for part in parts {
-            *worst = worst.max(part.excess());
+        for rates in rates {
+            *worst = worst.max(rates.excess());
         }
     }
 }
