@@ -4,7 +4,8 @@
 //! there to the end.
 //!
 //! Agreement is Cohen's kappa of held or not (J. Cohen, "A coefficient of agreement for nominal scales",
-//! 1960): 1 if all verdicts are equal, 0 if no more are than by chance.
+//! 1960): 1 if all verdicts are equal, 0 if no more are than by chance. McNemar's test says whether one
+//! engine is more lenient than the other.
 //!
 //! `PIPELINE_LAKE` names the lake, the newest `candidates` and `objects` in it are taken, and the options
 //! are those of `pipelines/cgf.toml`. `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3`
@@ -31,6 +32,7 @@ use schemas::candidates::Candidates;
 use serde_json::Value;
 use simulation::{ObjectShape, Record, Template, Verdict};
 use spatial::{Object, Pose, Rest, Table};
+use statistics::mcnemar;
 
 /// Objects that the paper never trains on.
 const UNSEEN: [&str; 5] = [
@@ -107,9 +109,13 @@ fn main() -> ExitCode {
     }
     println!("{:24} {}", "unseen", unseen.line());
     println!("{:24} {}", "all", totals.line());
+    let only_here = totals.held - totals.there[0];
     println!(
-        "{}: {:?}; held there alone {}",
-        ENGINES[0].0, totals.reasons, totals.only_there
+        "{}: {:?}; held here alone {only_here}, there alone {}, p = {:.2e} by McNemar's test",
+        ENGINES[0].0,
+        totals.reasons,
+        totals.only_there,
+        mcnemar(only_here as u64, totals.only_there as u64)
     );
     let all = totals.candidates as f64;
     println!(

@@ -2,11 +2,13 @@
 
 use std::{
     collections::BTreeSet,
+    fs,
     path::Path,
     process::{Command, Output},
     sync::OnceLock,
 };
 
+use dataflow::Pipeline;
 use serde_json::Value;
 
 use crate::bench::{Bench, put, stderr, stdout};
@@ -48,20 +50,36 @@ fn a_profile_replaces_values_and_an_unknown_one_names_those_there_are() {
     // Another file of this name is the same pipeline.
     let file = folder.path().join("cgf.toml");
     let extends = format!("{}/pipelines/cgf.toml", env!("CARGO_MANIFEST_DIR"));
-    let own = "[profiles.light.retarget]\nobject_weight = 0.0\n[profiles.quick.train]\n";
+    let own = "[profiles.light.retarget]\nobject_weight = 0.0\n\
+               [profiles.quick.train.training]\nepochs = 3\n";
     put(&file, &format!("extends = \"{extends}\"\n{own}"));
     let planned = |profile: &str| {
-        let arguments = ["--profile", profile, "--until", "retarget"];
+        let arguments = ["--profile", profile];
         let mut plan = finished().command_on(file.to_str().unwrap(), "plan", &arguments);
         plan.output().unwrap()
     };
-    let plan = planned("light");
-    assert_eq!(plan.status.code(), Some(0), "{}", stderr(&plan));
-    let plan = stdout(&plan);
-    assert!(
-        plan.contains("`object_weight` changed from 3.0 to 0.0"),
-        "{plan}"
-    );
+    for (profile, expected) in [
+        ("light", "`object_weight` changed from 3.0 to 0.0"),
+        ("quick", "cached   retarget.trajectories"),
+    ] {
+        let plan = planned(profile);
+        assert_eq!(plan.status.code(), Some(0), "{}", stderr(&plan));
+        let plan = stdout(&plan);
+        // It goes on to the last stage.
+        for part in [expected, "dispatch.trials"] {
+            assert!(plan.contains(part), "{part}: {plan}");
+        }
+    }
+    let text = fs::read_to_string(&file).unwrap();
+    let values = |profile: Option<&str>| {
+        let read = Pipeline::parse(&file, &text, &pipeline::kinds(), profile, &[]).unwrap();
+        let [retarget, train] = ["retarget", "train"].map(|name| read.find(name).unwrap().config());
+        let epochs = train["training"]["epochs"].as_u64().unwrap();
+        (retarget["object_weight"].as_f64().unwrap(), epochs)
+    };
+    let (weight, epochs) = values(None);
+    assert_eq!(values(Some("light")), (0.0, epochs));
+    assert_eq!(values(Some("quick")), (weight, 3));
     let unknown = planned("lihgt");
     assert_eq!(unknown.status.code(), Some(2));
     let text = stderr(&unknown);

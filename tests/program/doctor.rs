@@ -1,5 +1,6 @@
 //! `pipeline doctor` says what is ready and what is missing.
 
+use std::io::Write as _;
 use std::{fs, net::TcpListener};
 
 use crate::{
@@ -262,11 +263,19 @@ fn doctor_says_why_a_robot_cannot_be_read() {
 #[test]
 fn doctor_finds_the_side_of_published_hands() {
     let Some(root) = std::env::var_os("PIPELINE_REAL_DATA") else {
-        eprintln!("skipped: `PIPELINE_REAL_DATA` names no folder with `urdf/*.urdf`");
+        writeln!(
+            std::io::stderr().lock(),
+            "skipped: `PIPELINE_REAL_DATA` names no folder with `urdf/*.urdf`; see `tests/README.md`"
+        )
+        .unwrap();
         return;
     };
     let Ok(entries) = fs::read_dir(std::path::Path::new(&root).join("urdf")) else {
-        eprintln!("skipped: `PIPELINE_REAL_DATA` holds no `urdf`");
+        writeln!(
+            std::io::stderr().lock(),
+            "skipped: `PIPELINE_REAL_DATA` holds no `urdf`; see `tests/README.md`"
+        )
+        .unwrap();
         return;
     };
     for entry in entries {

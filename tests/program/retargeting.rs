@@ -1,5 +1,6 @@
 //! Retargeting as a user runs it: other hands, and real recordings.
 
+use std::io::Write as _;
 use std::{collections::BTreeMap, path::PathBuf, process::Command};
 
 use dataflow::Pipeline;
@@ -12,7 +13,11 @@ fn real(name: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("PIPELINE_REAL_DATA").map(|root| PathBuf::from(root).join(name));
     let found = folder.filter(|folder| folder.is_dir());
     if found.is_none() {
-        eprintln!("skipped: `PIPELINE_REAL_DATA` holds no `{name}`");
+        writeln!(
+            std::io::stderr().lock(),
+            "skipped: `PIPELINE_REAL_DATA` holds no `{name}`; see `tests/README.md`"
+        )
+        .unwrap();
     }
     found
 }

@@ -110,3 +110,28 @@ fn each_that_dispatches_has_a_cell_and_the_others_say_that_they_have_none() {
         );
     }
 }
+
+#[test]
+fn the_settings_of_the_paper_and_of_its_code_can_be_trained() {
+    let bench = Bench::new();
+    let root = format!("ingest.root={}", bench.root().display());
+    for name in ["paper.toml", "released.toml"] {
+        let mut all = shipped().into_iter();
+        let one = all.find(|one| one.file.ends_with(name)).unwrap();
+        let mut program = one.command("run", &bench);
+        program.args(["--until", "train"]);
+        for value in [
+            root.as_str(),
+            "train.unseen_objects=[\"025_mug\"]",
+            "train.network.points=64",
+            "train.training.epochs=2",
+            "train.training.halving_epochs=1",
+        ] {
+            program.args(["--set", value]);
+        }
+        let ran = program.output().unwrap();
+        let said = stderr(&ran);
+        assert_eq!(ran.status.code(), Some(0), "{name}: {said}");
+        assert!(said.contains("2 epochs, loss "), "{name}: {said}");
+    }
+}

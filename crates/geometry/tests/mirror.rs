@@ -1,5 +1,6 @@
 //! Mirror planes of shapes whose symmetries are known, and of real objects.
 
+use std::io::Write as _;
 use std::{f64::consts::TAU, fs, path::Path, time::Instant};
 
 use geometry::{MirrorPlane, TriMesh, mirror_plane};
@@ -204,7 +205,11 @@ fn reflection_is_its_own_inverse_and_keeps_the_plane() {
 #[test]
 fn real_objects_have_planes_and_an_error_that_tells_which_are_good() {
     let Some(root) = std::env::var_os("PIPELINE_REAL_DATA") else {
-        eprintln!("skipped: `PIPELINE_REAL_DATA` names no folder");
+        writeln!(
+            std::io::stderr().lock(),
+            "skipped: `PIPELINE_REAL_DATA` names no folder; see `tests/README.md`"
+        )
+        .unwrap();
         return;
     };
     let folder = Path::new(&root).join("dexycb-right/models");

@@ -1,6 +1,7 @@
 //! Meshes with closed forms, and properties of what is computed from them.
 
 use std::f64::consts::{PI, TAU};
+use std::io::Write as _;
 
 use geometry::{
     MAX_PART_VERTICES, SurfaceDistance, TriMesh, convex_parts, mass_properties, stable_rests,
@@ -348,7 +349,11 @@ fn a_body_does_not_rest_where_it_would_tip() {
 #[test]
 fn real_meshes_are_handled() {
     let Some(root) = std::env::var_os("PIPELINE_REAL_DATA") else {
-        println!("skipped: PIPELINE_REAL_DATA is not set");
+        writeln!(
+            std::io::stderr().lock(),
+            "skipped: PIPELINE_REAL_DATA is not set; see `tests/README.md`"
+        )
+        .unwrap();
         return;
     };
     let mut models: Vec<_> =

@@ -1,6 +1,7 @@
 //! The table below still objects: made-up scenes with measured noise, and real scenes against the
 //! tag that was on the table.
 
+use std::io::Write as _;
 use std::{
     collections::BTreeMap,
     f64::consts::TAU,
@@ -357,7 +358,11 @@ fn real_scenes_stand_on_the_plane_of_their_tag() {
     let root =
         std::env::var_os("PIPELINE_REAL_DATA").map(|root| Path::new(&root).join("dexycb-right"));
     let Some(root) = root.filter(|root| root.is_dir()) else {
-        eprintln!("skipped: `PIPELINE_REAL_DATA` holds no `dexycb-right`");
+        writeln!(
+            std::io::stderr().lock(),
+            "skipped: `PIPELINE_REAL_DATA` holds no `dexycb-right`; see `tests/README.md`"
+        )
+        .unwrap();
         return;
     };
     let mut shapes: BTreeMap<usize, Shape> = BTreeMap::new();

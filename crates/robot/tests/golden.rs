@@ -1,5 +1,6 @@
 //! Kinematics and dynamics against Pinocchio, whose numbers `golden/make.py` wrote down.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{
@@ -331,10 +332,12 @@ fn pinocchio_agrees_on_published_robots() {
     let golden = golden();
     for robot in golden.robots.iter().filter(|robot| robot.published) {
         let Some(xml) = urdf(robot) else {
-            println!(
-                "skipped: no `urdf/{}.urdf` in the folder that `PIPELINE_REAL_DATA` names",
+            writeln!(
+            std::io::stderr().lock(),
+            "skipped: no `urdf/{}.urdf` in the folder that `PIPELINE_REAL_DATA` names; see `tests/README.md`",
                 robot.name.trim_start_matches("published_")
-            );
+        )
+        .unwrap();
             continue;
         };
         let worst = check(&golden, robot, &xml);

@@ -3,6 +3,7 @@
 use nalgebra::Point3;
 use robot::{JointKind, MimicFault, RobotError, RobotModel};
 use spatial::Palm;
+use std::io::Write as _;
 
 /// Returns a robot of these joints and the links `palm`, `a`, `b`.
 fn robot(joints: &str) -> String {
@@ -462,12 +463,21 @@ fn meshes_are_never_opened() {
 /// Returns the published descriptions that this machine has, by their names.
 fn published() -> Vec<(String, String)> {
     let Some(root) = std::env::var_os("PIPELINE_REAL_DATA") else {
-        eprintln!("skipped: `PIPELINE_REAL_DATA` names no folder with `urdf/*.urdf`");
+        writeln!(
+            std::io::stderr().lock(),
+            "skipped: `PIPELINE_REAL_DATA` names no folder with `urdf/*.urdf`; see `tests/README.md`"
+        )
+        .unwrap();
         return Vec::new();
     };
     let folder = std::path::Path::new(&root).join("urdf");
     let Ok(entries) = std::fs::read_dir(&folder) else {
-        eprintln!("skipped: there is no `{}`", folder.display());
+        writeln!(
+            std::io::stderr().lock(),
+            "skipped: there is no `{}`; see `tests/README.md`",
+            folder.display()
+        )
+        .unwrap();
         return Vec::new();
     };
     entries

@@ -217,6 +217,8 @@ fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Write as _;
+
     use nalgebra::{Isometry3, Translation3};
     use rand_chacha::{
         ChaCha8Rng,
@@ -338,7 +340,11 @@ mod tests {
             .map(|root| std::path::PathBuf::from(root).join("dexycb-right"))
             .filter(|root| root.is_dir());
         let Some(root) = root else {
-            eprintln!("skipped: `PIPELINE_REAL_DATA` holds no `dexycb-right`");
+            writeln!(
+                std::io::stderr().lock(),
+                "skipped: `PIPELINE_REAL_DATA` holds no `dexycb-right`; see `tests/README.md`"
+            )
+            .unwrap();
             return;
         };
         let mut rng = ChaCha8Rng::seed_from_u64(1);

@@ -3,6 +3,7 @@
 //! `PIPELINE_MUJOCO_GRASPS` names a folder with `scene.xml`, the scene as `MuJoCo` reads it, and
 //! `grasps.json`, for each grasp where the hand stands, how far it closes, and whether it held.
 
+use std::io::Write as _;
 use std::{env, fs, path::PathBuf};
 
 use motion::{Motion, Step};
@@ -30,7 +31,11 @@ struct Grasp {
 /// The can and its grasps; `None` where they are not at hand, which is said.
 fn recorded() -> Option<(ObjectShape, Rest, Vec<Grasp>)> {
     let Some(folder) = env::var_os("PIPELINE_MUJOCO_GRASPS").map(PathBuf::from) else {
-        println!("skipped: PIPELINE_MUJOCO_GRASPS names no folder of recorded grasps");
+        writeln!(
+            std::io::stderr().lock(),
+            "skipped: PIPELINE_MUJOCO_GRASPS names no folder of recorded grasps; see `tests/README.md`"
+        )
+        .unwrap();
         return None;
     };
     let xml = fs::read_to_string(folder.join("scene.xml")).unwrap();

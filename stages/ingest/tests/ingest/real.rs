@@ -1,5 +1,6 @@
 //! On real recordings, if `PIPELINE_REAL_DATA` names the folder that holds them.
 
+use std::io::Write as _;
 use std::{
     collections::BTreeMap,
     fs,
@@ -22,7 +23,11 @@ pub(crate) fn real(name: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("PIPELINE_REAL_DATA").map(|root| PathBuf::from(root).join(name));
     let folder = folder.filter(|folder| folder.is_dir());
     if folder.is_none() {
-        eprintln!("skipped: `PIPELINE_REAL_DATA` holds no `{name}`");
+        writeln!(
+            std::io::stderr().lock(),
+            "skipped: `PIPELINE_REAL_DATA` holds no `{name}`; see `tests/README.md`"
+        )
+        .unwrap();
     }
     folder
 }

@@ -2,6 +2,7 @@
 //! `PIPELINE_MANO` names the folder with `MANO_RIGHT.pkl` and `PIPELINE_REAL_DATA` the one that
 //! holds `dexycb-right`.
 
+use std::io::Write as _;
 use std::{
     collections::BTreeMap,
     fs,
@@ -21,7 +22,11 @@ fn folder(variable: &str) -> Option<PathBuf> {
     let folder = std::env::var_os(variable).map(PathBuf::from);
     let folder = folder.filter(|folder| folder.is_dir());
     if folder.is_none() {
-        eprintln!("skipped: `{variable}` names no folder");
+        writeln!(
+            std::io::stderr().lock(),
+            "skipped: `{variable}` names no folder; see `tests/README.md`"
+        )
+        .unwrap();
     }
     folder
 }

@@ -192,9 +192,9 @@ fn line(summary: &Summary<RatesMetrics>) -> String {
         false => Approach::Follow,
     };
     format!(
-        "mean of {} objects {:.1} % (95 % CI {:.0} to {:.0}); {}, squeeze {} rad",
-        all.objects_n,
+        "{:.1} % hold over {} objects (95 % CI {:.0} to {:.0}); {}, squeeze {} rad",
         percent(all.candidate_rate_mean),
+        all.objects_n,
         percent(all.candidate_rate_low),
         percent(all.candidate_rate_high),
         approach.as_str(),
@@ -334,7 +334,7 @@ mod tests {
         let said = |protocol: &Protocol| line(&Summary::made(&[RatesMetrics::of(&rows, protocol)]));
         let text = said(&protocol());
         let (begin, end) = (
-            "mean of 6 objects 61.7 % (95 % CI ",
+            "61.7 % hold over 6 objects (95 % CI ",
             "); follow, squeeze 0.15 rad",
         );
         assert!(text.starts_with(begin) && text.ends_with(end), "{text}");
