@@ -88,8 +88,8 @@ impl Chain {
     }
 }
 
-/// Returns the error of the end's pose: its displacement in meters, then its rotation in radians, along the base's
-/// axes.
+/// Returns the error of the end's pose: its displacement in meters, then its rotation in radians, along the
+/// base's axes.
 fn missing(base_from_palm: &Pose<Base, Palm>, state: &KinematicState) -> Vector6<f64> {
     let found = &state.base_from_palm;
     let moved = base_from_palm.translation.vector - found.translation.vector;
