@@ -123,7 +123,7 @@ impl JointPath {
             can_grasp: true,
             is_clear: true,
         };
-        let mut stands: Vec<Vec<f64>> = (0..=100)
+        let mut positions: Vec<Vec<f64>> = (0..=100)
             .map(|k| self.q(DURATION_S * f64::from(k) / 100.0))
             .collect();
         let q_grasp = self.q(DURATION_S);
@@ -136,12 +136,12 @@ impl JointPath {
                 Some(found) => q = found,
                 None => given.is_free = false,
             }
-            stands.push(q.clone());
+            positions.push(q.clone());
         }
         given.can_grasp = arm
             .clearance
             .is_clear(&arm.links(&q_grasp, fingers).unwrap(), 0.0);
-        for q in stands {
+        for q in positions {
             let inside = arm
                 .joints()
                 .iter()
