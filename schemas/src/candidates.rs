@@ -1,9 +1,14 @@
-//! `candidates`: unscreened motions, one partition per object, one row per motion.
+//! `candidates`: unscreened motions, one partition per object, one row per draw.
+//!
+//! A generator may draw a motion several times and keep one draw, the candidate; the other draws are
+//! rows too, of the same `candidate_id`, with a reason in `refused` and without a motion: their lists
+//! are empty. So `refused = ''` selects the candidates. Rows are in the order of the motions, then of
+//! the draws.
 //!
 //! Positions of prismatic joints are in meters, and so are their rates (per second) and limit
 //! excess.
 
-use std::sync::Arc;
+use std::{collections::BTreeMap, sync::Arc};
 
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
@@ -12,7 +17,7 @@ use spatial::{Object, Palm, Pose, Twist};
 
 use crate::{
     SchemaError, Table,
-    columns::{JOINTS, Reader, Writer, columns},
+    columns::{JOINTS, Reader, Writer, columns, words},
 };
 
 /// A motion to be screened.
@@ -22,6 +27,8 @@ pub struct Candidate {
     pub candidate_id: String,
     /// Its generator, e.g. `cgf`.
     pub generator: String,
+    /// Where it comes from.
+    pub lineage: Lineage,
     /// The latent code it came from; empty if there is none.
     pub latent: Vec<f64>,
     /// Pose of the object on the table.
@@ -29,8 +36,27 @@ pub struct Candidate {
     /// Greatest joint limit excess as drawn, before clamping, in radians (meters if prismatic); 0
     /// if none.
     pub limit_excess_rad: f64,
+    /// Deepest that the hand was in object or table when it was drawn, in meters; 0 if not measured.
+    pub depth_m: f64,
     /// The hand in the object's frame, with the joints of [`Candidates`]; its last step is the grasp.
     pub motion: Motion<Object>,
+    /// The other draws of this motion, in their order.
+    pub refused: Vec<RefusedDraw>,
+}
+
+/// A draw of a motion that was refused, so that the motion was drawn again.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RefusedDraw {
+    /// Where it comes from.
+    pub lineage: Lineage,
+    /// Pose of the object on the table.
+    pub table_from_object: Pose<spatial::Table, Object>,
+    /// Greatest joint limit excess as drawn, in radians (meters if prismatic); 0 if none.
+    pub limit_excess_rad: f64,
+    /// Deepest that the hand was in object or table, in meters.
+    pub depth_m: f64,
+    /// In which of them.
+    pub refusal: Refusal,
 }
 
 /// All candidates of one object.
@@ -45,11 +71,81 @@ pub struct Candidates {
 }
 
 columns! {
-    /// A motion, its steps as lists.
+    /// Where a motion comes from.
+    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub struct Lineage {
+        draw_n: u32 => "which draw of its motion it is, from 1; 1 of generators that do not draw",
+        origin: Origin
+            => "`prior`, `posterior` or `path`: its latent code's; `demonstration`: replayed; `line`: interpolated",
+        demonstration: String
+            => "sequence that code or motion comes from, of a path the first; empty if there is none",
+        object_split: Option<ObjectSplit>
+            => "whether its function was trained on demonstrations of the object: `seen` or `unseen`; empty without training",
+    }
+}
+
+impl Lineage {
+    /// Returns the lineage of a demonstration that is replayed.
+    pub fn replayed(sequence: &str) -> Self {
+        Self {
+            draw_n: 1,
+            origin: Origin::Demonstration,
+            demonstration: sequence.to_owned(),
+            object_split: None,
+        }
+    }
+}
+
+words! {
+    /// What a motion comes from.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum Origin: "origin" {
+        /// A latent code from the standard normal distribution.
+        Prior = "prior",
+        /// A latent code from a demonstration's posterior.
+        Posterior = "posterior",
+        /// A latent code between those of two demonstrations.
+        Path = "path",
+        /// A demonstration itself, retargeted and replayed.
+        Demonstration = "demonstration",
+        /// A straight line between the ends of another motion.
+        Line = "line",
+    }
+}
+
+words! {
+    /// Whether a function was trained on demonstrations of an object.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum ObjectSplit: "object split" {
+        /// It was.
+        Seen = "seen",
+        /// It was not.
+        Unseen = "unseen",
+    }
+}
+
+words! {
+    /// Why a draw was refused.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum Refusal: "refusal" {
+        /// The hand is too deep in the object.
+        Object = "object",
+        /// The hand is too deep in the table.
+        Table = "table",
+    }
+}
+
+columns! {
+    /// A draw, its steps as lists.
     struct Row {
-        candidate_id: String => "unique name of the motion",
+        candidate_id: String => "unique name of the motion, the same for all its draws",
         generator: String => "what drew it",
-        latent: Vec<f64> ["1"] => "latent code it came from",
+        lineage: Lineage,
+        refused: Option<Refusal>
+            => "empty for a candidate, else what the hand was too deep in: `object` or `table`",
+        depth_m: f64 ["m"]
+            => "deepest that the hand was in object or table when it was drawn; 0 if not measured",
+        latent: Vec<f64> ["1"] => "latent code it came from; empty for a refused draw, as all lists",
         table_from_object: Pose<spatial::Table, Object> ["m, 1"] => "how the object lies: xyz, xyzw",
         limit_excess_rad: f64 ["rad"]
             => "farthest that a joint was drawn outside its limits, before it was put back to them",
@@ -74,6 +170,9 @@ impl From<&Candidate> for Row {
         Self {
             candidate_id: candidate.candidate_id.clone(),
             generator: candidate.generator.clone(),
+            lineage: candidate.lineage.clone(),
+            refused: None,
+            depth_m: candidate.depth_m,
             latent: candidate.latent.clone(),
             table_from_object: candidate.table_from_object,
             limit_excess_rad: candidate.limit_excess_rad,
@@ -97,8 +196,41 @@ impl From<&Candidate> for Row {
 }
 
 impl Row {
+    /// Returns the rows of all draws of a motion, in their order.
+    fn draws(candidate: &Candidate) -> Vec<Self> {
+        let refused = candidate.refused.iter();
+        let refused = refused.map(|draw| Self::refused(candidate, draw));
+        let mut draws: Vec<Self> = refused.chain([Self::from(candidate)]).collect();
+        draws.sort_by_key(|draw| draw.lineage.draw_n);
+        draws
+    }
+
+    fn refused(candidate: &Candidate, draw: &RefusedDraw) -> Self {
+        Self {
+            candidate_id: candidate.candidate_id.clone(),
+            generator: candidate.generator.clone(),
+            lineage: draw.lineage.clone(),
+            refused: Some(draw.refusal),
+            depth_m: draw.depth_m,
+            latent: Vec::new(),
+            table_from_object: draw.table_from_object,
+            limit_excess_rad: draw.limit_excess_rad,
+            time_s: Vec::new(),
+            object_from_palm: Vec::new(),
+            q_rad: Vec::new(),
+            q_velocity_rad_per_s: Vec::new(),
+            q_acceleration_rad_per_s2: Vec::new(),
+            palm_velocity: Vec::new(),
+            palm_acceleration: Vec::new(),
+        }
+    }
+
     /// Returns the motion of a hand with these joints, if every step is complete.
-    fn candidate(self, joints: &Arc<[String]>) -> Result<Candidate, SchemaError> {
+    fn candidate(
+        self,
+        joints: &Arc<[String]>,
+        refused: Vec<RefusedDraw>,
+    ) -> Result<Candidate, SchemaError> {
         let (dof, steps_n) = (joints.len(), self.time_s.len());
         let of_joints = |column, numbers: &[f64]| {
             SchemaError::check_length(column, "joint positions", numbers, dof * steps_n)
@@ -136,9 +268,12 @@ impl Row {
             })?,
             candidate_id: self.candidate_id,
             generator: self.generator,
+            lineage: self.lineage,
             latent: self.latent,
             table_from_object: self.table_from_object,
             limit_excess_rad: self.limit_excess_rad,
+            depth_m: self.depth_m,
+            refused,
         })
     }
 }
@@ -146,7 +281,7 @@ impl Row {
 impl Table for Candidates {
     const NAME: &'static str = "candidates";
     const PARTITION: &'static str = "object";
-    const VERSION: &'static str = "candidates/2";
+    const VERSION: &'static str = "candidates/3";
 
     fn schema() -> Schema {
         Writer::of::<Row>(Self::VERSION, &[]).schema()
@@ -158,7 +293,7 @@ impl Table for Candidates {
             let message = format!("`{}` has other joints", other.candidate_id);
             return Err(SchemaError::invalid(JOINTS, message));
         }
-        let rows: Vec<Row> = self.candidates.iter().map(Row::from).collect();
+        let rows: Vec<Row> = self.candidates.iter().flat_map(Row::draws).collect();
         let writer = Writer::of(Self::VERSION, &rows);
         writer.with_names(JOINTS, &self.joints).into_batch()
     }
@@ -166,12 +301,36 @@ impl Table for Candidates {
     fn from_batch(object: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
         let reader = Reader::new(batch, Self::VERSION)?;
         let joints = reader.joints()?.into();
-        let rows = reader.rows()?.into_iter();
-        let candidates = rows.map(|row: Row| row.candidate(&joints));
+        let mut refused: BTreeMap<String, Vec<RefusedDraw>> = BTreeMap::new();
+        let mut kept: Vec<Row> = Vec::new();
+        for row in reader.rows::<Row>()? {
+            match row.refused {
+                None => kept.push(row),
+                Some(refusal) => refused
+                    .entry(row.candidate_id)
+                    .or_default()
+                    .push(RefusedDraw {
+                        lineage: row.lineage,
+                        table_from_object: row.table_from_object,
+                        limit_excess_rad: row.limit_excess_rad,
+                        depth_m: row.depth_m,
+                        refusal,
+                    }),
+            }
+        }
+        let mut candidates = Vec::with_capacity(kept.len());
+        for row in kept {
+            let refused = refused.remove(&row.candidate_id).unwrap_or_default();
+            candidates.push(row.candidate(&joints, refused)?);
+        }
+        if let Some(name) = refused.keys().next() {
+            let message = format!("every draw of `{name}` is refused");
+            return Err(SchemaError::invalid("refused", message));
+        }
         Ok(Self {
             object: object.to_owned(),
-            candidates: candidates.collect::<Result<_, _>>()?,
             joints,
+            candidates,
         })
     }
 }

@@ -25,6 +25,7 @@ mod error;
 pub mod executions;
 pub mod latents;
 pub mod objects;
+pub mod rates;
 pub mod reconstruction;
 pub mod rollouts;
 pub mod ros2;

@@ -3,6 +3,7 @@
 
 use crate::{
     SchemaError,
+    candidates::Lineage,
     columns::{Reader, Row, Writer, columns, words},
     table::table,
 };
@@ -13,24 +14,26 @@ columns! {
     pub struct Rollout {
         candidate_id: String => "the motion",
         generator: String => "what drew it",
+        /// Where the candidate comes from.
+        lineage: Lineage,
         + success: bool = |rollout| rollout.verdict == Verdict::Held
             => "lifted, held to the end and still in contact",
         verdict as reason: Verdict => "`held`, or why it failed",
-        cost_n: u32 => "control steps simulated",
+        cost_n: u32 => "control steps simulated; with `saved_n` those of the full script",
         saved_n: u32 => "control steps of the script that were not simulated",
         lift_m: f64 ["m"] => "rise of the object's origin at the end",
         slip_m: f64 ["m"] => "motion of the object in the palm frame between lift and end",
         displacement_m: f64 ["m"] => "motion of the object on the table before the squeeze",
         penetration_m: f64 ["m"] => "deepest that the hand was in the object while it was held",
         contacts_n: u32 => "hand links in contact with the object at the end",
-        /// Smoothness of the candidate as drawn.
+        /// Smoothness of the candidate as drawn; 0 of an infeasible one.
         smoothness: Smoothness,
     }
 }
 
 /// The rollouts of one object's candidates.
 pub type Rollouts = Vec<Rollout>;
-table! {"rollouts", 3, per "object", rows: Rollout}
+table! {"rollouts", 4, per "object", rows: Rollout}
 
 words! {
     /// How a rollout ended; success is first.
@@ -56,6 +59,9 @@ words! {
         TooDeep = "too_deep",
         /// The simulation became non-finite or implausible.
         Diverged = "diverged",
+        /// The hand cannot execute the motion, or the object does not come to rest as it lies in it;
+        /// nothing was simulated.
+        Infeasible = "infeasible",
     }
 }
 

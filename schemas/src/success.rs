@@ -1,5 +1,9 @@
 //! `success`: success rates of the candidates of each object, one partition for all objects, one
-//! row per object and generator.
+//! row per object, generator and origin of the motions.
+//!
+//! A draw counts for the origin of its own code, also where another draw of the motion was kept.
+//! Draws for one object are independent, and so the interval of their rate is Wilson's; for the
+//! rate over objects it is not (`rates`).
 //!
 //! A grasp is the last step of a candidate, the palm in the object's frame. Spread is the root mean
 //! square over successful grasps of the distance from their mean: for the palm's origin √(Σ|p −
@@ -9,20 +13,27 @@
 //! is left out: `spread_n` is n, and with 0 of them every spread is 0.
 
 use crate::{
+    candidates::{ObjectSplit, Origin},
     columns::columns,
+    rates::share,
     rollouts::Verdict,
     table::table,
     tally::{Ending, Tally},
 };
 
 columns! {
-    /// The success rate of one generator's candidates for one object.
+    /// The success rate of one generator's candidates of one origin for one object.
     #[derive(Debug, Clone, PartialEq)]
     pub struct Success {
         object: String => "the object",
         generator: String => "what drew the candidates",
+        origin: Origin => "where the motions come from, as in `candidates`",
+        object_split: Option<ObjectSplit> => "split of the object, as in `candidates`",
         /// The candidates by verdict.
         verdicts: Tally<Verdict>,
+        draws_n: i64 => "draws made for them, refused ones included",
+        + draw_rate: f64 ["1"] = |row| share(row.verdicts.successes_n(), row.draws_n)
+            => "share of the draws that held; 0 of none",
         control_steps_n: i64 => "control steps simulated, for failures too",
         + control_steps_per_success: f64 ["1"] = Self::control_steps_per_success
             => "control steps simulated, for failures too, per success; 0 without one",
@@ -65,4 +76,4 @@ impl Ending for Verdict {
 
 /// The success of the candidates of all objects.
 pub type Successes = Vec<Success>;
-table! {"success", 2, per "screening", rows: Success}
+table! {"success", 4, per "screening", rows: Success}

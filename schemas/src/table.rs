@@ -14,7 +14,7 @@ pub trait Table: Sized {
     const NAME: &'static str;
     /// What one partition stands for, e.g. `object`: the name of the Hive partition column.
     const PARTITION: &'static str;
-    /// Name and version of its columns, e.g. `candidates/2`; readers refuse every other version.
+    /// Name and version of its columns, e.g. `candidates/3`; readers refuse every other version.
     const VERSION: &'static str;
 
     /// Returns the columns with their types, units and meanings.

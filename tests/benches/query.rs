@@ -25,6 +25,7 @@ use lake::Lake;
 use limits::Limits;
 use schemas::{
     Table,
+    candidates::Lineage,
     rollouts::{Rollout, Rollouts, Smoothness, Verdict},
 };
 
@@ -158,6 +159,7 @@ fn rollout(object: &str, row: usize) -> Rollout {
     Rollout {
         candidate_id: format!("{object}-{row:05}"),
         generator: "cgf".to_owned(),
+        lineage: Lineage::replayed("a"),
         verdict: Verdict::ALL[row % Verdict::ALL.len()],
         cost_n: 190,
         saved_n: 0,

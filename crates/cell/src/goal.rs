@@ -420,7 +420,7 @@ impl From<WireError> for Rejection {
 mod tests {
     use motion::{JointPoint, JointRates, PalmPoint};
     use nalgebra::{Isometry3, Vector3};
-    use simulation::{Approach, PullConfig, Trial};
+    use simulation::{Approach, PullConfig, StrictConfig, Trial};
     use spatial::Twist;
 
     use super::*;
@@ -448,6 +448,7 @@ mod tests {
             table_tolerance_m: 0.002,
             early_tolerance_m: 0.005,
             trial: Trial::Lift,
+            strict: StrictConfig::default(),
             pull: PullConfig::default(),
         }
     }

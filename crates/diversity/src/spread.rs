@@ -231,6 +231,7 @@ pub fn root_mean_square(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use nalgebra::Isometry3;
+    use schemas::candidates::Lineage;
     use spatial::Pose;
 
     use super::*;
@@ -249,9 +250,12 @@ mod tests {
         Candidate {
             candidate_id: String::new(),
             generator: String::new(),
+            lineage: Lineage::replayed("a"),
             latent: Vec::new(),
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
             limit_excess_rad: 0.0,
+            depth_m: 0.0,
+            refused: Vec::new(),
             motion: motion::Motion::new(&["j", "k"], vec![step(0.0), step(1.0)]).unwrap(),
         }
     }

@@ -113,12 +113,23 @@ pub enum ControllerKind {
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Approach {
-    /// Palm and fingers follow the motion over the whole reach.
-    Follow,
-    /// The palm follows its path before the closing with the fingers at their final positions,
-    /// opened by `open_rad`; then it waits, and they close.
+    /// Palm and fingers follow the motion, a function of time, over the whole reach.
     #[default]
+    Follow,
+    /// A script in place of the motion's fingers: the palm follows its path before the closing with
+    /// the fingers at their final positions, opened by `open_rad`; then it waits, and they close. Of
+    /// the motion only the palm's path and the grasp are tried.
     Open,
+}
+
+impl Approach {
+    /// Returns the word for it in a pipeline file.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Follow => "follow",
+            Self::Open => "open",
+        }
+    }
 }
 
 /// Execution and success criteria of a motion.
@@ -126,8 +137,9 @@ pub enum Approach {
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Protocol {
-    /// What the fingers do during the reach: `follow` the motion, or stay `open` until the closing,
-    /// so that they do not knock the object over.
+    /// What the fingers do during the reach: `follow` the motion, as in the paper, or, by a script
+    /// that is not the motion, stay `open` until the closing, so that they do not knock the object
+    /// over.
     #[serde(default)]
     pub approach: Approach,
     /// Duration of the reach, to which a motion is stretched, in seconds: that of a person from
@@ -192,12 +204,61 @@ pub struct Protocol {
     /// object yields by that much.
     #[serde(default = "defaults::early_tolerance_m")]
     pub early_tolerance_m: f64,
+    /// Conditions that many benchmarks leave out.
+    #[serde(default)]
+    pub strict: StrictConfig,
     /// Trial of the squeezed object: `lift` (the default) or `six_directions`.
     #[serde(default)]
     pub trial: Trial,
     /// The pulls of `six_directions`.
     #[serde(default)]
     pub pull: PullConfig,
+}
+
+/// Conditions of a success that many benchmarks leave out.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(inline)]
+pub struct StrictConfig {
+    /// Fingers that must touch the object at the end, the palm counting as one (2): links of a single
+    /// finger only balance it.
+    pub min_fingers: u32,
+    /// Largest angular speed of the object in the hand over the last half second, in radians per second
+    /// (0.2): 5 cm from its origin that is the speed of a slip.
+    pub max_spin_rad_per_s: f64,
+    /// Largest commanded depth of the palm below the table, in meters (0.002): unlike a finger, it does
+    /// not yield.
+    pub palm_table_tolerance_m: f64,
+    /// Largest depth of the hand inside the object where it starts, in meters (0.002): contact pushes
+    /// the object away at once.
+    pub start_tolerance_m: f64,
+    /// Until when a displaced object counts as knocked over (`squeeze`): a squeeze may draw it to the
+    /// palm from farther away, and hold it well.
+    pub knocked_until: KnockedUntil,
+}
+
+impl Default for StrictConfig {
+    fn default() -> Self {
+        Self {
+            min_fingers: 2,
+            max_spin_rad_per_s: 0.2,
+            palm_table_tolerance_m: 0.002,
+            start_tolerance_m: 0.002,
+            knocked_until: KnockedUntil::default(),
+        }
+    }
+}
+
+/// Until when a displaced object counts as knocked over.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum KnockedUntil {
+    /// Before the squeeze.
+    #[default]
+    Squeeze,
+    /// Before the lift, during the squeeze too.
+    Lift,
 }
 
 /// Trial of the squeezed object.

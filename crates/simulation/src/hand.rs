@@ -22,7 +22,7 @@ use rapier3d::{
 use robot::{Bodies, JointKind, RobotModel};
 use spatial::{Palm, Pose, Table};
 
-pub(crate) use self::bodies::{LinkShape, check, link_shapes};
+pub(crate) use self::bodies::{LinkShape, Part, check, link_shapes};
 use self::{
     bodies::{RigidGroup, engine_joint, mass_properties, rigid_groups},
     controller::Controller,
@@ -47,6 +47,8 @@ const DIMENSIONS: usize = 6;
 pub(crate) struct Hand {
     /// The palm, then the movable links.
     bodies: Vec<RigidBodyHandle>,
+    /// For each body, the first of its finger; the palm's own is 0.
+    fingers: Vec<usize>,
     /// The root of each finger, where the palm is.
     roots: Vec<Root>,
     drives: Vec<Drive>,
@@ -126,6 +128,7 @@ impl Hand {
         let groups = rigid_groups(model);
         let mut bodies: Vec<RigidBodyHandle> = Vec::with_capacity(groups.len());
         let mut body_of_link = vec![(0, Pose::identity()); model.links().len()];
+        let mut fingers: Vec<usize> = Vec::with_capacity(groups.len());
         let mut roots = Vec::new();
         let parking = EnginePose::translation(0.0, 0.0, real(PARKING_HEIGHT_M));
         let anywhere = GenericJointBuilder::new(JointAxesMask::empty()).local_frame1(parking);
@@ -183,6 +186,10 @@ impl Hand {
                 }
             }
             bodies.push(body);
+            fingers.push(match parent {
+                Some((parent, _)) if parent > 0 => fingers[parent],
+                _ => idx,
+            });
         }
         for body in &bodies {
             let body = &mut world.bodies[*body];
@@ -190,6 +197,7 @@ impl Hand {
         }
         let mut hand = Self {
             bodies,
+            fingers,
             roots,
             drives: Vec::new(),
             joints: Vec::new(),
@@ -425,6 +433,14 @@ impl Hand {
     /// Returns the rigid bodies that have shapes, the palm first.
     pub(crate) fn bodies(&self) -> &[RigidBodyHandle] {
         &self.bodies
+    }
+
+    /// Returns how many fingers have one of these bodies, the palm counting as one.
+    pub(crate) fn fingers_n(&self, of_bodies: impl Iterator<Item = usize>) -> usize {
+        let mut fingers: Vec<usize> = of_bodies.map(|body| self.fingers[body]).collect();
+        fingers.sort_unstable();
+        fingers.dedup();
+        fingers.len()
     }
 
     /// Returns the number of rigid bodies, the palm included.

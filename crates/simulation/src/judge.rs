@@ -1,11 +1,10 @@
 //! Verdicts of rollouts from their steps.
 
-use nalgebra::Point3;
 use schemas::rollouts::Verdict;
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
-    config::Protocol,
+    config::{KnockedUntil, Protocol},
     contact::{self, Touch},
     script::{Command, Phase, Script, steps},
     shortcuts::Shortcuts,
@@ -34,10 +33,10 @@ pub(crate) struct Judge<'a> {
     rise_m: f64,
     displacement_m: f64,
     penetration_m: f64,
-    /// The object's origin in the palm frame, from the end of the lift on.
-    in_palm: Vec<Point3<f64>>,
-    /// The object's origin in the palm frame after the latest step.
-    last_in_palm: Point3<f64>,
+    /// The object's pose in the palm frame, from the end of the lift on.
+    in_palm: Vec<Pose<Palm, Object>>,
+    /// The object's pose in the palm frame after the latest step.
+    last_in_palm: Pose<Palm, Object>,
     lift_left: usize,
     hold_left: usize,
     window: usize,
@@ -76,7 +75,7 @@ impl<'a> Judge<'a> {
             displacement_m: 0.0,
             penetration_m: 0.0,
             in_palm: Vec::new(),
-            last_in_palm: Point3::origin(),
+            last_in_palm: Pose::identity(),
             lift_left: count(Phase::Lift),
             hold_left,
             window: steps(FINAL_WINDOW_S, &template.scene).clamp(1, hold_left.max(1)),
@@ -103,17 +102,17 @@ impl<'a> Judge<'a> {
         self.rise_m = table_from_object.translation.z - self.start.translation.z;
         let table_from_palm = template.hand.table_from_palm(world);
         let palm_from_object = table_from_palm.inv_mul(&table_from_object);
-        self.last_in_palm = palm_from_object.translation.vector.into();
+        self.last_in_palm = palm_from_object;
         match command.phase {
             Phase::Reach | Phase::Close => {
                 let moved = table_from_object.translation.vector - self.start.translation.vector;
                 self.displacement_m = moved.norm();
-                let turned = table_from_object.rotation.angle_to(&self.start.rotation);
-                (self.displacement_m > self.protocol.knocked_m
-                    || turned > self.protocol.knocked_rad)
-                    .then_some(Verdict::KnockedOver)
+                self.knocked_over(&table_from_object)
             }
-            Phase::Squeeze => None,
+            Phase::Squeeze => match self.protocol.strict.knocked_until {
+                KnockedUntil::Squeeze => None,
+                KnockedUntil::Lift => self.knocked_over(&table_from_object),
+            },
             Phase::Lift => {
                 let touch = self.measure_touch(template, world);
                 self.lift_left = self.lift_left.saturating_sub(1);
@@ -131,7 +130,7 @@ impl<'a> Judge<'a> {
                 if self.is_low() || self.will_be_dropped(template, world, &touch) {
                     return Some(Verdict::Dropped);
                 }
-                self.has_settled(&palm_from_object, touch)
+                self.has_settled(template, &palm_from_object, touch)
                     .then_some(Verdict::Held)
             }
             Phase::Pull => {
@@ -146,15 +145,22 @@ impl<'a> Judge<'a> {
                 {
                     return None;
                 }
-                let touching = touch.bodies.iter().filter(|pressed| **pressed).count();
-                let held = touching >= self.protocol.min_links as usize;
-                Some(if held {
+                let touching = self.is_grasped(template, &indices(&touch.bodies));
+                Some(if touching {
                     Verdict::Slipped
                 } else {
                     Verdict::Dropped
                 })
             }
         }
+    }
+
+    /// Says that the object was knocked over if it is far from where it lay.
+    fn knocked_over(&self, table_from_object: &Pose<Table, Object>) -> Option<Verdict> {
+        let moved = table_from_object.translation.vector - self.start.translation.vector;
+        let turned = table_from_object.rotation.angle_to(&self.start.rotation);
+        (moved.norm() > self.protocol.knocked_m || turned > self.protocol.knocked_rad)
+            .then_some(Verdict::KnockedOver)
     }
 
     /// Whether the object is not lifted.
@@ -182,15 +188,18 @@ impl<'a> Judge<'a> {
 
     /// Whether a lost object has time to fall before contacts are counted.
     fn will_be_dropped(&self, template: &Template, world: &World, touch: &Touch) -> bool {
-        self.hold_left > self.window
-            && self.protocol.min_links > 0
-            && self.is_lost(template, world, touch)
+        self.hold_left > self.window && self.needs_contact() && self.is_lost(template, world, touch)
     }
 
     /// Whether the object has rested in the hand for so long, with enough links pressing
     /// throughout, that nothing more will happen: a creep 10 times slower than a slip would have
     /// been detected.
-    fn has_settled(&mut self, palm_from_object: &Pose<Palm, Object>, touch: Touch) -> bool {
+    fn has_settled(
+        &mut self,
+        template: &Template,
+        palm_from_object: &Pose<Palm, Object>,
+        touch: Touch,
+    ) -> bool {
         if !self.shortcuts.settled {
             return false;
         }
@@ -212,14 +221,14 @@ impl<'a> Judge<'a> {
                 pressing: touch.bodies,
             },
         };
-        let links = rest.pressing.iter().filter(|pressing| **pressing).count();
-        if links < self.protocol.min_links as usize {
+        let links = indices(&rest.pressing);
+        if !self.is_grasped(template, &links) {
             return false;
         }
         let long_enough = rest.steps as f64 * self.control_s >= SETTLED_S;
         self.rest = Some(rest);
         if long_enough {
-            self.settled = Some(links);
+            self.settled = Some(links.len());
         }
         long_enough
     }
@@ -232,18 +241,34 @@ impl<'a> Judge<'a> {
         touch
     }
 
+    /// Whether a success needs the hand to touch the object at the end.
+    fn needs_contact(&self) -> bool {
+        self.protocol.min_links > 0 || self.protocol.strict.min_fingers > 0
+    }
+
+    /// Whether enough links and fingers are among these bodies of the hand.
+    fn is_grasped(&self, template: &Template, bodies: &[usize]) -> bool {
+        let fingers_n = template.hand.fingers_n(bodies.iter().copied());
+        bodies.len() >= self.protocol.min_links as usize
+            && fingers_n >= self.protocol.strict.min_fingers as usize
+    }
+
     /// Judges a rollout that ran to its end.
-    pub(crate) fn conclude(&self) -> Verdict {
-        if self.contacts_n() < self.protocol.min_links {
+    pub(crate) fn conclude(&self, template: &Template) -> Verdict {
+        if !self.is_grasped(template, &self.touching()) {
             return Verdict::Dropped;
         }
         let back = self.in_palm.len().saturating_sub(self.window + 1);
-        let slipped = self
+        let away = self
             .in_palm
             .get(back)
-            .map_or(0.0, |before| (self.last_in_palm - before).norm());
+            .map_or_else(Pose::identity, |before| before.inv_mul(&self.last_in_palm));
+        let (slipped_m, turned_rad) = (away.translation.vector.norm(), away.rotation.angle());
         let seconds = self.window as f64 * self.control_s;
-        if slipped > self.protocol.max_slip_m_per_s * seconds {
+        let protocol = self.protocol;
+        if slipped_m > protocol.max_slip_m_per_s * seconds
+            || turned_rad > protocol.strict.max_spin_rad_per_s * seconds
+        {
             Verdict::Slipped
         } else {
             Verdict::Held
@@ -267,9 +292,9 @@ impl<'a> Judge<'a> {
 
     /// Motion of the object in the palm frame since the end of the lift, in meters.
     pub(crate) fn slip_m(&self) -> f64 {
-        self.in_palm
-            .first()
-            .map_or(0.0, |lifted| (self.last_in_palm - lifted).norm())
+        self.in_palm.first().map_or(0.0, |lifted| {
+            lifted.inv_mul(&self.last_in_palm).translation.vector.norm()
+        })
     }
 
     /// Hand links in contact with the object at the end.
@@ -277,10 +302,22 @@ impl<'a> Judge<'a> {
         if let Some(links) = self.settled {
             return u32::try_from(links).unwrap_or(u32::MAX);
         }
-        let enough = TOUCHING_SHARE * self.window as f64;
-        let touching = self.pressed.iter().filter(|&&n| n as f64 >= enough);
-        u32::try_from(touching.count()).unwrap_or(u32::MAX)
+        u32::try_from(self.touching().len()).unwrap_or(u32::MAX)
     }
+
+    /// Bodies of the hand in contact with the object at the end.
+    fn touching(&self) -> Vec<usize> {
+        let enough = TOUCHING_SHARE * self.window as f64;
+        let pressed = self.pressed.iter().enumerate();
+        let touching = pressed.filter(|&(_, &n)| n as f64 >= enough);
+        touching.map(|(body, _)| body).collect()
+    }
+}
+
+/// Returns the indices of those that are true.
+fn indices(which: &[bool]) -> Vec<usize> {
+    let which = which.iter().enumerate();
+    which.filter_map(|(idx, is)| is.then_some(idx)).collect()
 }
 
 /// Whether the state is physically implausible in this scene.

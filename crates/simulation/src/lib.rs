@@ -34,7 +34,8 @@ mod testing;
 mod world;
 
 pub use config::{
-    Approach, ControllerKind, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Trial,
+    Approach, ControllerKind, DriveConfig, KnockedUntil, Offset, Protocol, PullConfig, SceneConfig,
+    StrictConfig, Trial,
 };
 pub use error::SimulationError;
 pub use object::ObjectShape;

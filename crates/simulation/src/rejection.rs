@@ -9,7 +9,7 @@ use spatial::{Object, Palm, Pose, Table};
 use crate::{
     config::Protocol,
     error::SimulationError,
-    hand::LinkShape,
+    hand::{LinkShape, Part},
     precision::engine_pose,
     script::{HandPose, Phase, Script},
 };
@@ -17,8 +17,8 @@ use crate::{
 /// Returns why a script is rejected on geometry alone, if it is.
 ///
 /// Checked are, in this order, over the whole reach: joint limits and the hand below the table, of
-/// the requested motion; then the hand deep inside the object before it closes, as it is
-/// commanded. Fingers that are opened further than requested may press on the table: they yield.
+/// the requested motion; then the hand inside the object at the start and deep inside it before it
+/// closes, as it is commanded. Fingers that are opened further than requested may press on the table: they yield.
 ///
 /// # Errors
 ///
@@ -42,7 +42,11 @@ pub(crate) fn reject(
     }
     let below = |shape: &LinkShape, object_from_shape: &Pose<Object, Shape>| {
         let table_from_shape = *table_from_object * *object_from_shape;
-        let is_above = lowest_m(shape, &table_from_shape) >= -protocol.table_tolerance_m;
+        let tolerance_m = match shape.part {
+            Part::Palm => protocol.strict.palm_table_tolerance_m,
+            Part::Finger => protocol.table_tolerance_m,
+        };
+        let is_above = lowest_m(shape, &table_from_shape) >= -tolerance_m;
         !is_above
     };
     for pose in &script.requested {
@@ -50,14 +54,23 @@ pub(crate) fn reject(
             return Ok(Some(Verdict::Table));
         }
     }
-    let inside = |shape: &LinkShape, object_from_shape: &Pose<Object, Shape>| {
-        depth_m(shape, object_from_shape, hulls) > protocol.early_tolerance_m
+    let deeper = |tolerance_m: f64| {
+        move |shape: &LinkShape, object_from_shape: &Pose<Object, Shape>| {
+            depth_m(shape, object_from_shape, hulls) > tolerance_m
+        }
     };
-    let open = std::iter::once(&script.start)
-        .chain(&script.commands)
-        .take_while(|command| command.phase == Phase::Reach);
-    for command in open {
-        if any_shape(model, shapes, &command.hand, inside)? {
+    let start_m = protocol.strict.start_tolerance_m;
+    if any_shape(model, shapes, &script.start.hand, deeper(start_m))? {
+        return Ok(Some(Verdict::EarlyContact));
+    }
+    let commands = script.commands.iter();
+    for command in commands.take_while(|command| command.phase == Phase::Reach) {
+        if any_shape(
+            model,
+            shapes,
+            &command.hand,
+            deeper(protocol.early_tolerance_m),
+        )? {
             return Ok(Some(Verdict::EarlyContact));
         }
     }

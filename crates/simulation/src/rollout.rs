@@ -163,7 +163,7 @@ pub(crate) fn run_watched<'a>(
         }
     }
     let Execution { cost_n, trace, .. } = execution;
-    let verdict = verdict.unwrap_or_else(|| judge.conclude());
+    let verdict = verdict.unwrap_or_else(|| judge.conclude(template));
     let rollout = Rollout {
         verdict,
         cost_n,

@@ -1,6 +1,6 @@
 //! What a scene and a protocol can be: the bounds of their numbers.
 
-use crate::config::{Protocol, PullConfig, SceneConfig, Trial};
+use crate::config::{Protocol, PullConfig, SceneConfig, StrictConfig, Trial};
 
 /// Longest of the times that a protocol is made of, in seconds.
 const LONGEST_S: f64 = 3600.0;
@@ -129,6 +129,13 @@ impl Protocol {
             max_rotation_rad,
             ..
         } = self.pull;
+        let StrictConfig {
+            min_fingers,
+            max_spin_rad_per_s,
+            palm_table_tolerance_m,
+            start_tolerance_m,
+            ..
+        } = self.strict;
         for (key, number) in [
             ("open_rad", self.open_rad),
             ("squeeze_rad", self.squeeze_rad),
@@ -140,18 +147,25 @@ impl Protocol {
             ("limit_tolerance_rad", self.limit_tolerance_rad),
             ("table_tolerance_m", self.table_tolerance_m),
             ("early_tolerance_m", self.early_tolerance_m),
+            ("strict.max_spin_rad_per_s", max_spin_rad_per_s),
+            ("strict.palm_table_tolerance_m", palm_table_tolerance_m),
+            ("strict.start_tolerance_m", start_tolerance_m),
             ("pull.force_n_per_kg", force_n_per_kg),
             ("pull.max_displacement_m", max_displacement_m),
             ("pull.max_rotation_rad", max_rotation_rad),
         ] {
             faults.within(key, number, -MOST, MOST, "physics computes with 32 bits");
         }
-        if self.min_links > MAX_LINKS {
-            let problem = format!(
-                "is {}, and must be from 0 to {MAX_LINKS}: no hand has more links",
-                self.min_links
-            );
-            faults.note("min_links", problem);
+        for (key, number) in [
+            ("min_links", self.min_links),
+            ("strict.min_fingers", min_fingers),
+        ] {
+            if number > MAX_LINKS {
+                let problem = format!(
+                    "is {number}, and must be from 0 to {MAX_LINKS}: no hand has more links"
+                );
+                faults.note(key, problem);
+            }
         }
         if faults.0.is_empty() && scene.faults().is_empty() {
             self.check_steps(scene, &mut faults);

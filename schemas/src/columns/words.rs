@@ -50,6 +50,27 @@ macro_rules! words {
                 Self::parse(&word).ok_or_else(no_word)
             }
         }
+
+        /// None is the empty word.
+        impl crate::columns::Cell for Option<$name> {
+            const TYPE: &'static str = <$name as crate::columns::Cell>::TYPE;
+
+            fn array(cells: &[&Self]) -> arrow_array::ArrayRef {
+                let words = cells.iter().map(|cell| cell.map_or("", $name::as_str));
+                std::sync::Arc::new(arrow_array::StringArray::from_iter_values(words))
+            }
+
+            fn read(
+                column: &crate::columns::Column<'_>,
+                row: usize,
+            ) -> Result<Self, crate::SchemaError> {
+                let word = <String as crate::columns::Cell>::read(column, row)?;
+                if word.is_empty() {
+                    return Ok(None);
+                }
+                <$name as crate::columns::Cell>::read(column, row).map(Some)
+            }
+        }
     };
 }
 pub(crate) use words;

@@ -6,12 +6,13 @@ use motion::{HandRates, JointRates, Motion, Step};
 use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates},
+    candidates::{Candidate, Candidates, Lineage, ObjectSplit, Origin, Refusal, RefusedDraw},
     demonstrations::{self, Demonstration},
     distance_fields::FieldInfo,
     executions::{self, Execution},
     latents,
     objects::{self, Object},
+    rates::{ALL_ORIGINS, Rate},
     reconstruction::{self, Reconstruction},
     rollouts::{self, Rollout, Verdict},
     sampling::{self, Sampled},
@@ -43,6 +44,7 @@ pub(crate) fn each(tables: &impl EachTable) {
     tables.table("can", &sampling());
     tables.table("can", &rollouts());
     tables.table("all", &success());
+    tables.table("all", &rates());
     tables.table("can", &executions());
     tables.table("all", &trials());
 }
@@ -189,22 +191,45 @@ pub(crate) fn candidates() -> Candidates {
     let motion = |name: &str, times: &[f64]| Candidate {
         candidate_id: name.to_owned(),
         generator: "cgf".to_owned(),
+        lineage: lineage(2),
         latent: vec![0.5; times.len()],
         table_from_object: pose(0.9),
         limit_excess_rad: 0.01,
+        depth_m: 0.002,
+        refused: Vec::new(),
         motion: Motion::new(
             &joints(),
             times.iter().map(|&time_s| step(time_s)).collect(),
         )
         .unwrap(),
     };
+    let refused = |draw_n: u32, refusal: Refusal| RefusedDraw {
+        lineage: lineage(draw_n),
+        table_from_object: pose(0.8),
+        limit_excess_rad: 0.02,
+        depth_m: 0.007,
+        refusal,
+    };
     Candidates {
         object: "can".to_owned(),
         joints: joints().into(),
         candidates: vec![
             motion("can-0", &[0.0, 0.5, 1.0]),
-            motion("can-1", &[0.0, 0.25]),
+            // Its second draw of three was kept.
+            Candidate {
+                refused: vec![refused(1, Refusal::Object), refused(3, Refusal::Table)],
+                ..motion("can-1", &[0.0, 0.25])
+            },
         ],
+    }
+}
+
+fn lineage(draw_n: u32) -> Lineage {
+    Lineage {
+        draw_n,
+        origin: Origin::Posterior,
+        demonstration: "a".to_owned(),
+        object_split: Some(ObjectSplit::Seen),
     }
 }
 
@@ -231,10 +256,13 @@ pub(crate) fn success() -> Vec<Success> {
     let row = |generator: &str, successes_n: i64| Success {
         object: "can".to_owned(),
         generator: generator.to_owned(),
+        origin: Origin::Prior,
+        object_split: Some(ObjectSplit::Unseen),
         verdicts: Verdict::ALL
             .into_iter()
-            .zip([successes_n, 2, 3, 4, 5, 6, 7, 8, 9, 10])
+            .zip([successes_n, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11])
             .collect(),
+        draws_n: 400,
         control_steps_n: 1000,
         spread_palm_m: 1.0,
         spread_palm_rad: 2.0,
@@ -242,6 +270,28 @@ pub(crate) fn success() -> Vec<Success> {
         spread_n: successes_n,
     };
     vec![row("cgf", 40), row("interpolate", 0)]
+}
+
+pub(crate) fn rates() -> Vec<Rate> {
+    let row = |origin: &str, object_split: Option<ObjectSplit>| Rate {
+        generator: "cgf".to_owned(),
+        origin: origin.to_owned(),
+        object_split,
+        approach: "follow".to_owned(),
+        squeeze_rad: 0.15,
+        objects_n: 5,
+        candidates_n: 50,
+        draws_n: 200,
+        successes_n: 40,
+        candidate_rate_mean: 0.8,
+        candidate_rate_low: 0.6,
+        candidate_rate_high: 0.9,
+        draw_rate_mean: 0.2,
+        draw_rate_low: 0.1,
+        draw_rate_high: 0.4,
+    };
+    let seen = Some(ObjectSplit::Seen);
+    vec![row(ALL_ORIGINS, seen), row("line", None)]
 }
 
 pub(crate) fn rollouts() -> Vec<Rollout> {
@@ -259,6 +309,7 @@ pub(crate) fn rollouts() -> Vec<Rollout> {
     let rollout = |verdict: Verdict| Rollout {
         candidate_id: verdict.as_str().to_owned(),
         generator: "cgf".to_owned(),
+        lineage: lineage(2),
         verdict,
         cost_n: 65,
         saved_n: 125,

@@ -5,11 +5,13 @@ mod snapshots;
 
 use std::{fmt::Debug, sync::Arc};
 
-use arrow_array::{ArrayRef, Float64Array, ListArray, RecordBatch, types::Float64Type};
+use arrow_array::{
+    ArrayRef, Float64Array, ListArray, RecordBatch, cast::AsArray, types::Float64Type,
+};
 use arrow_schema::{Field, Schema};
 use schemas::{
     SchemaError, Table,
-    candidates::Candidates,
+    candidates::{Candidates, Lineage},
     latents::{self, Latents},
     reconstruction::{self, Reconstruction},
     rollouts::{Rollouts, Verdict},
@@ -34,6 +36,38 @@ fn every_table_reads_back() {
 }
 
 #[test]
+fn every_draw_is_a_row_and_each_motion_has_one_that_was_kept() {
+    let candidates = filled::candidates();
+    let batch = candidates.to_batch().unwrap();
+    let words = |name: &str| -> Vec<String> {
+        let column = batch.column_by_name(name).unwrap().as_string::<i32>();
+        column.iter().map(|word| word.unwrap().to_owned()).collect()
+    };
+    assert_eq!(words("candidate_id"), ["can-0", "can-1", "can-1", "can-1"]);
+    assert_eq!(words("refused"), ["", "object", "", "table"]);
+    let steps = batch.column_by_name("time_s").unwrap().as_list::<i32>();
+    let steps_n: Vec<i32> = (0..4).map(|row| steps.value_length(row)).collect();
+    assert_eq!(steps_n, [3, 0, 2, 0]);
+
+    let without_kept = batch.slice(0, 2);
+    let err = Candidates::from_batch("can", &without_kept).unwrap_err();
+    assert_eq!(
+        err.to_string(),
+        "column `refused`: every draw of `can-1` is refused"
+    );
+    // A generator without training says nothing of the object.
+    let mut untrained = candidates;
+    for candidate in &mut untrained.candidates {
+        candidate.lineage = Lineage {
+            object_split: None,
+            ..candidate.lineage.clone()
+        };
+    }
+    let batch = untrained.to_batch().unwrap();
+    assert_eq!(Candidates::from_batch("can", &batch).unwrap(), untrained);
+}
+
+#[test]
 fn a_joint_outside_its_limits_is_told_apart() {
     let motions = filled::sampling();
     let within: Vec<bool> = motions.iter().map(Sampled::within_limits).collect();
@@ -44,7 +78,7 @@ fn a_joint_outside_its_limits_is_told_apart() {
 fn successes_add_up() {
     let rows = filled::success();
     let totals = rows.iter().map(|row| row.verdicts.total_n());
-    assert_eq!(totals.collect::<Vec<_>>(), [94, 54]);
+    assert_eq!(totals.collect::<Vec<_>>(), [105, 65]);
     let per_success = rows.iter().map(Success::control_steps_per_success);
     assert_eq!(per_success.collect::<Vec<_>>(), [25.0, 0.0]);
     assert_eq!(rows[0].verdicts.count(Verdict::Table), 3);
@@ -57,7 +91,7 @@ fn successes_add_up() {
     let wrong = RecordBatch::try_new(batch.schema(), columns).unwrap();
     let err = Successes::from_batch("all", &wrong).unwrap_err();
     assert!(
-        err.to_string().contains("40, and 94 by how they ended"),
+        err.to_string().contains("40, and 105 by how they ended"),
         "{err}"
     );
 }

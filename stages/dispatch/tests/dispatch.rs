@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Vector3};
 use report_dispatch::DispatchReport;
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates},
+    candidates::{Candidate, Candidates, Lineage},
     executions::{self, Execution, Executions},
     objects::{Object, RestingOrientation},
     rollouts::{self, Rollout, Verdict},
@@ -84,9 +84,12 @@ fn candidate(id: &str, closed_m: f64) -> Candidate {
     Candidate {
         candidate_id: id.to_owned(),
         generator: "test".to_owned(),
+        lineage: Lineage::replayed("a"),
         latent: Vec::new(),
         table_from_object: rest().table_from_object(),
         limit_excess_rad: 0.0,
+        depth_m: 0.0,
+        refused: Vec::new(),
         motion: Motion::new(
             &joints(),
             vec![
@@ -103,6 +106,7 @@ fn rollout(id: &str, verdict: Verdict) -> Rollout {
     Rollout {
         candidate_id: id.to_owned(),
         generator: "test".to_owned(),
+        lineage: Lineage::replayed("a"),
         verdict,
         cost_n: 1,
         saved_n: 0,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use motion::{HandRates, JointRates, Motion, MotionError, Step};
 use nalgebra::{UnitQuaternion, Vector3};
-use schemas::candidates::Candidate;
+use schemas::candidates::{Candidate, Lineage, Origin};
 use spatial::{Object, Pose, Twist};
 
 /// What the candidates say drew them.
@@ -12,29 +12,42 @@ const GENERATOR: &str = "interpolate";
 
 /// Returns the motion that goes from the first step of another straight to its last one, at its times:
 /// the linear baseline (Ye et al., *Learning Continuous Grasping Function with a Dexterous Hand from
-/// Human Demonstrations*, 2023, section IV).
+/// Human Demonstrations*, 2023, section IV). A motion of one step stays there, at rest.
 ///
 /// # Errors
 ///
-/// Fails if the motion has fewer than two steps, or is so fast that its rates are not finite.
+/// Fails if the motion is so fast that its rates are not finite.
 pub(crate) fn line(given: &Candidate) -> Result<Candidate, MotionError> {
     let motion = &given.motion;
-    let [first, .., last] = motion.steps() else {
-        return Err(MotionError::Steps {
-            found: motion.steps().len(),
-            expected: 2,
-        });
+    let steps = match motion.steps() {
+        [first, .., last] => {
+            let line = Line::between(first, last);
+            let times = motion.steps().iter().map(|step| step.time_s);
+            times.map(|time_s| line.at(time_s)).collect()
+        }
+        only => {
+            let at_rest = |step: &Step<Object>| Step {
+                rates: HandRates::still(step.q_rad.len()),
+                ..step.clone()
+            };
+            only.iter().map(at_rest).collect()
+        }
     };
-    let line = Line::between(first, last);
-    let steps = motion.steps().iter().map(|step| line.at(step.time_s));
     Ok(Candidate {
         candidate_id: format!("{}-line", given.candidate_id),
         generator: GENERATOR.to_owned(),
+        lineage: Lineage {
+            draw_n: 1,
+            origin: Origin::Line,
+            ..given.lineage.clone()
+        },
         latent: given.latent.clone(),
         table_from_object: given.table_from_object,
         // Both ends are within the limits, and so is what lies between them.
         limit_excess_rad: 0.0,
-        motion: Motion::of_joints(Arc::clone(motion.joints()), steps.collect())?,
+        depth_m: 0.0,
+        refused: Vec::new(),
+        motion: Motion::of_joints(Arc::clone(motion.joints()), steps)?,
     })
 }
 
@@ -98,6 +111,7 @@ impl<'a> Line<'a> {
 #[cfg(test)]
 mod tests {
     use nalgebra::Isometry3;
+    use schemas::candidates::ObjectSplit;
 
     use super::*;
 
@@ -131,9 +145,17 @@ mod tests {
         Candidate {
             candidate_id: "can-00007".to_owned(),
             generator: "cgf".to_owned(),
+            lineage: Lineage {
+                draw_n: 3,
+                origin: Origin::Posterior,
+                demonstration: "a".to_owned(),
+                object_split: Some(ObjectSplit::Seen),
+            },
             latent: vec![0.5],
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, 0.05)),
             limit_excess_rad: 0.3,
+            depth_m: 0.002,
+            refused: Vec::new(),
             motion: of_steps(vec![
                 step(0.5, [0.3, -0.1, 0.2], turned([0.4, -1.0, 0.2]), [0.1, 1.2]),
                 step(0.7, [9.0, 9.0, 9.0], turned([0.0, 0.0, 3.0]), [5.0, -5.0]),
@@ -162,6 +184,12 @@ mod tests {
         let line = line(&motion).unwrap();
         assert_eq!(line.candidate_id, "can-00007-line");
         assert_eq!(line.generator, "interpolate");
+        let expected = Lineage {
+            draw_n: 1,
+            origin: Origin::Line,
+            ..motion.lineage.clone()
+        };
+        assert_eq!(line.lineage, expected);
         assert_eq!(line.table_from_object, motion.table_from_object);
         assert_eq!(line.limit_excess_rad, 0.0);
         let times = |motion: &Candidate| -> Vec<f64> {
@@ -234,10 +262,14 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_without_two_ends_has_no_line() {
+    fn a_motion_without_two_ends_stays_where_it_is() {
         let mut short = motion();
         short.motion = of_steps(short.motion.steps()[..1].to_vec());
-        let refused = line(&short).unwrap_err().to_string();
-        assert_eq!(refused, "1 steps, expected at least 2");
+        let line = line(&short).unwrap();
+        assert_eq!(line.motion.steps().len(), 1);
+        let (found, given) = (line.motion.first(), short.motion.first());
+        assert_eq!(found.frame_from_palm, given.frame_from_palm);
+        assert_eq!((&found.q_rad, found.time_s), (&given.q_rad, given.time_s));
+        assert_eq!(found.rates, HandRates::still(2));
     }
 }

@@ -108,14 +108,15 @@ mod tests {
     use dataflow::{Advise, Artifact, Partition};
     use motion::{HandRates, Motion, Step};
     use nalgebra::Isometry3;
-    use schemas::candidates::Candidate;
+    use schemas::candidates::{Candidate, Lineage};
     use spatial::Pose;
 
     use super::*;
 
-    fn motion(name: &str, steps_n: u32) -> Candidate {
+    /// A motion of steps `between_s` apart.
+    fn motion(name: &str, steps_n: u32, between_s: f64) -> Candidate {
         let step = |number: u32| Step {
-            time_s: f64::from(number),
+            time_s: between_s * f64::from(number),
             frame_from_palm: Pose::new(Isometry3::translation(f64::from(number), 0.0, 0.0)),
             q_rad: vec![f64::from(number).powi(2)],
             rates: HandRates::still(1),
@@ -123,9 +124,12 @@ mod tests {
         Candidate {
             candidate_id: name.to_owned(),
             generator: "cgf".to_owned(),
+            lineage: Lineage::replayed("a"),
             latent: Vec::new(),
             table_from_object: Pose::identity(),
             limit_excess_rad: 0.0,
+            depth_m: 0.0,
+            refused: Vec::new(),
             motion: Motion::new(&["j"], (0..steps_n).map(step).collect()).unwrap(),
         }
     }
@@ -160,7 +164,7 @@ mod tests {
     #[test]
     fn every_motion_of_an_object_becomes_a_line_in_its_place() {
         let folder = tempfile::tempdir().unwrap();
-        let motions = vec![motion("can-0", 5), motion("can-1", 2)];
+        let motions = vec![motion("can-0", 5, 1.0), motion("can-1", 2, 1.0)];
         let Outcome::Made(made) = run(motions.clone(), folder.path()) else {
             panic!("not made");
         };
@@ -179,13 +183,25 @@ mod tests {
     }
 
     #[test]
-    fn an_object_with_a_motion_of_one_step_is_skipped_by_name() {
+    fn a_motion_of_one_step_is_a_row_too() {
         let folder = tempfile::tempdir().unwrap();
-        let outcome = run(vec![motion("can-0", 3), motion("can-1", 1)], folder.path());
+        let motions = vec![motion("can-0", 3, 1.0), motion("can-1", 1, 1.0)];
+        let outcome = run(motions, folder.path());
+        assert!(matches!(outcome, Outcome::Made(made) if made.candidates == 2.0));
+    }
+
+    #[test]
+    fn an_object_with_a_line_too_fast_for_numbers_is_skipped_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let motions = vec![motion("can-0", 3, 1.0), motion("can-1", 2, 1e-310)];
+        let outcome = run(motions, folder.path());
         let Outcome::Skipped { reason } = outcome else {
             panic!("{outcome:?}");
         };
-        assert!(reason.contains("`can-1`") && reason.contains("1 steps, expected at least 2"));
+        assert!(
+            reason.contains("`can-1`") && reason.contains("not finite"),
+            "{reason}"
+        );
     }
 
     #[test]

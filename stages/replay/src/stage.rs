@@ -7,7 +7,7 @@ use lake::{ReadInputs, WriteArtifact};
 use motion::{HandRates, Motion, MotionError};
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates},
+    candidates::{Candidate, Candidates, Lineage},
     trajectories::{Rates, Trajectory},
 };
 use spatial::{Object, Twist};
@@ -127,9 +127,12 @@ fn candidate(trajectory: &Trajectory) -> Result<Candidate, MotionError> {
     Ok(Candidate {
         candidate_id: format!("{}-{}", trajectory.object, trajectory.sequence),
         generator: GENERATOR.to_owned(),
+        lineage: Lineage::replayed(&trajectory.sequence),
         latent: Vec::new(),
         table_from_object: trajectory.rest.table_from_object(),
         limit_excess_rad: 0.0,
+        depth_m: 0.0,
+        refused: Vec::new(),
         motion: motion.with_rates(|idx| {
             let rates = &motion.steps()[idx].rates;
             HandRates {
@@ -236,12 +239,10 @@ mod tests {
             .map(|c| c.candidate_id.as_str())
             .collect();
         assert_eq!(ids, ["can-a", "can-b"]);
-        for candidate in &read.candidates {
-            assert_eq!(
-                candidate.table_from_object,
-                shown[0].rest.table_from_object()
-            );
-            let (found, expected) = (&candidate.motion, &shown[0].motion);
+        for (candidate, shown) in read.candidates.iter().zip(&shown) {
+            assert_eq!(candidate.lineage, Lineage::replayed(&shown.sequence));
+            assert_eq!(candidate.table_from_object, shown.rest.table_from_object());
+            let (found, expected) = (&candidate.motion, &shown.motion);
             for (found, expected) in found.steps().iter().zip(expected.steps()) {
                 assert_eq!(found.time_s, expected.time_s);
                 assert_eq!(found.frame_from_palm, expected.frame_from_palm);

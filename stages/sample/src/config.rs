@@ -58,7 +58,8 @@ pub struct SampleConfig {
     #[serde(default = "defaults::spread")]
     pub spread: f64,
     /// Most latent codes drawn for a motion until its hand stays out of object and table, else the
-    /// shallowest of them: 864 of 1280 hold with 16, 632 with the paper's 1
+    /// shallowest of them; the refused ones are rows of `candidates` too: 864 of 1280 hold with 16,
+    /// 632 with the paper's 1
     #[serde(default = "defaults::draws")]
     pub draws: usize,
     /// Tolerated penetration of object or table (m): what squeezing presses away; unused if `draws`
@@ -88,8 +89,8 @@ pub struct SampleConfig {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Rests {
-    /// Those of its demonstrations, as often as they were seen; the most probable one if there are
-    /// none.
+    /// Those of its demonstrations, as often as they were seen; of an object that the function was not
+    /// trained on, those that are `stable`.
     #[default]
     Seen,
     /// Those that are stable, as probable as they are by the mesh.

@@ -2,7 +2,11 @@
 
 use cgf::{Cgf, Demonstration, Random};
 use nalgebra::{Unit, Vector3};
-use schemas::{objects::Object, training::Split};
+use schemas::{
+    candidates::{Lineage, ObjectSplit, Origin},
+    objects::Object,
+    training::Split,
+};
 use spatial::Rest;
 
 use crate::{
@@ -17,6 +21,8 @@ pub(crate) struct Draw {
     pub(crate) rest: usize,
     /// The latent code.
     pub(crate) latent: Vec<f64>,
+    /// Where the code comes from.
+    pub(crate) lineage: Lineage,
 }
 
 /// The ways of drawing motions for one object.
@@ -30,6 +36,7 @@ pub(crate) struct Source<'a> {
     path: Option<[(Option<usize>, &'a Demonstration); 2]>,
     /// Weight of each orientation.
     weights: Vec<f64>,
+    object_split: ObjectSplit,
 }
 
 impl<'a> Source<'a> {
@@ -68,23 +75,47 @@ impl<'a> Source<'a> {
             let wanted = config.demonstrations.iter();
             wanted.map(named).collect::<Result<_, _>>()?
         };
+        let is_learned =
+            |known: &Demonstration| known.split == Split::Training && known.object == object.name;
         let path = match config.path.as_slice() {
             [from, to] => Some([named(from)?, named(to)?]),
             _ => None,
+        };
+        let object_split = if all.iter().any(is_learned) {
+            ObjectSplit::Seen
+        } else {
+            ObjectSplit::Unseen
+        };
+        let orientations = match (config.rests, object_split) {
+            // Nothing is known of the recordings of an unseen object.
+            (Rests::Seen, ObjectSplit::Unseen) => Rests::Stable,
+            (chosen, _) => chosen,
         };
         Ok(Self {
             config,
             latent_dim: description.network.latent_dim,
             demonstrations,
             path,
-            weights: weights(config.rests, object, rests.len()),
+            weights: weights(orientations, object, rests.len()),
+            object_split,
         })
     }
 
-    /// Draws motion `number` of the object.
-    pub(crate) fn draw(&self, number: usize, random: &mut Random) -> Draw {
+    /// Draws motion `number` of the object for the `draw_n`th time, from 1.
+    pub(crate) fn draw(&self, number: usize, draw_n: u32, random: &mut Random) -> Draw {
+        let lineage = |origin: Origin, demonstration: &str| Lineage {
+            draw_n,
+            origin,
+            demonstration: demonstration.to_owned(),
+            object_split: Some(self.object_split),
+        };
         if let Some(path) = &self.path {
-            return self.along(path, number);
+            let (rest, latent) = self.along(path, number);
+            return Draw {
+                rest,
+                latent,
+                lineage: lineage(Origin::Path, &path[0].1.name),
+            };
         }
         let about_demonstration = random.uniform() < self.config.demonstrated_share;
         if about_demonstration && !self.demonstrations.is_empty() {
@@ -97,29 +128,38 @@ impl<'a> Source<'a> {
                 .map(|(mean, deviation)| mean + self.config.spread * deviation * random.normal())
                 .collect();
             let rest = rest.unwrap_or_else(|| choose(&self.weights, random.uniform()));
-            return Draw { rest, latent };
+            return Draw {
+                rest,
+                latent,
+                lineage: lineage(Origin::Posterior, &demonstration.name),
+            };
         }
         let rest = choose(&self.weights, random.uniform());
         let latent = (0..self.latent_dim)
             .map(|_| self.config.spread * random.normal())
             .collect();
-        Draw { rest, latent }
+        Draw {
+            rest,
+            latent,
+            lineage: lineage(Origin::Prior, ""),
+        }
     }
 
-    /// Returns the code that is as far along the line from the first demonstration's mean to the
+    /// Returns an orientation and the code that is as far along the line from the first demonstration's mean to the
     /// second's as the number is among the motions; the object lies as in the first, or as most
     /// often if that is of another object.
-    fn along(&self, path: &[(Option<usize>, &Demonstration); 2], number: usize) -> Draw {
+    fn along(
+        &self,
+        path: &[(Option<usize>, &Demonstration); 2],
+        number: usize,
+    ) -> (usize, Vec<f64>) {
         let [(rest, from), (_, to)] = path;
         let last = self.config.per_object.saturating_sub(1).max(1);
         let share = number as f64 / last as f64;
         let means = from.latent_mean.iter().zip(&to.latent_mean);
-        Draw {
-            rest: rest.unwrap_or_else(|| heaviest(&self.weights)),
-            latent: means
-                .map(|(from, to)| (1.0 - share) * from + share * to)
-                .collect(),
-        }
+        let latent = means.map(|(from, to)| (1.0 - share) * from + share * to);
+        let rest = rest.unwrap_or_else(|| heaviest(&self.weights));
+        (rest, latent.collect())
     }
 }
 

@@ -7,28 +7,24 @@ use motion::{HandRates, JointRates, Motion, Step};
 use nalgebra::Point3;
 use rayon::prelude::*;
 use robot::WrongDof;
-use schemas::{candidates::Candidate, objects::Object};
+use schemas::{
+    candidates::{Candidate, RefusedDraw},
+    objects::Object,
+};
 use spatial::{Object as InObject, Pose, Rest, Table, Twist};
 
 use crate::{
     SampleConfig, SampleError,
     draw::{self, Draw, Source},
-    room::Gauge,
+    room::{Depth, Gauge},
 };
 
 /// What the candidates say drew them.
 const GENERATOR: &str = "cgf";
 
-/// The motions of one object.
-pub(crate) struct Motions {
-    /// In the order of their names.
-    pub(crate) candidates: Vec<Candidate>,
-    /// How many codes were drawn for them.
-    pub(crate) draws: usize,
-}
-
-/// Draws and decodes all motions of one object. With a gauge, a motion whose hand is too deep in object
-/// or table is drawn again, as often as the configuration says; the least deep is kept.
+/// Draws and decodes all motions of one object, in the order of their names. With a gauge, a motion whose
+/// hand is too deep in object or table is drawn again, as often as the configuration says; the least
+/// deep is kept, and the others are refused draws of it.
 ///
 /// # Errors
 ///
@@ -39,7 +35,7 @@ pub(crate) fn sample(
     object: &Object,
     gauge: Option<Gauge<'_>>,
     seed: u64,
-) -> Result<Motions, SampleError> {
+) -> Result<Vec<Candidate>, SampleError> {
     let rests = draw::rests(config, object);
     let source = Source::new(config, cgf, object, &rests)?;
     let decoder = Decoder::new(config, cgf, object, &rests, seed)?;
@@ -47,41 +43,78 @@ pub(crate) fn sample(
     let mut randoms: Vec<Random> = (0..config.per_object)
         .map(|number| Random::new(seed, number as u64))
         .collect();
-    let mut best: Vec<Option<(f64, Candidate)>> = vec![None; config.per_object];
+    let mut kept: Vec<Option<Measured>> = (0..config.per_object).map(|_| None).collect();
     let mut left: Vec<usize> = (0..config.per_object).collect();
-    let mut draws_n = 0;
     let rounds = if config.redraws() { config.draws } else { 1 };
-    for _ in 0..rounds {
+    for draw_n in (1..).take(rounds) {
         let draws: Vec<(usize, Draw)> = left
             .iter()
-            .map(|&number| (number, source.draw(number, &mut randoms[number])))
+            .map(|&number| (number, source.draw(number, draw_n, &mut randoms[number])))
             .collect();
-        draws_n += draws.len();
-        let measured: Vec<(usize, f64, Candidate)> = decoder
+        let measured: Vec<(usize, Measured)> = decoder
             .decode(&draws)?
             .into_par_iter()
-            .map(|(number, candidate)| {
-                let depth_m = gauge.map(|gauge| gauge.deepest_m(&candidate));
-                Ok((number, depth_m.transpose()?.unwrap_or(0.0), candidate))
-            })
+            .map(|(number, candidate)| Ok((number, Measured::new(candidate, gauge)?)))
             .collect::<Result<_, WrongDof>>()?;
         left.clear();
-        for (number, depth_m, candidate) in measured {
-            let kept = &mut best[number];
-            if kept.as_ref().is_none_or(|(least_m, _)| depth_m < *least_m) {
-                *kept = Some((depth_m, candidate));
-            }
-            if depth_m > config.max_depth_m {
+        for (number, draw) in measured {
+            if draw.candidate.depth_m > config.max_depth_m {
                 left.push(number);
             }
+            kept[number] = Some(match kept[number].take() {
+                Some(kept) => kept.or_less_deep(draw),
+                None => draw,
+            });
         }
         left.sort_unstable();
     }
-    let candidates = best.into_iter().flatten().map(|(_, candidate)| candidate);
-    Ok(Motions {
-        candidates: candidates.collect(),
-        draws: draws_n,
-    })
+    let candidates = kept.into_iter().flatten().map(|kept| {
+        let mut candidate = kept.candidate;
+        candidate.refused.sort_by_key(|draw| draw.lineage.draw_n);
+        candidate
+    });
+    Ok(candidates.collect())
+}
+
+/// A draw of a motion, with how deep the hand is in things.
+struct Measured {
+    depth: Depth,
+    candidate: Candidate,
+}
+
+impl Measured {
+    fn new(candidate: Candidate, gauge: Option<Gauge<'_>>) -> Result<Self, WrongDof> {
+        let depth = gauge.map(|gauge| gauge.deepest(&candidate)).transpose()?;
+        let depth = depth.unwrap_or_default();
+        Ok(Self {
+            depth,
+            candidate: Candidate {
+                depth_m: depth.deepest_m(),
+                ..candidate
+            },
+        })
+    }
+
+    /// Returns the less deep of two draws of a motion, by which the other and what it refused are
+    /// refused; this one if they are equal.
+    fn or_less_deep(self, other: Self) -> Self {
+        let is_less = other.depth.deepest_m() < self.depth.deepest_m();
+        let (mut kept, lost) = if is_less {
+            (other, self)
+        } else {
+            (self, other)
+        };
+        let draw = lost.candidate;
+        kept.candidate.refused.extend(draw.refused);
+        kept.candidate.refused.push(RefusedDraw {
+            lineage: draw.lineage,
+            table_from_object: draw.table_from_object,
+            limit_excess_rad: draw.limit_excess_rad,
+            depth_m: draw.depth_m,
+            refusal: lost.depth.deeper_in(),
+        });
+        kept
+    }
 }
 
 /// Takes draws to candidates of one object.
@@ -136,14 +169,17 @@ impl<'a> Decoder<'a> {
             let motions = self.cgf.decode_with_rates(feature, &latents, &self.times)?;
             let ranges = &self.cgf.description().joint_ranges;
             let placed = Placed::new(rest, ranges, self.config.duration_s);
-            for (((number, _), latent), motion) in draws.into_iter().zip(latents).zip(motions) {
+            for (((number, draw), latent), motion) in draws.into_iter().zip(latents).zip(motions) {
                 let (steps, limit_excess_rad) = placed.steps(motion, &self.times);
                 let candidate = Candidate {
                     candidate_id: format!("{}-{number:05}", self.object.name),
                     generator: GENERATOR.to_owned(),
+                    lineage: draw.lineage.clone(),
                     latent,
                     table_from_object: rest.table_from_object(),
                     limit_excess_rad,
+                    depth_m: 0.0,
+                    refused: Vec::new(),
                     motion: Motion::of_joints(Arc::clone(&self.joints), steps)?,
                 };
                 candidates.push((*number, candidate));

@@ -7,7 +7,7 @@ use robot::{
     JointOrder, RobotModel, WrongDof,
     balls::{Cluster, clusters},
 };
-use schemas::candidates::Candidate;
+use schemas::candidates::{Candidate, Refusal};
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::SampleError;
@@ -28,6 +28,22 @@ pub struct Depth {
     pub object_m: f64,
     /// Below the table.
     pub table_m: f64,
+}
+
+impl Depth {
+    /// Returns the greater of the two, in meters.
+    pub(crate) fn deepest_m(self) -> f64 {
+        self.object_m.max(self.table_m)
+    }
+
+    /// Returns in what the hand is deeper.
+    pub(crate) fn deeper_in(self) -> Refusal {
+        if self.object_m >= self.table_m {
+            Refusal::Object
+        } else {
+            Refusal::Table
+        }
+    }
 }
 
 impl<'a> Room<'a> {
@@ -104,12 +120,15 @@ impl Gauge<'_> {
         )
     }
 
-    /// Returns how deep the hand is in object or table at its deepest, in meters.
-    pub(crate) fn deepest_m(&self, candidate: &Candidate) -> Result<f64, WrongDof> {
+    /// Measures how deep the hand is in object and table, in each at its deepest.
+    pub(crate) fn deepest(&self, candidate: &Candidate) -> Result<Depth, WrongDof> {
         let mut steps = candidate.motion.steps().iter();
-        steps.try_fold(0.0_f64, |deepest_m, step| {
+        steps.try_fold(Depth::default(), |deepest, step| {
             let depth = self.depth(candidate, step)?;
-            Ok(deepest_m.max(depth.object_m.max(depth.table_m)))
+            Ok(Depth {
+                object_m: deepest.object_m.max(depth.object_m),
+                table_m: deepest.table_m.max(depth.table_m),
+            })
         })
     }
 }
@@ -126,6 +145,20 @@ mod tests {
         let high = Point3::new(0.05, 0.05, 0.05);
         let mesh = TriMesh::cuboid(-high, high);
         DistanceField::new(&mesh, 0.0025, 0.025).unwrap().unwrap()
+    }
+
+    #[test]
+    fn a_hand_is_deepest_in_the_object_or_in_the_table() {
+        let check = |object_m: f64, table_m: f64, deepest_m: f64, deeper_in: Refusal| {
+            let depth = Depth { object_m, table_m };
+            assert_eq!(
+                (depth.deepest_m(), depth.deeper_in()),
+                (deepest_m, deeper_in)
+            );
+        };
+        check(0.02, 0.01, 0.02, Refusal::Object);
+        check(0.01, 0.02, 0.02, Refusal::Table);
+        check(0.01, 0.01, 0.01, Refusal::Object);
     }
 
     #[test]

@@ -26,8 +26,7 @@ use report_sample::{SamplingMetrics, SamplingReport};
 use robot::RobotModel;
 use safetensors::{SafeTensors, tensor::TensorView};
 use schemas::{
-    candidates,
-    candidates::Candidates,
+    candidates::{Candidate, Candidates, Lineage, ObjectSplit, Origin, Refusal},
     checkpoint, distance_fields,
     objects::{Object, RestingOrientation},
     ros2::{TfMessage, motion},
@@ -512,7 +511,7 @@ fn a_path_goes_from_one_demonstration_to_the_other() {
         }
         // Three of four were seen standing, and both demonstrations are.
         assert!((candidate.table_from_object * Vector3::z()).z > 0.9);
-        let grasp = |candidate: &candidates::Candidate| candidate.motion.steps()[10].q_rad.clone();
+        let grasp = |candidate: &Candidate| candidate.motion.steps()[10].q_rad.clone();
         assert_eq!(candidate.latent.len(), 3);
         let other = &back[4 - k];
         for (a, b) in grasp(candidate).iter().zip(grasp(other)) {
@@ -583,6 +582,40 @@ fn a_given_orientation_puts_the_mesh_on_the_table() {
         ..given([0.0, 0.0, 1.0])
     };
     assert!(faults(&without).contains("left out"));
+}
+
+#[test]
+fn orientations_of_an_unseen_object_are_those_that_are_stable() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    // The orientation that nobody recorded is the only stable one.
+    let mut object = object();
+    for rest in &mut object.rests {
+        rest.probability = if rest.seen_n == 0 { 1.0 } else { 0.0 };
+    }
+    lake::table::write(&folder.path().join("object"), &object).unwrap();
+    let (recorded, stable) = (object.rests[0].rest, object.rests[2].rest);
+    let lies_so = |name: &str, expected: &Rest| {
+        let artifacts = |input: &&str| {
+            let mut artifacts = inputs.artifacts(input).to_vec();
+            if *input == "objects" {
+                artifacts[0].key = name.parse().unwrap();
+            }
+            ((*input).to_owned(), artifacts)
+        };
+        let names = ["checkpoint", "objects", "distance_fields"];
+        let inputs = Inputs::new(
+            names.iter().map(artifacts).collect(),
+            inputs.files().to_vec(),
+        );
+        let drawn = sample(&config(), &inputs, 7).candidates;
+        drawn.iter().any(|candidate| {
+            let up = candidate.table_from_object * expected.up_in_object.into_inner();
+            (up - Vector3::z()).norm() < 1e-9
+        })
+    };
+    assert!(lies_so("can", &recorded) && !lies_so("can", &stable));
+    assert!(!lies_so("tin", &recorded) && lies_so("tin", &stable));
 }
 
 #[test]
@@ -818,13 +851,116 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
     for (number, depth) in deep.iter().enumerate() {
         // What was out of it is as it was; what was not is not deeper now.
         assert_eq!(
-            chosen[number] == once[number],
+            chosen[number].motion == once[number].motion,
             *depth <= 0.004 || depths[number] == *depth
         );
         assert!(depths[number] <= depth.max(0.004));
+        // What was measured when it was drawn is what the report measures.
+        assert_eq!(chosen[number].depth_m, depths[number]);
+        assert_eq!(once[number].depth_m, 0.0);
     }
     let (again, ..) = make(20);
     assert_eq!(again, chosen);
+
+    // Every draw is a row: that which is kept and those that were refused for it.
+    let n = |candidate: &Candidate| 1 + candidate.refused.len();
+    assert_eq!(chosen.iter().map(n).sum::<usize>() as f64, drawn);
+    assert!(once.iter().all(|candidate| n(candidate) == 1));
+    for candidate in &chosen {
+        let refused = candidate.refused.iter();
+        let mut numbers: Vec<u32> = refused.map(|draw| draw.lineage.draw_n).collect();
+        assert!(numbers.is_sorted());
+        numbers.push(candidate.lineage.draw_n);
+        numbers.sort_unstable();
+        assert!(numbers.into_iter().eq(1..=n(candidate) as u32));
+        for draw in &candidate.refused {
+            assert!(draw.depth_m > 0.004 && draw.depth_m >= candidate.depth_m);
+            // Far out, the hand is deeper in the table than in the small object.
+            assert_eq!(draw.refusal, Refusal::Table);
+        }
+        // The last draw is kept, unless all are too deep and another is the least deep.
+        let is_last = candidate.lineage.draw_n as usize == n(candidate);
+        assert!(is_last || (candidate.depth_m > 0.004 && n(candidate) == 20));
+    }
+}
+
+#[test]
+fn every_draw_says_where_its_code_comes_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    let lineages = |inputs: &Inputs, config: &SampleConfig| -> Vec<Lineage> {
+        let drawn = sample(config, inputs, 7).candidates.into_iter();
+        drawn
+            .flat_map(|candidate| {
+                let refused = candidate.refused.into_iter().map(|draw| draw.lineage);
+                refused.chain([candidate.lineage]).collect::<Vec<_>>()
+            })
+            .collect()
+    };
+    let half = SampleConfig {
+        demonstrated_share: 0.5,
+        spread: 100.0,
+        draws: 20,
+        ..config()
+    };
+    let drawn = lineages(&inputs, &half);
+    let of = |origin: Origin| drawn.iter().filter(move |lineage| lineage.origin == origin);
+    let (prior, posterior) = (of(Origin::Prior).count(), of(Origin::Posterior).count());
+    assert_eq!(prior + posterior, drawn.len());
+    assert!(prior > drawn.len() / 3 && posterior > drawn.len() / 3);
+    assert!(of(Origin::Prior).all(|lineage| lineage.demonstration.is_empty()));
+    let named: std::collections::BTreeSet<&str> = of(Origin::Posterior)
+        .map(|lineage| lineage.demonstration.as_str())
+        .collect();
+    assert_eq!(named.into_iter().collect::<Vec<_>>(), ["a", "b"]);
+    let split = |lineage: &Lineage| lineage.object_split;
+    assert!(
+        drawn
+            .iter()
+            .all(|one| split(one) == Some(ObjectSplit::Seen))
+    );
+
+    let path = SampleConfig {
+        path: vec!["b".to_owned(), "a".to_owned()],
+        ..config()
+    };
+    let expected = Lineage {
+        draw_n: 1,
+        origin: Origin::Path,
+        demonstration: "b".to_owned(),
+        object_split: Some(ObjectSplit::Seen),
+    };
+    assert!(
+        lineages(&inputs, &path)
+            .iter()
+            .all(|lineage| *lineage == expected)
+    );
+
+    // The function learned from demonstrations of the can alone.
+    let cup = Object {
+        name: "cup".to_owned(),
+        ..object()
+    };
+    lake::table::write(&folder.path().join("object"), &cup).unwrap();
+    let artifacts = ["checkpoint", "objects", "distance_fields"].map(|input| {
+        let renamed = inputs
+            .artifacts(input)
+            .iter()
+            .cloned()
+            .map(|given| Artifact {
+                key: given.key.as_str().replace("can", "cup").parse().unwrap(),
+                ..given
+            });
+        (input.to_owned(), renamed.collect())
+    });
+    let inputs = Inputs::new(artifacts.into(), inputs.files().to_vec());
+    let unseen = lineages(&inputs, &half);
+    assert!(
+        unseen
+            .iter()
+            .all(|one| split(one) == Some(ObjectSplit::Unseen))
+    );
+    assert!(unseen.iter().all(|lineage| lineage.origin == Origin::Prior));
 }
 
 #[test]

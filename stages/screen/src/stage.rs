@@ -119,8 +119,8 @@ impl Output for Screen {
             }
         })?;
 
-        let failed = |candidate: Option<String>, source: SimulationError| {
-            unusable(&source, candidate.as_deref()).ok_or_else(|| ScreenError::Simulation {
+        let failed = |source: SimulationError| {
+            unusable(&source).ok_or_else(|| ScreenError::Simulation {
                 partition: cx.partition().to_string(),
                 path: urdf.path.clone(),
                 source,
@@ -128,11 +128,11 @@ impl Output for Screen {
         };
         let screening = match Screening::new(config, &model, &object, &candidates, cx.seed()) {
             Ok(screening) => screening,
-            Err(err) => return failed(None, err),
+            Err(err) => return failed(err),
         };
         let rollouts = match screening.judge(|share| cx.progress(share, "in physics")) {
             Ok(rollouts) => rollouts,
-            Err((candidate, err)) => return failed(Some(candidate), err),
+            Err(err) => return failed(err),
         };
 
         cx.write(&rollouts)?;
@@ -148,10 +148,10 @@ impl Output for Screen {
         {
             // Equal arguments give an equal rollout: it is run again, now with its trace.
             match screening.rollout(idx, Record::Trace) {
-                Ok((candidate, rollout)) => {
-                    record(&stage, &candidate.candidate_id, &rollout, cx.folder())?;
+                Ok(rollout) => {
+                    record(&stage, &rollouts[idx].candidate_id, &rollout, cx.folder())?;
                 }
-                Err((candidate, err)) => return failed(Some(candidate), err),
+                Err(err) => return failed(err),
             }
         }
         Ok(Outcome::Made(ScreenMetrics::of(&rollouts)))
@@ -170,19 +170,15 @@ impl ScreenMetrics {
     }
 }
 
-/// Returns the outcome where the object or one of its candidates is at fault; nothing where the
-/// hand or the options are, and so every unit will fail.
-fn unusable(err: &SimulationError, candidate: Option<&str>) -> Option<Outcome<ScreenMetrics>> {
+/// Returns the outcome where the object is at fault; nothing where the hand or the options are, and so
+/// every unit will fail.
+fn unusable(err: &SimulationError) -> Option<Outcome<ScreenMetrics>> {
     match err {
         SimulationError::Massless { .. }
         | SimulationError::ObjectInertia { .. }
         | SimulationError::FlatPart { .. }
         | SimulationError::NoParts
         | SimulationError::Unsettled => Some(Outcome::skipped(err.to_string())),
-        SimulationError::Motion(_) => Some(Outcome::skipped(match candidate {
-            Some(candidate) => format!("candidate `{candidate}`: {err}"),
-            None => err.to_string(),
-        })),
         _ => None,
     }
 }

@@ -12,7 +12,7 @@ use robot::RobotModel;
 use schemas::{
     candidates::{Candidate, Candidates},
     objects::Object,
-    rollouts::{self, Verdict},
+    rollouts::{self, Smoothness, Verdict},
 };
 use simulation::{ObjectShape, Record, Rollout, SimulationError, Template};
 use spatial::{Object as InObject, Pose, Rest, Table};
@@ -27,13 +27,15 @@ pub(crate) struct Screening<'a> {
     /// How far the object reaches along its axes, in meters.
     extent_m: Vector3<f64>,
     seed: u64,
-    templates: Vec<Template>,
+    /// Nothing for a way in which the object does not come to rest.
+    templates: Vec<Option<Template>>,
     /// The template of each candidate.
     template_of: Vec<usize>,
 }
 
 impl<'a> Screening<'a> {
-    /// Builds the scenes; of `seed` are the mistakes about the object's place.
+    /// Builds the scenes; of `seed` are the mistakes about the object's place. Fails if the object comes
+    /// to rest in none of them.
     pub(crate) fn new(
         config: &'a ScreenConfig,
         model: &'a RobotModel,
@@ -52,10 +54,12 @@ impl<'a> Screening<'a> {
             }));
         }
         let shape = ObjectShape::from_artifact(object);
-        let templates = poses
-            .par_iter()
-            .map(|pose| Template::new(&config.scene, model, &shape, &Rest::of(pose)))
-            .collect::<Result<_, _>>()?;
+        let template = |pose| Template::new(&config.scene, model, &shape, &Rest::of(pose));
+        let templates = poses.par_iter().map(|pose| feasible(template(pose)));
+        let templates: Vec<Option<Template>> = templates.collect::<Result<_, _>>()?;
+        if !templates.is_empty() && templates.iter().all(Option::is_none) {
+            return Err(SimulationError::Unsettled);
+        }
         Ok(Self {
             config,
             candidates,
@@ -71,33 +75,28 @@ impl<'a> Screening<'a> {
     pub(crate) fn judge(
         &self,
         progress: impl Fn(f64) + Sync,
-    ) -> Result<Vec<rollouts::Rollout>, (String, SimulationError)> {
+    ) -> Result<Vec<rollouts::Rollout>, SimulationError> {
         let total = self.candidates.candidates.len();
         let done = AtomicUsize::new(0);
         (0..total)
             .into_par_iter()
             .map(|idx| {
-                let (candidate, rollout) = self.rollout(idx, Record::Nothing)?;
+                let candidate = &self.candidates.candidates[idx];
+                let rollout = self.rollout(idx, Record::Nothing);
+                let row = feasible(rollout.and_then(|rollout| self.row(candidate, &rollout)))?;
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(done as f64 / total as f64);
-                let row = self.row(candidate, &rollout);
-                row.map_err(|err| (candidate.candidate_id.clone(), err))
+                Ok(row.unwrap_or_else(|| infeasible(candidate)))
             })
             .collect()
     }
 
     /// Carries out one candidate.
-    pub(crate) fn rollout(
-        &self,
-        idx: usize,
-        record: Record,
-    ) -> Result<(&'a Candidate, Rollout), (String, SimulationError)> {
-        let candidate = &self.candidates.candidates[idx];
-        let template = &self.templates[self.template_of[idx]];
-        self.motion(idx, candidate)
-            .and_then(|motion| template.rollout(&motion, &self.config.protocol, record))
-            .map(|rollout| (candidate, rollout))
-            .map_err(|err| (candidate.candidate_id.clone(), err))
+    pub(crate) fn rollout(&self, idx: usize, record: Record) -> Result<Rollout, SimulationError> {
+        let template = self.templates[self.template_of[idx]].as_ref();
+        let template = template.ok_or(SimulationError::Unsettled)?;
+        let motion = self.motion(idx, &self.candidates.candidates[idx])?;
+        template.rollout(&motion, &self.config.protocol, record)
     }
 
     /// Returns a candidate's motion with the joints in the hand's order.
@@ -119,6 +118,15 @@ impl<'a> Screening<'a> {
             Vector3::zeros()
         });
         Ok(self.in_order(candidate)?.shifted(&mistake))
+    }
+}
+
+/// Returns nothing where a candidate is at fault: its motion, or how the object lies in it.
+fn feasible<T>(simulated: Result<T, SimulationError>) -> Result<Option<T>, SimulationError> {
+    match simulated {
+        Ok(simulated) => Ok(Some(simulated)),
+        Err(SimulationError::Motion(_) | SimulationError::Unsettled) => Ok(None),
+        Err(err) => Err(err),
     }
 }
 
@@ -153,8 +161,6 @@ impl Screening<'_> {
     ) -> Result<rollouts::Rollout, SimulationError> {
         let motion = self.in_order(candidate)?;
         Ok(rollouts::Rollout {
-            candidate_id: candidate.candidate_id.clone(),
-            generator: candidate.generator.clone(),
             verdict: self.verdict(rollout),
             cost_n: rollout.cost_n,
             saved_n: rollout.saved_n,
@@ -164,6 +170,124 @@ impl Screening<'_> {
             penetration_m: rollout.penetration_m,
             contacts_n: rollout.contacts_n,
             smoothness: smoothness(&motion, self.model).map_err(unfit)?,
+            ..infeasible(candidate)
         })
+    }
+}
+
+/// Returns the row of a candidate of which nothing can be simulated.
+fn infeasible(candidate: &Candidate) -> rollouts::Rollout {
+    rollouts::Rollout {
+        candidate_id: candidate.candidate_id.clone(),
+        generator: candidate.generator.clone(),
+        lineage: candidate.lineage.clone(),
+        verdict: Verdict::Infeasible,
+        cost_n: 0,
+        saved_n: 0,
+        lift_m: 0.0,
+        slip_m: 0.0,
+        displacement_m: 0.0,
+        penetration_m: 0.0,
+        contacts_n: 0,
+        smoothness: Smoothness::default(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use motion::{HandRates, Step};
+    use nalgebra::Isometry3;
+    use schemas::candidates::Lineage;
+
+    use super::*;
+
+    /// A finger that slides, as a ball.
+    const HAND: &str = r#"<robot name="h"><link name="palm"/>
+      <link name="tip"><inertial><mass value="0.1"/>
+        <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
+        <collision><geometry><sphere radius="0.01"/></geometry></collision></link>
+      <joint name="j" type="prismatic"><parent link="palm"/><child link="tip"/><axis xyz="1 0 0"/>
+        <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"#;
+
+    fn cube() -> Object {
+        let ends = [-0.02, 0.02];
+        let points_m: Vec<[f64; 3]> = ends
+            .into_iter()
+            .flat_map(|x| ends.into_iter().flat_map(move |y| ends.map(|z| [x, y, z])))
+            .collect();
+        Object {
+            name: "cube".to_owned(),
+            mass_kg: 0.1,
+            center_of_mass_m: [0.0; 3],
+            inertia_kg_m2: [3e-5, 3e-5, 3e-5, 0.0, 0.0, 0.0],
+            normals: vec![[1.0, 0.0, 0.0]; points_m.len()],
+            watertight: true,
+            mirror: None,
+            vertices_m: points_m.clone(),
+            triangles: vec![[0, 1, 2]],
+            parts_m: vec![points_m.clone()],
+            points_m,
+            rests: Vec::new(),
+        }
+    }
+
+    /// A hand of one joint that waits beside the cube.
+    fn candidate(name: &str, joint: &str) -> Candidate {
+        let step = |time_s: f64| Step {
+            time_s,
+            frame_from_palm: Pose::new(Isometry3::translation(0.3, 0.0, 0.1)),
+            q_rad: vec![0.0],
+            rates: HandRates::still(1),
+        };
+        Candidate {
+            candidate_id: name.to_owned(),
+            generator: "test".to_owned(),
+            lineage: Lineage::replayed(name),
+            latent: Vec::new(),
+            table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, 0.02)),
+            limit_excess_rad: 0.0,
+            depth_m: 0.0,
+            motion: Motion::new(&[joint], vec![step(0.0), step(1.0)]).unwrap(),
+            refused: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_candidate_that_the_hand_cannot_execute_is_a_row_among_the_others() {
+        let config = serde_json::json!({
+            "hand": "hand.urdf",
+            "scene": {"drive": {
+                "stiffness": 20.0, "damping": 1.0, "torque_limit": 0.7, "armature": 0.001,
+            }},
+            "protocol": {"flexion_joints": ["j"]},
+        });
+        let config: ScreenConfig = serde_json::from_value(config).unwrap();
+        let model = RobotModel::from_urdf(HAND).unwrap();
+        let candidates = Candidates {
+            object: "cube".to_owned(),
+            joints: ["j".to_owned()].into(),
+            candidates: vec![
+                candidate("a", "j"),
+                candidate("b", "k"),
+                candidate("c", "j"),
+            ],
+        };
+        let screening = Screening::new(&config, &model, &cube(), &candidates, 7).unwrap();
+        let rows = screening.judge(|_| {}).unwrap();
+        let verdicts: Vec<(&str, Verdict)> = rows
+            .iter()
+            .map(|row| (row.candidate_id.as_str(), row.verdict))
+            .collect();
+        assert_eq!(
+            verdicts,
+            [
+                ("a", Verdict::NotGrasped),
+                ("b", Verdict::Infeasible),
+                ("c", Verdict::NotGrasped),
+            ]
+        );
+        assert_eq!((rows[1].cost_n, rows[1].saved_n), (0, 0));
+        assert_eq!(rows[1].lineage, candidates.candidates[1].lineage);
+        assert!(rows[0].cost_n > 0);
     }
 }

@@ -8,17 +8,18 @@ use dataflow::{
 };
 use motion::{HandRates, Motion, Step};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
-use report_screen::SuccessReport;
+use report_screen::{RatesReport, SuccessReport};
 use robot::RobotModel;
 use schemas::{
-    candidates::{Candidate, Candidates},
+    candidates::{Candidate, Candidates, Lineage},
     objects::{self, RestingOrientation},
+    rates::Rates,
     rollouts::{Rollout, Verdict},
     success::Successes,
 };
 use simulation::{
     Approach, ControllerKind, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Shortcuts,
-    Trial,
+    StrictConfig, Trial,
 };
 use spatial::{Pose, Rest};
 use stage_screen::{Screen, ScreenConfig, ScreenError, ScreenMetrics};
@@ -78,6 +79,7 @@ fn config() -> ScreenConfig {
             table_tolerance_m: 0.01,
             early_tolerance_m: 0.02,
             trial: Trial::Lift,
+            strict: StrictConfig::default(),
             pull: PullConfig::default(),
         },
     }
@@ -152,9 +154,12 @@ fn candidate(id: &str, flexion: [f64; 3], thumb: [f64; 4]) -> Candidate {
     Candidate {
         candidate_id: id.to_owned(),
         generator: "test".to_owned(),
+        lineage: Lineage::replayed("a"),
         latent: Vec::new(),
         table_from_object: upright().table_from_object(),
         limit_excess_rad: 0.0,
+        depth_m: 0.0,
+        refused: Vec::new(),
         motion: Motion::new(&joints(), steps.collect()).unwrap(),
     }
 }
@@ -283,15 +288,33 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     let svg = fs::read_to_string(success.join("rates.svg")).unwrap();
     for text in [
         ">can</text>",
-        ">Candidates of `test` that hold, by object</text>",
+        ">Candidates that hold, by object (test, demonstration)</text>",
     ] {
         assert!(svg.contains(text), "{svg}");
     }
     let said = SuccessReport::LINE.unwrap()(&Summary::made(&[made]));
+    assert_eq!(said, "33.3 % of candidates hold, 33.3 % of draws");
+
+    let rates = folder.path().join("rates");
+    fs::create_dir(&rates).unwrap();
+    let read = BTreeMap::from([("success".to_owned(), vec![artifact(&success)])]);
+    let cx = Context::detached(&"all".parse().unwrap(), 7, &rates);
+    let outcome = RatesReport::make(&config(), &Inputs::new(read, Vec::new()), &cx).unwrap();
+    let Outcome::Made(made) = outcome else {
+        panic!("nothing was made");
+    };
+    let table: Rates = lake::table::read(&artifact(&rates)).unwrap();
+    let origins: Vec<&str> = table.iter().map(|rate| rate.origin.as_str()).collect();
+    assert_eq!(origins, ["all", "demonstration"]);
+    // One object is one trial of 1/3: next to nothing is known.
+    assert!(table[0].candidate_rate_low < 0.05 && table[0].candidate_rate_high > 0.85);
+    let said = RatesReport::LINE.unwrap()(&Summary::made(&[made]));
     assert!(
-        said.starts_with("33.3 % hold (95 % CI 6.1 to 79.2)"),
+        said.starts_with("mean of 1 objects 33.3 % (95 % CI "),
         "{said}"
     );
+    let svg = fs::read_to_string(rates.join("objects_mean.svg")).unwrap();
+    assert!(svg.contains(">test, demonstration</text>"), "{svg}");
 }
 
 #[test]

@@ -7,6 +7,8 @@ use dataflow::{OptionFault, OptionFaults};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::unseen::Fold;
+
 /// Options of `kind = "train"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -20,6 +22,10 @@ pub struct TrainConfig {
     /// Objects excluded from training, by name, to be unseen in sampling
     #[serde(default)]
     pub unseen_objects: Vec<String>,
+    /// Fold of the objects that is excluded too, e.g. `2/4`: every fourth by name, from the second; with
+    /// `--set train.unseen_fold=1/4,2/4,3/4,4/4`, every object is unseen once
+    #[serde(default)]
+    pub unseen_fold: Option<Fold>,
     /// Share of the other trajectories that are held out for validation, in 0..1: enough to tell
     /// learning from memorizing
     #[serde(default = "defaults::held_out_share")]
@@ -69,17 +75,9 @@ impl TrainConfig {
 
     /// Says whether trajectories of this object are read.
     pub(crate) fn takes(&self, object: &str) -> bool {
-        self.objects.is_empty() || named(&self.objects, object) || self.is_unseen(object)
+        let mut named = self.objects.iter().chain(&self.unseen_objects);
+        self.objects.is_empty() || named.any(|name| name == object)
     }
-
-    /// Says whether this object is excluded from training.
-    pub(crate) fn is_unseen(&self, object: &str) -> bool {
-        named(&self.unseen_objects, object)
-    }
-}
-
-fn named(names: &[String], object: &str) -> bool {
-    names.iter().any(|name| name == object)
 }
 
 /// Values of options that a pipeline file leaves out; the options say why.

@@ -9,6 +9,8 @@ use motion::MotionError;
 use robot::{JointMismatch, WrongDof};
 use robot_meshes::LoadError;
 
+use crate::Fold;
+
 /// Why no grasping function could be trained.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -18,6 +20,14 @@ pub enum TrainError {
     NoTrajectories {
         /// How many trajectories there are.
         found: usize,
+    },
+    /// A fold of the objects has none.
+    #[error("fold `{fold}` of {objects_n} objects is empty")]
+    EmptyFold {
+        /// The fold.
+        fold: Fold,
+        /// Number of objects that have trajectories.
+        objects_n: usize,
     },
     /// A name in the configuration is not an object of the lake.
     #[error("there is no object `{object}`")]
@@ -86,7 +96,12 @@ pub enum TrainError {
 impl Advise for TrainError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::NoTrajectories { .. } => Some("check `objects` and `unseen_objects`".to_owned()),
+            Self::NoTrajectories { .. } => {
+                Some("check `objects`, `unseen_objects` and `unseen_fold`".to_owned())
+            }
+            Self::EmptyFold { .. } => {
+                Some("choose fewer folds than objects in `unseen_fold`".to_owned())
+            }
             Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
             Self::AnotherHand { .. } => {
                 Some("set `hand` in `train` and `retarget` to the same URDF".to_owned())

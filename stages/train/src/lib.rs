@@ -11,8 +11,10 @@ mod error;
 mod resume;
 pub mod set;
 mod stage;
+mod unseen;
 
 pub use by_split::BySplit;
 pub use config::TrainConfig;
 pub use error::TrainError;
 pub use stage::{Train, TrainMetrics, hand};
+pub use unseen::Fold;

@@ -17,7 +17,7 @@ use schemas::{
 };
 use spatial::Rest;
 
-use crate::{TrainConfig, TrainError};
+use crate::{TrainConfig, TrainError, unseen::unseen};
 
 /// Stream of the random numbers that say which motions are held out.
 const HELD_OUT: u64 = 3;
@@ -63,8 +63,10 @@ pub fn read(inputs: &Inputs, joints: &[String]) -> Result<TrainingSet, TrainErro
 
 /// Says which motions are learned from.
 pub(crate) fn split(set: &mut TrainingSet, config: &TrainConfig, seed: u64) {
+    let objects = set.scenes.iter().map(|scene| scene.object.as_str());
+    let unseen = unseen(config, &objects.collect());
     for track in &mut set.tracks {
-        if config.is_unseen(&set.scenes[track.scene].object) {
+        if unseen.contains(set.scenes[track.scene].object.as_str()) {
             track.split = Split::Unseen;
         }
     }

@@ -17,6 +17,7 @@ use crate::{
     BySplit, TrainConfig, TrainError,
     resume::{self, Found, Saver},
     set,
+    unseen::unseen,
 };
 
 /// Learns a continuous grasping function from trajectories.
@@ -93,7 +94,6 @@ impl Output for Train {
         let trajectories = scope.partitions(Trajectory::NAME);
         let mut objects = BTreeSet::new();
         let mut keys = Vec::new();
-        let mut learns = false;
         for trajectory in trajectories {
             let object = trajectory
                 .label("object")
@@ -101,18 +101,24 @@ impl Output for Train {
                     sequence: trajectory.key.to_string(),
                 })?;
             if config.takes(object) {
-                objects.insert(object.to_owned());
+                objects.insert(object);
                 keys.push(&trajectory.key);
-                learns |= !config.is_unseen(object);
             }
         }
-        if !learns {
+        let unseen_n = unseen(config, &objects).len();
+        if let Some(fold) = config.unseen_fold.filter(|_| unseen_n == 0) {
+            return Err(TrainError::EmptyFold {
+                fold,
+                objects_n: objects.len(),
+            });
+        }
+        if unseen_n == objects.len() {
             return Err(TrainError::NoTrajectories {
                 found: trajectories.len(),
             });
         }
         let keeps_out = config.training.penetration_weight > 0.0;
-        let fields: BTreeSet<String> = objects.iter().filter(|_| keeps_out).cloned().collect();
+        let fields: Vec<&str> = objects.iter().copied().filter(|_| keeps_out).collect();
         let unit = Unit::new(MODEL)
             .reading(Trajectory::NAME, keys)
             .only_files(Trajectory::NAME, [lake::table::FILE])

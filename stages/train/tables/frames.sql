@@ -1,7 +1,7 @@
 -- The frame of the network and the rotations in its training: share of 64 motions for each of the 15 seen and
--- 5 unseen objects that holds, with the object where it is believed to be, and displaced and turned.
+-- 5 unseen objects (one fold of four) that holds, with the object at its expected pose, and displaced and rotated.
 --
--- pipeline run pipelines/frames.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/frames.toml --set ingest.root=$DEXYCB --set train.unseen_fold=1/4
 with
     variants as (
         select run as variant,

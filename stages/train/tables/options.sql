@@ -1,14 +1,18 @@
 -- The default options, some of them changed, and the paper's and its code's after some minutes of training:
--- 64 motions for each of 20 objects, five of them unseen.
+-- 64 motions for each of 20 objects, one fold of four unseen.
 --
--- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB
--- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set sample.draws=1
--- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set train.training.augmentation=none
--- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set train.network.frame=object \
---   --set train.training.augmentation=none,any
--- pipeline run pipelines/paper.toml --until screen --set ingest.root=$DEXYCB --set sample.per_object=64 \
+-- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set train.unseen_fold=1/4
+-- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set train.unseen_fold=1/4 \
+--   --set sample.draws=1
+-- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set train.unseen_fold=1/4 \
+--   --set train.training.augmentation=none
+-- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set train.unseen_fold=1/4 \
+--   --set train.network.frame=object --set train.training.augmentation=none,any
+-- pipeline run pipelines/paper.toml --until screen --set ingest.root=$DEXYCB --set train.unseen_fold=1/4 \
+--   --set train.unseen_objects=[] --set sample.per_object=64 \
 --   --set train.training.epochs=90 --set train.training.halving_epochs=45
--- pipeline run pipelines/released.toml --until screen --set ingest.root=$DEXYCB --set sample.per_object=64 \
+-- pipeline run pipelines/released.toml --until screen --set ingest.root=$DEXYCB --set train.unseen_fold=1/4 \
+--   --set train.unseen_objects=[] --set sample.per_object=64 \
 --   --set train.training.epochs=8 --set train.training.halving_epochs=4
 with
     variants as (

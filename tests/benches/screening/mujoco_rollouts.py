@@ -176,6 +176,12 @@ class Scene:
                     bodies.add(pair[0] if pair[1] == self.thing else pair[1])
         return bodies
 
+    def finger(self, body):
+        """The first body of a body's finger; the palm's own is itself."""
+        while body != self.palm and self.model.body_parentid[body] != self.palm:
+            body = int(self.model.body_parentid[body])
+        return body
+
     def roll(self, rollout):
         """Carries out one script; returns the seconds of stepping and the verdict."""
         model, data = self.model, self.data
@@ -225,18 +231,19 @@ class Judge:
         if any(self.scene.data.warning[idx].number for idx in DIVERGED):
             self.fail("diverged")
         rise = place[2] - self.start[0][2]
-        if phase in ("reach", "close"):
+        until_lift = protocol["strict"]["knocked_until"] == "lift"
+        if phase in ("reach", "close") or (phase == "squeeze" and until_lift):
             moved = np.linalg.norm(place - self.start[0])
             if moved > protocol["knocked_m"] or angle(turn, self.start[1]) > protocol["knocked_rad"]:
                 self.fail("knocked_over")
         if phase == "lift":
             self.lift_left -= 1
             if self.lift_left == 0:
-                self.follow(place)
+                self.follow(place, turn)
                 if rise <= protocol["lifted_m"]:
                     self.fail("not_grasped")
         if phase == "hold":
-            self.follow(place)
+            self.follow(place, turn)
             if rise <= protocol["lifted_m"]:
                 self.fail("dropped")
             if self.hold_left <= self.window:
@@ -244,24 +251,29 @@ class Judge:
                     self.pressed[body] = self.pressed.get(body, 0) + 1
             self.hold_left -= 1
 
-    def follow(self, place):
-        """Notes where the object is in the palm's frame."""
-        palm, turn = self.scene.palm_pose()
-        inverse, local = np.zeros(4), np.zeros(3)
-        mujoco.mju_negQuat(inverse, turn)
+    def follow(self, place, turn):
+        """Notes the object's pose in the palm's frame."""
+        palm, palm_turn = self.scene.palm_pose()
+        inverse, local, local_turn = np.zeros(4), np.zeros(3), np.zeros(4)
+        mujoco.mju_negQuat(inverse, palm_turn)
         mujoco.mju_rotVecQuat(local, place - palm, inverse)
-        self.in_palm.append(local)
+        mujoco.mju_mulQuat(local_turn, inverse, turn)
+        self.in_palm.append((local, local_turn))
 
     def verdict(self):
         if self.failure:
             return self.failure
-        touching = sum(n >= TOUCHING_SHARE * self.window for n in self.pressed.values())
-        if touching < self.protocol["min_links"]:
+        enough = TOUCHING_SHARE * self.window
+        touching = [body for body, n in self.pressed.items() if n >= enough]
+        fingers = {self.scene.finger(body) for body in touching}
+        protocol, strict = self.protocol, self.protocol["strict"]
+        if len(touching) < protocol["min_links"] or len(fingers) < strict["min_fingers"]:
             return "dropped"
-        back = max(len(self.in_palm) - self.window - 1, 0)
-        slip = np.linalg.norm(self.in_palm[-1] - self.in_palm[back])
-        too_far = slip > self.protocol["max_slip_m_per_s"] * self.window * self.control_s
-        return "slipped" if too_far else "held"
+        (place, turn), (end, end_turn) = self.in_palm[max(len(self.in_palm) - self.window - 1, 0)], self.in_palm[-1]
+        seconds = self.window * self.control_s
+        slips = np.linalg.norm(end - place) > protocol["max_slip_m_per_s"] * seconds
+        spins = angle(end_turn, turn) > strict["max_spin_rad_per_s"] * seconds
+        return "slipped" if slips or spins else "held"
 
 
 def serve():

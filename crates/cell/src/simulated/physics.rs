@@ -121,8 +121,8 @@ struct Encoders {
     /// Commands of the arm, which follows them exactly but late.
     arm: Option<JointTrack>,
     latency_s: f64,
-    /// Time at which the arm was commanded to stand still.
-    halted_s: Option<f64>,
+    /// The time from which the robot holds still, and the index of the step whose command it holds.
+    halt: Option<(f64, usize)>,
     table_from_scene: Pose<Table, Scene>,
 }
 
@@ -138,30 +138,32 @@ impl Encoders {
         Self {
             arm,
             latency_s,
-            halted_s: None,
+            halt: None,
             table_from_scene,
             noise: (0..steps_n).map(|_| drawn.step(dof)).collect(),
             seen_n: 0,
         }
     }
 
-    /// Halts the arm from this time on.
+    /// Holds the last step's command from this time on.
     fn halt(&mut self, time_s: f64) {
-        self.halted_s.get_or_insert(time_s);
+        let last = self.seen_n.saturating_sub(1);
+        self.halt.get_or_insert((time_s, last));
     }
 
     /// Returns the next step's measurement, and its command without the noise.
     fn read(&mut self, step: &TraceStep) -> Sample {
-        // A goal has at least one step: its start.
-        let noise = &self.noise[self.seen_n.min(self.noise.len() - 1)];
-        self.seen_n += 1;
-        let add = |q: &[f64]| -> Vec<f64> {
-            let joints = q.iter().enumerate();
-            joints.map(|(joint, q)| q + noise[joint]).collect()
+        let (command_s, command_n) = self.halt.unwrap_or((step.time_s, self.seen_n));
+        let add = |q: &[f64], step_n: usize| -> Vec<f64> {
+            // A goal has at least one step: its start.
+            let noise = &self.noise[step_n.min(self.noise.len() - 1)];
+            q.iter().zip(noise).map(|(q, noise)| q + noise).collect()
         };
-        let (mut q_rad, mut q_command_rad) = (add(&step.q), add(&step.q_command));
+        let mut q_rad = add(&step.q, self.seen_n);
+        let mut q_command_rad = add(&step.q_command, command_n);
+        self.seen_n += 1;
         // The arm is where it is commanded to be, with the fingers' latency.
-        let commanded_s = self.halted_s.unwrap_or(step.time_s) - self.latency_s;
+        let commanded_s = command_s - self.latency_s;
         if let Some(arm) = self.arm.as_ref().and_then(|arm| arm.at(commanded_s)) {
             q_rad.extend(&arm.q_rad);
             q_command_rad.extend(&arm.q_rad);
@@ -201,8 +203,10 @@ fn outcome(verdict: Verdict) -> Outcome {
         | Verdict::Slipped
         | Verdict::Dropped
         | Verdict::TooDeep => Outcome::Failed,
-        Verdict::Limit | Verdict::Table | Verdict::EarlyContact | Verdict::Diverged => {
-            Outcome::Aborted
-        }
+        Verdict::Limit
+        | Verdict::Table
+        | Verdict::EarlyContact
+        | Verdict::Diverged
+        | Verdict::Infeasible => Outcome::Aborted,
     }
 }

@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use robot::{Joint, RobotModel};
 use simulation::{
     Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, PullConfig, SceneConfig,
-    Shortcuts, Trial,
+    Shortcuts, StrictConfig, Trial,
 };
 use spatial::{Pose, Rest, Twist};
 
@@ -70,6 +70,7 @@ pub(crate) fn grasp() -> Protocol {
         table_tolerance_m: 0.002,
         early_tolerance_m: 0.005,
         trial: Trial::Lift,
+        strict: StrictConfig::default(),
         pull: PullConfig::default(),
     }
 }

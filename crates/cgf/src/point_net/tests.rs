@@ -244,7 +244,7 @@ fn stored_statistics_of_the_same_clouds_give_nearly_the_same_features() {
     let net = PointNet::new(&weights, SMALL.widths.len()).unwrap();
     let stored = net.forward(&clouds, Statistics::Stored);
     for (a, b) in measured.features.iter().zip(&stored.features) {
-        // The stored variance is the unbiased one of 150 points: 0.7 % more.
-        assert!((a - b).abs() < 1e-1, "{a} {b}");
+        // The stored variance is the unbiased one of 150 points: 0.7 % more in each layer.
+        assert!((a - b).abs() < 0.02 * a.abs().max(1.0), "{a} {b}");
     }
 }

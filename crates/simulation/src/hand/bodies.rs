@@ -147,11 +147,22 @@ pub(crate) fn engine_joint(link: &Link, body_from_parent: &Pose<Body, Link>) -> 
         .build()
 }
 
+/// A part of the hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// The palm, with all links that are fixed to it.
+    Palm,
+    /// A finger.
+    Finger,
+}
+
 /// A link's collision shape as the engine has it.
 #[derive(Debug, Clone)]
 pub(crate) struct LinkShape {
     /// Which of the model's links.
     pub(crate) link: usize,
+    /// What the link belongs to.
+    pub(crate) part: Part,
     /// The shape about its center as the model has it.
     pub(crate) shape: Shape,
     /// Pose of that center in the link's frame.
@@ -189,7 +200,13 @@ pub(crate) fn link_shapes(model: &RobotModel) -> Result<Vec<LinkShape>, Simulati
         });
     }
     let mut shapes = Vec::new();
+    let groups = rigid_groups(model);
     for (idx, link) in model.links().iter().enumerate() {
+        let on_palm = |palm: &RigidGroup| palm.links.iter().any(|(fixed, _)| *fixed == idx);
+        let part = match groups.first() {
+            Some(palm) if on_palm(palm) => Part::Palm,
+            _ => Part::Finger,
+        };
         for collision in &link.collisions {
             let (engine, shape_from_engine) =
                 engine_shape(&collision.shape).ok_or_else(|| SimulationError::FlatLink {
@@ -197,6 +214,7 @@ pub(crate) fn link_shapes(model: &RobotModel) -> Result<Vec<LinkShape>, Simulati
                 })?;
             shapes.push(LinkShape {
                 link: idx,
+                part,
                 shape: collision.shape.clone(),
                 link_from_shape: collision.link_from_shape,
                 engine,

@@ -9,3 +9,4 @@ mod known;
 mod recorded;
 mod scene;
 mod shortcuts;
+mod strict;

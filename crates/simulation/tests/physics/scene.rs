@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuatern
 use robot::RobotModel;
 use simulation::{
     Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, PullConfig, SceneConfig,
-    Shortcuts, Template, Trial,
+    Shortcuts, StrictConfig, Template, Trial,
 };
 use spatial::{Object, Pose, Rest};
 
@@ -75,6 +75,7 @@ pub(crate) fn protocol() -> Protocol {
         table_tolerance_m: 0.01,
         early_tolerance_m: 0.02,
         trial: Trial::Lift,
+        strict: StrictConfig::default(),
         pull: PullConfig::default(),
     }
 }

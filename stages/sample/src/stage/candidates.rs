@@ -101,11 +101,10 @@ pub(super) fn make(
     let hand_and_field = room.as_ref().zip(order.as_ref()).zip(field.as_ref());
     let gauge = hand_and_field.filter(|_| config.redraws());
     let gauge = gauge.map(|((room, order), field)| Gauge { room, field, order });
-    let sample = sample(config, &cgf, &object, gauge, cx.seed())?;
     let drawn = Candidates {
         object: object.name.clone(),
         joints: cgf.description().joints.as_slice().into(),
-        candidates: sample.candidates,
+        candidates: sample(config, &cgf, &object, gauge, cx.seed())?,
     };
     cx.write(&drawn)?;
     if config.recorded_per_object > 0
@@ -125,9 +124,10 @@ pub(super) fn make(
         };
         recording::record(&stage, &motions, cx.folder())?;
     }
+    let draws = drawn.candidates.iter().map(|one| 1 + one.refused.len());
     let metrics = SampleMetrics {
         candidates: drawn.candidates.len() as f64,
-        draws: sample.draws as f64,
+        draws: draws.sum::<usize>() as f64,
     };
     Ok(Outcome::Made(metrics))
 }

@@ -3,7 +3,7 @@
 use dataflow::{Code, Lines, Outputs, Report};
 use stage_screen::Screen;
 
-use crate::SuccessReport;
+use crate::{RatesReport, SuccessReport};
 
 /// Shows how often candidates hold.
 pub enum ScreenReport {}
@@ -12,7 +12,7 @@ impl Report for ScreenReport {
     type Stage = Screen;
 
     const CODE: Code = dataflow::code!();
-    const OUTPUTS: Outputs<Screen> = &[&SuccessReport];
+    const OUTPUTS: Outputs<Screen> = &[&SuccessReport, &RatesReport];
 
     fn lines(lines: &mut Lines<Screen>) {
         lines.add::<Screen>(|summary| {

@@ -1,6 +1,6 @@
-//! How often the candidates of each object hold, for each generator.
+//! How often the candidates of each object hold, for each generator and origin.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use charts::{Captions, Estimate, Estimates, intervals};
 use dataflow::{Context, Inputs, Line, Options, Outcome, Output, Scope, Sum, Summary, Unit};
@@ -8,10 +8,9 @@ use diversity::{Diversity, Motion};
 use lake::{LakeError, WriteArtifact, table};
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates},
+    candidates::{Candidate, Candidates, Lineage, ObjectSplit, Origin},
     rollouts::{Rollout, Rollouts, Verdict},
     success::{Success, Successes},
-    tally::wilson,
 };
 use stage_screen::{Screen, ScreenConfig, ScreenError};
 
@@ -25,7 +24,9 @@ dataflow::metrics! {
         objects_n: Sum,
         /// Number of candidates.
         candidates_n: Sum,
-        /// Number of those that hold.
+        /// Number of draws made for them, refused ones included.
+        draws_n: Sum,
+        /// Number of candidates that hold.
         accepted_n: Sum,
         /// Steps of control that physics took.
         control_steps_n: Sum,
@@ -35,11 +36,12 @@ dataflow::metrics! {
         limit_n: Sum,
         /// Number of those that would go through the table.
         table_n: Sum,
+        /// Number of those that the hand cannot execute.
+        infeasible_n: Sum,
     }
     derived {
-        rate: Self::rate,
-        rate_low: |all| all.interval()[0],
-        rate_high: |all| all.interval()[1],
+        candidate_rate: Self::candidate_rate,
+        draw_rate: Self::draw_rate,
     }
 }
 
@@ -105,7 +107,7 @@ fn units(scope: &Scope) -> Vec<Unit> {
 /// with it when it was to be lifted.
 fn touched(rollout: &Rollout) -> bool {
     match rollout.verdict {
-        Verdict::Limit | Verdict::Table => false,
+        Verdict::Limit | Verdict::Table | Verdict::Infeasible => false,
         Verdict::NotGrasped | Verdict::Diverged => {
             rollout.contacts_n > 0 || rollout.penetration_m > 0.0
         }
@@ -121,10 +123,8 @@ fn touched(rollout: &Rollout) -> bool {
 /// Says how often candidates hold, of whichever object.
 fn line(summary: &Summary<SuccessMetrics>) -> String {
     let all = &summary.metrics;
-    let rate = 100.0 * all.rate();
-    let [low, high] = all.interval().map(|end| 100.0 * end);
-    let objects = all.objects_n;
-    let mut line = format!("{rate:.1} % hold (95 % CI {low:.1} to {high:.1}), {objects} objects");
+    let [by_candidate, by_draw] = [all.candidate_rate(), all.draw_rate()].map(|rate| 100.0 * rate);
+    let mut line = format!("{by_candidate:.1} % of candidates hold, {by_draw:.1} % of draws");
     if all.touched_n == 0.0 && all.candidates_n > 0.0 {
         line += &untouched(all);
     }
@@ -136,8 +136,9 @@ fn untouched(all: &SuccessMetrics) -> String {
     let became = [
         (all.limit_n, "would exceed a joint's limit"),
         (all.table_n, "would go through the table"),
+        (all.infeasible_n, "cannot be executed"),
         (
-            all.candidates_n - all.limit_n - all.table_n,
+            all.candidates_n - all.limit_n - all.table_n - all.infeasible_n,
             "closed beside it",
         ),
     ];
@@ -149,45 +150,68 @@ fn untouched(all: &SuccessMetrics) -> String {
     format!("; no motion touched the object: {}", became.join(", "))
 }
 
-/// Returns one row for each generator of an object's candidates, in the order of their names.
+/// What decides the row of a motion: its generator, its origin, the split of the object.
+type Key<'a> = (&'a str, Origin, Option<ObjectSplit>);
+
+/// The motions of a row.
+#[derive(Default)]
+struct Group<'a> {
+    draws_n: i64,
+    rollouts: Vec<(&'a Rollout, &'a Candidate)>,
+}
+
+/// Returns one row for each generator and origin of an object's draws, in the order of their names.
 fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, ScreenError> {
     let by_name: BTreeMap<&str, &Candidate> = given
         .candidates
         .iter()
         .map(|candidate| (candidate.candidate_id.as_str(), candidate))
         .collect();
-    let mut by_generator: BTreeMap<&str, Vec<&Rollout>> = BTreeMap::new();
+    let mut groups: BTreeMap<Key, Group> = BTreeMap::new();
     for rollout in rollouts {
-        let all = by_generator.entry(&rollout.generator).or_default();
-        all.push(rollout);
+        let name = rollout.candidate_id.as_str();
+        let candidate = *by_name
+            .get(name)
+            .ok_or_else(|| ScreenError::UnknownCandidate {
+                partition: given.object.clone(),
+                candidate: name.to_owned(),
+            })?;
+        let key = |draw: &Lineage| (rollout.generator.as_str(), draw.origin, draw.object_split);
+        let kept = groups.entry(key(&candidate.lineage)).or_default();
+        kept.draws_n += 1;
+        kept.rollouts.push((rollout, candidate));
+        for refused in &candidate.refused {
+            groups.entry(key(&refused.lineage)).or_default().draws_n += 1;
+        }
     }
-    let row = |(generator, rollouts): (&str, Vec<&Rollout>)| {
-        let held = rollouts.iter().filter(|r| r.verdict == Verdict::Held);
-        let held = held
-            .map(|rollout| {
-                let name = rollout.candidate_id.as_str();
-                let candidate = by_name.get(name).copied();
-                candidate.ok_or_else(|| ScreenError::UnknownCandidate {
-                    partition: given.object.clone(),
-                    candidate: name.to_owned(),
-                })
-            })
-            .collect::<Result<Vec<&Candidate>, _>>()?;
-        let grasps: Vec<Motion> = held.into_iter().map(grasp).collect();
+    let row = |(key, group): (Key, Group)| group.row(&given.object, key);
+    Ok(groups.into_iter().map(row).collect())
+}
+
+impl Group<'_> {
+    fn row(&self, object: &str, (generator, origin, object_split): Key) -> Success {
+        let rollouts = || self.rollouts.iter().map(|(rollout, _)| rollout);
+        let held = self
+            .rollouts
+            .iter()
+            .filter(|(r, _)| r.verdict == Verdict::Held);
+        let grasps: Vec<Motion> = held.map(|(_, candidate)| grasp(candidate)).collect();
         let diversity = Diversity::of(&grasps);
-        Ok(Success {
-            object: given.object.clone(),
+        Success {
+            object: object.to_owned(),
             generator: generator.to_owned(),
-            verdicts: rollouts.iter().map(|r| (r.verdict, 1)).collect(),
-            control_steps_n: rollouts.iter().map(|r| i64::from(r.cost_n)).sum(),
+            origin,
+            object_split,
+            verdicts: rollouts().map(|r| (r.verdict, 1)).collect(),
+            draws_n: self.draws_n,
+            control_steps_n: rollouts().map(|r| i64::from(r.cost_n)).sum(),
             spread_palm_m: diversity.at_grasp.palm_m,
             spread_palm_rad: diversity.at_grasp.palm_rad,
             spread_q_rad: diversity.at_grasp.q_rad,
             // No count in memory is larger than the largest `i64`.
             spread_n: i64::try_from(diversity.compared_n).unwrap_or(i64::MAX),
-        })
-    };
-    by_generator.into_iter().map(row).collect()
+        }
+    }
 }
 
 /// The last step of a motion, without the others.
@@ -204,22 +228,24 @@ impl SuccessMetrics {
         Self {
             objects_n: objects(rows).len() as f64,
             candidates_n: sum(&|row| row.verdicts.total_n()),
+            draws_n: sum(&|row| row.draws_n),
             accepted_n: sum(&|row| row.verdicts.successes_n()),
             control_steps_n: sum(&|row| row.control_steps_n),
             touched_n: touched_n as f64,
             limit_n: sum(&|row| row.verdicts.count(Verdict::Limit)),
             table_n: sum(&|row| row.verdicts.count(Verdict::Table)),
+            infeasible_n: sum(&|row| row.verdicts.count(Verdict::Infeasible)),
         }
     }
 
     /// Share of the candidates that hold.
-    fn rate(&self) -> f64 {
+    fn candidate_rate(&self) -> f64 {
         self.accepted_n / self.candidates_n.max(1.0)
     }
 
-    /// The 95 % interval of that share.
-    fn interval(&self) -> [f64; 2] {
-        wilson(self.accepted_n, self.candidates_n)
+    /// Share of the draws that hold.
+    fn draw_rate(&self) -> f64 {
+        self.accepted_n / self.draws_n.max(1.0)
     }
 }
 
@@ -233,9 +259,9 @@ fn objects(rows: &[Success]) -> Vec<String> {
 /// Draws how often the candidates of each object hold, with the interval of each share.
 fn chart(rows: &[Success]) -> Option<String> {
     let objects = objects(rows);
-    let mut generators: Vec<&str> = rows.iter().map(|row| row.generator.as_str()).collect();
-    generators.sort_unstable();
-    generators.dedup();
+    let rows = || rows.iter().filter(|row| row.verdicts.total_n() > 0);
+    let key = |row: &Success| (row.generator.clone(), row.origin);
+    let keys: BTreeSet<(String, Origin)> = rows().map(key).collect();
     let estimate = |row: &Success| {
         let [low, high] = row.verdicts.interval().map(|end| 100.0 * end);
         Estimate {
@@ -244,24 +270,24 @@ fn chart(rows: &[Success]) -> Option<String> {
             high,
         }
     };
-    let title = match generators[..] {
-        [only] => format!("Candidates of `{only}` that hold, by object"),
-        _ => "Candidates that hold, by object".to_owned(),
-    };
-    let series = generators.into_iter().map(|generator| Estimates {
-        name: generator.to_owned(),
-        values: rows
-            .iter()
-            .filter(|row| row.generator == generator)
+    let series = keys.iter().map(|one| Estimates {
+        name: format!("{}, {}", one.0, one.1.as_str()),
+        values: rows()
+            .filter(|row| key(row) == *one)
             .map(|row| (row.object.clone(), estimate(row)))
             .collect(),
     });
+    let series: Vec<Estimates> = series.collect();
+    let title = match &series[..] {
+        [only] => format!("Candidates that hold, by object ({})", only.name),
+        _ => "Candidates that hold, by object".to_owned(),
+    };
     let captions = Captions {
         title: &title,
         x: "share of the candidates, with its 95 % interval [%]",
         y: "",
     };
-    intervals(&captions, &objects, &series.collect::<Vec<_>>())
+    intervals(&captions, &objects, &series)
 }
 
 #[cfg(test)]
@@ -269,7 +295,10 @@ mod tests {
     use dataflow::{Metrics, Partition};
     use motion::{HandRates, Step};
     use nalgebra::{Isometry3, Vector3};
-    use schemas::rollouts::Smoothness;
+    use schemas::{
+        candidates::{Refusal, RefusedDraw},
+        rollouts::Smoothness,
+    };
     use spatial::Pose;
 
     use super::*;
@@ -288,9 +317,12 @@ mod tests {
         Candidate {
             candidate_id: name.to_owned(),
             generator: "whatever".to_owned(),
+            lineage: Lineage::replayed("a"),
             latent: Vec::new(),
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
             limit_excess_rad: 0.0,
+            depth_m: 0.0,
+            refused: Vec::new(),
             motion: ::motion::Motion::new(&["j", "k"], vec![step(0.0, 9.0, 9.0), step(1.0, x, q)])
                 .unwrap(),
         }
@@ -300,6 +332,7 @@ mod tests {
         Rollout {
             candidate_id: name.to_owned(),
             generator: generator.to_owned(),
+            lineage: Lineage::replayed("a"),
             verdict,
             cost_n: 100,
             saved_n: 0,
@@ -355,17 +388,65 @@ mod tests {
         assert_eq!((another.verdicts.successes_n(), another.spread_n), (0, 0));
         assert_eq!(another.verdicts.count(Verdict::Table), 1);
         assert_eq!(another.control_steps_per_success(), 0.0);
+        assert_eq!((another.draws_n, cgf.draws_n), (1, 4));
         let metrics = SuccessMetrics::of(&rows, 4);
         assert_eq!((metrics.touched_n, metrics.table_n), (4.0, 1.0));
         assert_eq!(metrics.objects_n, 1.0);
         assert_eq!((metrics.accepted_n, metrics.candidates_n), (3.0, 5.0));
         let figures = metrics.figures();
-        assert_eq!(figures["rate"], 0.6);
-        assert!(figures["rate_low"] < 0.6 && 0.6 < figures["rate_high"]);
+        assert_eq!(
+            (figures["candidate_rate"], figures["draw_rate"]),
+            (0.6, 0.6)
+        );
         let svg = chart(&rows).unwrap();
-        for name in ["can", "cgf", "another"] {
+        for name in ["can", "cgf, demonstration", "another, demonstration"] {
             assert!(svg.contains(&format!(">{name}</text>")), "{name}");
         }
+    }
+
+    #[test]
+    fn every_draw_counts_for_the_origin_of_its_own_code() {
+        let lineage = |origin: Origin, draw_n: u32| Lineage {
+            draw_n,
+            origin,
+            object_split: Some(ObjectSplit::Seen),
+            ..Lineage::replayed("a")
+        };
+        let refused = |origin: Origin, draw_n: u32| RefusedDraw {
+            lineage: lineage(origin, draw_n),
+            table_from_object: Pose::identity(),
+            limit_excess_rad: 0.0,
+            depth_m: 0.01,
+            refusal: Refusal::Object,
+        };
+        let mut given = given();
+        let [a, b, ..] = &mut given.candidates[..] else {
+            panic!("there are five");
+        };
+        a.lineage = lineage(Origin::Posterior, 3);
+        a.refused = vec![refused(Origin::Prior, 1), refused(Origin::Posterior, 2)];
+        b.lineage = lineage(Origin::Posterior, 1);
+        let rollouts = [
+            rollout("a", "cgf", Verdict::Held),
+            rollout("b", "cgf", Verdict::Dropped),
+        ];
+        let rows = of_object(&rollouts, &given).unwrap();
+        let counts = rows.iter().map(|row| {
+            let verdicts = &row.verdicts;
+            let counts = [verdicts.successes_n(), verdicts.total_n(), row.draws_n];
+            (row.origin, counts)
+        });
+        let expected = [(Origin::Prior, [0, 0, 1]), (Origin::Posterior, [1, 2, 3])];
+        assert_eq!(counts.collect::<Vec<_>>(), expected);
+        let all = SuccessMetrics::of(&rows, 2);
+        assert_eq!(
+            (all.candidates_n, all.draws_n, all.objects_n),
+            (2.0, 4.0, 1.0)
+        );
+        let line = line(&Summary::made(&[all]));
+        assert_eq!(line, "50.0 % of candidates hold, 25.0 % of draws");
+        // A row without a candidate has no share to draw.
+        assert!(!chart(&rows).unwrap().contains("prior"));
     }
 
     #[test]

@@ -28,6 +28,7 @@ fn config() -> TrainConfig {
         hand: Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/robots/allegro_right.urdf"),
         objects: Vec::new(),
         unseen_objects: Vec::new(),
+        unseen_fold: None,
         held_out_share: 0.0,
         network: NetworkConfig {
             points: 64,
@@ -263,4 +264,8 @@ fn choices_that_leave_nothing_are_refused_with_a_hint() {
     config.unseen_objects = vec!["cup".to_owned()];
     let err = Train::units(&config, &scope()).unwrap_err();
     assert!(err.hint().unwrap().contains("can, tin"), "{err}");
+    config.unseen_objects.clear();
+    config.unseen_fold = Some("3/3".parse().unwrap());
+    let err = Train::units(&config, &scope()).unwrap_err();
+    assert!(matches!(err, TrainError::EmptyFold { objects_n: 2, .. }) && err.hint().is_some());
 }

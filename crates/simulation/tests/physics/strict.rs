@@ -1,0 +1,115 @@
+//! Conditions of a success that many benchmarks leave out.
+
+use motion::Motion;
+use simulation::{KnockedUntil, Protocol, Record, Rollout, StrictConfig, Template, Verdict};
+use spatial::{Object, Pose};
+
+use crate::scene::{protocol, q, scene, side_grasp, template};
+
+const BESIDE: [f64; 3] = [-0.015, -0.055, 0.02];
+/// Step of a search along an axis, in meters.
+const SEARCH_M: f64 = 0.0005;
+
+fn closed() -> Vec<f64> {
+    q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7])
+}
+
+fn strict(change: impl Fn(&mut StrictConfig)) -> Protocol {
+    let mut protocol = protocol();
+    change(&mut protocol.strict);
+    protocol
+}
+
+fn roll(template: &Template, protocol: &Protocol) -> Rollout {
+    let motion = side_grasp(BESIDE, &closed());
+    template
+        .rollout(&motion, protocol, Record::Nothing)
+        .unwrap()
+}
+
+/// The least distance, in steps of the search, for which a motion is refused for this reason.
+fn first_refused(
+    template: &Template,
+    protocol: &Protocol,
+    verdict: Verdict,
+    motion: impl Fn(f64) -> Motion<Object, ()>,
+) -> f64 {
+    let distances = (0..400).map(|step| f64::from(step) * SEARCH_M);
+    let is_refused = |&distance_m: &f64| {
+        let refusal = template.refusal(&motion(distance_m), protocol).unwrap();
+        refusal == Some(verdict)
+    };
+    { distances }.find(is_refused).unwrap()
+}
+
+#[test]
+fn a_palm_may_be_less_deep_in_the_table_than_fingers() {
+    let template = template(&scene());
+    let lowered = |down_m| side_grasp([BESIDE[0], BESIDE[1], BESIDE[2] - down_m], &closed());
+    let refused_from_m = |palm_m: f64| {
+        let mut protocol = strict(|strict| strict.palm_table_tolerance_m = palm_m);
+        // Fingers may be anywhere.
+        protocol.table_tolerance_m = 1.0;
+        first_refused(&template, &protocol, Verdict::Table, lowered)
+    };
+    let later_m =
+        refused_from_m(0.01) - refused_from_m(StrictConfig::default().palm_table_tolerance_m);
+    assert!((later_m - 0.008).abs() < 1.5 * SEARCH_M, "{later_m}");
+}
+
+#[test]
+fn a_hand_that_starts_inside_the_object_is_refused() {
+    let template = template(&scene());
+    // The palm starts so far beyond its final place beside the can.
+    let started = |beyond_m| {
+        let motion = side_grasp(BESIDE, &closed());
+        let mut steps = motion.steps().to_vec();
+        let mut pose = *steps[0].frame_from_palm;
+        pose.translation.y = BESIDE[1] + beyond_m;
+        steps[0].frame_from_palm = Pose::new(pose);
+        Motion::of_joints(motion.joints().clone(), steps).unwrap()
+    };
+    let refused_from_m = |start_m: f64| {
+        let mut protocol = strict(|strict| strict.start_tolerance_m = start_m);
+        protocol.early_tolerance_m = 1.0;
+        first_refused(&template, &protocol, Verdict::EarlyContact, started)
+    };
+    let later_m = refused_from_m(0.012) - refused_from_m(StrictConfig::default().start_tolerance_m);
+    assert!((later_m - 0.01).abs() < 3.0 * SEARCH_M, "{later_m}");
+}
+
+#[test]
+fn contact_is_counted_by_fingers() {
+    let template = template(&scene());
+    // Three fingers and a thumb, and the palm.
+    for (min_fingers, expected) in [(2, Verdict::Held), (6, Verdict::Dropped)] {
+        let rollout = roll(
+            &template,
+            &strict(|strict| strict.min_fingers = min_fingers),
+        );
+        assert_eq!(rollout.verdict, expected, "{rollout:?}");
+        assert!(rollout.contacts_n > 2, "{rollout:?}");
+    }
+}
+
+#[test]
+fn an_object_that_turns_in_the_hand_slips() {
+    let template = template(&scene());
+    for (max_spin_rad_per_s, expected) in [(0.2, Verdict::Held), (0.0, Verdict::Slipped)] {
+        let protocol = strict(|strict| strict.max_spin_rad_per_s = max_spin_rad_per_s);
+        assert_eq!(roll(&template, &protocol).verdict, expected);
+    }
+}
+
+#[test]
+fn an_object_displaced_by_the_squeeze_is_knocked_over() {
+    let template = template(&scene());
+    let reach_m = roll(&template, &protocol()).displacement_m;
+    let until = |knocked_until| {
+        let mut protocol = strict(|strict| strict.knocked_until = knocked_until);
+        protocol.knocked_m = reach_m + 1e-4;
+        roll(&template, &protocol).verdict
+    };
+    assert_eq!(until(KnockedUntil::Squeeze), Verdict::Held);
+    assert_eq!(until(KnockedUntil::Lift), Verdict::KnockedOver);
+}

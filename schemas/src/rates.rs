@@ -1,0 +1,49 @@
+//! `rates`: how often candidates hold over all objects, one partition for all of them, one row per
+//! generator, origin of the motions and split of the objects.
+//!
+//! Every rate is given by candidate (c) and by draw (d): with N candidates, D draws made for them,
+//! refused ones included, and S that hold, c = S/N and d = S/D. Pooled, the sums are over all
+//! objects; their mean is that of the objects' own rates, each of equal weight, with a 95 % interval
+//! by resampling objects (crate `statistics`). Motions of one object are alike, so that no interval
+//! is given for the pooled rates.
+
+use crate::{candidates::ObjectSplit, columns::columns, table::table};
+
+/// The origin of a row of motions of all origins together.
+pub const ALL_ORIGINS: &str = "all";
+
+columns! {
+    /// The success rates of one generator's motions of one origin, for the objects of one split.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Rate {
+        generator: String => "what drew the candidates",
+        origin: String => "where the motions come from, as in `candidates`; `all` for all origins together",
+        object_split: Option<ObjectSplit> => "split of the objects, as in `candidates`",
+        approach: String => "what the fingers did during the reach: `follow` or `open`",
+        squeeze_rad: f64 ["rad"] => "how far beyond their final positions the joints squeezed",
+        objects_n: i64 => "objects with a draw",
+        candidates_n: i64 => "candidates that were screened",
+        draws_n: i64 => "draws made for them, refused ones included",
+        successes_n: i64 => "those that were lifted and held to the end",
+        + candidate_rate: f64 ["1"] = |row| share(row.successes_n, row.candidates_n)
+            => "share of all candidates that held; 0 of none",
+        + draw_rate: f64 ["1"] = |row| share(row.successes_n, row.draws_n)
+            => "share of all draws that held; 0 of none",
+        candidate_rate_mean: f64 ["1"]
+            => "mean over objects of the share of candidates that held; objects without one left out",
+        candidate_rate_low: f64 ["1"] => "lower end of its 95 % interval by resampling objects",
+        candidate_rate_high: f64 ["1"] => "upper end of its 95 % interval by resampling objects",
+        draw_rate_mean: f64 ["1"] => "mean over objects of the share of draws that held",
+        draw_rate_low: f64 ["1"] => "lower end of its 95 % interval by resampling objects",
+        draw_rate_high: f64 ["1"] => "upper end of its 95 % interval by resampling objects",
+    }
+}
+
+/// Returns the share that held; 0 of none.
+pub(crate) fn share(successes_n: i64, n: i64) -> f64 {
+    successes_n as f64 / n.max(1) as f64
+}
+
+/// The rates of a screening.
+pub type Rates = Vec<Rate>;
+table! {"rates", 1, per "screening", rows: Rate}

@@ -1,0 +1,364 @@
+//! How often candidates hold over all objects, with intervals by resampling objects.
+
+use std::collections::BTreeMap;
+
+use charts::{Captions, Estimate, Estimates, intervals};
+use dataflow::{
+    Context, Inputs, Line, Mean, Options, Outcome, Output, Partition, Scope, Sum, Summary, Unit,
+};
+use lake::{ReadInputs, WriteArtifact};
+use schemas::{
+    Table,
+    candidates::ObjectSplit,
+    rates::{ALL_ORIGINS, Rate, Rates},
+    success::{Success, Successes},
+};
+use simulation::{Approach, Protocol};
+use stage_screen::{Screen, ScreenConfig, ScreenError};
+use statistics::{OverObjects, over_objects};
+
+dataflow::metrics! {
+    /// What is said of all objects together.
+    pub struct RatesMetrics {
+        /// Number of objects.
+        objects_n: Sum,
+        /// Mean over objects of the share of candidates that hold.
+        candidate_rate_mean: Mean,
+        /// Lower end of its 95 % interval.
+        candidate_rate_low: Mean,
+        /// Upper end of its 95 % interval.
+        candidate_rate_high: Mean,
+        /// Mean over objects of the share of draws that hold.
+        draw_rate_mean: Mean,
+        /// Lower end of its 95 % interval.
+        draw_rate_low: Mean,
+        /// Upper end of its 95 % interval.
+        draw_rate_high: Mean,
+        /// 1 if the fingers stay open until the closing, 0 if they follow the motion.
+        opens: Mean,
+        /// How far the joints squeeze beyond their final positions, in radians.
+        squeeze_rad: Mean,
+    }
+}
+
+/// The report `rates`: how often candidates hold over all objects.
+pub struct RatesReport;
+
+impl Output for RatesReport {
+    type Stage = Screen;
+    type Metrics = RatesMetrics;
+    type Error = ScreenError;
+
+    const ARTIFACT: &'static str = Rates::NAME;
+    const SCHEMA: &'static str = Rates::VERSION;
+    const PARTITION: &'static str = Rates::PARTITION;
+    const OPTIONS: Options = Options::Only(&["protocol"]);
+    const LINE: Option<Line<RatesMetrics>> = Some(line);
+
+    fn units(_config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
+        Ok(units(scope))
+    }
+
+    /// Makes the table and its chart.
+    fn make(
+        config: &ScreenConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<RatesMetrics>, ScreenError> {
+        let successes: Successes = inputs.one()?;
+        let rates = rates(&successes, &config.protocol);
+        cx.write(&rates)?;
+        cx.write_chart("objects_mean", chart(&rates))?;
+        Ok(Outcome::Made(RatesMetrics::of(
+            &successes,
+            &config.protocol,
+        )))
+    }
+}
+
+/// One unit for each table of successes, of which there is one.
+fn units(scope: &Scope) -> Vec<Unit> {
+    let successes = scope.partitions(Successes::NAME).iter();
+    let unit = |all: &Partition| {
+        Unit::new(&all.key)
+            .reading(Successes::NAME, [&all.key])
+            .only_files(Successes::NAME, [lake::table::FILE])
+    };
+    successes.map(unit).collect()
+}
+
+/// What was counted of one object.
+#[derive(Clone, Copy, Default)]
+struct Counts {
+    candidates_n: i64,
+    draws_n: i64,
+    successes_n: i64,
+}
+
+/// Counts by object.
+#[derive(Default)]
+struct ByObject<'a>(BTreeMap<&'a str, Counts>);
+
+impl<'a> ByObject<'a> {
+    fn add(&mut self, row: &'a Success) {
+        let counts = self.0.entry(&row.object).or_default();
+        counts.candidates_n += row.verdicts.total_n();
+        counts.draws_n += row.draws_n;
+        counts.successes_n += row.verdicts.successes_n();
+    }
+
+    fn sum(&self, number: fn(&Counts) -> i64) -> i64 {
+        self.0.values().map(number).sum()
+    }
+
+    /// Returns the means over the objects of the shares of candidates and of draws that hold.
+    fn means(&self) -> [OverObjects; 2] {
+        [
+            self.mean(|counts| counts.candidates_n),
+            self.mean(|counts| counts.draws_n),
+        ]
+    }
+
+    /// Returns the mean over the objects of the share that holds of what is counted; objects with
+    /// nothing of it are left out.
+    fn mean(&self, of: fn(&Counts) -> i64) -> OverObjects {
+        let counted = self.0.values().filter(|counts| of(counts) > 0);
+        let shares = counted.map(|counts| counts.successes_n as f64 / of(counts) as f64);
+        over_objects(&shares.collect::<Vec<f64>>())
+    }
+}
+
+/// Returns one row for each generator, origin and split, and one for all origins together.
+fn rates(successes: &[Success], protocol: &Protocol) -> Rates {
+    let mut groups: BTreeMap<(&str, &str, Option<ObjectSplit>), ByObject> = BTreeMap::new();
+    for row in successes {
+        for origin in [ALL_ORIGINS, row.origin.as_str()] {
+            let group = groups.entry((&row.generator, origin, row.object_split));
+            group.or_default().add(row);
+        }
+    }
+    let rate = |((generator, origin, object_split), objects): (_, ByObject)| {
+        let [by_candidate, by_draw] = objects.means();
+        let (generator, origin): (&str, &str) = (generator, origin);
+        Rate {
+            generator: generator.to_owned(),
+            origin: origin.to_owned(),
+            object_split,
+            approach: protocol.approach.as_str().to_owned(),
+            squeeze_rad: protocol.squeeze_rad,
+            // No count in memory is larger than the largest `i64`.
+            objects_n: i64::try_from(objects.0.len()).unwrap_or(i64::MAX),
+            candidates_n: objects.sum(|counts| counts.candidates_n),
+            draws_n: objects.sum(|counts| counts.draws_n),
+            successes_n: objects.sum(|counts| counts.successes_n),
+            candidate_rate_mean: by_candidate.mean,
+            candidate_rate_low: by_candidate.low,
+            candidate_rate_high: by_candidate.high,
+            draw_rate_mean: by_draw.mean,
+            draw_rate_low: by_draw.low,
+            draw_rate_high: by_draw.high,
+        }
+    };
+    groups.into_iter().map(rate).collect()
+}
+
+impl RatesMetrics {
+    fn of(successes: &[Success], protocol: &Protocol) -> Self {
+        let mut objects = ByObject::default();
+        for row in successes {
+            objects.add(row);
+        }
+        let [by_candidate, by_draw] = objects.means();
+        Self {
+            objects_n: objects.0.len() as f64,
+            candidate_rate_mean: by_candidate.mean,
+            candidate_rate_low: by_candidate.low,
+            candidate_rate_high: by_candidate.high,
+            draw_rate_mean: by_draw.mean,
+            draw_rate_low: by_draw.low,
+            draw_rate_high: by_draw.high,
+            opens: f64::from(u8::from(protocol.approach == Approach::Open)),
+            squeeze_rad: protocol.squeeze_rad,
+        }
+    }
+}
+
+/// Says how often candidates hold by object, and what of that was scripted.
+fn line(summary: &Summary<RatesMetrics>) -> String {
+    let all = &summary.metrics;
+    let percent = |share: f64| 100.0 * share;
+    let approach = match all.opens > 0.0 {
+        true => Approach::Open,
+        false => Approach::Follow,
+    };
+    format!(
+        "mean of {} objects {:.1} % (95 % CI {:.0} to {:.0}); {}, squeeze {} rad",
+        all.objects_n,
+        percent(all.candidate_rate_mean),
+        percent(all.candidate_rate_low),
+        percent(all.candidate_rate_high),
+        approach.as_str(),
+        all.squeeze_rad,
+    )
+}
+
+/// Draws the objects' means with their intervals, by candidate and by draw.
+fn chart(rates: &[Rate]) -> Option<String> {
+    let name = |rate: &Rate| {
+        let split = rate.object_split.map_or("", ObjectSplit::as_str);
+        format!("{}, {} {split}", rate.generator, rate.origin)
+            .trim_end()
+            .to_owned()
+    };
+    let names: Vec<String> = rates.iter().map(name).collect();
+    let series = |title: &str, ends: fn(&Rate) -> [f64; 3]| {
+        let estimate = |rate: &Rate| {
+            let [value, low, high] = ends(rate).map(|share| 100.0 * share);
+            Estimate { value, low, high }
+        };
+        Estimates {
+            name: title.to_owned(),
+            values: names
+                .iter()
+                .cloned()
+                .zip(rates.iter().map(estimate))
+                .collect(),
+        }
+    };
+    let series = [
+        series("by candidate", |rate| {
+            [
+                rate.candidate_rate_mean,
+                rate.candidate_rate_low,
+                rate.candidate_rate_high,
+            ]
+        }),
+        series("by draw", |rate| {
+            [rate.draw_rate_mean, rate.draw_rate_low, rate.draw_rate_high]
+        }),
+    ];
+    let captions = Captions {
+        title: "Motions that hold, mean over objects",
+        x: "share with its 95 % interval by resampling objects [%]",
+        y: "",
+    };
+    intervals(&captions, &names, &series)
+}
+
+#[cfg(test)]
+mod tests {
+    use schemas::{candidates::Origin, rollouts::Verdict};
+
+    use super::*;
+
+    fn protocol() -> Protocol {
+        let options = r#"{"flexion_joints": ["j"], "approach": "follow"}"#;
+        serde_json::from_str(options).unwrap()
+    }
+
+    fn row(object: &str, origin: Origin, [held_n, failed_n, draws_n]: [i64; 3]) -> Success {
+        Success {
+            object: object.to_owned(),
+            generator: "cgf".to_owned(),
+            origin,
+            object_split: Some(ObjectSplit::Seen),
+            verdicts: [(Verdict::Held, held_n), (Verdict::Dropped, failed_n)]
+                .into_iter()
+                .collect(),
+            draws_n,
+            control_steps_n: 0,
+            spread_palm_m: 0.0,
+            spread_palm_rad: 0.0,
+            spread_q_rad: 0.0,
+            spread_n: 0,
+        }
+    }
+
+    #[test]
+    fn rates_are_pooled_and_means_over_objects_by_candidate_and_by_draw() {
+        let mut successes = vec![
+            row("box", Origin::Prior, [1, 3, 16]),
+            row("box", Origin::Posterior, [6, 0, 8]),
+            row("can", Origin::Posterior, [10, 10, 40]),
+            // All draws of the cup were refused but those from posteriors.
+            row("cup", Origin::Prior, [0, 0, 4]),
+        ];
+        successes.push(Success {
+            object_split: Some(ObjectSplit::Unseen),
+            ..row("mug", Origin::Prior, [3, 1, 12])
+        });
+        let rates = rates(&successes, &protocol());
+        let keys = rates
+            .iter()
+            .map(|rate| (rate.origin.as_str(), rate.object_split.unwrap().as_str()));
+        let expected = [
+            ("all", "seen"),
+            ("all", "unseen"),
+            ("posterior", "seen"),
+            ("prior", "seen"),
+            ("prior", "unseen"),
+        ];
+        assert_eq!(keys.collect::<Vec<_>>(), expected);
+        let all = &rates[0];
+        let counts = [
+            all.objects_n,
+            all.candidates_n,
+            all.draws_n,
+            all.successes_n,
+        ];
+        assert_eq!(counts, [3, 30, 68, 17]);
+        // 7 of 10 of the box and 10 of 20 of the can; of draws 7 of 24, 10 of 40 and 0 of 4.
+        assert!((all.candidate_rate_mean - 0.6).abs() < 1e-12);
+        let by_draw = (7.0 / 24.0 + 0.25) / 3.0;
+        assert!((all.draw_rate_mean - by_draw).abs() < 1e-12);
+        let ends = [all.candidate_rate_low, all.candidate_rate_high];
+        let expected = over_objects(&[0.7, 0.5]);
+        assert_eq!(ends, [expected.low, expected.high]);
+        let prior = &rates[3];
+        assert_eq!((prior.objects_n, prior.candidate_rate_mean), (2, 0.25));
+        assert_eq!((all.approach.as_str(), all.squeeze_rad), ("follow", 0.15));
+        let svg = chart(&rates).unwrap();
+        for name in ["cgf, all seen", "cgf, prior unseen", "by draw"] {
+            assert!(svg.contains(&format!(">{name}</text>")), "{name}");
+        }
+    }
+
+    #[test]
+    fn the_line_names_the_mean_over_objects_and_the_script() {
+        let objects = ["a", "b", "c", "d", "e", "f"];
+        let rows: Vec<Success> = objects
+            .iter()
+            .zip([2, 9, 5, 4, 10, 7])
+            .map(|(object, held_n)| row(object, Origin::Prior, [held_n, 10 - held_n, 20]))
+            .collect();
+        let said = |protocol: &Protocol| line(&Summary::made(&[RatesMetrics::of(&rows, protocol)]));
+        let text = said(&protocol());
+        let (begin, end) = (
+            "mean of 6 objects 61.7 % (95 % CI ",
+            "); follow, squeeze 0.15 rad",
+        );
+        assert!(text.starts_with(begin) && text.ends_with(end), "{text}");
+        // With its place, its stage and its time it fits 100 columns.
+        assert!(text.chars().count() <= 72, "{text}");
+        let open = Protocol {
+            approach: Approach::Open,
+            squeeze_rad: 0.0,
+            ..protocol()
+        };
+        assert!(
+            said(&open).ends_with("; open, squeeze 0 rad"),
+            "{}",
+            said(&open)
+        );
+    }
+
+    #[test]
+    fn one_unit_reads_the_table_of_successes() {
+        let all = Partition::new("all".parse().unwrap(), BTreeMap::new());
+        let scope = Scope::new(BTreeMap::from([(Successes::NAME.to_owned(), vec![all])]));
+        let units = units(&scope);
+        assert_eq!(units.len(), 1);
+        assert_eq!(units[0].reads[Successes::NAME], ["all"]);
+        assert!(super::units(&Scope::default()).is_empty());
+    }
+}
