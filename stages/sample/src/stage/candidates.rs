@@ -131,10 +131,10 @@ pub(super) fn make(
         };
         recording::record(&stage, &motions, cx.folder())?;
     }
-    let draws = drawn.candidates.iter().map(|one| 1 + one.refused.len());
+    let draw_counts = drawn.candidates.iter().map(|one| 1 + one.refused.len());
     let metrics = SampleMetrics {
         candidates: drawn.candidates.len() as f64,
-        draws: draws.sum::<usize>() as f64,
+        draws: draw_counts.sum::<usize>() as f64,
     };
     Ok(Outcome::Made(metrics))
 }
