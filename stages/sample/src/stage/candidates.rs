@@ -124,10 +124,10 @@ pub(super) fn make(
         };
         recording::record(&stage, &motions, cx.folder())?;
     }
-    let draws = drawn.candidates.iter().map(|one| 1 + one.refused.len());
+    let of_each = drawn.candidates.iter().map(|one| 1 + one.refused.len());
     let metrics = SampleMetrics {
         candidates: drawn.candidates.len() as f64,
-        draws: draws.sum::<usize>() as f64,
+        draws: of_each.sum::<usize>() as f64,
     };
     Ok(Outcome::Made(metrics))
 }
