@@ -109,7 +109,7 @@ impl<'a> Relay<'a> {
                 (self.events)(&event);
             }
             Event::UnitDone { ref unit, .. } if self.repaired.contains(unit) => {
-                (self.events)(&event)
+                (self.events)(&event);
             }
             _ => return Err(self.refuse(line, "is not an event of this unit")),
         }
